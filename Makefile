@@ -1,0 +1,39 @@
+# `make demo` and `make test` are all a newcomer needs: both make their own virtual environment.
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
+OUT ?= mbw-demo
+
+.PHONY: demo test check bench demo-campaign clean
+
+demo: $(VENV)/.installed
+	$(BIN)/mbw demo --out $(OUT)
+
+test: check
+	$(BIN)/python -m pytest -n 2 -m "not bench"
+
+check: $(VENV)/.installed-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest tests/test_imports.py
+
+bench: $(VENV)/.installed-test
+	$(BIN)/python -m tests.bench $(ONLY)
+
+# Remakes assets/demo, byte for byte, from its seed.
+demo-campaign: $(VENV)/.installed
+	$(BIN)/python -m truth assets/microstation/station.xml assets/demo --seed 20261121 --effect appendage
+
+$(VENV)/.installed: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(PIP) --editable .
+	touch $@
+
+$(VENV)/.installed-test: $(VENV)/.installed
+	$(PIP) --editable '.[test]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) dist

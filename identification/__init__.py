@@ -1,0 +1,1 @@
+"""The measured side: hits to FRFs, solid bodies, modal model."""

@@ -1,0 +1,33 @@
+"""The words that every part of the workbench speaks: labelled, validated, frozen. Numpy only."""
+
+from identification.words._arrays import Complex, Integers, Mask, Real, frozen
+from identification.words.campaign import Campaign, Condition, Test, Tolerance
+from identification.words.dof import DIRECTIONS, Dof
+from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
+from identification.words.frf import ORDER, Frf, FrfEstimate, Quantity
+from identification.words.layout import Layout, is_hammer, node_of
+
+__all__ = [
+    "DIRECTIONS",
+    "ORDER",
+    "Campaign",
+    "Complex",
+    "Condition",
+    "ConvergenceError",
+    "Dof",
+    "Frf",
+    "FrfEstimate",
+    "InputError",
+    "Integers",
+    "Layout",
+    "Mask",
+    "Quantity",
+    "Real",
+    "Test",
+    "Tolerance",
+    "UsageError",
+    "WorkbenchError",
+    "frozen",
+    "is_hammer",
+    "node_of",
+]

@@ -1,0 +1,39 @@
+"""Arrays that stay what they were checked to be: copied, finite, read-only."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Real = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Mask = NDArray[np.bool_]
+Integers = NDArray[np.intp]
+
+
+def frozen(
+    value: ArrayLike, dtype: type[np.generic], shape: tuple[int | None, ...], name: str
+) -> NDArray[Any]:
+    """Copy ``value`` into a read-only array after checking its shape and finiteness.
+
+    Args:
+        value: what to copy.
+        dtype: numpy type of the copy.
+        shape: expected shape; ``None`` for any length.
+        name: how the message calls it.
+
+    Raises:
+        ValueError: another shape, or a value that is not finite.
+    """
+    array = np.array(value, dtype=dtype, copy=True)
+    fits = array.ndim == len(shape) and all(
+        want in (None, have) for want, have in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        expected = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ")"
+        raise ValueError(f"{name} has shape {array.shape}, expected {expected}")
+    if np.issubdtype(array.dtype, np.inexact) and not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise ValueError(f"{name} is not finite at index {where}")
+    array.flags.writeable = False
+    return array
