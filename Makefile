@@ -24,7 +24,7 @@ bench: $(VENV)/.installed-test
 
 # Remakes assets/demo, byte for byte, from its seed.
 demo-campaign: $(VENV)/.installed
-	$(BIN)/python -m truth assets/microstation/station.xml assets/demo --seed 20261121 --effect appendage
+	$(BIN)/python -m truth assets/microstation/station.xml assets/demo --seed 20261121 --effect appendage --overwrite
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)

@@ -117,7 +117,9 @@ class Campaign:
             if not np.array_equal(frf.freq_hz, first.freq_hz):
                 raise ValueError(f"{test.condition.test} has another frequency axis")
             if frf.quantity != first.quantity:
-                raise ValueError(f"{test.condition.test} holds {frf.quantity}, not {first.quantity}")
+                raise ValueError(
+                    f"{test.condition.test} holds {frf.quantity}, not {first.quantity}"
+                )
 
     @property
     def freq_hz(self) -> Real:

@@ -46,7 +46,9 @@ class Dof:
         if match is None or ":" in match["point"]:
             raise UsageError(f"{text!r} is no label: write <point>:<sign><direction>, acc11:+tx")
         axis = match["axis"]
-        return cls(match["point"], (match["sign"] or "+") + ("t" + axis if len(axis) == 1 else axis))
+        return cls(
+            match["point"], (match["sign"] or "+") + ("t" + axis if len(axis) == 1 else axis)
+        )
 
     @classmethod
     def of(cls, point: str, axis: int, sign: int = 1) -> Self:

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class Layout:
     def __post_init__(self) -> None:
         """Validate and freeze."""
         n_body, n_point = len(self.bodies), len(self.points)
-        checked = {
+        checked: dict[str, Any] = {
             "centres": frozen(self.centres, np.float64, (n_body, 3), "centres"),
             "body_of": frozen(self.body_of, np.intp, (n_point,), "body_of"),
             "positions": frozen(self.positions, np.float64, (n_point, 3), "positions"),
@@ -54,8 +54,7 @@ class Layout:
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"{', '.join(twice)} names more than one body or point")
-        body_of = checked["body_of"]
-        if n_point and not (0 <= min(body_of) and max(body_of) < n_body):
+        if not np.isin(checked["body_of"], np.arange(n_body)).all():
             raise ValueError("body_of points outside the bodies")
         for name, value in checked.items():
             object.__setattr__(self, name, value)

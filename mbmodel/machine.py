@@ -1,0 +1,232 @@
+"""A machine: what the equation of motion needs of an MJCF, at static equilibrium."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from identification.words import InputError, Layout, Real, frozen, is_hammer, node_of
+from mbmodel.equilibrium import remaining_stiffness_and_damping, settle, tendon_jacobian
+from mbmodel.mjcf import compile_mjcf, joint_name
+
+
+@dataclass(frozen=True, eq=False)
+class Spring:
+    """A spring and damper along one direction of the joint coordinates.
+
+    Args:
+        name: of the joint or tendon in the MJCF.
+        location: ``joint:<child body>`` or ``tendon:<name>``.
+        direction: elongation per joint coordinate; (nv,).
+        stiffness: [N/m] or [N m/rad].
+        damping: [N s/m] or [N m s/rad].
+        angular: whether it turns instead of stretching.
+    """
+
+    name: str
+    location: str
+    direction: Real
+    stiffness: float
+    damping: float
+    angular: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """Rigid bodies on joints, at static equilibrium, in joint coordinates q.
+
+    Args:
+        name: of the model.
+        source: its MJCF.
+        layout: bodies, sensors and hammer points.
+        coordinates: names of the joint coordinates; nv.
+        jacobian: T, motion of the centres of mass per joint coordinate; (6 n_body, nv).
+        body_mass: Mb, masses and inertias about the centres of mass, world axes [kg, kg m^2];
+            (6 n_body, 6 n_body).
+        armature: rotor inertia added to each coordinate [kg, kg m^2]; (nv,).
+        springs: the linear springs and dampers of joints and tendons.
+        remaining_stiffness: of gravity, tense tendons, actuators; (nv, nv).
+        remaining_damping: of actuators and fluids; (nv, nv).
+    """
+
+    name: str
+    source: Path
+    layout: Layout
+    coordinates: tuple[str, ...]
+    jacobian: Real
+    body_mass: Real
+    armature: Real
+    springs: tuple[Spring, ...]
+    remaining_stiffness: Real
+    remaining_damping: Real
+
+    def __post_init__(self) -> None:
+        """Validate and freeze."""
+        nv, nb = len(self.coordinates), 6 * len(self.layout.bodies)
+        for name, shape in {
+            "jacobian": (nb, nv),
+            "body_mass": (nb, nb),
+            "armature": (nv,),
+            "remaining_stiffness": (nv, nv),
+            "remaining_damping": (nv, nv),
+        }.items():
+            object.__setattr__(self, name, frozen(getattr(self, name), np.float64, shape, name))
+
+    @property
+    def mass(self) -> Real:
+        """T' Mb T + armature: the mass matrix of the joint coordinates; (nv, nv)."""
+        mass: Real = self.jacobian.T @ self.body_mass @ self.jacobian + np.diag(self.armature)
+        return mass
+
+
+def load_machine(path: Path) -> Machine:
+    """Read an MJCF, let it settle, and take from it what the equation of motion needs.
+
+    Bodies without a joint between them count as one. Sites on bodies that cannot move are left
+    out.
+
+    Raises:
+        InputError: what cannot be read or linearised, with the element and a remedy.
+        ConvergenceError: no static equilibrium.
+    """
+    model = compile_mjcf(path)
+    if not model.nv:
+        raise InputError(f"{path}: no body has a joint: a machine needs something that moves")
+    data = settle(model, path)
+    stages = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
+    masses, centres = zip(*(_rigid_body(model, data, stage) for stage in stages), strict=True)
+    stiffness, damping = remaining_stiffness_and_damping(model, data)
+    return Machine(
+        name=model.names.split(b"\0", 1)[0].decode() or path.stem,
+        source=path,
+        layout=_layout(model, data, stages, np.array(centres), path),
+        coordinates=_coordinate_names(model),
+        jacobian=_jacobian(model, data, stages, centres),
+        body_mass=_block_diagonal(masses),
+        armature=model.dof_armature,
+        springs=_joint_springs(model) + _tendon_springs(model, data),
+        remaining_stiffness=stiffness,
+        remaining_damping=damping,
+    )
+
+
+def _rigid_body(model: mujoco.MjModel, data: mujoco.MjData, stage: int) -> tuple[Real, Real]:
+    """Mass matrix about the centre of mass, and that centre, of all bodies welded to a stage."""
+    members = np.flatnonzero(model.body_weldid == stage)
+    masses = model.body_mass[members]
+    centre = masses @ data.xipos[members] / masses.sum()
+    mass = np.zeros((6, 6))
+    mass[:3, :3] = masses.sum() * np.eye(3)
+    for body in members:
+        axes = data.ximat[body].reshape(3, 3)
+        arm = data.xipos[body] - centre
+        mass[3:, 3:] += axes @ np.diag(model.body_inertia[body]) @ axes.T
+        mass[3:, 3:] += model.body_mass[body] * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+    return mass, centre
+
+
+def _block_diagonal(blocks: tuple[Real, ...]) -> Real:
+    matrix = np.zeros((6 * len(blocks), 6 * len(blocks)))
+    for k, block in enumerate(blocks):
+        matrix[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = block
+    return matrix
+
+
+def _jacobian(
+    model: mujoco.MjModel, data: mujoco.MjData, stages: list[int], centres: tuple[Real, ...]
+) -> Real:
+    jacobian = np.zeros((6 * len(stages), model.nv))
+    for k, (stage, centre) in enumerate(zip(stages, centres, strict=True)):
+        block = jacobian[6 * k : 6 * k + 6]
+        mujoco.mj_jac(model, data, block[:3], block[3:], centre, stage)
+    return jacobian
+
+
+def _layout(
+    model: mujoco.MjModel, data: mujoco.MjData, stages: list[int], centres: Real, path: Path
+) -> Layout:
+    sites = [s for s in range(model.nsite) if model.body_weldid[model.site_bodyid[s]] in stages]
+    names = [model.site(s).name or f"site{s}" for s in sites]
+    _refuse_shared_nodes(path, names)
+    try:
+        return Layout(
+            bodies=tuple(_body_name(model, stage) for stage in stages),
+            centres=centres,
+            points=tuple(names),
+            body_of=np.array(
+                [stages.index(model.body_weldid[model.site_bodyid[s]]) for s in sites], np.intp
+            ),
+            positions=data.site_xpos[sites].reshape(-1, 3),
+            axes=data.site_xmat[sites].reshape(-1, 3, 3),
+        )
+    except ValueError as error:
+        raise InputError(f"{path}: {error}: rename one of them") from error
+
+
+def _refuse_shared_nodes(path: Path, names: list[str]) -> None:
+    seen: dict[tuple[int, bool], str] = {}
+    for name in names:
+        if (node := node_of(name)) is not None:
+            first = seen.setdefault((node, is_hammer(name)), name)
+            if first != name:
+                raise InputError(
+                    f"{path}: sites {first!r} and {name!r} both end in node {node}: renumber one"
+                )
+
+
+def _body_name(model: mujoco.MjModel, body: int) -> str:
+    return str(model.body(body).name) or f"body{body}"
+
+
+def _coordinate_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    names = [joint_name(model, joint) for joint in model.dof_jntid]
+    count = {name: names.count(name) for name in names}
+    start = {name: names.index(name) for name in names}
+    return tuple(
+        name if count[name] == 1 else f"{name}.{k - start[name]}" for k, name in enumerate(names)
+    )
+
+
+def _joint_springs(model: mujoco.MjModel) -> tuple[Spring, ...]:
+    """One spring for each slide and hinge; each coordinate of a ball or free joint has a damper."""
+    springs = []
+    names = _coordinate_names(model)
+    for dof in range(model.nv):
+        joint = model.dof_jntid[dof]
+        kind = mujoco.mjtJoint(model.jnt_type[joint])
+        single = kind in (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+        translating_free = kind == mujoco.mjtJoint.mjJNT_FREE and dof - model.jnt_dofadr[joint] < 3
+        stage = model.body_weldid[model.dof_bodyid[dof]]
+        springs.append(
+            Spring(
+                name=names[dof],
+                location=f"joint:{_body_name(model, stage)}",
+                direction=np.eye(model.nv)[dof],
+                stiffness=float(model.jnt_stiffness[joint]) if single else 0.0,
+                damping=float(model.dof_damping[dof]),
+                angular=kind != mujoco.mjtJoint.mjJNT_SLIDE and not translating_free,
+            )
+        )
+    return tuple(springs)
+
+
+def _tendon_springs(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Spring, ...]:
+    rows = tendon_jacobian(model, data)
+    slack = (model.tendon_lengthspring[:, 0] < data.ten_length) & (
+        data.ten_length < model.tendon_lengthspring[:, 1]
+    )
+    springs = []
+    for tendon in range(model.ntendon):
+        name = model.tendon(tendon).name or f"tendon{tendon}"
+        springs.append(
+            Spring(
+                name=name,
+                location=f"tendon:{name}",
+                direction=rows[tendon],
+                stiffness=0.0 if slack[tendon] else float(model.tendon_stiffness[tendon]),
+                damping=float(model.tendon_damping[tendon]),
+                angular=False,
+            )
+        )
+    return tuple(springs)

@@ -1,0 +1,163 @@
+r"""The scaled complex modal form of M q'' + C q' + K q = f: one eigenproblem serves all lines.
+
+With the real modes of (M, K), M-orthonormal, Phi' K Phi = diag(k), w = sqrt|k|, and the state
+(w z, z') the equation reads
+
+    d/dt [w z; z'] = A [w z; z'] + [0; Phi' f],   A = [[0, w], [-sign(k) w, -Phi' C Phi]]
+
+which is skew-symmetric but for the damping, so that its eigenvectors V are well conditioned. With
+V^-1 = W, the upper and lower half of V and the right half of W,
+
+    Z(s)^-1 = Phi w^-1 V1 (s - Lambda)^-1 W2 Phi' = (1/s) Phi V2 (s - Lambda)^-1 W2 Phi'.
+
+The first is exact down to 0 Hz; the second serves machines with rigid-body modes (w = 0), which in
+velocities are no double pole.
+
+A pole a + ib and its conjugate share real arithmetic: with d = (s - a)^2 + b^2,
+P = 2 (s - a) / d, N = -2 b / d, and v w the column and row of the pole,
+v w / (s - lambda) + conj. = Re(v w) P + Im(v w) N (Ewins 2000, ch. 2.8, for the modal series).
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from identification.words import Complex, Real
+from mbmodel.model import Matrices
+
+_SYMMETRY = 1e-9
+_RIGID = 1e-5  # lowest over highest natural frequency below which a machine counts as free
+
+
+@dataclass(frozen=True, eq=False)
+class ModalForm:
+    """Poles with Im >= 0, and the real and imaginary parts of their shapes.
+
+    Args:
+        poles: lambda [rad/s]; (h,).
+        columns: Phi w^-1 V1 or Phi V2, real then imaginary parts, real poles halved; (nv, 2 h).
+        rows: W2 Phi' likewise; (2 h, nv).
+        in_velocity: whether the columns are velocities, Phi V2.
+    """
+
+    poles: Complex
+    columns: Real
+    rows: Real
+    in_velocity: bool
+
+    @property
+    def transposed(self) -> "ModalForm":
+        """The form of Z', whose columns are the rows of Z."""
+        return ModalForm(self.poles, self.rows.T, self.columns.T, self.in_velocity)
+
+    def kernels(self, laplace: Complex) -> tuple[Complex, Complex]:
+        """P and N at each s, divided by s for velocities and then zero at s = 0; (h, n_freq)."""
+        shifted = laplace - self.poles.real[:, None]
+        divisor = shifted**2 + self.poles.imag[:, None] ** 2
+        moving = laplace != 0
+        if self.in_velocity:
+            divisor *= laplace
+            inverse = 2.0 * moving / np.where(moving, divisor, 1.0)
+        else:
+            inverse = 2.0 / divisor
+        return shifted * inverse, -self.poles.imag[:, None] * inverse
+
+    def receptance(self, force: Real | Complex, kernels: tuple[Complex, Complex]) -> Complex:
+        """Z(s)^-1 f at every line; zero at s = 0 if the form is in velocities.
+
+        Args:
+            force: generalised forces; (nv, m, 1) real for the same at all lines, or
+                (nv, m, n_freq) complex.
+            kernels: from ``kernels``.
+
+        Returns:
+            Generalised displacements; (nv, m, n_freq).
+        """
+        half = len(self.poles)
+        drive = real_times(self.rows, force)
+        if not np.iscomplexobj(drive):
+            return self._from_residues(drive[..., 0].real, kernels)
+        even, odd = (kernel[:, None, :] for kernel in kernels)
+        real, imag = drive[:half], drive[half:]
+        state = np.empty(drive.shape, complex)
+        scratch = np.empty(real.shape, complex)
+        for target, one, other, combine in (
+            (state[:half], real, imag, np.add),
+            (state[half:], imag, real, np.subtract),
+        ):
+            # real P + imag N, and real N - imag P with its sign moved to the columns
+            np.multiply(one, even, out=target)
+            np.multiply(other, odd, out=scratch)
+            combine(target, scratch, out=target)
+        columns = np.hstack([self.columns[:, :half], -self.columns[:, half:]])
+        return real_times(columns, state)
+
+    def _from_residues(self, drive: Real, kernels: tuple[Complex, Complex]) -> Complex:
+        """The same for a force that all lines share: residues (nv, m, 2 h) times the kernels."""
+        half = len(self.poles)
+        column, other = self.columns[:, None, :half], self.columns[:, None, half:]
+        real, imag = drive[:half].T, drive[half:].T
+        residues = np.concatenate(
+            [column * real - other * imag, column * imag + other * real], axis=2
+        )
+        size, m = residues.shape[:2]
+        motion = real_times(residues.reshape(size * m, -1), np.concatenate(kernels))
+        return motion.reshape(size, m, -1)
+
+
+def real_times(matrix: Real, array: Real | Complex) -> Complex:
+    """Real (n, m) times (m, ...) real or complex, as one real product; (n, ...)."""
+    flat = np.ascontiguousarray(array).reshape(len(array), -1)
+    product: NDArray[Any] = matrix @ flat.view(np.float64)
+    if np.iscomplexobj(flat):
+        product = product.view(np.complex128)
+    result: Complex = product.reshape(len(matrix), *array.shape[1:])
+    return result
+
+
+def modal_form(matrices: Matrices) -> ModalForm | None:
+    """Solve the eigenproblem once.
+
+    Args:
+        matrices: M symmetric positive definite, K symmetric; C may be anything.
+
+    Returns:
+        The form, or None where it does not exist: K without symmetry, M not positive definite,
+        or eigenvectors that are numerically dependent (a defective pole).
+    """
+    mass, damping, stiffness = matrices.mass, matrices.damping, matrices.stiffness
+    scale = np.sqrt(np.outer(np.diag(np.abs(stiffness)), np.diag(np.abs(stiffness))))
+    if (
+        np.abs(stiffness - stiffness.T) > _SYMMETRY * (scale + np.abs(stiffness).max() * 1e-9)
+    ).any():
+        return None
+    try:
+        squares, shapes = scipy.linalg.eigh(stiffness, mass, check_finite=False)
+        frequency = np.sqrt(np.abs(squares))
+        size = len(mass)
+        state = np.zeros((2 * size, 2 * size))
+        diagonal = np.arange(size)
+        state[diagonal, size + diagonal] = frequency
+        state[size + diagonal, diagonal] = -np.sign(squares) * frequency
+        state[size:, size:] = -shapes.T @ damping @ shapes
+        poles, right = np.linalg.eig(state)
+        right = right.astype(complex, copy=False)
+        unit = np.zeros((2 * size, size))
+        unit[size:] = np.eye(size)
+        left = np.linalg.solve(right, unit)
+    except np.linalg.LinAlgError:
+        return None
+    keep = poles.imag >= 0
+    weight = np.where(poles[keep].imag == 0, 0.5, 1.0)
+    in_velocity = bool(frequency.min() <= _RIGID * frequency.max())
+    upper = shapes @ (right[size:] if in_velocity else right[:size] / frequency[:, None])
+    columns, rows = upper[:, keep] * weight, left[keep] @ shapes.T
+    return ModalForm(
+        poles[keep].astype(complex, copy=False),
+        np.hstack([columns.real, columns.imag]),
+        np.vstack([rows.real, rows.imag]),
+        in_velocity,
+    )

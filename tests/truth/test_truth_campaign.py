@@ -1,0 +1,208 @@
+"""The files of a campaign: readable by others, the same for the same seed, sealed."""
+
+import hashlib
+import tomllib
+import warnings
+from dataclasses import asdict, replace
+from io import BytesIO
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from truth.campaign import Campaign, Plan, draw_campaign
+from truth.draw import Tolerance
+from truth.effects import Answer
+from truth.errors import TruthError
+from truth.folder import write_campaign
+from truth.measure import Measurement
+from truth.texts import answer_toml
+from truth.uff import uff_bytes
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # of pyuff's own imports
+    import pyuff
+
+
+@pytest.fixture(scope="module")
+def campaign(nominal) -> Campaign:
+    return draw_campaign(nominal, Plan(seed=11, effect="appendage", body="ty"))
+
+
+@pytest.fixture
+def measurement() -> Measurement:
+    """Three responses, two references, every value different."""
+    random = np.random.default_rng(3)
+    parts = random.standard_normal((3, 17, 3, 2))
+    return Measurement(
+        freq_hz=0.25 * np.arange(17),
+        frf=parts[0] + 1j * parts[1],
+        coherence=np.abs(np.tanh(parts[2])),
+        responses=((1, 1), (1, 3), (20, 2)),
+        references=((11, 1), (11, 2)),
+    )
+
+
+def test_the_universal_file_reads_back_as_it_was_written(measurement, tmp_path):
+    path = tmp_path / "test.uff"
+    path.write_bytes(uff_bytes(measurement))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        units, *sets = pyuff.UFF(str(path)).read_sets()
+    assert (units["type"], units["units_code"]) == (164, 1)
+    assert (units["length"], units["force"], units["temp"]) == (1.0, 1.0, 1.0)
+    assert len(sets) == 12
+    kinds = {4: measurement.frf.astype(np.complex64), 6: measurement.coherence.astype(np.float32)}
+    for one in sets:
+        row = measurement.responses.index((one["rsp_node"], one["rsp_dir"]))
+        column = measurement.references.index((one["ref_node"], one["ref_dir"]))
+        np.testing.assert_array_equal(one["data"], kinds[one["func_type"]][:, row, column])
+        np.testing.assert_allclose(one["x"], measurement.freq_hz)
+    frf = sets[0]
+    assert (frf["ordinate_spec_data_type"], frf["orddenom_spec_data_type"]) == (12, 13)
+    assert (frf["n_bytes"], frf["ord_data_type"]) == (17 * 8, 5)
+    assert (sets[1]["n_bytes"], sets[1]["ord_data_type"]) == (17 * 4, 2)
+
+
+def test_the_number_of_bytes_leads_exactly_to_the_next_delimiter(measurement):
+    stream = BytesIO(uff_bytes(measurement))
+    for _ in range(6):
+        stream.readline()
+    for _ in range(12):
+        assert stream.readline() == b"    -1\n"
+        header = stream.readline()
+        assert header.startswith(b"    58b     1     2          11")
+        for _ in range(11):
+            assert len(stream.readline().rstrip(b"\n")) <= 80
+        stream.read(int(header[31:43]))
+        assert stream.readline() == b"\n"
+        assert stream.readline() == b"    -1\n"
+    assert stream.read() == b""
+
+
+def test_a_measurement_without_all_its_cells_is_refused(measurement):
+    with pytest.raises(TruthError, match="expected the shape"):
+        replace(measurement, frf=measurement.frf[:, :2])
+
+
+def test_the_campaign_states_its_test_and_every_tolerance(campaign):
+    stated = tomllib.loads(campaign.files["campaign.toml"].decode())
+    assert stated["model"] in campaign.files
+    assert stated["tolerance"] == asdict(Tolerance())
+    (test,) = stated["test"]
+    assert test == {"file": "impact_200N.uff", "level": 200.0, "averages": 10}
+    assert test["file"] in campaign.files
+
+
+def test_the_answer_states_effect_place_and_parameters(campaign):
+    answer = tomllib.loads(campaign.files["answer.toml"].decode())
+    assert (answer["effect"], answer["location"]) == ("appendage", "body:ty")
+    assert answer["dof"] in {"tx", "ty", "tz"}
+    assert answer["parameters"].keys() == {"mass", "frequency", "damping"}
+
+
+def test_an_answer_is_toml_whatever_the_bodys_name():
+    name = 'body:a "b" \\ c'
+    assert tomllib.loads(answer_toml(Answer("x", name), "00"))["location"] == name
+
+
+def test_the_hash_of_the_answer_is_salted_and_verifies(campaign, tmp_path):
+    write_campaign(campaign, tmp_path / "out")
+    content = (tmp_path / "out" / "answer.toml").read_bytes()
+    assert hashlib.sha256(content).hexdigest() == campaign.answer_hash
+    first, rest = content.split(b"\n", 1)
+    assert first.startswith(b"# salt ")
+    assert len(bytes.fromhex(first[7:].decode())) == 16
+    assert hashlib.sha256(rest).hexdigest() != campaign.answer_hash
+
+
+def test_the_same_seed_gives_the_same_bytes(nominal, campaign):
+    again = draw_campaign(nominal, Plan(seed=11, effect="appendage", body="ty"))
+    assert again.files == campaign.files
+    other = draw_campaign(nominal, Plan(seed=12, effect="appendage", body="ty"))
+    assert all(other.files[name] != campaign.files[name] for name in ("model.xml", "answer.toml"))
+
+
+def test_the_effect_is_not_in_the_drawing_and_takes_no_other_draw(nominal, campaign):
+    plain = draw_campaign(nominal, Plan(seed=11))
+    assert plain.files["model.xml"] == campaign.files["model.xml"]
+    assert plain.files["impact_200N.uff"] != campaign.files["impact_200N.uff"]
+    assert tomllib.loads(plain.files["answer.toml"].decode()) == {
+        "effect": "none",
+        "parameters": {},
+    }
+
+
+def test_more_averages_and_another_level_keep_the_machine_and_the_answer(nominal, campaign):
+    plan = Plan(seed=11, effect="appendage", body="ty", averages=20, level=40.5)
+    louder = draw_campaign(nominal, plan)
+    assert "impact_40.5N.uff" in louder.files
+    assert louder.files["model.xml"] == campaign.files["model.xml"]
+    assert louder.files["answer.toml"] == campaign.files["answer.toml"]
+
+
+def test_the_drawing_opens_in_the_simulator_with_its_shapes_and_names(campaign, nominal):
+    model = mujoco.MjModel.from_xml_string(campaign.files["model.xml"].decode())
+    names = [model.joint(i).name for i in range(model.njnt)]
+    assert names == [joint.name for stage in nominal.stages for joint in stage.joints]
+    assert model.ngeom == sum(len(stage.shapes) for stage in nominal.stages)
+    np.testing.assert_allclose(model.geom_rgba[0], [0.33, 0.35, 0.38, 1], rtol=1e-6)
+    assert not model.geom_contype.any()
+    assert model.opt.gravity.tolist() == [0, 0, 0]
+
+
+def test_an_unknown_effect_is_refused_with_the_catalogue(nominal):
+    with pytest.raises(TruthError, match="'rust' is unknown; choose from none, appendage"):
+        draw_campaign(nominal, Plan(seed=1, effect="rust"))
+
+
+@pytest.fixture
+def small() -> Campaign:
+    return Campaign({"campaign.toml": b"new", "answer.toml": b"b"})
+
+
+def test_a_campaign_is_replaced_only_when_told_so(small, tmp_path):
+    folder = tmp_path / "deep" / "out"
+    write_campaign(small, folder)
+    (folder / "campaign.toml").write_bytes(b"old")
+    with pytest.raises(TruthError, match="--overwrite"):
+        write_campaign(small, folder)
+    assert (folder / "campaign.toml").read_bytes() == b"old"
+    (folder / "stale.uff").touch()
+    write_campaign(small, folder, overwrite=True)
+    assert sorted(path.name for path in folder.iterdir()) == ["answer.toml", "campaign.toml"]
+    assert [path.name for path in folder.parent.iterdir()] == ["out"]
+
+
+def test_an_empty_folder_is_taken(small, tmp_path):
+    write_campaign(small, tmp_path)
+    assert (tmp_path / "campaign.toml").exists()
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_folder_of_something_else_is_never_replaced(small, tmp_path, overwrite):
+    (tmp_path / "thesis.txt").touch()
+    with pytest.raises(TruthError, match=r"no campaign\.toml"):
+        write_campaign(small, tmp_path, overwrite=overwrite)
+    with pytest.raises(TruthError, match="is a file"):
+        write_campaign(small, tmp_path / "thesis.txt", overwrite=overwrite)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+@pytest.mark.parametrize("stage", ["write_bytes", "rename"])
+def test_a_failure_on_the_way_leaves_the_old_campaign(small, tmp_path, monkeypatch, stage):
+    folder = tmp_path / "out"
+    write_campaign(Campaign({"campaign.toml": b"old"}), folder)
+    original = getattr(Path, stage)
+
+    def full(path: Path, *arguments):
+        if path.name.endswith("new") or path.parent.name.endswith("new"):
+            raise OSError("no space left")
+        return original(path, *arguments)
+
+    monkeypatch.setattr(Path, stage, full)
+    with pytest.raises(OSError, match="no space left"):
+        write_campaign(small, folder, overwrite=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+    assert (folder / "campaign.toml").read_bytes() == b"old"

@@ -1,0 +1,12 @@
+"""A virtual hammer test of a virtual machine that knows the answers.
+
+An independent twin: its equations of motion are its own, and files are its only contact with the
+rest of the project. It imports no other package of it, and no simulator.
+"""
+
+from truth.campaign import Campaign, Plan, draw_campaign
+from truth.errors import TruthError
+from truth.folder import write_campaign
+from truth.reader import read_station
+
+__all__ = ["Campaign", "Plan", "TruthError", "draw_campaign", "read_station", "write_campaign"]

@@ -1,0 +1,153 @@
+"""Draw a machine, its drawing, and how the machine differs from the drawing within tolerances.
+
+Three stations come out of one nominal station:
+
+* the *basis*: a machine of its own, with masses, stiffness and damping around the nominal ones;
+* the *drawing*: the basis with its stiffness and damping wrong, which is what the user is given;
+* the *true* machine: the basis with every tolerance at work, which is what is hit.
+
+Each purpose draws from a random stream of its own, so a new purpose leaves the others alone.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from truth.errors import TruthError
+from truth.station import Hammer, Joint, Real, Sensor, Stage, Station, is_inertia
+
+# Standard deviations of the logarithms: a machine about the nominal, a drawing about the machine.
+SPREAD_MASS = 0.1
+SPREAD_STIFFNESS = SPREAD_DAMPING = 0.3
+DRAWN_STIFFNESS = 0.3
+DRAWN_DAMPING = 0.5
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """One standard deviation of what a drawing says; the fields as in ``campaign.toml``."""
+
+    mass: float = 0.02
+    inertia: float = 0.05
+    com: float = 0.003
+    joint_position: float = 0.003
+    sensor_gain: float = 0.01
+    sensor_angle: float = 0.01745
+    sensor_position: float = 0.0015
+    hammer_angle: float = 0.01745
+    hammer_position: float = 0.003
+
+
+def stream(seed: int, purpose: str) -> np.random.Generator:
+    """Return the random numbers of one purpose: a child of the seed, told apart by the name."""
+    sequence = np.random.SeedSequence(seed, spawn_key=tuple(purpose.encode()))
+    return np.random.default_rng(sequence)
+
+
+def draw_basis(nominal: Station, seed: int) -> Station:
+    """Return a machine of its own; a stage's inertia grows with its mass, the geometry stays."""
+    factors = np.exp(SPREAD_MASS * stream(seed, "basis.mass").standard_normal(len(nominal.stages)))
+    heavier = tuple(
+        replace(stage, mass=stage.mass * factor, inertia=stage.inertia * factor)
+        for stage, factor in zip(nominal.stages, factors.tolist(), strict=True)
+    )
+    return _with_joint_factors(
+        replace(nominal, stages=heavier),
+        stiffness=(SPREAD_STIFFNESS, stream(seed, "basis.stiffness")),
+        damping=(SPREAD_DAMPING, stream(seed, "basis.damping")),
+    )
+
+
+def draw_drawing(basis: Station, seed: int) -> Station:
+    """Return what the drawing says: the basis with stiffness and damping off by their factors."""
+    return _with_joint_factors(
+        basis,
+        stiffness=(DRAWN_STIFFNESS, stream(seed, "drawing.stiffness")),
+        damping=(DRAWN_DAMPING, stream(seed, "drawing.damping")),
+    )
+
+
+def draw_true(basis: Station, tolerance: Tolerance, seed: int) -> Station:
+    """Return the true machine: the basis with masses, geometry and sensors off by tolerances."""
+    body = stream(seed, "tolerance.body")
+    joint = stream(seed, "tolerance.joint")
+    sensor = stream(seed, "tolerance.sensor")
+    stages = []
+    for stage in basis.stages:
+        shift = tolerance.joint_position * joint.standard_normal(3)
+        joints = tuple(replace(one, position=one.position + shift) for one in stage.joints)
+        sensors = tuple(_off_sensor(one, tolerance, sensor) for one in stage.sensors)
+        stages.append(replace(_off_body(stage, tolerance, body), joints=joints, sensors=sensors))
+    return replace(basis, stages=tuple(stages))
+
+
+def draw_hammers(
+    drawing: Station, node: int, tolerance: Tolerance, seed: int
+) -> tuple[Hammer, ...]:
+    """Return the hits in +x, +y, +z at a node, each off by the hammer's tolerances on its own."""
+    stage, point = drawing.aim(node)
+    random = stream(seed, "tolerance.hammer")
+    hammers = []
+    for drawn in np.eye(3):
+        turn = Rotation.from_rotvec(tolerance.hammer_angle * random.standard_normal(3))
+        position = point + tolerance.hammer_position * random.standard_normal(3)
+        hammers.append(Hammer(node, stage, position, turn.as_matrix() @ drawn))
+    return tuple(hammers)
+
+
+def _off_body(stage: Stage, tolerance: Tolerance, random: np.random.Generator) -> Stage:
+    return replace(
+        stage,
+        mass=stage.mass * (1 + tolerance.mass * random.standard_normal()),
+        com=stage.com + tolerance.com * random.standard_normal(3),
+        inertia=_off_inertia(stage, tolerance.inertia, random),
+    )
+
+
+def _off_inertia(stage: Stage, spread: float, random: np.random.Generator) -> Real:
+    """Return the inertia with each of its six numbers off by a relative error of its own.
+
+    A draw that no solid body can have is drawn again: flat stages lie near that border.
+    """
+    for _ in range(1000):
+        upper = np.triu(1 + spread * random.standard_normal((3, 3)))
+        inertia: Real = stage.inertia * (upper + np.triu(upper, 1).T)
+        if is_inertia(inertia):
+            return inertia
+    raise TruthError(f"body {stage.name}: no inertia within {spread:g} of the drawn one is valid")
+
+
+def _off_sensor(sensor: Sensor, tolerance: Tolerance, random: np.random.Generator) -> Sensor:
+    turn = Rotation.from_rotvec(tolerance.sensor_angle * random.standard_normal(3))
+    return replace(
+        sensor,
+        axes=sensor.axes @ turn.as_matrix().T,
+        position=sensor.position + tolerance.sensor_position * random.standard_normal(3),
+        gain=sensor.gain * (1 + tolerance.sensor_gain * random.standard_normal(3)),
+    )
+
+
+def _with_joint_factors(
+    station: Station,
+    *,
+    stiffness: tuple[float, np.random.Generator],
+    damping: tuple[float, np.random.Generator],
+) -> Station:
+    """Multiply each joint's stiffness and damping by exp(N(0, spread))."""
+
+    def factor(spread: float, random: np.random.Generator) -> float:
+        return float(np.exp(spread * random.standard_normal()))
+
+    def vary(joint: Joint) -> Joint:
+        return replace(
+            joint,
+            stiffness=joint.stiffness * factor(*stiffness),
+            damping=joint.damping * factor(*damping),
+        )
+
+    stages = tuple(
+        replace(stage, joints=tuple(vary(joint) for joint in stage.joints))
+        for stage in station.stages
+    )
+    return replace(station, stages=stages)

@@ -1,0 +1,5 @@
+"""The one exception of the virtual machine: an input that cannot be used."""
+
+
+class TruthError(Exception):
+    """A model, a name or a folder cannot be used; the message says what to do instead."""
