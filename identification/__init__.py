@@ -1,1 +1,19 @@
 """The measured side: hits to FRFs, solid bodies, modal model."""
+
+from identification.band import band_lines
+from identification.campaign import correct_layout, read_campaign
+from identification.settings import CampaignSettings, read_settings
+from identification.solid_body import reconstruct, reduce_to_bodies
+from identification.variance import coherence_variance, difference_variance
+
+__all__ = [
+    "CampaignSettings",
+    "band_lines",
+    "coherence_variance",
+    "correct_layout",
+    "difference_variance",
+    "read_campaign",
+    "read_settings",
+    "reconstruct",
+    "reduce_to_bodies",
+]

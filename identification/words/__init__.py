@@ -4,7 +4,7 @@ from identification.words._arrays import Complex, Integers, Mask, Real, frozen
 from identification.words.campaign import Campaign, Condition, Test, Tolerance
 from identification.words.dof import DIRECTIONS, Dof
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
-from identification.words.frf import ORDER, Frf, FrfEstimate, Quantity
+from identification.words.frf import ORDER, Frf, FrfEstimate, Quantity, VarianceSource
 from identification.words.layout import Layout, is_hammer, node_of
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "Test",
     "Tolerance",
     "UsageError",
+    "VarianceSource",
     "WorkbenchError",
     "frozen",
     "is_hammer",

@@ -11,6 +11,7 @@ from identification.words.dof import Dof
 from identification.words.errors import UsageError
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
+VarianceSource = Literal["coherence", "differences"]
 ORDER: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 
 
@@ -112,7 +113,7 @@ class FrfEstimate:
 
     frf: Frf
     variance: Real
-    variance_source: Literal["coherence", "differences"]
+    variance_source: VarianceSource
     measured: Mask
     coherence: Real | None = None
     averages: int | None = None

@@ -1,0 +1,53 @@
+"""The band of frequencies that a campaign can be trusted in."""
+
+from pathlib import Path
+
+import numpy as np
+
+from identification.words import Campaign, InputError, Mask
+
+_GOOD = 0.5
+
+
+def band_lines(
+    campaign: Campaign, band: tuple[float, float] | None = None, source: Path | None = None
+) -> Mask:
+    """Choose the lines of a band.
+
+    Without a band given: from the first to the last line whose median coherence over channels
+    exceeds 0.5; without coherence all lines but 0 Hz.
+
+    Args:
+        campaign: whose lines.
+        band: lowest and highest frequency [Hz], both included.
+        source: of the campaign, for messages.
+
+    Returns:
+        Mask; (n_freq,).
+
+    Raises:
+        InputError: no line is left.
+    """
+    freq = campaign.freq_hz
+    where = source or campaign.name
+    if band is not None:
+        lines = (freq >= band[0]) & (freq <= band[1])
+        if not lines.any():
+            raise InputError(
+                f"{where}: the band {band[0]:g}..{band[1]:g} Hz holds none of the lines "
+                f"{freq[0]:g}..{freq[-1]:g} Hz: widen it"
+            )
+        return lines
+    coherences = [test.estimate.coherence for test in campaign.tests]
+    known = [c.reshape(len(freq), -1) for c in coherences if c is not None]
+    if len(known) < len(coherences):
+        return freq > 0
+    good = np.flatnonzero(np.median(np.hstack(known), axis=1) > _GOOD)
+    if not good.size:
+        raise InputError(
+            f"{where}: at no line does the median coherence exceed {_GOOD}: check the test, or "
+            "give a band"
+        )
+    lines = np.zeros(len(freq), bool)
+    lines[good[0] : good[-1] + 1] = True
+    return lines

@@ -1,0 +1,170 @@
+"""A campaign in: files, units, nodes and corrections become labelled tests."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from identification.arrays_in import read_arrays
+from identification.settings import CampaignSettings, SensorSettings, TestSettings
+from identification.table import FrfTable
+from identification.uff import read_uff
+from identification.variance import coherence_variance, difference_variance
+from identification.words import (
+    Campaign,
+    Condition,
+    Dof,
+    Frf,
+    FrfEstimate,
+    InputError,
+    Layout,
+    Mask,
+    Real,
+    Test,
+    Tolerance,
+    VarianceSource,
+)
+
+_ARRAYS = (".mat", ".npz")
+_UFF = (".uff", ".unv", ".uf", ".bunv")
+
+
+def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Campaign:
+    """Read all tests of a campaign.
+
+    Args:
+        path: of campaign.toml, to which its files are relative.
+        settings: its content.
+        layout: bodies and points, corrected by ``correct_layout``.
+
+    Raises:
+        InputError: a file that cannot be used, with the element and a remedy.
+    """
+    tests = [
+        test
+        for entry in settings.test
+        for test in _tests_of_file(path, entry, settings.sensor, layout)
+    ]
+    try:
+        tolerance = Tolerance(**settings.tolerance.model_dump())
+        return Campaign(path.resolve().parent.name, layout, tuple(tests), tolerance)
+    except ValueError as error:
+        raise InputError(
+            f"{path}: {error}: tests of one campaign share axis and quantity"
+        ) from error
+
+
+def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> Layout:
+    """Apply the ``[sensor]`` corrections: true axes = drawn axes turned, then flipped.
+
+    ``turn`` is a rotation vector [rad] in world axes; ``body`` moves the sensor to another body.
+
+    Raises:
+        InputError: a site or body that the model does not have.
+    """
+    for site, correction in settings.sensor.items():
+        if site not in layout.points:
+            raise InputError(f"{path}: sensor.{site}: the model has no site {site!r}")
+        if correction.body is not None and correction.body not in layout.bodies:
+            raise InputError(f"{path}: sensor.{site}: the model has no body {correction.body!r}")
+        signs = [-1.0 if axis in correction.flip else 1.0 for axis in "xyz"]
+        drawn = layout.axes[layout.points.index(site)]
+        turned = Rotation.from_rotvec(correction.turn).as_matrix() @ drawn * signs
+        layout = layout.turned(site, turned, correction.body)
+    return layout
+
+
+def _tests_of_file(
+    path: Path, entry: TestSettings, corrections: dict[str, SensorSettings], layout: Layout
+) -> list[Test]:
+    file = path.parent / entry.file
+    table = _on_sites(file, _read_table(file, entry), layout)
+    if entry.time_sign == "-":
+        table = replace(table, values=table.values.conj())
+    ignored = {(site, axis) for site, wanted in corrections.items() for axis in wanted.ignore}
+    kept = np.array([(d.point, d.direction[-1]) not in ignored for d in table.responses])
+    try:
+        variance, source = _variance(table, entry.averages)
+        return [
+            _test(entry, table, reference, variance, source, table.measured[:, column] & kept)
+            for column, reference in enumerate(table.references)
+        ]
+    except ValueError as error:
+        raise InputError(f"{file}: {error}: export it again") from error
+
+
+def _read_table(file: Path, entry: TestSettings) -> FrfTable:
+    kind = file.suffix.lower()
+    if kind in _ARRAYS:
+        if entry.channels is None or entry.references is None:
+            raise InputError(
+                f"{file} does not say its channels: add channels and references to its [[test]]"
+            )
+        return read_arrays(
+            file,
+            channels=entry.channels,
+            references=entry.references,
+            quantity=entry.quantity or "accelerance",
+            unit=entry.unit,
+        )
+    if kind not in _UFF:
+        raise InputError(f"{file}: unknown kind of file: give .uff, .unv, .mat or .npz")
+    for key in ("channels", "references", "unit"):
+        if getattr(entry, key) is not None:
+            raise InputError(f"{file} says its {key} itself: remove {key} from its [[test]]")
+    return read_uff(file, entry.quantity)
+
+
+def _on_sites(file: Path, table: FrfTable, layout: Layout) -> FrfTable:
+    """Name the sites of the model instead of node numbers."""
+
+    def located(dof: Dof, find: Callable[[int], str | None]) -> Dof:
+        named = dof.point if dof.point in layout.points else None
+        site = find(int(dof.point)) if dof.point.isdigit() else named
+        if site is None:
+            raise InputError(
+                f"{file}: node {dof.point} has no site on a moving body of the model: add a site "
+                f"named acc{dof.point}, or leave the node out of the file"
+            )
+        return Dof(site, dof.direction)
+
+    return replace(
+        table,
+        responses=tuple(located(dof, layout.sensor) for dof in table.responses),
+        references=tuple(located(dof, layout.hammer) for dof in table.references),
+    )
+
+
+def _variance(table: FrfTable, averages: int | None) -> tuple[Real, VarianceSource]:
+    if table.coherence is not None and averages is not None and averages > 1:
+        return coherence_variance(table.values, table.coherence, averages), "coherence"
+    return difference_variance(table.values), "differences"
+
+
+def _test(  # noqa: PLR0913, PLR0917  # the fields of a test, one by one
+    entry: TestSettings,
+    table: FrfTable,
+    reference: Dof,
+    variance: Real,
+    source: VarianceSource,
+    rows: Mask,
+) -> Test:
+    if not rows.any():
+        raise ValueError(f"no channel is left for reference {reference}")
+    column = [table.references.index(reference)]
+    outputs = tuple(dof for dof, keep in zip(table.responses, rows, strict=True) if keep)
+    values = table.values[:, rows][:, :, column]
+    coherence = table.coherence
+    estimate = FrfEstimate(
+        frf=Frf(table.freq_hz, values, outputs, (reference,), table.quantity),
+        variance=variance[:, rows][:, :, column],
+        variance_source=source,
+        measured=np.ones((len(outputs), 1), bool),
+        coherence=None if coherence is None else coherence[:, rows][:, :, column],
+        averages=entry.averages,
+        window_tau=entry.window_tau,
+    )
+    condition = Condition(entry.file, reference, entry.level, entry.spindle_speed, entry.setup)
+    return Test(condition, estimate)

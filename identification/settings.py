@@ -1,0 +1,101 @@
+"""campaign.toml in: checked key by key before anything else is read."""
+
+import tomllib
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from identification.words import InputError, Quantity
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class TestSettings(_Strict):
+    """One ``[[test]]``: a file and what was special about it."""
+
+    __test__ = False
+
+    file: str
+    averages: int | None = Field(default=None, ge=1)
+    level: float | None = Field(default=None, gt=0)
+    spindle_speed: float = 0.0
+    setup: str | None = None
+    window_tau: float = Field(default=0.0, ge=0)
+    channels: str | list[str] | None = None
+    references: list[str] | None = None
+    quantity: Quantity | None = None
+    unit: str | None = None
+    time_sign: Literal["+", "-"] = "+"
+
+
+class SensorSettings(_Strict):
+    """One ``[sensor.<site>]``: corrections without touching the MJCF."""
+
+    flip: list[Literal["x", "y", "z"]] = []
+    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ignore: list[Literal["x", "y", "z"]] = []
+    body: str | None = None
+
+
+class ToleranceSettings(_Strict):
+    """``[tolerance]``: one standard deviation of what the drawings say."""
+
+    mass: float = Field(default=0.02, ge=0)
+    inertia: float = Field(default=0.05, ge=0)
+    com: float = Field(default=0.003, ge=0)
+    joint_position: float = Field(default=0.003, ge=0)
+    sensor_gain: float = Field(default=0.01, ge=0)
+    sensor_angle: float = Field(default=0.01745, ge=0)
+    sensor_position: float = Field(default=0.0015, ge=0)
+    hammer_angle: float = Field(default=0.01745, ge=0)
+    hammer_position: float = Field(default=0.003, ge=0)
+
+
+class CampaignSettings(_Strict):
+    """The whole of campaign.toml."""
+
+    model: str | None = None
+    layout: str | None = None
+    test: list[TestSettings] = Field(min_length=1)
+    sensor: dict[str, SensorSettings] = {}
+    tolerance: ToleranceSettings = ToleranceSettings()
+
+
+def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
+    """Read the campaign.toml of a folder (or the file itself).
+
+    Returns:
+        The path of campaign.toml, and its content.
+
+    Raises:
+        InputError: missing file, TOML syntax (with the line), unknown or wrong keys.
+    """
+    path = folder if folder.suffix == ".toml" else folder / "campaign.toml"
+    if not path.is_file():
+        raise InputError(f"{path} does not exist: a campaign is a folder with a campaign.toml")
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not UTF-8 text: save it as such") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: TOML syntax: {error}; mend that line") from error
+    try:
+        settings = CampaignSettings.model_validate(content)
+    except ValidationError as error:
+        raise InputError(f"{path}: {_first_fault(error)}") from error
+    if (settings.model is None) == (settings.layout is None):
+        raise InputError(f"{path}: name a model, or a layout in its stead")
+    return path, settings
+
+
+def _first_fault(error: ValidationError) -> str:
+    fault = error.errors()[0]
+    where = ".".join(str(step + 1) if isinstance(step, int) else step for step in fault["loc"])
+    if fault["type"] == "extra_forbidden":
+        return f"unknown key {where}: mend its spelling or remove it"
+    if fault["type"] == "missing":
+        return f"key {where} is missing: add it"
+    return f"{where} = {fault['input']!r}: {fault['msg']}"

@@ -1,0 +1,85 @@
+"""From accelerometers to the six degrees of freedom of each solid body (seed, ch. 2.1)."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from identification.words import Dof, Frf, FrfEstimate, Layout, Mask, Real
+
+_FULL_RANK = 1e-8
+_KNOWN = 1e-6
+
+
+def reduce_to_bodies(estimate: FrfEstimate, layout: Layout) -> FrfEstimate:
+    """Motion of each body's centre of mass from any number of channels on it.
+
+    The channels y of a body move as y = R x, with R the rows of its layout (seed, eq. 2.2 to 2.4)
+    in each channel's own axes, and x = pinv(R) y (eq. 2.5). The errors of channels are
+    independent, so var x = pinv(R)^2 var y. Lengths are scaled by the sensors' distance from the
+    centre, so that the inverse does not depend on the unit of length.
+
+    A degree of freedom that the channels on a body do not determine is left out, all others are
+    kept; where channels are missing for one input only, its cell is masked.
+
+    Args:
+        estimate: measured FRFs at points of the layout.
+        layout: bodies and points.
+
+    Returns:
+        FRFs at the centres of mass in world axes, without coherence.
+    """
+    frf = estimate.frf
+    shape = (len(frf.freq_hz), 6 * len(layout.bodies), len(frf.inputs))
+    values, variance = np.zeros(shape, complex), np.zeros(shape)
+    measured = np.zeros(shape[1:], bool)
+    rows = layout.rows(frf.outputs)
+    for column in range(len(frf.inputs)):
+        channels = estimate.measured[:, column]
+        for body in range(len(layout.bodies)):
+            block = slice(6 * body, 6 * body + 6)
+            local = channels & rows[:, block].any(axis=1)
+            inverse, known = _inverse(rows[local, block])
+            values[:, block, column] = frf.values[:, local, column] @ inverse.T
+            variance[:, block, column] = estimate.variance[:, local, column] @ (inverse**2).T
+            measured[block, column] = known
+    kept = np.flatnonzero(measured.any(axis=1))
+    dofs = tuple(layout.body_dofs()[k] for k in kept)
+    return replace(
+        estimate,
+        frf=Frf(frf.freq_hz, (values * measured)[:, kept], dofs, frf.inputs, frf.quantity),
+        variance=(variance * measured)[:, kept],
+        measured=measured[kept],
+        coherence=None,
+    )
+
+
+def reconstruct(reduced: Frf, outputs: tuple[Dof, ...], layout: Layout) -> Frf:
+    """What the sensors would read if the bodies were solid (seed, ch. 2.2).
+
+    Args:
+        reduced: FRFs at all six degrees of freedom of the bodies asked about.
+        outputs: where.
+        layout: bodies and points.
+
+    Raises:
+        UsageError: a body that was not fully determined.
+    """
+    bodies = dict.fromkeys(layout.body_name(dof.point) for dof in outputs)
+    dofs = tuple(Dof.of(body, axis) for body in bodies for axis in range(6))
+    rows = layout.rows(outputs)
+    columns = [layout.bodies.index(dof.point) * 6 + dof.axis for dof in dofs]
+    motion = reduced.select(dofs, reduced.inputs)
+    return replace(motion, values=rows[:, columns] @ motion.values, outputs=tuple(outputs))
+
+
+def _inverse(rows: Real) -> tuple[Real, Mask]:
+    """Pseudo-inverse (6, n), zero for what is not determined, and which of the six are."""
+    if not len(rows):
+        return np.zeros((6, 0)), np.zeros(6, bool)
+    arm = np.sqrt((rows[:, 3:] ** 2).sum() / max((rows[:, :3] ** 2).sum(), 1e-300))
+    scale = np.array([1.0] * 3 + [arm if arm > 0 and np.isfinite(arm) else 1.0] * 3)
+    left, values, right = np.linalg.svd(rows / scale, full_matrices=False)
+    kept = values > _FULL_RANK * values[0]
+    known = np.abs(1.0 - (right[kept] ** 2).sum(axis=0)) < _KNOWN
+    inverse = (right[kept].T / values[kept]) @ left[:, kept].T / scale[:, None]
+    return inverse * known[:, None], known
