@@ -143,7 +143,7 @@ def _variance(table: FrfTable, averages: int | None) -> tuple[Real, VarianceSour
     return difference_variance(table.values), "differences"
 
 
-def _test(  # noqa: PLR0913, PLR0917  # the fields of a test, one by one
+def _test(
     entry: TestSettings,
     table: FrfTable,
     reference: Dof,

@@ -1,0 +1,99 @@
+"""The gap between model and measurement, by the definitions of the verdict's format.
+
+Each channel c (one output of one test) over the band:
+
+    e_c = ||H_model - H_measured|| / ||H_measured||,   noise_c^2 = sum var / ||H_measured||^2
+
+error and noise are the root mean squares of e_c and noise_c over the channels with
+noise_c <= 0.3; excess is the root mean square of e_c / noise_c over all: 1 is a perfect model.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.words import Campaign, Complex, Dof, FrfEstimate, Real
+
+_QUIET = 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class ChannelGaps:
+    """The gap of every channel.
+
+    Args:
+        outputs: label of each channel; n_channel.
+        tests: number of its test in the campaign; n_channel.
+        error: e_c; (n_channel,).
+        noise: noise_c; (n_channel,).
+    """
+
+    outputs: tuple[Dof, ...]
+    tests: tuple[int, ...]
+    error: Real
+    noise: Real
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The gap of a campaign; None where a number does not exist.
+
+    Args:
+        error: rms of e_c over quiet channels.
+        excess: rms of e_c / noise_c over all channels.
+        noise: rms of noise_c over quiet channels.
+        channels: how many there are.
+        quiet: how many of them have noise_c <= 0.3.
+    """
+
+    error: float | None
+    excess: float | None
+    noise: float | None
+    channels: int
+    quiet: int
+
+
+def channel_gaps(predicted: Sequence[Complex], measured: Sequence[FrfEstimate]) -> ChannelGaps:
+    """Compare predictions with estimates, test by test.
+
+    Args:
+        predicted: the model's answer to each test in its labels; (n_freq, n_out, 1) each.
+        measured: the estimates; channels that are silent over the whole band are left out.
+    """
+    outputs: list[Dof] = []
+    tests: list[int] = []
+    error, noise = [], []
+    for number, (model, estimate) in enumerate(zip(predicted, measured, strict=True)):
+        values = estimate.frf.values
+        power = (np.abs(values) ** 2).sum(axis=0)
+        for row, column in np.argwhere(estimate.measured & (power > 0)):
+            size = power[row, column]
+            off = (np.abs(model[:, row, column] - values[:, row, column]) ** 2).sum()
+            outputs.append(estimate.frf.outputs[row])
+            tests.append(number)
+            error.append(np.sqrt(off / size))
+            noise.append(np.sqrt(estimate.variance[:, row, column].sum() / size))
+    return ChannelGaps(tuple(outputs), tuple(tests), np.array(error), np.array(noise))
+
+
+def summarise(gaps: ChannelGaps) -> Gap:
+    """Sum up the channels."""
+    quiet = gaps.noise <= _QUIET
+    known = bool(len(gaps.noise)) and bool((gaps.noise > 0).all())
+    return Gap(
+        error=_rms(gaps.error[quiet]),
+        excess=_rms(gaps.error / gaps.noise) if known else None,
+        noise=_rms(gaps.noise[quiet]),
+        channels=len(gaps.error),
+        quiet=int(quiet.sum()),
+    )
+
+
+def _rms(values: Real) -> float | None:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else None
+
+
+def estimates(campaign: Campaign) -> tuple[FrfEstimate, ...]:
+    """The estimate of each test."""
+    return tuple(test.estimate for test in campaign.tests)
