@@ -2,31 +2,45 @@
 
 from tuning.batch import predict
 from tuning.fit import STAGES, Fit, Progress, Stage, fit, random_starts
-from tuning.folds import HeldOut, block_width, fold_of_lines, predict_held_out
+from tuning.folds import HeldOut, block_width, fit_held_out, fold_of_lines
 from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
 from tuning.residual import LogCost
+from tuning.result import Level, Result, ShareRow, TunedFile, files_of, read_result, write_result
 from tuning.session import Session, open_session
 from tuning.solver import Minimum, minimise
+from tuning.tuned import Comparison, Tuned, Watch, at_bodies, tune
 
 __all__ = [
     "STAGES",
     "ChannelGaps",
+    "Comparison",
     "Fit",
     "Gap",
     "HeldOut",
+    "Level",
     "LogCost",
     "Minimum",
     "Progress",
+    "Result",
     "Session",
+    "ShareRow",
     "Stage",
+    "Tuned",
+    "TunedFile",
+    "Watch",
+    "at_bodies",
     "block_width",
     "channel_gaps",
+    "files_of",
     "fit",
+    "fit_held_out",
     "fold_of_lines",
     "minimise",
     "open_session",
     "predict",
-    "predict_held_out",
     "random_starts",
+    "read_result",
     "summarise",
+    "tune",
+    "write_result",
 ]

@@ -1,11 +1,13 @@
 """Held-out lines: blocks as wide as resonances, dealt to five folds."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from joblib import Parallel, delayed
+from threadpoolctl import threadpool_limits
 
-from identification.words import Campaign, Complex, Integers, Real
+from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Model, modes
 from tuning.batch import predict
 from tuning.fit import STAGES, Stage, fit
@@ -17,17 +19,37 @@ WARM_STAGES: tuple[Stage, ...] = STAGES[-2:]
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Predictions of lines that the fit behind them did not see.
+    """Fits that each left one fold of the lines out.
 
     Args:
-        predicted: each test's FRFs in its labels; (n_freq, n_out, 1) each.
         thetas: of each fold's fit, in SI; (5, n_parameter).
         folds: fold of each line; (n_freq,).
+        width: lines in a block.
     """
 
-    predicted: tuple[Complex, ...]
     thetas: Real
     folds: Integers
+    width: int
+
+    def predict(self, model: Model, campaign: Campaign) -> tuple[Complex, ...]:
+        """Each test's FRFs in its labels, each line by the fit that did not see it.
+
+        Args:
+            model: that was fitted.
+            campaign: any channels on the lines of the fits.
+
+        Returns:
+            (n_freq, n_out, 1) each.
+        """
+        whole = [np.zeros_like(test.estimate.frf.values) for test in campaign.tests]
+        for fold, theta in enumerate(self.thetas):
+            held = self.folds == fold
+            if held.any():
+                for values, answer in zip(
+                    whole, predict(model, theta, campaign.lines(held)), strict=True
+                ):
+                    values[held] = answer
+        return tuple(whole)
 
 
 def block_width(model: Model, theta: Real, freq_hz: Real) -> int:
@@ -57,33 +79,43 @@ def fold_of_lines(n_freq: int, width: int) -> Integers:
     return folds
 
 
-def predict_held_out(
+def fit_held_out(
     model: Model,
     theta: Real,
     campaign: Campaign,
     *,
-    track: Callable[[Iterable[int]], Iterable[int]] = iter,
+    jobs: int = 1,
+    report: Callable[[int], None] | None = None,
 ) -> HeldOut:
-    """Predict every line by a fit to the other folds' lines, started at theta.
+    """Leave out one fold of the lines after the other and fit the rest, started at theta.
 
     Args:
         model: machine and Parts.
         theta: fitted to all lines; (n_parameter,).
         campaign: the lines of the band.
-        track: wraps the loop over folds, to show progress.
+        jobs: processes; the result does not depend on it.
+        report: told the number of each fold that is done.
+
+    Raises:
+        KeyboardInterrupt: interrupted; there is no held-out prediction then.
     """
-    folds = fold_of_lines(len(campaign.freq_hz), block_width(model, theta, campaign.freq_hz))
-    predicted = [np.zeros_like(test.estimate.frf.values) for test in campaign.tests]
-    thetas = np.tile(theta, (FOLDS, 1))
-    for fold in track(range(FOLDS)):
-        held = folds == fold
-        if not held.any():
-            continue
+    width = block_width(model, theta, campaign.freq_hz)
+    folds = fold_of_lines(len(campaign.freq_hz), width)
+    work = (delayed(_fit_without)(model, theta, campaign, folds == fold) for fold in range(FOLDS))
+    thetas = []
+    for fold, fitted in enumerate(Parallel(n_jobs=jobs, return_as="generator")(work)):
+        thetas.append(fitted)
+        if report is not None:
+            report(fold)
+    return HeldOut(np.array(thetas), folds, width)
+
+
+def _fit_without(model: Model, theta: Real, campaign: Campaign, held: Mask) -> Real:
+    """Theta fitted to the lines that are not held out."""
+    if not held.any() or held.all():
+        return theta
+    with threadpool_limits(1):
         tuned = fit(model, campaign.lines(~held), starts=(theta,), stages=WARM_STAGES)
-        if tuned.outcome == "interrupted":
-            raise KeyboardInterrupt
-        thetas[fold] = tuned.theta
-        answers = predict(model, tuned.theta, campaign.lines(held))
-        for whole, answer in zip(predicted, answers, strict=True):
-            whole[held] = answer
-    return HeldOut(tuple(predicted), thetas, folds)
+    if tuned.outcome == "interrupted":
+        raise KeyboardInterrupt
+    return tuned.theta

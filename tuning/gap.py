@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import Campaign, Complex, Dof, FrfEstimate, Real
+from identification.words import Campaign, Complex, Dof, Real
 
 _QUIET = 0.3
 
@@ -54,17 +54,18 @@ class Gap:
     quiet: int
 
 
-def channel_gaps(predicted: Sequence[Complex], measured: Sequence[FrfEstimate]) -> ChannelGaps:
-    """Compare predictions with estimates, test by test.
+def channel_gaps(predicted: Sequence[Complex], campaign: Campaign) -> ChannelGaps:
+    """Compare predictions with measurements, test by test.
 
     Args:
         predicted: the model's answer to each test in its labels; (n_freq, n_out, 1) each.
-        measured: the estimates; channels that are silent over the whole band are left out.
+        campaign: the measurements; channels that are silent over the band are left out.
     """
     outputs: list[Dof] = []
     tests: list[int] = []
     error, noise = [], []
-    for number, (model, estimate) in enumerate(zip(predicted, measured, strict=True)):
+    for number, (model, test) in enumerate(zip(predicted, campaign.tests, strict=True)):
+        estimate = test.estimate
         values = estimate.frf.values
         power = (np.abs(values) ** 2).sum(axis=0)
         for row, column in np.argwhere(estimate.measured & (power > 0)):
@@ -90,10 +91,19 @@ def summarise(gaps: ChannelGaps) -> Gap:
     )
 
 
+def block_shares(predicted: Sequence[Complex], campaign: Campaign, width: int) -> Real:
+    """What part of the squared error each block of lines holds; (n_block,), sum 1 or all zero."""
+    lines = np.zeros(len(campaign.freq_hz))
+    for model, test in zip(predicted, campaign.tests, strict=True):
+        values = test.estimate.frf.values
+        power = (np.abs(values) ** 2).sum(axis=0)
+        off = np.abs(model - values) ** 2 / np.where(power > 0, power, 1.0)
+        lines += (off * (test.estimate.measured & (power > 0))).sum(axis=(1, 2))
+    blocks = np.add.reduceat(lines, np.arange(0, len(lines), width))
+    total = blocks.sum()
+    shares: Real = blocks / total if total > 0 else blocks
+    return shares
+
+
 def _rms(values: Real) -> float | None:
     return float(np.sqrt(np.mean(values**2))) if len(values) else None
-
-
-def estimates(campaign: Campaign) -> tuple[FrfEstimate, ...]:
-    """The estimate of each test."""
-    return tuple(test.estimate for test in campaign.tests)

@@ -1,0 +1,5 @@
+"""``python -m mbw``."""
+
+from mbw.command import main
+
+main()

@@ -1,0 +1,132 @@
+"""The command ``mbw VERB``: options in, exit codes out."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from threadpoolctl import threadpool_limits
+
+from mbw import demo as demo_verb
+from mbw import predict as predict_verb
+from mbw import report as report_verb
+from mbw import tune as tune_verb
+from mbw.messages import SCREEN, guarded
+
+app = typer.Typer(
+    name="mbw",
+    help="Closes the gap between the multi-body model of a machine and its hammer test.",
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Band = Annotated[
+    tuple[float, float] | None,
+    typer.Option(metavar="LOW HIGH", help="Band [Hz]; default: the lines with coherence."),
+]
+Json = Annotated[Path | None, typer.Option(metavar="FILE", help="Result as JSON; - is stdout.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Errors only.")]
+Jobs = Annotated[int, typer.Option(min=1, help="Processes.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the random starts.")]
+
+
+@app.callback()
+def common(
+    debug: Annotated[bool, typer.Option("--debug", help="Show tracebacks.")] = False,
+) -> None:
+    """Close the gap between the multi-body model of a machine and its hammer test."""
+    SCREEN.debug = debug
+
+
+@app.command()
+@guarded
+def demo(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where results go.")] = Path("mbw-demo"),
+    jobs: Jobs = 2,
+    quiet: Quiet = False,
+) -> None:
+    """Run the whole line on the built-in station and end with the address of a report."""
+    SCREEN.quiet = quiet
+    demo_verb.run(out, jobs)
+
+
+@app.command()
+@guarded
+def predict(  # noqa: PLR0913  # one for each option
+    model: Annotated[Path, typer.Argument(help="MJCF of a machine.")],
+    *,
+    modes: Annotated[bool, typer.Option("--modes", help="Natural frequencies, damping.")] = False,
+    frf: Annotated[bool, typer.Option("--frf", help="FRFs as CSV to stdout.")] = False,
+    inputs: Annotated[
+        list[str] | None, typer.Option("--input", metavar="LABEL", help="acc11:+tx; repeatable.")
+    ] = None,
+    outputs: Annotated[
+        list[str] | None, typer.Option("--output", metavar="LABEL", help="hexapod:+rz; repeatable.")
+    ] = None,
+    quantity: Annotated[str, typer.Option(help="receptance, mobility, accelerance.")] = (
+        "accelerance"
+    ),
+    band: Band = None,
+    lines: Annotated[int, typer.Option(min=2, help="Frequency lines of the FRFs.")] = 801,
+    statespace: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="A, B, C, D and names as .npz or .mat.")
+    ] = None,
+    json: Json = None,
+    quiet: Quiet = False,
+) -> None:
+    """Say a model's modes, FRFs and state space."""
+    SCREEN.quiet = quiet
+    wish = predict_verb.Wish(
+        inputs=tuple(inputs or ()),
+        outputs=tuple(outputs or ()),
+        quantity=quantity,
+        band=band or (0.0, 200.0),
+        lines=lines,
+    )
+    predict_verb.run(model, wish, modes=modes, frf=frf, statespace=statespace, json=json)
+
+
+@app.command()
+@guarded
+def tune(
+    campaign: Annotated[Path, typer.Argument(help="Folder with a campaign.toml.")],
+    *,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Results; default: <campaign>-tuned.")
+    ] = None,
+    json: Json = None,
+    band: Band = None,
+    starts: Annotated[int, typer.Option(min=1, help="The drawing, then random starts.")] = 1,
+    seed: Seed = 0,
+    jobs: Jobs = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Tune stiffness and damping to a campaign and say what gap remains."""
+    SCREEN.quiet = quiet
+    tune_verb.run(campaign, out=out, json=json, band=band, starts=starts, seed=seed, jobs=jobs)
+
+
+@app.command()
+@guarded
+def report(
+    result: Annotated[Path, typer.Argument(help="Folder that mbw tune wrote.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="default: report.html in the folder.")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Write one self-contained HTML file of a result."""
+    SCREEN.quiet = quiet
+    report_verb.run(result, out)
+
+
+def main() -> None:
+    """Run the command with one BLAS thread: more gain nothing here and sometimes cost dearly."""
+    arguments = sys.argv[1:]
+    if "--debug" in arguments:  # wherever it stands
+        arguments.remove("--debug")
+        arguments.insert(0, "--debug")
+    with threadpool_limits(1):
+        app(arguments, prog_name="mbw")

@@ -1,0 +1,86 @@
+"""Messages and progress to stderr, errors to exit codes: one place for both."""
+
+import functools
+import sys
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from identification.words import WorkbenchError
+
+INTERNAL_ERROR, NOT_CONVERGED, INTERRUPTED = 1, 4, 130
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+class Screen:
+    """Where messages go; ``--quiet`` and ``--debug`` are set once by the command.
+
+    Args:
+        quiet: say errors only.
+        debug: show tracebacks.
+    """
+
+    def __init__(self, *, quiet: bool = False, debug: bool = False) -> None:
+        self.quiet, self.debug = quiet, debug
+        self.console = Console(stderr=True, soft_wrap=True, highlight=False)
+
+    def say(self, text: str) -> None:
+        """Print one message, unless quiet."""
+        if not self.quiet:
+            self.console.print(text, markup=False)
+
+    def error(self, text: str) -> None:
+        """Print one sentence, quiet or not."""
+        self.console.print(f"mbw: {' '.join(text.split())}", markup=False)
+
+    def progress(self) -> Progress:
+        """A bar with a description, elapsed time and the count."""
+        return Progress(
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=30),
+            TextColumn("{task.completed:.0f}/{task.total:.0f}"),
+            TimeElapsedColumn(),
+            console=self.console,
+            disable=self.quiet,
+            transient=True,
+        )
+
+
+SCREEN = Screen()
+
+
+def guarded(verb: Callable[P, R]) -> Callable[P, R]:
+    """Turn every exception of a verb into one sentence and an exit code."""
+
+    @functools.wraps(verb)
+    def run(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return verb(*args, **kwargs)
+        except (typer.Exit, typer.BadParameter):
+            raise
+        except KeyboardInterrupt:
+            SCREEN.error("interrupted")
+            raise typer.Exit(INTERRUPTED) from None
+        except WorkbenchError as error:
+            if SCREEN.debug:
+                raise
+            SCREEN.error(str(error))
+            raise typer.Exit(error.exit_code) from error
+        except BrokenPipeError:
+            sys.stderr.close()
+            raise typer.Exit(0) from None
+        except Exception as error:
+            if SCREEN.debug:
+                raise
+            SCREEN.error(
+                f"internal error, {type(error).__name__}: {error}; run again with --debug and "
+                "report it"
+            )
+            raise typer.Exit(INTERNAL_ERROR) from error
+
+    return run

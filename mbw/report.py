@@ -1,0 +1,227 @@
+"""``mbw report``: a result as one self-contained HTML file."""
+
+import base64
+import json
+import math
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+import numpy as np
+from plotly.offline import get_plotlyjs
+
+from identification.words import Dof, InputError
+from mbw.messages import SCREEN
+from tuning import Level, Result, TunedFile, files_of, read_result
+
+_UNITS = {
+    "accelerance": ("m/s²/N", "rad/s²/N"),
+    "mobility": ("m/s/N", "rad/s/N"),
+    "receptance": ("m/N", "rad/N"),
+}
+_COLOURS = {"as drawn": "#d9822b", "tuned": "#1f6fb8", "held out": "#7fb2e0", "noise": "#98a2b3"}
+
+
+def run(path: Path, out: Path | None) -> Path:
+    """Write the report of a result folder.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: the folder holds no result, or the file cannot be written.
+    """
+    result = read_result(path)
+    target = out or (path if path.is_dir() else path.parent) / "report.html"
+    text = render(result)
+    try:
+        with files_of(target.parent) as place:
+            (place / target.name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{target} cannot be written ({error.strerror}): name another") from error
+    SCREEN.say(f"report in {target}")
+    return target
+
+
+def render(result: Result) -> str:
+    """The HTML of a result."""
+    summary = result.summary
+    template = Template(files("mbw").joinpath("report_template.html").read_text("utf-8"))
+    return template.substitute(
+        title=escape(f"{summary.model}: model and hammer test"),
+        subtitle=escape(
+            f"campaign {summary.campaign}, {len(summary.tests)} tests, {summary.lines} lines "
+            f"{summary.band[0]:g}..{summary.band[1]:g} Hz, "
+            f"{len(summary.parameters)} parameters tuned"
+        ),
+        lead=escape(_lead(summary)),
+        warnings="".join(f'<div class="warn">{escape(text)}</div>' for text in _warnings(summary)),
+        parameters="".join(_parameter_rows(summary)),
+        modes_drawn=_modes_table(summary, "as_drawn"),
+        modes_tuned=_modes_table(summary, "tuned"),
+        tests=_tests_table(summary),
+        provenance=escape(_provenance(summary)),
+        data=_script_json(_data(result)),
+        plotly=get_plotlyjs(),
+    )
+
+
+def _script_json(value: object) -> str:
+    """JSON that cannot end the script element it stands in."""
+    return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
+
+
+def _lead(summary: TunedFile) -> str:
+    gap = summary.gap.sensors
+    if gap.as_drawn.error is None or gap.tuned.error is None:
+        return "No channel is quiet enough to state an error."
+    text = (
+        f"As drawn, the model is off by {_percent(gap.as_drawn.error)} of the measured FRFs; "
+        f"tuned, by {_percent(gap.tuned.error)}"
+    )
+    if gap.held_out is not None and gap.held_out.error is not None:
+        text += f", and by {_percent(gap.held_out.error)} on lines that the fit did not see"
+        worst = max(summary.held_out_blocks, key=lambda block: block.share)
+        if worst.share > 0.5:
+            text += f" ({_percent(worst.share)} of that square in {worst.low:g}..{worst.high:g} Hz)"
+    if gap.noise is None:
+        return text + "."
+    text += f". The noise of the measurement is {_percent(gap.noise)}"
+    best = (gap.held_out or gap.tuned).error
+    if best is not None and best > 1.5 * gap.noise:
+        return text + ": stiffness and damping alone do not explain what remains."
+    return text + ": the model is about as good as the measurement can tell."
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:.3g} %"
+
+
+def _warnings(summary: TunedFile) -> list[str]:
+    warnings = []
+    if not summary.fit.converged:
+        warnings.append(f"The search ended early ({summary.fit.outcome}): {summary.fit.advice}.")
+    at_bound = [row.name for row in summary.parameters if row.at_bound]
+    if at_bound:
+        warnings.append(f"At a bound, not to be trusted: {', '.join(at_bound)}.")
+    if summary.not_held_by_mjcf:
+        warnings.append(f"The tuned MJCF does not hold: {', '.join(summary.not_held_by_mjcf)}.")
+    if any(test.variance_from == "differences" for test in summary.tests):
+        warnings.append(
+            "Without coherence and averages the noise was estimated from third differences along "
+            "frequency."
+        )
+    return warnings
+
+
+def _parameter_rows(summary: TunedFile) -> list[str]:
+    rows = []
+    for row in summary.parameters:
+        factor = row.tuned / row.drawn
+        reach = max(-50.0, min(50.0, 25.0 * math.log2(factor)))
+        left, width = (50.0, reach) if reach > 0 else (50.0 + reach, -reach)
+        bound = ' <span style="color:var(--bad)">at bound</span>' if row.at_bound else ""
+        rows.append(
+            f'<tr><td class="name">{escape(row.name)}{bound}</td>'
+            f'<td class="name">{escape(row.location)}</td>'
+            f"<td>{row.drawn:.4g}</td><td>{row.tuned:.4g}</td>"
+            f'<td class="name">{escape(row.unit)}</td><td>{factor:.3g}</td>'
+            f'<td class="name"><span class="bar"><i style="left:{left:.1f}%;width:{width:.1f}%">'
+            "</i><b></b></span></td></tr>"
+        )
+    return rows
+
+
+def _modes_table(summary: TunedFile, key: str) -> str:
+    rows = "".join(
+        f"<tr><td>{number}</td><td>{mode.frequency:.2f}</td><td>{100 * mode.damping:.2f}</td></tr>"
+        for number, mode in enumerate(summary.modes[key], start=1)
+    )
+    return (
+        "<table><thead><tr><th>mode</th><th>frequency / Hz</th><th>damping / %</th></tr></thead>"
+        f"<tbody>{rows}</tbody></table>"
+    )
+
+
+def _tests_table(summary: TunedFile) -> str:
+    rows = "".join(
+        f'<tr><td class="name">{escape(test.file)}</td>'
+        f'<td class="name">{escape(test.reference)}</td>'
+        f"<td>{'' if test.level is None else f'{test.level:g}'}</td>"
+        f"<td>{'' if test.averages is None else test.averages}</td><td>{test.channels}</td>"
+        f'<td class="name">{escape(test.variance_from)}</td></tr>'
+        for test in summary.tests
+    )
+    return (
+        '<table><thead><tr><th class="name">file</th><th class="name">hammer</th><th>level / N</th>'
+        '<th>averages</th><th>channels</th><th class="name">noise from</th></tr></thead>'
+        f"<tbody>{rows}</tbody></table>"
+    )
+
+
+def _provenance(summary: TunedFile) -> str:
+    fit = summary.fit
+    text = (
+        f"{fit.outcome.capitalize()} after {fit.evaluations} evaluations; "
+        f"{fit.agreeing_starts} of {fit.starts} starts within 2 % of the best cost."
+    )
+    if blocks := summary.held_out_blocks:
+        width = blocks[0].high - blocks[0].low
+        text += f" Held-out blocks of {width:g} Hz in five folds."
+    return text
+
+
+def _data(result: Result) -> dict[str, object]:
+    level, summary = result.levels["bodies"], result.summary
+    outputs = [Dof.parse(label) for label in level.outputs]
+    places = [test.split(" in ", 1) for test in level.tests]
+    unit, unit_rotation = _UNITS[summary.quantity]
+    return {
+        "freq": _packed(result.freq_hz),
+        "measured": _packed_complex(level, "measured"),
+        "drawn": _packed_complex(level, "as_drawn"),
+        "tuned": _packed_complex(level, "tuned"),
+        "noise": _packed(level.noise.T),
+        "channels": [
+            {
+                "body": dof.point,
+                "direction": dof.direction[1:],
+                "reference": place[0],
+                "file": place[1],
+            }
+            for dof, place in zip(outputs, places, strict=True)
+        ],
+        "bodies": list(dict.fromkeys(dof.point for dof in outputs)),
+        "files": list(dict.fromkeys(place[1] for place in places)),
+        "unit": unit,
+        "unit_rotation": unit_rotation,
+        "gap": _gap_bars(summary),
+        "where": [
+            {"body": row.body, "share": row.share, "excess": row.excess}
+            for row in summary.remaining_gap
+        ],
+    }
+
+
+def _gap_bars(summary: TunedFile) -> list[dict[str, object]]:
+    levels = (summary.gap.sensors, summary.gap.bodies)
+    series = {
+        "as drawn": [level.as_drawn.error for level in levels],
+        "tuned": [level.tuned.error for level in levels],
+        "held out": [level.held_out.error if level.held_out else None for level in levels],
+        "noise": [level.noise for level in levels],
+    }
+    return [
+        {"name": name, "error": error, "color": _COLOURS[name]} for name, error in series.items()
+    ]
+
+
+def _packed(values: np.ndarray) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
+
+
+def _packed_complex(level: Level, name: str) -> str:
+    """Channel after channel, real and imaginary part in turn."""
+    values: np.ndarray = getattr(level, name).T
+    return base64.b64encode(np.ascontiguousarray(values, "<c8").tobytes()).decode()

@@ -1,0 +1,153 @@
+"""``mbw tune``: a campaign in, a tuned model and the remaining gap out."""
+
+from pathlib import Path
+
+import typer
+from rich.progress import Progress, TaskID
+
+from diagnosis import residual_shares
+from identification.words import InputError
+from mbw.messages import INTERRUPTED, NOT_CONVERGED, SCREEN
+from tuning import (
+    STAGES,
+    ShareRow,
+    Tuned,
+    TunedFile,
+    Watch,
+    open_session,
+    tune,
+    write_result,
+)
+from tuning import Progress as Step
+
+_FOLDS = 5
+
+
+def run(
+    campaign: Path,
+    *,
+    out: Path | None,
+    json: Path | None = None,
+    band: tuple[float, float] | None = None,
+    starts: int = 1,
+    seed: int = 0,
+    jobs: int = 1,
+) -> Path:
+    """Tune, write the result, say the gap; exit 130 if interrupted, 4 if not converged.
+
+    Returns:
+        The folder of the result.
+    """
+    session = open_session(campaign, band)
+    freq = session.campaign.freq_hz
+    folder = out or Path(f"{session.campaign.name}-tuned")
+    SCREEN.say(
+        f"{session.campaign.name}: {len(session.campaign.tests)} tests, {len(freq)} lines "
+        f"{freq[0]:g}..{freq[-1]:g} Hz, {len(session.model.parameters)} parameters"
+    )
+    with SCREEN.progress() as progress:
+        bar = _Bar(progress, starts)
+        tuned = tune(
+            session,
+            starts=starts,
+            seed=seed,
+            jobs=jobs,
+            watch=Watch(bar.evaluated, bar.folded),
+        )
+    summary = write_result(tuned, folder, _remaining(tuned))
+    if json is not None:
+        write_json(summary.model_dump_json(indent=1), json)
+    _say(summary, folder)
+    _leave(tuned)
+    return folder
+
+
+def _remaining(tuned: Tuned) -> list[ShareRow]:
+    """Where the gap shows, on held-out lines if there are any."""
+    sensors = tuned.sensors
+    gaps = sensors.channels(sensors.held_out or sensors.tuned)
+    return [
+        ShareRow(body=share.body, share=share.share, excess=share.excess)
+        for share in residual_shares(gaps, tuned.session.campaign.layout)
+    ]
+
+
+def write_json(text: str, target: Path) -> None:
+    """Write JSON to a file, or to stdout for ``-``.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    if str(target) == "-":
+        typer.echo(text)
+        return
+    try:
+        target.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{target} cannot be written ({error.strerror}): name another") from error
+
+
+class _Bar:
+    """Stages of every start and folds, as steps of one bar."""
+
+    def __init__(self, progress: Progress, starts: int) -> None:
+        self._progress, self._starts = progress, starts
+        total = starts * len(STAGES) + _FOLDS
+        self._task: TaskID = progress.add_task("reading", total=total)
+
+    def evaluated(self, step: Step) -> None:
+        """Show the stage, how many evaluations it has taken, and the cost."""
+        where = f"start {step.start + 1}/{self._starts}, " if self._starts > 1 else ""
+        self._progress.update(
+            self._task,
+            completed=step.start * len(STAGES) + step.stage,
+            description=(
+                f"{where}stage {step.stage + 1}/{len(STAGES)}: {step.evaluation} evaluations, "
+                f"cost {step.cost:.4g}"
+            ),
+        )
+
+    def folded(self, fold: int) -> None:
+        """Show how many held-out fits are done."""
+        self._progress.update(
+            self._task,
+            completed=self._starts * len(STAGES) + fold + 1,
+            description=f"held-out lines, fold {fold + 1}/{_FOLDS}",
+        )
+
+
+def _say(summary: TunedFile, folder: Path) -> None:
+    gap, fit = summary.gap.sensors, summary.fit
+    SCREEN.say(f"{fit.outcome} after {fit.evaluations} evaluations" + _agreement(summary))
+    rows = [("as drawn", gap.as_drawn), ("tuned", gap.tuned)]
+    if gap.held_out is not None:
+        rows.append(("tuned, on lines that the fit did not see", gap.held_out))
+    for name, row in rows:
+        SCREEN.say(f"  {name}: error {_number(row.error)}, excess {_number(row.excess)}")
+    SCREEN.say(f"  noise: {_number(gap.noise)}")
+    at_bound = [row.name for row in summary.parameters if row.at_bound]
+    if at_bound:
+        SCREEN.say(f"  at a bound, not to be trusted: {', '.join(at_bound)}")
+    if summary.not_held_by_mjcf:
+        SCREEN.say(f"  the MJCF cannot hold: {', '.join(summary.not_held_by_mjcf)}")
+    SCREEN.say(f"results in {folder}")
+
+
+def _agreement(summary: TunedFile) -> str:
+    fit = summary.fit
+    if fit.starts == 1:
+        return ""
+    return f"; {fit.agreeing_starts} of {fit.starts} starts within 2 % of the best cost"
+
+
+def _number(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.3g}"
+
+
+def _leave(tuned: Tuned) -> None:
+    if tuned.fit.outcome == "interrupted":
+        SCREEN.error(f"interrupted: {tuned.fit.advice}")
+        raise typer.Exit(INTERRUPTED)
+    if not tuned.fit.converged:
+        SCREEN.error(f"not converged, {tuned.fit.outcome}: {tuned.fit.advice}")
+        raise typer.Exit(NOT_CONVERGED)

@@ -1,0 +1,346 @@
+"""What a tuning leaves behind: tuned.json, the tuned MJCF, the FRFs."""
+
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from identification.words import Complex, InputError, Quantity, Real
+from mbmodel import modes, write_mjcf
+from tuning.gap import Gap, block_shares
+from tuning.tuned import Comparison, Tuned
+
+TUNED_JSON, TUNED_MJCF, FRF_NPZ = "tuned.json", "tuned.xml", "frf.npz"
+LEVELS = ("sensors", "bodies")
+
+
+class _Row(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class GapRow(_Row):
+    """Error and excess of one prediction."""
+
+    error: float | None
+    excess: float | None
+
+
+class LevelGap(_Row):
+    """The gap at the sensors or at the bodies.
+
+    ``tuned`` is of the fit to all lines, on the lines that it saw; ``held_out`` predicts each line
+    by a fit that did not see it: the figure to quote.
+    """
+
+    as_drawn: GapRow
+    tuned: GapRow
+    held_out: GapRow | None
+    noise: float | None
+    channels: int
+    quiet_channels: int
+
+
+class GapTable(_Row):
+    """The gap at both levels."""
+
+    sensors: LevelGap
+    bodies: LevelGap
+
+
+class ParameterRow(_Row):
+    """One tuned parameter."""
+
+    name: str
+    location: str
+    unit: str
+    drawn: float
+    tuned: float
+    at_bound: bool
+
+
+class FitRow(_Row):
+    """How the search went."""
+
+    outcome: str
+    converged: bool
+    advice: str
+    evaluations: int
+    cost: float | None
+    starts: int
+    agreeing_starts: int
+
+
+class TestRow(_Row):
+    """One test."""
+
+    __test__ = False
+
+    file: str
+    reference: str
+    level: float | None
+    averages: int | None
+    variance_from: str
+    channels: int
+
+
+class ModeRow(_Row):
+    """One mode of the model in the band."""
+
+    frequency: float
+    damping: float
+
+
+class BlockRow(_Row):
+    """One held-out block of lines, and its part of the squared held-out error."""
+
+    low: float
+    high: float
+    share: float
+
+
+class ShareRow(_Row):
+    """One body's part of the gap that remains."""
+
+    body: str
+    share: float
+    excess: float
+
+
+class TunedFile(_Row):
+    """tuned.json."""
+
+    campaign: str
+    model: str
+    quantity: Quantity
+    band: tuple[float, float]
+    lines: int
+    held_out_blocks: list[BlockRow]
+    tests: list[TestRow]
+    fit: FitRow
+    gap: GapTable
+    parameters: list[ParameterRow]
+    modes: dict[str, list[ModeRow]]
+    remaining_gap: list[ShareRow]
+    not_held_by_mjcf: list[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """FRFs of one level, all tests side by side.
+
+    Args:
+        outputs: labels of the channels; n_channel.
+        tests: label of each channel's test; n_channel.
+        measured, as_drawn, tuned: (n_freq, n_channel).
+        noise: standard deviation of the measured values; (n_freq, n_channel).
+    """
+
+    outputs: tuple[str, ...]
+    tests: tuple[str, ...]
+    measured: Complex
+    as_drawn: Complex
+    tuned: Complex
+    noise: Real
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A tuning as read back from its folder."""
+
+    summary: TunedFile
+    freq_hz: Real
+    levels: dict[str, Level]
+
+
+def summarise_tuning(
+    tuned: Tuned, remaining: Sequence[ShareRow] = (), not_held: Sequence[str] = ()
+) -> TunedFile:
+    """The content of tuned.json."""
+    session, found = tuned.session, tuned.fit
+    model, campaign = session.model, session.campaign
+    freq = campaign.freq_hz
+    parameters = zip(model.parameters, model.locations, found.theta, found.at_bound, strict=True)
+    return TunedFile(
+        campaign=campaign.name,
+        model=model.machine.name,
+        quantity=campaign.tests[0].estimate.frf.quantity,
+        band=(float(freq[0]), float(freq[-1])),
+        lines=len(freq),
+        held_out_blocks=_blocks(tuned),
+        tests=[
+            TestRow(
+                file=test.condition.test,
+                reference=str(test.condition.reference),
+                level=test.condition.level_n,
+                averages=test.estimate.averages,
+                variance_from=test.estimate.variance_source,
+                channels=len(test.estimate.frf.outputs),
+            )
+            for test in campaign.tests
+        ],
+        fit=FitRow(
+            outcome=found.outcome,
+            converged=found.converged,
+            advice=found.advice,
+            evaluations=found.evaluations,
+            cost=found.cost if np.isfinite(found.cost) else None,
+            starts=len(found.costs),
+            agreeing_starts=found.agree,
+        ),
+        gap=GapTable(sensors=_level_gap(tuned.sensors), bodies=_level_gap(tuned.bodies)),
+        parameters=[
+            ParameterRow(
+                name=parameter.name,
+                location=location,
+                unit=parameter.unit,
+                drawn=parameter.drawn,
+                tuned=float(value),
+                at_bound=bool(bound),
+            )
+            for parameter, location, value, bound in parameters
+        ],
+        modes={
+            "as_drawn": _modes(tuned, model.drawn),
+            "tuned": _modes(tuned, found.theta),
+        },
+        remaining_gap=list(remaining),
+        not_held_by_mjcf=list(not_held),
+    )
+
+
+def _level_gap(comparison: Comparison) -> LevelGap:
+    drawn, tuned = comparison.gap(comparison.as_drawn), comparison.gap(comparison.tuned)
+    held_out = comparison.held_out
+    return LevelGap(
+        as_drawn=_gap_row(drawn),
+        tuned=_gap_row(tuned),
+        held_out=None if held_out is None else _gap_row(comparison.gap(held_out)),
+        noise=drawn.noise,
+        channels=drawn.channels,
+        quiet_channels=drawn.quiet,
+    )
+
+
+def _blocks(tuned: Tuned) -> list[BlockRow]:
+    sensors, held_out = tuned.sensors, tuned.held_out
+    if held_out is None or sensors.held_out is None:
+        return []
+    freq = sensors.campaign.freq_hz
+    shares = block_shares(sensors.held_out, sensors.campaign, held_out.width)
+    return [
+        BlockRow(
+            low=float(freq[start]),
+            high=float(freq[min(start + held_out.width, len(freq)) - 1]),
+            share=float(share),
+        )
+        for start, share in zip(range(0, len(freq), held_out.width), shares, strict=True)
+    ]
+
+
+def _gap_row(gap: Gap) -> GapRow:
+    return GapRow(error=gap.error, excess=gap.excess)
+
+
+def _modes(tuned: Tuned, theta: Real) -> list[ModeRow]:
+    found = modes(tuned.session.model.matrices(theta))
+    highest = tuned.session.campaign.freq_hz[-1]
+    return [
+        ModeRow(frequency=float(frequency), damping=float(damping))
+        for frequency, damping, pole in zip(found.freq_hz, found.damping, found.poles, strict=True)
+        if pole.imag > 0 and frequency <= highest
+    ]
+
+
+def write_result(tuned: Tuned, folder: Path, remaining: Sequence[ShareRow] = ()) -> TunedFile:
+    """Write tuned.json, tuned.xml and frf.npz, each whole or not at all.
+
+    Args:
+        tuned: what to write.
+        folder: made if it is not there; files of these names in it are replaced.
+        remaining: where the gap that remains shows, by the diagnosis.
+    """
+    model, theta = tuned.session.model, tuned.fit.theta
+    values: dict[str, float] = {}
+    for part, piece in zip(model.parts, model.pieces(theta), strict=True):
+        values.update(part.write(piece))
+    with files_of(folder) as place:
+        not_held = write_mjcf(model.machine.source, place / TUNED_MJCF, values)
+        np.savez_compressed(place / FRF_NPZ, allow_pickle=False, **_arrays(tuned))
+        summary = summarise_tuning(tuned, remaining, not_held)
+        (place / TUNED_JSON).write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
+    return summary
+
+
+@contextmanager
+def files_of(folder: Path) -> Iterator[Path]:
+    """A temporary folder inside another, whose files move up when the block ends without error."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be made ({error.strerror}): name another") from error
+    with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as name:
+        yield Path(name)
+        for file in sorted(Path(name).iterdir()):
+            os.replace(file, folder / file.name)
+
+
+def _arrays(tuned: Tuned) -> dict[str, np.ndarray]:
+    arrays: dict[str, np.ndarray] = {"freq_hz": tuned.session.campaign.freq_hz}
+    for name in LEVELS:
+        comparison: Comparison = getattr(tuned, name)
+        tests = comparison.campaign.tests
+        arrays[f"{name}_outputs"] = np.array(
+            [str(dof) for test in tests for dof in test.estimate.frf.outputs]
+        )
+        arrays[f"{name}_tests"] = np.array(
+            [
+                f"{test.condition.reference} in {test.condition.test}"
+                for test in tests
+                for _ in test.estimate.frf.outputs
+            ]
+        )
+        arrays[f"{name}_measured"] = _beside([test.estimate.frf.values for test in tests])
+        arrays[f"{name}_as_drawn"] = _beside(comparison.as_drawn)
+        arrays[f"{name}_tuned"] = _beside(comparison.tuned)
+        noise = [np.sqrt(test.estimate.variance[:, :, 0]) for test in tests]
+        arrays[f"{name}_noise"] = np.hstack(noise).astype(np.float32)
+    return arrays
+
+
+def _beside(values: "list[Complex] | tuple[Complex, ...]") -> np.ndarray:
+    return np.hstack([value[:, :, 0] for value in values]).astype(np.complex64)
+
+
+def read_result(path: Path) -> Result:
+    """Read the folder of a tuning (or its tuned.json).
+
+    Raises:
+        InputError: files that are missing or not of this kind.
+    """
+    folder = path.parent if path.name == TUNED_JSON else path
+    try:
+        summary = TunedFile.model_validate_json((folder / TUNED_JSON).read_bytes())
+        with np.load(folder / FRF_NPZ, allow_pickle=False) as arrays:
+            levels = {
+                name: Level(
+                    outputs=tuple(map(str, arrays[f"{name}_outputs"])),
+                    tests=tuple(map(str, arrays[f"{name}_tests"])),
+                    **{
+                        key: arrays[f"{name}_{key}"]
+                        for key in ("measured", "as_drawn", "tuned", "noise")
+                    },
+                )
+                for name in LEVELS
+            }
+            return Result(summary, arrays["freq_hz"], levels)
+    except FileNotFoundError as error:
+        raise InputError(
+            f"{error.filename} does not exist: name the folder that mbw tune wrote"
+        ) from error
+    except (ValidationError, ValueError, KeyError, OSError) as error:
+        raise InputError(f"{folder} holds no tuning ({error}): run mbw tune again") from error

@@ -1,0 +1,128 @@
+"""Tuning as a whole: fit, held-out fits, and the gap at the sensors and at the bodies."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from identification import reduce_to_bodies
+from identification.words import Campaign, Complex, Real
+from mbmodel import Model
+from tuning.batch import predict
+from tuning.fit import Fit, Progress, fit, random_starts
+from tuning.folds import HeldOut, fit_held_out
+from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
+from tuning.session import Session
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Model beside measurement, at the sensors or at the centres of mass.
+
+    Args:
+        campaign: the measurement.
+        as_drawn: the model's answers to each test, as drawn; (n_freq, n_out, 1) each.
+        tuned: the same, fitted to all lines.
+        held_out: the same, each line by a fit that did not see it; None if interrupted.
+    """
+
+    campaign: Campaign
+    as_drawn: tuple[Complex, ...]
+    tuned: tuple[Complex, ...]
+    held_out: tuple[Complex, ...] | None
+
+    def gap(self, predicted: tuple[Complex, ...]) -> Gap:
+        """Sum up the gap of predictions."""
+        return summarise(self.channels(predicted))
+
+    def channels(self, predicted: tuple[Complex, ...]) -> ChannelGaps:
+        """The gap of each channel."""
+        return channel_gaps(predicted, self.campaign)
+
+
+@dataclass(frozen=True, eq=False)
+class Tuned:
+    """Everything that a tuning found.
+
+    Args:
+        session: campaign and drawn model.
+        fit: to all lines.
+        held_out: fits that left lines out; None if interrupted.
+        sensors: at the measured channels.
+        bodies: at the centres of mass.
+    """
+
+    session: Session
+    fit: Fit
+    held_out: HeldOut | None
+    sensors: Comparison
+    bodies: Comparison
+
+
+@dataclass(frozen=True)
+class Watch:
+    """Who is told how a tuning goes on.
+
+    Args:
+        evaluated: about each evaluation of the first fit.
+        folded: about each held-out fit.
+    """
+
+    evaluated: Callable[[Progress], None] | None = None
+    folded: Callable[[int], None] | None = None
+
+
+def tune(
+    session: Session,
+    *,
+    starts: int = 1,
+    seed: int = 0,
+    jobs: int = 1,
+    watch: Watch | None = None,
+) -> Tuned:
+    """Tune stiffness and damping, and measure what gap remains on held-out lines.
+
+    Args:
+        session: campaign and drawn model.
+        starts: how many starts: the drawing, then factors exp(N(0, 0.5)) on it.
+        seed: of the random starts.
+        jobs: processes for the held-out fits.
+        watch: who is told.
+
+    Returns:
+        The tuning; interrupted, the best so far without held-out predictions.
+    """
+    watch = watch or Watch()
+    model, campaign = session.model, session.campaign
+    found = fit(model, campaign, starts=random_starts(model, starts, seed), report=watch.evaluated)
+    held_out = None
+    if found.outcome != "interrupted":
+        try:
+            held_out = fit_held_out(model, found.theta, campaign, jobs=jobs, report=watch.folded)
+        except KeyboardInterrupt:
+            found = replace(found, outcome="interrupted", advice="run again for held-out lines")
+    compare = _Comparer(model, found.theta, held_out)
+    return Tuned(session, found, held_out, compare(campaign), compare(at_bodies(campaign)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Comparer:
+    model: Model
+    theta: Real
+    held_out: HeldOut | None
+
+    def __call__(self, campaign: Campaign) -> Comparison:
+        held_out = self.held_out
+        return Comparison(
+            campaign,
+            as_drawn=predict(self.model, self.model.drawn, campaign),
+            tuned=predict(self.model, self.theta, campaign),
+            held_out=held_out.predict(self.model, campaign) if held_out else None,
+        )
+
+
+def at_bodies(campaign: Campaign) -> Campaign:
+    """The same tests, reduced to the centres of mass (seed, eq. 2.5)."""
+    tests = tuple(
+        replace(test, estimate=reduce_to_bodies(test.estimate, campaign.layout))
+        for test in campaign.tests
+    )
+    return replace(campaign, tests=tests)
