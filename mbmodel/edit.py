@@ -2,17 +2,23 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from xml.etree import ElementTree
+from xml.dom import minidom
+from xml.parsers.expat import ExpatError
 
 from identification.words import InputError
+
+_FOLDERS = ("assetdir", "meshdir", "texturedir")
 
 
 def write_mjcf(source: Path, target: Path, values: Mapping[str, float]) -> tuple[str, ...]:
     """Write a copy of an MJCF with other joint and tendon coefficients.
 
+    Of a polynomial stiffness or damping the linear term changes. If the copy goes to another
+    folder, the folders of its meshes, textures and included files become absolute.
+
     Args:
         source: the MJCF that was read.
-        target: the new file; its folder exists. Paths of meshes are kept valid.
+        target: the new file; its folder exists.
         values: ``{'<joint or tendon>.<stiffness or damping>': value}`` in SI.
 
     Returns:
@@ -21,15 +27,17 @@ def write_mjcf(source: Path, target: Path, values: Mapping[str, float]) -> tuple
     Raises:
         InputError: the source cannot be read any more.
     """
-    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
     try:
-        root = ElementTree.parse(source, parser).getroot()
-    except (OSError, ElementTree.ParseError) as error:
+        document = minidom.parse(str(source))
+    except (OSError, ExpatError) as error:
         raise InputError(f"{source} cannot be read again ({error}): restore it") from error
     elements = {
-        element.get("name"): element
+        element.getAttribute("name"): element
+        for body in ("worldbody", "tendon")
+        for parent in document.getElementsByTagName(body)
         for kind in ("joint", "spatial", "fixed")
-        for element in root.iter(kind)
+        for element in parent.getElementsByTagName(kind)
+        if element.hasAttribute("name")
     }
     not_held = []
     for name, value in values.items():
@@ -38,26 +46,43 @@ def write_mjcf(source: Path, target: Path, values: Mapping[str, float]) -> tuple
         if element is None:
             not_held.append(name)
         else:
-            element.set(attribute, f"{value:.17g}")
-    _keep_meshes_valid(root, source, target)
-    text = ElementTree.tostring(root, encoding="unicode")
-    target.write_text(text + "\n", encoding="utf-8")
+            higher = element.getAttribute(attribute).split()[1:]
+            element.setAttribute(attribute, " ".join([f"{value:.17g}", *higher]))
+    if source.resolve().parent != target.resolve().parent:
+        _make_folders_absolute(document, source.resolve().parent)
+    target.write_text(document.toxml() + "\n", encoding="utf-8")
     return tuple(not_held)
 
 
-def _keep_meshes_valid(root: ElementTree.Element, source: Path, target: Path) -> None:
-    """Relative file names are relative to the MJCF: make them absolute when it moves."""
-    if source.resolve().parent == target.resolve().parent:
-        return
-    folder = source.resolve().parent
-    compiler = root.find("compiler")
-    for attribute in ("meshdir", "texturedir", "assetdir"):
-        if compiler is not None and compiler.get(attribute) is not None:
-            compiler.set(attribute, str(folder / compiler.get(attribute, "")))
-    stated = compiler is not None and any(
-        compiler.get(name) is not None for name in ("meshdir", "assetdir")
-    )
-    for kind in ("mesh", "hfield", "skin", "texture", "include"):
-        for element in root.iter(kind):
-            if element.get("file") and (kind == "include" or not stated):
-                element.set("file", str(folder / element.get("file", "")))
+def _make_folders_absolute(document: minidom.Document, folder: Path) -> None:
+    """State meshdir and texturedir once, absolute; the last of several compilers counts."""
+    compilers = document.getElementsByTagName("compiler")
+    found = {"meshdir": "", "texturedir": ""}
+    for compiler in compilers:
+        if compiler.hasAttribute("assetdir"):
+            found = dict.fromkeys(found, compiler.getAttribute("assetdir"))
+        for name in found:
+            found[name] = compiler.getAttribute(name) or found[name]
+        for name in _FOLDERS:
+            if compiler.hasAttribute(name):
+                compiler.removeAttribute(name)
+    files = ("mesh", "hfield", "skin", "texture")
+    if any(document.getElementsByTagName(kind) for kind in files):
+        last = compilers[-1] if compilers else _new_compiler(document)
+        for name, value in found.items():
+            last.setAttribute(name, str(folder / value))
+    _make_files_absolute(document, folder)
+
+
+def _make_files_absolute(document: minidom.Document, folder: Path) -> None:
+    for kind in ("include", "model"):
+        for element in document.getElementsByTagName(kind):
+            if element.getAttribute("file"):
+                element.setAttribute("file", str(folder / element.getAttribute("file")))
+
+
+def _new_compiler(document: minidom.Document) -> minidom.Element:
+    compiler = document.createElement("compiler")
+    if document.documentElement is not None:
+        document.documentElement.insertBefore(compiler, document.documentElement.firstChild)
+    return compiler

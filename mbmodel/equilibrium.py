@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from identification.words import ConvergenceError, InputError, Real
-from mbmodel.mjcf import active_constraint
+from mbmodel.mjcf import active_constraint, joint_name
 
 _STEP = 1e-6  # m or rad, or their rates; central differences of smooth forces
 _ITERATIONS = 50
@@ -43,8 +43,10 @@ def settle(model: mujoco.MjModel, path: Path) -> mujoco.MjData:
         if np.abs(step).max() < 1e-14 and np.abs(residual).max() <= 1e-6 * scale:
             break
     else:
+        if active := active_constraint(model, data):
+            raise InputError(f"{path}: {active}")
         worst = int(np.argmax(np.abs(_force(model, data))))
-        joint = model.joint(model.dof_jntid[worst]).name
+        joint = joint_name(model, model.dof_jntid[worst])
         raise ConvergenceError(
             f"{path}: no static equilibrium: joint {joint!r} is left with an unbalanced force; "
             "give it stiffness, or turn gravity off"
@@ -60,8 +62,12 @@ def _force(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
 
 
 def _force_scale(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """Size of the forces that have to balance, each by itself."""
     weight = float(model.body_mass.sum() * np.linalg.norm(model.opt.gravity))
-    return max(weight, float(np.abs(_force(model, data)).max(initial=0.0)), 1e-300)
+    tension = np.abs(model.tendon_stiffness * elongation(model, data))
+    pull = (tension[:, None] * np.abs(tendon_jacobian(model, data))).max(initial=0.0)
+    net = np.abs(_force(model, data)).max(initial=0.0)
+    return max(weight, float(pull), float(net), 1e-300)
 
 
 def _slope(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
@@ -96,9 +102,10 @@ def remaining_stiffness_and_damping(
 ) -> tuple[Real, Real]:
     """Stiffness and damping beside the linear springs and dampers of joints and tendons.
 
-    Gravity, actuators, polynomial terms and the geometric stiffness of tense tendons, by central
-    differences of the forces with the linear joint and tendon coefficients set to zero: so a
-    machine without such effects gets exact zeros instead of rounding noise of its stiff springs.
+    Gravity, actuators and polynomial terms, by central differences of the forces with the linear
+    joint and tendon coefficients set to zero: so a machine without such effects gets exact zeros
+    instead of rounding noise of its stiff springs. What the tension of tendons adds is
+    ``tension_stiffness``.
 
     Args:
         model: the compiled model; left as it was.
@@ -107,7 +114,6 @@ def remaining_stiffness_and_damping(
     Returns:
         K [N/m, N m/rad] and C [N s/m, N m s/rad]; (nv, nv) each.
     """
-    tension = model.tendon_stiffness * _elongation(model, data)
     stated = ("jnt_stiffness", "dof_damping", "tendon_stiffness", "tendon_damping")
     kept = {name: getattr(model, name).copy() for name in stated}
     try:
@@ -118,10 +124,10 @@ def remaining_stiffness_and_damping(
     finally:
         for name, value in kept.items():
             getattr(model, name)[:] = value
-    return stiffness + _tension_stiffness(model, data, tension), damping
+    return stiffness, damping
 
 
-def _elongation(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
+def elongation(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
     """Length beyond the dead band ``tendon_lengthspring``; negative below it."""
     low, high = model.tendon_lengthspring.reshape(-1, 2).T
     length: Real = data.ten_length
@@ -129,11 +135,14 @@ def _elongation(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
     return beyond
 
 
-def _tension_stiffness(model: mujoco.MjModel, data: mujoco.MjData, tension: Real) -> Real:
-    """Geometric stiffness sum_t N_t d(J_t)/dq of tendons under tension N; (nv, nv)."""
-    stiffness = np.zeros((model.nv, model.nv))
-    if not np.any(tension):
-        return stiffness
+def tendon_curvature(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
+    """Derivative of each tendon's Jacobian by the joint coordinates; (ntendon, nv, nv).
+
+    Under tension N a tendon adds the geometric stiffness N dJ/dq.
+    """
+    curvature = np.zeros((model.ntendon, model.nv, model.nv))
+    if not np.any(elongation(model, data)):
+        return curvature
     probe = mujoco.MjData(model)
     for column in range(model.nv):
         for sign in (1.0, -1.0):
@@ -142,8 +151,8 @@ def _tension_stiffness(model: mujoco.MjModel, data: mujoco.MjData, tension: Real
             probe.qpos[:] = data.qpos
             mujoco.mj_integratePos(model, probe.qpos, direction, 1.0)
             mujoco.mj_fwdPosition(model, probe)
-            stiffness[:, column] += sign * tension @ tendon_jacobian(model, probe) / (2 * _STEP)
-    return stiffness
+            curvature[:, :, column] += sign * tendon_jacobian(model, probe) / (2 * _STEP)
+    return curvature
 
 
 def tendon_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Real:

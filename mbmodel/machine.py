@@ -7,7 +7,13 @@ import mujoco
 import numpy as np
 
 from identification.words import InputError, Layout, Real, frozen, is_hammer, node_of
-from mbmodel.equilibrium import remaining_stiffness_and_damping, settle, tendon_jacobian
+from mbmodel.equilibrium import (
+    elongation,
+    remaining_stiffness_and_damping,
+    settle,
+    tendon_curvature,
+    tendon_jacobian,
+)
 from mbmodel.mjcf import compile_mjcf, joint_name
 
 
@@ -22,6 +28,8 @@ class Spring:
         stiffness: [N/m] or [N m/rad].
         damping: [N s/m] or [N m s/rad].
         angular: whether it turns instead of stretching.
+        geometric: elongation at rest times the derivative of the direction by the joint
+            coordinates, for a tendon under tension: it adds stiffness * geometric; (nv, nv).
     """
 
     name: str
@@ -30,6 +38,7 @@ class Spring:
     stiffness: float
     damping: float
     angular: bool
+    geometric: Real | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +53,9 @@ class Machine:
         jacobian: T, motion of the centres of mass per joint coordinate; (6 n_body, nv).
         body_mass: Mb, masses and inertias about the centres of mass, world axes [kg, kg m^2];
             (6 n_body, 6 n_body).
-        armature: rotor inertia added to each coordinate [kg, kg m^2]; (nv,).
+        armature: rotor inertia of joints and tendons [kg, kg m^2]; (nv, nv).
         springs: the linear springs and dampers of joints and tendons.
-        remaining_stiffness: of gravity, tense tendons, actuators; (nv, nv).
+        remaining_stiffness: of gravity, actuators, polynomial terms; (nv, nv).
         remaining_damping: of actuators and fluids; (nv, nv).
     """
 
@@ -67,7 +76,7 @@ class Machine:
         for name, shape in {
             "jacobian": (nb, nv),
             "body_mass": (nb, nb),
-            "armature": (nv,),
+            "armature": (nv, nv),
             "remaining_stiffness": (nv, nv),
             "remaining_damping": (nv, nv),
         }.items():
@@ -76,7 +85,7 @@ class Machine:
     @property
     def mass(self) -> Real:
         """T' Mb T + armature: the mass matrix of the joint coordinates; (nv, nv)."""
-        mass: Real = self.jacobian.T @ self.body_mass @ self.jacobian + np.diag(self.armature)
+        mass: Real = self.jacobian.T @ self.body_mass @ self.jacobian + self.armature
         return mass
 
 
@@ -98,17 +107,22 @@ def load_machine(path: Path) -> Machine:
     masses, centres = zip(*(_rigid_body(model, data, stage) for stage in stages), strict=True)
     stiffness, damping = remaining_stiffness_and_damping(model, data)
     return Machine(
-        name=model.names.split(b"\0", 1)[0].decode() or path.stem,
+        name=_model_name(model, path),
         source=path,
         layout=_layout(model, data, stages, np.array(centres), path),
         coordinates=_coordinate_names(model),
         jacobian=_jacobian(model, data, stages, centres),
         body_mass=_block_diagonal(masses),
-        armature=model.dof_armature,
-        springs=_joint_springs(model) + _tendon_springs(model, data),
+        armature=_armature(model, data),
+        springs=_springs(model, data, path),
         remaining_stiffness=stiffness,
         remaining_damping=damping,
     )
+
+
+def _model_name(model: mujoco.MjModel, path: Path) -> str:
+    name = model.names.split(b"\0", 1)[0].decode()
+    return path.stem if name in ("", "MuJoCo Model") else name
 
 
 def _rigid_body(model: mujoco.MjModel, data: mujoco.MjData, stage: int) -> tuple[Real, Real]:
@@ -188,6 +202,21 @@ def _coordinate_names(model: mujoco.MjModel) -> tuple[str, ...]:
     )
 
 
+def _armature(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
+    rows = tendon_jacobian(model, data)
+    armature: Real = np.diag(model.dof_armature) + rows.T @ (model.tendon_armature[:, None] * rows)
+    return armature
+
+
+def _springs(model: mujoco.MjModel, data: mujoco.MjData, path: Path) -> tuple[Spring, ...]:
+    springs = _joint_springs(model) + _tendon_springs(model, data)
+    names = [spring.name for spring in springs]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{path}: a tendon and a joint are both named {name!r}: rename one")
+    return springs
+
+
 def _joint_springs(model: mujoco.MjModel) -> tuple[Spring, ...]:
     """One spring for each slide and hinge; each coordinate of a ball or free joint has a damper."""
     springs = []
@@ -216,6 +245,7 @@ def _tendon_springs(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Spring,
     slack = (model.tendon_lengthspring[:, 0] < data.ten_length) & (
         data.ten_length < model.tendon_lengthspring[:, 1]
     )
+    length, curvature = elongation(model, data), tendon_curvature(model, data)
     springs = []
     for tendon in range(model.ntendon):
         name = model.tendon(tendon).name or f"tendon{tendon}"
@@ -227,6 +257,7 @@ def _tendon_springs(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Spring,
                 stiffness=0.0 if slack[tendon] else float(model.tendon_stiffness[tendon]),
                 damping=float(model.tendon_damping[tendon]),
                 angular=False,
+                geometric=curvature[tendon] * length[tendon] if length[tendon] else None,
             )
         )
     return tuple(springs)

@@ -10,6 +10,8 @@ import numpy as np
 from identification.words import InputError
 
 _MASSLESS = "mass and inertia of moving bodies must be larger"
+_TEXTS = ("name", "class", "file", "childclass", "model", "joint", "body", "site", "mesh")
+_NO_NUMBER = re.compile(r"(?i)(?<!\S)[+-]?(nan|inf)(?!\S)")
 _ELEMENT = re.compile(r"Element name '(?P<name>[^']*)'")
 
 
@@ -29,17 +31,29 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
     """
     if not path.is_file():
         raise InputError(f"{path} does not exist: name an MJCF file")
-    try:
-        ElementTree.parse(path)
-    except ElementTree.ParseError as error:
-        line = error.position[0]
-        raise InputError(f"{path}, line {line}: not well-formed XML ({error}); mend it") from error
+    _refuse_malformed(path)
     try:
         model = mujoco.MjModel.from_xml_path(str(path))
     except ValueError as error:
         raise InputError(_explain(path, str(error))) from error
     _refuse_unlinearisable(path, model)
     return model
+
+
+def _refuse_malformed(path: Path) -> None:
+    """Refuse what is no XML, and numbers that are none before MuJoCo logs them to a file."""
+    try:
+        root = ElementTree.parse(path).getroot()
+    except ElementTree.ParseError as error:
+        line = error.position[0]
+        raise InputError(f"{path}, line {line}: not well-formed XML ({error}); mend it") from error
+    for element in root.iter():
+        for key, value in element.items():
+            if key not in _TEXTS and _NO_NUMBER.search(value):
+                name = element.get("name", "")
+                raise InputError(
+                    f"{path}: {element.tag} {name!r} has {key}={value!r}: give a finite number"
+                )
 
 
 def _explain(path: Path, message: str) -> str:
@@ -76,12 +90,30 @@ def _refuse_unlinearisable(path: Path, model: mujoco.MjModel) -> None:
         _refuse_negative(path, name, "damping", model.tendon_damping[tendon])
         if model.tendon_frictionloss[tendon] > 0:
             raise InputError(f"{path}: {name} has frictionloss, which has no linear model")
-    if model.neq:
-        name = model.equality(0).name or f"number {model.equality(0).id}"
+    _refuse_actuators(path, model)
+    active = np.flatnonzero(model.eq_active0)
+    if active.size:
+        name = model.equality(active[0]).name or f"number {active[0]}"
         raise InputError(
             f"{path}: equality constraint {name!r} closes a loop, which is not handled: replace it "
             "by a joint or a stiff tendon"
         )
+
+
+def _refuse_actuators(path: Path, model: mujoco.MjModel) -> None:
+    for actuator in range(model.nu):
+        if (
+            mujoco.mjtDyn(model.actuator_dyntype[actuator]) != mujoco.mjtDyn.mjDYN_NONE
+            or model.actuator_delay[actuator] > 0
+        ):
+            name = model.actuator(actuator).name or f"number {actuator}"
+            raise InputError(
+                f"{path}: actuator {name!r} has a state or a delay, which the linear model does "
+                "not hold: remove it"
+            )
+        if model.actuator_armature[actuator]:
+            name = model.actuator(actuator).name or f"number {actuator}"
+            raise InputError(f"{path}: actuator {name!r} has armature: give it to its joint")
 
 
 def _refuse_negative(path: Path, element: str, what: str, value: float) -> None:

@@ -18,7 +18,7 @@ P = 2 (s - a) / d, N = -2 b / d, and v w the column and row of the pole,
 v w / (s - lambda) + conj. = Re(v w) P + Im(v w) N (Ewins 2000, ch. 2.8, for the modal series).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -41,17 +41,19 @@ class ModalForm:
         columns: Phi w^-1 V1 or Phi V2, real then imaginary parts, real poles halved; (nv, 2 h).
         rows: W2 Phi' likewise; (2 h, nv).
         in_velocity: whether the columns are velocities, Phi V2.
+        condition: largest condition number of an eigenvalue, |w| |v| with w v = 1.
     """
 
     poles: Complex
     columns: Real
     rows: Real
     in_velocity: bool
+    condition: float
 
     @property
     def transposed(self) -> "ModalForm":
         """The form of Z', whose columns are the rows of Z."""
-        return ModalForm(self.poles, self.rows.T, self.columns.T, self.in_velocity)
+        return replace(self, columns=self.rows.T, rows=self.columns.T)
 
     def kernels(self, laplace: Complex) -> tuple[Complex, Complex]:
         """P and N at each s, divided by s for velocities and then zero at s = 0; (h, n_freq)."""
@@ -145,19 +147,18 @@ def modal_form(matrices: Matrices) -> ModalForm | None:
         state[size:, size:] = -shapes.T @ damping @ shapes
         poles, right = np.linalg.eig(state)
         right = right.astype(complex, copy=False)
-        unit = np.zeros((2 * size, size))
-        unit[size:] = np.eye(size)
-        left = np.linalg.solve(right, unit)
+        inverse = np.linalg.inv(right)
     except np.linalg.LinAlgError:
         return None
     keep = poles.imag >= 0
     weight = np.where(poles[keep].imag == 0, 0.5, 1.0)
     in_velocity = bool(frequency.min() <= _RIGID * frequency.max())
     upper = shapes @ (right[size:] if in_velocity else right[:size] / frequency[:, None])
-    columns, rows = upper[:, keep] * weight, left[keep] @ shapes.T
+    columns, rows = upper[:, keep] * weight, inverse[keep, size:] @ shapes.T
     return ModalForm(
         poles[keep].astype(complex, copy=False),
         np.hstack([columns.real, columns.imag]),
         np.vstack([rows.real, rows.imag]),
         in_velocity,
+        float((np.linalg.norm(inverse, axis=1) * np.linalg.norm(right, axis=0)).max()),
     )

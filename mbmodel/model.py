@@ -66,8 +66,8 @@ class Model:
             raise UsageError(
                 f"theta has shape {np.shape(theta)}, expected ({len(self.parameters)},)"
             )
-        ends = np.cumsum([len(part.parameters) for part in self.parts])[:-1]
-        return tuple(np.split(theta, ends))
+        ends = np.cumsum([len(part.parameters) for part in self.parts])
+        return tuple(np.split(theta, ends)[:-1])
 
     def frames(self, change: Change) -> tuple[Real, Real]:
         """Left and right factors of a change in joint coordinates; (nv, r) each."""

@@ -92,7 +92,10 @@ class Part(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SpringPart:
-    """The springs and dampers of one joint or tendon: sum_i g_i (k_i + s c_i) g_i'.
+    """The springs and dampers of one joint or tendon: sum_i g_i (k_i + s c_i) g_i' + k_i G_i.
+
+    G_i is the geometric stiffness of a tendon under tension, per unit of its stiffness. The
+    equilibrium at which all this holds stays that of the drawing.
 
     Coefficients that are zero on the drawing stay zero: they have no logarithm to tune.
     """
@@ -140,12 +143,36 @@ class SpringPart:
         powers, springs = self._places
         core = np.zeros((3, size, size))
         core[powers, springs, springs] = theta
-        return (Change("joint", self._frame, self._frame, core),)
+        changes: tuple[Change, ...] = (Change("joint", self._frame, self._frame, core),)
+        if self._tense is not None:
+            tension = np.zeros((3, *self._tense.shape[1:]))
+            tension[0] = np.einsum("i,ijk", np.diag(core[0]), self._tense)
+            changes += (self._everywhere(tension),)
+        return changes
 
     def slopes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
         """One where a parameter stands in the core."""
         del theta, situation
-        return (self._slope,)
+        if self._tense is None:
+            return (self._slope,)
+        powers, springs = self._places
+        core = np.zeros((len(powers), 3, *self._tense.shape[1:]))
+        core[powers == 0, 0] = self._tense[springs[powers == 0]]
+        return self._slope, self._everywhere(core)
+
+    @cached_property
+    def _tense(self) -> Real | None:
+        """G_i of each spring, zero for those without tension; (n_spring, nv, nv)."""
+        known = [spring.geometric for spring in self.springs if spring.geometric is not None]
+        if not known:
+            return None
+        zero = np.zeros_like(known[0])
+        return np.stack([zero if s.geometric is None else s.geometric for s in self.springs])
+
+    @staticmethod
+    def _everywhere(core: Real) -> Change:
+        unit = np.eye(core.shape[-1])
+        return Change("joint", unit, unit, core)
 
     def write(self, theta: Real) -> Mapping[str, float]:
         """The coefficients under their names."""

@@ -63,47 +63,67 @@ def minimise(
     if number is None or not algorithm.startswith(("LD_", "GD_")):
         raise UsageError(f"{algorithm!r} is no gradient-based algorithm of NLopt: try LD_LBFGS")
     best = _Best(np.array(start, float))
+    solver = nlopt.opt(number, len(start))
 
     def evaluate(x: Real, gradient: Real) -> float:
+        if best.error is not None:  # NLopt asks once more after a forced stop
+            return np.inf
         point = np.array(x)  # NLopt reuses its buffer
-        value, slope = objective(point)
-        best.evaluations += 1
-        if value < best.value:
-            best.x, best.value = point, value
-        if report is not None:
-            report(best.evaluations, best.value)
+        try:
+            value, slope = objective(point)
+            best.see(point, float(value))
+            if report is not None:
+                report(best.evaluations, best.value)
+        except BaseException as error:
+            # NLopt would hide it behind an error of its own: keep it, stop, raise it afterwards.
+            best.error = error
+            solver.force_stop()
+            return np.inf
         if gradient.size:
             gradient[:] = slope
         return float(value)
 
-    solver = nlopt.opt(number, len(start))
     solver.set_min_objective(evaluate)
     solver.set_lower_bounds(bounds[0])
     solver.set_upper_bounds(bounds[1])
     solver.set_ftol_rel(tolerance)
     solver.set_maxeval(max_evaluations)
-    outcome, advice = _run(solver, np.clip(start, *bounds))
-    return Minimum(best.x, float(best.value), best.evaluations, outcome, advice)
+    outcome, advice = _run(solver, np.clip(start, *bounds), best)
+    return Minimum(best.x, best.value, best.evaluations, outcome, advice)
 
 
 @dataclass
 class _Best:
-    """What the callback has seen so far: NLopt forgets it when an exception passes through."""
+    """What the callback has seen so far."""
 
     x: Real
     value: float = np.inf
     evaluations: int = 0
+    error: BaseException | None = None
+
+    def see(self, point: Real, value: float) -> None:
+        """Count an evaluation, and keep it if it is the best."""
+        self.evaluations += 1
+        if value < self.value:
+            self.x, self.value = point, value
 
 
-def _run(solver: nlopt.opt, start: Real) -> tuple[Outcome, str]:
+def _run(solver: nlopt.opt, start: Real, best: _Best) -> tuple[Outcome, str]:
+    problem = ""
     try:
         solver.optimize(start)
-    except KeyboardInterrupt:
+    except (nlopt.RoundoffLimited, nlopt.ForcedStop):
+        pass
+    except (nlopt.exception, RuntimeError, ValueError) as error:
+        problem = str(error) if isinstance(error, ValueError) else "a value that is not finite"
+    except KeyboardInterrupt as error:  # between two evaluations
+        best.error = error
+    if isinstance(best.error, KeyboardInterrupt):
         return "interrupted", "the best parameters so far are kept; run again to go on"
-    except nlopt.RoundoffLimited:
-        return "converged", ""
-    except (RuntimeError, ValueError) as error:
-        return "failed", f"the solver stopped ({error}); try other starts or a narrower band"
+    if best.error is not None:
+        raise best.error
+    if problem or not np.isfinite(best.value):
+        return "failed", f"the solver stopped ({problem}); try other starts or a narrower band"
     if solver.last_optimize_result() == nlopt.MAXEVAL_REACHED:
         return "out of evaluations", "allow more evaluations"
     return "converged", ""

@@ -135,7 +135,7 @@ class FrfEstimate:
             object.__setattr__(self, "coherence", coherence)
         if self.averages is not None and self.averages < 1:
             raise ValueError(f"averages is {self.averages}, expected at least 1")
-        if not self.window_tau >= 0:
+        if not 0 <= self.window_tau < np.inf:
             raise ValueError(f"window_tau is {self.window_tau} s, expected 0 or more")
 
     def lines(self, chosen: Mask | slice) -> Self:

@@ -84,7 +84,7 @@ class Layout:
             else:
                 row[body, :3] = axis
                 row[body, 3:] = np.cross(arm, axis)
-        return rows.reshape(len(dofs), -1)
+        return rows.reshape(len(dofs), 6 * len(self.bodies))
 
     def _place(self, point: str) -> tuple[int, Real, Real]:
         if point in self.points:

@@ -1,0 +1,39 @@
+"""``make bench ONLY=name``: measurements too long for the tests; results kept beside this file.
+
+Each bench prints its table and writes ``results/<name>.json``, which README quotes. Speeds are
+ratios measured in one run, alternating, one BLAS thread: absolute times belong to one machine.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from threadpoolctl import threadpool_limits
+
+from tests.bench import frf, tune
+
+BENCHES = {"frf": frf.run, "tune": tune.run}
+RESULTS = Path(__file__).parent / "results"
+
+
+def main(chosen: list[str]) -> int:
+    unknown = [name for name in chosen if name not in BENCHES]
+    if unknown:
+        Console(stderr=True).print(f"no bench {', '.join(unknown)}; there are {', '.join(BENCHES)}")
+        return 2
+    RESULTS.mkdir(exist_ok=True)
+    for name in chosen or BENCHES:
+        with threadpool_limits(1):
+            rows = BENCHES[name]()
+        table = Table(*rows[0], title=name)
+        for row in rows:
+            table.add_row(*(f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values()))
+        Console().print(table)
+        (RESULTS / f"{name}.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

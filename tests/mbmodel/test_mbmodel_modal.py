@@ -1,0 +1,182 @@
+"""The modal evaluator against the direct solve, where it is easy and where it is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mbmodel_examples import (
+    mass_on_spring,
+    mjcf,
+    question,
+    random_tree,
+    sensor_dofs,
+    some_dofs,
+    worst_of_channels,
+)
+
+from identification.words import Dof
+from mbmodel import Evaluator, Question, as_drawn, linearise, modes
+from mbmodel.modal import modal_form
+
+# DESIGN: error of a fast FRF at most 1e-10. Relative to a channel's peak, as antiresonances are
+# differences of modes.
+AGREEMENT = 1e-10
+QUANTITIES = ["receptance", "mobility", "accelerance"]
+
+
+def against_direct(model, theta, asked):
+    """Worst channel of the modal evaluator, and whether the modal form answered."""
+    fast = Evaluator(model, asked).at(theta)
+    exact = Evaluator(model, asked, direct=True).at(theta)
+    assert exact.solver.form is None
+    return worst_of_channels(fast.values, exact.values), fast.solver.form is not None
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_the_stations_modal_frfs_are_those_of_the_direct_solve(station_model, away, quantity):
+    machine = station_model.machine
+    hits = tuple(map(Dof.parse, ["acc11:+tx", "acc11:-tz", "acc17:+ty"]))
+    freq = np.linspace(0.0, 250.0, 126)
+    asked = Question(freq, sensor_dofs(machine), hits, quantity)
+    error, modal = against_direct(station_model, away, asked)
+    assert modal
+    assert error < AGREEMENT
+
+
+def test_a_windowed_answer_is_that_of_the_direct_solve(station_model, away):
+    asked = question(station_model.machine, np.linspace(0, 250, 51), window_tau=0.3)
+    error, modal = against_direct(station_model, away, asked)
+    assert modal
+    assert error < AGREEMENT
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_an_overdamped_station_is_answered_as_by_the_direct_solve(station_model, quantity):
+    theta = station_model.drawn.copy()
+    theta[[p.name.endswith("damping") for p in station_model.parameters]] *= 60
+    poles = modes(station_model.matrices(theta)).poles
+    assert (poles.imag == 0).sum() >= 10
+    asked = question(station_model.machine, np.linspace(0, 250, 51), quantity=quantity)
+    error, modal = against_direct(station_model, theta, asked)
+    assert modal
+    # Ten times more than elsewhere, at a receptance that is zero at 0 Hz and 1e-3 of its
+    # neighbours at its peak. The evaluator's own guard is 1e-9 of a line's largest motion.
+    assert error < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_skew_tree_is_answered_as_by_the_direct_solve(from_text, seed):
+    model = as_drawn(from_text(random_tree(seed)))
+    asked = question(model.machine, np.linspace(0.5, 400, 60), n_out=7, n_in=3, seed=seed)
+    error, modal = against_direct(model, model.drawn, asked)
+    assert modal
+    assert error < AGREEMENT
+
+
+@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("direct", [False, True])
+def test_a_skew_tree_is_reciprocal(from_text, seed, direct):
+    # Maxwell-Betti: K, C and M are symmetric, so H_ij = H_ji whatever the labels.
+    model = as_drawn(from_text(random_tree(seed)))
+    dofs = some_dofs(model.machine, 5, seed)
+    asked = Question(np.linspace(0.5, 400, 30), dofs, dofs)
+    H = Evaluator(model, asked, direct=direct).at(model.drawn).values
+    assert worst_of_channels(H.transpose(0, 2, 1), H) < AGREEMENT
+
+
+def test_a_gyroscopic_station_is_not_reciprocal_but_right(station_model):
+    machine = station_model.machine
+    gyroscopic = np.zeros((36, 36))
+    rx, ry = (machine.coordinates.index(f"spindle_{name}") for name in ("rx", "ry"))
+    gyroscopic[rx, ry], gyroscopic[ry, rx] = 8e4, -8e4
+    model = as_drawn(replace(machine, remaining_damping=gyroscopic))
+    dofs = tuple(map(Dof.parse, ["acc21:+tx", "acc22:+tz", "acc5:-ty"]))
+    asked = Question(np.linspace(1, 250, 50), dofs, dofs)
+    error, modal = against_direct(model, model.drawn, asked)
+    assert modal
+    assert error < AGREEMENT
+    H = linearise(model, model.drawn, asked).values
+    assert worst_of_channels(H.transpose(0, 2, 1), H) > 1e-3
+
+
+def test_unsymmetric_stiffness_has_no_modal_form_and_is_solved_directly(station_model):
+    machine = station_model.machine
+    follower = np.zeros((36, 36))
+    follower[3, 7] = 1e8
+    model = as_drawn(replace(machine, remaining_stiffness=follower))
+    assert modal_form(model.matrices(model.drawn)) is None
+    dofs = some_dofs(machine, 4, 3)
+    asked = Question(np.linspace(1, 250, 20), dofs, dofs[:2])
+    lines = linearise(model, model.drawn, asked)
+    assert lines.solver.form is None
+    rows = machine.layout.rows(dofs) @ machine.jacobian
+    matrices = model.matrices(model.drawn)
+    for k, s in enumerate(2j * np.pi * asked.freq_hz):
+        exact = s**2 * rows @ np.linalg.solve(matrices.dynamic_stiffness(s), rows[:2].T)
+        np.testing.assert_allclose(lines.values[k], exact, rtol=1e-9, atol=1e-18)
+
+
+def critical(mass, stiffness):
+    return 2 * np.sqrt(mass * stiffness)
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+@pytest.mark.parametrize("factor", [1.0, 1 - 1e-15, 1 + 1e-15, 1 - 1e-12, 1 + 1e-12, 1 + 1e-9])
+def test_a_critically_damped_mass_is_right(from_text, quantity, factor):
+    # A double pole has one eigenvector: no modal form. Beside it the eigenvectors are dependent.
+    mass, k = 4.0, 9e6
+    c = critical(mass, k) * factor
+    model = as_drawn(from_text(mjcf(mass_on_spring(mass, k, c))))
+    freq = np.linspace(0.0, 600.0, 61)
+    dof = (Dof.parse("acc1:+tz"),)
+    H = linearise(model, model.drawn, Question(freq, dof, dof, quantity)).values
+    s = 2j * np.pi * freq
+    power = QUANTITIES.index(quantity)
+    expected = s**power / (mass * s**2 + c * s + k)
+    assert worst_of_channels(H[:, 0, 0], expected) < 1e-9
+
+
+@pytest.mark.parametrize("factor", [1.0, 1 + 9e-16])
+def test_a_critically_damped_mass_beside_a_soft_one_is_right(from_text, factor):
+    # The soft mass moves most in every line, and its pole is the sharpest: a check of the largest
+    # motion, or near the sharpest pole, does not see the stiff mass's double pole.
+    k, m = 188185.2209250379, 6.12
+    c = critical(m, k) * factor
+    stiff = mass_on_spring(m, k, c, name="b", node=2, axis="1 0 0", pos="1 0 0")
+    soft = mass_on_spring(2, 2906.525360730613, 0.54, axis="1 0 0")
+    model = as_drawn(from_text(mjcf(soft + stiff)))
+    freq = np.linspace(0, 42, 301)
+    dofs = tuple(map(Dof.parse, ["acc1:+tx", "acc2:+tx"]))
+    H = linearise(model, model.drawn, Question(freq, dofs, dofs)).values
+    s = 2j * np.pi * freq
+    expected = s**2 / (m * s**2 + c * s + k)
+    assert worst_of_channels(H[:, 1, 1], expected) < 1e-9
+
+
+def test_an_undamped_machine_is_right_between_its_poles(from_text):
+    model = as_drawn(from_text(mjcf(mass_on_spring(4.0, 3e4, 0.0))))
+    freq = np.array([0.0, 5.0, 13.0, 14.5, 40.0])
+    dof = (Dof.parse("acc1:+tz"),)
+    H = linearise(model, model.drawn, Question(freq, dof, dof, "receptance")).values[:, 0, 0]
+    np.testing.assert_allclose(H, 1 / (3e4 - 4 * (2 * np.pi * freq) ** 2), rtol=1e-12)
+
+
+def test_modal_shapes_of_the_transpose_swap_rows_and_columns(station_model):
+    form = modal_form(station_model.matrices(station_model.drawn))
+    np.testing.assert_array_equal(form.transposed.rows, form.columns.T)
+    np.testing.assert_array_equal(form.transposed.columns, form.rows.T)
+    assert (form.poles.imag >= 0).all()
+    assert (form.poles.real < 0).all()
+
+
+def test_a_machine_with_two_equal_modes_is_right(from_text):
+    # Semisimple double poles: any pair of independent shapes serves.
+    one = mass_on_spring(4.0, 3e4, 11.0, name="a", node=1)
+    other = mass_on_spring(4.0, 3e4, 11.0, name="b", node=2, pos="2 0 0")
+    model = as_drawn(from_text(mjcf(one + other)))
+    dofs = tuple(map(Dof.parse, ["acc1:+tz", "acc2:+tz"]))
+    error, modal = against_direct(
+        model, model.drawn, Question(np.linspace(0, 30, 31), dofs, dofs, "receptance")
+    )
+    assert modal
+    assert error < AGREEMENT

@@ -1,0 +1,105 @@
+"""The demo from an installed wheel, far from the clone, and its report in a browser."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory):
+    """The wheel's content, unpacked as pip does, without the clone on the path."""
+    place = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", place, ROOT]
+    subprocess.run(build, check=True, capture_output=True, timeout=120)
+    (wheel,) = place.glob("mbworkbench-*.whl")
+    target = place / "site"
+    install = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--target", target]
+    subprocess.run([*install, wheel], check=True, capture_output=True, timeout=120)
+    return target
+
+
+def _run(installed, folder, *arguments, timeout=300):
+    environment = {**os.environ, "PYTHONPATH": str(installed), "PYTHONSAFEPATH": "1"}
+    return subprocess.run(
+        [sys.executable, *map(str, arguments)],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def demo(installed, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("elsewhere")
+    done = _run(installed, folder, "-m", "mbw", "demo", "--out", "demo")
+    assert done.returncode == 0, done.stderr
+    return folder / "demo", done
+
+
+def test_the_wheel_is_what_runs_and_it_holds_the_assets(installed, tmp_path):
+    code = "import mbw, mbw.assets; print(mbw.__file__, mbw.assets.asset('demo'))"
+    done = _run(installed, tmp_path, "-c", code)
+    paths = done.stdout.split()
+    assert len(paths) == 2, done.stderr
+    assert all(Path(path).is_relative_to(installed) for path in paths)
+    for name in ("microstation/station.xml", "demo/campaign.toml", "demo/answer.toml"):
+        assert (installed / "mbw" / "assets" / name).is_file()
+
+
+def test_the_demo_ends_with_the_address_of_its_report(demo):
+    folder, done = demo
+    address = done.stderr.strip().splitlines()[-1]
+    assert address.startswith("open file://")
+    assert (folder / "report.html").is_file()
+    assert address.endswith("/report.html")
+
+
+def test_the_demo_tunes_the_station_and_leaves_a_gap_for_the_diagnosis(demo):
+    summary = json.loads((demo[0] / "tuned.json").read_text())
+    gap = summary["gap"]["sensors"]
+    assert summary["fit"]["converged"]
+    assert len(summary["parameters"]) == 72
+    assert gap["tuned"]["error"] < 0.25 * gap["as_drawn"]["error"]
+    assert gap["tuned"]["error"] > 1.5 * gap["noise"]  # one effect and all tolerances remain
+
+
+def test_the_report_fetches_nothing(demo):
+    text = (demo[0] / "report.html").read_text(encoding="utf-8")
+    page = re.sub(r"<script>/\*\*.*?</script>", "", text, flags=re.DOTALL)
+    assert "src=" not in page
+    assert not re.search(r"<link|@import|url\(", page.split("</style>")[0])
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_the_report_draws_18_overlays_of_three_curves_for_a_body(demo):
+    with tempfile.TemporaryDirectory() as profile:
+        done = subprocess.run(
+            [
+                CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run",
+                "--disable-background-networking", "--disable-component-update",
+                "--disable-sync", "--disable-quic", f"--user-data-dir={profile}",
+                "--virtual-time-budget=20000", "--window-size=1280,1600", "--dump-dom",
+                (demo[0] / "report.html").as_uri(),
+            ],
+            capture_output=True, text=True, timeout=120, check=False,
+        )  # fmt: skip
+    dom = done.stdout
+    overlay = dom[dom.index('id="overlay"') : dom.index("<h2>Parameters")]
+    subplots = set(re.findall(r'class="subplot (x\d*y\d*)"', overlay))
+    assert len(subplots) == 18
+    # noise, measured, as drawn, tuned in each
+    assert len(re.findall(r'<path class="js-line"', overlay)) == 4 * 18
+    assert dom.count('data-key="body"') == 6

@@ -1,0 +1,244 @@
+"""``mbw tune`` in-process: results, messages, exit codes, and nothing half-written."""
+
+import json
+import re
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.io
+from campaign_folder import write_folder
+from typer.testing import CliRunner
+
+from identification.words import Dof
+from mbmodel import Evaluator, Question, as_drawn, load_machine
+from mbw import tune as verb
+from mbw.command import app
+from tuning import Progress, read_result
+from tuning import tuned as tuned_module
+
+RUNNER = CliRunner()
+
+
+def mbw(*arguments):
+    return RUNNER.invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory):
+    return write_folder(tmp_path_factory.mktemp("small") / "campaign")
+
+
+@pytest.fixture(scope="session")
+def tuned(folder, tmp_path_factory):
+    out = tmp_path_factory.mktemp("tuned") / "result"
+    result = mbw("tune", folder, "--out", out, "--json", "-", "--starts", 2)
+    assert result.exit_code == 0, result.stderr
+    return out, result
+
+
+@pytest.fixture
+def spoil(folder, tmp_path):
+    """A copy of the campaign in which one text of one file is replaced."""
+
+    def copy(file, pattern, replacement):
+        target = tmp_path / "campaign"
+        shutil.copytree(folder, target)
+        path = target / file
+        text = path.read_text(encoding="utf-8")
+        changed = re.sub(pattern, replacement, text, count=1)
+        assert changed != text
+        path.write_text(changed, encoding="utf-8")
+        return target
+
+    return copy
+
+
+def test_data_go_to_stdout_and_messages_to_stderr(tuned):
+    _, result = tuned
+    summary = json.loads(result.stdout)
+    assert summary["fit"]["converged"] is True
+    assert "tuned: error" in result.stderr
+    assert "2 of 2 starts" in result.stderr
+
+
+def test_the_json_says_the_gap_at_sensors_and_bodies(tuned):
+    _, result = tuned
+    for level in ("sensors", "bodies"):
+        gap = json.loads(result.stdout)["gap"][level]
+        assert gap["as_drawn"]["error"] > 5 * gap["tuned"]["error"]
+        assert gap["held_out"]["error"] >= 0.9 * gap["tuned"]["error"]
+        assert gap["tuned"]["error"] == pytest.approx(gap["noise"], rel=0.3)
+        assert 0.8 < gap["tuned"]["excess"] < 1.3
+
+
+def test_the_tuned_mjcf_answers_as_the_reported_tuning(tuned):
+    out, result = tuned
+    summary = json.loads(result.stdout)
+    written = as_drawn(load_machine(out / "tuned.xml"))
+    stated = {row["name"]: row["tuned"] for row in summary["parameters"]}
+    theta = np.array([stated[parameter.name] for parameter in written.parameters])
+    assert written.drawn == pytest.approx(theta, rel=1e-14)
+    read = read_result(out)
+    level = read.levels["sensors"]
+    first = [k for k, test in enumerate(level.tests) if test == level.tests[0]]
+    outputs = tuple(Dof.parse(level.outputs[k]) for k in first)
+    question = Question(read.freq_hz, outputs, (Dof("acc3", "+tx"),))
+    values = Evaluator(written, question).at(written.drawn).values[:, :, 0]
+    # Stored in single precision.
+    scale = np.abs(values).max(axis=0)
+    assert np.abs(level.tuned[:, first] - values).max() < 1e-6 * scale.max()
+
+
+def test_the_folder_holds_three_files_and_no_traces(tuned):
+    out, _ = tuned
+    assert sorted(path.name for path in out.iterdir()) == ["frf.npz", "tuned.json", "tuned.xml"]
+
+
+def test_an_interrupt_writes_the_best_so_far_and_exits_130(folder, tmp_path, monkeypatch):
+    whole = tuned_module.fit
+
+    def interrupted(*args, report=None, **kwargs):
+        def tell(step: Progress):
+            report(step)
+            if step.stage == 1 and step.evaluation == 5:
+                raise KeyboardInterrupt
+
+        return whole(*args, report=tell, **kwargs)
+
+    monkeypatch.setattr(tuned_module, "fit", interrupted)
+    result = mbw("tune", folder, "--out", tmp_path / "out")
+    assert result.exit_code == 130
+    assert "best parameters" in result.stderr
+    summary = json.loads((tmp_path / "out" / "tuned.json").read_text())
+    assert summary["fit"]["outcome"] == "interrupted"
+    assert summary["gap"]["sensors"]["held_out"] is None
+    gap = summary["gap"]["sensors"]
+    assert gap["tuned"]["error"] < gap["as_drawn"]["error"]
+    assert mbw("report", tmp_path / "out").exit_code == 0
+
+
+def test_a_search_that_does_not_converge_exits_4_with_its_result(folder, tmp_path, monkeypatch):
+    whole = tuned_module.fit
+
+    def tired(*args, **kwargs):
+        return replace(whole(*args, **kwargs), outcome="out of evaluations", advice="allow more")
+
+    monkeypatch.setattr(tuned_module, "fit", tired)
+    result = mbw("tune", folder, "--out", tmp_path / "out", "--quiet")
+    assert result.exit_code == 4
+    assert "allow more" in result.stderr
+    assert (tmp_path / "out" / "tuned.json").exists()
+
+
+def test_quiet_says_nothing_but_errors(folder, tmp_path):
+    result = mbw("tune", folder, "--out", tmp_path / "out", "--quiet")
+    assert (result.exit_code, result.stdout, result.stderr) == (0, "", "")
+
+
+def test_a_band_narrows_the_lines(folder, tmp_path):
+    result = mbw("tune", folder, "--out", tmp_path / "o", "--band", 20, 100, "--json", "-", "-q")
+    summary = json.loads(result.stdout)
+    assert summary["band"][0] >= 20
+    assert summary["band"][1] <= 100
+
+
+SPOILED = [
+    # file, what is replaced, by what, words that the message must have
+    ("campaign.toml", 'model = "model.xml"', 'model = "none.xml"', ["none.xml", "does not exist"]),
+    ("campaign.toml", "impact.mat", "gone.mat", ["gone.mat", "does not exist"]),
+    ("campaign.toml", "averages = 10", "averges = 10", ["campaign.toml", "averges"]),
+    ("campaign.toml", "averages = 10", "averages = = 10", ["campaign.toml", "line 5"]),
+    ("campaign.toml", "averages = 10", "averages = 0", ["campaign.toml", "averages"]),
+    ("campaign.toml", "1..6, xyz", "1..7, xyz", ["impact.mat", "21 channels"]),
+    ("campaign.toml", "1..6, xyz", "1..5 7, xyz", ["impact.mat", "node 7", "acc7"]),
+    ("model.xml", 'stiffness="3e7"', 'stiffness="-3e7"', ["model.xml", "base_tx", "0 or more"]),
+    ("model.xml", 'damping="700"', 'damping="-700"', ["model.xml", "head_tx"]),
+    ("model.xml", 'stiffness="3e7"', 'stiffness="nan"', ["model.xml", "base_tx"]),
+    ("model.xml", '<inertial pos="0 0.03.*?/>', "", ["model.xml", "head", "mass"]),
+    ("model.xml", 'name="acc4"', 'name="acc03"', ["model.xml", "acc3", "node 3"]),
+    ("model.xml", "</worldbody>", "</worldbody", ["model.xml", "line"]),
+    (
+        "model.xml",
+        '<site name="acc3"',
+        '<geom type="sphere" size="0.9" mass="0"/><geom type="sphere" size="0.9" mass="0"/>'
+        '<site name="acc3"',
+        ["model.xml", "contact", "contype"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("file", "pattern", "replacement", "words"), SPOILED)
+def test_bad_input_exits_3_with_one_sentence_and_writes_nothing(
+    spoil, tmp_path, file, pattern, replacement, words
+):
+    campaign = spoil(file, pattern, replacement)
+    if "contact" in words:  # the base needs something to touch
+        model = campaign / "model.xml"
+        model.write_text(
+            model.read_text()
+            .replace(
+                '<site name="acc1"',
+                '<geom type="box" size="1 1 .2" pos="0 0 -.3" mass="0"/><site name="acc1"',
+            )
+            .replace('<body name="base">', '<geom type="plane" size="2 2 1"/><body name="base">')
+        )
+    out = tmp_path / "out"
+    result = mbw("tune", campaign, "--out", out)
+    assert result.exit_code == 3, result.stderr
+    assert result.stdout == ""
+    last = result.stderr.strip().splitlines()
+    assert len(last) == 1
+    for word in words:
+        assert word in last[0]
+    assert not out.exists()
+    assert "Traceback" not in result.stderr
+
+
+def test_nan_in_the_data_is_named(folder, tmp_path):
+    target = tmp_path / "campaign"
+    shutil.copytree(folder, target)
+    content = scipy.io.loadmat(target / "impact.mat")
+    content["FRFs"][4, 1, 7] = np.nan
+    scipy.io.savemat(
+        target / "impact.mat", {k: v for k, v in content.items() if not k.startswith("__")}
+    )
+    result = mbw("tune", target, "--out", tmp_path / "out")
+    assert result.exit_code == 3
+    for word in ("impact.mat", "NaN", "2:+ty", "3:-ty"):
+        assert word in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_empty_band_exits_3(folder, tmp_path):
+    result = mbw("tune", folder, "--out", tmp_path / "out", "--band", 300, 400)
+    assert result.exit_code == 3
+    assert "300" in result.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("arguments", [("tune",), ("nonsense",), ("tune", "x", "--starts", "0")])
+def test_a_wrong_call_exits_2(arguments):
+    assert mbw(*arguments).exit_code == 2
+
+
+def test_a_folder_that_cannot_be_made_is_refused_before_the_work_is_lost(folder, tmp_path):
+    blocked = tmp_path / "file"
+    blocked.write_text("x")
+    result = mbw("tune", folder, "--out", blocked / "out")
+    assert result.exit_code == 3
+    assert "cannot be made" in result.stderr
+
+
+def test_an_internal_error_exits_1_and_shows_a_traceback_only_with_debug(folder, monkeypatch):
+    def broken(*args, **kwargs):
+        raise ZeroDivisionError("a fault of ours")
+
+    monkeypatch.setattr(verb, "open_session", broken)
+    result = mbw("tune", folder)
+    assert result.exit_code == 1
+    assert "internal error" in result.stderr
+    assert "Traceback" not in result.stderr
+    loud = mbw("--debug", "tune", folder)
+    assert isinstance(loud.exception, ZeroDivisionError)

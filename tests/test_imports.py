@@ -1,0 +1,96 @@
+"""The house's one-way streets, walked in the source."""
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+MAY_IMPORT = {
+    "identification.words": set(),
+    "identification": {"identification.words"},
+    "mbmodel": {"identification.words"},
+    "tuning": {"identification.words", "identification", "mbmodel"},
+    "diagnosis": {"identification.words", "identification", "mbmodel", "tuning"},
+    "truth": set(),
+    "mbw": {"identification.words", "identification", "mbmodel", "tuning", "diagnosis"},
+}
+ONLY_BEHIND = {
+    "mujoco": {"mbmodel"},
+    "nlopt": {"tuning/solver.py"},
+    "pyuff": {"identification/uff.py"},
+    "plotly": {"mbw/report.py"},
+    "typer": {"mbw", "truth"},
+    "rich": {"mbw"},
+}
+WORDS_MAY_IMPORT = {"numpy", "identification"}
+
+
+def _room(module: str) -> str | None:
+    for room in sorted(MAY_IMPORT, key=len, reverse=True):
+        if module == room or module.startswith(room + "."):
+            return room
+    return None
+
+
+def _imports(path: Path) -> list[str]:
+    names = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            names.append(node.module)
+    return names
+
+
+def _files() -> list[Path]:
+    packages = {name.split(".")[0] for name in MAY_IMPORT}
+    return sorted(f for package in packages for f in (ROOT / package).rglob("*.py"))
+
+
+def _faults(path: Path, imports: list[str]) -> list[str]:
+    relative = path.relative_to(ROOT)
+    room = _room(".".join(relative.with_suffix("").parts))
+    faults = []
+    for name in imports:
+        target = _room(name)
+        if target is not None and target != room and target not in MAY_IMPORT[room]:
+            faults.append(f"{relative} imports {name}")
+        homes = ONLY_BEHIND.get(name.split(".")[0])
+        if homes and not any(relative.is_relative_to(home) for home in homes):
+            faults.append(f"{relative} imports {name}, which lives in {', '.join(homes)}")
+    return faults
+
+
+@pytest.mark.parametrize("path", _files(), ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_file_imports_only_what_its_room_may(path):
+    assert _faults(path, _imports(path)) == []
+
+
+def test_the_words_need_numpy_only():
+    for path in sorted((ROOT / "identification" / "words").rglob("*.py")):
+        foreign = {
+            name.split(".")[0]
+            for name in _imports(path)
+            if name.split(".")[0] not in WORDS_MAY_IMPORT
+        }
+        assert foreign <= sys.stdlib_module_names, path
+
+
+def test_a_wrong_import_is_found():
+    assert _faults(ROOT / "truth" / "station.py", ["mbmodel.machine"])
+    assert _faults(ROOT / "mbmodel" / "machine.py", ["identification.uff"])
+    assert _faults(ROOT / "tuning" / "fit.py", ["nlopt"])
+
+
+def test_no_import_stands_inside_a_function():
+    for path in _files():
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for function in ast.walk(tree):
+            if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
+                inside = [
+                    n for n in ast.walk(function) if isinstance(n, ast.Import | ast.ImportFrom)
+                ]
+                assert not inside, f"{path}: {function.name}"
