@@ -57,19 +57,17 @@ def test_an_overdamped_station_is_answered_as_by_the_direct_solve(station_model,
     poles = modes(station_model.matrices(theta)).poles
     assert (poles.imag == 0).sum() >= 10
     asked = question(station_model.machine, np.linspace(0, 250, 51), quantity=quantity)
-    error, modal = against_direct(station_model, theta, asked)
-    assert modal
-    # Ten times more than elsewhere, at a receptance that is zero at 0 Hz and 1e-3 of its
-    # neighbours at its peak. The evaluator's own guard is 1e-9 of a line's largest motion.
-    assert error < 1e-9
+    # Whether the modal form is exact enough here (2e-10 of a coordinate's peak) is the evaluator's
+    # to decide; the answer is right either way.
+    error, _ = against_direct(station_model, theta, asked)
+    assert error < AGREEMENT
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_skew_tree_is_answered_as_by_the_direct_solve(from_text, seed):
     model = as_drawn(from_text(random_tree(seed)))
     asked = question(model.machine, np.linspace(0.5, 400, 60), n_out=7, n_in=3, seed=seed)
-    error, modal = against_direct(model, model.drawn, asked)
-    assert modal
+    error, _ = against_direct(model, model.drawn, asked)
     assert error < AGREEMENT
 
 

@@ -1,0 +1,407 @@
+"""FRF tables of .mat and .npz files: layouts, units, the grammar of channels, refusals."""
+
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.io
+from hypothesis import given
+from hypothesis import strategies as st
+
+from identification.arrays_in import parse_channels, read_arrays
+from identification.words import InputError
+
+FREQ = np.array([0.0, 0.5, 1.25, 3.0, 3.5, 8.0, 9.0])
+CHANNELS = ["7:+x", "7:-y", "2:+z", "acc1:+rx", "2:+x"]
+REFERENCES = ["11:+z", "3:-x"]
+NAMES = {".mat": ("FRFs", "COHs", "freqs"), ".npz": ("frf", "coherence", "freq_hz")}
+OPTIONS = {
+    "channels": CHANNELS,
+    "references": REFERENCES,
+    "quantity": "accelerance",
+    "unit": None,
+}
+
+
+def tables(lines=7, outputs=5, inputs=2):
+    """FRFs and coherences, (freq, out, in), no two values alike."""
+    rng = np.random.default_rng(4)
+    shape = (lines, outputs, inputs)
+    values = rng.normal(size=shape) + 1j * rng.normal(size=shape)
+    return values, rng.uniform(0.1, 0.99, shape)
+
+
+def save(path, **variables):
+    if path.suffix == ".mat":
+        scipy.io.savemat(path, variables)
+    else:
+        np.savez(path, **variables)
+    return path
+
+
+def save_frfs(path, values, coherence=None, freq=FREQ):
+    names = NAMES[path.suffix]
+    extra = {} if coherence is None else {names[1]: coherence}
+    return save(path, **extra, **{names[0]: values, names[2]: freq})
+
+
+@pytest.fixture(params=[".mat", ".npz"])
+def path(request, tmp_path):
+    return tmp_path / f"test{request.param}"
+
+
+def refusal(path, **options):
+    with pytest.raises(InputError) as caught:
+        read_arrays(path, **{**OPTIONS, **options})
+    assert str(path) in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("freq_last", [True, False])
+def test_either_order_of_axes_is_read(path, freq_last):
+    values, coherence = tables()
+    if freq_last:
+        save_frfs(path, np.moveaxis(values, 0, 2), np.moveaxis(coherence, 0, 2))
+    else:
+        save_frfs(path, values, coherence)
+    table = read_arrays(path, **OPTIONS)
+    np.testing.assert_array_equal(table.values, values)
+    np.testing.assert_array_equal(table.coherence, coherence)
+    np.testing.assert_array_equal(table.freq_hz, FREQ)
+    assert [str(d) for d in table.responses] == ["7:+tx", "7:-ty", "2:+tz", "acc1:+rx", "2:+tx"]
+    assert [str(d) for d in table.references] == ["11:+tz", "3:-tx"]
+    assert table.measured.all()
+
+
+def test_frfs_and_coherences_may_have_different_orders_of_axes(path):
+    values, coherence = tables()
+    save_frfs(path, values, np.moveaxis(coherence, 0, 2))
+    np.testing.assert_array_equal(read_arrays(path, **OPTIONS).coherence, coherence)
+
+
+def test_the_layout_of_the_seed_is_read(tmp_path):
+    # FRFs 69 x 3 x 801, COHs alike, freqs 1 x 801 (FACTS); single precision keeps the file small.
+    values, coherence = tables(801, 69, 3)
+    path = save_frfs(
+        tmp_path / "frf.mat",
+        np.moveaxis(values, 0, 2).astype(np.complex64),
+        np.moveaxis(coherence, 0, 2).astype(np.float32),
+        np.linspace(0, 200, 801)[None, :],
+    )
+    references = ["11:+x", "11:+y", "11:+z"]
+    table = read_arrays(
+        path, channels="nodes 1..23, xyz", references=references, quantity="accelerance", unit=None
+    )
+    assert table.values.shape == (801, 69, 3)
+    assert str(table.responses[4]) == "2:+ty"
+    np.testing.assert_allclose(table.values[400, 4, 2], values[400, 4, 2], rtol=1e-6)
+
+
+def test_freq_first_wins_where_both_orders_fit(path):
+    values = tables(3, 3, 3)[0]
+    save_frfs(path, values, freq=FREQ[:3])
+    names = ["1:x", "2:x", "3:x"]
+    table = read_arrays(path, **{**OPTIONS, "channels": names, "references": names})
+    np.testing.assert_array_equal(table.values, values)
+
+
+@pytest.mark.parametrize("freq_last", [True, False])
+def test_one_reference_may_come_as_a_matrix(path, freq_last):
+    values, coherence = tables(inputs=1)
+    matrix, matrix_of_coherence = values[:, :, 0], coherence[:, :, 0]
+    if freq_last:
+        matrix, matrix_of_coherence = matrix.T, matrix_of_coherence.T
+    save_frfs(path, matrix, matrix_of_coherence)
+    table = read_arrays(path, **{**OPTIONS, "references": ["11:+z"]})
+    np.testing.assert_array_equal(table.values, values)
+    np.testing.assert_array_equal(table.coherence, coherence)
+
+
+@pytest.mark.parametrize("shape", [(7,), (7, 1), (1, 7)])
+def test_frequencies_may_be_a_row_or_a_column(path, shape):
+    values, _ = tables()
+    save_frfs(path, values, freq=FREQ.reshape(shape))
+    np.testing.assert_array_equal(read_arrays(path, **OPTIONS).freq_hz, FREQ)
+
+
+def test_coherence_may_be_absent(path):
+    save_frfs(path, tables()[0])
+    assert read_arrays(path, **OPTIONS).coherence is None
+
+
+def test_rounding_beyond_one_is_clipped_from_a_coherence(path):
+    values, coherence = tables()
+    coherence[2, 1, 1] = 1 + 1e-7
+    save_frfs(path, values, coherence)
+    assert read_arrays(path, **OPTIONS).coherence.max() == 1
+
+
+def test_coherence_kept_as_complex_counts_by_its_real_part(path):
+    # |Gxy|^2 computed as Gxy * conj(Gxy) stays complex in numpy.
+    values, coherence = tables()
+    save_frfs(path, values, coherence + 1e-17j)
+    np.testing.assert_array_equal(read_arrays(path, **OPTIONS).coherence, coherence)
+
+
+@pytest.mark.parametrize("ending", [".MAT", ".Mat"])
+def test_the_case_of_the_ending_does_not_matter(tmp_path, ending):
+    values, _ = tables()
+    path = save_frfs(tmp_path / "a.mat", values).rename(tmp_path / f"a{ending}")
+    np.testing.assert_array_equal(read_arrays(path, **OPTIONS).values, values)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit", "si"),
+    [
+        ("accelerance", None, 1.0),
+        ("accelerance", "m/s^2/N", 1.0),
+        ("accelerance", "mm/s^2/N", 1e-3),
+        ("accelerance", "um/s^2/N", 1e-6),
+        ("accelerance", "g/N", 9.80665),
+        ("mobility", "m/s/N", 1.0),
+        ("mobility", "mm/s/N", 1e-3),
+        ("receptance", "m/N", 1.0),
+        ("receptance", "um/N", 1e-6),
+        ("receptance", "nm/N", 1e-9),
+    ],
+)
+def test_values_become_si(tmp_path, quantity, unit, si):
+    values, _ = tables()
+    path = save_frfs(tmp_path / "a.npz", values)
+    table = read_arrays(path, **{**OPTIONS, "quantity": quantity, "unit": unit})
+    assert table.quantity == quantity
+    np.testing.assert_allclose(table.values, values * si, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit"),
+    [
+        ("accelerance", "m/s/N"),
+        ("mobility", "g/N"),
+        ("receptance", "mm/s^2/N"),
+        ("accelerance", "m/s2/N"),
+        ("accelerance", ""),
+    ],
+)
+def test_a_unit_of_another_quantity_is_refused(tmp_path, quantity, unit):
+    path = save_frfs(tmp_path / "a.npz", tables()[0])
+    message = refusal(path, quantity=quantity, unit=unit)
+    assert repr(unit) in message
+    assert "write one of" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("nodes 1..2, xyz", ["1:+tx", "1:+ty", "1:+tz", "2:+tx", "2:+ty", "2:+tz"]),
+        ("nodes 1..4 7, y", ["1:+ty", "2:+ty", "3:+ty", "4:+ty", "7:+ty"]),
+        ("nodes 5,3, zx", ["5:+tz", "5:+tx", "3:+tz", "3:+tx"]),
+        ("  nodes 12 xy ", ["12:+tx", "12:+ty"]),
+        ("nodes 3..3, x", ["3:+tx"]),
+        (["1:+x", "acc7:-ry", "2:z"], ["1:+tx", "acc7:-ry", "2:+tz"]),
+    ],
+)
+def test_channels_are_listed_node_by_node(text, expected):
+    assert [str(dof) for dof in parse_channels(Path("a.mat"), text)] == expected
+
+
+@given(
+    ranges=st.lists(st.tuples(st.integers(1, 500), st.integers(0, 4)), min_size=1, max_size=6),
+    axes=st.permutations("xyz"),
+    separator=st.sampled_from([" ", ", ", ",", "  "]),
+)
+def test_any_list_of_ranges_is_all_its_nodes_or_names_the_doubled_one(ranges, axes, separator):
+    items = [f"{a}..{a + more}" if more else str(a) for a, more in ranges]
+    nodes = [node for a, more in ranges for node in range(a, a + more + 1)]
+    text = f"nodes {separator.join(items)}, {''.join(axes)}"
+    if len(set(nodes)) < len(nodes):
+        with pytest.raises(InputError, match="twice"):
+            parse_channels(Path("a.mat"), text)
+        return
+    found = parse_channels(Path("a.mat"), text)
+    assert [(int(d.point), d.direction) for d in found] == [
+        (node, f"+t{axis}") for node in nodes for axis in axes
+    ]
+
+
+@pytest.mark.parametrize(
+    "channels",
+    [
+        "",
+        "nodes",
+        "nodes 1..23",
+        "node 1..23, xyz",
+        "nodes 1..23, xyw",
+        "nodes 1..2..3, x",
+        "nodes 1...4, x",
+        "nodes 1.4, x",
+        "nodes ..4, x",
+        "nodes 1.., x",
+        "nodes 1..4, xx",
+        "nodes 1..4 3, x",
+        "nodes 4..1 7, x",
+        "1:+x",
+        ["1:+x", "1:-x"],
+        ["1:+w"],
+        ["1"],
+        [":+x"],
+        ["1:2:+x"],
+        [""],
+    ],
+)
+def test_channels_that_make_no_sense_are_refused(channels):
+    with pytest.raises(InputError, match=re.escape("a.mat")):
+        parse_channels(Path("a.mat"), channels)
+
+
+@pytest.mark.parametrize("second", ["11:+x", "11:-x"])
+def test_a_reference_named_twice_is_refused(tmp_path, second):
+    path = save_frfs(tmp_path / "a.npz", tables()[0])
+    assert "twice" in refusal(path, references=["11:+x", second])
+
+
+def test_a_bad_reference_is_refused(tmp_path):
+    path = save_frfs(tmp_path / "a.npz", tables()[0])
+    assert "'11'" in refusal(path, references=["11", "3:x"])
+
+
+def test_a_missing_file_is_named(path):
+    assert "does not exist" in refusal(path)
+
+
+@pytest.mark.parametrize("missing", [0, 2])
+def test_a_missing_variable_is_named_with_those_there(path, missing):
+    names = NAMES[path.suffix]
+    variables = {names[0]: tables()[0], names[2]: FREQ}
+    kept = names[2 - missing]
+    save(path, **{kept: variables[kept]})
+    message = refusal(path)
+    assert f"no variable '{names[missing]}'" in message
+    assert kept in message
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"channels": CHANNELS[:4]}, {"references": ["11:+z"]}, {"channels": "nodes 1..2, xyz"}],
+)
+def test_a_table_of_another_shape_is_refused_with_both_shapes(path, options):
+    save_frfs(path, np.moveaxis(tables()[0], 0, 2))
+    message = refusal(path, **options)
+    assert "(5, 2, 7)" in message
+    assert "mend channels or references" in message
+
+
+@pytest.mark.parametrize("order", [(0, 2, 1), (1, 0, 2), (2, 0, 1), (2, 1, 0)])
+def test_axes_in_no_known_order_are_refused(path, order):
+    save_frfs(path, np.transpose(tables()[0], order))
+    assert "shape" in refusal(path)
+
+
+def test_coherences_of_another_shape_are_refused(path):
+    values, coherence = tables()
+    save_frfs(path, values, coherence[:, :4])
+    assert NAMES[path.suffix][1] in refusal(path)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("name", [0, 1])
+def test_a_value_that_is_no_number_is_named_by_line_and_channel(path, bad, name):
+    both = tables()
+    both[name][3, 1, 1] = bad
+    save_frfs(path, *both)
+    message = refusal(path)
+    assert NAMES[path.suffix][name] in message
+    assert "line 3, response 7:-ty, reference 3:-tx" in message
+
+
+@pytest.mark.parametrize(
+    "freq", [FREQ[::-1], [0, 1, 1, 2, 3, 4, 5], [0, 1, np.nan, 3, 4, 5, 6], [0, 1, 2, 3, 4, 5, np.inf]]
+)  # fmt: skip
+def test_frequencies_that_do_not_rise_are_refused(path, freq):
+    save_frfs(path, tables()[0], freq=np.asarray(freq))
+    assert "rise" in refusal(path)
+
+
+@pytest.mark.parametrize(
+    "freq", [np.array(list("abcdefg")), FREQ + 1j, np.array(["0.5"] * 7)], ids=["text", "complex", "digits"]
+)  # fmt: skip
+def test_frequencies_that_are_no_real_numbers_are_refused(path, freq):
+    save_frfs(path, tables()[0], freq=freq)
+    assert NAMES[path.suffix][2] in refusal(path)
+
+
+def test_frfs_that_are_text_are_refused(tmp_path):
+    path = save_frfs(tmp_path / "a.npz", np.full((7, 5, 2), "1+2j"))
+    assert "frf" in refusal(path)
+
+
+def test_a_cell_array_in_place_of_the_frfs_is_refused(tmp_path):
+    cells = np.empty((7, 5, 2), object)
+    cells[...] = "x"
+    assert "FRFs" in refusal(save_frfs(tmp_path / "a.mat", cells))
+
+
+@pytest.mark.parametrize("content", [b"", b"freq,h\n1,2\n", b"\x00" * 400, b"\xff" * 400, b"PK\x03\x04"])
+def test_a_file_of_another_kind_is_refused(path, content):
+    path.write_bytes(content)
+    assert "again" in refusal(path)
+
+
+def test_an_array_without_names_is_refused(tmp_path):
+    buffer = io.BytesIO()
+    np.save(buffer, tables()[0])
+    (tmp_path / "a.npz").write_bytes(buffer.getvalue())
+    assert "again" in refusal(tmp_path / "a.npz")
+
+
+def test_pickled_objects_are_not_loaded(tmp_path):
+    path = tmp_path / "a.npz"
+    np.savez(path, frf=np.array([{"a": 1}], object), freq_hz=FREQ)
+    assert "cannot be read" in refusal(path)
+
+
+def test_matlab_v73_is_refused_with_the_way_to_save_it(tmp_path):
+    path = tmp_path / "a.mat"
+    header = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(116) + b"\0" * 8 + b"\x00\x02IM"
+    path.write_bytes(header.ljust(512, b"\0") + b"\x89HDF\r\n\x1a\n" + b"\0" * 100)
+    message = refusal(path)
+    assert "v7.3" in message
+    assert "-v7'" in message
+
+
+def test_hdf5_without_the_header_of_matlab_is_refused(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    path = tmp_path / "a.mat"
+    with h5py.File(path, "w") as file:
+        file["FRFs"] = tables()[0]
+    assert "again" in refusal(path)
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+@pytest.mark.parametrize("ending", [".mat", ".npz"])
+def test_a_file_cut_anywhere_is_refused(tmp_path, ending, compressed):
+    values, coherence = tables()
+    names = NAMES[ending]
+    # Coherence first: without it a table would still be one.
+    variables = {names[1]: coherence, names[0]: values, names[2]: FREQ}
+    path = tmp_path / f"whole{ending}"
+    if ending == ".mat":
+        scipy.io.savemat(path, variables, do_compression=compressed)
+    else:
+        (np.savez_compressed if compressed else np.savez)(path, **variables)
+    content = path.read_bytes()
+    leaks: dict[str, list[int]] = {}
+    for cut in range(0, len(content), 3):
+        path.write_bytes(content[:cut])
+        try:
+            table = read_arrays(path, **OPTIONS)
+        except InputError:
+            continue
+        except Exception as error:
+            leaks.setdefault(f"{type(error).__name__}: {error}", []).append(cut)
+        else:
+            np.testing.assert_array_equal(table.values, values)
+            np.testing.assert_array_equal(table.coherence, coherence)
+    assert not leaks

@@ -1,0 +1,209 @@
+"""campaign.toml: its defaults, and every way in which it can be wrong."""
+
+import pytest
+from identification_examples import write_campaign
+
+from identification import read_settings
+from identification.words import InputError, Tolerance
+
+HEAD = 'model = "model.xml"\n'
+ONE = HEAD + '[[test]]\nfile = "a.uff"\n'
+
+
+@pytest.fixture
+def settings_of(tmp_path):
+    return lambda text: read_settings(write_campaign(tmp_path, text))[1]
+
+
+@pytest.fixture
+def refusal(tmp_path):
+    def message(text):
+        with pytest.raises(InputError) as caught:
+            read_settings(write_campaign(tmp_path, text))
+        assert str(tmp_path / "campaign.toml") in str(caught.value)
+        return str(caught.value)
+
+    return message
+
+
+def test_the_smallest_campaign_has_the_defaults(settings_of):
+    settings = settings_of(ONE)
+    (test,) = settings.test
+    assert (settings.model, settings.layout, settings.sensor) == ("model.xml", None, {})
+    assert (test.file, test.averages, test.level, test.setup) == ("a.uff", None, None, None)
+    assert (test.spindle_speed, test.window_tau, test.time_sign) == (0.0, 0.0, "+")
+    assert (test.channels, test.references, test.quantity, test.unit) == (None,) * 4
+
+
+def test_the_tolerances_of_a_campaign_default_to_those_of_the_words(settings_of):
+    assert Tolerance(**settings_of(ONE).tolerance.model_dump()) == Tolerance()
+
+
+def test_every_key_of_the_contract_is_taken(settings_of):
+    settings = settings_of(
+        """
+        layout = "layout.toml"
+        [[test]]
+        file = "b.mat"
+        averages = 7
+        level = 150.0
+        spindle_speed = 3.5
+        setup = "b"
+        window_tau = 0.25
+        channels = "nodes 1..23, xyz"
+        references = ["11:+x", "11:+y"]
+        quantity = "mobility"
+        unit = "mm/s/N"
+        time_sign = "-"
+        [[test]]
+        file = "c.npz"
+        channels = ["1:+x"]
+        level = 200
+        [sensor.acc7]
+        flip = ["z"]
+        turn = [0.1, 0, -0.3]
+        ignore = ["x", "y"]
+        body = "ty"
+        [tolerance]
+        mass = 0.011
+        inertia = 0.012
+        com = 0.013
+        joint_position = 0.014
+        sensor_gain = 0.015
+        sensor_angle = 0.016
+        sensor_position = 0.017
+        hammer_angle = 0.018
+        hammer_position = 0.0
+        """
+    )
+    first, second = settings.test
+    assert first.model_dump() == {
+        "file": "b.mat",
+        "averages": 7,
+        "level": 150.0,
+        "spindle_speed": 3.5,
+        "setup": "b",
+        "window_tau": 0.25,
+        "channels": "nodes 1..23, xyz",
+        "references": ["11:+x", "11:+y"],
+        "quantity": "mobility",
+        "unit": "mm/s/N",
+        "time_sign": "-",
+    }
+    assert (second.channels, second.level, second.window_tau) == (["1:+x"], 200.0, 0.0)
+    assert settings.sensor["acc7"].model_dump() == {
+        "flip": ["z"],
+        "turn": (0.1, 0.0, -0.3),
+        "ignore": ["x", "y"],
+        "body": "ty",
+    }
+    values = list(settings.tolerance.model_dump().values())
+    assert values == [0.011, 0.012, 0.013, 0.014, 0.015, 0.016, 0.017, 0.018, 0.0]
+
+
+def test_the_file_itself_may_be_named(tmp_path):
+    folder = write_campaign(tmp_path, ONE)
+    path, settings = read_settings(folder / "campaign.toml")
+    assert path == folder / "campaign.toml"
+    assert settings.test[0].file == "a.uff"
+
+
+def test_a_folder_without_campaign_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"campaign\.toml does not exist"):
+        read_settings(tmp_path)
+
+
+def test_a_fault_of_syntax_is_named_by_its_line(refusal):
+    message = refusal(HEAD + "\n[[test]]\nfile = = 3\n")
+    assert "line 4" in message
+    assert "mend" in message
+
+
+def test_a_key_given_twice_is_named_by_its_line(refusal):
+    assert "line 4" in refusal(ONE + 'file = "b.uff"\n')
+
+
+def test_text_that_is_not_utf8_is_refused(tmp_path):
+    (tmp_path / "campaign.toml").write_bytes(ONE.encode() + b"# M\xfcller\n")
+    with pytest.raises(InputError, match="UTF-8"):
+        read_settings(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ('colour = "red"\n' + ONE, "colour"),
+        (ONE + "avarages = 3\n", "test.1.avarages"),
+        (ONE + '[[test]]\nfile = "b.uff"\nwindow = 0.1\n', "test.2.window"),
+        (ONE + "[sensor.acc7]\nflipp = []\n", "sensor.acc7.flipp"),
+        (ONE + "[tolerance]\nmas = 0.1\n", "tolerance.mas"),
+        (ONE + "[band]\nlow = 1\n", "band"),
+    ],
+)
+def test_an_unknown_key_is_named_with_its_place(refusal, text, key):
+    message = refusal(text)
+    assert f"unknown key {key}:" in message
+    assert "mend its spelling" in message
+
+
+@pytest.mark.parametrize(
+    ("line", "key"),
+    [
+        ('averages = "ten"', "test.1.averages"),
+        ("averages = 0", "test.1.averages"),
+        ("averages = 2.5", "test.1.averages"),
+        ("level = 0.0", "test.1.level"),
+        ("level = -200.0", "test.1.level"),
+        ("level = nan", "test.1.level"),
+        ("level = inf", "test.1.level"),
+        ("level = [200.0]", "test.1.level"),
+        ("spindle_speed = inf", "test.1.spindle_speed"),
+        ("setup = 3", "test.1.setup"),
+        ("window_tau = -0.1", "test.1.window_tau"),
+        ("window_tau = nan", "test.1.window_tau"),
+        ("channels = 23", "test.1.channels"),
+        ("channels = [1, 2]", "test.1.channels"),
+        ('references = "11:+x"', "test.1.references"),
+        ('quantity = "inertance"', "test.1.quantity"),
+        ("unit = 9.81", "test.1.unit"),
+        ('time_sign = "-i"', "test.1.time_sign"),
+        ("[sensor.acc7]\nflip = ['w']", "sensor.acc7.flip"),
+        ("[sensor.acc7]\nflip = 'x'", "sensor.acc7.flip"),
+        ("[sensor.acc7]\nturn = [1, 2]", "sensor.acc7.turn"),
+        ("[sensor.acc7]\nturn = [1, 2, nan]", "sensor.acc7.turn"),
+        ("[sensor.acc7]\nignore = ['rx']", "sensor.acc7.ignore"),
+        ("[sensor.acc7]\nbody = 3", "sensor.acc7.body"),
+        ("[sensor]\nacc7 = 'x'", "sensor.acc7"),
+        ("[tolerance]\nmass = -0.1", "tolerance.mass"),
+        ("[tolerance]\ncom = nan", "tolerance.com"),
+        ("[tolerance]\ncom = 'small'", "tolerance.com"),
+    ],
+)
+def test_a_wrong_value_is_named_with_its_key(refusal, line, key):
+    assert key in refusal(ONE + line + "\n")
+
+
+@pytest.mark.parametrize(
+    "line",
+    ['averages = "10"', 'level = "200"', "averages = true", "level = true", "window_tau = false"],
+)
+def test_text_or_truth_in_place_of_a_number_is_refused(refusal, line):
+    assert line.split()[0] in refusal(ONE + line + "\n")
+
+
+@pytest.mark.parametrize("text", [HEAD, HEAD + "test = []\n", HEAD + 'test = "a.uff"\n'])
+def test_a_campaign_without_tests_is_refused(refusal, text):
+    assert "test" in refusal(text)
+
+
+def test_a_test_without_file_is_refused(refusal):
+    assert "key test.1.file is missing: add it" in refusal(HEAD + "[[test]]\naverages = 3\n")
+
+
+@pytest.mark.parametrize("head", ["", 'model = "m.xml"\nlayout = "l.toml"\n'], ids=["neither", "both"])
+def test_exactly_one_of_model_and_layout_is_asked_for(refusal, head):
+    assert "name a model, or a layout" in refusal(head + '[[test]]\nfile = "a.uff"\n')
+
+
+def test_an_empty_file_is_refused(refusal):
+    assert "missing" in refusal("")
