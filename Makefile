@@ -11,7 +11,7 @@ demo: $(VENV)/.installed
 	$(BIN)/mbw demo --out $(OUT)
 
 test: check
-	$(BIN)/python -m pytest -n 2 -m "not bench"
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: $(VENV)/.installed-test
 	$(BIN)/ruff check .

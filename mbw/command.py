@@ -113,7 +113,8 @@ def tune(
 def report(
     result: Annotated[Path, typer.Argument(help="Folder that mbw tune wrote.")],
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="default: report.html in the folder.")
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder or .html; default: beside the result."),
     ] = None,
     quiet: Quiet = False,
 ) -> None:

@@ -26,6 +26,10 @@ _COLOURS = {"as drawn": "#d9822b", "tuned": "#1f6fb8", "held out": "#7fb2e0", "n
 def run(path: Path, out: Path | None) -> Path:
     """Write the report of a result folder.
 
+    Args:
+        path: the folder, or its tuned.json.
+        out: an .html file or a folder; the result's own folder if None.
+
     Returns:
         The file.
 
@@ -33,7 +37,9 @@ def run(path: Path, out: Path | None) -> Path:
         InputError: the folder holds no result, or the file cannot be written.
     """
     result = read_result(path)
-    target = out or (path if path.is_dir() else path.parent) / "report.html"
+    target = out or (path if path.is_dir() else path.parent)
+    if target.suffix != ".html":
+        target /= "report.html"
     text = render(result)
     try:
         with files_of(target.parent) as place:
@@ -84,7 +90,10 @@ def _lead(summary: TunedFile) -> str:
         text += f", and by {_percent(gap.held_out.error)} on lines that the fit did not see"
         worst = max(summary.held_out_blocks, key=lambda block: block.share)
         if worst.share > 0.5:
-            text += f" ({_percent(worst.share)} of that square in {worst.low:g}..{worst.high:g} Hz)"
+            text += (
+                f" ({100 * worst.share:.0f} % of the squared error lies in "
+                f"{worst.low:g}..{worst.high:g} Hz)"
+            )
     if gap.noise is None:
         return text + "."
     text += f". The noise of the measurement is {_percent(gap.noise)}"

@@ -1,5 +1,6 @@
 """FRF tables of .mat and .npz files: layouts, units, the grammar of channels, refusals."""
 
+import gc
 import io
 import re
 from pathlib import Path
@@ -343,10 +344,13 @@ def test_a_cell_array_in_place_of_the_frfs_is_refused(tmp_path):
     assert "FRFs" in refusal(save_frfs(tmp_path / "a.mat", cells))
 
 
-@pytest.mark.parametrize("content", [b"", b"freq,h\n1,2\n", b"\x00" * 400, b"\xff" * 400, b"PK\x03\x04"])
+@pytest.mark.parametrize(
+    "content", [b"", b"freq,h\n1,2\n", b"\x00" * 400, b"\xff" * 400, b"PK\x03\x04"]
+)
 def test_a_file_of_another_kind_is_refused(path, content):
     path.write_bytes(content)
     assert "again" in refusal(path)
+    gc.collect()  # a file left open is found here
 
 
 def test_an_array_without_names_is_refused(tmp_path):
@@ -404,4 +408,5 @@ def test_a_file_cut_anywhere_is_refused(tmp_path, ending, compressed):
         else:
             np.testing.assert_array_equal(table.values, values)
             np.testing.assert_array_equal(table.coherence, coherence)
+    gc.collect()  # a file left open is found here
     assert not leaks

@@ -200,7 +200,9 @@ def test_a_test_without_file_is_refused(refusal):
     assert "key test.1.file is missing: add it" in refusal(HEAD + "[[test]]\naverages = 3\n")
 
 
-@pytest.mark.parametrize("head", ["", 'model = "m.xml"\nlayout = "l.toml"\n'], ids=["neither", "both"])
+@pytest.mark.parametrize(
+    "head", ["", 'model = "m.xml"\nlayout = "l.toml"\n'], ids=["neither", "both"]
+)
 def test_exactly_one_of_model_and_layout_is_asked_for(refusal, head):
     assert "name a model, or a layout" in refusal(head + '[[test]]\nfile = "a.uff"\n')
 

@@ -1,0 +1,446 @@
+"""Campaigns in: files, nodes, corrections and conditions become labelled tests."""
+
+import io
+import struct
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from identification_examples import EVEN, Function, a_layout, numbers, units, write_campaign
+from scipy.spatial.transform import Rotation
+
+from identification import (
+    CampaignSettings,
+    coherence_variance,
+    correct_layout,
+    difference_variance,
+    read_campaign,
+    read_settings,
+)
+from identification.words import Dof, InputError
+from mbmodel import load_machine
+
+ROOT = Path(__file__).resolve().parents[2]
+DEMO = ROOT / "assets" / "demo"
+OPEN = Path(__file__).resolve().parents[3] / "shared" / "campaigns" / "open"
+
+HEAD = 'model = "model.xml"\n'
+TEST = HEAD + '[[test]]\nfile = "a.uff"\naverages = 10\n'
+FIRST = Function(numbers(1), rsp=(7, 1), ref=(11, 3))
+SECOND = Function(numbers(2), rsp=(2, -2), ref=(11, 3))
+THIRD = Function(numbers(3), rsp=(7, 1), ref=(1, 2))
+
+
+def coherence_of(function, seed):
+    values = np.random.default_rng(seed).uniform(0.2, 0.95, len(function.x))
+    return replace(function, data=values, func=6)
+
+
+def uff(*functions):
+    return b"".join(f if isinstance(f, bytes) else f.bytes() for f in functions)
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Writes a campaign around the small layout and reads it."""
+
+    def read_text(text=TEST, layout=None, **files):
+        contents = {"a.uff": uff(FIRST, SECOND, THIRD)}
+        contents |= {name.replace("_", "."): content for name, content in files.items()}
+        write_campaign(tmp_path, text, contents)
+        path, settings = read_settings(tmp_path)
+        corrected = correct_layout(path, settings, layout or a_layout())
+        return read_campaign(path, settings, corrected)
+
+    return read_text
+
+
+@pytest.fixture
+def refusal(read):
+    def message(*arguments, **files):
+        with pytest.raises(InputError) as caught:
+            read(*arguments, **files)
+        return str(caught.value)
+
+    return message
+
+
+def labels(dofs):
+    return [str(dof) for dof in dofs]
+
+
+def test_each_reference_of_a_file_is_a_test(read, tmp_path):
+    campaign = read()
+    assert campaign.name == tmp_path.name
+    first, second = campaign.tests
+    assert str(first.condition.reference) == "hit11:+tz"
+    assert labels(first.estimate.frf.outputs) == ["acc7:+tx", "acc2:-ty"]
+    assert str(second.condition.reference) == "acc1:+ty"
+    assert labels(second.estimate.frf.outputs) == ["acc7:+tx"]
+
+
+def test_values_go_to_their_test_and_channel(read):
+    first, second = (test.estimate.frf for test in read().tests)
+    np.testing.assert_allclose(first.values[:, 0, 0], FIRST.data, rtol=1e-12)
+    np.testing.assert_allclose(first.values[:, 1, 0], SECOND.data, rtol=1e-12)
+    np.testing.assert_allclose(second.values[:, 0, 0], THIRD.data, rtol=1e-12)
+    np.testing.assert_array_equal(first.freq_hz, EVEN)
+
+
+def test_the_hammer_point_goes_before_the_accelerometer_for_the_reference_only(read):
+    campaign = read(a_uff=uff(replace(FIRST, rsp=(11, 1), ref=(11, -2))))
+    (test,) = campaign.tests
+    assert str(test.condition.reference) == "hit11:-ty"
+    assert labels(test.estimate.frf.outputs) == ["acc11:+tx"]
+
+
+def test_a_reference_at_a_node_without_hammer_point_is_at_the_accelerometer(read):
+    (test,) = read(a_uff=uff(replace(FIRST, ref=(7, 1)))).tests
+    assert str(test.condition.reference) == "acc7:+tx"
+
+
+@pytest.mark.parametrize("end", ["rsp", "ref"])
+def test_an_unknown_node_is_refused_with_a_remedy(refusal, end):
+    message = refusal(a_uff=uff(FIRST, replace(SECOND, **{end: (5, 1)})))
+    assert "a.uff: node 5 has no site" in message
+    assert "acc5" in message
+
+
+def test_files_may_name_sites_in_place_of_nodes(read):
+    text = HEAD + (
+        '[[test]]\nfile = "b.npz"\nchannels = ["focus:+x", "7:-rz"]\nreferences = ["acc1:+y"]\n'
+    )
+    values = numbers(5, (9, 2))
+    (test,) = read(text, b_npz=npz(frf=values, freq_hz=EVEN)).tests
+    assert labels(test.estimate.frf.outputs) == ["focus:+tx", "acc7:-rz"]
+    assert str(test.condition.reference) == "acc1:+ty"
+    np.testing.assert_array_equal(test.estimate.frf.values[:, :, 0], values)
+
+
+def npz(**arrays):
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    return buffer.getvalue()
+
+
+ARRAY_TEST = (
+    HEAD + '[[test]]\nfile = "b.npz"\nchannels = "nodes 1..2, xy"\nreferences = ["11:x", "7:-z"]\n'
+)
+
+
+def test_arrays_become_tests_by_reference(read):
+    values, coherence = numbers(5, (9, 4, 2)), np.random.default_rng(1).random((9, 4, 2))
+    text = ARRAY_TEST + 'averages = 6\nunit = "mm/s/N"\nquantity = "mobility"\n'
+    campaign = read(text, b_npz=npz(frf=values, coherence=coherence, freq_hz=EVEN))
+    assert [str(t.condition.reference) for t in campaign.tests] == ["hit11:+tx", "acc7:-tz"]
+    for k, test in enumerate(campaign.tests):
+        frf = test.estimate.frf
+        assert labels(frf.outputs) == ["acc1:+tx", "acc1:+ty", "acc2:+tx", "acc2:+ty"]
+        assert frf.quantity == "mobility"
+        np.testing.assert_allclose(frf.values[:, :, 0], values[:, :, k] / 1e3, rtol=1e-15)
+        np.testing.assert_array_equal(test.estimate.coherence[:, :, 0], coherence[:, :, k])
+
+
+def test_accelerance_is_meant_where_arrays_do_not_say(read):
+    (test, _) = read(ARRAY_TEST, b_npz=npz(frf=numbers(5, (9, 4, 2)), freq_hz=EVEN)).tests
+    assert test.estimate.frf.quantity == "accelerance"
+
+
+@pytest.mark.parametrize("key", ["channels", "references"])
+def test_arrays_without_labels_are_refused(refusal, key):
+    text = "\n".join(line for line in ARRAY_TEST.splitlines() if not line.startswith(key))
+    message = refusal(text, b_npz=npz(frf=numbers(5, (9, 4, 2)), freq_hz=EVEN))
+    assert "b.npz does not say its channels: add" in message
+
+
+@pytest.mark.parametrize(
+    "line", ['channels = "nodes 1..2, x"', 'references = ["11:x"]', 'unit = "g/N"']
+)
+def test_labels_for_a_universal_file_are_refused(refusal, line):
+    message = refusal(TEST + line + "\n")
+    assert f"remove {line.split()[0]}" in message
+
+
+def test_a_stated_quantity_that_contradicts_the_file_is_refused(refusal):
+    # The records say acceleration.
+    assert "receptance" in refusal(TEST + 'quantity = "receptance"\n')
+
+
+def test_a_point_whose_name_is_a_superscript_is_refused(refusal):
+    # "\u00b2".isdigit() is true, int() of it fails.
+    text = ARRAY_TEST.replace('"7:-z"', '"\u00b2:-z"')
+    assert "b.npz" in refusal(text, b_npz=npz(frf=numbers(5, (9, 4, 2)), freq_hz=EVEN))
+
+
+@pytest.mark.parametrize("second", ["11:+x", "hit11:+x", "11:-x"])
+def test_one_reference_under_two_names_is_refused(refusal, second):
+    text = ARRAY_TEST.replace('"7:-z"', f'"{second}"')
+    assert "b.npz" in refusal(text, b_npz=npz(frf=numbers(5, (9, 4, 2)), freq_hz=EVEN))
+
+
+def test_one_response_under_two_names_is_refused(refusal):
+    text = ARRAY_TEST.replace('"nodes 1..2, xy"', '["1:x", "acc1:x", "2:x", "2:y"]')
+    assert "b.npz" in refusal(text, b_npz=npz(frf=numbers(5, (9, 4, 2)), freq_hz=EVEN))
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a", "a.h5"])
+def test_an_unknown_kind_of_file_is_refused(refusal, name):
+    assert "unknown kind of file: give" in refusal(TEST.replace("a.uff", name))
+
+
+@pytest.mark.parametrize("name", ["gone.uff", "gone.unv", "gone.npz", "gone.mat"])
+def test_a_missing_file_of_a_test_is_named(refusal, name):
+    text = TEST.replace("a.uff", name)
+    if not name.endswith(("uff", "unv")):
+        text += 'channels = ["1:x"]\nreferences = ["11:x"]\n'
+    assert f"{name} does not exist" in refusal(text)
+
+
+def test_the_condition_carries_what_was_special(read):
+    text = TEST + 'level = 150.0\nspindle_speed = 3.5\nsetup = "b"\nwindow_tau = 0.25\n'
+    for test in read(text).tests:
+        assert test.condition.test == "a.uff"
+        assert test.condition.level_n == 150.0
+        assert test.condition.spindle_speed == 3.5
+        assert test.condition.setup == "b"
+        assert test.estimate.window_tau == 0.25
+        assert test.estimate.averages == 10
+
+
+def test_each_file_has_its_own_condition(read):
+    text = TEST + 'level = 50.0\n[[test]]\nfile = "c.unv"\naverages = 3\nlevel = 1000.0\n'
+    tests = read(text, c_unv=uff(FIRST)).tests
+    assert [(t.condition.test, t.condition.level_n, t.estimate.averages) for t in tests] == [
+        ("a.uff", 50.0, 10),
+        ("a.uff", 50.0, 10),
+        ("c.unv", 1000.0, 3),
+    ]
+
+
+def test_the_tolerance_of_the_campaign_is_carried(read):
+    tolerance = read(TEST + "[tolerance]\nmass = 0.07\n").tolerance
+    assert (tolerance.mass, tolerance.inertia) == (0.07, 0.05)
+
+
+def test_a_negative_time_convention_is_conjugated(read):
+    (first, _) = read(TEST + 'time_sign = "-"\n').tests
+    expected = np.conj([FIRST.data, SECOND.data]).T
+    np.testing.assert_allclose(first.estimate.frf.values[:, :, 0], expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        replace(FIRST, ordinate=8),
+        replace(FIRST, x=EVEN + 0.25),
+        replace(FIRST, x=EVEN[:8], data=FIRST.data[:8]),
+    ],
+    ids=["quantity", "axis", "length"],
+)
+def test_files_that_cannot_stand_beside_one_another_are_refused(refusal, other):
+    message = refusal(TEST + '[[test]]\nfile = "c.unv"\n', c_unv=uff(other))
+    assert "c.unv" in message
+    assert "campaign.toml" in message
+
+
+# Corrections.
+
+
+def test_a_flipped_channel_turns_its_axis_round():
+    layout, drawn = corrected('flip = ["z", "x"]'), a_layout()
+    np.testing.assert_array_equal(layout.axes[2], drawn.axes[2] * [-1, 1, -1])
+    np.testing.assert_array_equal(np.delete(layout.axes, 2, 0), np.delete(drawn.axes, 2, 0))
+
+
+def corrected(lines, site="acc7"):
+    content = tomllib.loads(TEST + f"[sensor.{site}]\n{lines}\n")
+    settings = CampaignSettings.model_validate(content)
+    return correct_layout(Path("campaign.toml"), settings, a_layout())
+
+
+def test_a_turned_sensor_has_its_drawn_axes_turned_about_world_axes():
+    turn = [0.3, -0.2, 0.7]
+    rotation = Rotation.from_rotvec(turn)
+    for axis in range(3):
+        expected = rotation.apply(a_layout().axes[2][:, axis])
+        np.testing.assert_allclose(corrected(f"turn = {turn}").axes[2][:, axis], expected)
+
+
+def test_a_sensor_is_turned_first_and_flipped_then():
+    both = corrected('turn = [0.3, -0.2, 0.7]\nflip = ["y"]')
+    turned = corrected("turn = [0.3, -0.2, 0.7]")
+    np.testing.assert_array_equal(both.axes[2], turned.axes[2] * [1, -1, 1])
+
+
+def test_a_sensor_may_sit_on_another_body():
+    layout = corrected('body = "low"')
+    assert layout.body_name("acc7") == "low"
+    np.testing.assert_array_equal(layout.body_of, [0, 0, 0, 1, 1, 1])
+    np.testing.assert_array_equal(layout.positions, a_layout().positions)
+
+
+@pytest.mark.parametrize(
+    ("site", "lines", "message"),
+    [
+        ("acc9", "flip = []", "sensor.acc9: the model has no site 'acc9'"),
+        ("7", "flip = []", "sensor.7: the model has no site '7'"),
+        ("low", "flip = []", "no site 'low'"),
+        ("acc7", 'body = "middle"', "sensor.acc7: the model has no body 'middle'"),
+        ("acc7", 'body = "acc1"', "no body 'acc1'"),
+    ],
+)
+def test_a_correction_of_nothing_is_refused(site, lines, message):
+    with pytest.raises(InputError) as caught:
+        corrected(lines, site)
+    assert "campaign.toml" in str(caught.value)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    ['flip = ["x"]', "turn = [0.0, 0.4, 0.0]", 'body = "low"'],
+    ids=["flip", "turn", "body"],
+)
+def test_a_corrected_sensor_leaves_the_hammer_at_its_node_alone(read, lines):
+    # Node 7 has no hit7, so the hammer hits along the drawn axes of acc7; the hammer is no sensor.
+    file = uff(replace(FIRST, rsp=(2, 1), ref=(7, 1)))
+    campaign = read(TEST + f"[sensor.acc7]\n{lines}\n", a_uff=file)
+    reference = campaign.tests[0].condition.reference
+    drawn = a_layout().rows([Dof.parse("acc7:+tx")])
+    np.testing.assert_allclose(campaign.layout.rows([reference]), drawn)
+
+
+def test_an_ignored_channel_is_gone_from_every_test(read):
+    first, second = read(TEST + '[sensor.acc2]\nignore = ["y"]\n').tests
+    assert labels(first.estimate.frf.outputs) == ["acc7:+tx"]
+    assert labels(second.estimate.frf.outputs) == ["acc7:+tx"]
+    np.testing.assert_allclose(first.estimate.frf.values[:, 0, 0], FIRST.data, rtol=1e-12)
+
+
+def test_an_ignored_direction_spares_the_others(read):
+    first, _ = read(TEST + '[sensor.acc2]\nignore = ["x", "z"]\n').tests
+    assert labels(first.estimate.frf.outputs) == ["acc7:+tx", "acc2:-ty"]
+
+
+def test_an_ignored_sensor_is_still_a_reference(read):
+    _, second = read(TEST + '[sensor.acc1]\nignore = ["x", "y", "z"]\n').tests
+    assert str(second.condition.reference) == "acc1:+ty"
+
+
+def test_a_test_that_loses_its_last_channel_is_refused(refusal):
+    message = refusal(TEST + '[sensor.acc7]\nignore = ["x"]\n')
+    assert "no channel is left for reference acc1:+ty" in message
+
+
+# Variance.
+
+
+def test_coherence_and_averages_give_the_variance(read):
+    functions = [FIRST, SECOND]
+    file = uff(*functions, *(coherence_of(f, k) for k, f in enumerate(functions)))
+    (test,) = read(a_uff=file).tests
+    estimate = test.estimate
+    assert estimate.variance_source == "coherence"
+    for k, function in enumerate(functions):
+        coherence = coherence_of(function, k).data
+        expected = np.abs(function.data) ** 2 * (1 - coherence) / (coherence * 9)
+        np.testing.assert_allclose(estimate.variance[:, k, 0], expected, rtol=1e-9)
+        np.testing.assert_allclose(estimate.coherence[:, k, 0], coherence, rtol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("text", "coherent"),
+    [
+        (TEST, 0),
+        (TEST, 1),
+        (TEST.replace("averages = 10", ""), 2),
+        (TEST.replace("averages = 10", "averages = 1"), 2),
+    ],
+    ids=["no coherence", "coherence of one cell", "no averages", "one average"],
+)
+def test_without_coherence_or_averages_the_variance_is_of_differences(read, text, coherent):
+    functions = [FIRST, SECOND]
+    file = uff(*functions, *(coherence_of(f, k) for k, f in enumerate(functions[:coherent])))
+    (test,) = read(text, a_uff=file).tests
+    assert test.estimate.variance_source == "differences"
+    for k, function in enumerate(functions):
+        expected = difference_variance(function.data[:, None, None])[:, 0, 0]
+        np.testing.assert_allclose(test.estimate.variance[:, k, 0], expected, rtol=1e-9)
+
+
+def test_the_unit_of_the_file_reaches_the_variance(read):
+    file = uff(units(1e3, 1.0), FIRST, coherence_of(FIRST, 1))
+    (test,) = read(a_uff=file).tests
+    expected = coherence_variance(FIRST.data / 1e3, coherence_of(FIRST, 1).data, 10)
+    np.testing.assert_allclose(test.estimate.variance[:, 0, 0], expected, rtol=1e-9)
+
+
+def test_too_few_lines_for_differences_are_refused(refusal):
+    short = replace(FIRST, x=EVEN[:3], data=FIRST.data[:3])
+    message = refusal(a_uff=uff(short))
+    assert "a.uff" in message
+    assert "3 lines are too few" in message
+
+
+def test_negative_frequencies_are_refused(refusal):
+    assert "a.uff" in refusal(a_uff=uff(replace(FIRST, x=EVEN - 5)))
+
+
+# From the files on disk to the campaign.
+
+
+@pytest.fixture(scope="module")
+def demo():
+    path, settings = read_settings(DEMO)
+    layout = load_machine(path.parent / settings.model).layout
+    return read_campaign(path, settings, correct_layout(path, settings, layout))
+
+
+def test_the_demo_has_three_hammer_directions_at_node_eleven(demo):
+    assert demo.name == "demo"
+    references = [str(test.condition.reference) for test in demo.tests]
+    assert [label[-3:] for label in references] == ["+tx", "+ty", "+tz"]
+    assert len({label[:-4] for label in references}) == 1
+    assert references[0][:-4].endswith("11")
+    assert {test.condition.level_n for test in demo.tests} == {200.0}
+
+
+def test_the_demo_has_69_channels_each_node_three(demo):
+    expected = [f"acc{node}:+t{axis}" for node in range(1, 24) for axis in "xyz"]
+    for test in demo.tests:
+        assert labels(test.estimate.frf.outputs) == expected
+
+
+def test_the_demo_has_801_lines_to_200_hz(demo):
+    np.testing.assert_allclose(demo.freq_hz, np.arange(801) / 4, rtol=1e-12)
+
+
+def test_the_variance_of_the_demo_is_known_everywhere_but_at_rest(demo):
+    for test in demo.tests:
+        assert test.estimate.variance_source == "coherence"
+        assert test.estimate.measured.all()
+        assert (test.estimate.variance[1:] > 0).all()
+
+
+def test_the_first_channel_of_the_demo_is_the_first_record_of_its_file(demo):
+    content = (DEMO / "impact_200N.uff").read_bytes()
+    start = content.index(b"    58b") - 1
+    for _ in range(13):
+        start = content.index(b"\n", start) + 1
+    data = np.array(struct.unpack("<1602f", content[start : start + 6408]))
+    np.testing.assert_array_equal(
+        demo.tests[0].estimate.frf.values[:, 0, 0], data[::2] + 1j * data[1::2]
+    )
+
+
+@pytest.mark.skipif(not OPEN.is_dir(), reason="no shared/campaigns/open beside the repository")
+def test_an_open_campaign_is_read_on_its_own_machine():
+    folder = sorted(OPEN.glob("*/campaign.toml"))[0].parent
+    path, settings = read_settings(folder)
+    layout = load_machine(path.parent / settings.model).layout
+    campaign = read_campaign(path, settings, correct_layout(path, settings, layout))
+    assert len(campaign.tests) >= 3
+    for test in campaign.tests:
+        assert (test.estimate.variance[1:] > 0).all()

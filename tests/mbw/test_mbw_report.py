@@ -1,0 +1,90 @@
+"""``mbw report``: what it says of a result, and what it refuses."""
+
+import json
+import re
+
+import pytest
+from campaign_folder import write_folder
+from typer.testing import CliRunner
+
+from mbw import report
+from mbw.command import app
+from tuning import read_result
+
+RUNNER = CliRunner()
+
+
+def mbw(*arguments):
+    return RUNNER.invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("report")
+    campaign = write_folder(place / "campaign")
+    assert mbw("tune", campaign, "--out", place / "result", "--quiet").exit_code == 0
+    return place / "result"
+
+
+def _data(text):
+    return json.loads(re.search(r"^const DATA = (.*);$", text, re.MULTILINE)[1])
+
+
+def test_the_report_lies_beside_its_result_or_where_it_is_asked(folder, tmp_path):
+    assert mbw("report", folder).exit_code == 0
+    assert (folder / "report.html").is_file()
+    assert mbw("report", folder / "tuned.json", "--out", tmp_path / "mine.html").exit_code == 0
+    assert (tmp_path / "mine.html").is_file()
+    assert mbw("report", folder, "--out", tmp_path / "sub").exit_code == 0
+    assert (tmp_path / "sub" / "report.html").is_file()
+
+
+def test_every_body_direction_and_hit_has_its_overlay(folder):
+    data = _data(report.render(read_result(folder)))
+    assert data["bodies"] == ["base", "head"]
+    assert len(data["channels"]) == 2 * 6 * 3
+    assert {channel["reference"] for channel in data["channels"]} == {
+        "acc3:+tx", "acc3:-ty", "acc3:+tz",
+    }  # fmt: skip
+
+
+def test_the_figures_are_those_of_the_result(folder):
+    summary = json.loads((folder / "tuned.json").read_text())
+    text = report.render(read_result(folder))
+    data = _data(text)
+    levels = (summary["gap"]["sensors"], summary["gap"]["bodies"])
+    bars = {bar["name"]: bar["error"] for bar in data["gap"]}
+    assert bars["held out"] == [level["held_out"]["error"] for level in levels]
+    assert bars["as drawn"] == [level["as_drawn"]["error"] for level in levels]
+    assert f"{100 * levels[0]['tuned']['error']:.3g} %" in text
+    for row in summary["parameters"]:
+        assert row["name"] in text
+
+
+def test_names_cannot_break_the_page(folder, tmp_path):
+    summary = json.loads((folder / "tuned.json").read_text())
+    summary["model"] = "</script><b>&model"
+    summary["remaining_gap"][0]["body"] = "</script><script>alert(1)"
+    (tmp_path / "tuned.json").write_text(json.dumps(summary))
+    (tmp_path / "frf.npz").write_bytes((folder / "frf.npz").read_bytes())
+    text = report.render(read_result(tmp_path))
+    assert "<b>&model" not in text
+    assert "<script>alert" not in text
+
+
+@pytest.mark.parametrize("fault", ["nothing", "no frf", "other json", "broken npz"])
+def test_what_is_no_result_is_refused(folder, tmp_path, fault):
+    if fault != "nothing":
+        (tmp_path / "tuned.json").write_bytes((folder / "tuned.json").read_bytes())
+        (tmp_path / "frf.npz").write_bytes((folder / "frf.npz").read_bytes())
+    if fault == "no frf":
+        (tmp_path / "frf.npz").unlink()
+    if fault == "other json":
+        (tmp_path / "tuned.json").write_text('{"campaign": 3}')
+    if fault == "broken npz":
+        (tmp_path / "frf.npz").write_bytes(b"PK no archive")
+    result = mbw("report", tmp_path)
+    assert result.exit_code == 3
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert "mbw tune" in result.stderr
+    assert not (tmp_path / "report.html").exists()
