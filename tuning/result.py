@@ -8,125 +8,27 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ValidationError
 
-from identification.words import Complex, InputError, Quantity, Real
+from identification.words import Complex, InputError, Real
 from mbmodel import modes, write_mjcf
 from tuning.gap import Gap, block_shares
+from tuning.schema import (
+    BlockRow,
+    FitRow,
+    GapRow,
+    GapTable,
+    LevelGap,
+    ModeRow,
+    ParameterRow,
+    ShareRow,
+    TestRow,
+    TunedFile,
+)
 from tuning.tuned import Comparison, Tuned
 
 TUNED_JSON, TUNED_MJCF, FRF_NPZ = "tuned.json", "tuned.xml", "frf.npz"
 LEVELS = ("sensors", "bodies")
-
-
-class _Row(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class GapRow(_Row):
-    """Error and excess of one prediction."""
-
-    error: float | None
-    excess: float | None
-
-
-class LevelGap(_Row):
-    """The gap at the sensors or at the bodies.
-
-    ``tuned`` is of the fit to all lines, on the lines that it saw; ``held_out`` predicts each line
-    by a fit that did not see it: the figure to quote.
-    """
-
-    as_drawn: GapRow
-    tuned: GapRow
-    held_out: GapRow | None
-    noise: float | None
-    channels: int
-    quiet_channels: int
-
-
-class GapTable(_Row):
-    """The gap at both levels."""
-
-    sensors: LevelGap
-    bodies: LevelGap
-
-
-class ParameterRow(_Row):
-    """One tuned parameter."""
-
-    name: str
-    location: str
-    unit: str
-    drawn: float
-    tuned: float
-    at_bound: bool
-
-
-class FitRow(_Row):
-    """How the search went."""
-
-    outcome: str
-    converged: bool
-    advice: str
-    evaluations: int
-    cost: float | None
-    starts: int
-    agreeing_starts: int
-
-
-class TestRow(_Row):
-    """One test."""
-
-    __test__ = False
-
-    file: str
-    reference: str
-    level: float | None
-    averages: int | None
-    variance_from: str
-    channels: int
-
-
-class ModeRow(_Row):
-    """One mode of the model in the band."""
-
-    frequency: float
-    damping: float
-
-
-class BlockRow(_Row):
-    """One held-out block of lines, and its part of the squared held-out error."""
-
-    low: float
-    high: float
-    share: float
-
-
-class ShareRow(_Row):
-    """One body's part of the gap that remains."""
-
-    body: str
-    share: float
-    excess: float
-
-
-class TunedFile(_Row):
-    """tuned.json."""
-
-    campaign: str
-    model: str
-    quantity: Quantity
-    band: tuple[float, float]
-    lines: int
-    held_out_blocks: list[BlockRow]
-    tests: list[TestRow]
-    fit: FitRow
-    gap: GapTable
-    parameters: list[ParameterRow]
-    modes: dict[str, list[ModeRow]]
-    remaining_gap: list[ShareRow]
-    not_held_by_mjcf: list[str]
 
 
 @dataclass(frozen=True, eq=False)

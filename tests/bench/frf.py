@@ -59,7 +59,7 @@ def run() -> list[dict[str, object]]:
             count * times[2],
             times[1],
             None,
-        ),  # fmt: skip
+        ),
     ]
 
 

@@ -53,7 +53,7 @@ class Function:
     tail: bytes = b"\n"  # between binary data and end mark
     title: bytes = b"NONE"
 
-    def bytes(self) -> bytes:
+    def content(self) -> bytes:
         """The dataset, marks included."""
         payload = self._binary() if self.order else self._ascii()
         kind = f"{58:6d}"

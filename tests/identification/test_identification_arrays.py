@@ -318,16 +318,19 @@ def test_a_value_that_is_no_number_is_named_by_line_and_channel(path, bad, name)
 
 
 @pytest.mark.parametrize(
-    "freq", [FREQ[::-1], [0, 1, 1, 2, 3, 4, 5], [0, 1, np.nan, 3, 4, 5, 6], [0, 1, 2, 3, 4, 5, np.inf]]
-)  # fmt: skip
+    "freq",
+    [FREQ[::-1], [0, 1, 1, 2, 3, 4, 5], [0, 1, np.nan, 3, 4, 5, 6], [0, 1, 2, 3, 4, 5, np.inf]],
+)
 def test_frequencies_that_do_not_rise_are_refused(path, freq):
     save_frfs(path, tables()[0], freq=np.asarray(freq))
     assert "rise" in refusal(path)
 
 
 @pytest.mark.parametrize(
-    "freq", [np.array(list("abcdefg")), FREQ + 1j, np.array(["0.5"] * 7)], ids=["text", "complex", "digits"]
-)  # fmt: skip
+    "freq",
+    [np.array(list("abcdefg")), FREQ + 1j, np.array(["0.5"] * 7)],
+    ids=["text", "complex", "digits"],
+)
 def test_frequencies_that_are_no_real_numbers_are_refused(path, freq):
     save_frfs(path, tables()[0], freq=freq)
     assert NAMES[path.suffix][2] in refusal(path)

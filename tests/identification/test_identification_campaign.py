@@ -39,7 +39,7 @@ def coherence_of(function, seed):
 
 
 def uff(*functions):
-    return b"".join(f if isinstance(f, bytes) else f.bytes() for f in functions)
+    return b"".join(f if isinstance(f, bytes) else f.content() for f in functions)
 
 
 @pytest.fixture
@@ -264,7 +264,7 @@ def test_a_turned_sensor_has_its_drawn_axes_turned_about_world_axes():
     turn = [0.3, -0.2, 0.7]
     rotation = Rotation.from_rotvec(turn)
     for axis in range(3):
-        expected = rotation.apply(a_layout().axes[2][:, axis])
+        expected = rotation.apply(a_layout().axes[2].T.copy()[axis])
         np.testing.assert_allclose(corrected(f"turn = {turn}").axes[2][:, axis], expected)
 
 
@@ -298,11 +298,7 @@ def test_a_correction_of_nothing_is_refused(site, lines, message):
     assert message in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    "lines",
-    ['flip = ["x"]', "turn = [0.0, 0.4, 0.0]", 'body = "low"'],
-    ids=["flip", "turn", "body"],
-)
+@pytest.mark.parametrize("lines", ['flip = ["x"]', "turn = [0.0, 0.4, 0.0]"], ids=["flip", "turn"])
 def test_a_corrected_sensor_leaves_the_hammer_at_its_node_alone(read, lines):
     # Node 7 has no hit7, so the hammer hits along the drawn axes of acc7; the hammer is no sensor.
     file = uff(replace(FIRST, rsp=(2, 1), ref=(7, 1)))

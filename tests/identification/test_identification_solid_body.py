@@ -59,8 +59,8 @@ def test_any_rigid_motion_is_recovered_exactly(seed, n_body, count, data):
     assert reduced.frf.outputs == layout.body_dofs()
     assert reduced.frf.inputs == tuple(INPUTS)
     assert reduced.measured.all()
-    error = np.abs(reduced.frf.values - motion).max()
-    assert error < 1e-14 * condition(layout, outputs) * 100  # rounding times the condition
+    # Rounding of some ten operations times the condition; the positions are metres from the origin.
+    assert np.abs(reduced.frf.values - motion).max() < 1e-13 * condition(layout, outputs)
 
 
 def world_aligned(seed=5, n_sensor=4):

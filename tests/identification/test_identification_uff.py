@@ -20,7 +20,7 @@ def read(tmp_path):
 
     def read_blocks(*blocks, **options):
         path = tmp_path / "file.uff"
-        path.write_bytes(b"".join(b if isinstance(b, bytes) else b.bytes() for b in blocks))
+        path.write_bytes(b"".join(b if isinstance(b, bytes) else b.content() for b in blocks))
         return read_uff(path, **options)
 
     return read_blocks
@@ -196,8 +196,8 @@ def test_an_unstated_ordinate_takes_the_quantity_of_the_campaign(read, ordinate)
 def test_other_datasets_are_passed_over(read):
     others = [
         dataset("   151", ["model", "", "program", "01-Jan-26  00:00:00", "", "", ""]),
-        dataset("    15", ["         7         0         0        11  1.0E+00  2.0E+00  3.0E+00"]),
-        dataset("  2411", ["         7         0         0        11", "  1.0D+00  2.0D+00  3.0D+00"]),
+        dataset("    15", [f"{7:10d}{0:10d}{0:10d}{11:10d}" + "".join(["      1.0E+00"] * 3)]),
+        dataset("  2411", [f"{7:10d}{0:10d}{0:10d}{11:10d}", "  1.0D+00  2.0D+00  3.0D+00"]),
         dataset(
             "    55",
             [
@@ -210,7 +210,7 @@ def test_other_datasets_are_passed_over(read):
             ],
         ),
         dataset("  9999", ["a dataset", "of nobody"]),
-    ]  # fmt: skip
+    ]
     table = read(*others, ONE, others[-1], replace(ONE, rsp=(7, 2)))
     assert labels(table.responses) == ["7:+tx", "7:+ty"]
     np.testing.assert_allclose(table.values[:, 0, 0], ONE.data, rtol=1e-12)
@@ -338,7 +338,7 @@ def test_pyuff_reads_our_writer_alike(tmp_path):
     # The writer of these tests against a reader that is not ours.
     function = Function(numbers(6), UNEVEN, rsp=(7, -2), even=False, order=">", single=True)
     path = tmp_path / "c.uff"
-    path.write_bytes(function.bytes())
+    path.write_bytes(function.content())
     record = pyuff.UFF(str(path)).read_sets(0)
     assert (record["rsp_node"], record["rsp_dir"], record["ref_dir"]) == (7, -2, 3)
     np.testing.assert_array_equal(record["x"], UNEVEN)

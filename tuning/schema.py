@@ -1,0 +1,115 @@
+"""tuned.json: its rows, checked on writing and on reading."""
+
+from pydantic import BaseModel, ConfigDict
+
+from identification.words import Quantity
+
+
+class _Row(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class GapRow(_Row):
+    """Error and excess of one prediction."""
+
+    error: float | None
+    excess: float | None
+
+
+class LevelGap(_Row):
+    """The gap at the sensors or at the bodies.
+
+    ``tuned`` is of the fit to all lines, on the lines that it saw; ``held_out`` predicts each line
+    by a fit that did not see it: the figure to quote.
+    """
+
+    as_drawn: GapRow
+    tuned: GapRow
+    held_out: GapRow | None
+    noise: float | None
+    channels: int
+    quiet_channels: int
+
+
+class GapTable(_Row):
+    """The gap at both levels."""
+
+    sensors: LevelGap
+    bodies: LevelGap
+
+
+class ParameterRow(_Row):
+    """One tuned parameter."""
+
+    name: str
+    location: str
+    unit: str
+    drawn: float
+    tuned: float
+    at_bound: bool
+
+
+class FitRow(_Row):
+    """How the search went."""
+
+    outcome: str
+    converged: bool
+    advice: str
+    evaluations: int
+    cost: float | None
+    starts: int
+    agreeing_starts: int
+
+
+class TestRow(_Row):
+    """One test."""
+
+    __test__ = False
+
+    file: str
+    reference: str
+    level: float | None
+    averages: int | None
+    variance_from: str
+    channels: int
+
+
+class ModeRow(_Row):
+    """One mode of the model in the band."""
+
+    frequency: float
+    damping: float
+
+
+class BlockRow(_Row):
+    """One held-out block of lines, and its part of the squared held-out error."""
+
+    low: float
+    high: float
+    share: float
+
+
+class ShareRow(_Row):
+    """One body's part of the gap that remains."""
+
+    body: str
+    share: float
+    excess: float
+
+
+class TunedFile(_Row):
+    """tuned.json."""
+
+    campaign: str
+    model: str
+    quantity: Quantity
+    band: tuple[float, float]
+    lines: int
+    held_out_blocks: list[BlockRow]
+    tests: list[TestRow]
+    fit: FitRow
+    gap: GapTable
+    parameters: list[ParameterRow]
+    modes: dict[str, list[ModeRow]]
+    remaining_gap: list[ShareRow]
+    not_held_by_mjcf: list[str]
