@@ -184,6 +184,26 @@ def test_a_dataset_that_cannot_be_read_is_named(refusal, tail):
     assert "FILE, record 2 " in refusal(ONE, dataset("   164", [tail.decode()]), TWO)
 
 
+@pytest.mark.parametrize("order", ["", "<"], ids=["ascii", "58b"])
+@pytest.mark.parametrize("kind", [0, 1, 3, 7])
+def test_a_data_form_that_does_not_exist_is_refused(refusal, order, kind):
+    content = replace(TWO, order=order).content().replace(b"         6", b"         %d" % kind, 1)
+    assert "record 2" in refusal(ONE, content)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_line_that_only_ends_like_a_mark_does_not_hide_records(tmp_path, count):
+    # A mark is a line of its own; integer fields of -1 end lines of 2412, 2414 and others.
+    foreign = dataset("  9999", [f"{4:10d}{-1:10d}"] * count)
+    path = tmp_path / "a.uff"
+    path.write_bytes(joined(foreign, ONE, TWO, foreign, replace(ONE, rsp=(7, 2))))
+    try:
+        table = read_uff(path)
+    except InputError:
+        return
+    assert [str(d) for d in table.responses] == ["7:+tx", "2:+tz", "7:+ty"]
+
+
 def test_letters_among_the_numbers_are_refused(refusal):
     content = TWO.content().replace(b"E+", b"x+", 1)
     assert "record 2" in refusal(ONE, content)
