@@ -2,7 +2,6 @@
 
 import re
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 import scipy.io
@@ -40,7 +39,7 @@ def read_arrays(
         InputError: with the file and what does not fit.
     """
     responses = parse_channels(path, channels)
-    inputs = tuple(_parse(path, text) for text in references)
+    inputs = _distinct(path, "references", tuple(_parse(path, text) for text in references))
     names = ("FRFs", "COHs", "freqs") if path.suffix.lower() == ".mat" else (
         "frf", "coherence", "freq_hz")  # fmt: skip
     arrays = _load(path)
@@ -50,12 +49,13 @@ def read_arrays(
                 f"{path} has no variable {name!r} (it has {', '.join(sorted(arrays)) or 'none'}): "
                 "save it under that name"
             )
-    freq_hz = np.asarray(arrays[names[2]], float).ravel()
+    _refuse_texts(path, arrays, names)
+    freq_hz = np.real(arrays[names[2]]).astype(float).ravel()
     shape = (len(freq_hz), len(responses), len(inputs))
     values: Complex = _freq_first(path, names[0], np.asarray(arrays[names[0]]), shape) + 0j
     coherence = arrays.get(names[1])
     if coherence is not None:
-        coherence = _freq_first(path, names[1], np.asarray(coherence), shape).astype(float)
+        coherence = _freq_first(path, names[1], np.real(coherence), shape).astype(float)
         _refuse_nan(path, names[1], coherence, responses, inputs)
         coherence = np.clip(coherence, 0.0, 1.0)
     _refuse_nan(path, names[0], values, responses, inputs)
@@ -79,13 +79,21 @@ def _load(path: Path) -> dict[str, np.ndarray]:
         if path.suffix.lower() == ".mat":
             content = scipy.io.loadmat(path)
         else:
-            with np.load(path, allow_pickle=False) as archive:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
                 content = dict(archive)
     except NotImplementedError as error:
         raise InputError(f"{path} is MATLAB v7.3: save it with save(..., '-v7')") from error
-    except (ValueError, OSError, BadZipFile, EOFError, TypeError) as error:
+    except Exception as error:  # the readers raise whatever the bytes lead them to
         raise InputError(f"{path} cannot be read ({error}): save it again") from error
     return {name: value for name, value in content.items() if not name.startswith("__")}
+
+
+def _refuse_texts(path: Path, arrays: dict[str, np.ndarray], names: tuple[str, ...]) -> None:
+    for name in names:
+        if name in arrays and np.asarray(arrays[name]).dtype.kind not in "fiuc":
+            raise InputError(f"{path}: {name} holds no numbers: save an array of numbers")
+    if np.any(np.imag(arrays[names[2]])):
+        raise InputError(f"{path}: {names[2]} is complex: save frequencies in Hz")
 
 
 def _freq_first(
@@ -140,16 +148,23 @@ def parse_channels(path: Path, channels: str | list[str]) -> tuple[Dof, ...]:
         )
     else:
         dofs = tuple(_parse(path, text) for text in channels)
-    if len({dof.positive for dof in dofs}) < len(dofs):
-        raise InputError(f"{path}: channels name one response twice: mend them")
+    return _distinct(path, "channels", dofs)
+
+
+def _distinct(path: Path, key: str, dofs: tuple[Dof, ...]) -> tuple[Dof, ...]:
+    if not dofs or len({dof.positive for dof in dofs}) < len(dofs):
+        raise InputError(f"{path}: {key} name one twice, or none: mend them")
     return dofs
 
 
 def _node_range(path: Path, text: str) -> range:
     ends = text.split("..")
-    if not 1 <= len(ends) <= 2 or not all(end.isdigit() for end in ends):
+    if not 1 <= len(ends) <= 2 or not all(end.isdecimal() for end in ends):
         raise InputError(f"{path}: {text!r} is no range of nodes: write 1..23")
-    return range(int(ends[0]), int(ends[-1]) + 1)
+    nodes = range(int(ends[0]), int(ends[-1]) + 1)
+    if not nodes:
+        raise InputError(f"{path}: the range {text!r} falls: write the lower node first")
+    return nodes
 
 
 def _parse(path: Path, text: str) -> Dof:

@@ -41,7 +41,10 @@ def band_lines(
     coherences = [test.estimate.coherence for test in campaign.tests]
     known = [c.reshape(len(freq), -1) for c in coherences if c is not None]
     if len(known) < len(coherences):
-        return freq > 0
+        lines = freq > 0
+        if not lines.any():
+            raise InputError(f"{where}: there is no line but 0 Hz: export the FRFs again")
+        return lines
     good = np.flatnonzero(np.median(np.hstack(known), axis=1) > _GOOD)
     if not good.size:
         raise InputError(

@@ -25,6 +25,7 @@ from identification.words import (
     Test,
     Tolerance,
     VarianceSource,
+    node_of,
 )
 
 _ARRAYS = (".mat", ".npz")
@@ -60,6 +61,8 @@ def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> La
     """Apply the ``[sensor]`` corrections: true axes = drawn axes turned, then flipped.
 
     ``turn`` is a rotation vector [rad] in world axes; ``body`` moves the sensor to another body.
+    The hammer is not corrected: where it hits at the node of a corrected sensor, a point
+    ``hit<node>`` keeps the drawn place and axes.
 
     Raises:
         InputError: a site or body that the model does not have.
@@ -72,6 +75,10 @@ def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> La
         signs = [-1.0 if axis in correction.flip else 1.0 for axis in "xyz"]
         drawn = layout.axes[layout.points.index(site)]
         turned = Rotation.from_rotvec(correction.turn).as_matrix() @ drawn * signs
+        node = node_of(site)
+        moved = correction.flip or any(correction.turn) or correction.body
+        if moved and node is not None and layout.hammer(node) == site:
+            layout = layout.with_copy(site, f"hit{node}")
         layout = layout.turned(site, turned, correction.body)
     return layout
 
@@ -122,7 +129,7 @@ def _on_sites(file: Path, table: FrfTable, layout: Layout) -> FrfTable:
 
     def located(dof: Dof, find: Callable[[int], str | None]) -> Dof:
         named = dof.point if dof.point in layout.points else None
-        site = find(int(dof.point)) if dof.point.isdigit() else named
+        site = find(int(dof.point)) if dof.point.isdecimal() else named
         if site is None:
             raise InputError(
                 f"{file}: node {dof.point} has no site on a moving body of the model: add a site "
@@ -130,11 +137,13 @@ def _on_sites(file: Path, table: FrfTable, layout: Layout) -> FrfTable:
             )
         return Dof(site, dof.direction)
 
-    return replace(
-        table,
-        responses=tuple(located(dof, layout.sensor) for dof in table.responses),
-        references=tuple(located(dof, layout.hammer) for dof in table.references),
-    )
+    responses = tuple(located(dof, layout.sensor) for dof in table.responses)
+    references = tuple(located(dof, layout.hammer) for dof in table.references)
+    for dofs in (responses, references):
+        if len({dof.positive for dof in dofs}) < len(dofs):
+            names = ", ".join(map(str, dofs))
+            raise InputError(f"{file}: one point and direction has two names in it ({names})")
+    return replace(table, responses=responses, references=references)
 
 
 def _variance(table: FrfTable, averages: int | None) -> tuple[Real, VarianceSource]:

@@ -10,7 +10,7 @@ from identification.words import InputError, Quantity
 
 
 class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class TestSettings(_Strict):
@@ -35,7 +35,7 @@ class SensorSettings(_Strict):
     """One ``[sensor.<site>]``: corrections without touching the MJCF."""
 
     flip: list[Literal["x", "y", "z"]] = []
-    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: list[float] = Field(default=[0.0, 0.0, 0.0], min_length=3, max_length=3)
     ignore: list[Literal["x", "y", "z"]] = []
     body: str | None = None
 

@@ -116,6 +116,17 @@ class Layout:
         """The six degrees of freedom of every body's centre of mass."""
         return tuple(Dof.of(body, axis) for body in self.bodies for axis in range(6))
 
+    def with_copy(self, point: str, name: str) -> Self:
+        """The same layout with one more point where another is."""
+        index = self.points.index(point)
+        return replace(
+            self,
+            points=(*self.points, name),
+            body_of=np.append(self.body_of, self.body_of[index]),
+            positions=np.vstack([self.positions, self.positions[index]]),
+            axes=np.concatenate([self.axes, self.axes[index : index + 1]]),
+        )
+
     def turned(self, point: str, axes: Real, body: str | None = None) -> Self:
         """The same layout with a point's axes exchanged and, if named, its body."""
         index = self.points.index(point)

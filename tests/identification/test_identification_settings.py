@@ -93,7 +93,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
     assert (second.channels, second.level, second.window_tau) == (["1:+x"], 200.0, 0.0)
     assert settings.sensor["acc7"].model_dump() == {
         "flip": ["z"],
-        "turn": (0.1, 0.0, -0.3),
+        "turn": [0.1, 0.0, -0.3],
         "ignore": ["x", "y"],
         "body": "ty",
     }
