@@ -7,8 +7,8 @@ rows of the outputs, P the columns of the inputs, T the bodies' Jacobian. Data t
 exponential window exp(-t / tau) are the transform at s = i w + 1 / tau, and so is their model.
 
 A parameter changes H by dH = -s^q (G Z^-1) dZ (Z^-1 F). A scalar cost with cotangent W,
-dJ = Re sum conj(W) dH, therefore needs one more solve, y = Z^-T G' s^q conj(W), whatever the
-number of parameters: dJ = -Re sum y' dZ x with x = Z^-1 F (the adjoint method).
+dJ = Re sum conj(W) dH, therefore needs one more solve, y = Z^-T G' conj(W), whatever the
+number of parameters: dJ = -Re sum y' dZ x with x = s^q Z^-1 F (the adjoint method).
 """
 
 from dataclasses import dataclass
@@ -66,7 +66,7 @@ class Linearised:
         condition: of the test meant, or None.
         readout: G, output per joint coordinate; (n_out, nv).
         solver: of Z x = f.
-        motion: x = Z^-1 F; (nv, n_in, n_freq).
+        motion: x = s^q Z^-1 F; (nv, n_in, n_freq).
     """
 
     model: Model
@@ -80,9 +80,7 @@ class Linearised:
     @cached_property
     def values(self) -> Complex:
         """H; (n_freq, n_out, n_in), a view on memory that runs along frequency."""
-        response = real_times(self.readout, self.motion)
-        response *= self.question.factor
-        return response.transpose(2, 0, 1)
+        return real_times(self.readout, self.motion).transpose(2, 0, 1)
 
     def frf(self) -> Frf:
         """H with its labels."""
@@ -98,10 +96,10 @@ class Linearised:
         Returns:
             dJ / dtheta in SI; (n_parameter,).
         """
-        weighted = cotangent.conj().transpose(1, 2, 0) * self.question.factor
-        adjoint = self.solver.solve(real_times(self.readout.T, weighted), transposed=True)
+        force = real_times(self.readout.T, cotangent.conj().transpose(1, 2, 0))
+        adjoint = self.solver.solve(force, transposed=True)
         size = len(adjoint)
-        motion, adjoint = self.motion.reshape(size, -1), adjoint.reshape(size, -1)
+        motion, adjoint = self.motion.reshape(size, -1), adjoint.reshape(size, -1).conj()
         slopes = self.model.slopes(self.theta, self.condition)
         highest = max((_highest_power(slope.core) for part in slopes for slope in part), default=0)
         laplace = np.tile(self.question.laplace, motion.shape[1] // len(self.question.laplace))
@@ -130,8 +128,8 @@ class Linearised:
                 left, right = self.model.frames(slope)
                 read, felt = real_times(left.T, readers), real_times(right.T, self.motion)
                 for p, power, i, j in np.argwhere(slope.core):
-                    scale = -slope.core[p, power, i, j] * self.question.factor
-                    scaled = read[i] * (scale * self.question.laplace**power)
+                    scale = -slope.core[p, power, i, j] * self.question.laplace**power
+                    scaled = read[i] * scale
                     total[start + p] += np.einsum("of,mf->fom", scaled, felt[j])
             start += len(part.parameters)
         return np.moveaxis(total, 0, -1)
@@ -143,8 +141,8 @@ def _highest_power(core: Real) -> int:
 
 
 def _real_inner(left: Complex, right: Complex) -> Real:
-    """Re sum_k left_ik right_jk as one real product; (i, j)."""
-    product: Real = left.view(np.float64) @ right.conj().view(np.float64).T
+    """Re sum_k conj(left_ik) right_jk as one real product; (i, j)."""
+    product: Real = left.view(np.float64) @ right.view(np.float64).T
     return product
 
 
@@ -168,22 +166,35 @@ class Solver:
     def _kernels(self) -> tuple[Complex, Complex] | None:
         return None if self.form is None else self.form.kernels(self.laplace)
 
-    def solve(self, force: Real | Complex, *, transposed: bool = False) -> Complex:
-        """Z^-1 f, or Z^-T f.
+    def solve(
+        self,
+        force: Real | Complex,
+        *,
+        transposed: bool = False,
+        factor: Complex | None = None,
+    ) -> Complex:
+        """Z^-1 f, or Z^-T f, times a factor of each line.
 
         Args:
             force: (nv, m, 1) the same at all lines, or (nv, m, n_freq).
             transposed: solve with the transpose.
+            factor: such as s^q; (n_freq,).
 
         Returns:
             x; (nv, m, n_freq).
         """
+        scale = np.ones(1) if factor is None else factor
         if self.form is None or self._kernels is None:
-            return self.direct(force, np.arange(len(self.laplace)), transposed=transposed)
+            lines = np.arange(len(self.laplace))
+            return self.direct(force, lines, transposed=transposed) * scale
         form = self.form.transposed if transposed else self.form
-        motion = form.receptance(force, self._kernels)
+        even, odd = self._kernels
+        motion = form.receptance(force, (even * scale, odd * scale))
         if form.in_velocity and self._resting.size:
-            motion[..., self._resting] = self.direct(force, self._resting, transposed=transposed)
+            resting = self.direct(force, self._resting, transposed=transposed)
+            motion[..., self._resting] = (
+                resting * np.broadcast_to(scale, self.laplace.shape)[self._resting]
+            )
         return motion
 
     def direct(
@@ -256,14 +267,15 @@ class Evaluator:
         laplace = self.question.laplace
         form = None if self.is_direct else modal_form(matrices)
         solver = Solver(matrices, laplace, form)
-        motion = solver.solve(self.drive)
+        factor = self.question.factor
+        motion = solver.solve(self.drive, factor=factor)
         if form is not None:
             lines = self._critical_lines(form)
-            error = np.abs(motion[..., lines] - solver.direct(self.drive, lines))
-            peak = np.abs(motion).max(axis=(1, 2), keepdims=True)
+            error = np.abs(motion[..., lines] - solver.direct(self.drive, lines) * factor[lines])
+            peak = np.abs(motion.view(np.float64)).max(axis=(1, 2), keepdims=True)
             if form.condition > _CONDITION or not (error <= _AGREEMENT * peak).all():
                 solver = Solver(matrices, laplace, None)
-                motion = solver.solve(self.drive)
+                motion = solver.solve(self.drive, factor=factor)
         return Linearised(
             self.model, theta, self.question, self.condition, self.readout, solver, motion
         )
