@@ -67,7 +67,8 @@ class LogCost:
 
 def _weigh(batch: Batch, allowance: float) -> _Weighted:
     size = np.abs(batch.values)
-    counts = batch.measured & (size > 0) & _moving(batch)
+    resting = batch.evaluator.question.factor == 0  # 0 Hz, where the model's accelerance is zero
+    counts = batch.measured & (size > 0) & _moving(batch) & ~resting[:, None, None]
     known = np.where(counts, batch.values, 1.0)
     allowed = batch.variance + allowance**2 * _point_power(batch)
     weight = np.where(counts, size**2 / np.where(counts, allowed, 1.0), 0.0)

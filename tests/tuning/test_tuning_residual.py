@@ -1,5 +1,7 @@
 """The complex-log cost and its gradient."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_machine import virtual_campaign
@@ -59,6 +61,26 @@ def test_the_cost_is_the_weighted_mean_square_of_the_complex_logarithm(model, ca
 def test_the_cost_vanishes_at_the_truth_of_noiseless_data(model, true_theta):
     exact = virtual_campaign(model, true_theta, noise=0.0)
     assert LogCost(model, exact, 0.1)(true_theta)[0] < 1e-20
+
+
+def test_the_line_at_rest_does_not_count(model, campaign):
+    # Measured accelerance at 0 Hz is noise, the model's is zero and has no logarithm.
+    tests = tuple(
+        replace(
+            test,
+            estimate=replace(
+                test.estimate,
+                frf=replace(test.estimate.frf, freq_hz=test.estimate.frf.freq_hz - 5.0),
+            ),
+        )
+        for test in campaign.tests
+    )
+    shifted = replace(campaign, tests=tests)
+    assert shifted.freq_hz[0] == 0
+    whole = LogCost(model, shifted, 0.1)(model.drawn)
+    without = LogCost(model, shifted.lines(slice(1, None)), 0.1)(model.drawn)
+    assert whole[0] == pytest.approx(without[0], rel=1e-12)
+    assert whole[1] == pytest.approx(without[1], rel=1e-9)
 
 
 def test_turned_signs_of_channels_and_hammer_change_nothing(model, campaign, flip):
