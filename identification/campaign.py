@@ -69,9 +69,13 @@ def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> La
     """
     for site, correction in settings.sensor.items():
         if site not in layout.points:
-            raise InputError(f"{path}: sensor.{site}: the model has no site {site!r}")
+            raise InputError(
+                f"{path}: sensor.{site}: the model has no site {site!r}: name one of its sites"
+            )
         if correction.body is not None and correction.body not in layout.bodies:
-            raise InputError(f"{path}: sensor.{site}: the model has no body {correction.body!r}")
+            raise InputError(
+                f"{path}: sensor.{site}: the model has no body {correction.body!r}: mend it"
+            )
         signs = [-1.0 if axis in correction.flip else 1.0 for axis in "xyz"]
         drawn = layout.axes[layout.points.index(site)]
         turned = Rotation.from_rotvec(correction.turn).as_matrix() @ drawn * signs
@@ -92,6 +96,9 @@ def _tests_of_file(
         table = replace(table, values=table.values.conj())
     ignored = {(site, axis) for site, wanted in corrections.items() for axis in wanted.ignore}
     kept = np.array([(d.point, d.direction[-1]) not in ignored for d in table.responses])
+    for column, reference in enumerate(table.references):
+        if not (table.measured[:, column] & kept).any():
+            raise InputError(f"{file}: no channel is left for reference {reference}: ignore fewer")
     try:
         variance, source = _variance(table, entry.averages)
         return [
@@ -160,8 +167,6 @@ def _test(
     source: VarianceSource,
     rows: Mask,
 ) -> Test:
-    if not rows.any():
-        raise ValueError(f"no channel is left for reference {reference}")
     column = [table.references.index(reference)]
     outputs = tuple(dof for dof, keep in zip(table.responses, rows, strict=True) if keep)
     values = table.values[:, rows][:, :, column]

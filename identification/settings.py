@@ -2,11 +2,14 @@
 
 import tomllib
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from identification.words import InputError, Quantity
+
+_FULL_TURN = 6.3  # rad
+_SHORTEST_WINDOW = 1e-4  # s
 
 
 class _Strict(BaseModel):
@@ -18,8 +21,8 @@ class TestSettings(_Strict):
 
     __test__ = False
 
-    file: str
-    averages: int | None = Field(default=None, ge=1)
+    file: str = Field(min_length=1)
+    averages: int | None = Field(default=None, ge=1, le=1_000_000)
     level: float | None = Field(default=None, gt=0)
     spindle_speed: float = 0.0
     setup: str | None = None
@@ -35,7 +38,9 @@ class SensorSettings(_Strict):
     """One ``[sensor.<site>]``: corrections without touching the MJCF."""
 
     flip: list[Literal["x", "y", "z"]] = []
-    turn: list[float] = Field(default=[0.0, 0.0, 0.0], min_length=3, max_length=3)
+    turn: list[Annotated[float, Field(ge=-_FULL_TURN, le=_FULL_TURN)]] = Field(
+        default=[0.0, 0.0, 0.0], min_length=3, max_length=3
+    )
     ignore: list[Literal["x", "y", "z"]] = []
     body: str | None = None
 
@@ -57,7 +62,7 @@ class ToleranceSettings(_Strict):
 class CampaignSettings(_Strict):
     """The whole of campaign.toml."""
 
-    model: str | None = None
+    model: str | None = Field(default=None, min_length=1)
     layout: str | None = None
     test: list[TestSettings] = Field(min_length=1)
     sensor: dict[str, SensorSettings] = {}
@@ -77,7 +82,7 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
     if not path.is_file():
         raise InputError(f"{path} does not exist: a campaign is a folder with a campaign.toml")
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is not UTF-8 text: save it as such") from error
     except tomllib.TOMLDecodeError as error:
@@ -86,6 +91,14 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
         settings = CampaignSettings.model_validate(content)
     except ValidationError as error:
         raise InputError(f"{path}: {_first_fault(error)}") from error
+    files = [(path.parent / test.file).resolve() for test in settings.test]
+    for test, file in zip(settings.test, files, strict=True):
+        if files.count(file) > 1:
+            raise InputError(f"{path}: {test.file} stands in two [[test]] blocks: remove one")
+        if 0 < test.window_tau < _SHORTEST_WINDOW:
+            raise InputError(
+                f"{path}: window_tau = {test.window_tau:g} s is no exponential window: give seconds"
+            )
     if (settings.model is None) == (settings.layout is None):
         raise InputError(f"{path}: name a model, or a layout in its stead")
     return path, settings

@@ -1,8 +1,12 @@
 """Messages and progress to stderr, errors to exit codes: one place for both."""
 
 import functools
+import signal
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
 from typing import ParamSpec, TypeVar
 
 import typer
@@ -52,6 +56,38 @@ class Screen:
 
 
 SCREEN = Screen()
+
+
+@contextmanager
+def one_interrupt() -> Iterator[Callable[[], None]]:
+    """Let the first Ctrl-C through and no other, so that what was found can be written.
+
+    Yields:
+        What to call when the work is done and only writing is left: from then on none comes
+        through.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield lambda: None
+        return
+
+    pressed = False
+
+    def ignore() -> None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def first(number: int, frame: FrameType | None) -> None:
+        nonlocal pressed
+        del number, frame
+        pressed = True
+        ignore()
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, first)
+    try:
+        yield ignore
+    finally:
+        if not pressed:  # else the command is about to leave: nobody needs to hurry it
+            signal.signal(signal.SIGINT, before)
 
 
 def guarded(verb: Callable[P, R]) -> Callable[P, R]:

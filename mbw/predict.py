@@ -94,7 +94,8 @@ def _print_modes(model: Model, json: Path | None) -> None:
         typer.echo("mode  frequency/Hz  damping/%")
         for number, row in enumerate(rows, start=1):
             note = "" if row.imaginary > 0 else "  (does not oscillate)"
-            typer.echo(f"{number:4d}  {row.frequency:12.3f}  {100 * row.damping:9.3f}{note}")
+            percent = round(100 * row.damping, 3) + 0.0  # no minus before zero
+            typer.echo(f"{number:4d}  {row.frequency:12.3f}  {percent:9.3f}{note}")
 
 
 def _question(machine: Machine, wish: Wish) -> Question:

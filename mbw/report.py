@@ -111,6 +111,10 @@ def _warnings(summary: TunedFile) -> list[str]:
     warnings = []
     if not summary.fit.converged:
         warnings.append(f"The search ended early ({summary.fit.outcome}): {summary.fit.advice}.")
+    if summary.interrupted:
+        warnings.append("The tuning was interrupted: there are no held-out lines.")
+    if any(outcome != "converged" for outcome in summary.held_out_outcomes):
+        warnings.append("Some held-out fits did not converge: the held-out error may be too high.")
     at_bound = [row.name for row in summary.parameters if row.at_bound]
     if at_bound:
         warnings.append(f"At a bound, not to be trusted: {', '.join(at_bound)}.")

@@ -7,20 +7,20 @@ from rich.progress import Progress, TaskID
 
 from diagnosis import residual_shares
 from identification.words import InputError
-from mbw.messages import INTERRUPTED, NOT_CONVERGED, SCREEN
+from mbw.messages import INTERRUPTED, NOT_CONVERGED, SCREEN, one_interrupt
 from tuning import (
+    FOLDS,
     STAGES,
     ShareRow,
     Tuned,
     TunedFile,
     Watch,
+    check_folder,
     open_session,
     tune,
     write_result,
 )
 from tuning import Progress as Step
-
-_FOLDS = 5
 
 
 def run(
@@ -45,7 +45,10 @@ def run(
         f"{session.campaign.name}: {len(session.campaign.tests)} tests, {len(freq)} lines "
         f"{freq[0]:g}..{freq[-1]:g} Hz, {len(session.model.parameters)} parameters"
     )
-    with SCREEN.progress() as progress:
+    check_folder(folder)
+    if json is not None:
+        check_json(json)
+    with SCREEN.progress() as progress, one_interrupt() as ends:
         bar = _Bar(progress, starts)
         tuned = tune(
             session,
@@ -54,9 +57,10 @@ def run(
             jobs=jobs,
             watch=Watch(bar.evaluated, bar.folded),
         )
-    summary = write_result(tuned, folder, _remaining(tuned))
-    if json is not None:
-        write_json(summary.model_dump_json(indent=1), json)
+        ends()
+        summary = write_result(tuned, folder, _remaining(tuned))
+        if json is not None:
+            write_json(summary.model_dump_json(indent=1), json)
     _say(summary, folder)
     _leave(tuned)
     return folder
@@ -70,6 +74,16 @@ def _remaining(tuned: Tuned) -> list[ShareRow]:
         ShareRow(body=share.body, share=share.share, excess=share.excess)
         for share in residual_shares(gaps, tuned.session.campaign.layout)
     ]
+
+
+def check_json(target: Path) -> None:
+    """Refuse a JSON target whose folder is not there, before the work is done.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    if str(target) != "-" and (target.is_dir() or not target.absolute().parent.is_dir()):
+        raise InputError(f"{target} cannot be written: name a file in a folder that exists")
 
 
 def write_json(text: str, target: Path) -> None:
@@ -92,7 +106,7 @@ class _Bar:
 
     def __init__(self, progress: Progress, starts: int) -> None:
         self._progress, self._starts = progress, starts
-        total = starts * len(STAGES) + _FOLDS
+        total = starts * len(STAGES) + FOLDS
         self._task: TaskID = progress.add_task("reading", total=total)
 
     def evaluated(self, step: Step) -> None:
@@ -112,7 +126,7 @@ class _Bar:
         self._progress.update(
             self._task,
             completed=self._starts * len(STAGES) + fold + 1,
-            description=f"held-out lines, fold {fold + 1}/{_FOLDS}",
+            description=f"held-out lines, fold {fold + 1}/{FOLDS}",
         )
 
 
@@ -124,7 +138,11 @@ def _say(summary: TunedFile, folder: Path) -> None:
         rows.append(("tuned, on lines that the fit did not see", gap.held_out))
     for name, row in rows:
         SCREEN.say(f"  {name}: error {_number(row.error)}, excess {_number(row.excess)}")
+    if gap.held_out is None and not summary.interrupted:
+        SCREEN.say("  the band is too narrow to hold lines out")
     SCREEN.say(f"  noise: {_number(gap.noise)}")
+    if any(outcome != "converged" for outcome in summary.held_out_outcomes):
+        SCREEN.say("  some held-out fits did not converge: see held_out_outcomes in tuned.json")
     at_bound = [row.name for row in summary.parameters if row.at_bound]
     if at_bound:
         SCREEN.say(f"  at a bound, not to be trusted: {', '.join(at_bound)}")
@@ -145,8 +163,10 @@ def _number(value: float | None) -> str:
 
 
 def _leave(tuned: Tuned) -> None:
-    if tuned.fit.outcome == "interrupted":
-        SCREEN.error(f"interrupted: {tuned.fit.advice}")
+    if tuned.interrupted:
+        SCREEN.error(
+            f"interrupted: {tuned.fit.advice or 'the fit is whole, run again for held-out lines'}"
+        )
         raise typer.Exit(INTERRUPTED)
     if not tuned.fit.converged:
         SCREEN.error(f"not converged, {tuned.fit.outcome}: {tuned.fit.advice}")

@@ -2,16 +2,17 @@
 
 from tuning.batch import predict
 from tuning.fit import STAGES, Fit, Progress, Stage, fit, random_starts
-from tuning.folds import HeldOut, block_width, fit_held_out, fold_of_lines
+from tuning.folds import FOLDS, HeldOut, block_width, fit_held_out, fold_of_lines
 from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
 from tuning.residual import LogCost
-from tuning.result import Level, Result, files_of, read_result, write_result
+from tuning.result import Level, Result, check_folder, files_of, read_result, write_result
 from tuning.schema import ShareRow, TunedFile
 from tuning.session import Session, open_session
 from tuning.solver import Minimum, minimise
 from tuning.tuned import Comparison, Tuned, Watch, at_bodies, tune
 
 __all__ = [
+    "FOLDS",
     "STAGES",
     "ChannelGaps",
     "Comparison",
@@ -32,6 +33,7 @@ __all__ = [
     "at_bodies",
     "block_width",
     "channel_gaps",
+    "check_folder",
     "files_of",
     "fit",
     "fit_held_out",

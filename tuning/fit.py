@@ -11,6 +11,7 @@ from tuning.residual import LogCost
 from tuning.solver import Minimum, Outcome, minimise
 
 _AGREE = 0.02  # two starts agree if their costs differ by less
+_FEWEST_LINES = 32
 _RANGE = np.log(100.0)  # every size stays within a factor of 100 of the drawing
 
 
@@ -131,9 +132,9 @@ class _Logarithmic:
 
 
 def _thin(campaign: Campaign, stage: Stage) -> Campaign:
-    if stage.stride == 1:
-        return campaign
-    return campaign.lines(slice(stage.stride // 2, None, stage.stride))
+    """Every stride-th line, but no fewer than 32 of them as long as there are so many."""
+    stride = min(stage.stride, max(1, len(campaign.freq_hz) // _FEWEST_LINES))
+    return campaign.lines(slice(stride // 2, None, stride))
 
 
 def _best(ends: list[Minimum], evaluations: int, bounds: tuple[Real, Real]) -> Fit:

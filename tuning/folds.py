@@ -11,6 +11,7 @@ from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Model, modes
 from tuning.batch import predict
 from tuning.fit import STAGES, Stage, fit
+from tuning.solver import Outcome
 
 FOLDS = 5
 _LEAST = 8
@@ -23,11 +24,13 @@ class HeldOut:
 
     Args:
         thetas: of each fold's fit, in SI; (5, n_parameter).
+        outcomes: how each fold's search ended; 5.
         folds: fold of each line; (n_freq,).
         width: lines in a block.
     """
 
     thetas: Real
+    outcomes: tuple[Outcome, ...]
     folds: Integers
     width: int
 
@@ -86,7 +89,7 @@ def fit_held_out(
     *,
     jobs: int = 1,
     report: Callable[[int], None] | None = None,
-) -> HeldOut:
+) -> HeldOut | None:
     """Leave out one fold of the lines after the other and fit the rest, started at theta.
 
     Args:
@@ -96,26 +99,32 @@ def fit_held_out(
         jobs: processes; the result does not depend on it.
         report: told the number of each fold that is done.
 
+    Returns:
+        The fits; None if the band holds a single block, which nothing could predict.
+
     Raises:
         KeyboardInterrupt: interrupted; there is no held-out prediction then.
     """
     width = block_width(model, theta, campaign.freq_hz)
     folds = fold_of_lines(len(campaign.freq_hz), width)
+    if not folds.any():
+        return None
     work = (delayed(_fit_without)(model, theta, campaign, folds == fold) for fold in range(FOLDS))
-    thetas = []
-    for fold, fitted in enumerate(Parallel(n_jobs=jobs, return_as="generator")(work)):
+    thetas, outcomes = [], []
+    for fold, (fitted, outcome) in enumerate(Parallel(n_jobs=jobs, return_as="generator")(work)):
         thetas.append(fitted)
+        outcomes.append(outcome)
         if report is not None:
             report(fold)
-    return HeldOut(np.array(thetas), folds, width)
+    return HeldOut(np.array(thetas), tuple(outcomes), folds, width)
 
 
-def _fit_without(model: Model, theta: Real, campaign: Campaign, held: Mask) -> Real:
-    """Theta fitted to the lines that are not held out."""
-    if not held.any() or held.all():
-        return theta
+def _fit_without(model: Model, theta: Real, campaign: Campaign, held: Mask) -> tuple[Real, Outcome]:
+    """Theta fitted to the lines that are not held out, and how the search ended."""
+    if not held.any():  # a fold without a block predicts nothing
+        return theta, "converged"
     with threadpool_limits(1):
         tuned = fit(model, campaign.lines(~held), starts=(theta,), stages=WARM_STAGES)
     if tuned.outcome == "interrupted":
         raise KeyboardInterrupt
-    return tuned.theta
+    return tuned.theta, tuned.outcome

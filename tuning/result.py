@@ -2,10 +2,12 @@
 
 import os
 import tempfile
+import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 from pydantic import ValidationError
@@ -73,6 +75,8 @@ def summarise_tuning(
         quantity=campaign.tests[0].estimate.frf.quantity,
         band=(float(freq[0]), float(freq[-1])),
         lines=len(freq),
+        interrupted=tuned.interrupted,
+        held_out_outcomes=list(tuned.held_out.outcomes) if tuned.held_out else [],
         held_out_blocks=_blocks(tuned),
         tests=[
             TestRow(
@@ -150,11 +154,11 @@ def _gap_row(gap: Gap) -> GapRow:
 
 def _modes(tuned: Tuned, theta: Real) -> list[ModeRow]:
     found = modes(tuned.session.model.matrices(theta))
-    highest = tuned.session.campaign.freq_hz[-1]
+    lowest, highest = tuned.session.campaign.freq_hz[[0, -1]]
     return [
         ModeRow(frequency=float(frequency), damping=float(damping))
         for frequency, damping, pole in zip(found.freq_hz, found.damping, found.poles, strict=True)
-        if pole.imag > 0 and frequency <= highest
+        if pole.imag > 0 and lowest <= frequency <= highest
     ]
 
 
@@ -183,12 +187,32 @@ def files_of(folder: Path) -> Iterator[Path]:
     """A temporary folder inside another, whose files move up when the block ends without error."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as name:
+            yield Path(name)
+            files = sorted(Path(name).iterdir())
+            for file in files:
+                if (folder / file.name).is_dir():
+                    raise InputError(f"{folder / file.name} is a folder: name another")
+            for file in files:
+                os.replace(file, folder / file.name)
     except OSError as error:
-        raise InputError(f"{folder} cannot be made ({error.strerror}): name another") from error
-    with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as name:
-        yield Path(name)
-        for file in sorted(Path(name).iterdir()):
-            os.replace(file, folder / file.name)
+        raise InputError(
+            f"{folder} cannot be made or written ({error.strerror}): name another"
+        ) from error
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder into which a result cannot be written, before the work is done.
+
+    Raises:
+        InputError: it cannot be made or written, or holds folders in the places of the files.
+    """
+    with files_of(folder) as place:
+        for name in (TUNED_JSON, TUNED_MJCF, FRF_NPZ):
+            if (folder / name).is_dir():
+                raise InputError(f"{folder / name} is a folder: name another")
+        (place / ".probe").touch()
+        (place / ".probe").unlink()
 
 
 def _arrays(tuned: Tuned) -> dict[str, np.ndarray]:
@@ -209,6 +233,8 @@ def _arrays(tuned: Tuned) -> dict[str, np.ndarray]:
         arrays[f"{name}_measured"] = _beside([test.estimate.frf.values for test in tests])
         arrays[f"{name}_as_drawn"] = _beside(comparison.as_drawn)
         arrays[f"{name}_tuned"] = _beside(comparison.tuned)
+        if comparison.held_out is not None:
+            arrays[f"{name}_held_out"] = _beside(comparison.held_out)
         noise = [np.sqrt(test.estimate.variance[:, :, 0]) for test in tests]
         arrays[f"{name}_noise"] = np.hstack(noise).astype(np.float32)
     return arrays
@@ -227,7 +253,10 @@ def read_result(path: Path) -> Result:
     folder = path.parent if path.name == TUNED_JSON else path
     try:
         summary = TunedFile.model_validate_json((folder / TUNED_JSON).read_bytes())
-        with np.load(folder / FRF_NPZ, allow_pickle=False) as arrays:
+        with (
+            (folder / FRF_NPZ).open("rb") as file,
+            np.load(file, allow_pickle=False) as arrays,
+        ):
             levels = {
                 name: Level(
                     outputs=tuple(map(str, arrays[f"{name}_outputs"])),
@@ -244,5 +273,13 @@ def read_result(path: Path) -> Result:
         raise InputError(
             f"{error.filename} does not exist: name the folder that mbw tune wrote"
         ) from error
-    except (ValidationError, ValueError, KeyError, OSError) as error:
+    except (
+        ValidationError,
+        ValueError,
+        KeyError,
+        OSError,
+        EOFError,
+        BadZipFile,
+        zlib.error,
+    ) as error:
         raise InputError(f"{folder} holds no tuning ({error}): run mbw tune again") from error

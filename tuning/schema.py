@@ -105,6 +105,8 @@ class TunedFile(_Row):
     quantity: Quantity
     band: tuple[float, float]
     lines: int
+    interrupted: bool
+    held_out_outcomes: list[str]
     held_out_blocks: list[BlockRow]
     tests: list[TestRow]
     fit: FitRow

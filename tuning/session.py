@@ -42,6 +42,10 @@ def open_session(path: Path, band: tuple[float, float] | None = None) -> Session
     machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
     campaign = read_campaign(source, settings, machine.layout)
     model = as_drawn(machine)
+    if not model.parameters:
+        raise InputError(
+            f"{machine.source}: no joint or tendon has stiffness or damping to tune: draw them"
+        )
     chosen = campaign.lines(band_lines(campaign, band, source))
     if not any(np.abs(test.estimate.frf.values).any() for test in chosen.tests):
         raise InputError(f"{source}: all FRFs are zero in the band: check the export")

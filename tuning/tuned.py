@@ -45,7 +45,8 @@ class Tuned:
     Args:
         session: campaign and drawn model.
         fit: to all lines.
-        held_out: fits that left lines out; None if interrupted.
+        held_out: fits that left lines out; None if interrupted or if the band is too narrow.
+        interrupted: whether fit or held-out fits were.
         sensors: at the measured channels.
         bodies: at the centres of mass.
     """
@@ -53,6 +54,7 @@ class Tuned:
     session: Session
     fit: Fit
     held_out: HeldOut | None
+    interrupted: bool
     sensors: Comparison
     bodies: Comparison
 
@@ -94,13 +96,16 @@ def tune(
     model, campaign = session.model, session.campaign
     found = fit(model, campaign, starts=random_starts(model, starts, seed), report=watch.evaluated)
     held_out = None
-    if found.outcome != "interrupted":
+    interrupted = found.outcome == "interrupted"
+    if not interrupted:
         try:
             held_out = fit_held_out(model, found.theta, campaign, jobs=jobs, report=watch.folded)
         except KeyboardInterrupt:
-            found = replace(found, outcome="interrupted", advice="run again for held-out lines")
+            interrupted = True
     compare = _Comparer(model, found.theta, held_out)
-    return Tuned(session, found, held_out, compare(campaign), compare(at_bodies(campaign)))
+    return Tuned(
+        session, found, held_out, interrupted, compare(campaign), compare(at_bodies(campaign))
+    )
 
 
 @dataclass(frozen=True, eq=False)

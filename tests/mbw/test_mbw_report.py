@@ -72,7 +72,9 @@ def test_names_cannot_break_the_page(folder, tmp_path):
     assert "<script>alert" not in text
 
 
-@pytest.mark.parametrize("fault", ["nothing", "no frf", "other json", "broken npz"])
+@pytest.mark.parametrize(
+    "fault", ["nothing", "no frf", "other json", "broken npz", "cut npz", "empty npz"]
+)
 def test_what_is_no_result_is_refused(folder, tmp_path, fault):
     if fault != "nothing":
         (tmp_path / "tuned.json").write_bytes((folder / "tuned.json").read_bytes())
@@ -83,6 +85,10 @@ def test_what_is_no_result_is_refused(folder, tmp_path, fault):
         (tmp_path / "tuned.json").write_text('{"campaign": 3}')
     if fault == "broken npz":
         (tmp_path / "frf.npz").write_bytes(b"PK no archive")
+    if fault == "cut npz":
+        (tmp_path / "frf.npz").write_bytes((folder / "frf.npz").read_bytes()[:3000])
+    if fault == "empty npz":
+        (tmp_path / "frf.npz").write_bytes(b"")
     result = mbw("report", tmp_path)
     assert result.exit_code == 3
     assert len(result.stderr.strip().splitlines()) == 1

@@ -113,6 +113,7 @@ def test_an_interrupt_writes_the_best_so_far_and_exits_130(folder, tmp_path, mon
     assert "best parameters" in result.stderr
     summary = json.loads((tmp_path / "out" / "tuned.json").read_text())
     assert summary["fit"]["outcome"] == "interrupted"
+    assert summary["interrupted"] is True
     assert summary["gap"]["sensors"]["held_out"] is None
     gap = summary["gap"]["sensors"]
     assert gap["tuned"]["error"] < gap["as_drawn"]["error"]
@@ -223,12 +224,55 @@ def test_a_wrong_call_exits_2(arguments):
     assert mbw(*arguments).exit_code == 2
 
 
-def test_a_folder_that_cannot_be_made_is_refused_before_the_work_is_lost(folder, tmp_path):
+def _no_work(*args, **kwargs):
+    raise AssertionError("the work was begun")
+
+
+def test_results_that_cannot_be_written_are_refused_before_the_work(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr(verb, "tune", _no_work)
     blocked = tmp_path / "file"
     blocked.write_text("x")
-    result = mbw("tune", folder, "--out", blocked / "out")
+    taken = tmp_path / "taken"
+    (taken / "tuned.json").mkdir(parents=True)
+    for arguments, words in (
+        (("--out", blocked / "out"), "cannot be made"),
+        (("--out", taken), "is a folder"),
+        (("--out", tmp_path / "o", "--json", tmp_path / "nowhere" / "x.json"), "cannot be written"),
+    ):
+        result = mbw("tune", folder, *arguments)
+        assert result.exit_code == 3, result.stderr
+        assert words in result.stderr
+
+
+@pytest.mark.parametrize(("low", "high"), [(50, 50), (50, 55), (50, 75)])
+def test_a_narrow_band_is_tuned_but_claims_no_held_out_lines(folder, tmp_path, low, high):
+    out = tmp_path / "out"
+    result = mbw("tune", folder, "--out", out, "--band", low - 1, high + 1)
+    assert result.exit_code in (0, 4), result.stderr
+    summary = json.loads((out / "tuned.json").read_text())
+    narrow = summary["lines"] <= 8
+    assert (summary["gap"]["sensors"]["held_out"] is None) == narrow
+    assert ("too narrow" in result.stderr) == narrow
+
+
+def test_one_file_in_two_tests_is_refused(folder, tmp_path):
+    target = tmp_path / "campaign"
+    shutil.copytree(folder, target)
+    text = (target / "campaign.toml").read_text()
+    (target / "campaign.toml").write_text(text + text[text.index("[[test]]") :])
+    result = mbw("tune", target, "--out", tmp_path / "out")
     assert result.exit_code == 3
-    assert "cannot be made" in result.stderr
+    assert "two [[test]] blocks" in result.stderr
+
+
+def test_a_model_with_nothing_to_tune_is_refused(tmp_path):
+    target = tmp_path / "campaign"
+    write_folder(target)
+    model = target / "model.xml"
+    model.write_text(re.sub(r'\s(stiffness|damping)="[^"]*"', "", model.read_text()))
+    result = mbw("tune", target, "--out", tmp_path / "out")
+    assert result.exit_code == 3
+    assert "to tune" in result.stderr
 
 
 def test_an_internal_error_exits_1_and_shows_a_traceback_only_with_debug(folder, monkeypatch):
