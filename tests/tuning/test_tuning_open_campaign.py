@@ -13,7 +13,7 @@ NONE = Path(__file__).resolve().parents[3] / "shared" / "campaigns" / "open" / "
 def test_every_start_comes_within_three_times_the_noise():
     session = open_session(NONE)
     model, campaign = session.model, session.campaign
-    starts = random_starts(model, 4, seed=7)
+    starts = random_starts(model, 2, seed=7)  # three random ones: make bench ONLY=tune
     found = fit(model, campaign, starts=starts)
     assert found.agree == len(starts)
     gap = summarise(channel_gaps(predict(model, found.theta, campaign), campaign))
