@@ -13,6 +13,7 @@ from plotly.offline import get_plotlyjs
 
 from identification.words import Dof, InputError
 from mbw.messages import SCREEN
+from mbw.remarks import remarks
 from tuning import Level, Result, TunedFile, files_of, read_result
 
 _UNITS = {
@@ -113,19 +114,7 @@ def _warnings(summary: TunedFile) -> list[str]:
         warnings.append(f"The search ended early ({summary.fit.outcome}): {summary.fit.advice}.")
     if summary.interrupted:
         warnings.append("The tuning was interrupted: there are no held-out lines.")
-    if any(outcome != "converged" for outcome in summary.held_out_outcomes):
-        warnings.append("Some held-out fits did not converge: the held-out error may be too high.")
-    at_bound = [row.name for row in summary.parameters if row.at_bound]
-    if at_bound:
-        warnings.append(f"At a bound, not to be trusted: {', '.join(at_bound)}.")
-    if summary.not_held_by_mjcf:
-        warnings.append(f"The tuned MJCF does not hold: {', '.join(summary.not_held_by_mjcf)}.")
-    if any(test.variance_from == "differences" for test in summary.tests):
-        warnings.append(
-            "Without coherence and averages the noise was estimated from third differences along "
-            "frequency."
-        )
-    return warnings
+    return warnings + remarks(summary)
 
 
 def _parameter_rows(summary: TunedFile) -> list[str]:

@@ -8,6 +8,7 @@ from rich.progress import Progress, TaskID
 from diagnosis import residual_shares
 from identification.words import InputError
 from mbw.messages import INTERRUPTED, NOT_CONVERGED, SCREEN, one_interrupt
+from mbw.remarks import remarks
 from tuning import (
     FOLDS,
     STAGES,
@@ -138,16 +139,9 @@ def _say(summary: TunedFile, folder: Path) -> None:
         rows.append(("tuned, on lines that the fit did not see", gap.held_out))
     for name, row in rows:
         SCREEN.say(f"  {name}: error {_number(row.error)}, excess {_number(row.excess)}")
-    if gap.held_out is None and not summary.interrupted:
-        SCREEN.say("  the band is too narrow to hold lines out")
     SCREEN.say(f"  noise: {_number(gap.noise)}")
-    if any(outcome != "converged" for outcome in summary.held_out_outcomes):
-        SCREEN.say("  some held-out fits did not converge: see held_out_outcomes in tuned.json")
-    at_bound = [row.name for row in summary.parameters if row.at_bound]
-    if at_bound:
-        SCREEN.say(f"  at a bound, not to be trusted: {', '.join(at_bound)}")
-    if summary.not_held_by_mjcf:
-        SCREEN.say(f"  the MJCF cannot hold: {', '.join(summary.not_held_by_mjcf)}")
+    for remark in remarks(summary):
+        SCREEN.say(f"  {remark}")
     SCREEN.say(f"results in {folder}")
 
 

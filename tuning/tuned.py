@@ -102,26 +102,20 @@ def tune(
             held_out = fit_held_out(model, found.theta, campaign, jobs=jobs, report=watch.folded)
         except KeyboardInterrupt:
             interrupted = True
-    compare = _Comparer(model, found.theta, held_out)
-    return Tuned(
-        session, found, held_out, interrupted, compare(campaign), compare(at_bodies(campaign))
+    sensors, bodies = (
+        _compare(model, found.theta, held_out, measured)
+        for measured in (campaign, at_bodies(campaign))
     )
+    return Tuned(session, found, held_out, interrupted, sensors, bodies)
 
 
-@dataclass(frozen=True, eq=False)
-class _Comparer:
-    model: Model
-    theta: Real
-    held_out: HeldOut | None
-
-    def __call__(self, campaign: Campaign) -> Comparison:
-        held_out = self.held_out
-        return Comparison(
-            campaign,
-            as_drawn=predict(self.model, self.model.drawn, campaign),
-            tuned=predict(self.model, self.theta, campaign),
-            held_out=held_out.predict(self.model, campaign) if held_out else None,
-        )
+def _compare(model: Model, theta: Real, held_out: HeldOut | None, campaign: Campaign) -> Comparison:
+    return Comparison(
+        campaign,
+        as_drawn=predict(model, model.drawn, campaign),
+        tuned=predict(model, theta, campaign),
+        held_out=held_out.predict(model, campaign) if held_out else None,
+    )
 
 
 def at_bodies(campaign: Campaign) -> Campaign:

@@ -255,6 +255,15 @@ def test_a_narrow_band_is_tuned_but_claims_no_held_out_lines(folder, tmp_path, l
     assert ("too narrow" in result.stderr) == narrow
 
 
+def test_a_noise_that_is_estimated_from_differences_is_reported_so(spoil, tmp_path):
+    campaign = spoil("campaign.toml", "averages = 10\n", "")
+    result = mbw("tune", campaign, "--out", tmp_path / "out")
+    assert result.exit_code == 0, result.stderr
+    assert "third differences" in result.stderr
+    summary = json.loads((tmp_path / "out" / "tuned.json").read_text())
+    assert {test["variance_from"] for test in summary["tests"]} == {"differences"}
+
+
 def test_one_file_in_two_tests_is_refused(folder, tmp_path):
     target = tmp_path / "campaign"
     shutil.copytree(folder, target)
