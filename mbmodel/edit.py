@@ -1,17 +1,70 @@
 """Tuned values back into the MJCF, every other word of it untouched."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 from xml.dom import minidom
 from xml.parsers.expat import ExpatError
 
 from identification.words import InputError
 
+Kind = Literal["spring", "joint", "site", "inertial"]
+
 _FOLDERS = ("assetdir", "meshdir", "texturedir")
+_TAGS: dict[Kind, tuple[str, ...]] = {
+    "spring": ("joint", "spatial", "fixed"),
+    "joint": ("joint",),
+    "site": ("site",),
+    "inertial": ("body",),
+}
+# An orientation can be written in five ways, of which one may stand.
+_ORIENTATIONS = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
+_REPLACED: dict[Kind, tuple[str, ...]] = {
+    "spring": (),
+    "joint": (),
+    "site": (*_ORIENTATIONS, "fromto"),
+    "inertial": (*_ORIENTATIONS, "diaginertia"),
+}
+_OWN_FRAMES = ("frame", "replicate")
 
 
-def write_mjcf(source: Path, target: Path, values: Mapping[str, float]) -> tuple[str, ...]:
-    """Write a copy of an MJCF with other joint and tendon coefficients.
+@dataclass(frozen=True)
+class Edit:
+    """Numbers of one element of an MJCF.
+
+    Args:
+        kind: spring (stiffness and damping of a joint or tendon), joint, site, inertial.
+        name: of the element; of its body for an inertial.
+        values: by attribute.
+    """
+
+    kind: Kind
+    name: str
+    values: Mapping[str, float | Sequence[float]]
+
+
+@dataclass(frozen=True)
+class NotHeld:
+    """What an MJCF cannot hold, or not where it stands.
+
+    Args:
+        name: of the parameter or element.
+        reason: why.
+    """
+
+    name: str
+    reason: str
+
+    def __str__(self) -> str:
+        """Name and reason."""
+        return f"{self.name} ({self.reason})"
+
+
+def write_mjcf(
+    source: Path, target: Path, changes: Sequence[Edit | NotHeld]
+) -> tuple[NotHeld, ...]:
+    """Write a copy of an MJCF with other numbers.
 
     Of a polynomial stiffness or damping the linear term changes. If the copy goes to another
     folder, the folders of its meshes, textures and included files become absolute.
@@ -19,10 +72,10 @@ def write_mjcf(source: Path, target: Path, values: Mapping[str, float]) -> tuple
     Args:
         source: the MJCF that was read.
         target: the new file; its folder exists.
-        values: ``{'<joint or tendon>.<stiffness or damping>': value}`` in SI.
+        changes: what Parts want written; what they know not to be held is passed on.
 
     Returns:
-        The names that the file cannot hold, as of joints without a name or in an included file.
+        What the file does not hold, as joints without a name or in an included file.
 
     Raises:
         InputError: the source cannot be read any more.
@@ -31,27 +84,74 @@ def write_mjcf(source: Path, target: Path, values: Mapping[str, float]) -> tuple
         document = minidom.parse(str(source))
     except (OSError, ExpatError) as error:
         raise InputError(f"{source} cannot be read again ({error}): restore it") from error
-    elements = {
-        element.getAttribute("name"): element
-        for body in ("worldbody", "tendon")
-        for parent in document.getElementsByTagName(body)
-        for kind in ("joint", "spatial", "fixed")
-        for element in parent.getElementsByTagName(kind)
-        if element.hasAttribute("name")
-    }
-    not_held = []
-    for name, value in values.items():
-        element_name, attribute = name.rsplit(".", 1)
-        element = elements.get(element_name)
-        if element is None:
-            not_held.append(name)
-        else:
-            higher = element.getAttribute(attribute).split()[1:]
-            element.setAttribute(attribute, " ".join([f"{value:.17g}", *higher]))
+    not_held = [change for change in changes if isinstance(change, NotHeld)]
+    for edit in (change for change in changes if isinstance(change, Edit)):
+        if (reason := _apply(document, edit)) is not None:
+            not_held += [NotHeld(f"{edit.name}.{attribute}", reason) for attribute in edit.values]
     if source.resolve().parent != target.resolve().parent:
         _make_folders_absolute(document, source.resolve().parent)
     target.write_text(document.toxml() + "\n", encoding="utf-8")
     return tuple(not_held)
+
+
+def _apply(document: minidom.Document, edit: Edit) -> str | None:
+    """Write an edit, or say why it cannot be."""
+    element = _find(document, edit)
+    if element is None:
+        return "no element of this name in the file itself"
+    if edit.kind != "spring" and _inside(element, _OWN_FRAMES):
+        return "it stands inside a <frame>"
+    if edit.kind == "inertial":
+        if _geoms_rule(document):
+            return 'the compiler has inertiafromgeom="true"'
+        element = _inertial(document, element)
+    for attribute in _REPLACED[edit.kind]:
+        if element.hasAttribute(attribute):
+            element.removeAttribute(attribute)
+    for attribute, value in edit.values.items():
+        numbers = [value] if isinstance(value, float) else list(value)
+        words = [f"{number:.17g}" for number in numbers]
+        if edit.kind == "spring":
+            words += element.getAttribute(attribute).split()[1:]
+        element.setAttribute(attribute, " ".join(words))
+    return None
+
+
+def _find(document: minidom.Document, edit: Edit) -> minidom.Element | None:
+    for section in ("worldbody", "tendon"):
+        for parent in document.getElementsByTagName(section):
+            for tag in _TAGS[edit.kind]:
+                for element in parent.getElementsByTagName(tag):
+                    if element.getAttribute("name") == edit.name:
+                        return element
+    return None
+
+
+def _inside(element: minidom.Element, tags: Sequence[str]) -> bool:
+    """Whether something between an element and its body has a frame of its own."""
+    parent = element.parentNode
+    if element.tagName == "body":
+        return False
+    while isinstance(parent, minidom.Element) and parent.tagName not in ("body", "worldbody"):
+        if parent.tagName in tags:
+            return True
+        parent = parent.parentNode
+    return False
+
+
+def _geoms_rule(document: minidom.Document) -> bool:
+    compilers = document.getElementsByTagName("compiler")
+    return any(compiler.getAttribute("inertiafromgeom") == "true" for compiler in compilers)
+
+
+def _inertial(document: minidom.Document, body: minidom.Element) -> minidom.Element:
+    """The body's own <inertial>, made if there is none: it then counts instead of the geoms."""
+    for child in body.childNodes:
+        if isinstance(child, minidom.Element) and child.tagName == "inertial":
+            return child
+    inertial = document.createElement("inertial")
+    body.insertBefore(inertial, body.firstChild)
+    return inertial
 
 
 def _make_folders_absolute(document: minidom.Document, folder: Path) -> None:

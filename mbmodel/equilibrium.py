@@ -75,20 +75,23 @@ def _slope(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
     return _differences(model, data, along="position")
 
 
-def _differences(model: mujoco.MjModel, data: mujoco.MjData, along: str) -> Real:
+def _differences(
+    model: mujoco.MjModel, data: mujoco.MjData, along: str, velocity: Real | None = None
+) -> Real:
     """Central differences of the smooth generalised force; column j: along coordinate j."""
     probe = mujoco.MjData(model)
     slope = np.empty((model.nv, model.nv))
+    steady = np.zeros(model.nv) if velocity is None else velocity
     for column in range(model.nv):
         forces = []
         for sign in (1.0, -1.0):
             direction = np.zeros(model.nv)
             direction[column] = sign * _STEP
-            probe.qpos[:], probe.qvel[:] = data.qpos, 0.0
+            probe.qpos[:], probe.qvel[:] = data.qpos, steady
             if along == "position":
                 mujoco.mj_integratePos(model, probe.qpos, direction, 1.0)
             else:
-                probe.qvel[:] = direction
+                probe.qvel[:] += direction
             mujoco.mj_fwdPosition(model, probe)
             mujoco.mj_fwdVelocity(model, probe)
             mujoco.mj_fwdActuation(model, probe)
@@ -98,30 +101,34 @@ def _differences(model: mujoco.MjModel, data: mujoco.MjData, along: str) -> Real
 
 
 def remaining_stiffness_and_damping(
-    model: mujoco.MjModel, data: mujoco.MjData
+    model: mujoco.MjModel, data: mujoco.MjData, velocity: Real
 ) -> tuple[Real, Real]:
-    """Stiffness and damping beside the linear springs and dampers of joints and tendons.
+    """Stiffness and damping beside gravity and the linear springs of joints and tendons.
 
-    Gravity, actuators and polynomial terms, by central differences of the forces with the linear
-    joint and tendon coefficients set to zero: so a machine without such effects gets exact zeros
-    instead of rounding noise of its stiff springs. What the tension of tendons adds is
-    ``tension_stiffness``.
+    Actuators, polynomial terms and the gyroscopic and centrifugal forces of steady motion, by
+    central differences of the forces with gravity and the linear joint and tendon coefficients
+    set to zero: so a machine without such effects gets exact zeros instead of rounding noise of
+    its stiff springs. What the tension of tendons adds is ``tendon_curvature``.
 
     Args:
         model: the compiled model; left as it was.
         data: at the static equilibrium.
+        velocity: of the joint coordinates in steady motion [m/s, rad/s]; (nv,).
 
     Returns:
         K [N/m, N m/rad] and C [N s/m, N m s/rad]; (nv, nv) each.
     """
     stated = ("jnt_stiffness", "dof_damping", "tendon_stiffness", "tendon_damping")
     kept = {name: getattr(model, name).copy() for name in stated}
+    gravity = model.opt.gravity.copy()
     try:
         for name in stated:
             getattr(model, name)[:] = 0.0
-        stiffness = -_differences(model, data, along="position")
-        damping = -_differences(model, data, along="velocity")
+        model.opt.gravity[:] = 0.0
+        stiffness = -_differences(model, data, along="position", velocity=velocity)
+        damping = -_differences(model, data, along="velocity", velocity=velocity)
     finally:
+        model.opt.gravity[:] = gravity
         for name, value in kept.items():
             getattr(model, name)[:] = value
     return stiffness, damping

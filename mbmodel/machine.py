@@ -1,5 +1,6 @@
 """A machine: what the equation of motion needs of an MJCF, at static equilibrium."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import mujoco
 import numpy as np
 
 from identification.words import InputError, Layout, Real, frozen, is_hammer, node_of
+from mbmodel.drawing import Drawing, drawing_of
 from mbmodel.equilibrium import (
     elongation,
     remaining_stiffness_and_damping,
@@ -14,7 +16,11 @@ from mbmodel.equilibrium import (
     tendon_curvature,
     tendon_jacobian,
 )
+from mbmodel.gravity import gravity_stiffness
 from mbmodel.mjcf import compile_mjcf, joint_name
+from mbmodel.spatial import spatial_inertia, transport
+from mbmodel.spin import spin_remarks, spin_velocity
+from mbmodel.tendons import pulls_at_bodies
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +36,8 @@ class Spring:
         angular: whether it turns instead of stretching.
         geometric: elongation at rest times the derivative of the direction by the joint
             coordinates, for a tendon under tension: it adds stiffness * geometric; (nv, nv).
+        at_bodies: elongation per motion of the centres of mass, for a tendon between sites: with
+            T it gives the direction; (6 n_body,).
     """
 
     name: str
@@ -39,6 +47,28 @@ class Spring:
     damping: float
     angular: bool
     geometric: Real | None = None
+    at_bodies: Real | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Axle:
+    """A slide or hinge at rest, in world axes.
+
+    Args:
+        joint: its name.
+        coordinate: its number among the joint coordinates.
+        stage: name of the body that it carries.
+        turns: whether it is a hinge.
+        anchor: a point on its axis [m]; (3,).
+        axis: unit vector; (3,).
+    """
+
+    joint: str
+    coordinate: int
+    stage: str
+    turns: bool
+    anchor: Real
+    axis: Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +85,16 @@ class Machine:
             (6 n_body, 6 n_body).
         armature: rotor inertia of joints and tendons [kg, kg m^2]; (nv, nv).
         springs: the linear springs and dampers of joints and tendons.
-        remaining_stiffness: of gravity, actuators, polynomial terms; (nv, nv).
-        remaining_damping: of actuators and fluids; (nv, nv).
+        remaining_stiffness: of actuators, polynomial terms, gravcomp, a spinning rotor; (nv, nv).
+        remaining_damping: of actuators, fluids, a spinning rotor; (nv, nv).
+        gravity: [m/s^2]; (3,).
+        order: 1 where a coordinate comes before another on a chain, a half where neither does;
+            (nv, nv), see ``gravity``.
+        axles: slides and hinges.
+        motors: generalised force per control of each actuator; (nv,) each.
+        drawing: where the MJCF's elements stand.
+        spinning: whether a hinge turns steadily.
+        remarks: what a user must know of this linearisation.
     """
 
     name: str
@@ -69,6 +107,13 @@ class Machine:
     springs: tuple[Spring, ...]
     remaining_stiffness: Real
     remaining_damping: Real
+    gravity: Real
+    order: Real
+    axles: tuple[Axle, ...]
+    motors: Mapping[str, Real]
+    drawing: Drawing
+    spinning: bool = False
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
@@ -79,6 +124,8 @@ class Machine:
             "armature": (nv, nv),
             "remaining_stiffness": (nv, nv),
             "remaining_damping": (nv, nv),
+            "gravity": (3,),
+            "order": (nv, nv),
         }.items():
             object.__setattr__(self, name, frozen(getattr(self, name), np.float64, shape, name))
 
@@ -88,16 +135,26 @@ class Machine:
         mass: Real = self.jacobian.T @ self.body_mass @ self.jacobian + self.armature
         return mass
 
+    @property
+    def floor(self) -> Real:
+        """Motion of the centres of mass per motion of floor and machine as one; (6 n_body, 6)."""
+        return np.concatenate([transport(centre) for centre in self.layout.centres])
 
-def load_machine(path: Path) -> Machine:
+
+def load_machine(path: Path, spin: Mapping[str, float] | None = None) -> Machine:
     """Read an MJCF, let it settle, and take from it what the equation of motion needs.
 
     Bodies without a joint between them count as one. Sites on bodies that cannot move are left
     out.
 
+    Args:
+        path: the MJCF.
+        spin: hinges that turn steadily, and at what rate [rad/s]; their angle is frozen.
+
     Raises:
         InputError: what cannot be read or linearised, with the element and a remedy.
         ConvergenceError: no static equilibrium.
+        UsageError: a spinning joint that is no hinge of the machine.
     """
     model = compile_mjcf(path)
     if not model.nv:
@@ -105,19 +162,109 @@ def load_machine(path: Path) -> Machine:
     data = settle(model, path)
     stages = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
     masses, centres = zip(*(_rigid_body(model, data, stage) for stage in stages), strict=True)
-    stiffness, damping = remaining_stiffness_and_damping(model, data)
+    names = {_body_name(model, stage): stage for stage in stages}
+    velocity = spin_velocity(model, spin or {})
+    stiffness, damping = remaining_stiffness_and_damping(model, data, velocity)
+    jacobian, inertia = _jacobian(model, data, stages, centres), _block_diagonal(masses)
+    order = _order(model)
+    stiffness += _gravity_compensation(model, data, stages, centres, jacobian, order)
     return Machine(
         name=_model_name(model, path),
         source=path,
         layout=_layout(model, data, stages, np.array(centres), path),
         coordinates=_coordinate_names(model),
-        jacobian=_jacobian(model, data, stages, centres),
-        body_mass=_block_diagonal(masses),
+        jacobian=jacobian,
+        body_mass=inertia,
         armature=_armature(model, data),
-        springs=_springs(model, data, path),
+        springs=_springs(model, data, path, stages, centres),
         remaining_stiffness=stiffness,
         remaining_damping=damping,
+        gravity=_gravity(model),
+        order=order,
+        axles=_axles(model, data),
+        motors=_motors(model, data),
+        drawing=drawing_of(model, data, names, centres),
+        spinning=bool(velocity.any()),
+        remarks=spin_remarks(model, data, spin or {}),
     )
+
+
+def _gravity(model: mujoco.MjModel) -> Real:
+    off = bool(model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    gravity: Real = np.zeros(3) if off else model.opt.gravity.copy()
+    return gravity
+
+
+def _order(model: mujoco.MjModel) -> Real:
+    """N of ``gravity``: the later of two coordinates is turned by the earlier.
+
+    The rotations of one ball or free joint act at once: to second order each turns the other by
+    half. Coordinates on different branches meet in no body, so their place does not matter.
+    """
+    order = np.triu(np.ones((model.nv, model.nv)), 1) + 0.5 * np.eye(model.nv)
+    for joint in range(model.njnt):
+        dofs = np.flatnonzero(model.dof_jntid == joint)[-3:]
+        if len(dofs) == 3:
+            order[np.ix_(dofs, dofs)] = 0.5
+    return order
+
+
+def _gravity_compensation(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    stages: list[int],
+    centres: tuple[Real, ...],
+    jacobian: Real,
+    order: Real,
+) -> Real:
+    """Geometric stiffness of the upward forces of ``gravcomp``; (nv, nv)."""
+    lifted = np.zeros((len(jacobian), len(jacobian)))
+    for k, (stage, centre) in enumerate(zip(stages, centres, strict=True)):
+        for body in np.flatnonzero(model.body_weldid == stage):
+            lift = float(model.body_mass[body] * model.body_gravcomp[body])
+            lifted[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] -= spatial_inertia(
+                lift, data.xipos[body] - centre, np.zeros((3, 3))
+            )
+    if not lifted.any():
+        return np.zeros((model.nv, model.nv))
+    return gravity_stiffness(_gravity(model), order, jacobian, lifted)
+
+
+def _axles(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Axle, ...]:
+    kinds = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+    return tuple(
+        Axle(
+            joint=joint_name(model, joint),
+            coordinate=int(model.jnt_dofadr[joint]),
+            stage=_body_name(model, model.body_weldid[model.jnt_bodyid[joint]]),
+            turns=mujoco.mjtJoint(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_HINGE,
+            anchor=data.xanchor[joint].copy(),
+            axis=data.xaxis[joint].copy(),
+        )
+        for joint in range(model.njnt)
+        if mujoco.mjtJoint(model.jnt_type[joint]) in kinds
+    )
+
+
+def _motors(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Real]:
+    """Generalised force of each actuator per unit of its control, which is linear in it."""
+    probe = mujoco.MjData(model)
+    probe.qpos[:] = data.qpos
+    limits = model.opt.disableflags
+    columns = {}
+    try:
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
+        for actuator in range(model.nu):
+            forces = []
+            for control in (1.0, 0.0):
+                probe.ctrl[:] = data.ctrl
+                probe.ctrl[actuator] += control
+                mujoco.mj_forward(model, probe)
+                forces.append(probe.qfrc_actuator.copy())
+            columns[model.actuator(actuator).name or f"actuator{actuator}"] = forces[0] - forces[1]
+    finally:
+        model.opt.disableflags = limits
+    return columns
 
 
 def _model_name(model: mujoco.MjModel, path: Path) -> str:
@@ -130,14 +277,13 @@ def _rigid_body(model: mujoco.MjModel, data: mujoco.MjData, stage: int) -> tuple
     members = np.flatnonzero(model.body_weldid == stage)
     masses = model.body_mass[members]
     centre = masses @ data.xipos[members] / masses.sum()
-    mass = np.zeros((6, 6))
-    mass[:3, :3] = masses.sum() * np.eye(3)
+    total = np.zeros((6, 6))
     for body in members:
         axes = data.ximat[body].reshape(3, 3)
-        arm = data.xipos[body] - centre
-        mass[3:, 3:] += axes @ np.diag(model.body_inertia[body]) @ axes.T
-        mass[3:, 3:] += model.body_mass[body] * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return mass, centre
+        inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
+        total += spatial_inertia(model.body_mass[body], data.xipos[body] - centre, inertia)
+    total[:3, 3:] = total[3:, :3] = 0.0  # rounding: the reference is the centre of mass
+    return total, centre
 
 
 def _block_diagonal(blocks: tuple[Real, ...]) -> Real:
@@ -208,8 +354,15 @@ def _armature(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
     return armature
 
 
-def _springs(model: mujoco.MjModel, data: mujoco.MjData, path: Path) -> tuple[Spring, ...]:
-    springs = _joint_springs(model) + _tendon_springs(model, data)
+def _springs(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    path: Path,
+    stages: list[int],
+    centres: tuple[Real, ...],
+) -> tuple[Spring, ...]:
+    pulls = pulls_at_bodies(model, data, stages, centres)
+    springs = _joint_springs(model) + _tendon_springs(model, data, pulls)
     names = [spring.name for spring in springs]
     for name in names:
         if names.count(name) > 1:
@@ -240,7 +393,9 @@ def _joint_springs(model: mujoco.MjModel) -> tuple[Spring, ...]:
     return tuple(springs)
 
 
-def _tendon_springs(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Spring, ...]:
+def _tendon_springs(
+    model: mujoco.MjModel, data: mujoco.MjData, pulls: Mapping[int, Real]
+) -> tuple[Spring, ...]:
     rows = tendon_jacobian(model, data)
     slack = (model.tendon_lengthspring[:, 0] < data.ten_length) & (
         data.ten_length < model.tendon_lengthspring[:, 1]
@@ -258,6 +413,7 @@ def _tendon_springs(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Spring,
                 damping=float(model.tendon_damping[tendon]),
                 angular=False,
                 geometric=curvature[tendon] * length[tendon] if length[tendon] else None,
+                at_bodies=pulls.get(tendon),
             )
         )
     return tuple(springs)

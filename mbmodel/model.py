@@ -1,11 +1,14 @@
-"""A machine with its Parts, assembled to M, C and K at given parameters."""
+"""A machine with its Parts, assembled at given parameters."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from identification.words import Condition, Real, UsageError
+from mbmodel.edit import Edit, NotHeld
+from mbmodel.gravity import gravity_slope, gravity_stiffness
 from mbmodel.machine import Machine
 from mbmodel.parts import Change, Parameter, Part, Situation, spring_parts
 
@@ -21,6 +24,40 @@ class Matrices:
     def dynamic_stiffness(self, laplace: complex) -> np.ndarray[tuple[int, int], np.dtype]:
         """Z(s) = s^2 M + s C + K; (nv, nv)."""
         return laplace**2 * self.mass + laplace * self.damping + self.stiffness
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """All factors of the equation at one theta.
+
+    Args:
+        machine: whose they are.
+        jacobian: T; (6 n_body, nv).
+        matrices: M, C, K in joint coordinates.
+        body_changes: what Parts add to Zb.
+        point_changes: what Parts add at sensors and hammer.
+    """
+
+    machine: Machine
+    jacobian: Real
+    matrices: Matrices
+    body_changes: tuple[Change, ...]
+    point_changes: tuple[Change, ...]
+
+    @cached_property
+    def body(self) -> Real:
+        """Zb: coefficients of s^0, s^1, s^2; (3, 6 n_body, 6 n_body)."""
+        size = len(self.machine.body_mass)
+        total = np.zeros((3, size, size))
+        total[2] = self.machine.body_mass
+        for change in self.body_changes:
+            total += change.left @ change.core @ change.right.T
+        return total
+
+    @property
+    def has_weight(self) -> bool:
+        """Whether gravity is on."""
+        return bool(self.machine.gravity.any())
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,33 +106,77 @@ class Model:
         ends = np.cumsum([len(part.parameters) for part in self.parts])
         return tuple(np.split(theta, ends)[:-1])
 
-    def frames(self, change: Change) -> tuple[Real, Real]:
-        """Left and right factors of a change in joint coordinates; (nv, r) each."""
-        if change.slot == "joint":
-            return change.left, change.right
-        transposed = self.machine.jacobian.T
-        return transposed @ change.left, transposed @ change.right
-
     @cached_property
-    def _fixed(self) -> Real:
+    def _as_drawn(self) -> Real:
+        """Coefficients of s^0, s^1, s^2 without any Part; (3, nv, nv)."""
         machine = self.machine
-        return np.stack([machine.remaining_stiffness, machine.remaining_damping, machine.mass])
+        return self._without_parts(machine.jacobian, machine.body_mass[None] * _MASS)
 
-    def matrices(self, theta: Real, condition: Condition | None = None) -> Matrices:
-        """Assemble M, C and K at theta.
+    def _without_parts(self, jacobian: Real, body: Real) -> Real:
+        """The bodies, gravity, and what no Part changes; (3, nv, nv)."""
+        machine = self.machine
+        total = np.stack([machine.remaining_stiffness, machine.remaining_damping, machine.armature])
+        for power in np.flatnonzero(body.any(axis=(1, 2))):
+            total[power] += jacobian.T @ body[power] @ jacobian
+        if machine.gravity.any():
+            total[0] += gravity_stiffness(machine.gravity, machine.order, jacobian, body[2])
+        return total
+
+    def assemble(self, theta: Real, condition: Condition | None = None) -> Assembly:
+        """Assemble T, M, C, K and what changes at sensors and hammer.
 
         Args:
             theta: parameters in SI; (n_parameter,).
             condition: of the test meant, for Parts that act in some tests only.
         """
-        total = self._fixed.copy()
-        situation = Situation(self.machine, condition)
+        machine = self.machine
+        situation = Situation(machine, condition)
+        found: dict[str, list[Change]] = {"joint": [], "body": [], "path": [], "point": []}
         for part, piece in zip(self.parts, self.pieces(theta), strict=True):
             for change in part.changes(piece, situation):
-                left, right = self.frames(change)
-                total += left @ change.core @ right.T
+                found[change.slot if change.slot in found else "point"].append(change)
+        jacobian, total = self._moved(found["path"], found["body"])
+        for change in found["joint"]:
+            add_product(total, change.left, change.core, change.right)
         stiffness, damping, mass = total
-        return Matrices(mass, damping, stiffness)
+        return Assembly(
+            machine,
+            jacobian,
+            Matrices(mass, damping, stiffness),
+            tuple(found["body"]),
+            tuple(found["point"]),
+        )
+
+    def _moved(self, path: Sequence[Change], body: Sequence[Change]) -> tuple[Real, Real]:
+        """T, and the coefficients of bodies and gravity with what Parts add to both."""
+        machine = self.machine
+        jacobian = machine.jacobian
+        if not path:
+            total = self._as_drawn.copy()
+        else:
+            jacobian = jacobian + sum(c.left @ c.core[0] @ c.right.T for c in path)
+            total = self._without_parts(jacobian, machine.body_mass[None] * _MASS)
+        for change in body:
+            left, right = jacobian.T @ change.left, jacobian.T @ change.right
+            add_product(total, left, change.core, right)
+            if machine.gravity.any() and change.core[2].any():
+                total[0] += gravity_slope(
+                    machine.gravity,
+                    machine.order,
+                    jacobian,
+                    machine.body_mass,
+                    inertia_change=change.left @ change.core[2] @ change.right.T,
+                )
+        return jacobian, total
+
+    def matrices(self, theta: Real, condition: Condition | None = None) -> Matrices:
+        """Assemble M, C and K at theta; see ``assemble``."""
+        return self.assemble(theta, condition).matrices
+
+    def edits(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
+        """What theta asks to be written into the MJCF, and what that cannot hold."""
+        pieces = zip(self.parts, self.pieces(theta), strict=True)
+        return tuple(edit for part, piece in pieces for edit in part.write(piece))
 
     def slopes(self, theta: Real, condition: Condition | None = None) -> list[tuple[Change, ...]]:
         """Exact derivatives of every Part's change, in the order of the Parts."""
@@ -104,6 +185,19 @@ class Model:
             part.slopes(piece, situation)
             for part, piece in zip(self.parts, self.pieces(theta), strict=True)
         ]
+
+
+_MASS = np.array([0.0, 0.0, 1.0])[:, None, None]
+
+
+def add_product(total: Real, left: Real, core: Real, right: Real) -> None:
+    """Add left core right' to the coefficients of s^0, s^1, s^2, in place.
+
+    Most Parts touch a few coordinates only, so that only their rows and columns are worked on.
+    """
+    rows, columns = np.flatnonzero(left.any(axis=1)), np.flatnonzero(right.any(axis=1))
+    for power in np.flatnonzero(core.any(axis=(1, 2))):
+        total[power][np.ix_(rows, columns)] += left[rows] @ core[power] @ right[columns].T
 
 
 def as_drawn(machine: Machine) -> Model:

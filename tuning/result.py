@@ -171,13 +171,11 @@ def write_result(tuned: Tuned, folder: Path, remaining: Sequence[ShareRow] = ())
         remaining: where the gap that remains shows, by the diagnosis.
     """
     model, theta = tuned.session.model, tuned.fit.theta
-    values: dict[str, float] = {}
-    for part, piece in zip(model.parts, model.pieces(theta), strict=True):
-        values.update(part.write(piece))
+    edits = model.edits(theta)
     with files_of(folder) as place:
-        not_held = write_mjcf(model.machine.source, place / TUNED_MJCF, values)
+        not_held = write_mjcf(model.machine.source, place / TUNED_MJCF, edits)
         np.savez_compressed(place / FRF_NPZ, allow_pickle=False, **_arrays(tuned))
-        summary = summarise_tuning(tuned, remaining, not_held)
+        summary = summarise_tuning(tuned, remaining, [str(missing) for missing in not_held])
         (place / TUNED_JSON).write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
     return summary
 

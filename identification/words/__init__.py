@@ -6,6 +6,7 @@ from identification.words.dof import DIRECTIONS, Dof
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
 from identification.words.frf import ORDER, Frf, FrfEstimate, Quantity, VarianceSource
 from identification.words.layout import Layout, is_hammer, node_of
+from identification.words.motor import Input, Motor
 
 __all__ = [
     "DIRECTIONS",
@@ -17,10 +18,12 @@ __all__ = [
     "Dof",
     "Frf",
     "FrfEstimate",
+    "Input",
     "InputError",
     "Integers",
     "Layout",
     "Mask",
+    "Motor",
     "Quantity",
     "Real",
     "Test",

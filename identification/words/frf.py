@@ -9,6 +9,7 @@ import numpy as np
 from identification.words._arrays import Complex, Mask, Real, frozen
 from identification.words.dof import Dof
 from identification.words.errors import UsageError
+from identification.words.motor import Input
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
 VarianceSource = Literal["coherence", "differences"]
@@ -23,7 +24,7 @@ class Frf:
         freq_hz: frequencies [Hz], strictly increasing, not negative; (n_freq,).
         values: H [m/N, m/(N s) or m/(N s^2), rad for rotations]; (n_freq, n_out, n_in).
         outputs: where and along what the motion is read, each once; n_out.
-        inputs: where and along what the force acts, each once; n_in.
+        inputs: where and along what the force acts, or which motor drives, each once; n_in.
         quantity: receptance, mobility or accelerance.
 
     Raises:
@@ -33,7 +34,7 @@ class Frf:
     freq_hz: Real
     values: Complex
     outputs: tuple[Dof, ...]
-    inputs: tuple[Dof, ...]
+    inputs: tuple[Input, ...]
     quantity: Quantity
 
     def __post_init__(self) -> None:
@@ -43,7 +44,11 @@ class Frf:
             raise ValueError("freq_hz must be non-empty, not negative and strictly increasing")
         shape = (freq.size, len(self.outputs), len(self.inputs))
         values = frozen(self.values, np.complex128, shape, "values")
-        for side, dofs in (("output", self.outputs), ("input", self.inputs)):
+        sides: tuple[tuple[str, Sequence[Input]], ...] = (
+            ("output", self.outputs),
+            ("input", self.inputs),
+        )
+        for side, dofs in sides:
             if len({dof.positive for dof in dofs}) < len(dofs):
                 raise ValueError(f"an {side} appears twice: {', '.join(map(str, dofs))}")
         if self.quantity not in ORDER:
@@ -53,7 +58,7 @@ class Frf:
         object.__setattr__(self, "outputs", tuple(self.outputs))
         object.__setattr__(self, "inputs", tuple(self.inputs))
 
-    def select(self, outputs: Sequence[Dof], inputs: Sequence[Dof]) -> Self:
+    def select(self, outputs: Sequence[Dof], inputs: Sequence[Input]) -> Self:
         """Take these outputs and inputs by label, in this order, turning signs as needed.
 
         Raises:
@@ -81,7 +86,7 @@ class Frf:
         return replace(self, values=self.values * factor, quantity=quantity)
 
 
-def _find(have: tuple[Dof, ...], want: Sequence[Dof], side: str) -> tuple[list[int], list[int]]:
+def _find(have: Sequence[Input], want: Sequence[Input], side: str) -> tuple[list[int], list[int]]:
     index = {dof.positive: i for i, dof in enumerate(have)}
     missing = [str(dof) for dof in want if dof.positive not in index]
     if missing:

@@ -17,7 +17,7 @@ from mbmodel_examples import (
 )
 
 from identification.words import Dof, InputError
-from mbmodel import Question, as_drawn, linearise, load_machine, write_mjcf
+from mbmodel import Edit, Question, as_drawn, linearise, load_machine, write_mjcf
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 MESHED = (
@@ -27,10 +27,12 @@ MESHED = (
 
 
 def written(model, theta):
-    values = {}
-    for part, piece in zip(model.parts, model.pieces(theta), strict=True):
-        values.update(part.write(piece))
-    return values
+    return model.edits(theta)
+
+
+def spring(name, **values):
+    """One edit of a joint or tendon."""
+    return [Edit("spring", name, values)]
 
 
 def changed(model, seed=3):
@@ -95,7 +97,7 @@ def test_a_written_taut_string_answers_as_the_model_at_theta(from_text, tmp_path
 
 def test_only_the_named_attributes_change(tmp_path):
     target = tmp_path / "tuned.xml"
-    write_mjcf(STATION, target, {"tilt_tz.stiffness": 1.5, "ty_rx.damping": 2.5})
+    write_mjcf(STATION, target, spring("tilt_tz", stiffness=1.5) + spring("ty_rx", damping=2.5))
     before, after = (list(ElementTree.parse(path).iter()) for path in (STATION, target))
     differing = {
         (b.get("name"), name)
@@ -111,21 +113,21 @@ def test_comments_inside_the_file_survive(tmp_path):
     source.write_text(
         mjcf("<!-- the table, weighed -->" + mass_on_spring(4, 3e4, 7)), encoding="utf-8"
     )
-    write_mjcf(source, target, {"a_j.stiffness": 4e4})
+    write_mjcf(source, target, spring("a_j", stiffness=4e4))
     assert "<!-- the table, weighed -->" in target.read_text(encoding="utf-8")
 
 
 def test_the_comment_above_the_station_survives(tmp_path):
     # It says where the figures come from.
     target = tmp_path / "tuned.xml"
-    write_mjcf(STATION, target, {"tilt_tz.stiffness": 1.5})
+    write_mjcf(STATION, target, spring("tilt_tz", stiffness=1.5))
     assert "Where the figures come from" in target.read_text(encoding="utf-8")
 
 
 def test_a_written_file_can_replace_its_source(tmp_path):
     path = tmp_path / "m.xml"
     path.write_text(mjcf(mass_on_spring(4, 3e4, 7)), encoding="utf-8")
-    write_mjcf(path, path, {"a_j.stiffness": 4e4})
+    write_mjcf(path, path, spring("a_j", stiffness=4e4))
     assert load_machine(path).springs[0].stiffness == 4e4
 
 
@@ -199,7 +201,7 @@ def test_a_machine_moved_to_another_folder_still_compiles(folders, case):
         encoding="utf-8",
     )
     mass = load_machine(path).mass
-    assert write_mjcf(path, target / "m.xml", {"j.stiffness": 2e4}) == ()
+    assert write_mjcf(path, target / "m.xml", spring("j", stiffness=2e4)) == ()
     moved = load_machine(target / "m.xml")
     assert moved.springs[0].stiffness == 2e4
     np.testing.assert_allclose(moved.mass, mass, rtol=1e-12)
@@ -211,7 +213,7 @@ def test_paths_relative_to_the_working_folder_are_understood(folders, monkeypatc
     path.write_text(mjcf(MESHED, extra=f"<asset>{MESH}</asset>"), encoding="utf-8")
     monkeypatch.chdir(source)
     target = (target / "m.xml").relative_to(source.parent)
-    write_mjcf(path.relative_to(source), source / ".." / target, {"j.stiffness": 2e4})
+    write_mjcf(path.relative_to(source), source / ".." / target, spring("j", stiffness=2e4))
     assert load_machine(source.parent / target).springs[0].stiffness == 2e4
 
 
@@ -219,7 +221,11 @@ def test_joints_without_a_name_are_reported_as_not_held(from_text, tmp_path):
     model = as_drawn(from_text(mjcf(mass_on_spring(4, 3e4, 7)).replace('name="a_j"', "")))
     names = [parameter.name for parameter in model.parameters]
     held_not = write_mjcf(model.machine.source, tmp_path / "m.xml", written(model, model.drawn * 2))
-    assert list(held_not) == names == ["a_joint0.stiffness", "a_joint0.damping"]
+    assert (
+        [missing.name for missing in held_not]
+        == names
+        == ["a_joint0.stiffness", "a_joint0.damping"]
+    )
 
 
 def test_joints_in_an_included_file_are_reported_as_not_held(folders):
@@ -231,8 +237,10 @@ def test_joints_in_an_included_file_are_reported_as_not_held(folders):
     path = source / "m.xml"
     text = mjcf(mass_on_spring(4, 3e4, 7), extra='<include file="part.xml"/>')
     path.write_text(text, encoding="utf-8")
-    values = {"j.stiffness": 2e4, "a_j.stiffness": 5e4}
-    assert write_mjcf(path, target / "m.xml", values) == ("j.stiffness",)
+    edits = spring("j", stiffness=2e4) + spring("a_j", stiffness=5e4)
+    (missing,) = write_mjcf(path, target / "m.xml", edits)
+    assert missing.name == "j.stiffness"
+    assert "in the file itself" in str(missing)
     moved = {spring.name: spring.stiffness for spring in load_machine(target / "m.xml").springs}
     assert moved == {"j": 1e4, "a_j": 5e4}
 
@@ -244,7 +252,7 @@ def test_a_hardening_springs_higher_terms_survive(tmp_path):
     source.write_text(text.replace('stiffness="30000"', 'stiffness="3e4 0 5e9"'), encoding="utf-8")
     before = load_machine(source).remaining_stiffness
     assert before[0, 0] > 1e3
-    assert write_mjcf(source, target, {"a_j.stiffness": 3e4}) == ()
+    assert write_mjcf(source, target, spring("a_j", stiffness=3e4)) == ()
     np.testing.assert_allclose(load_machine(target).remaining_stiffness, before, rtol=1e-9)
 
 
@@ -254,4 +262,4 @@ def test_a_source_that_cannot_be_read_again_is_refused(tmp_path, text):
     if text is not None:
         source.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=r"gone\.xml cannot be read again"):
-        write_mjcf(source, tmp_path / "m.xml", {"j.stiffness": 1.0})
+        write_mjcf(source, tmp_path / "m.xml", spring("j", stiffness=1.0))

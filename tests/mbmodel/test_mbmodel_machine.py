@@ -6,7 +6,7 @@ import pytest
 from mbmodel_examples import STATION, mass_on_spring, mjcf, random_tree
 
 from identification.words import Dof
-from mbmodel import Part, SpringPart, spring_parts
+from mbmodel import Edit, Part, SpringPart, spring_parts
 
 SEEDS = range(12)
 
@@ -152,8 +152,8 @@ def test_each_joint_of_the_station_is_one_part(station, station_model):
 def test_a_part_writes_its_parameters_under_their_names(station_model):
     part = station_model.parts[3]
     written = part.write(np.arange(1.0, 13.0))
-    assert written["tilt_tx.stiffness"] == 1.0
-    assert list(written.values()) == list(range(1, 13))
+    assert written[0] == Edit("spring", "tilt_tx", {"stiffness": 1.0, "damping": 2.0})
+    assert [v for edit in written for v in edit.values.values()] == list(range(1, 13))
 
 
 def test_coefficients_that_are_zero_on_the_drawing_are_no_parameters(from_text):

@@ -1,101 +1,24 @@
-"""Parts: named, parametrised changes of the equation of motion, low in rank.
+"""Springs and dampers of joints and tendons."""
 
-Everything that can be tuned, tolerated or added to a machine is a Part:
-
-    Zb(s) or Zj(s)  +=  left (core_0 + s core_1 + s^2 core_2) right'
-
-in the slot of the bodies (centre-of-mass coordinates) or of the joints (joint coordinates), with
-s = i w, time convention exp(+i w t).
-"""
-
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby
-from typing import Literal, Protocol
 
 import numpy as np
 
-from identification.words import Condition, Integers, Real
+from identification.words import Integers, Real
+from mbmodel.edit import Edit, NotHeld
 from mbmodel.machine import Machine, Spring
-
-Slot = Literal["body", "joint"]
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A number of a Part.
-
-    Args:
-        name: unique in a model, such as ``tilt_tz.stiffness``.
-        drawn: its value on the drawing.
-        unit: SI.
-        positive: whether it is a size, tuned by its logarithm.
-    """
-
-    name: str
-    drawn: float
-    unit: str
-    positive: bool = True
-
-
-@dataclass(frozen=True, eq=False)
-class Change:
-    """What a Part adds in a slot: left (core_0 + s core_1 + s^2 core_2) right'.
-
-    Args:
-        slot: ``body`` (n = 6 n_body) or ``joint`` (n = nv).
-        left, right: (n, r).
-        core: coefficients of s^0, s^1, s^2; (..., 3, r, r). As a slope, the first axis runs over
-            the Part's parameters.
-    """
-
-    slot: Slot
-    left: Real
-    right: Real
-    core: Real
-
-
-@dataclass(frozen=True, eq=False)
-class Situation:
-    """Where a Part is asked for its change.
-
-    Args:
-        machine: whose equation changes.
-        condition: of the test, or None where no test is meant.
-    """
-
-    machine: Machine
-    condition: Condition | None = None
-
-
-class Part(Protocol):
-    """A named, parametrised change. ``theta`` holds the values of its own parameters."""
-
-    @property
-    def location(self) -> str:
-        """Where it sits: ``joint:<child body>``, ``body:<name>`` ..."""
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """What can vary."""
-
-    def changes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
-        """The finite change at theta."""
-
-    def slopes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
-        """Its derivative by each parameter; cores (n_parameter, 3, r, r)."""
-
-    def write(self, theta: Real) -> Mapping[str, float]:
-        """MJCF joint and tendon attributes that hold it: ``{'tilt_tz.stiffness': 4e8}``."""
+from mbmodel.parts.part import Change, Parameter, Situation, Slot
 
 
 @dataclass(frozen=True, eq=False)
 class SpringPart:
     """The springs and dampers of one joint or tendon: sum_i g_i (k_i + s c_i) g_i' + k_i G_i.
 
-    G_i is the geometric stiffness of a tendon under tension, per unit of its stiffness. The
-    equilibrium at which all this holds stays that of the drawing.
+    A tendon between sites pulls at bodies: its g_i is a row of body motions, so that it follows
+    when joints move. G_i is the geometric stiffness of a tendon under tension, per unit of its
+    stiffness. The equilibrium at which all this holds stays that of the drawing.
 
     Coefficients that are zero on the drawing stay zero: they have no logarithm to tune.
     """
@@ -114,8 +37,13 @@ class SpringPart:
         )
 
     @cached_property
+    def _slot(self) -> Slot:
+        return "joint" if self.springs[0].at_bodies is None else "body"
+
+    @cached_property
     def _frame(self) -> Real:
-        return np.array([spring.direction for spring in self.springs]).T
+        rows = [s.direction if s.at_bodies is None else s.at_bodies for s in self.springs]
+        return np.array(rows).T
 
     @cached_property
     def _places(self) -> tuple[Integers, Integers]:
@@ -134,7 +62,7 @@ class SpringPart:
         powers, springs = self._places
         core = np.zeros((len(powers), 3, len(self.springs), len(self.springs)))
         core[np.arange(len(powers)), powers, springs, springs] = 1.0
-        return Change("joint", self._frame, self._frame, core)
+        return Change(self._slot, self._frame, self._frame, core)
 
     def changes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
         """One change of rank n_spring with a diagonal core."""
@@ -143,7 +71,7 @@ class SpringPart:
         powers, springs = self._places
         core = np.zeros((3, size, size))
         core[powers, springs, springs] = theta
-        changes: tuple[Change, ...] = (Change("joint", self._frame, self._frame, core),)
+        changes: tuple[Change, ...] = (Change(self._slot, self._frame, self._frame, core),)
         if self._tense is not None:
             tension = np.zeros((3, *self._tense.shape[1:]))
             tension[0] = np.einsum("i,ijk", np.diag(core[0]), self._tense)
@@ -174,10 +102,13 @@ class SpringPart:
         unit = np.eye(core.shape[-1])
         return Change("joint", unit, unit, core)
 
-    def write(self, theta: Real) -> Mapping[str, float]:
-        """The coefficients under their names."""
-        names = (parameter.name for parameter in self.parameters)
-        return dict(zip(names, map(float, theta), strict=True))
+    def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
+        """The coefficients of each joint or tendon; of a polynomial the linear term."""
+        values: dict[str, dict[str, float]] = {}
+        for parameter, value in zip(self.parameters, theta, strict=True):
+            element, attribute = parameter.name.rsplit(".", 1)
+            values.setdefault(element, {})[attribute] = float(value)
+        return tuple(Edit("spring", name, found) for name, found in values.items())
 
 
 def _coefficients(spring: Spring) -> tuple[tuple[str, float, str], tuple[str, float, str]]:

@@ -1,0 +1,254 @@
+r"""Exact derivatives of H(s) = s^q [L T Z^-1 F + L U / s^2], F = T' B + motors, B = P - Mb U.
+
+With x = s^q Z^-1 F and b = T x + U s^(q - 2), the motion of the bodies, a small change gives
+
+    dH = dL b + L dT x                                         sensors, kinematics
+       - y' dZj x - y' T' (dZb T x + dMb U s^q)                joints, bodies
+       - y' (dT' Zb T + T' Zb dT) x + s^q y' (dT' B + T' dP)   kinematics again, hammer
+
+with y = Z^-T T' L' (s^2 dMb + ... = dZb; gravity adds what T and Mb do to its stiffness). A scalar
+cost with cotangent W, dJ = Re sum conj(W) dH, needs one more solve, a = Z^-T G' conj(W), whatever
+the number of parameters (the adjoint method): every slot then has one real matrix S with
+dJ = sum <S, change>, summed over lines and inputs once for all parameters.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from identification.words import Complex, Real
+from mbmodel.gravity import gravity_adjoint, gravity_slope
+from mbmodel.modal import real_times
+from mbmodel.parts import Change
+from mbmodel.places import selection
+
+if TYPE_CHECKING:
+    from mbmodel.response import Linearised
+
+Slopes = Sequence[tuple[Change, ...]]
+
+
+def gradient(lines: "Linearised", slopes: Slopes, cotangent: Complex) -> Real:
+    """Derivative of a scalar cost by every parameter.
+
+    Args:
+        lines: the model linearised at theta.
+        slopes: of every Part.
+        cotangent: W with dJ = Re sum conj(W) dH; (n_freq, n_out, n_in).
+
+    Returns:
+        (n_parameter,).
+    """
+    every = [change for part in slopes for change in part]
+    sensitivity = _sensitivities(lines, every, cotangent)
+    totals = []
+    for part, own in zip(lines.model.parts, slopes, strict=True):
+        total = np.zeros(len(part.parameters))
+        for change in own:
+            projected = _projected(lines, change, sensitivity)
+            total += change.core.reshape(len(total), projected.size) @ projected.ravel()
+        totals.append(total)
+    return np.concatenate([*totals, np.zeros(0)])
+
+
+@dataclass(frozen=True, eq=False)
+class _Sensitivity:
+    """S of every slot: dJ = <S, change>, for each power of s; absent where no Part acts."""
+
+    joint: Real
+    body: Real | None
+    path: Real | None
+    sensor: Real | None
+    hammer: Real | None
+
+
+def _sensitivities(
+    lines: "Linearised", slopes: Iterable[Change], cotangent: Complex
+) -> _Sensitivity:
+    slots = {change.slot for change in slopes}
+    highest = max((_highest_power(change.core) for change in slopes), default=0)
+    if "path" in slots or "body" in slots:
+        highest = 2
+    weights = np.ascontiguousarray(cotangent.conj().transpose(1, 2, 0))
+    adjoint = lines.solver.solve(real_times(lines.readout.T, weights), transposed=True)
+    sums = _motion_sums(lines, adjoint, highest)
+    driven = _drive_sums(lines, adjoint)
+    jacobian, here = lines.assembly.jacobian, lines.places
+    read = None
+    if slots & {"path", "sensor"}:
+        read = _flat(weights).conj().view(float) @ _flat(lines.motion).view(float).T
+    by_jacobian, by_inertia = _by_gravity(lines, sums[0])
+    body = sensor = hammer = path = None
+    if "body" in slots:
+        body = -jacobian @ sums @ jacobian.T
+        body[2] += by_inertia - jacobian @ driven @ here.floor.T
+    if read is not None and "sensor" in slots:
+        sensor = read @ jacobian.T + (weights @ lines.carrying).real @ here.floor.T
+    if "hammer" in slots:
+        hammer = (jacobian @ driven).T
+    if read is not None and "path" in slots:
+        path = here.readout.T @ read + by_jacobian
+        zb = lines.assembly.body
+        path += (here.force - zb[2] @ here.floor) @ driven.T
+        for power in np.flatnonzero(zb.any(axis=(1, 2))):
+            path -= zb[power].T @ jacobian @ sums[power] + zb[power] @ jacobian @ sums[power].T
+    return _Sensitivity(-sums, body, path, sensor, hammer)
+
+
+def _motion_sums(lines: "Linearised", adjoint: Complex, highest: int) -> Real:
+    """Re sum a (s^p x)' over lines and inputs, for the powers p up to the highest; (3, nv, nv)."""
+    size = len(adjoint)
+    left, motion = _flat(adjoint).conj(), _flat(lines.motion)
+    laplace = np.tile(lines.question.laplace, motion.shape[1] // len(lines.question.laplace))
+    sums = np.zeros((3, size, size))
+    for power in range(highest + 1):
+        sums[power] = left.view(float) @ motion.view(float).T
+        motion = motion * laplace if power < highest else motion
+    return sums
+
+
+def _drive_sums(lines: "Linearised", adjoint: Complex) -> Real:
+    """Re sum a s^q over lines; (nv, n_in)."""
+    total: Real = (adjoint @ lines.question.factor).real
+    return total
+
+
+def _by_gravity(lines: "Linearised", sums: Real) -> tuple[Real, Real]:
+    assembly, machine = lines.assembly, lines.model.machine
+    if not assembly.has_weight:
+        return np.zeros_like(assembly.jacobian), np.zeros_like(machine.body_mass)
+    return gravity_adjoint(
+        machine.gravity, machine.order, assembly.jacobian, assembly.body[2], -sums
+    )
+
+
+def _projected(lines: "Linearised", change: Change, found: _Sensitivity) -> Real:
+    """Left' S right for every power of s; (3, r, t)."""
+    whole = found.joint if change.slot == "joint" else found.body
+    if change.slot in ("joint", "body") and whole is not None:
+        rows, columns = _support(change.left), _support(change.right)
+        inner = whole[:, rows[:, None], columns]
+        projected: Real = change.left[rows].T @ inner @ change.right[columns]
+        return projected
+    constant = np.zeros(change.core.shape[-3:])
+    if change.slot == "path":
+        sensitivity = found.path
+    else:
+        is_sensor = change.slot == "sensor"
+        asked = lines.question.outputs if is_sensor else lines.question.inputs
+        whole = found.sensor if is_sensor else found.hammer
+        sensitivity = None if whole is None else selection(asked, change.point).T @ whole
+    if sensitivity is not None:
+        constant[0] = change.left.T @ sensitivity @ change.right
+    return constant
+
+
+def _support(frame: Real) -> np.ndarray:
+    return np.flatnonzero(frame.any(axis=1))
+
+
+def columns(lines: "Linearised", slopes: Slopes) -> Complex:
+    """Derivative of every FRF by every parameter; (n_freq, n_out, n_in, n_parameter)."""
+    readers = lines.solver.solve(lines.readout.T[:, :, None], transposed=True)
+    total = np.zeros((len(lines.theta), len(lines.readout), *lines.motion.shape[1:]), complex)
+    forward = _Forward(lines, readers)
+    start = 0
+    for own, part in zip(slopes, lines.model.parts, strict=True):
+        for change in own:
+            forward.add(total[start : start + len(part.parameters)], change)
+        start += len(part.parameters)
+    return total.transpose(3, 1, 2, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Forward:
+    """Adds dH of a slope, parameter by parameter.
+
+    Args:
+        lines: the model linearised at theta.
+        readers: y = Z^-T G'; (nv, n_out, n_freq).
+    """
+
+    lines: "Linearised"
+    readers: Complex
+
+    def add(self, total: Complex, change: Change) -> None:
+        """Add the derivatives by a Part's parameters; total is (n_own, n_out, n_in, n_freq)."""
+        lines = self.lines
+        jacobian = lines.assembly.jacobian
+        if change.slot == "joint":
+            self._add_impedance(total, change.core, change.left, change.right)
+        elif change.slot == "body":
+            left, right = jacobian.T @ change.left, jacobian.T @ change.right
+            self._add_impedance(total, change.core, left, right)
+            for own, core in zip(total, change.core, strict=True):
+                inertia = change.left @ core[2] @ change.right.T
+                self._add_drive(own, -jacobian.T @ (inertia @ lines.places.floor))
+                self._add_weight(own, inertia_change=inertia)
+        elif change.slot == "path":
+            for own, core in zip(total, change.core, strict=True):
+                self._add_path(own, change.left @ core[0] @ change.right.T)
+        else:
+            for own, core in zip(total, change.core, strict=True):
+                self._add_point(own, change, change.left @ core[0] @ change.right.T)
+
+    def _add_impedance(self, total: Complex, core: Real, left: Real, right: Real) -> None:
+        """- y' (left core right') x for every power of s."""
+        lines = self.lines
+        read, felt = real_times(left.T, self.readers), real_times(right.T, lines.motion)
+        for p, power, i, j in np.argwhere(core):
+            scaled = read[i] * (-core[p, power, i, j] * lines.question.laplace**power)
+            total[p] += np.einsum("of,mf->omf", scaled, felt[j])
+
+    def _add_drive(self, total: Complex, drive: Real) -> None:
+        """s^q y' dF; (nv, n_in)."""
+        if drive.any():
+            lines = self.lines
+            total += np.einsum("vof,vm->omf", self.readers, drive) * lines.question.factor
+
+    def _add_weight(self, total: Complex, **change: Real) -> None:
+        """- y' dK x of gravity."""
+        assembly, machine = self.lines.assembly, self.lines.model.machine
+        if assembly.has_weight:
+            slope = gravity_slope(
+                machine.gravity, machine.order, assembly.jacobian, assembly.body[2], **change
+            )
+            pressed = real_times(slope, self.lines.motion)
+            total -= np.einsum("vof,vmf->omf", self.readers, pressed)
+
+    def _add_path(self, total: Complex, change: Real) -> None:
+        lines = self.lines
+        assembly, here = lines.assembly, lines.places
+        total += real_times(here.readout @ change, lines.motion)
+        for power in np.flatnonzero(assembly.body.any(axis=(1, 2))):
+            zb = assembly.body[power]
+            slope = change.T @ zb @ assembly.jacobian + assembly.jacobian.T @ zb @ change
+            pressed = real_times(slope, lines.motion) * lines.question.laplace**power
+            total -= np.einsum("vof,vmf->omf", self.readers, pressed)
+        self._add_drive(total, change.T @ (here.force - assembly.body[2] @ here.floor))
+        self._add_weight(total, jacobian_change=change)
+
+    def _add_point(self, total: Complex, change: Change, rows: Real) -> None:
+        lines = self.lines
+        jacobian, here = lines.assembly.jacobian, lines.places
+        if change.slot == "hammer":
+            pushed = (selection(lines.question.inputs, change.point) @ rows).T
+            self._add_drive(total, jacobian.T @ pushed)
+            return
+        read = selection(lines.question.outputs, change.point) @ rows
+        total += real_times(read @ jacobian, lines.motion)
+        if here.has_floor:
+            total += (read @ here.floor)[:, :, None] * lines.carrying
+
+
+def _highest_power(core: Real) -> int:
+    powers = np.flatnonzero(core.any(axis=(0, 2, 3)))
+    return int(powers[-1]) if powers.size else 0
+
+
+def _flat(array: Complex) -> Complex:
+    """(n, m, n_freq) as (n, m n_freq), contiguous."""
+    flat: Complex = np.ascontiguousarray(array).reshape(len(array), -1)
+    return flat

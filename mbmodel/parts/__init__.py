@@ -1,0 +1,25 @@
+"""Parts: named, parametrised, low-rank changes of the equation of motion."""
+
+from mbmodel.parts.bodies import BodyPart, body_parts
+from mbmodel.parts.joints import JointPart, joint_parts
+from mbmodel.parts.part import Change, Parameter, Part, Situation, Slot
+from mbmodel.parts.points import HammerPart, SensorPart, hammer_parts, sensor_parts
+from mbmodel.parts.springs import SpringPart, spring_parts
+
+__all__ = [
+    "BodyPart",
+    "Change",
+    "HammerPart",
+    "JointPart",
+    "Parameter",
+    "Part",
+    "SensorPart",
+    "Situation",
+    "Slot",
+    "SpringPart",
+    "body_parts",
+    "hammer_parts",
+    "joint_parts",
+    "sensor_parts",
+    "spring_parts",
+]

@@ -1,0 +1,125 @@
+"""Mass, inertia and centre of mass of a stage."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from identification.words import Real
+from mbmodel.drawing import Heavy
+from mbmodel.edit import Edit, NotHeld
+from mbmodel.machine import Machine
+from mbmodel.parts.part import Change, Parameter, Situation
+from mbmodel.spatial import cross_matrix, principal_inertia, spatial_inertia, split_inertia
+
+_AXES = "xyz"
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPart:
+    """A stage's mass m, principal moments I and centre of mass, displaced by d in world axes.
+
+        Mb += [[m 1, -m [d]x], [m [d]x, Q diag(I) Q' + m (d.d 1 - d d')]] - the same as drawn
+
+    about the drawn centre of mass, Q the drawn principal axes. Motions of the body's label stay
+    those of the drawn centre.
+
+    Args:
+        body: name of the stage.
+        number: of the body in the machine.
+        drawn: its spatial inertia on the drawing, about its centre of mass; (6, 6).
+        heavy: the MJCF body that is written.
+        n_body: bodies of the machine.
+    """
+
+    body: str
+    number: int
+    drawn: Real
+    heavy: Heavy
+    n_body: int
+
+    @property
+    def location(self) -> str:
+        """``body:<name>``."""
+        return f"body:{self.body}"
+
+    @cached_property
+    def _principal(self) -> tuple[Real, Real]:
+        return principal_inertia(self.drawn[3:, 3:])
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Mass, three moments about the axes nearest x y z, displacement of the centre."""
+        moments, _ = self._principal
+        return (
+            Parameter(f"{self.body}.mass", float(self.drawn[0, 0]), "kg"),
+            *(
+                Parameter(f"{self.body}.inertia_{axis}", float(moment), "kg m^2")
+                for axis, moment in zip(_AXES, moments, strict=True)
+            ),
+            *(Parameter(f"{self.body}.com_{axis}", 0.0, "m", positive=False) for axis in _AXES),
+        )
+
+    @cached_property
+    def _frame(self) -> Real:
+        frame = np.zeros((6 * self.n_body, 6))
+        frame[6 * self.number : 6 * self.number + 6] = np.eye(6)
+        return frame
+
+    def _inertia(self, theta: Real) -> Real:
+        _, axes = self._principal
+        return spatial_inertia(float(theta[0]), theta[4:], axes @ np.diag(theta[1:4]) @ axes.T)
+
+    def changes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
+        """Spatial inertia at theta less that of the drawing, on s^2."""
+        del situation
+        core = np.zeros((3, 6, 6))
+        core[2] = self._inertia(theta) - self.drawn
+        return (Change("body", self._frame, self._frame, core),)
+
+    def slopes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
+        """Derivatives of the spatial inertia."""
+        del situation
+        mass, offset = float(theta[0]), theta[4:]
+        _, axes = self._principal
+        core = np.zeros((7, 3, 6, 6))
+        core[0, 2] = spatial_inertia(1.0, offset, np.zeros((3, 3)))
+        for k, axis in enumerate(axes.T):
+            core[1 + k, 2, 3:, 3:] = np.outer(axis, axis)
+        arm = cross_matrix(offset)
+        for k, unit in enumerate(np.eye(3)):
+            turn = cross_matrix(unit)
+            core[4 + k, 2, :3, 3:] = -mass * turn
+            core[4 + k, 2, 3:, :3] = mass * turn
+            core[4 + k, 2, 3:, 3:] = -mass * (turn @ arm + arm @ turn)
+        return (Change("body", self._frame, self._frame, core),)
+
+    def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
+        """The <inertial> of the stage's own MJCF body, which takes the whole change."""
+        heavy = self.heavy
+        mass, offset, inertia = split_inertia(heavy.inertia + self._inertia(theta) - self.drawn)
+        local = heavy.frame.T @ inertia @ heavy.frame
+        moments = np.linalg.eigvalsh(local)
+        if mass <= 0 or moments[0] <= 0 or moments[2] > moments[0] + moments[1]:
+            return (NotHeld(f"{self.body}.inertia", "no body has such a mass and inertia"),)
+        values: dict[str, float | tuple[float, ...]] = {
+            "pos": tuple((heavy.frame.T @ (heavy.centre + offset - heavy.origin)).tolist()),
+            "mass": mass,
+            "fullinertia": tuple(local[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist()),
+        }
+        return (Edit("inertial", self.body, values),)
+
+
+def body_parts(machine: Machine) -> tuple[BodyPart, ...]:
+    """One Part for each body of the machine."""
+    bodies = machine.layout.bodies
+    return tuple(
+        BodyPart(
+            name,
+            k,
+            machine.body_mass[6 * k : 6 * k + 6, 6 * k : 6 * k + 6],
+            machine.drawing.bodies[name],
+            len(bodies),
+        )
+        for k, name in enumerate(bodies)
+    )

@@ -1,0 +1,135 @@
+"""Where the joints of a stage sit, and along which axes."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import groupby
+
+import numpy as np
+
+from identification.words import Real
+from mbmodel.drawing import Placed
+from mbmodel.edit import Edit, NotHeld
+from mbmodel.machine import Axle, Machine
+from mbmodel.parts.part import Change, Parameter, Situation
+from mbmodel.spatial import rotation_matrix, rotation_slopes, transport
+
+_AXES = "xyz"
+
+
+@dataclass(frozen=True, eq=False)
+class JointPart:
+    """The slides and hinges of one stage, displaced and turned as one frame.
+
+    A coordinate moves all bodies above it by the twist of its axis: (a, 0) of a slide,
+    (p x a, a) of a hinge through p. A displacement d of the joints and their rotation
+    R = exp([r]x), each about its own anchor, make it (R a, 0) or ((p + d) x R a, R a); T changes
+    by the difference. The pose at rest stays that of the drawing.
+
+    Args:
+        stage: name of the body that the joints carry.
+        axles: its slides and hinges.
+        placed: the same in the MJCF.
+        reach: motion of every body above per twist at ``origin``; (6 n_body, 6).
+        origin: reference point of the twists [m]; (3,).
+        n_coordinate: of the machine.
+    """
+
+    stage: str
+    axles: tuple[Axle, ...]
+    placed: tuple[Placed, ...]
+    reach: Real
+    origin: Real
+    n_coordinate: int
+
+    @property
+    def location(self) -> str:
+        """``joint:<child body>``."""
+        return f"joint:{self.stage}"
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """Displacement (if anything turns) and rotation vector, in world axes."""
+        kinds = [("rotation", "rad")]
+        if any(axle.turns for axle in self.axles):
+            kinds = [("position", "m"), *kinds]
+        return tuple(
+            Parameter(f"{self.stage}.joint_{kind}_{axis}", 0.0, unit, positive=False)
+            for kind, unit in kinds
+            for axis in _AXES
+        )
+
+    def _split(self, theta: Real) -> tuple[Real, Real]:
+        return (theta[:3], theta[3:]) if len(theta) == 6 else (np.zeros(3), theta)
+
+    @cached_property
+    def _select(self) -> Real:
+        return np.eye(self.n_coordinate)[:, [axle.coordinate for axle in self.axles]]
+
+    def changes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
+        """Twists at theta less those of the drawing."""
+        del situation
+        offset, rotation = self._split(theta)
+        turn = rotation_matrix(rotation)
+        core = np.zeros((3, 6, len(self.axles)))
+        for k, axle in enumerate(self.axles):
+            arm = axle.anchor - self.origin
+            core[0, :, k] = _twist(axle.turns, arm + offset, turn @ axle.axis)
+            core[0, :, k] -= _twist(axle.turns, arm, axle.axis)
+        return (Change("path", self.reach, self._select, core),)
+
+    def slopes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
+        """Derivatives of the twists."""
+        del situation
+        offset, rotation = self._split(theta)
+        turn, turns = rotation_matrix(rotation), rotation_slopes(rotation)
+        count = len(self.parameters)
+        core = np.zeros((count, 3, 6, len(self.axles)))
+        for k, axle in enumerate(self.axles):
+            arm, axis = axle.anchor - self.origin + offset, turn @ axle.axis
+            for i in range(3):
+                slope = turns[i] @ axle.axis
+                core[count - 3 + i, 0, :, k] = _twist(axle.turns, arm, slope)
+                if count == 6 and axle.turns:
+                    core[i, 0, :3, k] = np.cross(np.eye(3)[i], axis)
+        return (Change("path", self.reach, self._select, core),)
+
+    def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
+        """Position and axis of every joint."""
+        offset, rotation = self._split(theta)
+        turn = rotation_matrix(rotation)
+        return tuple(
+            Edit(
+                "joint",
+                placed.name,
+                {
+                    "pos": tuple((placed.position + placed.frame.T @ offset).tolist()),
+                    "axis": tuple((placed.frame.T @ (turn @ axle.axis)).tolist()),
+                },
+            )
+            for axle, placed in zip(self.axles, self.placed, strict=True)
+        )
+
+
+def _twist(turns: bool, arm: Real, axis: Real) -> Real:
+    if turns:
+        return np.concatenate([np.cross(arm, axis), axis])
+    return np.concatenate([axis, np.zeros(3)])
+
+
+def joint_parts(machine: Machine) -> tuple[JointPart, ...]:
+    """One Part for each stage that moves on slides and hinges."""
+    parts = []
+    for stage, group in groupby(machine.axles, key=lambda axle: axle.stage):
+        axles = tuple(group)
+        origin = np.mean([axle.anchor for axle in axles], axis=0)
+        column = machine.jacobian[:, axles[0].coordinate].reshape(-1, 6)
+        moved = [bool(body.any()) for body in column]
+        reach = np.concatenate(
+            [
+                transport(centre - origin) if above else np.zeros((6, 6))
+                for centre, above in zip(machine.layout.centres, moved, strict=True)
+            ]
+        )
+        placed = tuple(machine.drawing.joints[axle.joint] for axle in axles)
+        parts.append(JointPart(stage, axles, placed, reach, origin, len(machine.coordinates)))
+    return tuple(parts)

@@ -1,0 +1,94 @@
+"""What a Part is: a named, parametrised change of the equation of motion, low in rank.
+
+    H(s) = s^q L T Z(s)^-1 T' P,   Z(s) = T' Zb(s) T + Zj(s),   s = i w, convention exp(+i w t)
+
+Everything that can be tuned, tolerated or added to a machine is a Part. It adds
+left core(s) right' in one of five slots:
+
+    slot     adds to              left x right                         powers of s
+    body     Zb, bodies           6 n_body x 6 n_body                  0, 1, 2
+    joint    Zj, joints           nv x nv                              0, 1, 2
+    path     T, kinematics        6 n_body x nv                        0
+    sensor   L, rows of a point   6 directions of it x 6 n_body        0
+    hammer   P', columns likewise 6 directions of it x 6 n_body        0
+"""
+
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from identification.words import Condition, Real
+from mbmodel.edit import Edit, NotHeld
+from mbmodel.machine import Machine
+
+Slot = Literal["body", "joint", "path", "sensor", "hammer"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of a Part.
+
+    Args:
+        name: unique in a model, such as ``tilt_tz.stiffness``.
+        drawn: its value on the drawing.
+        unit: SI.
+        positive: whether it is a size, tuned by its logarithm.
+    """
+
+    name: str
+    drawn: float
+    unit: str
+    positive: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What a Part adds in a slot: left (core_0 + s core_1 + s^2 core_2) right'.
+
+    Args:
+        slot: which factor of the equation changes.
+        left: (n, r).
+        right: (m, t).
+        core: coefficients of s^0, s^1, s^2; (..., 3, r, t). As a slope, the first axis runs over
+            the Part's parameters.
+        point: the sensor or hammer point meant, in those slots.
+    """
+
+    slot: Slot
+    left: Real
+    right: Real
+    core: Real
+    point: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Situation:
+    """Where a Part is asked for its change.
+
+    Args:
+        machine: whose equation changes.
+        condition: of the test, or None where no test is meant.
+    """
+
+    machine: Machine
+    condition: Condition | None = None
+
+
+class Part(Protocol):
+    """A named, parametrised change. ``theta`` holds the values of its own parameters."""
+
+    @property
+    def location(self) -> str:
+        """Where it sits: ``joint:<child body>``, ``body:<name>``, ``sensor:<site>`` ..."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What can vary."""
+
+    def changes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
+        """The finite change at theta."""
+
+    def slopes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
+        """Its derivative by each parameter; cores (n_parameter, 3, r, t)."""
+
+    def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
+        """What to write into the MJCF, and what it cannot hold."""
