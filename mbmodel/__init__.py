@@ -1,9 +1,10 @@
 """The modelled side: MJCF to machine, its equation of motion, and exact derivatives of it."""
 
 from mbmodel.edit import Edit, NotHeld, write_mjcf
+from mbmodel.energy import Energy, energy
 from mbmodel.machine import Machine, Spring, load_machine
 from mbmodel.model import Matrices, Model, as_drawn
-from mbmodel.modes import Modes, modes
+from mbmodel.modes import Modes, model_modes, modes, shapes_at
 from mbmodel.parts import (
     Change,
     Parameter,
@@ -20,10 +21,12 @@ from mbmodel.places import parse_input
 from mbmodel.question import Question
 from mbmodel.response import Evaluator, Linearised, linearise
 from mbmodel.statespace import state_space
+from mbmodel.transient import respond
 
 __all__ = [
     "Change",
     "Edit",
+    "Energy",
     "Evaluator",
     "Linearised",
     "Machine",
@@ -39,13 +42,17 @@ __all__ = [
     "SpringPart",
     "as_drawn",
     "body_parts",
+    "energy",
     "hammer_parts",
     "joint_parts",
     "linearise",
     "load_machine",
+    "model_modes",
     "modes",
     "parse_input",
+    "respond",
     "sensor_parts",
+    "shapes_at",
     "spring_parts",
     "state_space",
     "write_mjcf",

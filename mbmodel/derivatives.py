@@ -12,8 +12,9 @@ the number of parameters (the adjoint method): every slot then has one real matr
 dJ = sum <S, change>, summed over lines and inputs once for all parameters.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +22,7 @@ import numpy as np
 from identification.words import Complex, Real
 from mbmodel.gravity import gravity_adjoint, gravity_slope
 from mbmodel.modal import real_times
-from mbmodel.parts import Change
+from mbmodel.parts import Change, Slot
 from mbmodel.places import selection
 
 if TYPE_CHECKING:
@@ -41,23 +42,54 @@ def gradient(lines: "Linearised", slopes: Slopes, cotangent: Complex) -> Real:
     Returns:
         (n_parameter,).
     """
-    every = [change for part in slopes for change in part]
-    sensitivity = _sensitivities(lines, every, cotangent)
+    weights = np.ascontiguousarray(cotangent.conj().transpose(1, 2, 0))
+    adjoint = lines.solver.solve(weights, transposed=True, through=lines.readout.T)
+    powers = _powers(lines.motion, lines.question.laplace)
+    slots = {change.slot for part in slopes for change in part}
+    found = None
+    if slots - {"joint"}:
+        found = _sensitivities(lines, slots, weights, adjoint)
+    flat = _flat(adjoint).conj().view(float)
     totals = []
     for part, own in zip(lines.model.parts, slopes, strict=True):
         total = np.zeros(len(part.parameters))
         for change in own:
-            projected = _projected(lines, change, sensitivity)
+            if change.slot == "joint" or found is None:
+                projected = -_at_joints(change, flat, powers)
+            else:
+                projected = _projected(lines, change, found)
             total += change.core.reshape(len(total), projected.size) @ projected.ravel()
         totals.append(total)
     return np.concatenate([*totals, np.zeros(0)])
+
+
+def _powers(motion: Complex, laplace: Complex) -> Callable[[int], Complex]:
+    """s^p x, flat over inputs and lines, each power made when first asked for."""
+
+    @cache
+    def power(exponent: int) -> Complex:
+        if exponent == 0:
+            return _flat(motion)
+        lower = power(exponent - 1).reshape(motion.shape)
+        return _flat(lower * laplace)
+
+    return power
+
+
+def _at_joints(change: Change, adjoint: Real, powers: Callable[[int], Complex]) -> Real:
+    """Left' Re sum a (s^p x)' right for the powers of a change; (3, r, t)."""
+    rows, columns = _span(change.left), _span(change.right)
+    projected = np.zeros(change.core.shape[-3:])
+    for power in np.flatnonzero(change.core.any(axis=(0, 2, 3))):
+        inner = adjoint[rows] @ powers(int(power))[columns].view(float).T
+        projected[power] = change.left[rows].T @ inner @ change.right[columns]
+    return projected
 
 
 @dataclass(frozen=True, eq=False)
 class _Sensitivity:
     """S of every slot: dJ = <S, change>, for each power of s; absent where no Part acts."""
 
-    joint: Real
     body: Real | None
     path: Real | None
     sensor: Real | None
@@ -65,15 +97,9 @@ class _Sensitivity:
 
 
 def _sensitivities(
-    lines: "Linearised", slopes: Iterable[Change], cotangent: Complex
+    lines: "Linearised", slots: set[Slot], weights: Complex, adjoint: Complex
 ) -> _Sensitivity:
-    slots = {change.slot for change in slopes}
-    highest = max((_highest_power(change.core) for change in slopes), default=0)
-    if "path" in slots or "body" in slots:
-        highest = 2
-    weights = np.ascontiguousarray(cotangent.conj().transpose(1, 2, 0))
-    adjoint = lines.solver.solve(real_times(lines.readout.T, weights), transposed=True)
-    sums = _motion_sums(lines, adjoint, highest)
+    sums = _motion_sums(lines, adjoint)
     driven = _drive_sums(lines, adjoint)
     jacobian, here = lines.assembly.jacobian, lines.places
     read = None
@@ -94,19 +120,14 @@ def _sensitivities(
         path += (here.force - zb[2] @ here.floor) @ driven.T
         for power in np.flatnonzero(zb.any(axis=(1, 2))):
             path -= zb[power].T @ jacobian @ sums[power] + zb[power] @ jacobian @ sums[power].T
-    return _Sensitivity(-sums, body, path, sensor, hammer)
+    return _Sensitivity(body, path, sensor, hammer)
 
 
-def _motion_sums(lines: "Linearised", adjoint: Complex, highest: int) -> Real:
-    """Re sum a (s^p x)' over lines and inputs, for the powers p up to the highest; (3, nv, nv)."""
-    size = len(adjoint)
-    left, motion = _flat(adjoint).conj(), _flat(lines.motion)
-    laplace = np.tile(lines.question.laplace, motion.shape[1] // len(lines.question.laplace))
-    sums = np.zeros((3, size, size))
-    for power in range(highest + 1):
-        sums[power] = left.view(float) @ motion.view(float).T
-        motion = motion * laplace if power < highest else motion
-    return sums
+def _motion_sums(lines: "Linearised", adjoint: Complex) -> Real:
+    """Re sum a (s^p x)' over lines and inputs, p = 0, 1, 2; (3, nv, nv)."""
+    left = _flat(adjoint).conj().view(float)
+    powers = _powers(lines.motion, lines.question.laplace)
+    return np.stack([left @ powers(power).view(float).T for power in range(3)])
 
 
 def _drive_sums(lines: "Linearised", adjoint: Complex) -> Real:
@@ -126,10 +147,9 @@ def _by_gravity(lines: "Linearised", sums: Real) -> tuple[Real, Real]:
 
 def _projected(lines: "Linearised", change: Change, found: _Sensitivity) -> Real:
     """Left' S right for every power of s; (3, r, t)."""
-    whole = found.joint if change.slot == "joint" else found.body
-    if change.slot in ("joint", "body") and whole is not None:
+    if change.slot == "body" and found.body is not None:
         rows, columns = _support(change.left), _support(change.right)
-        inner = whole[:, rows[:, None], columns]
+        inner = found.body[:, rows[:, None], columns]
         projected: Real = change.left[rows].T @ inner @ change.right[columns]
         return projected
     constant = np.zeros(change.core.shape[-3:])
@@ -147,6 +167,12 @@ def _projected(lines: "Linearised", change: Change, found: _Sensitivity) -> Real
 
 def _support(frame: Real) -> np.ndarray:
     return np.flatnonzero(frame.any(axis=1))
+
+
+def _span(frame: Real) -> slice:
+    """From the first to the last row that is not zero: a slice copies nothing."""
+    rows = _support(frame)
+    return slice(int(rows[0]), int(rows[-1]) + 1) if rows.size else slice(0)
 
 
 def columns(lines: "Linearised", slopes: Slopes) -> Complex:
@@ -241,11 +267,6 @@ class _Forward:
         total += real_times(read @ jacobian, lines.motion)
         if here.has_floor:
             total += (read @ here.floor)[:, :, None] * lines.carrying
-
-
-def _highest_power(core: Real) -> int:
-    powers = np.flatnonzero(core.any(axis=(0, 2, 3)))
-    return int(powers[-1]) if powers.size else 0
 
 
 def _flat(array: Complex) -> Complex:

@@ -25,10 +25,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from identification.words import Complex, Real
+from identification.words import Complex, Mask, Real
 from mbmodel.model import Matrices
 
 _SYMMETRY = 1e-9
+_COINCIDENT = 1e-4  # distance of two poles over their size
 _RIGID = 1e-5  # lowest over highest natural frequency below which a machine counts as free
 
 
@@ -67,19 +68,26 @@ class ModalForm:
             inverse = 2.0 / divisor
         return shifted * inverse, -self.poles.imag[:, None] * inverse
 
-    def receptance(self, force: Real | Complex, kernels: tuple[Complex, Complex]) -> Complex:
+    def receptance(
+        self,
+        force: Real | Complex,
+        kernels: tuple[Complex, Complex],
+        through: Real | None = None,
+    ) -> Complex:
         """Z(s)^-1 f at every line; zero at s = 0 if the form is in velocities.
 
         Args:
             force: generalised forces; (nv, m, 1) real for the same at all lines, or
                 (nv, m, n_freq) complex.
             kernels: from ``kernels``.
+            through: if given, the generalised forces are this times ``force``; (nv, n).
 
         Returns:
             Generalised displacements; (nv, m, n_freq).
         """
         half = len(self.poles)
-        drive = real_times(self.rows, force)
+        rows = self.rows if through is None else self.rows @ through
+        drive = real_times(rows, force)
         if not np.iscomplexobj(drive):
             return self._from_residues(drive[..., 0].real, kernels)
         even, odd = (kernel[:, None, :] for kernel in kernels)
@@ -147,18 +155,40 @@ def modal_form(matrices: Matrices) -> ModalForm | None:
         state[size:, size:] = -shapes.T @ damping @ shapes
         poles, right = np.linalg.eig(state)
         right = right.astype(complex, copy=False)
-        inverse = np.linalg.inv(right)
+        keep = poles.imag >= 0
+        left = _left_vectors(state, poles, right, keep)
     except np.linalg.LinAlgError:
         return None
-    keep = poles.imag >= 0
-    weight = np.where(poles[keep].imag == 0, 0.5, 1.0)
+    right, poles = right[:, keep], poles[keep].astype(complex, copy=False)
+    weight = np.where(poles.imag == 0, 0.5, 1.0)
     in_velocity = bool(frequency.min() <= _RIGID * frequency.max())
-    upper = shapes @ (right[size:] if in_velocity else right[:size] / frequency[:, None])
-    columns, rows = upper[:, keep] * weight, inverse[keep, size:] @ shapes.T
+    upper = (right[size:] if in_velocity else right[:size] / frequency[:, None]) * weight
+    lower = left[:, size:]
     return ModalForm(
-        poles[keep].astype(complex, copy=False),
-        np.hstack([columns.real, columns.imag]),
-        np.vstack([rows.real, rows.imag]),
+        poles,
+        np.hstack([shapes @ upper.real, shapes @ upper.imag]),
+        np.vstack([lower.real @ shapes.T, lower.imag @ shapes.T]),
         in_velocity,
-        float((np.linalg.norm(inverse, axis=1) * np.linalg.norm(right, axis=0)).max()),
+        float((np.linalg.norm(left, axis=1) * np.linalg.norm(right, axis=0)).max()),
     )
+
+
+def _left_vectors(state: Real, poles: Complex, right: Complex, keep: Mask) -> Complex:
+    """Rows W of the kept poles with W V = 1.
+
+    If the damping is symmetric, J A with J = diag(sign k, -1) is, so that v' J is the left vector
+    of v. Poles that all but coincide have no right vectors of their own: then, and without
+    symmetry, V is inverted.
+    """
+    size = len(state) // 2
+    damping = state[size:, size:]
+    near = _COINCIDENT * np.abs(poles[keep])[:, None]
+    apart = np.abs(poles[keep][:, None] - poles[None]) > near
+    symmetric = np.abs(damping - damping.T).max() <= _SYMMETRY * np.abs(damping).max()
+    if not symmetric or apart.sum() < apart.size - keep.sum():
+        inverse = np.asarray(np.linalg.inv(right)[keep], np.complex128)
+        return inverse
+    signs = np.concatenate([-np.sign(np.diag(state[size:, :size])), -np.ones(size)])
+    rows = (signs[:, None] * right[:, keep]).T
+    left: Complex = (rows / (rows * right[:, keep].T).sum(axis=1, keepdims=True)).astype(complex)
+    return left

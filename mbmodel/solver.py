@@ -5,7 +5,7 @@ from functools import cached_property
 import numpy as np
 
 from identification.words import Complex, Real, UsageError
-from mbmodel.modal import ModalForm
+from mbmodel.modal import ModalForm, real_times
 from mbmodel.model import Matrices
 
 _CHUNK = 64 * 2**20  # bytes of dynamic stiffness that are solved at once
@@ -37,6 +37,7 @@ class Solver:
         *,
         transposed: bool = False,
         factor: Complex | None = None,
+        through: Real | None = None,
     ) -> Complex:
         """Z^-1 f, or Z^-T f, times a factor of each line.
 
@@ -44,18 +45,23 @@ class Solver:
             force: (nv, m, 1) the same at all lines, or (nv, m, n_freq).
             transposed: solve with the transpose.
             factor: such as s^q; (n_freq,).
+            through: if given, f is this times ``force``; (nv, n).
 
         Returns:
             x; (nv, m, n_freq).
         """
         scale = np.ones(1) if factor is None else factor
+        late = through is not None and through.shape[1] < through.shape[0]
+        if through is not None and not (late and self.form is not None):
+            force, through = real_times(through, force), None
         if self.form is None or self._kernels is None:
             lines = np.arange(len(self.laplace))
             return self.direct(force, lines, transposed=transposed) * scale
         form = self.form.transposed if transposed else self.form
         even, odd = self._kernels
-        motion = form.receptance(force, (even * scale, odd * scale))
+        motion = form.receptance(force, (even * scale, odd * scale), through)
         if form.in_velocity and self._resting.size:
+            force = force if through is None else real_times(through, force)
             resting = self.direct(force, self._resting, transposed=transposed)
             motion[..., self._resting] = (
                 resting * np.broadcast_to(scale, self.laplace.shape)[self._resting]

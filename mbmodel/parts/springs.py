@@ -102,6 +102,24 @@ class SpringPart:
         unit = np.eye(core.shape[-1])
         return Change("joint", unit, unit, core)
 
+    def matrices(self, theta: Real, jacobian: Real) -> list[tuple[Spring, Real, Real]]:
+        """Each spring with its K and C in joint coordinates.
+
+        Args:
+            theta: of this Part.
+            jacobian: T; (6 n_body, nv).
+        """
+        core = np.zeros((2, len(self.springs)))
+        powers, springs = self._places
+        core[powers, springs] = theta
+        frame = self._frame if self._slot == "joint" else jacobian.T @ self._frame
+        found = []
+        for k, spring in enumerate(self.springs):
+            square = np.outer(frame[:, k], frame[:, k])
+            tense = 0.0 if spring.geometric is None else spring.geometric
+            found.append((spring, core[0, k] * (square + tense), core[1, k] * square))
+        return found
+
     def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
         """The coefficients of each joint or tendon; of a polynomial the linear term."""
         values: dict[str, dict[str, float]] = {}

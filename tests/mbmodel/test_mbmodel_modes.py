@@ -76,10 +76,9 @@ def test_a_free_pair_keeps_its_rigid_motion_at_zero(from_text):
     found = modes_of(from_text(mjcf(free)))
     expected = np.sqrt(9e4 * (1 / 3 + 1 / 7)) / (2 * np.pi)
     assert found.freq_hz[-1] == pytest.approx(expected, rel=1e-12)
-    # A double zero splits by the root of the rounding: 1e-8 of the highest.
-    assert (found.freq_hz[:-1] < 1e-6 * expected).all()
-    assert len(found.poles) in (2, 3)
+    np.testing.assert_array_equal(found.poles[:-1], [0])
 
 
 def test_a_pole_at_rest_has_no_damping_ratio_but_zero():
-    np.testing.assert_array_equal(Modes(np.array([0j, -2 + 0j])).damping, [0, 1])
+    found = Modes(np.array([0j, -2 + 0j]), np.eye(2).astype(complex), ("", ""))
+    np.testing.assert_array_equal(found.damping, [0, 1])

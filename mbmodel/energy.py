@@ -1,0 +1,141 @@
+r"""Where a mode stores and loses its energy: which spring to touch, which damper works.
+
+For a shape phi, with M-norm 1, the strain of spring i is k_i |g_i phi|^2 / 2 of the sum
+phi^H K phi / 2, the kinetic energy of direction j of a body Re(conj(b_j) (Mb b)_j) with b = T phi,
+and damper i loses c_i |g_i phi|^2 of phi^H C phi a cycle (Ewins 2000, ch. 2). Of lightly damped
+modes the strain share is the sensitivity of the frequency, d ln f = share / 2 d ln k, and the
+dissipation share the damper's part of the damping ratio.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.words import DIRECTIONS, Complex, Real
+from mbmodel.gravity import gravity_stiffness
+from mbmodel.model import Assembly, Model
+from mbmodel.modes import Modes
+from mbmodel.parts import SpringPart
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """Shares of each mode; every table's columns add up to 1, or to 0 where there is none.
+
+    Args:
+        springs: names of joint coordinates, tendons, and what else is stiff or damps.
+        stages: where each spring belongs, ``joint:<stage>`` or ``tendon:<name>``.
+        strain: (n_spring, n_mode).
+        dissipation: (n_spring, n_mode).
+        motions: ``<body>:<direction>``, and armatures by coordinate.
+        bodies: body of each motion; ``joint`` for armatures.
+        kinetic: (n_motion, n_mode).
+    """
+
+    springs: tuple[str, ...]
+    stages: tuple[str, ...]
+    strain: Real
+    dissipation: Real
+    motions: tuple[str, ...]
+    bodies: tuple[str, ...]
+    kinetic: Real
+
+    def by_stage(self, table: Real) -> dict[str, Real]:
+        """Strain or dissipation summed over the springs of each stage; (n_mode,) each."""
+        return _summed(self.stages, table)
+
+    def by_body(self) -> dict[str, Real]:
+        """Kinetic energy of each body; (n_mode,) each."""
+        return _summed(self.bodies, self.kinetic)
+
+
+def _summed(owners: tuple[str, ...], table: Real) -> dict[str, Real]:
+    total: dict[str, Real] = {}
+    for owner, row in zip(owners, table, strict=True):
+        total[owner] = total.get(owner, np.zeros(len(row))) + row
+    return total
+
+
+def energy(model: Model, theta: Real, found: Modes) -> Energy:
+    """Shares of strain and kinetic energy and of dissipation in every mode."""
+    assembly = model.assemble(theta)
+    names, stages, strain, loss = [], [], [], []
+    for name, stage, stiffness, damping in _resistances(model, theta, assembly):
+        names.append(name)
+        stages.append(stage)
+        strain.append(_quadratic(stiffness, found.shapes))
+        loss.append(_quadratic(damping, found.shapes))
+    motions, bodies, kinetic = _kinetic(assembly, found.shapes)
+    count = len(found.poles)
+    rests = np.array([bool(name) for name in found.names], bool)
+    return Energy(
+        tuple(names),
+        tuple(stages),
+        _shares(strain, count, rests),
+        _shares(loss, count, rests),
+        motions,
+        bodies,
+        _shares(kinetic, count, np.zeros(count, bool)),
+    )
+
+
+def _shares(rows: list[Real], count: int, absent: np.ndarray) -> Real:
+    """Columns over their sums; zero where there is nothing to share."""
+    table = np.array(rows).reshape(-1, count)
+    total = table.sum(axis=0)
+    size = np.abs(table).sum(axis=0)
+    empty = absent | (np.abs(total) <= 1e-12 * size) | (size == 0)
+    shares: Real = np.where(empty, 0.0, table / np.where(empty, 1.0, total))
+    return shares
+
+
+def _quadratic(matrix: Real, shapes: Complex) -> Real:
+    """Re phi^H A phi of every shape; (n_mode,)."""
+    result: Real = np.einsum("ir,ij,jr->r", shapes.conj(), matrix, shapes).real
+    return result
+
+
+def _resistances(
+    model: Model, theta: Real, assembly: Assembly
+) -> list[tuple[str, str, Real, Real]]:
+    """Name, stage, K and C of every spring, of other Parts, of gravity, of what is left."""
+    machine = model.machine
+    rows = []
+    for part, piece in zip(model.parts, model.pieces(theta), strict=True):
+        if isinstance(part, SpringPart):
+            for spring, stiffness, damping in part.matrices(piece, assembly.jacobian):
+                rows.append((spring.name, part.location, stiffness, damping))
+    weight = np.zeros_like(assembly.matrices.mass)
+    if assembly.has_weight:
+        weight = gravity_stiffness(
+            machine.gravity, machine.order, assembly.jacobian, assembly.body[2]
+        )
+        rows.append(("gravity", "gravity", weight, 0 * weight))
+    left = [assembly.matrices.stiffness.copy(), assembly.matrices.damping.copy()]
+    for _, _, stiffness, damping in rows:
+        left[0] -= stiffness
+        left[1] -= damping
+    scale = [
+        np.abs(whole).max() for whole in (assembly.matrices.stiffness, assembly.matrices.damping)
+    ]
+    if any(np.abs(part).max() > 1e-9 * size for part, size in zip(left, scale, strict=True)):
+        rows.append(("other", "other", left[0], left[1]))
+    return rows
+
+
+def _kinetic(
+    assembly: Assembly, shapes: Complex
+) -> tuple[tuple[str, ...], tuple[str, ...], list[Real]]:
+    machine = assembly.machine
+    motion = assembly.jacobian @ shapes
+    momentum = assembly.body[2] @ motion
+    rows = list((motion.conj() * momentum).real)
+    names = [f"{body}:{way}" for body in machine.layout.bodies for way in DIRECTIONS]
+    bodies = [body for body in machine.layout.bodies for _ in DIRECTIONS]
+    armature = (shapes.conj() * (machine.armature @ shapes)).real
+    for name, row in zip(machine.coordinates, armature, strict=True):
+        if row.any():
+            names.append(f"{name}:armature")
+            bodies.append("joint")
+            rows.append(row)
+    return tuple(names), tuple(bodies), rows
