@@ -18,7 +18,8 @@ class SpringPart:
 
     A tendon between sites pulls at bodies: its g_i is a row of body motions, so that it follows
     when joints move. G_i is the geometric stiffness of a tendon under tension, per unit of its
-    stiffness. The equilibrium at which all this holds stays that of the drawing.
+    stiffness. The equilibrium at which all this holds stays that of the drawing, and so does G_i
+    where other Parts move joints.
 
     Coefficients that are zero on the drawing stay zero: they have no logarithm to tune.
     """

@@ -33,15 +33,14 @@ class Twin:
     damping: np.ndarray
     bodies: tuple[str, ...]
     centres: np.ndarray
-    sites: dict[str, tuple[int, np.ndarray]]
+    sites: dict[str, tuple[int, np.ndarray, np.ndarray]]
 
     def row(self, site: str, axis: int) -> np.ndarray:
-        """Motion of a site along a world axis per motion of all bodies: v + theta x r."""
-        body, position = self.sites[site]
-        x, y, z = position - self.centres[body]
+        """Motion of a site along its axis per motion of all bodies: a.(v + theta x r)."""
+        body, position, axes = self.sites[site]
         row = np.zeros(6 * len(self.bodies))
-        row[6 * body : 6 * body + 3] = np.eye(3)[axis]
-        row[6 * body + 3 : 6 * body + 6] = [[0, z, -y], [-z, 0, x], [y, -x, 0]][axis]
+        row[6 * body : 6 * body + 3] = axes[:, axis]
+        row[6 * body + 3 : 6 * body + 6] = np.cross(position - self.centres[body], axes[:, axis])
         return row
 
     def accelerance(self, freq_hz, outputs, inputs):
@@ -57,49 +56,70 @@ def _vector(element, name):
     return np.array([float(word) for word in element.get(name, "0 0 0").split()])
 
 
-def _inertia(element):
+def _turn(element):
+    """Rotation matrix of an element's quaternion, w x y z."""
+    if element.get("quat") is None:
+        return np.eye(3)
+    w, x, y, z = _vector(element, "quat") / np.linalg.norm(_vector(element, "quat"))
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _inertia(element, turn):
+    """Inertia in world axes, in exudyn's order xx yy zz yz xz xy."""
     if element.get("fullinertia"):
         xx, yy, zz, xy, xz, yz = _vector(element, "fullinertia")
-        return [xx, yy, zz, yz, xz, xy]
-    return [*_vector(element, "diaginertia"), 0.0, 0.0, 0.0]
+    else:
+        (xx, yy, zz), xy, xz, yz = _vector(element, "diaginertia"), 0, 0, 0
+    world = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
+    return [*np.diag(world), world[1, 2], world[0, 2], world[0, 1]]
 
 
-def _springs(element):
-    """Place and 6x6 stiffness and damping of a stage's joints: six, through one point."""
+def _springs(element, turn):
+    """Place in the body, 6x6 stiffness and damping in world axes of six joints at one point."""
     joints = {joint.get("name")[-2:]: joint for joint in element.findall("joint")}
     (place,) = {joint.get("pos") for joint in joints.values()}
+    axes = turn @ np.array([_vector(joints[f"t{way}"], "axis") for way in "xyz"]).T
+    assert np.allclose(axes.T @ axes, np.eye(3), atol=1e-14)
     for direction, joint in joints.items():
-        axis = "xyz".index(direction[1])
-        assert np.array_equal(_vector(joint, "axis"), np.eye(3)[axis])
+        axis = turn @ _vector(joint, "axis")
+        assert np.allclose(axis, axes[:, "xyz".index(direction[1])], atol=1e-15)
         assert joint.get("type") == ("slide" if direction[0] == "t" else "hinge")
+    both = np.zeros((6, 6))
+    both[:3, :3] = both[3:, 3:] = axes
     k, d = (
-        np.diag([float(joints[direction].get(what)) for direction in DIRECTIONS])
+        both @ np.diag([float(joints[direction].get(what)) for direction in DIRECTIONS]) @ both.T
         for what in ("stiffness", "damping")
     )
     return np.array([float(word) for word in place.split()]), k, d
 
 
 def exudyn_twin(path: Path) -> Twin:
-    """Build and linearise a station: bodies at the origin, unturned, each on six joints."""
+    """Build and linearise a tree of bodies, each on six joints at one point."""
     system = exudyn.SystemContainer().AddSystem()
     ground = system.AddObject(ObjectGround())
     bodies, centres, sites = [], [], {}
 
-    def add(element, parent, parent_centre):
+    def add(element, parent, parent_centre, origin, turn):
         inertial = element.find("inertial")
-        assert element.get("pos") is None
-        assert element.get("quat") is None
-        centre = _vector(inertial, "pos")
+        origin, turn = origin + turn @ _vector(element, "pos"), turn @ _turn(element)
+        centre = origin + turn @ _vector(inertial, "pos")
         node = system.AddNode(NodeRigidBodyRxyz(referenceCoordinates=[*centre, 0, 0, 0]))
         body = system.AddObject(
             ObjectRigidBody(
-                mass=float(inertial.get("mass")), inertia=_inertia(inertial), nodeNumber=node
+                mass=float(inertial.get("mass")), inertia=_inertia(inertial, turn), nodeNumber=node
             )
         )
-        place, k, d = _springs(element)
+        place, k, d = _springs(element, turn)
+        place = origin + turn @ place
         ends = [
-            system.AddMarker(MarkerBodyRigid(bodyNumber=owner, localPosition=place - origin))
-            for owner, origin in ((parent, parent_centre), (body, centre))
+            system.AddMarker(MarkerBodyRigid(bodyNumber=owner, localPosition=place - middle))
+            for owner, middle in ((parent, parent_centre), (body, centre))
         ]
         system.AddObject(
             ObjectConnectorRigidBodySpringDamper(markerNumbers=ends, stiffness=k, damping=d)
@@ -107,12 +127,13 @@ def exudyn_twin(path: Path) -> Twin:
         bodies.append(element.get("name"))
         centres.append(centre)
         for site in element.findall("site"):
-            sites[site.get("name")] = (len(bodies) - 1, _vector(site, "pos"))
+            position = origin + turn @ _vector(site, "pos")
+            sites[site.get("name")] = (len(bodies) - 1, position, turn @ _turn(site))
         for child in element.findall("body"):
-            add(child, body, centre)
+            add(child, body, centre, origin, turn)
 
     for element in ElementTree.parse(path).getroot().find("worldbody").findall("body"):
-        add(element, ground, np.zeros(3))
+        add(element, ground, np.zeros(3), np.zeros(3), np.eye(3))
     system.Assemble()
     settings = exudyn.SimulationSettings()
     # D comes from one-sided differences at rest, where the force is exactly zero: a tiny step has

@@ -1,5 +1,7 @@
 """The station and the open campaigns' stations against exudyn, an independent multibody code."""
 
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 from exudyn_twin import exudyn_twin
@@ -38,7 +40,11 @@ def test_the_twin_is_linearised_in_small_rotations():
     # One body's block of M must be its mass and its inertia: no transformation of rates left.
     twin = exudyn_twin(STATION)
     hexapod = slice(6 * twin.bodies.index("hexapod"), None)
-    expected = np.diag([35, 35, 35, 0.404, 0.404, 0.525])
+    (body,) = (b for b in ElementTree.parse(STATION).iter("body") if b.get("name") == "hexapod")
+    inertial = body.find("inertial")
+    xx, yy, zz, xy, xz, yz = map(float, inertial.get("fullinertia").split())
+    expected = float(inertial.get("mass")) * np.eye(6)
+    expected[3:, 3:] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
     np.testing.assert_allclose(twin.mass[hexapod, hexapod], expected, rtol=1e-15, atol=1e-15)
 
 
@@ -46,7 +52,7 @@ def test_the_twin_feels_its_springs_where_the_joint_is():
     # Turning the hexapod about x, its joint 0.101 m below its centre moves by 0.101 m/rad in y.
     twin = exudyn_twin(STATION)
     roll = 6 * twin.bodies.index("hexapod") + 3
-    arm_y, arm_z = 0.006, -0.319 + 0.42
+    _, arm_y, arm_z = twin.centres[twin.bodies.index("hexapod")] - [0, 0, -0.42]
     expected = 1.5e6 + 1e7 * arm_z**2 + 1e8 * arm_y**2
     assert twin.stiffness[roll, roll] == pytest.approx(expected, rel=1e-12)
 
