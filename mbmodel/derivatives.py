@@ -15,7 +15,6 @@ dJ = sum <S, change>, summed over lines and inputs once for all parameters.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,14 +23,12 @@ from mbmodel.gravity import gravity_adjoint, gravity_slope
 from mbmodel.modal import real_times
 from mbmodel.parts import Change, Slot
 from mbmodel.places import selection
-
-if TYPE_CHECKING:
-    from mbmodel.response import Linearised
+from mbmodel.solved import Solved
 
 Slopes = Sequence[tuple[Change, ...]]
 
 
-def gradient(lines: "Linearised", slopes: Slopes, cotangent: Complex) -> Real:
+def gradient(lines: Solved, slopes: Slopes, cotangent: Complex) -> Real:
     """Derivative of a scalar cost by every parameter.
 
     Args:
@@ -97,7 +94,7 @@ class _Sensitivity:
 
 
 def _sensitivities(
-    lines: "Linearised", slots: set[Slot], weights: Complex, adjoint: Complex
+    lines: Solved, slots: set[Slot], weights: Complex, adjoint: Complex
 ) -> _Sensitivity:
     sums = _motion_sums(lines, adjoint)
     driven = _drive_sums(lines, adjoint)
@@ -123,20 +120,20 @@ def _sensitivities(
     return _Sensitivity(body, path, sensor, hammer)
 
 
-def _motion_sums(lines: "Linearised", adjoint: Complex) -> Real:
+def _motion_sums(lines: Solved, adjoint: Complex) -> Real:
     """Re sum a (s^p x)' over lines and inputs, p = 0, 1, 2; (3, nv, nv)."""
     left = _flat(adjoint).conj().view(float)
     powers = _powers(lines.motion, lines.question.laplace)
     return np.stack([left @ powers(power).view(float).T for power in range(3)])
 
 
-def _drive_sums(lines: "Linearised", adjoint: Complex) -> Real:
+def _drive_sums(lines: Solved, adjoint: Complex) -> Real:
     """Re sum a s^q over lines; (nv, n_in)."""
     total: Real = (adjoint @ lines.question.factor).real
     return total
 
 
-def _by_gravity(lines: "Linearised", sums: Real) -> tuple[Real, Real]:
+def _by_gravity(lines: Solved, sums: Real) -> tuple[Real, Real]:
     assembly, machine = lines.assembly, lines.model.machine
     if not assembly.has_weight:
         return np.zeros_like(assembly.jacobian), np.zeros_like(machine.body_mass)
@@ -145,7 +142,7 @@ def _by_gravity(lines: "Linearised", sums: Real) -> tuple[Real, Real]:
     )
 
 
-def _projected(lines: "Linearised", change: Change, found: _Sensitivity) -> Real:
+def _projected(lines: Solved, change: Change, found: _Sensitivity) -> Real:
     """Left' S right for every power of s; (3, r, t)."""
     if change.slot == "body" and found.body is not None:
         rows, columns = _support(change.left), _support(change.right)
@@ -175,7 +172,7 @@ def _span(frame: Real) -> slice:
     return slice(int(rows[0]), int(rows[-1]) + 1) if rows.size else slice(0)
 
 
-def columns(lines: "Linearised", slopes: Slopes) -> Complex:
+def columns(lines: Solved, slopes: Slopes) -> Complex:
     """Derivative of every FRF by every parameter; (n_freq, n_out, n_in, n_parameter)."""
     readers = lines.solver.solve(lines.readout.T[:, :, None], transposed=True)
     total = np.zeros((len(lines.theta), len(lines.readout), *lines.motion.shape[1:]), complex)
@@ -197,7 +194,7 @@ class _Forward:
         readers: y = Z^-T G'; (nv, n_out, n_freq).
     """
 
-    lines: "Linearised"
+    lines: Solved
     readers: Complex
 
     def add(self, total: Complex, change: Change) -> None:

@@ -10,66 +10,23 @@ move relative to the floor, feel the bodies' inertia. Data that still carry an e
 exp(-t / tau) are the transform at s = i w + 1 / tau, and so is their model.
 """
 
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 
 from identification.words import Complex, Condition, Frf, Real, UsageError
 from mbmodel.derivatives import columns, gradient
-from mbmodel.modal import ModalForm, modal_form, real_times
+from mbmodel.modal import ModalForm, modal_form
 from mbmodel.model import Assembly, Model
 from mbmodel.places import Places, changed, places
 from mbmodel.question import Question
+from mbmodel.solved import Solved
 from mbmodel.solver import Solver
 
 _AGREEMENT = 1e-10  # modal form against direct solve, relative to each coordinate's peak
 _CONDITION = 1e6  # of an eigenvalue: beyond it poles all but coincide
 
 
-@dataclass(frozen=True, eq=False)
-class Linearised:
-    """A model linearised at theta, answering one question.
-
-    Args:
-        model: what was linearised.
-        theta: where; (n_parameter,).
-        question: lines, outputs, inputs.
-        condition: of the test meant, or None.
-        assembly: the equation at theta.
-        places: L, P, U at theta.
-        solver: of Z x = f.
-        motion: x = s^q Z^-1 F; (nv, n_in, n_freq).
-    """
-
-    model: Model
-    theta: Real
-    question: Question
-    condition: Condition | None
-    assembly: Assembly
-    places: Places
-    solver: Solver
-    motion: Complex
-
-    @cached_property
-    def readout(self) -> Real:
-        """G = L T; (n_out, nv)."""
-        readout: Real = self.places.readout @ self.assembly.jacobian
-        return readout
-
-    @cached_property
-    def values(self) -> Complex:
-        """H; (n_freq, n_out, n_in), a view on memory that runs along frequency."""
-        values = real_times(self.readout, self.motion)
-        if self.places.has_floor:
-            carried = self.places.readout @ self.places.floor
-            values += carried[:, :, None] * self.carrying
-        return values.transpose(2, 0, 1)
-
-    @cached_property
-    def carrying(self) -> Complex:
-        """s^(q - 2), motion of the floor per acceleration of it; (n_freq,)."""
-        return self.question.laplace ** (self.question.order - 2)
+class Linearised(Solved):
+    """A model linearised at theta, answering one question; see ``Solved`` for its fields."""
 
     def frf(self) -> Frf:
         """H with its labels."""
