@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 OUT ?= mbw-demo
 
-.PHONY: demo test check bench demo-campaign clean
+.PHONY: demo test check bench station demo-campaign clean
 
 demo: $(VENV)/.installed
 	$(BIN)/mbw demo --out $(OUT)
@@ -21,6 +21,10 @@ check: $(VENV)/.installed-test
 
 bench: $(VENV)/.installed-test
 	$(BIN)/python -m tests.bench $(ONLY)
+
+# Remakes the station's meshes, byte for byte, and what they weigh in its MJCF.
+station: $(VENV)/.installed
+	$(BIN)/python assets/microstation/make_station.py
 
 # Remakes assets/demo, byte for byte, from its seed.
 demo-campaign: $(VENV)/.installed

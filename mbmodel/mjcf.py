@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from identification.words import InputError
+from mbmodel.meshes import compile_with_meshes
 
 _MASSLESS = "mass and inertia of moving bodies must be larger"
 _TEXTS = ("name", "class", "file", "childclass", "model", "joint", "body", "site", "mesh")
@@ -27,13 +28,13 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
     Raises:
         InputError: missing file, XML or MJCF that MuJoCo refuses, a body without mass, negative
             or non-finite stiffness or damping, equality constraints, dry friction, ball joints
-            with stiffness.
+            with stiffness, a mesh that gives mass and is not that of a solid.
     """
     if not path.is_file():
         raise InputError(f"{path} does not exist: name an MJCF file")
     _refuse_malformed(path)
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        model = compile_with_meshes(path)
     except ValueError as error:
         raise InputError(_explain(path, str(error))) from error
     _refuse_unlinearisable(path, model)

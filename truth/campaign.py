@@ -11,7 +11,7 @@ from truth.effects import CATALOGUE, Effect
 from truth.errors import TruthError
 from truth.measure import Measurement, hammer_test, lines_hz
 from truth.station import Hammer, Station
-from truth.texts import answer_toml, campaign_toml, model_xml
+from truth.texts import MESH_FOLDER, answer_toml, campaign_toml, model_xml
 from truth.uff import uff_bytes
 
 _TOLERANCE = Tolerance()
@@ -42,7 +42,7 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """The files of a campaign: their content by name."""
+    """The files of a campaign: their content by path within its folder."""
 
     files: Mapping[str, bytes]
 
@@ -80,6 +80,7 @@ def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
         "answer.toml": answer_toml(effect.answer(), stream(plan.seed, "salt").bytes(16).hex()),
     }
     contents = {name: text.encode("utf-8") for name, text in texts.items()}
+    contents |= {f"{MESH_FOLDER}/{mesh.file}": mesh.content for mesh in drawing.meshes}
     return Campaign(MappingProxyType({**contents, file: uff_bytes(measured)}))
 
 

@@ -37,6 +37,7 @@ def write_campaign(campaign: Campaign, folder: Path, *, overwrite: bool = False)
     new.mkdir()
     try:
         for name, content in campaign.files.items():
+            (new / name).parent.mkdir(exist_ok=True)
             (new / name).write_bytes(content)
         if folder.exists():
             folder.rename(old)

@@ -12,12 +12,14 @@ from typing import Literal
 import numpy as np
 
 from truth.errors import TruthError
-from truth.station import GROUND, HitPoint, Joint, Real, Sensor, Shape, Stage, Station
+from truth.station import GROUND, HitPoint, Joint, MeshFile, Real, Sensor, Shape, Stage, Station
 
 _WITHOUT_EFFECT = {"visual", "statistic", "light", "camera", "custom", "size"}
 _ALLOWED = {
     "mujoco": {"model"},
-    "compiler": {"angle", "autolimits"},
+    "compiler": {"angle", "autolimits", "meshdir"},
+    "asset": set[str](),
+    "mesh": {"name", "file", "scale", "refpos", "refquat", "inertia", "smoothnormal"},
     "option": {"gravity", "timestep", "integrator", "iterations", "solver", "tolerance"},
     "worldbody": set[str](),
     "body": {"name", "pos"},
@@ -26,7 +28,7 @@ _ALLOWED = {
     "site": {"name", "pos", "size", "rgba", "type", "group"},
 }
 _KINDS: dict[str, Literal["slide", "hinge"]] = {"slide": "slide", "hinge": "hinge"}
-_PRIMITIVES = {"sphere", "capsule", "ellipsoid", "cylinder", "box"}
+_SHAPES = {"sphere", "capsule", "ellipsoid", "cylinder", "box", "mesh"}
 
 
 def read_station(path: Path) -> Station:
@@ -46,12 +48,13 @@ def read_station(path: Path) -> Station:
         raise TruthError(f"{path}: is not XML ({error}); give an MJCF file") from error
     if root.tag != "mujoco":
         raise TruthError(f"{path}: starts with <{root.tag}>; an MJCF file starts with <mujoco>")
-    _check(root, children={"compiler", "option", "default", "worldbody"})
+    _check(root, children={"compiler", "option", "default", "asset", "worldbody"})
     for compiler in root.findall("compiler"):
         _check(compiler, children=set())
     _check_gravity(root)
     defaults = _geom_defaults(root)
     _check_angles(root)
+    meshes = _read_meshes(root, path)
     stages: list[Stage] = []
     for world in root.findall("worldbody"):
         _check(world, children={"body", "geom", "site"})
@@ -60,7 +63,8 @@ def read_station(path: Path) -> Station:
                 raise TruthError(f"{_label(site)}: it sits on the ground; put it into a body")
         for body in world.findall("body"):
             _read_body(body, GROUND, np.zeros(3), defaults, stages)
-    return Station(name=root.get("model", "station"), stages=tuple(stages))
+    _check_mesh_names(root, meshes)
+    return Station(root.get("model", "station"), tuple(stages), meshes)
 
 
 def _read_body(
@@ -129,10 +133,8 @@ def _read_sites(body: ET.Element, origin: Real) -> tuple[tuple[Sensor, ...], tup
 
 def _shape(geom: ET.Element, origin: Real, defaults: dict[str, str]) -> Shape:
     attributes = {**defaults, **geom.attrib}
-    if attributes.get("type", "sphere") not in _PRIMITIVES:
-        raise TruthError(
-            f"{_label(geom)}: type {attributes['type']!r} is not one of the primitives"
-        )
+    if attributes.get("type", "sphere") not in _SHAPES:
+        raise TruthError(f"{_label(geom)}: type {attributes['type']!r} is not handled; use a mesh")
     if "mass" not in attributes or _numbers(geom, "mass", attributes["mass"], 1)[0] != 0:
         raise TruthError(f'{_label(geom)}: a shape must have mass="0"; masses go into <inertial>')
     if {attributes.get("contype"), attributes.get("conaffinity")} != {"0"}:
@@ -144,6 +146,39 @@ def _shape(geom: ET.Element, origin: Real, defaults: dict[str, str]) -> Shape:
     points = _numbers(geom, ends, attributes.get(ends, "0 0 0"), size).reshape(-1, 3) + origin
     attributes[ends] = " ".join(f"{value:.12g}" for value in points.ravel())
     return Shape(tuple(attributes.items()))
+
+
+def _read_meshes(root: ET.Element, path: Path) -> tuple[MeshFile, ...]:
+    """Read the files of all meshes: the shapes of a campaign must not depend on this folder."""
+    folders = [compiler.get("meshdir") for compiler in root.findall("compiler")]
+    folder = path.parent / ([name for name in folders if name is not None] or [""])[-1]
+    meshes = []
+    for asset in root.findall("asset"):
+        # A texture is for the eye, and no shape that is carried over names one.
+        _check(asset, children={"mesh", "texture"})
+        for mesh in asset.findall("mesh"):
+            _check(mesh, children=set())
+            file = folder / mesh.get("file", "")
+            name = mesh.get("name", file.stem)
+            if not re.fullmatch(r"\w[\w.-]*", name):
+                raise TruthError(f"<mesh> {name!r}: give it a name of letters, digits, _ . -")
+            try:
+                content = file.read_bytes()
+            except OSError as error:
+                raise TruthError(
+                    f"<mesh> {name}: {file} cannot be read ({error.strerror}); give its file"
+                ) from error
+            kept = {k: v for k, v in mesh.attrib.items() if k not in ("name", "file")}
+            meshes.append(MeshFile(name, file.suffix, content, tuple(kept.items())))
+    return tuple(meshes)
+
+
+def _check_mesh_names(root: ET.Element, meshes: tuple[MeshFile, ...]) -> None:
+    known = {mesh.name for mesh in meshes}
+    for geom in root.iter("geom"):
+        name = geom.get("mesh")
+        if name not in known and (name is not None or geom.get("type") == "mesh"):
+            raise TruthError(f"{_label(geom)}: there is no mesh {name!r}; name one of <asset>")
 
 
 def _inertia(inertial: ET.Element, body: ET.Element) -> Real:

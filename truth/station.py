@@ -134,6 +134,28 @@ class Shape:
     attributes: tuple[tuple[str, str], ...]
 
 
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh that shapes refer to, for the eye only.
+
+    Args:
+        name: by which a shape refers to it.
+        suffix: of its file, such as ``.stl``.
+        content: of its file.
+        attributes: how the file is scaled and placed, as in MJCF.
+    """
+
+    name: str
+    suffix: str
+    content: bytes
+    attributes: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def file(self) -> str:
+        """Name of its own file in a campaign."""
+        return self.name + self.suffix
+
+
 @dataclass(frozen=True, eq=False)
 class Stage:
     """A rigid body and what joins it to its parent.
@@ -173,10 +195,11 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Station:
-    """A machine: its name and its stages, every parent before its children."""
+    """A machine: its name, its stages, every parent before its children, and their meshes."""
 
     name: str
     stages: tuple[Stage, ...]
+    meshes: tuple[MeshFile, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the tree and that every name is given once."""
@@ -188,6 +211,7 @@ class Station:
         _refuse_twins("body", [stage.name for stage in self.stages])
         _refuse_twins("joint", [joint.name for stage in self.stages for joint in stage.joints])
         _refuse_twins("site", [f"acc{sensor.node}" for _, sensor in self.sensors()])
+        _refuse_twins("mesh", [mesh.name for mesh in self.meshes])
         hits = [f"hit{hit.node}" for stage in self.stages for hit in stage.hit_points]
         _refuse_twins("site", hits)
 

@@ -9,6 +9,7 @@ from truth.draw import Tolerance
 from truth.effects import Answer
 from truth.station import GROUND, Stage, Station
 
+MESH_FOLDER = "meshes"
 _UNITS = {
     "com": "m",
     "joint_position": "m",
@@ -22,10 +23,18 @@ _UNITS = {
 def model_xml(drawing: Station) -> str:
     """Return the drawing as MJCF that any viewer opens; all positions in world axes."""
     root = ET.Element("mujoco", model=drawing.name)
-    ET.SubElement(root, "compiler", angle="radian", autolimits="true")
+    compiler = ET.SubElement(root, "compiler", angle="radian", autolimits="true")
+    if drawing.meshes:
+        compiler.set("meshdir", MESH_FOLDER)
     ET.SubElement(root, "option", gravity="0 0 0", timestep="0.0002")
+    visual = ET.SubElement(root, "visual")
+    ET.SubElement(visual, "headlight", ambient="0.4 0.4 0.4", diffuse="0.5 0.5 0.5")
     default = ET.SubElement(root, "default")
     ET.SubElement(default, "site", size="0.012", rgba="0.85 0.1 0.1 1")
+    if drawing.meshes:
+        asset = ET.SubElement(root, "asset")
+        for mesh in drawing.meshes:
+            ET.SubElement(asset, "mesh", dict(mesh.attributes), name=mesh.name, file=mesh.file)
     elements = {GROUND: ET.SubElement(root, "worldbody")}
     for index, stage in enumerate(drawing.stages):
         elements[index] = _body(elements[stage.parent], stage)

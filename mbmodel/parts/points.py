@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identification.words import Dof, Layout, Real, UsageError, is_hammer
+from identification.words import Dof, Layout, Real, UsageError, is_hammer, node_of
 from mbmodel.drawing import Placed
 from mbmodel.edit import Edit, NotHeld
 from mbmodel.machine import Machine
@@ -201,7 +201,7 @@ def sensor_parts(machine: Machine) -> tuple[SensorPart, ...]:
     return tuple(
         SensorPart(_point(machine.layout, name), machine.drawing.sites[name])
         for name in machine.layout.points
-        if not is_hammer(name)
+        if node_of(name) is not None and not is_hammer(name)
     )
 
 

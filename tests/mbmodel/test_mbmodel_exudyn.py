@@ -36,15 +36,22 @@ def test_frfs_at_all_sensors_are_those_of_exudyn(path):
     assert worst_of_channels(ours.values, twin.accelerance(FREQ, outputs, HITS)) < 1e-9
 
 
+def hexapod_inertial():
+    """Mass, centre and inertia of the station's hexapod, as written."""
+    body = ElementTree.parse(STATION).find(".//body[@name='hexapod']")
+    inertial = body.find("inertial").attrib
+    xx, yy, zz, xy, xz, yz = map(float, inertial["fullinertia"].split())
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return float(inertial["mass"]), np.array(inertial["pos"].split(), float), inertia
+
+
 def test_the_twin_is_linearised_in_small_rotations():
     # One body's block of M must be its mass and its inertia: no transformation of rates left.
     twin = exudyn_twin(STATION)
     hexapod = slice(6 * twin.bodies.index("hexapod"), None)
-    (body,) = (b for b in ElementTree.parse(STATION).iter("body") if b.get("name") == "hexapod")
-    inertial = body.find("inertial")
-    xx, yy, zz, xy, xz, yz = map(float, inertial.get("fullinertia").split())
-    expected = float(inertial.get("mass")) * np.eye(6)
-    expected[3:, 3:] = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    mass, _, inertia = hexapod_inertial()
+    expected = np.zeros((6, 6))
+    expected[:3, :3], expected[3:, 3:] = mass * np.eye(3), inertia
     np.testing.assert_allclose(twin.mass[hexapod, hexapod], expected, rtol=1e-15, atol=1e-15)
 
 
@@ -52,7 +59,8 @@ def test_the_twin_feels_its_springs_where_the_joint_is():
     # Turning the hexapod about x, its joint 0.101 m below its centre moves by 0.101 m/rad in y.
     twin = exudyn_twin(STATION)
     roll = 6 * twin.bodies.index("hexapod") + 3
-    _, arm_y, arm_z = twin.centres[twin.bodies.index("hexapod")] - [0, 0, -0.42]
+    _, centre, _ = hexapod_inertial()
+    arm_y, arm_z = centre[1], centre[2] + 0.42
     expected = 1.5e6 + 1e7 * arm_z**2 + 1e8 * arm_y**2
     assert twin.stiffness[roll, roll] == pytest.approx(expected, rel=1e-12)
 

@@ -112,11 +112,11 @@ def machine(request, station, from_text):
     return from_text(random_tree(4, n_body=3) if request.param == "skew" else hung())
 
 
-def differences(model, theta, asked, step=1e-3):
+def differences(model, theta, asked, step=5e-3):
     """Sixth-order central differences of the direct solve by each parameter in its own size.
 
-    They hold to 1e-14 / step of H in rounding, and the truncation stays below that at the tested
-    damping, as the halved step shows in ``worst_column``'s bound.
+    Rounding leaves 1e-14 / step of H, 2e-12; the truncation at the tested damping is below 1e-9 of
+    a column, as it must be for ``worst_column`` to stay below 1e-6 where columns are small.
     """
     evaluator = Evaluator(model, asked, direct=True)
     columns = []
@@ -218,7 +218,9 @@ def test_a_finite_change_is_the_machine_rebuilt_from_its_mjcf(station, from_text
 
 def test_mass_inertia_and_joints_change_together_as_the_rebuilt_machine(station, tmp_path):
     model = Model(station, spring_parts(station) + body_parts(station) + joint_parts(station))
-    assert_rebuilt_answers_alike(model, off(model), tmp_path, within=1e-9)
+    # Half the steps: a flat granite has hardly less inertia about z than about x and y together,
+    # and no body has more.
+    assert_rebuilt_answers_alike(model, off(model, amount=0.5), tmp_path, within=1e-9)
 
 
 @pytest.mark.parametrize("seed", [4, 7])

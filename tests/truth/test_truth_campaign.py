@@ -142,14 +142,22 @@ def test_more_averages_and_another_level_keep_the_machine_and_the_answer(nominal
     assert louder.files["answer.toml"] == campaign.files["answer.toml"]
 
 
-def test_the_drawing_opens_in_the_simulator_with_its_shapes_and_names(campaign, nominal):
-    model = mujoco.MjModel.from_xml_string(campaign.files["model.xml"].decode())
+def test_the_drawing_opens_in_the_simulator_with_its_shapes_and_names(campaign, nominal, tmp_path):
+    # Far from the station's own folder: the meshes have to come along.
+    write_campaign(campaign, tmp_path / "out")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "model.xml"))
     names = [model.joint(i).name for i in range(model.njnt)]
     assert names == [joint.name for stage in nominal.stages for joint in stage.joints]
     assert model.ngeom == sum(len(stage.shapes) for stage in nominal.stages)
-    np.testing.assert_allclose(model.geom_rgba[0], [0.33, 0.35, 0.38, 1], rtol=1e-6)
+    assert model.nmesh == len(nominal.meshes) == 6
+    np.testing.assert_allclose(model.geom_rgba[0], [0.27, 0.29, 0.32, 1], rtol=1e-6)
     assert not model.geom_contype.any()
     assert model.opt.gravity.tolist() == [0, 0, 0]
+
+
+def test_meshes_are_copied_byte_for_byte(campaign, nominal_path):
+    for mesh in (nominal_path.parent / "meshes").iterdir():
+        assert campaign.files[f"meshes/{mesh.name}"] == mesh.read_bytes()
 
 
 def test_an_unknown_effect_is_refused_with_the_catalogue(nominal):

@@ -16,7 +16,7 @@ def test_it_writes_a_campaign_and_publishes_the_answers_hash_first(nominal_path,
     result = run(nominal_path, tmp_path / "out", "--seed", 5, "--effect", "appendage")
     assert result.exit_code == 0
     names = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert names == ["answer.toml", "campaign.toml", "impact_200N.uff", "model.xml"]
+    assert names == ["answer.toml", "campaign.toml", "impact_200N.uff", "meshes", "model.xml"]
     answer = (tmp_path / "out" / "answer.toml").read_bytes()
     assert hashlib.sha256(answer).hexdigest() in result.stderr
     assert result.stdout == ""

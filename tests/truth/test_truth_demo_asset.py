@@ -26,6 +26,8 @@ def test_the_demo_campaign_comes_from_its_seed_and_station(tmp_path):
         assert made.get("effect") == kept.get("effect")
         for key, value in made.get("parameters", {}).items():
             assert kept["parameters"][key] == pytest.approx(value, rel=1e-9)
+    for mesh in (tmp_path / "demo" / "meshes").iterdir():
+        assert mesh.read_bytes() == (ASSETS / "demo" / "meshes" / mesh.name).read_bytes()
     (uff,) = (ASSETS / "demo").glob("*.uff")
     made, kept = (
         pyuff.UFF(str(folder / uff.name)).read_sets([3, 100, 300])

@@ -14,7 +14,7 @@ from truth.draw import draw_basis
 from truth.dynamics import accelerance, assemble
 from truth.errors import TruthError
 from truth.reader import read_station
-from truth.station import Hammer, Sensor
+from truth.station import Hammer, Sensor, Station
 from truth.texts import model_xml
 
 FREQ = np.linspace(0, 200, 41)
@@ -178,14 +178,14 @@ def test_an_independent_simulator_gives_the_same_accelerance(kind, nominal, hamm
     station = draw_basis(nominal, 5) if kind == "station" else read_station(path)
     node = 11 if kind == "station" else 2
     H = accelerance(station, assemble(station), hammers_at(*station.aim(node)), FREQ)
-    expected = _accelerance_by_mujoco(
-        model_xml(station), node, [s.node for _, s in station.sensors()]
-    )
+    expected = _accelerance_by_mujoco(station, node)
     np.testing.assert_allclose(H, expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
 
 
-def _accelerance_by_mujoco(xml: str, node: int, sensors: list[int]) -> np.ndarray:
-    model = mujoco.MjModel.from_xml_string(xml)
+def _accelerance_by_mujoco(station: Station, node: int) -> np.ndarray:
+    meshes = {f"meshes/{mesh.file}": mesh.content for mesh in station.meshes}
+    model = mujoco.MjModel.from_xml_string(model_xml(station), meshes)
+    sensors = [sensor.node for _, sensor in station.sensors()]
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     M = np.zeros((model.nv, model.nv))

@@ -67,10 +67,46 @@ def test_shapes_are_carried_over_with_their_defaults(tmp_path):
     assert capsule["fromto"] == "1 2 3 1 2 4"
 
 
+def test_mesh_files_are_read_from_their_folder(tmp_path):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "case.stl").write_bytes(b"facets")
+    (tmp_path / "parts" / "lid.obj").write_bytes(b"faces")
+    asset = (
+        '<asset><mesh file="case.stl" scale="2 2 2"/><mesh name="top" file="lid.obj"/>'
+        '<texture type="skybox" builtin="flat"/></asset><worldbody>'
+    )
+    text = GOOD.replace('angle="radian"', 'angle="radian" meshdir="parts"')
+    text = text.replace("<worldbody>", asset).replace(
+        'type="box" size="1 1 1"', 'type="mesh" mesh="case"'
+    )
+    case, lid = read(text, tmp_path).meshes
+    assert (case.name, case.file, case.content) == ("case", "case.stl", b"facets")
+    assert case.attributes == (("scale", "2 2 2"),)
+    assert (lid.name, lid.file, lid.content) == ("top", "top.obj", b"faces")
+    shape = dict(read(text, tmp_path).stages[0].shapes[0].attributes)
+    assert (shape["mesh"], shape["pos"], shape["mass"]) == ("case", "1 2 3", "0")
+
+
+def test_a_mesh_with_mass_is_refused(tmp_path):
+    (tmp_path / "case.stl").write_bytes(b"facets")
+    text = GOOD.replace("<worldbody>", '<asset><mesh file="case.stl"/></asset><worldbody>')
+    text = text.replace('type="box" size="1 1 1"', 'type="mesh" mesh="case" mass="1"')
+    with pytest.raises(TruthError, match='must have mass="0"'):
+        read(text, tmp_path)
+
+
+def test_a_mesh_is_named_once(tmp_path):
+    (tmp_path / "case.stl").write_bytes(b"facets")
+    two = '<asset><mesh file="case.stl"/><mesh file="case.stl"/></asset><worldbody>'
+    with pytest.raises(TruthError, match="mesh case: the name is given twice"):
+        read(GOOD.replace("<worldbody>", two), tmp_path)
+
+
 def test_the_nominal_station_is_read_whole(nominal):
     assert [stage.name for stage in nominal.stages][::5] == ["granite_bottom", "hexapod"]
     assert all(len(stage.joints) == 6 for stage in nominal.stages)
     assert sorted(sensor.node for _, sensor in nominal.sensors()) == list(range(1, 24))
+    assert [mesh.name for mesh in nominal.meshes] == [stage.name for stage in nominal.stages]
 
 
 CHANGES = {
@@ -108,7 +144,30 @@ CHANGES = {
     ),
     "heavy shape": ('size="1 1 1"', 'size="1 1 1" mass="2"', '<geom>: a shape must have mass="0"'),
     "touching": ('size="1 1 1"', 'size="1 1 1" contype="1"', "<geom>: it may touch"),
-    "mesh": ('type="box"', 'type="mesh"', "'mesh' is not one of the primitives"),
+    "height field": ('type="box"', 'type="hfield"', "<geom>: type 'hfield' is not handled"),
+    "no such mesh": ('type="box"', 'type="mesh" mesh="case"', "<geom>: there is no mesh 'case'"),
+    "mesh without a name": ('type="box"', 'type="mesh"', "<geom>: there is no mesh None"),
+    "mesh without a file": (
+        "<worldbody>",
+        '<asset><mesh name="case" file="case.stl"/></asset><worldbody>',
+        "<mesh> case: ",
+    ),
+    "mesh in a strange name": (
+        "<worldbody>",
+        '<asset><mesh name="../case" file="case.stl"/></asset><worldbody>',
+        "<mesh> '../case': give it a name",
+    ),
+    "drawn mesh": (
+        "<worldbody>",
+        '<asset><mesh name="case" vertex="0 0 0"/></asset><worldbody>',
+        "<mesh> case: its 'vertex'",
+    ),
+    "height field asset": (
+        "<worldbody>",
+        '<asset><hfield name="case"/></asset><worldbody>',
+        "<hfield> case in <asset>: is not handled",
+    ),
+    "folder of textures": ('angle="radian"', 'angle="radian" texturedir="a"', "'texturedir'"),
     "bad shape": ('fromto="0 0 0 0 0 1"', 'fromto="0 0 0"', "fromto is '0 0 0', expected 6"),
     "gravity": ('gravity="0 0 0"', 'gravity="0 0 -9.81"', "<option>: gravity is on"),
     "silent gravity": ('<option gravity="0 0 0"/>', "", "<option>: gravity is on"),

@@ -1,0 +1,381 @@
+"""Mass properties of meshes against closed form, in every format, and what is refused."""
+
+import itertools
+import struct
+
+import meshio
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mesh_examples import (
+    BOX_FACES,
+    BOX_TETRAHEDRA,
+    box,
+    box_solid,
+    l_shape,
+    l_solid,
+    obj_text,
+    prism,
+    stl_text,
+    sum_solids,
+    together,
+)
+from scipy.spatial.transform import Rotation
+
+from identification.words import InputError
+from mbmodel.solid import outward_faces, solid_of, surface_solid, volume_solid
+
+DENSITY = 2800.0
+SIZE, CENTRE = (0.3, 0.5, 0.7), (1.0, -2.0, 3.0)
+CUBOID = box(SIZE, CENTRE)
+
+
+def agree(solid, expected, *, rtol=1e-12):
+    """Same mass, centre and inertia: lengths and moments relative to their largest."""
+    mass, centre, inertia = expected
+    assert solid.mass == pytest.approx(mass, rel=rtol)
+    np.testing.assert_allclose(solid.centre, centre, rtol=0, atol=rtol * np.abs(centre).max())
+    np.testing.assert_allclose(solid.inertia, inertia, rtol=0, atol=rtol * np.abs(inertia).max())
+
+
+def test_a_box_away_from_the_origin_has_its_textbook_inertia():
+    agree(surface_solid(*CUBOID, DENSITY), box_solid(SIZE, CENTRE, DENSITY))
+
+
+def test_a_kilometre_away_no_digits_of_the_inertia_are_lost():
+    # Coordinates of 1000 m are rounded to 1e-13 m, that is 4e-13 of the smallest side.
+    far = box(SIZE, (1000.0, 0, 0))
+    agree(surface_solid(*far, DENSITY), box_solid(SIZE, (1000.0, 0, 0), DENSITY), rtol=3e-12)
+
+
+def test_a_turned_box_has_its_inertia_turned():
+    turn = Rotation.from_euler("zyx", [0.3, -0.7, 1.1]).as_matrix()
+    mass, centre, inertia = box_solid(SIZE, CENTRE, DENSITY)
+    points, triangles = CUBOID
+    turned = surface_solid(points @ turn.T, triangles, DENSITY)
+    agree(turned, (mass, turn @ centre, turn @ inertia @ turn.T))
+
+
+def test_a_tetrahedron_on_the_axes_has_its_closed_form():
+    # Volume abc/6; int x^2 = a^2 V/10, int xy = ab V/20 about the corner.
+    a, b, c = 0.2, 0.3, 0.5
+    points = np.array([[0, 0, 0], [a, 0, 0], [0, b, 0], [0, 0, c]])
+    mass = DENSITY * a * b * c / 6
+    second = mass / 20 * np.array([[2 * a * a, a * b, a * c], [a * b, 2 * b * b, b * c],
+                                   [a * c, b * c, 2 * c * c]])  # fmt: skip
+    centre = np.array([a, b, c]) / 4
+    second -= mass * np.outer(centre, centre)
+    expected = mass, centre, np.trace(second) * np.eye(3) - second
+    agree(surface_solid(points, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], DENSITY), expected)
+    agree(volume_solid(points, [[0, 1, 2, 3]], DENSITY), expected)
+
+
+def test_a_polygonal_cylinder_has_its_closed_form():
+    # Regular n-gon of circumradius r: area n r^2 sin(2 pi/n) / 2, about its axis
+    # m r^2 (2 + cos(2 pi/n)) / 6, which is twice that about a diameter.
+    n, r, h = 17, 0.2, 0.4
+    angle = 2 * np.pi * np.arange(n) / n
+    fan = [[0, k, k + 1] for k in range(1, n - 1)]
+    points, triangles = prism(r * np.c_[np.cos(angle), np.sin(angle)], h, fan)
+    mass = DENSITY * h * n * r**2 * np.sin(2 * np.pi / n) / 2
+    axial = mass * r**2 * (2 + np.cos(2 * np.pi / n)) / 6
+    across = axial / 2 + mass * h**2 / 12
+    expected = mass, np.array([0, 0, h / 2]), np.diag([across, across, axial])
+    agree(surface_solid(points, triangles, DENSITY), expected)
+
+
+def test_a_shape_that_is_not_convex_is_the_sum_of_its_boxes():
+    agree(surface_solid(*l_shape(), DENSITY), l_solid(DENSITY))
+
+
+def test_a_shell_turned_inward_inside_another_is_a_cavity():
+    points, triangles = box((0.1, 0.2, 0.1), (1.05, -2.1, 3.0))
+    hollow = together(CUBOID, (points, triangles[:, ::-1]))
+    hole = box_solid((0.1, 0.2, 0.1), (1.05, -2.1, 3.0), -DENSITY)
+    agree(surface_solid(*hollow, DENSITY), sum_solids(box_solid(SIZE, CENTRE, DENSITY), hole))
+
+
+def test_two_bodies_in_one_file_are_summed():
+    other = box((0.2, 0.2, 0.2), (2.0, 0, 0))
+    expected = sum_solids(
+        box_solid(SIZE, CENTRE, DENSITY), box_solid((0.2, 0.2, 0.2), (2.0, 0, 0), DENSITY)
+    )
+    agree(surface_solid(*together(CUBOID, other), DENSITY), expected)
+
+
+@pytest.mark.parametrize("where", [(0.3, 0, 0), (0.3, 0.5, 0), (0.3, 0.5, 0.7)])
+def test_shells_that_share_a_face_an_edge_or_a_corner_are_summed(where):
+    # With points merged, an edge then belongs to four faces.
+    other = np.add(CENTRE, where)
+    expected = sum_solids(box_solid(SIZE, CENTRE, DENSITY), box_solid(SIZE, other, DENSITY))
+    agree(surface_solid(*together(CUBOID, box(SIZE, other)), DENSITY), expected)
+
+
+def test_a_body_inside_a_cavity_counts():
+    points, triangles = box((0.2, 0.2, 0.2), CENTRE)
+    nested = together(CUBOID, (points, triangles[:, ::-1]), box((0.1, 0.1, 0.1), CENTRE))
+    expected = sum_solids(
+        box_solid(SIZE, CENTRE, DENSITY),
+        box_solid((0.2, 0.2, 0.2), CENTRE, -DENSITY),
+        box_solid((0.1, 0.1, 0.1), CENTRE, DENSITY),
+    )
+    agree(surface_solid(*nested, DENSITY), expected)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    turn=st.tuples(*[st.floats(-3, 3)] * 3),
+    shift=st.tuples(*[st.floats(-5, 5)] * 3),
+    order=st.permutations(range(20)),
+)
+def test_turning_shifting_and_relabelling_only_turn_and_shift_the_result(turn, shift, order):
+    points, triangles = l_shape()
+    matrix = Rotation.from_rotvec(turn).as_matrix()
+    moved = surface_solid(points @ matrix.T + shift, triangles[list(order)], DENSITY)
+    mass, centre, inertia = l_solid(DENSITY)
+    # A shift of 5 m rounds coordinates to 1e-15 m.
+    assert moved.mass == pytest.approx(mass, rel=1e-12)
+    np.testing.assert_allclose(moved.centre, matrix @ centre + shift, atol=1e-13)
+    np.testing.assert_allclose(moved.inertia, matrix @ inertia @ matrix.T, rtol=0, atol=1e-11)
+
+
+def test_tetrahedra_and_their_boundary_enclose_the_same():
+    points, _ = CUBOID
+    agree(volume_solid(points, BOX_TETRAHEDRA, DENSITY), box_solid(SIZE, CENTRE, DENSITY))
+    boundary = outward_faces(BOX_TETRAHEDRA)
+    assert len(boundary) == 12
+    agree(surface_solid(points, boundary, DENSITY), box_solid(SIZE, CENTRE, DENSITY))
+
+
+def write_as(folder, kind, points, cells):
+    """The same mesh in one of the formats; cells by meshio's names."""
+    suffix = kind.split()[0]
+    path = folder / f"{kind.replace(' ', '_')}.{suffix}"
+    if kind == "stl text":
+        path.write_text(stl_text(points, cells["triangle"]), encoding="utf-8")
+    elif kind == "stl solid":  # a binary file whose header begins like a text file's
+        meshio.Mesh(points, cells).write(path, binary=True)
+        path.write_bytes(b"solid" + path.read_bytes()[5:])
+    elif suffix == "stl":
+        meshio.Mesh(points, cells).write(path, binary=True)
+    elif suffix == "obj":
+        path.write_text(obj_text(points, itertools.chain(*cells.values())), encoding="utf-8")
+    elif suffix == "msh":
+        mesh = meshio.Mesh(points, cells)
+        mesh.write(path, file_format=kind.split()[1], binary="binary" in kind)
+    else:
+        meshio.Mesh(points, cells).write(path)
+    return path
+
+
+FORMATS = [
+    "stl",
+    "stl text",
+    "stl solid",
+    "obj",
+    "msh gmsh",
+    "msh gmsh binary",
+    "msh gmsh22",
+    "vtu",
+]
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_every_format_gives_the_same_body(tmp_path, kind):
+    points, triangles = l_shape()
+    path = write_as(tmp_path, kind, points, {"triangle": triangles})
+    # Binary STL holds single precision.
+    rtol = 2e-7 if kind in ("stl", "stl solid") else 1e-12
+    agree(solid_of(path, DENSITY), l_solid(DENSITY), rtol=rtol)
+
+
+@pytest.mark.parametrize("kind", ["msh gmsh22", "vtu"])
+def test_a_volume_mesh_is_summed_over_its_cells_only(tmp_path, kind):
+    points, triangles = CUBOID
+    cells = {"tetra": BOX_TETRAHEDRA, "triangle": triangles[:3], "line": np.array([[0, 1]])}
+    path = write_as(tmp_path, kind, points, cells)
+    agree(solid_of(path, DENSITY), box_solid(SIZE, CENTRE, DENSITY))
+
+
+def test_quadrilaterals_and_polygons_are_divided(tmp_path):
+    points, _ = l_shape()
+    floor = [[5, 4, 3, 2, 1, 0], [6, 7, 8, 9, 10, 11]]
+    walls = [[k, (k + 1) % 6, (k + 1) % 6 + 6, k + 6] for k in range(6)]
+    path = tmp_path / "l.obj"
+    path.write_text(obj_text(points, [*floor, *walls]), encoding="utf-8")
+    agree(solid_of(path, DENSITY), l_solid(DENSITY))
+
+
+def test_hexahedra_wedges_and_pyramids_are_divided(tmp_path):
+    # A box of a hexahedron, two wedges and five others: six pyramids about the middle of a third.
+    points = np.array([[x, y, z] for x in (0, 1, 2, 3) for z in (0, 1) for y in (0, 1)], float)
+    points = np.vstack([points, [2.5, 0.5, 0.5]])
+
+    def brick(k):
+        a = 4 * k
+        return [a, a + 4, a + 5, a + 1, a + 2, a + 6, a + 7, a + 3]
+
+    second, third = brick(1), brick(2)
+    wedges = [[second[k] for k in (0, 1, 2, 4, 5, 6)], [second[k] for k in (0, 2, 3, 4, 6, 7)]]
+    outward = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
+    pyramids = [[*(third[k] for k in side[::-1]), 16] for side in outward]
+    cells = {"hexahedron": [brick(0)], "wedge": wedges, "pyramid": pyramids}
+    path = tmp_path / "bricks.vtu"
+    meshio.Mesh(points * 0.1, {k: np.array(v) for k, v in cells.items()}).write(path)
+    expected = box_solid((0.3, 0.1, 0.1), (0.15, 0.05, 0.05), DENSITY)
+    agree(solid_of(path, DENSITY), expected)
+
+
+def test_neighbours_agree_on_a_face_that_is_not_plane(tmp_path):
+    # Two hexahedra in a bent pile: whatever the middle face does, the whole keeps its volume.
+    points, _ = box((2, 1, 1), (1, 0.5, 0.5))
+    middle = np.array([[1, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]], float)
+    middle[:, 0] += [0.2, -0.1, 0.3, -0.2]
+    everything = np.vstack([points, middle])
+    cells = np.array([[0, 8, 9, 3, 4, 11, 10, 7], [8, 1, 2, 9, 11, 5, 6, 10]])
+    path = tmp_path / "bent.vtu"
+    meshio.Mesh(everything, {"hexahedron": cells}).write(path)
+    agree(solid_of(path, DENSITY), box_solid((2, 1, 1), (1, 0.5, 0.5), DENSITY))
+
+
+def test_a_file_in_millimetres_is_scaled(tmp_path):
+    points, triangles = l_shape()
+    path = write_as(tmp_path, "vtu", 1000 * points, {"triangle": triangles})
+    agree(solid_of(path, DENSITY, scale=0.001), l_solid(DENSITY))
+
+
+def test_corners_that_differ_by_rounding_are_one_point():
+    # Each triangle with corners of its own, each rounded to single precision on its own way.
+    points, triangles = l_shape()
+    corners = points[triangles].reshape(-1, 3)
+    noise = np.random.default_rng(2).choice([-1, 0, 1], corners.shape) * 4e-8
+    own = np.arange(len(corners)).reshape(-1, 3)
+    agree(surface_solid(corners * (1 + noise), own, DENSITY), l_solid(DENSITY), rtol=1e-6)
+
+
+def flipped(triangles, which):
+    changed = np.array(triangles)
+    changed[which] = changed[which][..., ::-1]
+    return changed
+
+
+POINTS, TRIANGLES = CUBOID
+INNER = box((0.1, 0.1, 0.1), CENTRE)
+OUTER = box((0.1, 0.1, 0.1), (2.0, 0, 0))
+REFUSED = {
+    "open": ((POINTS, TRIANGLES[1:]), ["3 of 18 edges", "one face only", "close it"]),
+    "one flipped face": ((POINTS, flipped(TRIANGLES, 4)), ["3 of 18 edges", "turned against"]),
+    "inside out": ((POINTS, TRIANGLES[:, ::-1]), ["inside out", "turn its faces"]),
+    "a loose face inside": (
+        (np.vstack([POINTS, [CENTRE]]), np.vstack([TRIANGLES, [0, 6, 8]])),
+        ["3 of 21 edges", "one face only"],
+    ),
+    "a wall inside": (
+        (POINTS, np.vstack([TRIANGLES, [0, 2, 6], [0, 6, 4]])),
+        ["4 of 19 edges", "three or more faces", "remove the faces inside"],
+    ),
+    "flat": ((POINTS * [1, 1, 0], TRIANGLES), ["no volume"]),
+    "twice": (together(CUBOID, CUBOID), ["more than once", "remove the copies"]),
+    "a part inside out": (
+        together(CUBOID, (OUTER[0], OUTER[1][:, ::-1])),
+        ["part near (2, 0, 0)", "inside out"],
+    ),
+    "a part within": (together(CUBOID, INNER), ["lies inside another", "cavity"]),
+    "empty": ((POINTS, np.empty((0, 3), int)), ["no cells"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_a_surface_that_bounds_no_solid_is_refused(case):
+    shape, words = REFUSED[case]
+    with pytest.raises(InputError) as caught:
+        surface_solid(*shape, DENSITY)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_tetrahedra_that_are_inside_out_flat_or_overlap_are_refused():
+    with pytest.raises(InputError, match="1 of 5 tetrahedra are flat or inside out"):
+        volume_solid(POINTS, [*BOX_TETRAHEDRA[:2], [6, 1, 4, 5], *BOX_TETRAHEDRA[3:]], DENSITY)
+    with pytest.raises(InputError, match="5 of 5"):
+        volume_solid(POINTS * [1, 1, 0], BOX_TETRAHEDRA, DENSITY)
+    with pytest.raises(InputError, match="overlap"):
+        volume_solid(POINTS, np.vstack([BOX_TETRAHEDRA, BOX_TETRAHEDRA[:1]]), DENSITY)
+    with pytest.raises(InputError, match="no cells"):
+        volume_solid(POINTS, np.empty((0, 4), int), DENSITY)
+
+
+@pytest.mark.parametrize("density", [0.0, -2800.0, np.nan, np.inf])
+def test_a_density_that_is_not_positive_is_refused(density):
+    with pytest.raises(InputError, match="density"):
+        surface_solid(*CUBOID, density)
+    with pytest.raises(InputError, match="density"):
+        volume_solid(POINTS, BOX_TETRAHEDRA, density)
+
+
+@pytest.mark.parametrize("scale", [0.0, -1.0, np.nan])
+def test_a_scale_that_is_not_positive_is_refused(tmp_path, scale):
+    path = write_as(tmp_path, "stl", POINTS, {"triangle": TRIANGLES})
+    with pytest.raises(InputError, match="metres per unit"):
+        solid_of(path, DENSITY, scale=scale)
+
+
+def test_arrays_that_are_no_mesh_are_a_mistake_of_the_program():
+    with pytest.raises(ValueError, match="not finite"):
+        surface_solid(POINTS * np.nan, TRIANGLES, DENSITY)
+    with pytest.raises(ValueError, match="not there"):
+        surface_solid(POINTS, TRIANGLES + 1, DENSITY)
+
+
+def binary_stl(corners):
+    facets = b"".join(struct.pack("<12fH", 0, 0, 0, *np.ravel(c), 0) for c in corners)
+    return bytes(80) + struct.pack("<I", len(corners)) + facets
+
+
+BAD_FILES = {
+    "empty.stl": (b"", ["no faces", "export"]),
+    "nothing.stl": (binary_stl([]), ["no faces"]),
+    "short.stl": (binary_stl(POINTS[TRIANGLES])[:-30], ["short.stl"]),
+    "nan.stl": (binary_stl([[[0, 0, 0], [1, 0, np.nan], [0, 1, 0]]]), ["no finite number"]),
+    "open.stl": (binary_stl(POINTS[TRIANGLES[1:]]), ["one face only"]),
+    "word.obj": (b"v 0 0 zero\n", ["cannot be read as OBJ"]),
+    "flat.obj": (b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", ["three coordinates"]),
+    "wrong.obj": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", ["not there"]),
+    "points.obj": (b"v 0 0 0\n", ["no faces"]),
+    "text.vtu": (b"hello", ["cannot be read as VTU"]),
+    "other.vtu": (b"<page/>", ["cannot be read as VTU"]),
+    "other.msh": (b"hello\n", ["cannot be read as MSH"]),
+    "part.step": (b"ISO-10303-21;", [".stl, .obj, .msh or .vtu"]),
+}
+
+
+@pytest.mark.parametrize("name", BAD_FILES)
+def test_a_broken_file_is_refused_by_name_and_in_silence(tmp_path, capfd, name):
+    content, words = BAD_FILES[name]
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(InputError) as caught:
+        solid_of(path, DENSITY)
+    for word in (str(path), *words):
+        assert word in str(caught.value)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"none\.stl does not exist"):
+        solid_of(tmp_path / "none.stl", DENSITY)
+
+
+def test_curved_cells_are_refused_by_their_kind(tmp_path):
+    path = tmp_path / "curved.vtu"
+    points = np.vstack([POINTS, POINTS])
+    meshio.Mesh(points, {"tetra10": np.arange(10)[None]}).write(path)
+    with pytest.raises(InputError, match="cells of kind tetra10"):
+        solid_of(path, DENSITY)
+
+
+def test_the_boxes_of_these_tests_are_turned_outward():
+    corners = POINTS[BOX_FACES] - np.array(CENTRE)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (np.einsum("ni,ni->n", normals, corners[:, 0]) > 0).all()
