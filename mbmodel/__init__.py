@@ -2,7 +2,7 @@
 
 from mbmodel.edit import Edit, NotHeld, write_mjcf
 from mbmodel.energy import Energy, energy
-from mbmodel.machine import Machine, Spring, load_machine
+from mbmodel.machine import Machine, load_machine
 from mbmodel.model import Matrices, Model, as_drawn
 from mbmodel.modes import Modes, model_modes, modes, shapes_at
 from mbmodel.parts import (
@@ -20,6 +20,7 @@ from mbmodel.parts import (
 from mbmodel.places import parse_input
 from mbmodel.question import Question
 from mbmodel.response import Evaluator, Linearised, linearise
+from mbmodel.springs import Spring
 from mbmodel.statespace import state_space
 from mbmodel.transient import respond
 

@@ -137,9 +137,10 @@ def _by_gravity(lines: Solved, sums: Real) -> tuple[Real, Real]:
     assembly, machine = lines.assembly, lines.model.machine
     if not assembly.has_weight:
         return np.zeros_like(assembly.jacobian), np.zeros_like(machine.body_mass)
-    return gravity_adjoint(
-        machine.gravity, machine.order, assembly.jacobian, assembly.body[2], -sums
+    by_jacobian, by_heavy = gravity_adjoint(
+        machine.gravity, machine.order, assembly.jacobian, assembly.heavy, -sums
     )
+    return by_jacobian, machine.weighed[:, None] * by_heavy
 
 
 def _projected(lines: Solved, change: Change, found: _Sensitivity) -> Real:
@@ -209,7 +210,8 @@ class _Forward:
             for own, core in zip(total, change.core, strict=True):
                 inertia = change.left @ core[2] @ change.right.T
                 self._add_drive(own, -jacobian.T @ (inertia @ lines.places.floor))
-                self._add_weight(own, inertia_change=inertia)
+                weighed = lines.model.machine.weighed[:, None]
+                self._add_weight(own, inertia_change=weighed * inertia)
         elif change.slot == "path":
             for own, core in zip(total, change.core, strict=True):
                 self._add_path(own, change.left @ core[0] @ change.right.T)
@@ -236,7 +238,7 @@ class _Forward:
         assembly, machine = self.lines.assembly, self.lines.model.machine
         if assembly.has_weight:
             slope = gravity_slope(
-                machine.gravity, machine.order, assembly.jacobian, assembly.body[2], **change
+                machine.gravity, machine.order, assembly.jacobian, assembly.heavy, **change
             )
             pressed = real_times(slope, self.lines.motion)
             total -= np.einsum("vof,vmf->omf", self.readers, pressed)

@@ -16,7 +16,8 @@ class Placed:
 
     Args:
         name: of the element.
-        frame: its body's axes at rest, in columns, in world axes; (3, 3).
+        frame: at rest, in columns, in world axes: its body's, and of a joint that which the
+            joints before it have turned; (3, 3).
         position: in that frame [m]; (3,).
         axes: in that frame, in columns: a site's three, a joint's one; (3, 3) or (3, 1).
     """
@@ -81,7 +82,7 @@ def drawing_of(
     joints = {
         joint_name(model, k): Placed(
             joint_name(model, k),
-            frame(model.jnt_bodyid[k]),
+            _joint_frame(model, data, k),
             model.jnt_pos[k].copy(),
             model.jnt_axis[k].reshape(3, 1).copy(),
         )
@@ -89,9 +90,10 @@ def drawing_of(
     }
     sites = {}
     for k in range(model.nsite):
+        if not (name := model.site(k).name):
+            continue
         axes = np.zeros(9)
         mujoco.mju_quat2Mat(axes, model.site_quat[k])
-        name = model.site(k).name or f"site{k}"
         sites[name] = Placed(
             name, frame(model.site_bodyid[k]), model.site_pos[k].copy(), axes.reshape(3, 3)
         )
@@ -100,6 +102,28 @@ def drawing_of(
         for (name, body), centre in zip(stages.items(), centres, strict=True)
     }
     return Drawing(joints, sites, bodies)
+
+
+def _joint_frame(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> Real:
+    """Axes in which a joint is written: the body's, before this joint and those after it turn."""
+    body = model.jnt_bodyid[joint]
+    axes: Real = data.xmat[body].reshape(3, 3).copy()
+    first = model.body_jntadr[body]
+    for later in reversed(range(joint, first + model.body_jntnum[body])):
+        turned = np.zeros(4)
+        address = model.jnt_qposadr[later]
+        kind = mujoco.mjtJoint(model.jnt_type[later])
+        if kind == mujoco.mjtJoint.mjJNT_HINGE:
+            angle = data.qpos[address] - model.qpos0[address]
+            mujoco.mju_axisAngle2Quat(turned, model.jnt_axis[later], angle)
+        elif kind == mujoco.mjtJoint.mjJNT_BALL:
+            turned[:] = data.qpos[address : address + 4]
+        else:
+            continue
+        matrix = np.zeros(9)
+        mujoco.mju_quat2Mat(matrix, turned)
+        axes = axes @ matrix.reshape(3, 3).T
+    return axes
 
 
 def _heavy(model: mujoco.MjModel, data: mujoco.MjData, body: int, centre: Real) -> Heavy:

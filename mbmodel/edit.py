@@ -26,6 +26,7 @@ _REPLACED: dict[Kind, tuple[str, ...]] = {
     "site": (*_ORIENTATIONS, "fromto"),
     "inertial": (*_ORIENTATIONS, "diaginertia"),
 }
+_REARRANGING = ("fusestatic", "inertiafromgeom", "settotalmass", "boundmass", "boundinertia")
 _OWN_FRAMES = ("frame", "replicate")
 
 
@@ -101,9 +102,9 @@ def _apply(document: minidom.Document, edit: Edit) -> str | None:
         return "no element of this name in the file itself"
     if edit.kind != "spring" and _inside(element, _OWN_FRAMES):
         return "it stands inside a <frame>"
+    if edit.kind in ("inertial", "site") and (setting := _rearranged(document)):
+        return f"the compiler has {setting}"
     if edit.kind == "inertial":
-        if _geoms_rule(document):
-            return 'the compiler has inertiafromgeom="true"'
         element = _inertial(document, element)
     for attribute in _REPLACED[edit.kind]:
         if element.hasAttribute(attribute):
@@ -139,9 +140,21 @@ def _inside(element: minidom.Element, tags: Sequence[str]) -> bool:
     return False
 
 
-def _geoms_rule(document: minidom.Document) -> bool:
-    compilers = document.getElementsByTagName("compiler")
-    return any(compiler.getAttribute("inertiafromgeom") == "true" for compiler in compilers)
+def _rearranged(document: minidom.Document) -> str:
+    """A setting by which MuJoCo makes other bodies and masses than the file states."""
+    for compiler in document.getElementsByTagName("compiler"):
+        for attribute in _REARRANGING:
+            value = compiler.getAttribute(attribute)
+            if value not in ("", "false", "auto") and not _is_off(value):
+                return f'{attribute}="{value}"'
+    return ""
+
+
+def _is_off(value: str) -> bool:
+    try:
+        return float(value) <= 0
+    except ValueError:
+        return False
 
 
 def _inertial(document: minidom.Document, body: minidom.Element) -> minidom.Element:

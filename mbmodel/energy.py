@@ -20,7 +20,11 @@ from mbmodel.parts import SpringPart
 
 @dataclass(frozen=True, eq=False)
 class Energy:
-    """Shares of each mode; every table's columns add up to 1, or to 0 where there is none.
+    """Shares of each mode; of strain and dissipation the sizes in every column add up to 1.
+
+    What drives a motion on, as gravity an inverted pendulum, has a negative share; where there is
+    nothing to share the column is 0. Kinetic energy adds up to 1, though a direction of a body
+    with products of inertia may hold a little less than none.
 
     Args:
         springs: names of joint coordinates, tendons, and what else is stiff or damps.
@@ -75,17 +79,16 @@ def energy(model: Model, theta: Real, found: Modes) -> Energy:
         _shares(loss, count, rests),
         motions,
         bodies,
-        _shares(kinetic, count, np.zeros(count, bool)),
+        np.array(kinetic) / np.sum(kinetic, axis=0),
     )
 
 
 def _shares(rows: list[Real], count: int, absent: np.ndarray) -> Real:
-    """Columns over their sums; zero where there is nothing to share."""
+    """Columns over the sums of their sizes; zero where there is nothing to share."""
     table = np.array(rows).reshape(-1, count)
-    total = table.sum(axis=0)
-    size = np.abs(table).sum(axis=0)
-    empty = absent | (np.abs(total) <= 1e-12 * size) | (size == 0)
-    shares: Real = np.where(empty, 0.0, table / np.where(empty, 1.0, total))
+    size: Real = np.abs(table).sum(axis=0)
+    empty = absent | (size == 0)
+    shares: Real = np.where(empty, 0.0, table / np.where(empty, 1.0, size))
     return shares
 
 
@@ -108,7 +111,7 @@ def _resistances(
     weight = np.zeros_like(assembly.matrices.mass)
     if assembly.has_weight:
         weight = gravity_stiffness(
-            machine.gravity, machine.order, assembly.jacobian, assembly.body[2]
+            machine.gravity, machine.order, assembly.jacobian, assembly.heavy
         )
         rows.append(("gravity", "gravity", weight, 0 * weight))
     left = [assembly.matrices.stiffness.copy(), assembly.matrices.damping.copy()]

@@ -1,30 +1,51 @@
 """Static equilibrium, and the stiffness and damping there that no joint or tendon states."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
+import scipy.linalg
 
 from identification.words import ConvergenceError, InputError, Real
 from mbmodel.mjcf import active_constraint, joint_name
 
 _STEP = 1e-6  # m or rad, or their rates; central differences of smooth forces
-_ITERATIONS = 50
+_ITERATIONS = 200
+_HALVINGS = 30
+_REACH = 0.3  # m or rad, longest step
 
 
-def settle(model: mujoco.MjModel, path: Path) -> mujoco.MjData:
-    """Find the static equilibrium by Newton's method on the generalised forces.
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """A machine at rest.
+
+    Args:
+        data: after ``mj_forward`` at the static equilibrium.
+        moved: displacement of each joint coordinate from the drawing [m, rad]; (nv,).
+        stable: whether a small displacement meets no force that drives it on.
+    """
+
+    data: mujoco.MjData
+    moved: Real
+    stable: bool
+
+
+def settle(model: mujoco.MjModel, path: Path) -> Rest:
+    """Find the static equilibrium, downhill from the drawing.
 
     At rest the passive and actuator forces balance the bias: r(q) = qfrc_passive + qfrc_actuator
-    - qfrc_bias = 0, with r' by central differences; directions without stiffness (r' singular)
-    do not move, since a minimum-norm step leaves them alone. The start is ``qpos0``.
+    - qfrc_bias = 0, with r' by central differences. Newton's step is taken in the modes of
+    (-r', M) with the size of each stiffness (|k|, so that a pendulum drawn high falls instead of
+    climbing), no further than ``_REACH`` and only as far as the forces do work; directions
+    without stiffness and force stay. A drawing that is at rest already stays, stable or not.
 
     Args:
         model: the compiled model.
         path: of the MJCF, for messages.
 
     Returns:
-        Data at the equilibrium, after ``mj_forward``.
+        The machine at rest.
 
     Raises:
         InputError: a contact or limit is active there.
@@ -34,26 +55,86 @@ def settle(model: mujoco.MjModel, path: Path) -> mujoco.MjData:
     mujoco.mj_forward(model, data)
     scale = _force_scale(model, data)
     for _ in range(_ITERATIONS):
-        residual = _force(model, data)
+        residual = _force(model, data).copy()
         if np.abs(residual).max(initial=0.0) <= 1e-11 * scale:
             break
-        step = np.linalg.lstsq(-_slope(model, data), residual, rcond=1e-13)[0]
-        mujoco.mj_integratePos(model, data.qpos, step, 1.0)
-        mujoco.mj_forward(model, data)
-        if np.abs(step).max() < 1e-14 and np.abs(residual).max() <= 1e-6 * scale:
+        step = _downhill(model, data, residual)
+        if not _walk(model, data, residual, step):
             break
-    else:
-        if active := active_constraint(model, data):
-            raise InputError(f"{path}: {active}")
-        worst = int(np.argmax(np.abs(_force(model, data))))
-        joint = joint_name(model, model.dof_jntid[worst])
-        raise ConvergenceError(
-            f"{path}: no static equilibrium: joint {joint!r} is left with an unbalanced force; "
-            "give it stiffness, or turn gravity off"
-        )
+        if np.abs(step).max() < 1e-14:
+            break
     if active := active_constraint(model, data):
         raise InputError(f"{path}: {active}")
-    return data
+    residual = _force(model, data)
+    if np.abs(residual).max(initial=0.0) > 1e-6 * scale:
+        joint = joint_name(model, model.dof_jntid[int(np.argmax(np.abs(residual)))])
+        raise ConvergenceError(
+            f"{path}: no static equilibrium found: joint {joint!r} is left with an unbalanced "
+            "force; give it stiffness, turn gravity off, or draw the machine nearer to its rest"
+        )
+    moved = np.zeros(model.nv)
+    mujoco.mj_differentiatePos(model, moved, 1.0, model.qpos0, data.qpos)
+    return Rest(data, moved, _is_stable(model, data))
+
+
+def _modes(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Real, Real]:
+    """Stiffness and shapes of (-r', M), rotations of balls symmetrised."""
+    stiffness = symmetrised(model, -_slope(model, data))
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    values, shapes = scipy.linalg.eigh((stiffness + stiffness.T) / 2, mass)
+    return values, shapes
+
+
+def _is_stable(model: mujoco.MjModel, data: mujoco.MjData) -> bool:
+    values, _ = _modes(model, data)
+    return bool(values[0] >= -1e-9 * max(abs(values[-1]), abs(values[0])))
+
+
+def _downhill(model: mujoco.MjModel, data: mujoco.MjData, residual: Real) -> Real:
+    """A Newton step that never climbs, at most ``_REACH`` in any coordinate; (nv,)."""
+    values, shapes = _modes(model, data)
+    pull = shapes.T @ residual
+    floor = 1e-13 * np.abs(values).max(initial=0.0)
+    free = np.abs(values) <= floor
+    amount = np.where(free, 0.0, pull / np.where(free, 1.0, np.abs(values)))
+    if np.abs(pull[free]).max(initial=0.0) > 1e-9 * np.abs(pull).max():
+        amount = np.where(free, np.sign(pull) * _REACH, amount)
+    step: Real = shapes @ amount
+    return step * min(1.0, _REACH / max(float(np.abs(step).max()), 1e-300))
+
+
+def _walk(model: mujoco.MjModel, data: mujoco.MjData, residual: Real, step: Real) -> bool:
+    """Go along a step, halved until the forces have done work on the way; whether it went."""
+    start = data.qpos.copy()
+    for _ in range(_HALVINGS):
+        data.qpos[:] = start
+        mujoco.mj_integratePos(model, data.qpos, step, 1.0)
+        mujoco.mj_forward(model, data)
+        work = (residual + _force(model, data)) @ step
+        size = np.linalg.norm(_force(model, data))
+        if work > 0 or size < np.linalg.norm(residual):
+            return True
+        step = step / 2
+    data.qpos[:] = start
+    mujoco.mj_forward(model, data)
+    return False
+
+
+def symmetrised(model: mujoco.MjModel, matrix: Real) -> Real:
+    """The same with the rotations of each ball and free joint made symmetric; (..., nv, nv).
+
+    Their coordinates are the components of one rotation vector in axes that turn along, so that
+    the derivative of a moment m holds [m]x / 2 beside the second derivative of the potential. At
+    rest the moments of all forces cancel, so each may leave its own out.
+    """
+    result = matrix.copy()
+    for joint in range(model.njnt):
+        dofs = np.flatnonzero(model.dof_jntid == joint)[-3:]
+        if len(dofs) == 3:
+            own = matrix[..., dofs[:, None], dofs]
+            result[..., dofs[:, None], dofs] = (own + np.swapaxes(own, -1, -2)) / 2
+    return result
 
 
 def _force(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
@@ -126,6 +207,7 @@ def remaining_stiffness_and_damping(
             getattr(model, name)[:] = 0.0
         model.opt.gravity[:] = 0.0
         stiffness = -_differences(model, data, along="position", velocity=velocity)
+        stiffness = stiffness if velocity.any() else symmetrised(model, stiffness)
         damping = -_differences(model, data, along="velocity", velocity=velocity)
     finally:
         model.opt.gravity[:] = gravity
@@ -159,7 +241,7 @@ def tendon_curvature(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
             mujoco.mj_integratePos(model, probe.qpos, direction, 1.0)
             mujoco.mj_fwdPosition(model, probe)
             curvature[:, :, column] += sign * tendon_jacobian(model, probe) / (2 * _STEP)
-    return curvature
+    return symmetrised(model, curvature)
 
 
 def tendon_jacobian(model: mujoco.MjModel, data: mujoco.MjData) -> Real:

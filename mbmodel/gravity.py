@@ -44,7 +44,7 @@ def gravity_stiffness(gravity: Real, order: Real, jacobian: Real, inertia: Real)
         gravity: [m/s^2]; (3,).
         order: N; (nv, nv).
         jacobian: T; (6 n_body, nv).
-        inertia: Mb; (6 n_body, 6 n_body).
+        inertia: Mb, its rows times the share of each body's weight; (6 n_body, 6 n_body).
 
     Returns:
         [N/m, N m/rad]; (nv, nv), symmetric.

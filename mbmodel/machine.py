@@ -10,44 +10,16 @@ import numpy as np
 from identification.words import InputError, Layout, Real, frozen, is_hammer, node_of
 from mbmodel.drawing import Drawing, drawing_of
 from mbmodel.equilibrium import (
-    elongation,
     remaining_stiffness_and_damping,
     settle,
-    tendon_curvature,
     tendon_jacobian,
 )
-from mbmodel.gravity import gravity_stiffness
-from mbmodel.mjcf import compile_mjcf, joint_name
+from mbmodel.mjcf import body_name, compile_mjcf, coordinate_names, joint_name
+from mbmodel.motors import Drive, motors_of
+from mbmodel.rest import rest_remarks
 from mbmodel.spatial import spatial_inertia, transport
 from mbmodel.spin import spin_remarks, spin_velocity
-from mbmodel.tendons import pulls_at_bodies
-
-
-@dataclass(frozen=True, eq=False)
-class Spring:
-    """A spring and damper along one direction of the joint coordinates.
-
-    Args:
-        name: of the joint or tendon in the MJCF.
-        location: ``joint:<child body>`` or ``tendon:<name>``.
-        direction: elongation per joint coordinate; (nv,).
-        stiffness: [N/m] or [N m/rad].
-        damping: [N s/m] or [N m s/rad].
-        angular: whether it turns instead of stretching.
-        geometric: elongation at rest times the derivative of the direction by the joint
-            coordinates, for a tendon under tension: it adds stiffness * geometric; (nv, nv).
-        at_bodies: elongation per motion of the centres of mass, for a tendon between sites: with
-            T it gives the direction; (6 n_body,).
-    """
-
-    name: str
-    location: str
-    direction: Real
-    stiffness: float
-    damping: float
-    angular: bool
-    geometric: Real | None = None
-    at_bodies: Real | None = None
+from mbmodel.springs import Spring, springs_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,13 +57,15 @@ class Machine:
             (6 n_body, 6 n_body).
         armature: rotor inertia of joints and tendons [kg, kg m^2]; (nv, nv).
         springs: the linear springs and dampers of joints and tendons.
-        remaining_stiffness: of actuators, polynomial terms, gravcomp, a spinning rotor; (nv, nv).
+        remaining_stiffness: of actuators, polynomial terms, a spinning rotor; like the armature
+            and the damping that remains it stays as drawn, whatever Parts do; (nv, nv).
         remaining_damping: of actuators, fluids, a spinning rotor; (nv, nv).
         gravity: [m/s^2]; (3,).
+        weighed: how much of each body's weight its ``gravcomp`` leaves; (6 n_body,).
         order: 1 where a coordinate comes before another on a chain, a half where neither does;
             (nv, nv), see ``gravity``.
         axles: slides and hinges.
-        motors: generalised force per control of each actuator; (nv,) each.
+        motors: what each actuator does per unit of its control.
         drawing: where the MJCF's elements stand.
         spinning: whether a hinge turns steadily.
         remarks: what a user must know of this linearisation.
@@ -108,9 +82,10 @@ class Machine:
     remaining_stiffness: Real
     remaining_damping: Real
     gravity: Real
+    weighed: Real
     order: Real
     axles: tuple[Axle, ...]
-    motors: Mapping[str, Real]
+    motors: Mapping[str, Drive]
     drawing: Drawing
     spinning: bool = False
     remarks: tuple[str, ...] = ()
@@ -125,6 +100,7 @@ class Machine:
             "remaining_stiffness": (nv, nv),
             "remaining_damping": (nv, nv),
             "gravity": (3,),
+            "weighed": (nb,),
             "order": (nv, nv),
         }.items():
             object.__setattr__(self, name, frozen(getattr(self, name), np.float64, shape, name))
@@ -159,33 +135,33 @@ def load_machine(path: Path, spin: Mapping[str, float] | None = None) -> Machine
     model = compile_mjcf(path)
     if not model.nv:
         raise InputError(f"{path}: no body has a joint: a machine needs something that moves")
-    data = settle(model, path)
+    rest = settle(model, path)
+    data = rest.data
     stages = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
     masses, centres = zip(*(_rigid_body(model, data, stage) for stage in stages), strict=True)
-    names = {_body_name(model, stage): stage for stage in stages}
+    names = {body_name(model, stage): stage for stage in stages}
     velocity = spin_velocity(model, spin or {})
     stiffness, damping = remaining_stiffness_and_damping(model, data, velocity)
     jacobian, inertia = _jacobian(model, data, stages, centres), _block_diagonal(masses)
-    order = _order(model)
-    stiffness += _gravity_compensation(model, data, stages, centres, jacobian, order)
     return Machine(
         name=_model_name(model, path),
         source=path,
         layout=_layout(model, data, stages, np.array(centres), path),
-        coordinates=_coordinate_names(model),
+        coordinates=coordinate_names(model),
         jacobian=jacobian,
         body_mass=inertia,
         armature=_armature(model, data),
-        springs=_springs(model, data, path, stages, centres),
+        springs=springs_of(model, data, path, stages, centres),
         remaining_stiffness=stiffness,
         remaining_damping=damping,
         gravity=_gravity(model),
-        order=order,
+        weighed=_weighed(model, path, stages),
+        order=_order(model),
         axles=_axles(model, data),
-        motors=_motors(model, data),
+        motors=motors_of(model, data, stages, centres, jacobian),
         drawing=drawing_of(model, data, names, centres),
         spinning=bool(velocity.any()),
-        remarks=spin_remarks(model, data, spin or {}),
+        remarks=(*rest_remarks(model, rest), *spin_remarks(model, data, spin or {})),
     )
 
 
@@ -209,25 +185,28 @@ def _order(model: mujoco.MjModel) -> Real:
     return order
 
 
-def _gravity_compensation(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    stages: list[int],
-    centres: tuple[Real, ...],
-    jacobian: Real,
-    order: Real,
-) -> Real:
-    """Geometric stiffness of the upward forces of ``gravcomp``; (nv, nv)."""
-    lifted = np.zeros((len(jacobian), len(jacobian)))
-    for k, (stage, centre) in enumerate(zip(stages, centres, strict=True)):
-        for body in np.flatnonzero(model.body_weldid == stage):
-            lift = float(model.body_mass[body] * model.body_gravcomp[body])
-            lifted[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] -= spatial_inertia(
-                lift, data.xipos[body] - centre, np.zeros((3, 3))
+def _weighed(model: mujoco.MjModel, path: Path, stages: list[int]) -> Real:
+    """1 - gravcomp of each stage, six times each.
+
+    Raises:
+        InputError: welded bodies with different ``gravcomp``, or one that actuators give.
+    """
+    shares = []
+    for stage in stages:
+        members = np.flatnonzero(model.body_weldid == stage)
+        compensated = model.body_gravcomp[members[model.body_mass[members] > 0]]
+        if np.ptp(compensated) > 0:
+            raise InputError(
+                f"{path}: body {body_name(model, stage)!r} and those welded to it differ in "
+                "gravcomp: give them one"
             )
-    if not lifted.any():
-        return np.zeros((model.nv, model.nv))
-    return gravity_stiffness(_gravity(model), order, jacobian, lifted)
+        shares.append(1.0 - float(compensated[0]))
+    if model.jnt_actgravcomp.any() and model.body_gravcomp.any():
+        joint = joint_name(model, int(np.flatnonzero(model.jnt_actgravcomp)[0]))
+        raise InputError(
+            f'{path}: joint {joint!r} has actuatorgravcomp="true", which is not handled: remove it'
+        )
+    return np.repeat(shares, 6)
 
 
 def _axles(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Axle, ...]:
@@ -236,7 +215,7 @@ def _axles(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Axle, ...]:
         Axle(
             joint=joint_name(model, joint),
             coordinate=int(model.jnt_dofadr[joint]),
-            stage=_body_name(model, model.body_weldid[model.jnt_bodyid[joint]]),
+            stage=body_name(model, model.body_weldid[model.jnt_bodyid[joint]]),
             turns=mujoco.mjtJoint(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_HINGE,
             anchor=data.xanchor[joint].copy(),
             axis=data.xaxis[joint].copy(),
@@ -244,27 +223,6 @@ def _axles(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Axle, ...]:
         for joint in range(model.njnt)
         if mujoco.mjtJoint(model.jnt_type[joint]) in kinds
     )
-
-
-def _motors(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, Real]:
-    """Generalised force of each actuator per unit of its control, which is linear in it."""
-    probe = mujoco.MjData(model)
-    probe.qpos[:] = data.qpos
-    limits = model.opt.disableflags
-    columns = {}
-    try:
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
-        for actuator in range(model.nu):
-            forces = []
-            for control in (1.0, 0.0):
-                probe.ctrl[:] = data.ctrl
-                probe.ctrl[actuator] += control
-                mujoco.mj_forward(model, probe)
-                forces.append(probe.qfrc_actuator.copy())
-            columns[model.actuator(actuator).name or f"actuator{actuator}"] = forces[0] - forces[1]
-    finally:
-        model.opt.disableflags = limits
-    return columns
 
 
 def _model_name(model: mujoco.MjModel, path: Path) -> str:
@@ -306,12 +264,16 @@ def _jacobian(
 def _layout(
     model: mujoco.MjModel, data: mujoco.MjData, stages: list[int], centres: Real, path: Path
 ) -> Layout:
-    sites = [s for s in range(model.nsite) if model.body_weldid[model.site_bodyid[s]] in stages]
-    names = [model.site(s).name or f"site{s}" for s in sites]
+    sites = [
+        s
+        for s in range(model.nsite)
+        if model.site(s).name and model.body_weldid[model.site_bodyid[s]] in stages
+    ]
+    names = [model.site(s).name for s in sites]
     _refuse_shared_nodes(path, names)
     try:
         return Layout(
-            bodies=tuple(_body_name(model, stage) for stage in stages),
+            bodies=tuple(body_name(model, stage) for stage in stages),
             centres=centres,
             points=tuple(names),
             body_of=np.array(
@@ -335,85 +297,7 @@ def _refuse_shared_nodes(path: Path, names: list[str]) -> None:
                 )
 
 
-def _body_name(model: mujoco.MjModel, body: int) -> str:
-    return str(model.body(body).name) or f"body{body}"
-
-
-def _coordinate_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    names = [joint_name(model, joint) for joint in model.dof_jntid]
-    count = {name: names.count(name) for name in names}
-    start = {name: names.index(name) for name in names}
-    return tuple(
-        name if count[name] == 1 else f"{name}.{k - start[name]}" for k, name in enumerate(names)
-    )
-
-
 def _armature(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
     rows = tendon_jacobian(model, data)
     armature: Real = np.diag(model.dof_armature) + rows.T @ (model.tendon_armature[:, None] * rows)
     return armature
-
-
-def _springs(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    path: Path,
-    stages: list[int],
-    centres: tuple[Real, ...],
-) -> tuple[Spring, ...]:
-    pulls = pulls_at_bodies(model, data, stages, centres)
-    springs = _joint_springs(model) + _tendon_springs(model, data, pulls)
-    names = [spring.name for spring in springs]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"{path}: a tendon and a joint are both named {name!r}: rename one")
-    return springs
-
-
-def _joint_springs(model: mujoco.MjModel) -> tuple[Spring, ...]:
-    """One spring for each slide and hinge; each coordinate of a ball or free joint has a damper."""
-    springs = []
-    names = _coordinate_names(model)
-    for dof in range(model.nv):
-        joint = model.dof_jntid[dof]
-        kind = mujoco.mjtJoint(model.jnt_type[joint])
-        single = kind in (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
-        translating_free = kind == mujoco.mjtJoint.mjJNT_FREE and dof - model.jnt_dofadr[joint] < 3
-        stage = model.body_weldid[model.dof_bodyid[dof]]
-        springs.append(
-            Spring(
-                name=names[dof],
-                location=f"joint:{_body_name(model, stage)}",
-                direction=np.eye(model.nv)[dof],
-                stiffness=float(model.jnt_stiffness[joint]) if single else 0.0,
-                damping=float(model.dof_damping[dof]),
-                angular=kind != mujoco.mjtJoint.mjJNT_SLIDE and not translating_free,
-            )
-        )
-    return tuple(springs)
-
-
-def _tendon_springs(
-    model: mujoco.MjModel, data: mujoco.MjData, pulls: Mapping[int, Real]
-) -> tuple[Spring, ...]:
-    rows = tendon_jacobian(model, data)
-    slack = (model.tendon_lengthspring[:, 0] < data.ten_length) & (
-        data.ten_length < model.tendon_lengthspring[:, 1]
-    )
-    length, curvature = elongation(model, data), tendon_curvature(model, data)
-    springs = []
-    for tendon in range(model.ntendon):
-        name = model.tendon(tendon).name or f"tendon{tendon}"
-        springs.append(
-            Spring(
-                name=name,
-                location=f"tendon:{name}",
-                direction=rows[tendon],
-                stiffness=0.0 if slack[tendon] else float(model.tendon_stiffness[tendon]),
-                damping=float(model.tendon_damping[tendon]),
-                angular=False,
-                geometric=curvature[tendon] * length[tendon] if length[tendon] else None,
-                at_bodies=pulls.get(tendon),
-            )
-        )
-    return tuple(springs)

@@ -70,6 +70,7 @@ def _explain(path: Path, message: str) -> str:
 
 
 def _refuse_unlinearisable(path: Path, model: mujoco.MjModel) -> None:
+    _refuse_flags(path, model)
     for joint in range(model.njnt):
         name = joint_name(model, joint)
         dofs = _dofs_of(model, joint)
@@ -77,9 +78,15 @@ def _refuse_unlinearisable(path: Path, model: mujoco.MjModel) -> None:
         _refuse_negative(path, f"joint {name!r}", "stiffness", stiffness)
         for value in damping:
             _refuse_negative(path, f"joint {name!r}", "damping", value)
-        if mujoco.mjtJoint(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_BALL and stiffness:
+        kind = mujoco.mjtJoint(model.jnt_type[joint])
+        if kind == mujoco.mjtJoint.mjJNT_BALL and stiffness:
             raise InputError(
                 f"{path}: joint {name!r} is a ball with stiffness: write it as three hinges"
+            )
+        if kind == mujoco.mjtJoint.mjJNT_FREE and stiffness:
+            raise InputError(
+                f"{path}: joint {name!r} is free and has stiffness: write it as three slides and "
+                "three hinges"
             )
         if (model.dof_frictionloss[dofs] > 0).any():
             raise InputError(
@@ -99,6 +106,15 @@ def _refuse_unlinearisable(path: Path, model: mujoco.MjModel) -> None:
             f"{path}: equality constraint {name!r} closes a loop, which is not handled: replace it "
             "by a joint or a stiff tendon"
         )
+
+
+def _refuse_flags(path: Path, model: mujoco.MjModel) -> None:
+    bits = mujoco.mjtDisableBit
+    for word, flag in (("spring", bits.mjDSBL_SPRING), ("damper", bits.mjDSBL_DAMPER)):
+        if model.opt.disableflags & flag:
+            raise InputError(
+                f'{path}: <flag {word}="disable"/> takes every {word} out of the machine: remove it'
+            )
 
 
 def _refuse_actuators(path: Path, model: mujoco.MjModel) -> None:
@@ -133,7 +149,23 @@ def joint_name(model: mujoco.MjModel, joint: int) -> str:
     if name := model.joint(joint).name:
         return str(name)
     body = model.jnt_bodyid[joint]
-    return f"{model.body(body).name}_joint{joint - model.body_jntadr[body]}"
+    owner = model.body(body).name or f"body{body}"
+    return f"{owner}_joint{joint - model.body_jntadr[body]}"
+
+
+def body_name(model: mujoco.MjModel, body: int) -> str:
+    """Name of a body; ``body<number>`` for one without."""
+    return str(model.body(body).name) or f"body{body}"
+
+
+def coordinate_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Names of the joint coordinates: those of joints, numbered where a joint has several."""
+    names = [joint_name(model, joint) for joint in model.dof_jntid]
+    count = {name: names.count(name) for name in names}
+    start = {name: names.index(name) for name in names}
+    return tuple(
+        name if count[name] == 1 else f"{name}.{k - start[name]}" for k, name in enumerate(names)
+    )
 
 
 def active_constraint(model: mujoco.MjModel, data: mujoco.MjData) -> str | None:

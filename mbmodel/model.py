@@ -55,6 +55,12 @@ class Assembly:
         return total
 
     @property
+    def heavy(self) -> Real:
+        """Mb, its rows times the share of weight that gravcomp leaves; (6 n_body, 6 n_body)."""
+        heavy: Real = self.machine.weighed[:, None] * self.body[2]
+        return heavy
+
+    @property
     def has_weight(self) -> bool:
         """Whether gravity is on."""
         return bool(self.machine.gravity.any())
@@ -119,7 +125,8 @@ class Model:
         for power in np.flatnonzero(body.any(axis=(1, 2))):
             total[power] += jacobian.T @ body[power] @ jacobian
         if machine.gravity.any():
-            total[0] += gravity_stiffness(machine.gravity, machine.order, jacobian, body[2])
+            heavy = machine.weighed[:, None] * body[2]
+            total[0] += gravity_stiffness(machine.gravity, machine.order, jacobian, heavy)
         return total
 
     def assemble(self, theta: Real, condition: Condition | None = None) -> Assembly:
@@ -160,12 +167,13 @@ class Model:
             left, right = jacobian.T @ change.left, jacobian.T @ change.right
             add_product(total, left, change.core, right)
             if machine.gravity.any() and change.core[2].any():
+                added = change.left @ change.core[2] @ change.right.T
                 total[0] += gravity_slope(
                     machine.gravity,
                     machine.order,
                     jacobian,
                     machine.body_mass,
-                    inertia_change=change.left @ change.core[2] @ change.right.T,
+                    inertia_change=machine.weighed[:, None] * added,
                 )
         return jacobian, total
 

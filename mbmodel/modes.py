@@ -5,13 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
+from scipy.sparse.csgraph import connected_components
 
-from identification.words import DIRECTIONS, Complex, Dof, Real
+from identification.words import DIRECTIONS, Complex, Dof, Mask, Real
 from mbmodel.model import Assembly, Matrices, Model
 from mbmodel.places import changed, places
+from mbmodel.spatial import transport
 
-_AT_REST = 1e-6  # natural frequency over the highest below which only rounding is left
-_UNDAMPED = 1e-9  # modal damping over the largest likewise
+_ROUNDING = 1e-12  # of a matrix's entries, relative to the largest of its row
 _SYMMETRY = 1e-9
 _SAME = 1e-6  # relative distance of a motion from the motions at rest
 
@@ -20,7 +21,7 @@ _SAME = 1e-6  # relative distance of a motion from the motions at rest
 class Modes:
     """Eigenvalues of the equation of motion, one of each conjugate pair, by rising frequency.
 
-    Motions that neither springs nor dampers resist come first, at s = 0.
+    Motions that no spring resists come first, at s = 0.
 
     Args:
         poles: s_r = w_r (-zeta_r + i sqrt(1 - zeta_r^2)) (seed, eq. 3.4) [rad/s]; (n_mode,).
@@ -57,26 +58,23 @@ def modes(matrices: Matrices) -> Modes:
 
     Two poles stand for each coordinate. Oscillating poles count once a pair; real poles
     (overdamped, or unstable) are listed singly, and a motion at rest once. In modal coordinates of
-    (M, K) the state matrix is nearly skew (see ``modal``); motions that neither K nor C resist are
-    taken out first, since their double zero would split by the root of the rounding.
+    (M, K) the state matrix is nearly skew (see ``modal``); motions without stiffness are taken out
+    first, since their double zero would split by the root of the rounding.
     """
     stiffness = matrices.stiffness
     if np.abs(stiffness - stiffness.T).max() > _SYMMETRY * np.abs(stiffness).max():
         return _unsymmetric(matrices)
-    squares, basis = scipy.linalg.eigh(matrices.stiffness, matrices.mass)
-    frequency = np.sqrt(np.abs(squares))
-    damping = basis.T @ matrices.damping @ basis
-    resting = _at_rest(frequency, damping)
-    moving = scipy.linalg.null_space(resting.T) if resting.size else np.eye(len(frequency))
-    poles, shapes = _solve(
-        moving.T @ (squares[:, None] * moving), moving.T @ damping @ moving, basis @ moving
-    )
+    mass, damping = matrices.mass, matrices.damping
+    resting = _at_rest(stiffness, mass)
+    undamped = resting @ _kernel(np.vstack([damping @ resting, damping.T @ resting]), damping)
+    damped = _beside(resting, undamped, mass)
+    springy = _beside(np.eye(len(mass)), resting, mass)
+    poles, shapes = _solve(matrices, springy, damped)
     order = np.argsort(np.abs(poles))
     count = resting.shape[1]
-    shapes = np.hstack([basis @ resting, shapes[:, order]])
     return Modes(
         np.concatenate([np.zeros(count), poles[order]]),
-        _normalised(shapes, matrices.mass),
+        _normalised(np.hstack([resting, shapes[:, order]]), mass),
         tuple(f"at rest {k + 1}" for k in range(count)) + ("",) * len(poles),
     )
 
@@ -95,36 +93,61 @@ def _unsymmetric(matrices: Matrices) -> Modes:
     return Modes(poles[keep].astype(complex), shapes, ("",) * len(keep))
 
 
-def _at_rest(frequency: Real, damping: Real) -> Real:
-    """Motions in modal coordinates that neither stiffness nor damping resists; (nv, n_rest)."""
-    free = np.flatnonzero(frequency <= _AT_REST * frequency.max())
-    unit = np.eye(len(frequency))[:, free]
-    if not free.size:
-        return unit
-    felt = np.vstack([damping @ unit, damping.T @ unit])
-    _, values, rows = np.linalg.svd(felt)
-    values = np.append(values, np.zeros(len(free) - len(values)))
-    undamped = values <= _UNDAMPED * max(float(np.abs(damping).max()), 1e-300)
-    resting: Real = unit @ rows.T[:, undamped]
-    return resting
+def _at_rest(stiffness: Real, mass: Real) -> Real:
+    """M-orthonormal motions that no spring resists; (nv, n_rest).
+
+    Rows and columns are scaled to their largest entry first, so that a soft spring beside stiff
+    ones still counts as one.
+    """
+    largest = np.abs(stiffness).max(axis=1)
+    scale = 1.0 / np.sqrt(np.where(largest > 0, largest, 1.0))
+    kernel = scale[:, None] * _kernel(scale[:, None] * stiffness * scale, np.ones(1))
+    return _orthonormal(kernel, mass)
 
 
-def _solve(stiffness: Real, damping: Real, basis: Real) -> tuple[Complex, Complex]:
-    """Poles with Im >= 0 and their shapes, for a unit mass matrix."""
-    squares, turn = np.linalg.eigh((stiffness + stiffness.T) / 2)
+def _kernel(matrix: Real, size: Real) -> Real:
+    """Directions that a matrix takes to zero but for rounding; (n, n_kernel), orthonormal."""
+    if not matrix.shape[1]:
+        return np.zeros((0, 0))
+    _, values, rows = np.linalg.svd(matrix)
+    values = np.append(values, np.zeros(matrix.shape[1] - len(values)))
+    kernel: Real = rows[values <= _ROUNDING * max(float(np.abs(size).max()), 1e-300)].T
+    return kernel
+
+
+def _orthonormal(motions: Real, mass: Real) -> Real:
+    if not motions.shape[1]:
+        return motions
+    root = np.linalg.cholesky(motions.T @ mass @ motions)
+    basis: Real = np.linalg.solve(root, motions.T).T
+    return basis
+
+
+def _beside(motions: Real, taken: Real, mass: Real) -> Real:
+    """M-orthonormal basis of what some motions span beside those taken."""
+    inner = motions if not taken.shape[1] else motions @ _kernel(taken.T @ mass @ motions, mass)
+    return _orthonormal(inner, mass)
+
+
+def _solve(matrices: Matrices, springy: Real, damped: Real) -> tuple[Complex, Complex]:
+    """Poles with Im >= 0 and their shapes: springy motions, and damped ones without springs.
+
+    The state is (w z, z') of the springy modal coordinates z and the velocities of the damped
+    ones, whose positions no force feels.
+    """
+    squares, turn = np.linalg.eigh(springy.T @ matrices.stiffness @ springy)
+    basis = np.hstack([springy @ turn, damped])
     frequency, size = np.sqrt(np.abs(squares)), len(squares)
-    state = np.zeros((2 * size, 2 * size))
-    state[:size, size:] = np.diag(frequency)
-    state[size:, :size] = -np.diag(np.sign(squares) * frequency)
-    state[size:, size:] = -turn.T @ damping @ turn
+    state = np.zeros((size + basis.shape[1],) * 2)
+    diagonal = np.arange(size)
+    state[diagonal, size + diagonal] = frequency
+    state[size + diagonal, diagonal] = -np.sign(squares) * frequency
+    state[size:, size:] = -basis.T @ matrices.damping @ basis
     poles, vectors = np.linalg.eig(state)
     keep = poles.imag >= 0
     poles, vectors = poles[keep].astype(complex), vectors[:, keep]
-    # z' = s z; a damped free drive at rest, s = 0, has its motion in the upper half alone
-    rests = np.abs(poles) <= _AT_REST * frequency.max(initial=0.0)
-    motion = np.where(rests, vectors[:size], vectors[size:] / np.where(rests, 1.0, poles))
-    shapes: Complex = basis @ turn @ motion
-    return poles, shapes
+    moving = np.where(poles == 0, 1.0, poles)
+    return poles, np.asarray(basis @ (vectors[size:] / moving), np.complex128)
 
 
 def _normalised(shapes: Complex, mass: Real) -> Complex:
@@ -144,7 +167,8 @@ def model_modes(model: Model, theta: Real) -> Modes:
     """Modes of a model at theta, motions at rest named and given in pure form.
 
     ``rigid tx`` .. ``rigid rz``: the whole machine along an axis, or about one through its centre
-    of mass; ``free <joint>``: one coordinate; the rest by their largest coordinates.
+    of mass (``rigid tx of <body>`` where there are several); ``free <joint>``: one coordinate; the
+    rest by their largest coordinates.
     """
     assembly = model.assemble(theta)
     found = modes(assembly.matrices)
@@ -178,27 +202,39 @@ def _named(assembly: Assembly, resting: Real) -> tuple[list[str], Real]:
             left = _without(left, new, mass)
     for motion in left.T:
         main = np.argsort(-np.abs(motion))[:3]
-        strong = [k for k in main if abs(motion[k]) > 0.1 * abs(motion[main[0]])]
+        strong = sorted(k for k in main if abs(motion[k]) > 0.1 * abs(motion[main[0]]))
         names.append("free " + " with ".join(machine.coordinates[k] for k in strong))
         motions.append(motion)
     return names, np.array(motions).T
 
 
 def _whole(assembly: Assembly) -> list[tuple[str, Real]]:
-    """The machine as one rigid body, where its joints allow it."""
+    """Each group of bodies that springs hold together as one rigid body, where joints allow it."""
     machine, jacobian = assembly.machine, assembly.jacobian
     masses = np.diag(assembly.body[2])[::6]
-    centre = masses @ machine.layout.centres / masses.sum()
-    rigid = machine.floor.copy()
-    rigid[:, 3:] -= rigid[:, :3] @ np.array(
-        [[0, centre[2], -centre[1]], [-centre[2], 0, centre[0]], [centre[1], -centre[0], 0]]
-    )
+    groups = _groups(assembly)
     found = []
-    for direction, motion in zip(DIRECTIONS, rigid.T, strict=True):
-        joint = np.linalg.lstsq(jacobian, motion, rcond=None)[0]
-        if np.linalg.norm(jacobian @ joint - motion) <= _SAME * np.linalg.norm(motion):
-            found.append((f"rigid {direction}", joint))
+    for members in groups:
+        centre = masses[members] @ machine.layout.centres[members] / masses[members].sum()
+        rigid = (machine.floor @ transport(-centre)).reshape(len(masses), 6, 6)
+        rigid[~members] = 0.0
+        suffix = f" of {machine.layout.bodies[int(np.argmax(members))]}" if len(groups) > 1 else ""
+        for direction, motion in zip(DIRECTIONS, rigid.reshape(-1, 6).T, strict=True):
+            joint = np.asarray(np.linalg.lstsq(jacobian, motion, rcond=None)[0], np.float64)
+            if np.linalg.norm(jacobian @ joint - motion) <= _SAME * np.linalg.norm(motion):
+                found.append((f"rigid {direction}{suffix}", joint))
     return found
+
+
+def _groups(assembly: Assembly) -> list[Mask]:
+    """Which bodies belong together: they share a joint coordinate, or a spring; (n_body,) each."""
+    size = len(assembly.jacobian) // 6
+    moved = assembly.jacobian.reshape(size, 6, -1).any(axis=1)
+    reach = moved.astype(float)
+    springs = (assembly.matrices.stiffness != 0).astype(float)
+    tied = reach @ (springs + np.eye(len(springs))) @ reach.T
+    count, labels = connected_components(tied > 0, directed=False)
+    return [labels == k for k in range(count)]
 
 
 def _single(assembly: Assembly) -> list[tuple[str, Real]]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from identification.words import Dof, Input, Motor, Real, UsageError
 from mbmodel.machine import Machine
+from mbmodel.motors import Drive
 from mbmodel.parts import Change
 
 FLOOR = "floor"
@@ -47,7 +48,8 @@ def places(machine: Machine, outputs: Sequence[Dof], inputs: Sequence[Input]) ->
     motor = np.zeros((len(machine.coordinates), count))
     for column, dof in enumerate(inputs):
         if isinstance(dof, Motor):
-            motor[:, column] = _motor(machine, dof)
+            drive = _motor(machine, dof)
+            motor[:, column], force[:, column] = drive.joint, drive.body
         elif is_floor(machine, dof):
             _refuse_tilt(machine, dof)
             floor[:, column] = dof.sign * machine.floor[:, dof.axis]
@@ -62,12 +64,11 @@ def is_floor(machine: Machine, dof: Dof) -> bool:
     return dof.point == FLOOR and FLOOR not in layout.points + layout.bodies
 
 
-def _motor(machine: Machine, motor: Motor) -> Real:
+def _motor(machine: Machine, motor: Motor) -> Drive:
     if motor.name not in machine.motors:
         known = ", ".join(machine.motors) or "none"
         raise UsageError(f"{motor.name!r} is no motor of the model: there are {known}")
-    column: Real = machine.motors[motor.name]
-    return column
+    return machine.motors[motor.name]
 
 
 def _refuse_tilt(machine: Machine, dof: Dof) -> None:

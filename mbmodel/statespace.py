@@ -1,5 +1,7 @@
 """The linear model as a named state space of python-control."""
 
+from collections.abc import Iterable
+
 import control
 import numpy as np
 
@@ -57,10 +59,10 @@ def state_space(model: Model, theta: Real, question: Question) -> control.StateS
         gain,
         reading,
         feedthrough,
-        states=[_signal(name) for name in states],
-        inputs=[_signal(str(dof)) for dof in question.inputs],
-        outputs=[_signal(str(dof)) for dof in question.outputs],
-        name=_signal(model.machine.name),
+        states=_signals(states),
+        inputs=_signals(map(str, question.inputs)),
+        outputs=_signals(map(str, question.outputs)),
+        name=_signals([model.machine.name])[0],
     )
 
 
@@ -75,6 +77,14 @@ def _with_integrators(dynamics: Real, gain: Real, moving: np.ndarray) -> tuple[R
     return whole, driven
 
 
-def _signal(name: str) -> str:
-    """python-control keeps the full stop for itself."""
-    return name.replace(".", "_")
+def _signals(names: Iterable[str]) -> list[str]:
+    """Names without the full stop, which python-control keeps for itself, each once."""
+    found: list[str] = []
+    for name in names:
+        plain = name.replace(".", "_")
+        unique, count = plain, 1
+        while unique in found:
+            count += 1
+            unique = f"{plain}_{count}"
+        found.append(unique)
+    return found

@@ -13,6 +13,7 @@ from mbmodel.parts.part import Change, Parameter, Situation
 from mbmodel.spatial import cross_matrix, principal_inertia, spatial_inertia, split_inertia
 
 _AXES = "xyz"
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,12 +97,17 @@ class BodyPart:
 
     def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
         """The <inertial> of the stage's own MJCF body, which takes the whole change."""
+        if np.array_equal(theta, [parameter.drawn for parameter in self.parameters]):
+            return ()
         heavy = self.heavy
-        mass, offset, inertia = split_inertia(heavy.inertia + self._inertia(theta) - self.drawn)
+        total = heavy.inertia + self._inertia(theta) - self.drawn
+        if total[0, 0] <= 0:
+            return (NotHeld(f"{self.body}.mass", "its own MJCF body would weigh nothing"),)
+        mass, offset, inertia = split_inertia(total)
         local = heavy.frame.T @ inertia @ heavy.frame
         moments = np.linalg.eigvalsh(local)
-        if mass <= 0 or moments[0] <= 0 or moments[2] > moments[0] + moments[1]:
-            return (NotHeld(f"{self.body}.inertia", "no body has such a mass and inertia"),)
+        if moments[0] <= 0 or moments[2] > (moments[0] + moments[1]) * (1 + _ROUNDING):
+            return (NotHeld(f"{self.body}.inertia", "no body has such moments of inertia"),)
         values: dict[str, float | tuple[float, ...]] = {
             "pos": tuple((heavy.frame.T @ (heavy.centre + offset - heavy.origin)).tolist()),
             "mass": mass,

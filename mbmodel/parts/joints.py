@@ -94,7 +94,9 @@ class JointPart:
         return (Change("path", self.reach, self._select, core),)
 
     def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
-        """Position and axis of every joint."""
+        """Position and axis of every joint, unless they are as drawn."""
+        if not theta.any():
+            return ()
         offset, rotation = self._split(theta)
         turn = rotation_matrix(rotation)
         return tuple(
@@ -103,10 +105,12 @@ class JointPart:
                 placed.name,
                 {
                     "pos": tuple((placed.position + placed.frame.T @ offset).tolist()),
-                    "axis": tuple((placed.frame.T @ (turn @ axle.axis)).tolist()),
+                    "axis": tuple(
+                        (placed.frame.T @ turn @ placed.frame @ placed.axes[:, 0]).tolist()
+                    ),
                 },
             )
-            for axle, placed in zip(self.axles, self.placed, strict=True)
+            for placed in self.placed
         )
 
 

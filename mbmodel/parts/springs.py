@@ -8,8 +8,9 @@ import numpy as np
 
 from identification.words import Integers, Real
 from mbmodel.edit import Edit, NotHeld
-from mbmodel.machine import Machine, Spring
+from mbmodel.machine import Machine
 from mbmodel.parts.part import Change, Parameter, Situation, Slot
+from mbmodel.springs import Spring
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +126,8 @@ class SpringPart:
         """The coefficients of each joint or tendon; of a polynomial the linear term."""
         values: dict[str, dict[str, float]] = {}
         for parameter, value in zip(self.parameters, theta, strict=True):
+            if value == parameter.drawn:
+                continue
             element, attribute = parameter.name.rsplit(".", 1)
             values.setdefault(element, {})[attribute] = float(value)
         return tuple(Edit("spring", name, found) for name, found in values.items())
