@@ -2,6 +2,7 @@
 
 from mbmodel.edit import Edit, NotHeld, write_mjcf
 from mbmodel.energy import Energy, energy
+from mbmodel.looks import Looks, looks
 from mbmodel.machine import Machine, load_machine
 from mbmodel.model import Matrices, Model, as_drawn
 from mbmodel.modes import Modes, model_modes, modes, shapes_at
@@ -30,6 +31,7 @@ __all__ = [
     "Energy",
     "Evaluator",
     "Linearised",
+    "Looks",
     "Machine",
     "Matrices",
     "Model",
@@ -48,6 +50,7 @@ __all__ = [
     "joint_parts",
     "linearise",
     "load_machine",
+    "looks",
     "model_modes",
     "modes",
     "parse_input",

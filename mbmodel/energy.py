@@ -17,6 +17,8 @@ from mbmodel.model import Assembly, Model
 from mbmodel.modes import Modes
 from mbmodel.parts import SpringPart
 
+_ROUNDING = 1e-9  # of forces that no spring accounts for
+
 
 @dataclass(frozen=True, eq=False)
 class Energy:
@@ -63,20 +65,32 @@ def _summed(owners: tuple[str, ...], table: Real) -> dict[str, Real]:
 def energy(model: Model, theta: Real, found: Modes) -> Energy:
     """Shares of strain and kinetic energy and of dissipation in every mode."""
     assembly = model.assemble(theta)
-    names, stages, strain, loss = [], [], [], []
-    for name, stage, stiffness, damping in _resistances(model, theta, assembly):
-        names.append(name)
-        stages.append(stage)
-        strain.append(_quadratic(stiffness, found.shapes))
-        loss.append(_quadratic(damping, found.shapes))
-    motions, bodies, kinetic = _kinetic(assembly, found.shapes)
+    shapes = found.shapes
+    rows = _springs(model, theta, assembly, shapes)
+    whole = (assembly.matrices.stiffness, assembly.matrices.damping)
+    if assembly.has_weight:
+        machine = model.machine
+        weight = gravity_stiffness(
+            machine.gravity, machine.order, assembly.jacobian, assembly.heavy
+        )
+        pull = _quadratic(weight, shapes)
+        rows.append(("gravity", "gravity", pull, np.zeros_like(pull)))
+    known = ([strain for *_, strain, _ in rows], [loss for *_, loss in rows])
+    left = [
+        _quadratic(matrix, shapes) - np.sum([np.zeros(shapes.shape[1]), *listed], axis=0)
+        for matrix, listed in zip(whole, known, strict=True)
+    ]
+    size = [_quadratic(np.abs(matrix), np.abs(shapes).astype(complex)) for matrix in whole]
+    if any((np.abs(a) > _ROUNDING * b).any() for a, b in zip(left, size, strict=True)):
+        rows.append(("other", "other", left[0], left[1]))
+    motions, bodies, kinetic = _kinetic(assembly, shapes)
     count = len(found.poles)
     rests = np.array([bool(name) for name in found.names], bool)
     return Energy(
-        tuple(names),
-        tuple(stages),
-        _shares(strain, count, rests),
-        _shares(loss, count, rests),
+        tuple(name for name, *_ in rows),
+        tuple(stage for _, stage, *_ in rows),
+        _shares([strain for *_, strain, _ in rows], count, rests),
+        _shares([loss for *_, loss in rows], count, rests),
         motions,
         bodies,
         np.array(kinetic) / np.sum(kinetic, axis=0),
@@ -94,35 +108,24 @@ def _shares(rows: list[Real], count: int, absent: np.ndarray) -> Real:
 
 def _quadratic(matrix: Real, shapes: Complex) -> Real:
     """Re phi^H A phi of every shape; (n_mode,)."""
-    result: Real = np.einsum("ir,ij,jr->r", shapes.conj(), matrix, shapes).real
+    result: Real = (shapes.conj() * (matrix @ shapes)).sum(axis=0).real
     return result
 
 
-def _resistances(
-    model: Model, theta: Real, assembly: Assembly
+def _springs(
+    model: Model, theta: Real, assembly: Assembly, shapes: Complex
 ) -> list[tuple[str, str, Real, Real]]:
-    """Name, stage, K and C of every spring, of other Parts, of gravity, of what is left."""
-    machine = model.machine
+    """Name, stage, strain and loss of every spring."""
     rows = []
     for part, piece in zip(model.parts, model.pieces(theta), strict=True):
         if isinstance(part, SpringPart):
-            for spring, stiffness, damping in part.matrices(piece, assembly.jacobian):
-                rows.append((spring.name, part.location, stiffness, damping))
-    weight = np.zeros_like(assembly.matrices.mass)
-    if assembly.has_weight:
-        weight = gravity_stiffness(
-            machine.gravity, machine.order, assembly.jacobian, assembly.heavy
-        )
-        rows.append(("gravity", "gravity", weight, 0 * weight))
-    left = [assembly.matrices.stiffness.copy(), assembly.matrices.damping.copy()]
-    for _, _, stiffness, damping in rows:
-        left[0] -= stiffness
-        left[1] -= damping
-    scale = [
-        np.abs(whole).max() for whole in (assembly.matrices.stiffness, assembly.matrices.damping)
-    ]
-    if any(np.abs(part).max() > 1e-9 * size for part, size in zip(left, scale, strict=True)):
-        rows.append(("other", "other", left[0], left[1]))
+            for spring, row, stiffness, damping in part.rows(piece, assembly.jacobian):
+                stretch: Real = np.abs(row @ shapes) ** 2
+                tense = np.zeros(shapes.shape[1])
+                if spring.geometric is not None:
+                    tense = _quadratic(spring.geometric, shapes)
+                strain = stiffness * (stretch + tense)
+                rows.append((spring.name, part.location, strain, damping * stretch))
     return rows
 
 

@@ -33,11 +33,12 @@ def pulls_at_bodies(
     return {
         tendon: _pull(model, data, tendon, stages, centres)
         for tendon in range(model.ntendon)
-        if not _fixed(model, tendon)
+        if not is_fixed(model, tendon)
     }
 
 
-def _fixed(model: mujoco.MjModel, tendon: int) -> bool:
+def is_fixed(model: mujoco.MjModel, tendon: int) -> bool:
+    """Whether a tendon couples joint coordinates instead of sites."""
     first = model.wrap_type[model.tendon_adr[tendon]]
     return bool(mujoco.mjtWrap(first) == mujoco.mjtWrap.mjWRAP_JOINT)
 
@@ -50,7 +51,7 @@ def _pull(
     centres: tuple[Real, ...],
 ) -> Real:
     row = np.zeros((len(stages), 6))
-    for divisor, points, bodies in _branches(model, data, tendon):
+    for divisor, points, bodies in branches(model, data, tendon):
         for k in range(len(points) - 1):
             if bodies[k] == bodies[k + 1]:
                 continue
@@ -65,7 +66,7 @@ def _pull(
     return row.ravel()
 
 
-def _branches(
+def branches(
     model: mujoco.MjModel, data: mujoco.MjData, tendon: int
 ) -> list[tuple[float, list[Real], list[int]]]:
     """Divisor, points and their bodies of each branch between pulleys, along the path at rest.

@@ -60,7 +60,10 @@ def predict(  # noqa: PLR0913  # one for each option
     modes: Annotated[bool, typer.Option("--modes", help="Natural frequencies, damping.")] = False,
     frf: Annotated[bool, typer.Option("--frf", help="FRFs as CSV to stdout.")] = False,
     inputs: Annotated[
-        list[str] | None, typer.Option("--input", metavar="LABEL", help="acc11:+tx; repeatable.")
+        list[str] | None,
+        typer.Option(
+            "--input", metavar="LABEL", help="acc11:+tx, floor:+tx or a motor; repeatable."
+        ),
     ] = None,
     outputs: Annotated[
         list[str] | None, typer.Option("--output", metavar="LABEL", help="hexapod:+rz; repeatable.")
@@ -73,19 +76,28 @@ def predict(  # noqa: PLR0913  # one for each option
     statespace: Annotated[
         Path | None, typer.Option(metavar="FILE", help="A, B, C, D and names as .npz or .mat.")
     ] = None,
+    spin: Annotated[
+        list[str] | None,
+        typer.Option(metavar="JOINT=RATE", help="A hinge that turns [rad/s]; repeatable."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Pictures; default: <model>-predicted.")
+    ] = None,
+    pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Write them.")] = True,
     json: Json = None,
     quiet: Quiet = False,
 ) -> None:
-    """Say a model's modes, FRFs and state space."""
+    """Say a model's modes, FRFs and state space, and show them in predict.html."""
     SCREEN.quiet = quiet
     wish = predict_verb.Wish(
         inputs=tuple(inputs or ()),
         outputs=tuple(outputs or ()),
         quantity=quantity,
-        band=band or (0.0, 200.0),
+        band=band,
         lines=lines,
     )
-    predict_verb.run(model, wish, modes=modes, frf=frf, statespace=statespace, json=json)
+    targets = predict_verb.Targets(modes, frf, statespace, json, pictures, out)
+    predict_verb.run(model, wish, targets, spin or ())
 
 
 @app.command()

@@ -1,36 +1,38 @@
 """``mbw predict``: what a model says by itself."""
 
 import csv
+import math
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import scipy.io
 import typer
-from pydantic import BaseModel
 
-from identification.words import ORDER, Dof, InputError, Layout, Quantity, UsageError, is_hammer
-from mbmodel import Evaluator, Machine, Model, Question, as_drawn, load_machine, modes, state_space
-from mbw.tune import write_json
+from identification.words import ORDER, Dof, Input, InputError, Quantity, Real, UsageError
+from mbmodel import (
+    Evaluator,
+    Machine,
+    Model,
+    Modes,
+    Question,
+    as_drawn,
+    load_machine,
+    parse_input,
+    state_space,
+)
+from mbmodel.looks import looks
+from mbw.curves import Curves, asked, drive_points
+from mbw.messages import SCREEN
+from mbw.page import write_page
+from mbw.predict_page import render
+from mbw.prediction import Prediction, hammers, modes_file, predicted, sensors, table
+from mbw.tune import check_json, write_json
 
-
-class ModeRow(BaseModel):
-    """One pole or pair of poles."""
-
-    frequency: float
-    damping: float
-    real: float
-    imaginary: float
-
-
-class ModesFile(BaseModel):
-    """``mbw predict --json``."""
-
-    model: str
-    bodies: list[str]
-    coordinates: list[str]
-    modes: list[ModeRow]
+PAGE = "predict.html"
+_BAND = (0.0, 200.0)
 
 
 @dataclass(frozen=True)
@@ -40,85 +42,131 @@ class Wish:
     Args:
         inputs, outputs: labels; empty for all accelerometers, hammer points at those too.
         quantity: of the outputs.
-        band: lowest and highest frequency [Hz].
+        band: lowest and highest frequency [Hz]; None for 0..200, in pictures where modes are.
         lines: between them.
     """
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     quantity: str
-    band: tuple[float, float]
+    band: tuple[float, float] | None
     lines: int
 
 
-def run(  # one for each thing that can be written
-    path: Path,
-    wish: Wish,
-    *,
-    modes: bool,
-    frf: bool,
-    statespace: Path | None,
-    json: Path | None,
-) -> None:
-    """Print modes (the default) or FRFs to stdout, write the state space to a file."""
-    machine = load_machine(path)
-    model = as_drawn(machine)
-    if modes or not (frf or statespace):
-        _print_modes(model, json)
-    if frf or statespace:
-        question = _question(machine, wish)
-        if statespace is not None:
-            _write_state_space(model, question, statespace)
-        if frf:
-            _print_frf(model, question)
+@dataclass(frozen=True)
+class Targets:
+    """What is written, and where.
+
+    Args:
+        modes: a table to stdout; also if neither ``frf`` nor ``statespace`` is asked for.
+        frf: CSV to stdout.
+        statespace: .npz or .mat, or None.
+        json: of the modes, ``-`` for stdout, or None.
+        pictures: whether the page is written.
+        out: its folder; None for ``<model>-predicted``.
+    """
+
+    modes: bool
+    frf: bool
+    statespace: Path | None
+    json: Path | None
+    pictures: bool
+    out: Path | None
+
+    @property
+    def table(self) -> bool:
+        """Whether the table of modes is printed."""
+        other = self.frf or self.statespace is not None
+        return (self.modes or not other) and str(self.json) != "-"
 
 
-def _print_modes(model: Model, json: Path | None) -> None:
-    found = modes(model.matrices(model.drawn))
-    rows = [
-        ModeRow(frequency=f, damping=z, real=pole.real, imaginary=pole.imag)
-        for f, z, pole in zip(
-            found.freq_hz.tolist(), found.damping.tolist(), found.poles.tolist(), strict=True
-        )
-    ]
-    machine = model.machine
-    if json is not None:
-        content = ModesFile(
-            model=machine.name,
-            bodies=list(machine.layout.bodies),
-            coordinates=list(machine.coordinates),
-            modes=rows,
-        )
-        write_json(content.model_dump_json(indent=1), json)
-    if json is None or str(json) != "-":
-        typer.echo("mode  frequency/Hz  damping/%")
-        for number, row in enumerate(rows, start=1):
-            note = "" if row.imaginary > 0 else "  (does not oscillate)"
-            percent = round(100 * row.damping, 3) + 0.0  # no minus before zero
-            typer.echo(f"{number:4d}  {row.frequency:12.3f}  {percent:9.3f}{note}")
+def run(path: Path, wish: Wish, targets: Targets, spin: Sequence[str] = ()) -> None:
+    """Write files first, then data to stdout, so that a closed pipe costs no file.
+
+    Raises:
+        UsageError: labels, spins or targets without sense.
+        InputError: a model that cannot be read or linearised, a file that cannot be written.
+    """
+    _check(targets)
+    rates = _rates(spin)
+    model = as_drawn(load_machine(path, rates))
+    question = _question(model.machine, wish, targets)
+    prediction = predicted(model)
+    for remark in prediction.remarks:
+        SCREEN.say(remark)
+    if targets.json is not None and str(targets.json) != "-":
+        write_json(modes_file(prediction).model_dump_json(indent=1), targets.json)
+    if targets.statespace is not None and question is not None:
+        _write_state_space(model, question, targets.statespace)
+    page = _write_page(path, prediction, wish, question, targets, rates)
+    if str(targets.json) == "-":
+        typer.echo(modes_file(prediction).model_dump_json(indent=1))
+    if targets.table:
+        typer.echo("\n".join(table(prediction)))
+    if targets.frf and question is not None:
+        _print_frf(model, question)
+    if page is not None:
+        SCREEN.say(f"pictures: open {page.resolve().as_uri()}")
 
 
-def _question(machine: Machine, wish: Wish) -> Question:
-    low, high = wish.band
-    if not 0 <= low < high:
+def _check(targets: Targets) -> None:
+    """Refuse targets before the work is done."""
+    if targets.statespace is not None and targets.statespace.suffix not in (".npz", ".mat"):
+        raise UsageError(f"{targets.statespace}: the state space is written as .npz or .mat")
+    if targets.json is not None:
+        check_json(targets.json)
+        if str(targets.json) == "-" and targets.frf:
+            raise UsageError("--json - and --frf both go to stdout: name a file for the JSON")
+    if targets.out is not None and targets.out.is_file():
+        raise UsageError(f"--out {targets.out} is a file: name a folder for the pictures")
+
+
+def _rates(texts: Sequence[str]) -> dict[str, float]:
+    """Read ``JOINT=RATE``."""
+    rates: dict[str, float] = {}
+    for text in texts:
+        joint, equals, number = text.rpartition("=")
+        try:
+            rate = float(number)
+        except ValueError:
+            rate = math.nan
+        if not (equals and joint and math.isfinite(rate)):
+            raise UsageError(f"--spin {text!r}: write JOINT=RATE in rad/s, such as spindle_rz=6.28")
+        if joint in rates:
+            raise UsageError(f"--spin names {joint!r} twice: give it one rate")
+        rates[joint] = rate
+    return rates
+
+
+def _question(machine: Machine, wish: Wish, targets: Targets) -> Question | None:
+    """The question asked in so many words, or None if labels are nowhere needed."""
+    low, high = wish.band or _BAND
+    if not 0 <= low < high < math.inf:
         raise UsageError(f"the band {low:g}..{high:g} Hz is empty: give LOW below HIGH")
-    if wish.quantity not in ORDER:
-        raise UsageError(f"{wish.quantity!r} is no quantity: write one of {', '.join(ORDER)}")
-    quantity: Quantity = wish.quantity
+    quantity = _quantity(wish)
+    needed = targets.frf or targets.statespace is not None
+    if not (needed or wish.inputs or wish.outputs):
+        return None
     layout = machine.layout
-    return Question(
+    inputs: tuple[Input, ...] = tuple(parse_input(machine, text) for text in wish.inputs)
+    outputs = tuple(Dof.parse(text) for text in wish.outputs)
+    question = Question(
         np.linspace(low, high, wish.lines),
-        _dofs(wish.outputs, layout, hammers=False),
-        _dofs(wish.inputs, layout, hammers=True),
+        outputs or _axes(sensors(layout)),
+        inputs or _axes(hammers(layout) or sensors(layout)),
         quantity,
     )
+    Evaluator(as_drawn(machine), question)  # refuses unknown labels before anything is written
+    return question
 
 
-def _dofs(labels: tuple[str, ...], layout: Layout, *, hammers: bool) -> tuple[Dof, ...]:
-    if labels:
-        return tuple(Dof.parse(label) for label in labels)
-    points = [name for name in layout.points if is_hammer(name)] if hammers else []
-    points = points or [name for name in layout.points if not is_hammer(name)]
+def _quantity(wish: Wish) -> Quantity:
+    if wish.quantity not in ORDER:
+        raise UsageError(f"{wish.quantity!r} is no quantity: write one of {', '.join(ORDER)}")
+    return wish.quantity
+
+
+def _axes(points: Sequence[str]) -> tuple[Dof, ...]:
     if not points:
         raise UsageError("the model has no site: name --input and --output, such as body:+tx")
     return tuple(Dof.of(point, axis) for point in points for axis in range(3))
@@ -130,8 +178,8 @@ def _print_frf(model: Model, question: Question) -> None:
     pairs = [(out, inp) for out in frf.outputs for inp in frf.inputs]
     names = [f"{part} {out} / {inp}" for out, inp in pairs for part in ("Re", "Im")]
     writer.writerow(["frequency/Hz", *names])
-    table = frf.values.reshape(len(frf.freq_hz), -1)
-    for frequency, row in zip(frf.freq_hz, table, strict=True):
+    rows = frf.values.reshape(len(frf.freq_hz), -1)
+    for frequency, row in zip(frf.freq_hz, rows, strict=True):
         parts = [repr(float(p)) for value in row for p in (value.real, value.imag)]
         writer.writerow([f"{frequency:.9g}", *parts])
 
@@ -148,10 +196,46 @@ def _write_state_space(model: Model, question: Question, target: Path) -> None:
         if target.suffix == ".mat":
             cells = {key: np.array(value, object) for key, value in labels.items()}
             scipy.io.savemat(target, {**arrays, **cells})
-        elif target.suffix == ".npz":
+        else:
             texts = {key: np.array(value) for key, value in labels.items()}
             np.savez_compressed(target, allow_pickle=False, **arrays, **texts)
-        else:
-            raise UsageError(f"{target}: the state space is written as .npz or .mat")
     except OSError as error:
         raise InputError(f"{target} cannot be written ({error.strerror}): name another") from error
+
+
+def _write_page(
+    path: Path,
+    prediction: Prediction,
+    wish: Wish,
+    question: Question | None,
+    targets: Targets,
+    rates: Mapping[str, float],
+) -> Path | None:
+    """Write the page and say where; None if no pictures are wanted."""
+    if not targets.pictures:
+        return None
+    target = (targets.out or Path(f"{path.stem}-predicted")) / PAGE
+    turning = ", ".join(f"{joint} spins at {rate:g} rad/s" for joint, rate in rates.items())
+    curves = _curves(prediction, wish, question)
+    write_page(render(prediction, looks(prediction.machine), curves, turning), target)
+    return target
+
+
+def _curves(prediction: Prediction, wish: Wish, question: Question | None) -> Curves:
+    model, found = prediction.model, prediction.modes
+    if question is not None:
+        return asked(model, found, question)
+    return drive_points(model, found, _lines(found, wish), _quantity(wish))
+
+
+def _lines(modes: Modes, wish: Wish) -> Real:
+    """The band that was asked for, else 0..200 Hz if modes are there, else where they are."""
+    band = wish.band
+    if band is None:
+        swinging = modes.freq_hz[modes.oscillates]
+        inside = ((swinging > 0.1 * _BAND[1]) & (swinging < _BAND[1])).any()
+        if inside or not swinging.size:
+            band = _BAND
+        else:
+            band = (0.0, 1.5 * float(np.sort(swinging)[:12][-1]))
+    return np.linspace(*band, wish.lines)

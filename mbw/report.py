@@ -1,20 +1,16 @@
 """``mbw report``: a result as one self-contained HTML file."""
 
-import base64
-import json
 import math
 from html import escape
-from importlib.resources import files
 from pathlib import Path
-from string import Template
 
 import numpy as np
-from plotly.offline import get_plotlyjs
 
-from identification.words import Dof, InputError
+from identification.words import Dof
 from mbw.messages import SCREEN
+from mbw.page import fill, packed, packed_complex, warnings, write_page
 from mbw.remarks import remarks
-from tuning import Level, Result, TunedFile, files_of, read_result
+from tuning import Level, Result, TunedFile, read_result
 
 _UNITS = {
     "accelerance": ("m/s²/N", "rad/s²/N"),
@@ -41,12 +37,7 @@ def run(path: Path, out: Path | None) -> Path:
     target = out or (path if path.is_dir() else path.parent)
     if target.suffix != ".html":
         target /= "report.html"
-    text = render(result)
-    try:
-        with files_of(target.parent) as place:
-            (place / target.name).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{target} cannot be written ({error.strerror}): name another") from error
+    write_page(render(result), target)
     SCREEN.say(f"report in {target}")
     return target
 
@@ -54,8 +45,9 @@ def run(path: Path, out: Path | None) -> Path:
 def render(result: Result) -> str:
     """The HTML of a result."""
     summary = result.summary
-    template = Template(files("mbw").joinpath("report_template.html").read_text("utf-8"))
-    return template.substitute(
+    return fill(
+        "report_template.html",
+        _data(result),
         title=escape(f"{summary.model}: model and hammer test"),
         subtitle=escape(
             f"campaign {summary.campaign}, {len(summary.tests)} tests, {summary.lines} lines "
@@ -63,20 +55,13 @@ def render(result: Result) -> str:
             f"{len(summary.parameters)} parameters tuned"
         ),
         lead=escape(_lead(summary)),
-        warnings="".join(f'<div class="warn">{escape(text)}</div>' for text in _warnings(summary)),
+        warnings=warnings(_warnings(summary)),
         parameters="".join(_parameter_rows(summary)),
         modes_drawn=_modes_table(summary, "as_drawn"),
         modes_tuned=_modes_table(summary, "tuned"),
         tests=_tests_table(summary),
         provenance=escape(_provenance(summary)),
-        data=_script_json(_data(result)),
-        plotly=get_plotlyjs(),
     )
-
-
-def _script_json(value: object) -> str:
-    """JSON that cannot end the script element it stands in."""
-    return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
 
 
 def _lead(summary: TunedFile) -> str:
@@ -109,12 +94,12 @@ def _percent(value: float) -> str:
 
 
 def _warnings(summary: TunedFile) -> list[str]:
-    warnings = []
+    found = []
     if not summary.fit.converged:
-        warnings.append(f"The search ended early ({summary.fit.outcome}): {summary.fit.advice}.")
+        found.append(f"The search ended early ({summary.fit.outcome}): {summary.fit.advice}.")
     if summary.interrupted:
-        warnings.append("The tuning was interrupted: there are no held-out lines.")
-    return warnings + remarks(summary)
+        found.append("The tuning was interrupted: there are no held-out lines.")
+    return found + remarks(summary)
 
 
 def _parameter_rows(summary: TunedFile) -> list[str]:
@@ -180,11 +165,11 @@ def _data(result: Result) -> dict[str, object]:
     places = [test.split(" in ", 1) for test in level.tests]
     unit, unit_rotation = _UNITS[summary.quantity]
     return {
-        "freq": _packed(result.freq_hz),
+        "freq": packed(result.freq_hz),
         "measured": _packed_complex(level, "measured"),
         "drawn": _packed_complex(level, "as_drawn"),
         "tuned": _packed_complex(level, "tuned"),
-        "noise": _packed(level.noise.T),
+        "noise": packed(level.noise.T),
         "channels": [
             {
                 "body": dof.point,
@@ -219,11 +204,7 @@ def _gap_bars(summary: TunedFile) -> list[dict[str, object]]:
     ]
 
 
-def _packed(values: np.ndarray) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode()
-
-
 def _packed_complex(level: Level, name: str) -> str:
-    """Channel after channel, real and imaginary part in turn."""
+    """Channel after channel."""
     values: np.ndarray = getattr(level, name).T
-    return base64.b64encode(np.ascontiguousarray(values, "<c8").tobytes()).decode()
+    return packed_complex(values)

@@ -20,7 +20,8 @@ ONLY_BEHIND = {
     "mujoco": {"mbmodel"},
     "nlopt": {"tuning/solver.py"},
     "pyuff": {"identification/uff.py"},
-    "plotly": {"mbw/report.py"},
+    "meshio": {"mbmodel/meshfile.py"},
+    "plotly": {"mbw/page.py"},
     "typer": {"mbw", "truth"},
     "rich": {"mbw"},
 }

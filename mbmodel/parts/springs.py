@@ -104,8 +104,8 @@ class SpringPart:
         unit = np.eye(core.shape[-1])
         return Change("joint", unit, unit, core)
 
-    def matrices(self, theta: Real, jacobian: Real) -> list[tuple[Spring, Real, Real]]:
-        """Each spring with its K and C in joint coordinates.
+    def rows(self, theta: Real, jacobian: Real) -> list[tuple[Spring, Real, float, float]]:
+        """Each spring, its elongation per joint coordinate, its stiffness and damping.
 
         Args:
             theta: of this Part.
@@ -115,12 +115,10 @@ class SpringPart:
         powers, springs = self._places
         core[powers, springs] = theta
         frame = self._frame if self._slot == "joint" else jacobian.T @ self._frame
-        found = []
-        for k, spring in enumerate(self.springs):
-            square = np.outer(frame[:, k], frame[:, k])
-            tense = 0.0 if spring.geometric is None else spring.geometric
-            found.append((spring, core[0, k] * (square + tense), core[1, k] * square))
-        return found
+        return [
+            (spring, frame[:, k], float(core[0, k]), float(core[1, k]))
+            for k, spring in enumerate(self.springs)
+        ]
 
     def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
         """The coefficients of each joint or tendon; of a polynomial the linear term."""

@@ -1,0 +1,79 @@
+"""What all self-contained HTML pages share: plotly, style, script, numbers packed as text."""
+
+import base64
+import json
+from collections.abc import Iterable
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+import numpy as np
+from plotly.offline import get_plotlyjs
+
+from identification.words import InputError
+from tuning import files_of
+
+
+def fill(template: str, data: object, **fields: str) -> str:
+    """A page from a template of this package.
+
+    Args:
+        template: file name; it names ``$style``, ``$plotly``, ``$common``, ``$data``.
+        data: what the page's script works on, as JSON.
+        fields: its other places, as HTML.
+    """
+    return Template(text_of(template)).substitute(
+        fields,
+        style=text_of("page.css"),
+        plotly=get_plotlyjs(),
+        common=text_of("page.js"),
+        data=_script_json(data),
+    )
+
+
+def text_of(name: str) -> str:
+    """A text file of this package."""
+    return files("mbw").joinpath(name).read_text("utf-8")
+
+
+def _script_json(value: object) -> str:
+    """JSON that cannot end the script element it stands in."""
+    return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
+
+
+def warnings(texts: Iterable[str]) -> str:
+    """Sentences that a reader must not miss."""
+    return "".join(f'<div class="warn">{escape(text)}</div>' for text in texts)
+
+
+def write_page(text: str, target: Path) -> None:
+    """Write a page, whole or not at all, in the place of one of that name.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    try:
+        with files_of(target.parent) as place:
+            (place / target.name).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{target} cannot be written ({error.strerror}): name another") from error
+
+
+def packed(values: np.ndarray) -> str:
+    """Real numbers in single precision."""
+    return _base64(values, "<f4")
+
+
+def packed_complex(values: np.ndarray) -> str:
+    """Complex numbers in single precision, real and imaginary part in turn."""
+    return _base64(values, "<c8")
+
+
+def packed_integers(values: np.ndarray) -> str:
+    """Whole numbers of 32 bits."""
+    return _base64(values, "<i4")
+
+
+def _base64(values: np.ndarray, kind: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode()
