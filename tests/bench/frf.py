@@ -13,7 +13,7 @@ from identification.words import Dof
 from mbmodel import Evaluator, Question, as_drawn, load_machine, state_space
 
 STATION = Path(__file__).resolve().parents[2] / "assets" / "microstation" / "station.xml"
-REPEATS = 15
+REPEATS = 31
 DIGITS = 40
 
 
