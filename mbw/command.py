@@ -8,6 +8,7 @@ import typer
 from threadpoolctl import threadpool_limits
 
 from mbw import demo as demo_verb
+from mbw import identify as identify_verb
 from mbw import predict as predict_verb
 from mbw import report as report_verb
 from mbw import tune as tune_verb
@@ -50,6 +51,23 @@ def demo(
     """Run the whole line on the built-in station and end with the address of a report."""
     SCREEN.quiet = quiet
     demo_verb.run(out, jobs)
+
+
+@app.command()
+@guarded
+def identify(
+    campaign: Annotated[Path, typer.Argument(help="Folder with a campaign.toml.")],
+    *,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Results; default: <campaign>-modes.")
+    ] = None,
+    json: Json = None,
+    band: Band = None,
+    quiet: Quiet = False,
+) -> None:
+    """Identify the measured modal model: poles, damping, shapes, with standard deviations."""
+    SCREEN.quiet = quiet
+    identify_verb.run(campaign, out=out, json=json, band=band)
 
 
 @app.command()

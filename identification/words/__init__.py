@@ -6,6 +6,7 @@ from identification.words.dof import DIRECTIONS, Dof
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
 from identification.words.frf import ORDER, Frf, FrfEstimate, Quantity, VarianceSource
 from identification.words.layout import Layout, is_hammer, node_of
+from identification.words.modal import ModalModel
 from identification.words.motor import Input, Motor
 
 __all__ = [
@@ -23,6 +24,7 @@ __all__ = [
     "Integers",
     "Layout",
     "Mask",
+    "ModalModel",
     "Motor",
     "Quantity",
     "Real",

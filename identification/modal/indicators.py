@@ -1,0 +1,104 @@
+"""How many modes there are, and how alike and how real their shapes are."""
+
+import numpy as np
+import scipy.linalg
+
+from identification.words import Complex, Real
+
+
+def cmif(values: Complex) -> Real:
+    """Complex mode indicator function: squared singular values of H (seed, eq. 3.1 and 3.2).
+
+    Args:
+        values: FRFs; (n_freq, n_out, n_in).
+
+    Returns:
+        Largest first; (n_freq, n_in), or n_out if that is less.
+    """
+    return np.asarray(np.linalg.svd(values, compute_uv=False) ** 2, np.float64)
+
+
+def mmif(values: Complex) -> Real:
+    """Multivariate mode indicator function of accelerances or receptances.
+
+    The force patterns f that make the motion as much out of phase as can be:
+    min f' Re H' Re H f / f' (Re H' Re H + Im H' Im H) f, zero at an undamped resonance of real
+    modes (Williams, Crowley and Vold 1985).
+
+    Args:
+        values: FRFs whose resonances are imaginary; (n_freq, n_out, n_in).
+
+    Returns:
+        Smallest first, 0 .. 1; (n_freq, n_in).
+    """
+    found = np.ones((len(values), values.shape[2]))
+    for row, line in zip(found, values, strict=True):
+        real, imag = line.real.T @ line.real, line.imag.T @ line.imag
+        total = real + imag
+        ridge = 1e-12 * np.trace(total) * np.eye(len(total))
+        if ridge.any():
+            row[:] = scipy.linalg.eigh(real, total + ridge, eigvals_only=True)
+    return found
+
+
+def mac(one: Complex, other: Complex) -> Real:
+    """Modal assurance criterion |a^H b|^2 / (a^H a b^H b) of every pair; (n_one, n_other).
+
+    Args:
+        one: shapes in columns; (n, n_one).
+        other: likewise; (n, n_other).
+    """
+    product = np.abs(one.conj().T @ other) ** 2
+    sizes = np.outer((np.abs(one) ** 2).sum(axis=0), (np.abs(other) ** 2).sum(axis=0))
+    criterion: Real = product / np.where(sizes > 0, sizes, 1.0)
+    return criterion
+
+
+def auto_mac(shapes: Complex) -> Real:
+    """MAC of every shape with every other; (n_mode, n_mode)."""
+    return mac(shapes, shapes)
+
+
+def comac(one: Complex, other: Complex) -> Real:
+    """Coordinate MAC of paired shapes: agreement of each degree of freedom over all modes; (n,).
+
+    (sum_r |a_r b_r|)^2 / (sum |a_r|^2 sum |b_r|^2) (Lieven and Ewins 1988).
+    """
+    product = (np.abs(one * other)).sum(axis=1) ** 2
+    sizes = (np.abs(one) ** 2).sum(axis=1) * (np.abs(other) ** 2).sum(axis=1)
+    criterion: Real = product / np.where(sizes > 0, sizes, 1.0)
+    return criterion
+
+
+def mpc(shapes: Complex) -> Real:
+    """Modal phase collinearity: 1 where a shape is real but for one phase; (n_mode,).
+
+    With S the covariance of real and imaginary parts, the squared ratio of difference and sum of
+    its eigenvalues (Pappa, Elliott and Schenk 1993).
+    """
+    xx = (shapes.real**2).sum(axis=0)
+    yy = (shapes.imag**2).sum(axis=0)
+    xy = (shapes.real * shapes.imag).sum(axis=0)
+    total = xx + yy
+    collinear: Real = ((xx - yy) ** 2 + 4 * xy**2) / np.where(total > 0, total, 1.0) ** 2
+    return collinear
+
+
+def mpd(shapes: Complex) -> Real:
+    """Mean phase deviation from the line through the shape's points, weighted by size [rad].
+
+    Args:
+        shapes: in columns; (n, n_mode).
+
+    Returns:
+        (n_mode,).
+    """
+    deviations = np.zeros(shapes.shape[1])
+    for mode, shape in enumerate(shapes.T):
+        _, _, rows = np.linalg.svd(np.column_stack([shape.real, shape.imag]))
+        along = np.abs(shape.real * rows[0, 0] + shape.imag * rows[0, 1])
+        size = np.abs(shape)
+        if size.any():
+            angle = np.arccos(np.clip(along / np.where(size > 0, size, 1.0), 0.0, 1.0))
+            deviations[mode] = (size * angle)[size > 0].sum() / size.sum()
+    return deviations

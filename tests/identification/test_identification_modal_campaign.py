@@ -1,0 +1,74 @@
+"""A campaign's tests side by side, and their modal model against the machine's own modes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_machine import virtual_campaign
+
+from identification.modal import beside, identify
+from identification.words import InputError
+from mbmodel import model_modes
+
+
+def modes_of(model, theta, campaign):
+    found = model_modes(model, theta)
+    low, high = campaign.freq_hz[[0, -1]]
+    inside = (found.freq_hz > low) & (found.freq_hz < high) & found.oscillates
+    return found.poles[inside]
+
+
+def test_the_modes_of_a_virtual_test_are_the_machines_within_their_deviations(model, true_theta):
+    campaign = virtual_campaign(model, true_theta)
+    found, how, _ = identify(campaign)
+    expected = modes_of(model, true_theta, campaign)
+    own = found.poles[: how.inside.sum()]
+    for pole in expected:
+        near = int(np.argmin(np.abs(own - pole)))
+        off = abs(found.freq_hz[near] - abs(pole) / 2 / np.pi)
+        assert off < 5 * found.freq_sd[near] + 1e-4 * found.freq_hz[near]
+    assert len(own) == len(expected)
+    assert how.misfit == pytest.approx(1.0, abs=0.1)
+
+
+def test_signs_of_channels_and_references_do_not_matter(model, true_theta, flip):
+    campaign = virtual_campaign(model, true_theta)
+    one, other = beside(campaign), beside(flip(campaign))
+    np.testing.assert_allclose(other.values, one.values)
+    assert one.outputs == other.outputs
+
+
+def test_an_exponential_window_is_taken_off_the_damping(model, true_theta):
+    plain = identify(virtual_campaign(model, true_theta))[0]
+    windowed = identify(virtual_campaign(model, true_theta, taus=(0.3, 0.3, 0.3)))[0]
+    strong = [int(np.argmin(np.abs(windowed.poles - pole))) for pole in plain.poles[:4]]
+    np.testing.assert_allclose(windowed.damping[strong], plain.damping[:4], rtol=0.05)
+
+
+def test_different_windows_are_refused(model, true_theta):
+    campaign = virtual_campaign(model, true_theta, taus=(0.0, 0.3, 0.0))
+    with pytest.raises(InputError, match="different exponential windows"):
+        beside(campaign)
+
+
+def test_uneven_lines_are_refused(model, true_theta):
+    campaign = virtual_campaign(model, true_theta)
+    keep = np.ones(len(campaign.freq_hz), bool)
+    keep[7] = False
+    with pytest.raises(InputError, match="evenly spaced"):
+        beside(campaign.lines(keep))
+
+
+def test_channels_that_were_not_measured_weigh_nothing(model, true_theta):
+    campaign = virtual_campaign(model, true_theta)
+    test = campaign.tests[0]
+    measured = test.estimate.measured.copy()
+    measured[3] = False
+    values = test.estimate.frf.values.copy()
+    values[:, 3] = 0
+    holed = replace(test.estimate, measured=measured, frf=replace(test.estimate.frf, values=values))
+    data = beside(
+        replace(campaign, tests=(replace(test, estimate=holed), *campaign.tests[1:]))
+    ).data()
+    assert data.cells[3, 0] == 0
+    assert (data.cells > 0).sum() == data.cells.size - 1
