@@ -17,6 +17,7 @@ from identification.words import Complex, Mask, Real
 
 _ROOTS = 120  # of the highest order, over all inputs
 _ADDED = 12  # modes searched in what is left, at most
+_ROUGH = 0.05  # of that drop, at which a search on the way has settled
 _NOISE = 3.0  # times the number of its parameters that a mode must lower the cost
 
 
@@ -172,16 +173,23 @@ def _completed(
     tolerances: Tolerances,
 ) -> tuple[ModalFit, Real]:
     """Refine, add what the remainder shows, drop what noise could explain."""
-    found, matrix = refine(data, poles, participation)
+    rough = _ROUGH * _threshold(data)
+    found, _ = refine(data, poles, participation, settled=rough)
     for _ in range(_ADDED):
         more = [
-            refine(data, np.append(found.poles, pole), np.column_stack([found.participation, row]))
+            refine(
+                data,
+                np.append(found.poles, pole),
+                np.column_stack([found.participation, row]),
+                settled=rough,
+            )[0]
             for pole, row in _candidates(data, freq_hz, found)
         ]
-        better, normal = min(more, key=lambda pair: pair[0].cost)
+        better = min(more, key=lambda fit: fit.cost)
         if found.cost - better.cost < _threshold(data):
             break
-        found, matrix = better, normal
+        found = better
+    found, matrix = refine(data, found.poles, found.participation)
     keep = (cost_without(data, found) > _threshold(data)) & _physical(found, tolerances)
     if not keep.all():
         found, matrix = refine(data, found.poles[keep], found.participation[:, keep])

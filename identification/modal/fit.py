@@ -20,7 +20,9 @@ import numpy as np
 from identification.words import Complex, Integers, Real
 
 _STEPS = 40
-_SETTLED = 1e-7  # relative change of the cost at which the fit has settled
+_SETTLED = 0.02  # drop of the cost at which a fit has settled: with weights of one over the
+# variance, a parameter one standard deviation off costs a half
+_ROUNDING = 1e-9  # relative drop below which only rounding is left
 _RIDGE = 1e-12  # of each diagonal, where data do not tell two columns apart
 
 
@@ -292,7 +294,9 @@ def cost_without(data: Data, fitted: ModalFit) -> Real:
     return rise
 
 
-def refine(data: Data, poles: Complex, participation: Complex) -> tuple[ModalFit, Real]:
+def refine(
+    data: Data, poles: Complex, participation: Complex, *, settled: float = _SETTLED
+) -> tuple[ModalFit, Real]:
     """Fit poles, participation, shapes and residuals together.
 
     Gauss-Newton steps, damped (Levenberg and Marquardt) where a step does not lower the cost.
@@ -301,6 +305,7 @@ def refine(data: Data, poles: Complex, participation: Complex) -> tuple[ModalFit
         data: FRFs and weights.
         poles: where to start; (n_mode,).
         participation: likewise; (n_in, n_mode).
+        settled: drop of the cost in one step at which to stop.
 
     Returns:
         The fit, and the normal matrix of (Re s, Im s, Re l, Im l) with the shapes eliminated:
@@ -315,10 +320,10 @@ def refine(data: Data, poles: Complex, participation: Complex) -> tuple[ModalFit
         moved = _moved(fitted, step)
         after, linear = _fit_shapes(data, *moved)
         if np.isfinite(after.cost) and after.cost <= fitted.cost and (after.poles.imag > 0).all():
-            settled = fitted.cost - after.cost <= _SETTLED * fitted.cost
+            ends = fitted.cost - after.cost <= max(settled, _ROUNDING * fitted.cost)
             fitted, damping = after, damping / 10
             matrix, right = _schur(data, fitted, linear)
-            if settled:
+            if ends:
                 break
         else:
             damping *= 10
