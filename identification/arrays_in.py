@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import scipy.io
 
+from identification.matlab73 import read_matlab73
 from identification.table import FrfTable
 from identification.words import Complex, Dof, InputError, Quantity, Real, UsageError
 
@@ -81,11 +82,20 @@ def _load(path: Path) -> dict[str, np.ndarray]:
         else:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
                 content = dict(archive)
-    except NotImplementedError as error:
-        raise InputError(f"{path} is MATLAB v7.3: save it with save(..., '-v7')") from error
+    except NotImplementedError:  # version 7.3 is another format altogether
+        content = _load_73(path)
     except Exception as error:  # the readers raise whatever the bytes lead them to
         raise InputError(f"{path} cannot be read ({error}): save it again") from error
     return {name: value for name, value in content.items() if not name.startswith("__")}
+
+
+def _load_73(path: Path) -> dict[str, np.ndarray]:
+    try:
+        return read_matlab73(path)
+    except Exception as error:
+        raise InputError(
+            f"{path} is MATLAB v7.3 and cannot be read ({error}): save it again"
+        ) from (error)
 
 
 def _refuse_texts(path: Path, arrays: dict[str, np.ndarray], names: tuple[str, ...]) -> None:

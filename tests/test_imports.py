@@ -21,6 +21,7 @@ ONLY_BEHIND = {
     "nlopt": {"tuning/solver.py"},
     "pyuff": {"identification/uff.py"},
     "meshio": {"mbmodel/meshfile.py"},
+    "h5py": {"identification/matlab73.py"},
     "plotly": {"mbw/page.py"},
     "typer": {"mbw", "truth"},
     "rich": {"mbw"},

@@ -86,6 +86,8 @@ def identify_modes(
 ) -> Identified:
     """Find the modes of a set of FRFs.
 
+    Where there are more inputs than outputs, as of a roving hammer, both are exchanged on the way.
+
     Args:
         data: FRFs and weights of one over the variance.
         freq_hz: evenly spaced lines [Hz]; (n_freq,).
@@ -97,6 +99,9 @@ def identify_modes(
     """
     tolerances = tolerances or Tolerances()
     values = data.values
+    if values.shape[2] > values.shape[1]:
+        turned = identify_modes(_exchanged(data), freq_hz, tolerances, roots=roots)
+        return replace(turned, fit=_exchanged_fit(turned.fit))
     n_in = values.shape[2]
     size = np.sqrt((np.abs(values) ** 2).mean(axis=(0, 2)))
     rows = values[:, size > 0] / size[size > 0, None]
@@ -118,6 +123,26 @@ def identify_modes(
     inside = (found.freq_hz >= freq_hz[0]) & (found.freq_hz <= freq_hz[-1])
     misfit = found.cost / values.size
     return Identified(found, inside, freq_sd[order], damping_sd[order], orders, clusters, misfit)
+
+
+def _exchanged(data: Data) -> Data:
+    """Outputs for inputs: of a roving hammer the few fixed sensors are the references."""
+    return replace(
+        data,
+        values=data.values.transpose(0, 2, 1),
+        weights=data.weights.transpose(0, 2, 1),
+        cells=data.cells.T,
+    )
+
+
+def _exchanged_fit(fit: ModalFit) -> ModalFit:
+    return replace(
+        fit,
+        participation=fit.shapes,
+        shapes=fit.participation,
+        lower=fit.lower.T,
+        upper=fit.upper.T,
+    )
 
 
 def cluster_poles(

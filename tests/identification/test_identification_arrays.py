@@ -5,6 +5,7 @@ import io
 import re
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
@@ -369,17 +370,43 @@ def test_pickled_objects_are_not_loaded(tmp_path):
     assert "cannot be read" in refusal(path)
 
 
-def test_matlab_v73_is_refused_with_the_way_to_save_it(tmp_path):
+MATLAB_73 = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
+
+
+def save_73(path, values, coherence):
+    """As MATLAB does: axes reversed, complex numbers as pairs, a header of 512 bytes."""
+    pairs = np.empty(values.T.shape, [("real", "f8"), ("imag", "f8")])
+    pairs["real"], pairs["imag"] = values.T.real, values.T.imag
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file["FRFs"], file["COHs"] = pairs, coherence.T
+        file["freqs"] = FREQ[:, None]
+        file["note"] = np.array([72, 105], np.uint16)
+        file.create_group("#refs#")["a"] = 1.0
+    with path.open("r+b") as file:
+        file.write(MATLAB_73)
+
+
+def test_matlab_v73_is_read_as_v5(tmp_path):
+    values, coherence = tables()
+    old, new = tmp_path / "old.mat", tmp_path / "new.mat"
+    kept = [np.moveaxis(array, 0, 2) for array in (values, coherence)]
+    save_frfs(old, *kept)
+    save_73(new, *kept)
+    expected, found = (read_arrays(path, **OPTIONS) for path in (old, new))
+    np.testing.assert_array_equal(found.values, expected.values)
+    np.testing.assert_array_equal(found.coherence, expected.coherence)
+    np.testing.assert_array_equal(found.freq_hz, FREQ)
+
+
+def test_a_broken_matlab_v73_is_refused(tmp_path):
     path = tmp_path / "a.mat"
-    header = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(116) + b"\0" * 8 + b"\x00\x02IM"
-    path.write_bytes(header.ljust(512, b"\0") + b"\x89HDF\r\n\x1a\n" + b"\0" * 100)
+    path.write_bytes(MATLAB_73.ljust(512, b"\0") + b"\x89HDF\r\n\x1a\n" + b"\0" * 100)
     message = refusal(path)
-    assert "v7.3" in message
-    assert "-v7'" in message
+    assert "v7.3 and cannot be read" in message
+    assert "save it again" in message
 
 
 def test_hdf5_without_the_header_of_matlab_is_refused(tmp_path):
-    h5py = pytest.importorskip("h5py")
     path = tmp_path / "a.mat"
     with h5py.File(path, "w") as file:
         file["FRFs"] = tables()[0]

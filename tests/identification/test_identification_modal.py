@@ -170,6 +170,30 @@ def test_two_close_modes_stay_apart():
     assert found_and_extra(case, inside, found.fit.damping[found.inside]) == (5, 0)
 
 
+def test_a_roving_hammer_finds_what_roving_sensors_find():
+    # 77 hits, 3 fixed accelerometers, 13 lightly damped modes, two of them 0.4 Hz apart.
+    rng = np.random.default_rng(2)
+    close = {
+        "modes_hz": [*np.linspace(15, 185, 11) + rng.uniform(-3, 3, 11), 125.2, 125.6],
+        "damping": rng.uniform(0.0005, 0.009, 13),
+    }
+    case = modal_case(3, 13, total=15, n_out=77, lines=1601, start=40, **close)
+    exchanged = Data(
+        2j * np.pi * case.freq_hz,
+        2,
+        case.noisy.transpose(0, 2, 1),
+        np.ones((len(case.freq_hz), 1, 1)),
+        1 / case.sd.T**2,
+    )
+    found = identify_modes(exchanged, case.freq_hz)
+    fit = found.fit
+    assert found_and_extra(case, fit.freq_hz[found.inside], fit.damping[found.inside]) == (13, 0)
+    assert fit.shapes.shape[0] == 3
+    values = fit.values(2j * np.pi * case.freq_hz, 2)
+    error = np.linalg.norm(values - case.clean.transpose(0, 2, 1)) / np.linalg.norm(case.clean)
+    assert error < 0.01
+
+
 def test_standard_deviations_are_those_of_repetitions():
     # 40 repetitions of 4 modes: the pulls' rms is within 1 +- 4 / sqrt(2 * 160) = 0.78..1.22.
     pulls = []
