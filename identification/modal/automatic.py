@@ -69,7 +69,7 @@ class Identified:
         damping_sd: of the damping ratios; (n_mode,).
         orders: poles of every order, for a stabilisation diagram.
         clusters: where the refinement started.
-        misfit: sum of |error|^2 over variance, per real number fitted.
+        misfit: sum of |error|^2 over variance, per value that the fit left free: 1 is the noise.
     """
 
     fit: ModalFit
@@ -113,7 +113,8 @@ def identify_modes(
     participation = np.array([cluster.participation for cluster in clusters]).T.reshape(n_in, -1)
     found, matrix = _completed(data, freq_hz, poles, participation, tolerances)
     order = np.argsort(np.abs(found.poles))
-    freq_sd, damping_sd = _deviations(found, matrix)
+    misfit = _misfit(data, found, len(matrix))
+    freq_sd, damping_sd = (max(1.0, misfit) ** 0.5 * sd for sd in _deviations(found, matrix))
     found = replace(
         found,
         poles=found.poles[order],
@@ -121,7 +122,6 @@ def identify_modes(
         shapes=found.shapes[:, order],
     )
     inside = (found.freq_hz >= freq_hz[0]) & (found.freq_hz <= freq_hz[-1])
-    misfit = found.cost / values.size
     return Identified(found, inside, freq_sd[order], damping_sd[order], orders, clusters, misfit)
 
 
@@ -249,11 +249,19 @@ def _physical(found: ModalFit, tolerances: Tolerances) -> Mask:
     return physical
 
 
+def _misfit(data: Data, found: ModalFit, curved: int) -> float:
+    """Cost per free value: a complex value has two numbers, a parameter takes one of them."""
+    cells = int((data.cells > 0).sum())
+    n_out, n_in = data.cells.shape
+    taken = curved + n_out * (2 * len(found.poles) + 2 * n_in)
+    return float(found.cost / max(cells * len(data.laplace) - taken / 2, 1.0))
+
+
 def _deviations(found: ModalFit, matrix: Real) -> tuple[Real, Real]:
     """Standard deviations of frequency [Hz] and damping ratio; (n_mode,) each.
 
     cov(Re s, Im s) is half the inverse of the normal matrix; |s| and -Re s / |s| follow to first
-    order. Where the fit does not reach the noise they are widened by its square root.
+    order. What the model does not hold, as modes far beside the band, is not in them.
     """
     m = len(found.poles)
     covariance = np.linalg.inv(matrix) / 2

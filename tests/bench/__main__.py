@@ -12,9 +12,15 @@ from rich.console import Console
 from rich.table import Table
 from threadpoolctl import threadpool_limits
 
-from tests.bench import frf, identify, large, tune
+from tests.bench import frf, identify, intervals, large, tune
 
-BENCHES = {"frf": frf.run, "identify": identify.run, "large": large.run, "tune": tune.run}
+BENCHES = {
+    "frf": frf.run,
+    "identify": identify.run,
+    "intervals": intervals.run,
+    "large": large.run,
+    "tune": tune.run,
+}
 RESULTS = Path(__file__).parent / "results"
 
 
