@@ -7,7 +7,7 @@ import numpy as np
 import scipy.linalg
 from scipy.sparse.csgraph import connected_components
 
-from identification.words import DIRECTIONS, Complex, Dof, Mask, Real
+from identification.words import DIRECTIONS, Complex, Dof, HasPoles, Mask, Real
 from mbmodel.model import Assembly, Matrices, Model
 from mbmodel.places import changed, places
 from mbmodel.spatial import transport
@@ -18,7 +18,7 @@ _SAME = 1e-6  # relative distance of a motion from the motions at rest
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
+class Modes(HasPoles):
     """Eigenvalues of the equation of motion, one of each conjugate pair, by rising frequency.
 
     Motions that no spring resists come first, at s = 0.
@@ -33,19 +33,6 @@ class Modes:
     poles: Complex
     shapes: Complex
     names: tuple[str, ...]
-
-    @property
-    def freq_hz(self) -> Real:
-        """Natural frequencies |s_r| / 2 pi [Hz]; (n_mode,)."""
-        frequency: Real = np.abs(self.poles) / (2 * np.pi)
-        return frequency
-
-    @property
-    def damping(self) -> Real:
-        """Damping ratios zeta_r = -Re s_r / |s_r|, 0 for a pole at rest; (n_mode,)."""
-        size = np.abs(self.poles)
-        ratio: Real = np.where(size > 0, -self.poles.real / np.where(size > 0, size, 1.0), 0.0)
-        return ratio
 
     @property
     def oscillates(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

@@ -8,13 +8,11 @@ import numpy as np
 import typer
 from pydantic import BaseModel
 
-from identification import band_lines, correct_layout, read_campaign, read_settings
 from identification.modal import Identified, Measured, auto_mac, cmif, identify, mpc, mpd
-from identification.words import ORDER, InputError, ModalModel, UsageError
-from mbmodel import load_machine
+from identification.words import ORDER, ModalModel, UsageError
 from mbw.messages import SCREEN
 from mbw.tune import check_json, write_json
-from tuning import files_of
+from tuning import files_of, open_campaign
 
 MODES_JSON, MODES_NPZ = "modes.json", "modes.npz"
 
@@ -56,12 +54,7 @@ def run(
     Returns:
         The folder of the result.
     """
-    source, settings = read_settings(campaign)
-    if settings.model is None:
-        raise InputError(f'{source} names no model, only a layout: add model = "model.xml"')
-    layout = load_machine(source.parent / settings.model).layout
-    read = read_campaign(source, settings, correct_layout(source, settings, layout))
-    chosen = read.lines(band_lines(read, band, source))
+    _, _, chosen = open_campaign(campaign, band)
     folder = out or Path(f"{chosen.name}-modes")
     if json is not None:
         check_json(json)

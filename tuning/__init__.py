@@ -7,7 +7,7 @@ from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
 from tuning.residual import LogCost
 from tuning.result import Level, Result, check_folder, files_of, read_result, write_result
 from tuning.schema import ShareRow, TunedFile
-from tuning.session import Session, open_session
+from tuning.session import Session, open_campaign, open_session
 from tuning.solver import Minimum, minimise
 from tuning.tuned import Comparison, Tuned, Watch, at_bodies, tune
 
@@ -39,6 +39,7 @@ __all__ = [
     "fit_held_out",
     "fold_of_lines",
     "minimise",
+    "open_campaign",
     "open_session",
     "predict",
     "random_starts",

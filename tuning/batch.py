@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import Campaign, Complex, Dof, Integers, Mask, Real, Test
+from identification.words import Campaign, Complex, Dof, Integers, Mask, Real, Test, distinct
 from mbmodel import Evaluator, Model, Question
 
 
@@ -59,8 +59,8 @@ def _batch(
     model: Model, campaign: Campaign, numbers: tuple[int, ...], tau: float, direct: bool
 ) -> Batch:
     tests = [campaign.tests[number] for number in numbers]
-    outputs = _union([dof for test in tests for dof in test.estimate.frf.outputs])
-    inputs = _union([test.condition.reference for test in tests])
+    outputs = distinct(dof for test in tests for dof in test.estimate.frf.outputs)
+    inputs = distinct(test.condition.reference for test in tests)
     question = Question(
         campaign.freq_hz, outputs, inputs, tests[0].estimate.frf.quantity, window_tau=tau
     )
@@ -81,10 +81,6 @@ def _batch(
         variance=variance.transpose(2, 0, 1),
         measured=measured,
     )
-
-
-def _union(dofs: list[Dof]) -> tuple[Dof, ...]:
-    return tuple(dict.fromkeys(dof.positive for dof in dofs))
 
 
 def _places(test: Test, outputs: tuple[Dof, ...]) -> tuple[list[int], Real]:

@@ -6,7 +6,17 @@ import numpy as np
 
 from identification.modal.automatic import Identified, Tolerances, identify_modes
 from identification.modal.fit import Data
-from identification.words import ORDER, Campaign, Complex, Dof, InputError, Mask, ModalModel, Real
+from identification.words import (
+    ORDER,
+    Campaign,
+    Complex,
+    Dof,
+    InputError,
+    Mask,
+    ModalModel,
+    Real,
+    distinct,
+)
 
 _EVEN = 1e-6  # unevenness of the lines, relative to their spacing
 
@@ -79,8 +89,8 @@ def beside(campaign: Campaign) -> Measured:
             f"{campaign.name}: {len(freq)} lines, evenly spaced or not: modes need at least 16, "
             "evenly spaced"
         )
-    outputs = _union([dof for test in campaign.tests for dof in test.estimate.frf.outputs])
-    inputs = _union([test.condition.reference for test in campaign.tests])
+    outputs = distinct(dof for test in campaign.tests for dof in test.estimate.frf.outputs)
+    inputs = distinct(test.condition.reference for test in campaign.tests)
     shape = (len(outputs), len(inputs))
     values = np.zeros((len(freq), *shape), complex)
     variance = np.full((len(freq), *shape), np.inf)
@@ -105,10 +115,6 @@ def beside(campaign: Campaign) -> Measured:
         ORDER[campaign.tests[0].estimate.frf.quantity],
         1.0 / tau if tau else 0.0,
     )
-
-
-def _union(dofs: list[Dof]) -> tuple[Dof, ...]:
-    return tuple(dict.fromkeys(dof.positive for dof in dofs))
 
 
 def identify(

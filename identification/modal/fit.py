@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.words import Complex, Integers, Real
+from identification.words import Complex, HasPoles, Integers, Real, modal_sum
 
 _STEPS = 40
 _SETTLED = 0.02  # drop of the cost at which a fit has settled: with weights of one over the
@@ -52,7 +52,7 @@ class Data:
 
 
 @dataclass(frozen=True, eq=False)
-class ModalFit:
+class ModalFit(HasPoles):
     """A modal model of measured FRFs.
 
     Args:
@@ -70,27 +70,9 @@ class ModalFit:
     upper: Real
     cost: float
 
-    @property
-    def freq_hz(self) -> Real:
-        """Natural frequencies [Hz]; (n_mode,)."""
-        frequency: Real = np.abs(self.poles) / (2 * np.pi)
-        return frequency
-
-    @property
-    def damping(self) -> Real:
-        """Damping ratios; (n_mode,)."""
-        ratio: Real = -self.poles.real / np.abs(self.poles)
-        return ratio
-
     def values(self, laplace: Complex, order: int) -> Complex:
         """H; (n_freq, n_out, n_in)."""
-        residues = self.shapes[:, None, :] * self.participation
-        away = 1.0 / (laplace[:, None] - self.poles)
-        twin = 1.0 / (laplace[:, None] - self.poles.conj())
-        total = np.tensordot(away, residues, (1, 2)) + np.tensordot(twin, residues.conj(), (1, 2))
-        power = laplace[:, None, None]
-        whole: Complex = power**order * (total + self.upper) + power ** (order - 2) * self.lower
-        return whole
+        return modal_sum(self, laplace, order)
 
 
 def kernels(data: Data, poles: Complex) -> Complex:

@@ -22,13 +22,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from identification.words import Complex, Real, UsageError
+from identification.words import Complex, HasPoles, Real, UsageError
 
 _RIDGE = 1e-13  # of the largest entry, so that R has a root where few lines are left
 
 
 @dataclass(frozen=True, eq=False)
-class Poles:
+class Poles(HasPoles):
     """Stable and unstable poles of one model order, of each pair the one with Im > 0.
 
     Args:
@@ -40,18 +40,6 @@ class Poles:
     order: int
     poles: Complex
     participation: Complex
-
-    @property
-    def freq_hz(self) -> Real:
-        """Natural frequencies |s| / 2 pi [Hz]; (n_pole,)."""
-        frequency: Real = np.abs(self.poles) / (2 * np.pi)
-        return frequency
-
-    @property
-    def damping(self) -> Real:
-        """Damping ratios -Re s / |s|; (n_pole,)."""
-        ratio: Real = -self.poles.real / np.abs(self.poles)
-        return ratio
 
 
 def lscf(freq_hz: Real, values: Complex, highest: int) -> tuple[Poles, ...]:

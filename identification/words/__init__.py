@@ -2,12 +2,13 @@
 
 from identification.words._arrays import Complex, Integers, Mask, Real, frozen
 from identification.words.campaign import Campaign, Condition, Test, Tolerance
-from identification.words.dof import DIRECTIONS, Dof
+from identification.words.dof import DIRECTIONS, Dof, distinct
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
 from identification.words.frf import ORDER, Frf, FrfEstimate, Quantity, VarianceSource
 from identification.words.layout import Layout, is_hammer, node_of
-from identification.words.modal import ModalModel
+from identification.words.modal import ModalModel, modal_sum
 from identification.words.motor import Input, Motor
+from identification.words.poles import HasPoles
 
 __all__ = [
     "DIRECTIONS",
@@ -19,6 +20,7 @@ __all__ = [
     "Dof",
     "Frf",
     "FrfEstimate",
+    "HasPoles",
     "Input",
     "InputError",
     "Integers",
@@ -33,7 +35,9 @@ __all__ = [
     "UsageError",
     "VarianceSource",
     "WorkbenchError",
+    "distinct",
     "frozen",
     "is_hammer",
+    "modal_sum",
     "node_of",
 ]

@@ -1,6 +1,7 @@
 """A degree of freedom: a signed direction at a named point."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Self
 
@@ -78,3 +79,8 @@ class Dof:
     def __str__(self) -> str:
         """The label."""
         return f"{self.point}:{self.direction}"
+
+
+def distinct(dofs: Iterable[Dof]) -> tuple[Dof, ...]:
+    """Each degree of freedom once, along its positive axis, in the order of first appearance."""
+    return tuple(dict.fromkeys(dof.positive for dof in dofs))

@@ -1,6 +1,7 @@
 """A modal model: poles, shapes and their scaling, with what lies beside the band."""
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -9,10 +10,57 @@ from identification.words.dof import Dof
 from identification.words.errors import UsageError
 from identification.words.frf import ORDER, Frf, Quantity
 from identification.words.motor import Input
+from identification.words.poles import HasPoles
+
+
+class HasModes(Protocol):
+    """Poles, shapes, participation and residuals, as in ``ModalModel``."""
+
+    @property
+    def poles(self) -> Complex:
+        """(n_mode,)."""
+
+    @property
+    def shapes(self) -> Complex:
+        """(n_out, n_mode)."""
+
+    @property
+    def participation(self) -> Complex:
+        """(n_in, n_mode)."""
+
+    @property
+    def lower(self) -> Real:
+        """(n_out, n_in)."""
+
+    @property
+    def upper(self) -> Real:
+        """(n_out, n_in)."""
+
+
+def modal_sum(modes: HasModes, laplace: Complex, order: int) -> Complex:
+    """s^q [sum_r phi_r l_r' / (s - s_r) + conjugate + v / s^2 + u] (seed, eq. 3.5 to 3.7).
+
+    Args:
+        modes: what is summed.
+        laplace: s of every line [rad/s]; (n_freq,).
+        order: q: 0, 1, 2 for receptance, mobility, accelerance.
+
+    Returns:
+        FRFs; (n_freq, n_out, n_in).
+    """
+    residues = modes.shapes[:, None, :] * modes.participation
+    away = 1.0 / (laplace[:, None] - modes.poles)
+    twin = 1.0 / (laplace[:, None] - modes.poles.conj())
+    total = np.tensordot(away, residues, (1, 2)) + np.tensordot(twin, residues.conj(), (1, 2))
+    power = laplace[:, None, None]
+    values: Complex = power**order * (total + modes.upper)
+    if modes.lower.any():
+        values = values + power ** (order - 2) * modes.lower
+    return values
 
 
 @dataclass(frozen=True, eq=False)
-class ModalModel:
+class ModalModel(HasPoles):
     """Modes of a machine, as measured or as modelled.
 
     The receptance between output o and input i is sum_r phi_or l_ri / (s - s_r) + conjugate
@@ -60,18 +108,6 @@ class ModalModel:
         object.__setattr__(self, "inputs", tuple(self.inputs))
 
     @property
-    def freq_hz(self) -> Real:
-        """Natural frequencies |s_r| / 2 pi [Hz]; (n_mode,)."""
-        frequency: Real = np.abs(self.poles) / (2 * np.pi)
-        return frequency
-
-    @property
-    def damping(self) -> Real:
-        """Damping ratios -Re s_r / |s_r|; (n_mode,)."""
-        ratio: Real = -self.poles.real / np.abs(self.poles)
-        return ratio
-
-    @property
     def modal_a(self) -> Complex:
         """Scaling a_r of receptance with phi_ir phi_or / a_r = l_ri phi_or (seed, eq. 3.7).
 
@@ -105,12 +141,6 @@ class ModalModel:
             freq_hz: [Hz]; (n_freq,); above 0 Hz where a residual of lower modes is there.
             quantity: of the FRFs.
         """
-        s = 2j * np.pi * np.asarray(freq_hz)[:, None, None]
-        residues = self.shapes[:, None, :] * self.participation
-        away, twin = 1 / (s[:, 0] - self.poles), 1 / (s[:, 0] - self.poles.conj())
-        total = np.tensordot(away, residues, (1, 2)) + np.tensordot(twin, residues.conj(), (1, 2))
-        order = ORDER[quantity]
-        values = s**order * (total + self.upper)
-        if self.lower.any():
-            values = values + s ** (order - 2) * self.lower
+        laplace = np.asarray(2j * np.pi * np.asarray(freq_hz), np.complex128)
+        values = modal_sum(self, laplace, ORDER[quantity])
         return Frf(np.asarray(freq_hz), values, self.outputs, self.inputs, quantity)
