@@ -19,7 +19,7 @@ MAY_IMPORT = {
 ONLY_BEHIND = {
     "mujoco": {"mbmodel"},
     "nlopt": {"tuning/solver.py"},
-    "pyuff": {"identification/uff.py"},
+    "pyuff": {"identification/uff_file.py"},
     "meshio": {"mbmodel/meshfile.py"},
     "h5py": {"identification/matlab73.py"},
     "plotly": {"mbw/page.py"},
