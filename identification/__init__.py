@@ -3,12 +3,21 @@
 from identification.band import band_lines
 from identification.campaign import correct_layout, read_campaign
 from identification.settings import CampaignSettings, read_settings
-from identification.solid_body import reconstruct, reduce_to_bodies
+from identification.solid import (
+    BodyCheck,
+    Fault,
+    check_bodies,
+    reconstruct,
+    reduce_to_bodies,
+)
 from identification.variance import coherence_variance, difference_variance
 
 __all__ = [
+    "BodyCheck",
     "CampaignSettings",
+    "Fault",
     "band_lines",
+    "check_bodies",
     "coherence_variance",
     "correct_layout",
     "difference_variance",

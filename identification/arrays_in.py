@@ -43,7 +43,7 @@ def read_arrays(
     inputs = _distinct(path, "references", tuple(_parse(path, text) for text in references))
     names = ("FRFs", "COHs", "freqs") if path.suffix.lower() == ".mat" else (
         "frf", "coherence", "freq_hz")  # fmt: skip
-    arrays = _load(path)
+    arrays = load_arrays(path)
     for name in (names[0], names[2]):
         if name not in arrays:
             raise InputError(
@@ -64,7 +64,7 @@ def read_arrays(
         raise InputError(f"{path}: {names[2]} does not rise strictly: sort it, drop repeated lines")
     return FrfTable(
         freq_hz=freq_hz,
-        values=values * _factor(path, quantity, unit),
+        values=values * unit_factor(path, quantity, unit),
         coherence=coherence,
         measured=np.ones(shape[1:], bool),
         responses=responses,
@@ -73,7 +73,12 @@ def read_arrays(
     )
 
 
-def _load(path: Path) -> dict[str, np.ndarray]:
+def load_arrays(path: Path) -> dict[str, np.ndarray]:
+    """Read all variables of a .mat (any version) or .npz.
+
+    Raises:
+        InputError: missing or unreadable.
+    """
     if not path.is_file():
         raise InputError(f"{path} does not exist: name the file of the test")
     try:
@@ -184,7 +189,7 @@ def _parse(path: Path, text: str) -> Dof:
         raise InputError(f"{path}: {error}") from error
 
 
-def _factor(path: Path, quantity: Quantity, unit: str | None) -> float:
+def unit_factor(path: Path, quantity: Quantity, unit: str | None) -> float:
     """Value in SI per value in ``unit``."""
     motion = _TIME[quantity]
     if unit is None:

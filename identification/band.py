@@ -15,7 +15,8 @@ def band_lines(
     """Choose the lines of a band.
 
     Without a band given: from the first to the last line whose median coherence over channels
-    exceeds 0.5; without coherence all lines but 0 Hz.
+    exceeds 0.5; without coherence all lines but 0 Hz. Of tests that come from time records, in
+    both cases, below 0.8 of half the rate: above it anti-aliasing filters reach.
 
     Args:
         campaign: whose lines.
@@ -38,14 +39,16 @@ def band_lines(
                 f"{freq[0]:g}..{freq[-1]:g} Hz: widen it"
             )
         return lines
+    highest = [test.hits.highest_hz for test in campaign.tests if test.hits is not None]
+    below = freq < min(highest, default=np.inf)
     coherences = [test.estimate.coherence for test in campaign.tests]
     known = [c.reshape(len(freq), -1) for c in coherences if c is not None]
     if len(known) < len(coherences):
-        lines = freq > 0
+        lines = (freq > 0) & below
         if not lines.any():
             raise InputError(f"{where}: there is no line but 0 Hz: export the FRFs again")
         return lines
-    good = np.flatnonzero(np.median(np.hstack(known), axis=1) > _GOOD)
+    good = np.flatnonzero((np.median(np.hstack(known), axis=1) > _GOOD) & below)
     if not good.size:
         raise InputError(
             f"{where}: at no line does the median coherence exceed {_GOOD}: check the test, or "

@@ -2,12 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from identification.arrays_in import read_arrays
+from identification.hits.campaign import ARRAYS, UFF, raw_tests
+from identification.hits.drive_point import drive_point_signs
 from identification.settings import CampaignSettings, SensorSettings, TestSettings
 from identification.table import FrfTable
 from identification.uff import read_uff
@@ -28,12 +31,9 @@ from identification.words import (
     node_of,
 )
 
-_ARRAYS = (".mat", ".npz")
-_UFF = (".uff", ".unv", ".uf", ".bunv")
-
 
 def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Campaign:
-    """Read all tests of a campaign.
+    """Read all tests of a campaign, of FRFs or of time records.
 
     Args:
         path: of campaign.toml, to which its files are relative.
@@ -43,18 +43,22 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
     Raises:
         InputError: a file that cannot be used, with the element and a remedy.
     """
+    raw, remarks = raw_tests(path, settings, partial(_sites, layout))
     tests = [
         test
         for entry in settings.test
-        for test in _tests_of_file(path, entry, settings.sensor, layout)
+        for test in raw.get(entry.file) or _tests_of_file(path, entry, settings.sensor, layout)
     ]
     try:
         tolerance = Tolerance(**settings.tolerance.model_dump())
-        return Campaign(path.resolve().parent.name, layout, tuple(tests), tolerance)
+        campaign = Campaign(path.resolve().parent.name, layout, tuple(tests), tolerance)
     except ValueError as error:
         raise InputError(
             f"{path}: {error}: tests of one campaign share axis and quantity"
+            + ("; that of time records is set by block_s" if raw else "")
         ) from error
+    signs = [point.remark for point in drive_point_signs(campaign)]
+    return replace(campaign, remarks=(*remarks, *(sign for sign in signs if sign)))
 
 
 def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> Layout:
@@ -111,7 +115,7 @@ def _tests_of_file(
 
 def _read_table(file: Path, entry: TestSettings) -> FrfTable:
     kind = file.suffix.lower()
-    if kind in _ARRAYS:
+    if kind in ARRAYS:
         if entry.channels is None or entry.references is None:
             raise InputError(
                 f"{file} does not say its channels: add channels and references to its [[test]]"
@@ -123,7 +127,7 @@ def _read_table(file: Path, entry: TestSettings) -> FrfTable:
             quantity=entry.quantity or "accelerance",
             unit=entry.unit,
         )
-    if kind not in _UFF:
+    if kind not in UFF:
         raise InputError(f"{file}: unknown kind of file: give .uff, .unv, .mat or .npz")
     for key in ("channels", "references", "unit"):
         if getattr(entry, key) is not None:
@@ -133,7 +137,13 @@ def _read_table(file: Path, entry: TestSettings) -> FrfTable:
 
 def _on_sites(file: Path, table: FrfTable, layout: Layout) -> FrfTable:
     """Name the sites of the model instead of node numbers."""
+    responses, references = _sites(layout, file, table.responses, table.references)
+    return replace(table, responses=responses, references=references)
 
+
+def _sites(
+    layout: Layout, file: Path, responses: tuple[Dof, ...], references: tuple[Dof, ...]
+) -> tuple[tuple[Dof, ...], tuple[Dof, ...]]:
     def located(dof: Dof, find: Callable[[int], str | None]) -> Dof:
         named = dof.point if dof.point in layout.points else None
         site = find(int(dof.point)) if dof.point.isdecimal() else named
@@ -144,13 +154,13 @@ def _on_sites(file: Path, table: FrfTable, layout: Layout) -> FrfTable:
             )
         return Dof(site, dof.direction)
 
-    responses = tuple(located(dof, layout.sensor) for dof in table.responses)
-    references = tuple(located(dof, layout.hammer) for dof in table.references)
+    responses = tuple(located(dof, layout.sensor) for dof in responses)
+    references = tuple(located(dof, layout.hammer) for dof in references)
     for dofs in (responses, references):
         if len({dof.positive for dof in dofs}) < len(dofs):
             names = ", ".join(map(str, dofs))
             raise InputError(f"{file}: one point and direction has two names in it ({names})")
-    return replace(table, responses=responses, references=references)
+    return responses, references
 
 
 def _variance(table: FrfTable, averages: int | None) -> tuple[Real, VarianceSource]:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from identification.words import InputError, Quantity
+from identification.words import Estimator, InputError, Quantity
 
 _FULL_TURN = 6.3  # rad
 _SHORTEST_WINDOW = 1e-4  # s
@@ -17,7 +17,14 @@ class _Strict(BaseModel):
 
 
 class TestSettings(_Strict):
-    """One ``[[test]]``: a file and what was special about it."""
+    """One ``[[test]]``: a file and what was special about it.
+
+    For files of time records, all optional, in seconds: ``block_s`` is the length of a hit's
+    block, ``pretrigger_s`` the part of it before the hit, ``force_window_s`` how long the force is
+    kept (0: all of it), ``exponential_tau`` the time constant of the exponential window on force
+    and responses (0: none); ``estimator`` is H1 unless stated; ``reject = false`` keeps bad hits.
+    Block, pre-trigger and exponential window of one file hold for all files of the campaign.
+    """
 
     __test__ = False
 
@@ -32,6 +39,12 @@ class TestSettings(_Strict):
     quantity: Quantity | None = None
     unit: str | None = None
     time_sign: Literal["+", "-"] = "+"
+    block_s: float | None = Field(default=None, gt=0)
+    pretrigger_s: float | None = Field(default=None, ge=0)
+    force_window_s: float | None = Field(default=None, ge=0)
+    exponential_tau: float | None = Field(default=None, ge=0)
+    estimator: Estimator | None = None
+    reject: bool | None = None
 
 
 class SensorSettings(_Strict):
@@ -95,10 +108,12 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
     for test, file in zip(settings.test, files, strict=True):
         if files.count(file) > 1:
             raise InputError(f"{path}: {test.file} stands in two [[test]] blocks: remove one")
-        if 0 < test.window_tau < _SHORTEST_WINDOW:
-            raise InputError(
-                f"{path}: window_tau = {test.window_tau:g} s is no exponential window: give seconds"
-            )
+        for key in ("window_tau", "exponential_tau"):
+            if 0 < (getattr(test, key) or 0.0) < _SHORTEST_WINDOW:
+                raise InputError(
+                    f"{path}: {key} = {getattr(test, key):g} s is no exponential window: give "
+                    "seconds"
+                )
     if (settings.model is None) == (settings.layout is None):
         raise InputError(f"{path}: name a model, or a layout in its stead")
     return path, settings

@@ -21,6 +21,7 @@ _BINARY_MARK = re.compile(rb"\s*?[ ]{4}-1[ ]*(\r?\n|\r?\Z)")
 _BYTES = {2: 4, 4: 8, 5: 8, 6: 16}  # of a value on an even axis, by its form
 _IEEE = 2
 _HEADER_LINES = 11
+_FUNCTION, _FUNCTION_LINE = 58, 7  # dataset, and its line with the type, the mark counted as 0
 
 Record = dict[str, Any]
 
@@ -51,6 +52,24 @@ def read_records(path: Path) -> list[tuple[int, Record]]:
                 f"{path}, record {number + 1} cannot be read: export it again, or delete it"
             ) from error
     return records
+
+
+def function_types(path: Path) -> set[int]:
+    """Function types of the datasets 58 and 58b of a file, from their headers alone.
+
+    Raises:
+        InputError: missing or truncated.
+    """
+    if not path.is_file():
+        raise InputError(f"{path} does not exist: name the UFF file of the test")
+    content = path.read_bytes()
+    found = set()
+    for block in _blocks(path, content):
+        if block.kind == _FUNCTION:
+            lines = content[block.start : block.end].split(b"\n", _FUNCTION_LINE + 1)
+            text = lines[_FUNCTION_LINE][:5].strip() if len(lines) > _FUNCTION_LINE else b""
+            found |= {int(text)} if text.isdigit() else set()
+    return found
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 from threadpoolctl import threadpool_limits
 
+from identification.modal import Tolerances, Wishes
 from mbw import demo as demo_verb
 from mbw import identify as identify_verb
 from mbw import predict as predict_verb
@@ -31,6 +32,7 @@ Json = Annotated[Path | None, typer.Option(metavar="FILE", help="Result as JSON;
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Errors only.")]
 Jobs = Annotated[int, typer.Option(min=1, help="Processes.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the random starts.")]
+_TOLERANCES = Tolerances()
 
 
 @app.callback()
@@ -55,7 +57,7 @@ def demo(
 
 @app.command()
 @guarded
-def identify(
+def identify(  # noqa: PLR0913  # one for each option
     campaign: Annotated[Path, typer.Argument(help="Folder with a campaign.toml.")],
     *,
     out: Annotated[
@@ -63,11 +65,56 @@ def identify(
     ] = None,
     json: Json = None,
     band: Band = None,
+    frequency_tolerance: Annotated[
+        float, typer.Option(min=0, metavar="RATIO", help="Poles of one mode: relative difference.")
+    ] = _TOLERANCES.frequency,
+    damping_tolerance: Annotated[
+        float, typer.Option(min=0, metavar="RATIO", help="The same of their damping ratios.")
+    ] = _TOLERANCES.damping,
+    mac_tolerance: Annotated[
+        float, typer.Option(min=0, max=1, metavar="MAC", help="Least MAC of their participation.")
+    ] = _TOLERANCES.participation,
+    persistence: Annotated[
+        float, typer.Option(min=0, max=1, help="Least share of model orders that hold a mode.")
+    ] = _TOLERANCES.persistence,
+    highest_damping: Annotated[
+        float, typer.Option(min=0, max=100, metavar="PERCENT", help="Poles with more are no modes.")
+    ] = 100 * _TOLERANCES.highest_damping,
+    add: Annotated[
+        list[float] | None, typer.Option(metavar="HZ", help="Start a mode there; repeatable.")
+    ] = None,
+    drop: Annotated[
+        list[float] | None, typer.Option(metavar="HZ", help="Leave out that mode; repeatable.")
+    ] = None,
+    force: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="HZ,PERCENT",
+            help="Keep a mode of this frequency and damping in per cent; repeatable.",
+        ),
+    ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Universal file of shapes to compare with."),
+    ] = None,
+    full: Annotated[bool, typer.Option("--full", help="Write the full matrix of FRFs.")] = False,
+    pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Write them.")] = True,
     quiet: Quiet = False,
 ) -> None:
     """Identify the measured modal model: poles, damping, shapes, with standard deviations."""
     SCREEN.quiet = quiet
-    identify_verb.run(campaign, out=out, json=json, band=band)
+    tolerances = Tolerances(
+        frequency=frequency_tolerance,
+        damping=damping_tolerance,
+        participation=mac_tolerance,
+        persistence=persistence,
+        highest_damping=highest_damping / 100,
+    )
+    forced = identify_verb.parse_forced(force or [])
+    wishes = Wishes(add=tuple(add or ()), drop=tuple(drop or ()), force=forced)
+    targets = identify_verb.Targets(out, json, pictures, full)
+    choices = identify_verb.Choices(tolerances, wishes, against)
+    identify_verb.run(campaign, targets, choices, band)
 
 
 @app.command()
@@ -141,7 +188,7 @@ def tune(
 @app.command()
 @guarded
 def report(
-    result: Annotated[Path, typer.Argument(help="Folder that mbw tune wrote.")],
+    result: Annotated[Path, typer.Argument(help="Folder that mbw tune or mbw identify wrote.")],
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder or .html; default: beside the result."),

@@ -1,154 +1,197 @@
 """``mbw identify``: the measured modal model of a campaign."""
 
 from contextlib import nullcontext
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import typer
-from pydantic import BaseModel
 
-from identification.modal import Identified, Measured, auto_mac, cmif, identify, mpc, mpd
-from identification.words import ORDER, ModalModel, UsageError
+from identification.modal import Tolerances, Wishes, identify
+from identification.words import (
+    Campaign,
+    Dof,
+    InputError,
+    UsageError,
+    WorkbenchError,
+    distinct,
+)
+from mbmodel import load_machine, looks
+from mbw.identify_against import drawn_model, of_file
+from mbw.identify_files import (
+    MODES_JSON,
+    NAMES,
+    PAGE,
+    read_result,
+    write_files,
+    write_full_matrix,
+)
+from mbw.identify_page import render
+from mbw.identify_result import gather
+from mbw.identify_schema import ModesFile
 from mbw.messages import SCREEN
+from mbw.page import write_page
 from mbw.tune import check_json, write_json
 from tuning import files_of, open_campaign
-
-MODES_JSON, MODES_NPZ = "modes.json", "modes.npz"
-
-
-class ModeRow(BaseModel):
-    """One identified mode; standard deviations in the same units."""
-
-    frequency: float
-    frequency_sd: float
-    damping: float
-    damping_sd: float
-    real: float
-    imaginary: float
-    modal_a_real: float | None
-    modal_a_imaginary: float | None
-    phase_collinearity: float
-    phase_deviation: float
-    orders: int | None
+from tuning.result import TUNED_JSON
 
 
-class ModesFile(BaseModel):
-    """``modes.json``."""
+@dataclass(frozen=True)
+class Targets:
+    """Where results go.
 
-    campaign: str
-    band: tuple[float, float]
-    lines: int
-    outputs: list[str]
-    inputs: list[str]
-    misfit: float
-    beside_band: int
-    modes: list[ModeRow]
+    Args:
+        out: folder; <campaign>-modes if None.
+        json: a file beside it, or ``-``.
+        pictures: whether to write the page.
+        full: whether to write the FRFs between all outputs.
+    """
+
+    out: Path | None
+    json: Path | None
+    pictures: bool
+    full: bool
+
+
+@dataclass(frozen=True)
+class Choices:
+    """How to identify.
+
+    Args:
+        tolerances: of the stabilisation.
+        wishes: modes to add, to drop, to force.
+        against: universal file with shapes to compare with; the drawn model if None.
+    """
+
+    tolerances: Tolerances
+    wishes: Wishes
+    against: Path | None
 
 
 def run(
-    campaign: Path, *, out: Path | None, json: Path | None, band: tuple[float, float] | None
+    campaign: Path, targets: Targets, choices: Choices, band: tuple[float, float] | None
 ) -> Path:
-    """Identify, write the modal model, print the modes.
+    """Identify, write the modal model and its page, print the modes.
 
     Returns:
         The folder of the result.
     """
-    _, _, chosen = open_campaign(campaign, band)
-    folder = out or Path(f"{chosen.name}-modes")
-    if json is not None:
-        check_json(json)
+    _, machine, chosen = open_campaign(campaign, band)
+    folder = targets.out or Path(f"{chosen.name}-modes")
+    _check(folder)
+    if targets.json is not None:
+        check_json(targets.json)
+    outputs = shape_points(chosen)
+    if choices.against is not None:
+        other = of_file(choices.against, outputs, chosen.layout)
+    else:
+        other = drawn_model(machine, outputs, float(chosen.freq_hz[-1]))
     with SCREEN.console.status("poles, shapes, refinement") if not SCREEN.quiet else nullcontext():
-        model, found, measured = identify(chosen)
-    summary = _summary(chosen.name, model, found, measured)
+        identified = identify(chosen, choices.tolerances, choices.wishes)
+    source = str(machine.source.absolute())
+    result = gather(chosen, identified, choices.tolerances, other=other, source=source)
     with files_of(folder) as place:
-        (place / MODES_JSON).write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
-        np.savez_compressed(
-            place / MODES_NPZ, allow_pickle=False, **_arrays(model, found, measured)
-        )
-    if json is not None:
-        write_json(summary.model_dump_json(indent=1), json)
-    if json is None or str(json) != "-":
-        _print(summary)
+        write_files(result, place)
+        if targets.full:
+            write_full_matrix(result, place)
+        if targets.pictures:
+            (place / PAGE).write_text(render(result, looks(machine)), encoding="utf-8")
+    if targets.json is not None:
+        write_json(result.summary.model_dump_json(indent=1), targets.json)
+    if targets.json is None or str(targets.json) != "-":
+        _print(result.summary)
     SCREEN.say(f"modal model in {folder}")
+    if targets.pictures:
+        SCREEN.say(f"pictures in {(folder / PAGE).absolute().as_uri()}")
     return folder
 
 
-def _summary(name: str, model: ModalModel, found: Identified, measured: Measured) -> ModesFile:
-    count = int(found.inside.sum())
+def shape_points(campaign: Campaign) -> tuple[Dof, ...]:
+    """Where shapes are known: outputs, or of a roving hammer the points that were hit."""
+    outputs = distinct(dof for test in campaign.tests for dof in test.estimate.frf.outputs)
+    inputs = distinct(test.condition.reference for test in campaign.tests)
+    return inputs if len(inputs) > len(outputs) else outputs
+
+
+def is_identified(path: Path) -> bool:
+    """Whether a folder, or a file, is what ``mbw identify`` wrote, and not ``mbw tune``."""
+    if path.is_dir():
+        return (path / MODES_JSON).is_file() and not (path / TUNED_JSON).is_file()
+    return path.name == MODES_JSON
+
+
+def rewrite(path: Path, out: Path | None) -> Path:
+    """Write the page of a result folder again.
+
+    Args:
+        path: the folder, or its modes.json.
+        out: an .html file or a folder; the result's own folder if None.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: the folder holds no result, or the file cannot be written.
+    """
+    result = read_result(path)
     try:
-        scale = list(model.modal_a)
-    except UsageError:
-        scale = [None] * len(model.poles)
-    collinearity, deviation = mpc(model.shapes), mpd(model.shapes)
-    rows = [
-        ModeRow(
-            frequency=float(model.freq_hz[mode]),
-            frequency_sd=float(model.freq_sd[mode]),
-            damping=float(model.damping[mode]),
-            damping_sd=float(model.damping_sd[mode]),
-            real=float(model.poles[mode].real),
-            imaginary=float(model.poles[mode].imag),
-            modal_a_real=None if scale[mode] is None else float(scale[mode].real),
-            modal_a_imaginary=None if scale[mode] is None else float(scale[mode].imag),
-            phase_collinearity=float(collinearity[mode]),
-            phase_deviation=float(deviation[mode]),
-            orders=_orders(model.poles[mode], found),
-        )
-        for mode in range(count)
-    ]
-    return ModesFile(
-        campaign=name,
-        band=(float(measured.freq_hz[0]), float(measured.freq_hz[-1])),
-        lines=len(measured.freq_hz),
-        outputs=[str(dof) for dof in model.outputs],
-        inputs=[str(dof) for dof in model.inputs],
-        misfit=found.misfit,
-        beside_band=len(model.poles) - count,
-        modes=rows,
-    )
+        seen = looks(load_machine(Path(result.summary.model)))
+    except WorkbenchError:
+        seen = None
+        SCREEN.say(f"{result.summary.model} cannot be read: the page shows sensors alone")
+    target = out or (path if path.is_dir() else path.parent)
+    if target.suffix != ".html":
+        target /= PAGE
+    write_page(render(result, seen), target)
+    SCREEN.say(f"page in {target}")
+    return target
 
 
-def _orders(pole: complex, found: Identified) -> int | None:
-    """Model orders in which a mode came back before it was refined; None for one found later."""
-    near = [
-        cluster.count for cluster in found.clusters if abs(cluster.pole - pole) < 0.02 * abs(pole)
-    ]
-    return max(near) if near else None
+def parse_forced(texts: list[str]) -> tuple[tuple[float, float], ...]:
+    """``HZ,PERCENT`` to frequency [Hz] and damping ratio.
+
+    Raises:
+        UsageError: no two numbers, or numbers of no mode.
+    """
+    found = []
+    for text in texts:
+        try:
+            frequency, percent = (float(part) for part in text.split(","))
+        except ValueError as error:
+            raise UsageError(
+                f"--force {text} is no frequency and damping: write --force 120.5,2 for 120.5 Hz "
+                "and 2 per cent"
+            ) from error
+        if not (0 < frequency < 1e9 and 0 < percent < 100):
+            raise UsageError(
+                f"--force {text}: a mode has more than 0 Hz and between 0 and 100 per cent of "
+                "critical damping"
+            )
+        found.append((frequency, percent / 100))
+    return tuple(found)
 
 
-def _arrays(model: ModalModel, found: Identified, measured: Measured) -> dict[str, Any]:
-    """The model in full, and how it answers beside what was measured."""
-    quantity = next(name for name, order in ORDER.items() if order == measured.order)
-    return {
-        "poles": model.poles,
-        "shapes": model.shapes,
-        "participation": model.participation,
-        "lower": model.lower,
-        "upper": model.upper,
-        "freq_sd": model.freq_sd,
-        "damping_sd": model.damping_sd,
-        "inside_band": np.arange(len(model.poles)) < found.inside.sum(),
-        "outputs": np.array([str(dof) for dof in model.outputs]),
-        "inputs": np.array([str(dof) for dof in model.inputs]),
-        "quantity": np.array(quantity),
-        "freq_hz": measured.freq_hz,
-        "measured": measured.values,
-        "synthesised": found.fit.values(measured.laplace, measured.order),
-        "is_measured": measured.measured,
-        "cmif": cmif(measured.values),
-        "auto_mac": auto_mac(model.shapes),
-    }
+def _check(folder: Path) -> None:
+    """Refuse a folder that cannot be written before the work is done."""
+    with files_of(folder) as place:
+        for name in NAMES:
+            if (folder / name).is_dir():
+                raise InputError(f"{folder / name} is a folder: name another")
+        (place / ".probe").touch()
+        (place / ".probe").unlink()
 
 
 def _print(summary: ModesFile) -> None:
-    typer.echo("mode  frequency/Hz       sd  damping/%       sd  collinearity  orders")
+    typer.echo(
+        "mode  frequency/Hz       sd  damping/%       sd  collinearity  orders  compared/Hz   MAC"
+    )
     for number, row in enumerate(summary.modes, start=1):
         orders = "-" if row.orders is None else str(row.orders)
+        other = "-" if row.other is None else f"{row.other:.2f}"
+        alike = "-" if row.other_mac is None else f"{row.other_mac:.2f}"
         typer.echo(
             f"{number:4d}  {row.frequency:12.3f}  {row.frequency_sd:7.4f}  "
             f"{100 * row.damping:9.3f}  {100 * row.damping_sd:7.4f}  "
-            f"{row.phase_collinearity:12.3f}  {orders:>6}"
+            f"{row.phase_collinearity:12.3f}  {orders:>6}  {other:>11}  {alike:>4}"
         )
     beside = f" and {summary.beside_band} poles beside it" if summary.beside_band else ""
     SCREEN.say(

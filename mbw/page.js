@@ -1,5 +1,6 @@
 // What all pages share: colours, plotly's settings, numbers packed as text.
 const BLUE = "#1f6fb8", ORANGE = "#d9822b", INK = "#30343b", GREY = "#98a2b3";
+const HUES = ["#1f6fb8", "#d9822b", "#2f8f4e", "#b0413e", "#7a5aa6", "#8a6d3b", "#c2569b", "#5d6673", "#9aa52c", "#22a0ae"];
 const CONFIG = {displaylogo: false, responsive: true, modeBarButtonsToRemove: ["select2d", "lasso2d"]};
 const FONT = {family: "system-ui, DejaVu Sans, sans-serif", size: 12, color: "#1d2430"};
 
@@ -17,4 +18,28 @@ function element(tag, text, properties) {
   const made = Object.assign(document.createElement(tag), properties);
   if (text !== undefined) made.textContent = text;
   return made;
+}
+
+const byId = id => document.getElementById(id);
+const escaped = text => text.replace(/&/g, "&amp;").replace(/</g, "&lt;");
+
+// A button for each choice of state[key].
+function buttons(place, key, choices, redraw) {
+  for (const [value, label] of choices) {
+    const made = element("button", label);
+    made.dataset.key = key; made.dataset.value = value;
+    made.onclick = () => { state[key] = value; redraw(); };
+    place.append(made);
+  }
+}
+
+function press(place) {
+  place.querySelectorAll("button").forEach(b => b.setAttribute("aria-pressed", String(state[b.dataset.key] === b.dataset.value)));
+}
+
+function logAxis(list) {  // of a logarithmic axis, so that single dips do not rule
+  const sizes = list.flat().filter(v => v !== null).sort((a, b) => a - b);
+  const low = sizes[Math.floor(0.01 * sizes.length)] || 1e-3, top = sizes[sizes.length - 1] || 1;
+  const range = [Math.log10(low) - 0.2, Math.log10(top) + 0.15], span = range[1] - range[0];
+  return {range, dtick: span > 9 ? 2 : span > 1.3 ? 1 : "D1"};
 }

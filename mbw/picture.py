@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identification.words import Complex, Integers, is_hammer
+from identification.words import Complex, Integers, Layout, is_hammer
 from mbmodel.looks import Colour, Looks, Surface
 from mbw.page import packed, packed_complex, packed_integers
-from mbw.prediction import Prediction, sensors
+from mbw.prediction import sensors
 
 _PALETTE = (
     "#4c78a8", "#e0a13c", "#59a14f", "#b07aa1", "#76b7b2", "#d3705c",
@@ -16,14 +16,19 @@ _PALETTE = (
 _WORLD = "#9aa1ab"
 
 
-def picture(prediction: Prediction, looks: Looks) -> dict[str, object]:
-    """All that the 3-D picture needs; vertices in metres, stages by number, -1 the world."""
-    layout = prediction.machine.layout
+def picture(layout: Layout, looks: Looks, shapes: Complex) -> dict[str, object]:
+    """All that the 3-D picture needs; vertices in metres, stages by number, -1 the world.
+
+    Args:
+        layout: bodies and points.
+        looks: surfaces and lines.
+        shapes: motion of each centre of mass, mode after mode; (n_mode, 6 n_body).
+    """
     return {
         "stages": list(layout.bodies),
         "centres": packed(layout.centres),
         "meshes": _meshes(looks, layout.bodies),
-        "points": _points(prediction),
+        "points": _points(layout),
         "lines": [
             {
                 "name": line.name,
@@ -33,20 +38,12 @@ def picture(prediction: Prediction, looks: Looks) -> dict[str, object]:
             }
             for line in looks.lines
         ],
-        "shapes": packed_complex(_shapes(prediction)),
+        "shapes": packed_complex(shapes),
         "boxed": list(looks.boxed),
     }
 
 
-def _shapes(prediction: Prediction) -> Complex:
-    """Motion of each centre of mass, mode after mode; (n_mode, 6 n_body)."""
-    count = 6 * len(prediction.machine.layout.bodies)
-    shapes: Complex = prediction.shapes[-count:].T
-    return shapes
-
-
-def _points(prediction: Prediction) -> list[dict[str, object]]:
-    layout = prediction.machine.layout
+def _points(layout: Layout) -> list[dict[str, object]]:
     accelerometers = set(sensors(layout))
     return [
         {

@@ -37,7 +37,7 @@ def render(prediction: Prediction, looks: Looks, curves: Curves, spin: str = "")
         title=escape(f"{machine.name}: what the model says"),
         subtitle=escape(", ".join(filter(None, (counts, gravity, spin)))),
         warnings=warnings(prediction.remarks),
-        script=text_of("predict.js"),
+        script=text_of("picture.js") + text_of("predict.js"),
     )
 
 
@@ -46,8 +46,9 @@ def _count(number: int, singular: str, plural: str = "") -> str:
 
 
 def _data(prediction: Prediction, looks: Looks, curves: Curves) -> dict[str, object]:
+    layout = prediction.machine.layout
     return {
-        "picture": picture(prediction, looks),
+        "picture": picture(layout, looks, prediction.shapes[-6 * len(layout.bodies) :].T),
         "modes": _modes(prediction),
         "energy": _energy(prediction, 2 * float(curves.freq_hz[-1])),
         "bode": {

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import Dof
+from mbw.identify import is_identified, rewrite
 from mbw.messages import SCREEN
 from mbw.page import fill, packed, packed_complex, warnings, write_page
 from mbw.remarks import remarks
@@ -24,7 +25,7 @@ def run(path: Path, out: Path | None) -> Path:
     """Write the report of a result folder.
 
     Args:
-        path: the folder, or its tuned.json.
+        path: the folder, or its tuned.json or modes.json.
         out: an .html file or a folder; the result's own folder if None.
 
     Returns:
@@ -33,6 +34,8 @@ def run(path: Path, out: Path | None) -> Path:
     Raises:
         InputError: the folder holds no result, or the file cannot be written.
     """
+    if is_identified(path):
+        return rewrite(path, out)
     result = read_result(path)
     target = out or (path if path.is_dir() else path.parent)
     if target.suffix != ".html":

@@ -4,8 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.modal.automatic import Identified, Tolerances, identify_modes
+from identification.modal.automatic import Identified, identify_modes
+from identification.modal.clusters import Tolerances
 from identification.modal.fit import Data
+from identification.modal.wishes import Wishes
 from identification.words import (
     ORDER,
     Campaign,
@@ -118,7 +120,7 @@ def beside(campaign: Campaign) -> Measured:
 
 
 def identify(
-    campaign: Campaign, tolerances: Tolerances | None = None
+    campaign: Campaign, tolerances: Tolerances | None = None, wishes: Wishes | None = None
 ) -> tuple[ModalModel, Identified, Measured]:
     """The modal model of a campaign, how it was found, and what it was found from.
 
@@ -127,12 +129,13 @@ def identify(
 
     Raises:
         InputError: tests that cannot stand side by side, no cell with a known variance.
+        UsageError: a wish that the data cannot grant.
     """
     measured = beside(campaign)
     data = measured.data()
     if not data.cells.any():
         raise InputError(f"{campaign.name}: no channel has a known variance: check the export")
-    found = identify_modes(data, measured.freq_hz, tolerances)
+    found = identify_modes(data, measured.freq_hz, tolerances, wishes)
     order = np.argsort(~found.inside, kind="stable")
     fit = found.fit
     model = ModalModel(

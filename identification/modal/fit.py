@@ -17,12 +17,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.words import Complex, HasPoles, Integers, Real, modal_sum
+from identification.words import Complex, HasPoles, Integers, Mask, Real, modal_sum
 
 _STEPS = 40
 _SETTLED = 0.02  # drop of the cost at which a fit has settled: with weights of one over the
 # variance, a parameter one standard deviation off costs a half
-_ROUNDING = 1e-9  # relative drop below which only rounding is left
 _RIDGE = 1e-12  # of each diagonal, where data do not tell two columns apart
 
 
@@ -259,6 +258,17 @@ def _schur(data: Data, fitted: ModalFit, linear: _Linear) -> tuple[Real, Real]:
     return curved - rows @ solved.reshape(-1, size), right
 
 
+def contradiction(data: Data, fitted: ModalFit) -> float:
+    """Cost per value, 1 at least: what is below it in the cost, noise or model errors can make."""
+    return max(1.0, fitted.cost / (int((data.cells > 0).sum()) * len(data.laplace)))
+
+
+def weighted_error(data: Data, fitted: ModalFit) -> Complex:
+    """What a fit leaves, over its standard deviation; (n_freq, n_out, n_in)."""
+    error: Complex = data.values - fitted.values(data.laplace, data.order)
+    return np.asarray(error * np.sqrt(data.weights * data.cells))
+
+
 def cost_without(data: Data, fitted: ModalFit) -> Real:
     """How much the cost would rise without each mode, shapes of the others fitted again; (n_mode,).
 
@@ -277,7 +287,12 @@ def cost_without(data: Data, fitted: ModalFit) -> Real:
 
 
 def refine(
-    data: Data, poles: Complex, participation: Complex, *, settled: float = _SETTLED
+    data: Data,
+    poles: Complex,
+    participation: Complex,
+    *,
+    settled: float = _SETTLED,
+    held: Mask | None = None,
 ) -> tuple[ModalFit, Real]:
     """Fit poles, participation, shapes and residuals together.
 
@@ -287,24 +302,31 @@ def refine(
         data: FRFs and weights.
         poles: where to start; (n_mode,).
         participation: likewise; (n_in, n_mode).
-        settled: drop of the cost in one step at which to stop.
+        settled: drop of the cost in one step at which to stop, in units of the noise or, where
+            that is more, of what the fit leaves.
+        held: poles that stay where they are; (n_mode,).
 
     Returns:
         The fit, and the normal matrix of (Re s, Im s, Re l, Im l) with the shapes eliminated:
-        with weights of one over the variance, half its inverse is their covariance.
+        with weights of one over the variance, half its inverse is their covariance. Poles that
+        were held have zeros and a one on the diagonal.
     """
+    held = np.zeros(len(poles), bool) if held is None else held
+    still = np.flatnonzero(np.concatenate([held, held]))
     fitted, linear = _fit_shapes(data, poles, participation)
+    if not len(poles):
+        return fitted, np.zeros((0, 0))
     damping = 1e-6
-    matrix, right = _schur(data, fitted, linear)
+    matrix, right = _held(still, *_schur(data, fitted, linear))
     for _ in range(_STEPS):
         scaled = matrix + damping * np.diag(np.diag(matrix))
         step = np.asarray(np.linalg.solve(scaled, right), np.float64)
         moved = _moved(fitted, step)
         after, linear = _fit_shapes(data, *moved)
         if np.isfinite(after.cost) and after.cost <= fitted.cost and (after.poles.imag > 0).all():
-            ends = fitted.cost - after.cost <= max(settled, _ROUNDING * fitted.cost)
+            ends = fitted.cost - after.cost <= settled * contradiction(data, after)
             fitted, damping = after, damping / 10
-            matrix, right = _schur(data, fitted, linear)
+            matrix, right = _held(still, *_schur(data, fitted, linear))
             if ends:
                 break
         else:
@@ -312,6 +334,12 @@ def refine(
             if damping > 1e6:
                 break
     return fitted, matrix
+
+
+def _held(still: Integers, matrix: Real, right: Real) -> tuple[Real, Real]:
+    matrix[still], matrix[:, still], right[still] = 0.0, 0.0, 0.0
+    matrix[still, still] = 1.0
+    return matrix, right
 
 
 def _moved(fitted: ModalFit, step: Real) -> tuple[Complex, Complex]:

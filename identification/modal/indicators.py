@@ -1,9 +1,15 @@
 """How many modes there are, and how alike and how real their shapes are."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy.linalg
+import scipy.optimize
 
-from identification.words import Complex, Real
+from identification.modal.lscf import Poles
+from identification.words import Complex, Integers, Real
+
+NOT_PHYSICAL, NEW, FREQUENCY, DAMPING, STABLE = range(5)  # of a pole beside the order below
 
 
 def cmif(values: Complex) -> Real:
@@ -102,3 +108,77 @@ def mpd(shapes: Complex) -> Real:
             angle = np.arccos(np.clip(along / np.where(size > 0, size, 1.0), 0.0, 1.0))
             deviations[mode] = (size * angle)[size > 0].sum() / size.sum()
     return deviations
+
+
+def signed_comac(one: Complex, other: Complex, weights: Real | None = None) -> Real:
+    """Correlation of each degree of freedom over all modes, with its sign; (n,).
+
+    Re sum_r a_r b_r^* / sqrt(sum |a_r|^2 sum |b_r|^2) of shapes scaled to one norm and phase each:
+    -1 where a channel is turned round, which the COMAC, made of absolute values, does not see.
+
+    Args:
+        one: shapes in columns; (n, n_mode).
+        other: their counterparts; likewise.
+        weights: of the modes; (n_mode,), all alike if None.
+    """
+    size, other_size = np.linalg.norm(one, axis=0), np.linalg.norm(other, axis=0)
+    product = (one.conj() * other).sum(axis=0)
+    phase = np.where(product != 0, product / np.where(product != 0, np.abs(product), 1.0), 1.0)
+    weight = np.ones(one.shape[1]) if weights is None else weights
+    a = one * weight / np.where(size > 0, size, 1.0)
+    b = other * weight / np.where(other_size > 0, other_size * phase, 1.0)
+    sizes = np.sqrt((np.abs(a) ** 2).sum(axis=1) * (np.abs(b) ** 2).sum(axis=1))
+    correlation: Real = (a.conj() * b).real.sum(axis=1) / np.where(sizes > 0, sizes, 1.0)
+    return correlation
+
+
+def paired(criterion: Real, least: float = 0.5) -> list[tuple[int, int]]:
+    """Pairs of shapes, each once, with the largest sum of MAC; rows rising.
+
+    Args:
+        criterion: MAC; (n_one, n_other).
+        least: MAC below which two shapes are no pair.
+    """
+    rows, columns = scipy.optimize.linear_sum_assignment(-np.where(criterion < least, 0, criterion))
+    return [
+        (int(row), int(column))
+        for row, column in zip(rows, columns, strict=True)
+        if criterion[row, column] >= least
+    ]
+
+
+def stability(
+    orders: Sequence[Poles],
+    *,
+    frequency: float,
+    damping: float,
+    participation: float,
+    highest_damping: float,
+) -> tuple[Integers, ...]:
+    """How each pole of each order compares with the order below, for a stabilisation diagram.
+
+    Args:
+        orders: poles of every order, rising.
+        frequency: largest relative difference.
+        damping: likewise.
+        participation: least MAC of the participation.
+        highest_damping: ratio above which a pole is no mode.
+
+    Returns:
+        For each order, for each pole: 0 negative or too much damping, 1 new, 2 with a like
+        frequency below it, 3 with frequency and damping, 4 with participation too: stable.
+    """
+    found: list[Integers] = []
+    for below, here in zip([None, *orders[:-1]], orders, strict=True):
+        physical = (here.damping > 0) & (here.damping <= highest_damping)
+        kind = np.where(physical, NEW, NOT_PHYSICAL).astype(np.intp)
+        if below is not None and len(below.poles):
+            ratio = np.maximum(np.abs(below.damping), 1e-300)
+            alike = np.abs(here.freq_hz[:, None] / below.freq_hz - 1) <= frequency
+            alike &= (below.damping > 0) & (below.damping <= highest_damping)
+            damped = alike & (np.abs(here.damping[:, None] - below.damping) <= damping * ratio)
+            same = damped & (mac(here.participation, below.participation) >= participation)
+            for level, criterion in ((FREQUENCY, alike), (DAMPING, damped), (STABLE, same)):
+                kind = np.where(physical & criterion.any(axis=1), level, kind)
+        found.append(kind)
+    return tuple(found)

@@ -5,10 +5,12 @@ from identification.words.campaign import Campaign, Condition, Test, Tolerance
 from identification.words.dof import DIRECTIONS, Dof, distinct
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
 from identification.words.frf import ORDER, Frf, FrfEstimate, Quantity, VarianceSource
+from identification.words.hits import Densities, Estimator, Hit, HitEstimate, Rejected
 from identification.words.layout import Layout, is_hammer, node_of
 from identification.words.modal import ModalModel, modal_sum
 from identification.words.motor import Input, Motor
 from identification.words.poles import HasPoles
+from identification.words.records import Records
 
 __all__ = [
     "DIRECTIONS",
@@ -17,10 +19,14 @@ __all__ = [
     "Complex",
     "Condition",
     "ConvergenceError",
+    "Densities",
     "Dof",
+    "Estimator",
     "Frf",
     "FrfEstimate",
     "HasPoles",
+    "Hit",
+    "HitEstimate",
     "Input",
     "InputError",
     "Integers",
@@ -30,6 +36,8 @@ __all__ = [
     "Motor",
     "Quantity",
     "Real",
+    "Records",
+    "Rejected",
     "Test",
     "Tolerance",
     "UsageError",

@@ -8,6 +8,7 @@ import numpy as np
 from identification.words._arrays import Mask, Real
 from identification.words.dof import Dof
 from identification.words.frf import FrfEstimate
+from identification.words.hits import HitEstimate
 from identification.words.layout import Layout
 
 
@@ -44,12 +45,14 @@ class Test:
     Args:
         condition: what was special about it.
         estimate: FRFs with one input, the condition's reference.
+        hits: how they were made, if from time records; on all lines, whatever the estimate keeps.
     """
 
     __test__ = False  # the field's word, not a case for pytest
 
     condition: Condition
     estimate: FrfEstimate
+    hits: HitEstimate | None = None
 
     def __post_init__(self) -> None:
         """Check that the input is the reference."""
@@ -96,6 +99,7 @@ class Campaign:
         layout: bodies and points.
         tests: at least one, all with the same frequencies and quantity.
         tolerance: of the drawings.
+        remarks: sentences that a reader of any result must know.
 
     Raises:
         ValueError: no test, or tests that cannot stand beside one another.
@@ -105,6 +109,7 @@ class Campaign:
     layout: Layout
     tests: tuple[Test, ...]
     tolerance: Tolerance = Tolerance()
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check that the tests share their axis."""

@@ -55,6 +55,12 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         quantity = "mobility"
         unit = "mm/s/N"
         time_sign = "-"
+        block_s = 2.5
+        pretrigger_s = 0.0625
+        force_window_s = 0.03
+        exponential_tau = 0.75
+        estimator = "Hv"
+        reject = false
         [[test]]
         file = "c.npz"
         channels = ["1:+x"]
@@ -89,6 +95,12 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         "quantity": "mobility",
         "unit": "mm/s/N",
         "time_sign": "-",
+        "block_s": 2.5,
+        "pretrigger_s": 0.0625,
+        "force_window_s": 0.03,
+        "exponential_tau": 0.75,
+        "estimator": "Hv",
+        "reject": False,
     }
     assert (second.channels, second.level, second.window_tau) == (["1:+x"], 200.0, 0.0)
     assert settings.sensor["acc7"].model_dump() == {

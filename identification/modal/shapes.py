@@ -1,0 +1,188 @@
+r"""Mode shapes to be read: scaled by a_r, real, at centres of mass; the FRFs that they promise.
+
+With eigenvalues s_r (seed, eq. 3.4), shapes phi_r and one scaling a_r a mode, receptance is
+
+    H(s) = sum_r phi_r phi_r^T / (a_r (s - s_r)) + its conjugate   (seed, eq. 3.5 to 3.7),
+
+accelerance s^2 times that; s = i w, convention exp(+i w t). A shape c phi_r has the scaling
+c^2 a_r, so that phi_r^T A phi_r = a_r with the state matrix A = [C M; M 0] (Ewins 2000, ch. 2.8).
+A real mode of modal mass m has a_r = 2 i w_d m, w_d = Im s_r: here shapes are given the phase and
+size at which a_r = 2 i w_d * 1 kg, which is phi^T M phi = 1 where modes are real.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identification import reconstruct, reduce_to_bodies
+from identification.modal.indicators import mac
+from identification.words import (
+    Complex,
+    Dof,
+    Frf,
+    FrfEstimate,
+    Input,
+    Layout,
+    Mask,
+    ModalModel,
+    Real,
+)
+
+UNIT_MASS = "unit modal mass"
+UNIT_LARGEST = "largest entry 1"
+
+
+@dataclass(frozen=True, eq=False)
+class Scaled:
+    """A modal model with the size of its shapes fixed.
+
+    Args:
+        model: shapes phi_r c_r, participation l_r / c_r: the same FRFs.
+        normalisation: ``unit modal mass``, a_r = 2 i Im s_r kg and shapes in kg^-1/2; without a
+            drive point ``largest entry 1``, without a unit.
+        modal_a: a_r of receptance [kg/s]; (n_mode,), empty without a drive point.
+        reciprocity: MAC of shape and participation at the drive points, 1 where forces and
+            motions may be exchanged; (n_mode,), empty with fewer than two drive points.
+    """
+
+    model: ModalModel
+    normalisation: str
+    modal_a: Complex
+    reciprocity: Real
+
+    @property
+    def has_scale(self) -> bool:
+        """Whether a_r is known."""
+        return self.normalisation == UNIT_MASS
+
+
+def scaled(model: ModalModel, layout: Layout | None = None) -> Scaled:
+    """Give every shape its size and phase, the largest entry with a positive real part.
+
+    Where no input is an output too, what the solid body under the hammer makes at its place and
+    along its direction stands for the shape there.
+
+    Args:
+        model: any scaling.
+        layout: bodies and points, if known.
+    """
+    driven, participation = _drive_points(model, layout)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = (np.abs(driven) ** 2).sum(axis=0) / (driven.conj() * participation).sum(axis=0)
+    known = len(driven) > 0 and bool((np.isfinite(scale) & (scale != 0)).all())
+    largest, modal_a = _largest(model.shapes), np.asarray(2j * model.poles.imag, np.complex128)
+    if known:
+        factor = np.sqrt(modal_a / scale)
+        factor = factor * np.where((largest * factor).real < 0, -1.0, 1.0)
+    else:
+        factor = 1.0 / np.where(largest == 0, 1.0, largest)
+    changed = replace(
+        model, shapes=model.shapes * factor, participation=model.participation / factor
+    )
+    several = known and len(driven) > 1
+    return Scaled(
+        changed,
+        UNIT_MASS if known else UNIT_LARGEST,
+        modal_a if known else np.zeros(0, np.complex128),
+        np.diag(mac(driven, participation)).copy() if several else np.zeros(0),
+    )
+
+
+def _largest(shapes: Complex) -> Complex:
+    entries: Complex = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
+    return entries
+
+
+def _drive_points(model: ModalModel, layout: Layout | None) -> tuple[Complex, Complex]:
+    """Shapes and participation where both are known; (n, n_mode) each."""
+    where: dict[Input, int] = {dof.positive: row for row, dof in enumerate(model.outputs)}
+    columns = [k for k, dof in enumerate(model.inputs) if dof.positive in where]
+    if columns or layout is None:
+        rows = [where[model.inputs[k].positive] for k in columns]
+        pairs = zip(rows, columns, strict=True)
+        signs = np.array([model.outputs[row].sign * model.inputs[k].sign for row, k in pairs])
+        return model.shapes[rows] * signs[:, None], model.participation[columns]
+    bodies = shapes_at_bodies(model.shapes, model.outputs, layout)
+    places = set(layout.points) - {
+        p for p in layout.points if layout.body_name(p) in bodies.undetermined
+    }
+    hit = [(k, d) for k, d in enumerate(model.inputs) if isinstance(d, Dof) and d.point in places]
+    reads = layout.rows([dof for _, dof in hit])
+    motion = np.zeros((reads.shape[1], len(model.poles)), np.complex128)
+    motion[[layout.body_dofs().index(dof) for dof in bodies.dofs]] = bodies.values
+    driven: Complex = reads @ motion
+    return driven, model.participation[[k for k, _ in hit]]
+
+
+def real_shapes(shapes: Complex) -> Real:
+    """The real part of each shape, turned to the phase at which that part is largest.
+
+    Sum Re(phi e^-ia)^2 = (sum |phi|^2 + Re(e^-2ia sum phi^2)) / 2 is largest at
+    a = arg(sum phi^2) / 2. The size is that of the shape: mass-normalised stays so.
+
+    Args:
+        shapes: in columns; (n, n_mode).
+
+    Returns:
+        The largest entry positive; (n, n_mode).
+    """
+    angle = np.angle((shapes**2).sum(axis=0)) / 2
+    turned: Real = (shapes * np.exp(-1j * angle)).real
+    return turned * np.where(_largest(turned.astype(complex)).real < 0, -1.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class BodyShapes:
+    """Shapes at centres of mass, and what solid bodies would make the channels read.
+
+    Args:
+        dofs: determined directions of the bodies, in world axes; n.
+        values: translations [as the shapes], rotations [the same per m]; (n, n_mode).
+        rebuilt: channels from the bodies' motion; (n_out, n_mode), zero where not solid.
+        solid: channels on fully determined bodies; (n_out,).
+        undetermined: bodies that lack a direction.
+    """
+
+    dofs: tuple[Dof, ...]
+    values: Complex
+    rebuilt: Complex
+    solid: Mask
+    undetermined: tuple[str, ...]
+
+
+def shapes_at_bodies(shapes: Complex, outputs: Sequence[Dof], layout: Layout) -> BodyShapes:
+    """Least-squares motion of each solid body, all channels weighing the same (seed, eq. 2.5).
+
+    Args:
+        shapes: in columns; (n_out, n_mode).
+        outputs: their labels, points of the layout.
+        layout: bodies and points.
+    """
+    outputs = tuple(outputs)
+    count = shapes.shape[1]
+    some = shapes if count else np.zeros((len(outputs), 1), complex)
+    reduced = reduce_to_bodies(_as_estimate(some, outputs), layout).frf
+    have = set(reduced.outputs)
+    whole = {b for b in layout.bodies if all(Dof.of(b, axis) in have for axis in range(6))}
+    solid = np.array([layout.body_name(dof.point) in whole for dof in outputs], bool)
+    rebuilt = np.zeros(shapes.shape, complex)
+    if solid.any():
+        kept = tuple(dof for dof, inside in zip(outputs, solid, strict=True) if inside)
+        rebuilt[solid] = reconstruct(reduced, kept, layout).values[:count, :, 0].T
+    return BodyShapes(
+        reduced.outputs,
+        reduced.values[:count, :, 0].T,
+        rebuilt,
+        solid,
+        tuple(body for body in layout.bodies if body not in whole),
+    )
+
+
+def _as_estimate(shapes: Complex, outputs: tuple[Dof, ...]) -> FrfEstimate:
+    """Shapes as the lines of an FRF: a mode is to bodies what a line is."""
+    values = shapes.T[:, :, None]
+    lines = np.arange(1, shapes.shape[1] + 1, dtype=np.float64)
+    frf = Frf(lines, values, outputs, (outputs[0],), "receptance")
+    measured = np.ones(values.shape[1:], bool)
+    return FrfEstimate(frf, np.ones(values.shape), "differences", measured)

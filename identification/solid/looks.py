@@ -1,0 +1,216 @@
+"""A first look at every hypothesis, on all lines, to see which deserve to be judged."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from identification.solid.fit import Fitted, Moments, fit
+from identification.solid.flexible import (
+    Shape,
+    amplitude_gain,
+    channel_shape,
+    common_shape,
+    noise_scale,
+)
+from identification.solid.hypotheses import READINGS, Hypothesis, Key, State, hypotheses, lowest
+from identification.solid.mounts import mount_of
+from identification.solid.scan import Linearised, Spectra, clean_of
+from identification.words import Real, Tolerance
+
+# Variances stated from few hits, by other software, are off by tens of per cent at most; a larger
+# misfit everywhere in the band is not noise.
+HIGHEST_NOISE = 1.5
+_QUIET = 60.0  # nats of prior and of misfit up to which one step from the healthy fit is enough
+_FIRST_STEPS = 4
+_SHAPE_NATS = 2.0  # for each direction that a shape may take
+_FEW = 10
+_SCANS = 2
+_COARSE = 3  # of a scan's parameters, one in three when little can be found
+_CLOSE = 15.0  # nats behind the best
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A believed body, its fit and its noise.
+
+    Args:
+        state: what is believed.
+        tolerance: of the drawings.
+        moments: of its data, by block.
+        healthy: its fit.
+        scale: variance of the noise over the stated one.
+        linear: the fit, linearised.
+        quiet: whether one step from the fit tells what a hypothesis would change.
+    """
+
+    state: State
+    tolerance: Tolerance
+    moments: Moments
+    healthy: Fitted
+    scale: float
+    linear: Linearised
+    quiet: bool
+
+    @classmethod
+    def at(cls, state: State, tolerance: Tolerance) -> "Look":
+        """Fit a believed body."""
+        moments = Moments.of(state.data, state.reading)
+        healthy = fit(state.model, moments.over(slice(None)), start=state.start)
+        scale = noise_scale(state.model, moments, healthy.errors, HIGHEST_NOISE)
+        misfit = healthy.data / scale - 5 * np.sqrt(moments.noise.sum())
+        linear = Linearised.of(state.model, moments, healthy.errors)
+        quiet = bool(misfit < _QUIET and healthy.prior < _QUIET)
+        return cls(state, tolerance, moments, healthy, scale, linear, quiet)
+
+    @cached_property
+    def clean(self) -> Real:
+        """G - V of each group; (n_group, n_channel, n_channel)."""
+        return clean_of(self.moments)
+
+    @property
+    def base(self) -> float:
+        """Nats of the believed body as it is."""
+        penalty = self.state.penalty(self.healthy.errors, self.tolerance)
+        return self.healthy.data / self.scale + self.healthy.prior + penalty
+
+    @property
+    def values(self) -> float:
+        """Noise in the data, in its own units: their number, less where the floor counts."""
+        return max(float(self.moments.noise.sum()), 1.0)
+
+    def price(self, one: Hypothesis) -> float:
+        """Nats for finding a direction among the spare ones."""
+        spare = int(self.moments.mask[0].sum()) - self.linear.projections[0].rank
+        return _SHAPE_NATS * (spare - 1) if one.effect == "flexible_body" else 0.0
+
+    def shape_data(self, moments: Moments, found: Shape) -> float:
+        """The data's part with a free amplitude along a shape in each block."""
+        model, errors = self.state.model, found.fitted.errors
+        gain, _ = amplitude_gain(model, moments, errors, found.shape, self.scale)
+        return model.data(moments, errors) - self.scale * gain
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What a first look gave.
+
+    Args:
+        nats: data, prior and what the hypothesis costs.
+        hypothesis: which.
+        state: its best.
+        parameters: of its reading, if it has one.
+    """
+
+    nats: float
+    hypothesis: Hypothesis
+    state: State
+    parameters: tuple[float, ...] = ()
+
+
+def promising(look: Look, done: frozenset[Key]) -> list[Found]:
+    """Hypotheses that may be better than none: those close to the best, and the best few scans.
+
+    Scans are coarse, so they stay in with larger costs, unless something else explains the data.
+    """
+    found = [
+        one
+        for one in first_looks(look)
+        if one.hypothesis.key not in done and one.nats < look.base + 1
+    ]
+    better = sorted(found, key=lambda one: one.nats)
+    close = [one for one in better[:_FEW] if one.nats < better[0].nats + _CLOSE]
+    if not better or better[0].nats < _QUIET + 5 * np.sqrt(look.values):
+        return close
+    scans = [one for one in better if one.hypothesis.grid and one not in close]
+    return close + _mounts(found, look, done) + scans[:_SCANS]
+
+
+def _mounts(found: list[Found], look: Look, done: frozenset[Key]) -> list[Found]:
+    """Resonant mounts of the channels that explain most when they are left to themselves."""
+    alone = sorted(
+        (one for one in found if one.hypothesis.effect == "sensor_unknown"),
+        key=lambda one: one.nats,
+    )
+    mounts = {one.key: one for one in hypotheses(look.state) if one.effect == "mount_resonance"}
+    more = []
+    for one in alone[:_SCANS]:
+        key = ("mount_resonance", one.hypothesis.location, one.hypothesis.dof)
+        left_out = shape_of(one.hypothesis, look.state, look.moments, look.state.start, _FIRST_STEPS)
+        at = mount_of(look.state, left_out, one.hypothesis.channels[0])
+        least = lowest(mounts[key], look.state.data.freq_hz)
+        if at is not None and at[0] > least[0] and key not in done:
+            more.append(Found(one.nats, mounts[key], look.state, at))
+    return more
+
+
+def first_looks(look: Look) -> list[Found]:
+    """Cost of each hypothesis on all lines, after few steps."""
+    everything = list(hypotheses(look.state))
+    found = _scans([one for one in everything if one.grid], look)
+    for one in everything:
+        if one.shaped:
+            found.append(_look_at_shape(one, look))
+        elif not one.grid:
+            found.append(_look_at(one, look))
+    return found
+
+
+def shape_of(one: Hypothesis, state: State, moments: Moments, start: Real, steps: int) -> Shape:
+    """The common shape, or the channel's, with errors fitted beside it."""
+    if one.effect == "flexible_body":
+        return common_shape(state.model, moments, start, steps)
+    return channel_shape(state.model, moments, one.channels[0], start, steps)
+
+
+def _scans(scanned: list[Hypothesis], look: Look) -> list[Found]:
+    """Readings that vary along lines: one step from the healthy fit for each of a grid."""
+    spectra = Spectra.of(look.state.data, look.state.reading)
+    freq, spread = look.state.data.freq_hz, look.state.spread
+    found = []
+    for effect, whole in dict.fromkeys((one.effect, one.grid) for one in scanned):
+        grid = whole[:: _COARSE if look.quiet else 1]
+        divided = spectra.divided(np.array([READINGS[effect](freq, *at) for at in grid]))
+        without = look.linear.cost(divided.clean(0, []), spread, look.scale)
+        for one in scanned:
+            if (one.effect, one.grid) == (effect, whole):
+                channels = list(one.channels)
+                costs = [
+                    look.linear.cost(divided.clean(k, channels), spread, look.scale)
+                    for k in range(len(grid))
+                ]
+                best = int(np.argmin(costs))
+                nats = look.base + costs[best] - without + one.cost
+                found.append(Found(nats, one, look.state, grid[best]))
+    return found
+
+
+def _look_at(one: Hypothesis, look: Look) -> Found:
+    """An error released, channels exchanged: one step if the body is quiet, else a fit."""
+    states = one.states(look.state)
+    if look.quiet:
+        order, signs = one.exchange(len(look.state.data.scale))
+        clean = look.clean[:, order][:, :, order] * np.outer(signs, signs)
+        tried = replace(states[0], start=look.healthy.errors)
+        cost = look.linear.cost(clean, tried.spread, look.scale)
+        penalty = tried.penalty(look.healthy.errors, look.tolerance)
+        return Found(cost + penalty + one.cost, one, tried)
+    total = Moments.of(states[0].data, states[0].reading, blocks=1)
+    if len(states) > 2:
+        starts = [tried.model.data(total, tried.start) for tried in states]
+        states = [states[k] for k in np.argsort(starts)[:2]] + states[:1]
+    found = []
+    for tried in states:
+        fitted = fit(tried.model, total, start=tried.start, steps=_FIRST_STEPS)
+        prior = fitted.prior + tried.penalty(fitted.errors, look.tolerance)
+        found.append(Found(fitted.data / look.scale + prior + one.cost, one, tried))
+    return min(found, key=lambda x: x.nats)
+
+
+def _look_at_shape(one: Hypothesis, look: Look) -> Found:
+    # What is grossly wrong has driven the healthy fit's errors away: begin anew.
+    start, steps = (look.healthy.errors, 2) if look.quiet else (look.state.start, _FIRST_STEPS)
+    shape = shape_of(one, look.state, look.moments, start, steps)
+    data = look.shape_data(look.moments, shape)
+    prior = shape.fitted.prior + look.state.penalty(shape.fitted.errors, look.tolerance)
+    return Found(data / look.scale + prior + one.cost + look.price(one), one, look.state)

@@ -1,0 +1,154 @@
+"""One fault after the other: the most probable is taken out while none is improbable."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.solid.fit import Moments, fit, project
+from identification.solid.gather import BodyData
+from identification.solid.hypotheses import (
+    Hypothesis,
+    Key,
+    State,
+    hypotheses,
+    without_channel,
+)
+from identification.solid.judge import Judged, Ranking, rank
+from identification.words import Real, Tolerance
+
+# A fault is named when "no further fault" has become less probable than this.
+_DOUBT = 0.05
+_MOST_FAULTS = 3
+_DEAD = 0.1  # of its gain, below which a channel is called dead
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """A fault that was taken out.
+
+    Args:
+        hypothesis: which.
+        probability: of its effect at its place, whatever the direction.
+        parameters: of its reading, if it has one.
+        dead: whether it is a channel that reads nothing and is left out from then on.
+    """
+
+    hypothesis: Hypothesis
+    probability: float
+    parameters: tuple[float, ...]
+    dead: bool = False
+
+    @property
+    def shaped(self) -> bool:
+        """Whether it freed a shape."""
+        return self.hypothesis.shaped or self.dead
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What forward selection gave for one body.
+
+    Args:
+        data: as measured.
+        rank: how many of the six motions its channels determine.
+        spare: channels beyond those.
+        rankings: one more than faults taken; none with fewer than two spare channels.
+        taken: the faults.
+        state: the body as believed in the end.
+        errors: of its sensors.
+        noise_scale: variance of the noise over the stated one.
+        more: whether something significant remains.
+        nats: what the whole explanation costs.
+    """
+
+    data: BodyData
+    rank: int
+    spare: int
+    rankings: tuple[Ranking, ...]
+    taken: tuple[Taken, ...]
+    state: State
+    errors: Real
+    noise_scale: float
+    more: bool
+    nats: float
+
+    def excess(self, number: int) -> float:
+        """Residual over noise with so many faults taken out; 1 is noise alone."""
+        if not self.rankings:
+            return 1.0
+        look = self.rankings[number].look
+        return float(np.sqrt(max(1.0 + look.healthy.data / look.values, 0.0)))
+
+
+def search(data: BodyData, tolerance: Tolerance) -> Search:
+    """Take the most probable fault out, again and again, while one is more probable than none."""
+    state = State.healthy(data, tolerance)
+    known, spare = _counts(data)
+    if spare < 2:
+        fitted = fit(state.model, Moments.of(data, blocks=1))
+        nats = fitted.data + fitted.prior
+        return Search(data, known, spare, (), (), state, fitted.errors, 1.0, more=False, nats=nats)
+    taken: list[Taken] = []
+    rankings: list[Ranking] = []
+    done: set[Key] = set()
+    while True:
+        ranking = rank(state, tolerance, frozenset(done))
+        rankings.append(ranking)
+        best, none = ranking.judged[0], ranking.judged[ranking.none]
+        found = bool(ranking.probability[ranking.none] < _DOUBT)
+        room = spare - state.extra.shape[1] > 1 and len(taken) < _MOST_FAULTS
+        if best.hypothesis is None or not (found and room):
+            break
+        dead = _is_dead(best)
+        share = _present(ranking, best.hypothesis)
+        taken.append(Taken(best.hypothesis, share, best.parameters, dead))
+        state = without_channel(state, best.hypothesis.channels[0]) if dead else best.state
+        if dead:
+            done |= {one.key for one in hypotheses(state) if _on(one, best.hypothesis)}
+        if best.hypothesis.effect != "flexible_body":
+            done.add(best.hypothesis.key)
+    scale = ranking.look.scale
+    nats = ranking.look.base + sum(one.hypothesis.cost for one in taken)
+    return Search(
+        data,
+        known,
+        spare,
+        tuple(rankings),
+        tuple(taken),
+        state,
+        none.fitted.errors,
+        scale,
+        more=found,
+        nats=nats,
+    )
+
+
+def _is_dead(best: Judged) -> bool:
+    one = best.hypothesis
+    if one is None or one.effect != "sensor_gain":
+        return False
+    return abs(1 + float(best.fitted.errors[one.channels[0]])) < _DEAD
+
+
+def _on(one: Hypothesis, dead: Hypothesis) -> bool:
+    """Whether a hypothesis speaks of a dead channel alone."""
+    return (one.location, one.dof) == (dead.location, dead.dof)
+
+
+def _counts(data: BodyData) -> tuple[int, int]:
+    """How many of the six motions the channels determine, and how many channels are left."""
+    rows = data.sensors.rows(np.zeros(data.sensors.count)) * data.scale[:, None]
+    ranks = [project(rows, mask).rank if mask.any() else 0 for mask in data.measured]
+    spare = max(int(m.sum()) - r for m, r in zip(data.measured, ranks, strict=True))
+    return max(ranks), spare
+
+
+def _present(ranking: Ranking, best: Hypothesis) -> float:
+    """Probability of an effect at its place, whatever its direction."""
+    return float(
+        sum(
+            share
+            for share, one in zip(ranking.probability, ranking.judged, strict=True)
+            if one.hypothesis is not None and one.hypothesis.key[:2] == best.key[:2]
+        )
+    )

@@ -1,0 +1,213 @@
+"""Mode shapes to universal files: datasets 55 and 2414, with nodes (15, 2411), units and header.
+
+A mode is a complex eigenvalue of first order (analysis type 3): its record holds the eigenvalue
+s_r and modal A = a_r of receptance, H = sum_r phi_r phi_r^T / (a_r (s - s_r)) + its conjugate, and
+modal B = -s_r a_r. A node's three values are its translation along world axes: the channels of a
+sensor, each along its own axis, added as vectors; an unmeasured direction is zero. Rotations
+have no place here. Numbers have the six digits of the format, E13.5.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from identification.words import (
+    Complex,
+    Dof,
+    HasPoles,
+    Integers,
+    Layout,
+    Mask,
+    Real,
+    frozen,
+    node_of,
+)
+
+_MARK = f"{-1:6d}\n"
+
+
+@dataclass(frozen=True, eq=False)
+class NodeShapes(HasPoles):
+    """Modes with their translations at numbered nodes.
+
+    Args:
+        poles: s_r [rad/s]; (n_mode,).
+        modal_a: a_r of receptance [kg/s], zero where unknown; (n_mode,).
+        nodes: numbers; (n_node,).
+        places: of the nodes, zero where the file does not say [m]; (n_node, 3).
+        values: along world axes; (n_node, 3, n_mode).
+    """
+
+    poles: Complex
+    modal_a: Complex
+    nodes: Integers
+    places: Real
+    values: Complex
+
+    def __post_init__(self) -> None:
+        """Validate and freeze."""
+        n, m = len(self.nodes), len(self.poles)
+        for name, kind, shape in (
+            ("poles", np.complex128, (m,)),
+            ("modal_a", np.complex128, (m,)),
+            ("nodes", np.intp, (n,)),
+            ("places", np.float64, (n, 3)),
+            ("values", np.complex128, (n, 3, m)),
+        ):
+            object.__setattr__(self, name, frozen(getattr(self, name), kind, shape, name))
+
+    def at(self, outputs: Sequence[Dof], layout: Layout) -> tuple[Complex, Mask]:
+        """The shapes as channels would read them; (n_out, n_mode), and which are there; (n_out,).
+
+        Args:
+            outputs: translations at points whose names end in a node's number.
+            layout: the points' axes.
+        """
+        rows = {int(node): row for row, node in enumerate(self.nodes)}
+        points = list(dict.fromkeys(dof.point for dof in outputs))
+        numbers = dict(zip(points, _numbered(points), strict=True))
+        shapes = np.zeros((len(outputs), len(self.poles)), complex)
+        there = np.zeros(len(outputs), bool)
+        for k, dof in enumerate(outputs):
+            row = rows.get(numbers[dof.point])
+            if row is not None and not dof.is_rotation:
+                shapes[k] = _axis(dof, layout) @ self.values[row]
+                there[k] = True
+        return shapes, there
+
+
+def node_shapes(
+    poles: Complex, modal_a: Complex, shapes: Complex, outputs: Sequence[Dof], layout: Layout
+) -> NodeShapes:
+    """Shapes of channels as vectors at nodes, for a universal file.
+
+    Args:
+        poles: s_r [rad/s]; (n_mode,).
+        modal_a: a_r [kg/s], or empty where there is no scale.
+        shapes: (n_out, n_mode).
+        outputs: channels; those that are rotations are left out.
+        layout: where the sensors are, and their axes.
+    """
+    moving = [k for k, dof in enumerate(outputs) if not dof.is_rotation]
+    points = list(dict.fromkeys(outputs[k].point for k in moving))
+    numbers = _numbered(points)
+    values = np.zeros((len(points), 3, len(poles)), complex)
+    for k in moving:
+        values[points.index(outputs[k].point)] += np.multiply.outer(
+            _axis(outputs[k], layout), shapes[k]
+        )
+    places = np.array([layout.positions[layout.points.index(p)] for p in points]).reshape(-1, 3)
+    scale = modal_a if len(modal_a) else np.zeros(len(poles), complex)
+    return NodeShapes(poles, scale, np.array(numbers, np.intp), places, values)
+
+
+def _axis(dof: Dof, layout: Layout) -> Real:
+    axis: Real = dof.sign * layout.axes[layout.points.index(dof.point)][:, dof.axis % 3]
+    return axis
+
+
+def _node(point: str) -> int:
+    number = node_of(point)
+    return -1 if number is None else number
+
+
+def _numbered(points: Sequence[str]) -> list[int]:
+    """The number in which each name ends; of names without one, those after the largest."""
+    largest = max((_node(point) for point in points), default=0)
+    numbers = []
+    for point in points:
+        if _node(point) < 0 or _node(point) in numbers:
+            largest += 1
+            numbers.append(largest)
+        else:
+            numbers.append(_node(point))
+    return numbers
+
+
+def write_uff_modes(path: Path, modes: NodeShapes, title: str, written: datetime) -> None:
+    """Write modes as an ASCII universal file: 151, 164, 15, 2411, and 55 and 2414 of each mode.
+
+    Args:
+        path: of the file, replaced if there is one.
+        modes: what to write.
+        title: of the header and of each mode, cut at 80 characters.
+        written: date and time of the header.
+    """
+    name = " ".join(title.split())[:80] or "NONE"
+    parts = [_header(name, written), _units(), *_nodes(modes)]
+    for number in range(len(modes.poles)):
+        parts += [_shape_55(modes, number, name), _shape_2414(modes, number, name)]
+    path.write_text("".join(parts), encoding="ascii", errors="replace")
+
+
+def _dataset(kind: int, lines: Sequence[str]) -> str:
+    return "".join([_MARK, f"{kind:6d}\n", *(line + "\n" for line in lines), _MARK])
+
+
+def _header(name: str, written: datetime) -> str:
+    stamp = f"{written:%d-%b-%y} {written:%H:%M:%S} "
+    date = f"{stamp[:10]:10}{stamp[10:20]:10}"
+    lines = [name, "modal model", "mbworkbench", f"{date}{0:10d}{0:10d}{0:10d}", date]
+    return _dataset(151, [*lines, "mbworkbench", date])
+
+
+def _units() -> str:
+    """SI: factors of one."""
+    factors = f"{1:25.16E}{1:25.16E}{1:25.16E}".replace("E", "D")
+    offset = f"{273.15:25.16E}".replace("E", "D")
+    return _dataset(164, [f"{1:10d}{'SI: Meter (newton)':20}{2:10d}", factors, offset])
+
+
+def _nodes(modes: NodeShapes) -> tuple[str, str]:
+    rows = list(zip(modes.nodes, modes.places, strict=True))
+    single = [f"{n:10d}{0:10d}{0:10d}{0:10d}" + "".join(f"{v:13.5E}" for v in p) for n, p in rows]
+    double = [
+        f"{n:10d}{0:10d}{0:10d}{0:10d}\n" + "".join(f"{v:25.16E}" for v in p) for n, p in rows
+    ]
+    return _dataset(15, single), _dataset(2411, double)
+
+
+def _eigenvalue(modes: NodeShapes, number: int) -> str:
+    pole, scale = modes.poles[number], modes.modal_a[number]
+    return _row([pole, scale, -pole * scale])
+
+
+def _row(values: Sequence[complex] | Complex) -> str:
+    return "".join(f"{part:13.5E}" for value in values for part in (value.real, value.imag))
+
+
+def _identity(modes: NodeShapes, number: int, name: str) -> list[str]:
+    freq, damping = modes.freq_hz[number], modes.damping[number]
+    state = f"MODE {number + 1:10d} FREQUENCY {freq:13.5E} HZ DAMPING {100 * damping:10.4f} %"
+    return [name, "complex mode shape", "NONE", "NONE", state]
+
+
+def _values(modes: NodeShapes, number: int) -> list[str]:
+    return [
+        f"{node:10d}\n{_row(value)}"
+        for node, value in zip(modes.nodes, modes.values[:, :, number], strict=True)
+    ]
+
+
+def _shape_55(modes: NodeShapes, number: int, name: str) -> str:
+    kinds = "".join(f"{kind:10d}" for kind in (1, 3, 2, 8, 5, 3))
+    head = [*_identity(modes, number, name), kinds]
+    count = "".join(f"{k:10d}" for k in (2, 6, 1, number + 1))
+    return _dataset(55, [*head, count, _eigenvalue(modes, number), *_values(modes, number)])
+
+
+def _shape_2414(modes: NodeShapes, number: int, name: str) -> str:
+    kinds = "".join(f"{kind:10d}" for kind in (1, 3, 2, 8, 5, 3))
+    head = [f"{number + 1:10d}", name, f"{1:10d}", *_identity(modes, number, name), kinds]
+    integers = "".join(f"{k:10d}" for k in (0, 0, 1, 0, 1, number + 1, 0, 0))
+    others = f"{0:10d}{0:10d}"
+    return _dataset(
+        2414,
+        [
+            *head, integers, others, _row([0j, 0j, 0j]),
+            _eigenvalue(modes, number), *_values(modes, number),
+        ],
+    )  # fmt: skip

@@ -1,0 +1,211 @@
+// Measured FRFs beside synthesised ones, their error, MAC and COMAC.
+const INPUTS = DATA.inputs, LINES = FREQ.length, MODEL = DATA.model;
+const MEASURED = floats(DATA.frf.measured), NOISE = floats(DATA.frf.noise), IS_MEASURED = integers(DATA.frf.is_measured);
+const PARTICIPATION = floats(MODEL.participation), LOWER = floats(MODEL.lower), UPPER = floats(MODEL.upper);
+const ERRORS = Object.fromEntries(Object.entries(DATA.error).map(([name, text]) => [name, floats(text)]));
+const times = ([a, b], [c, d]) => [a * c - b * d, a * d + b * c];
+const over = ([a, b], [c, d]) => { const size = c * c + d * d; return [(a * c + b * d) / size, (b * c - a * d) / size]; };
+
+// ---- synthesis -----------------------------------------------------------------------------
+
+// Of each mode its pole and phi_o l_i; of an input that was not hit, phi_o phi_i / a_r.
+function residues(out, inp, alone) {
+  if (alone) return MODEL.full.map(mode => [MODEL.poles[mode], over(times(entry(mode, out), entry(mode, inp)), MODEL.modal_a[mode])]);
+  return MODEL.poles.map((pole, mode) => {
+    const k = 2 * (INPUTS.length * mode + inp);
+    return [pole, times(entry(mode, out), [PARTICIPATION[k], PARTICIPATION[k + 1]])];
+  });
+}
+
+// s^q [sum_r R_r / (s - s_r) + its conjugate twin + v / s^2 + u]
+function synthesis(out, inp, alone) {
+  const rows = residues(out, inp, alone), cell = out * INPUTS.length + inp, values = [];
+  const [v, u] = alone ? [0, 0] : [LOWER[cell], UPPER[cell]];
+  for (let k = 0; k < LINES; k++) {
+    const s = [MODEL.decay, 2 * Math.PI * FREQ[k]], power = times(s, s), low = over([v, 0], power);
+    let sum = [u + low[0], low[1]];
+    rows.forEach(([[pr, pi], [re, im]]) => {
+      const one = over([re, im], [s[0] - pr, s[1] - pi]), twin = over([re, -im], [s[0] - pr, s[1] + pi]);
+      sum = [sum[0] + one[0] + twin[0], sum[1] + one[1] + twin[1]];
+    });
+    for (let q = 0; q < MODEL.order; q++) sum = times(sum, s);
+    values.push(sum);
+  }
+  return values;
+}
+
+function measured(out, inp) {
+  const start = 2 * LINES * (out * INPUTS.length + inp);
+  return Array.from({length: LINES}, (_, k) => [MEASURED[start + 2 * k], MEASURED[start + 2 * k + 1]]);
+}
+
+function curves(values, name, line, extra = {}) {
+  const size = values.map(v => Math.hypot(...v) || null), angle = values.map((v, k) => size[k] === null ? null : Math.atan2(v[1], v[0]) * 180 / Math.PI);
+  for (let k = 1; k < angle.length; k++) if (angle[k] !== null && Math.abs(angle[k] - angle[k - 1]) > 180) angle[k - 1] = null;
+  const common = {type: "scatter", mode: "lines", x: FREQ, name, legendgroup: name, line, ...extra};
+  return [{...common, y: size, hovertemplate: "%{x:.5g} Hz: %{y:.4g}<extra>" + name + "</extra>"},
+          {...common, y: angle, yaxis: "y2", showlegend: false, hovertemplate: "%{x:.5g} Hz: %{y:.1f}°<extra>" + name + "</extra>"}];
+}
+
+// ---- the chosen FRF ------------------------------------------------------------------------
+
+// Inputs to choose from: those that were hit, then all other outputs where a_r is known.
+const CHOICES = [...INPUTS.map((name, k) => ({name, row: k, hit: true})),
+  ...(DATA.scaled ? OUTPUTS.map((name, k) => ({name, row: k, hit: false})).filter(c => !INPUTS.includes(c.name)) : [])];
+
+function frf() {
+  const choice = CHOICES[state.inp], out = state.out, cell = out * INPUTS.length + choice.row, there = choice.hit && IS_MEASURED[cell] === 1, data = [];
+  const made = synthesis(out, choice.row, !choice.hit), sizes = [made.map(v => Math.hypot(...v) || null)];
+  if (there) {
+    const seen = measured(out, choice.row), start = LINES * cell;
+    sizes.push(seen.map(v => Math.hypot(...v) || null), Array.from(NOISE.slice(start, start + LINES), v => v || null));
+    data.push({type: "scatter", mode: "lines", x: FREQ, y: NOISE.slice(start, start + LINES), name: "noise, one standard deviation",
+      line: {color: "#b9c0cb", width: 1}, hovertemplate: "%{x:.5g} Hz: %{y:.3g}<extra>noise</extra>"});
+    data.push({type: "scatter", mode: "lines", x: FREQ, y: seen.map((v, k) => Math.hypot(v[0] - made[k][0], v[1] - made[k][1])), name: "difference",
+      line: {color: "#f0c596", width: 1}, visible: "legendonly", hovertemplate: "%{x:.5g} Hz: %{y:.3g}<extra>difference</extra>"});
+    data.push(...curves(seen, "measured", {color: INK, width: 1.8}));
+  }
+  data.push(...curves(made, choice.hit ? "synthesised" : "synthesised, by shapes and modal A alone", {color: ORANGE, width: 1.5}));
+  const twin = OUTPUTS.indexOf(choice.name);
+  if (choice.hit && DATA.scaled && twin >= 0)
+    data.push(...curves(synthesis(out, twin, true), "by shapes and modal A alone", {color: BLUE, width: 1.2, dash: "dot"}, {visible: "legendonly"}));
+  Plotly.react("frf", data, {...PLOT, height: 520, margin: {l: 76, r: 12, t: 34, b: 44}, shapes: marks(),
+    xaxis: {title: {text: "frequency / Hz", standoff: 4}, gridcolor: GRID, zeroline: false, ticks: "outside", anchor: "y2"},
+    yaxis: {type: "log", domain: [0.36, 1], gridcolor: GRID, exponentformat: "power", ...logAxis(sizes), title: {text: DATA.quantity + " / (" + DATA.unit + ")"}},
+    yaxis2: {domain: [0, 0.3], range: [-190, 190], tickvals: [-180, -90, 0, 90, 180], gridcolor: GRID, zeroline: false, title: {text: "phase / °"}},
+    legend: {orientation: "h", x: 0, y: 1.01, xanchor: "left", yanchor: "bottom"}}, CONFIG);
+  byId("frf-remark").textContent = remark(choice, cell, there);
+  byId("out").value = out; byId("inp").value = state.inp;
+  const heat = byId("error-map");
+  if (heat.layout) Plotly.relayout(heat, {shapes: box()});
+}
+
+function remark(choice, cell, there) {
+  if (!choice.hit) return "Not measured: synthesised from the shapes and their scaling, modal A, alone. The residuals of what lies beside the band are only known for inputs that were hit, and are missing here.";
+  if (!there) return "This FRF was not measured.";
+  const share = name => (100 * ERRORS[name][cell]).toPrecision(3) + " %";
+  let text = "Error " + share("error") + " of the measured FRF, where the noise makes " + share("noise") + "; FRAC " + ERRORS.frac[cell].toFixed(4) + ".";
+  if (ERRORS.reciprocal_error.length) text += " By shapes and modal A alone, without residuals: " + share("reciprocal_error") + ".";
+  return text;
+}
+
+function chooser() {
+  const place = byId("cell"), out = element("select", undefined, {id: "out"}), inp = element("select", undefined, {id: "inp"});
+  OUTPUTS.forEach((name, k) => out.add(new Option(name + "  (" + DATA.bodies[k] + ")", k)));
+  const groups = [["hit", CHOICES.filter(c => c.hit)], ["synthesised only", CHOICES.filter(c => !c.hit)]];
+  for (const [name, list] of groups) if (list.length) {
+    const group = element("optgroup", undefined, {label: name});
+    list.forEach(choice => group.append(new Option(choice.name, CHOICES.indexOf(choice))));
+    inp.append(group);
+  }
+  out.onchange = () => { state.out = Number(out.value); frf(); };
+  inp.onchange = () => { state.inp = Number(inp.value); frf(); };
+  place.append("motion at ", out, " per force at ", inp);
+}
+
+// ---- the map of errors ---------------------------------------------------------------------
+
+const BLUES = [[0, "#f7f9fb"], [0.15, "#dbe8f5"], [0.5, "#7fb2e0"], [1, "#134b82"]];
+const MAPS = [["error", "error"], ["ratio", "error / noise"], ["frac", "1 − FRAC"]];
+const LEAST = {error: 10, ratio: 2, frac: 0.05};  // of the darkest blue: small errors shall look small
+const WIDE = OUTPUTS.length >= INPUTS.length;  // outputs along x
+
+function box() {
+  const choice = CHOICES[state.inp];
+  if (!choice.hit) return [];
+  const [x, y] = WIDE ? [state.out, choice.row] : [choice.row, state.out];
+  return [{type: "rect", x0: x - 0.5, x1: x + 0.5, y0: y - 0.5, y1: y + 0.5, line: {color: ORANGE, width: 2}}];
+}
+
+const ticks = (names, size) => names.length > 130 ? {showticklabels: false} : {tickvals: names.map((_, k) => k), ticktext: names.map(label), tickfont: {size}};
+
+function errorMap() {
+  const value = (out, inp) => {
+    const cell = out * INPUTS.length + inp;
+    if (!IS_MEASURED[cell]) return null;
+    if (state.map === "ratio") return ERRORS.noise[cell] > 0 ? ERRORS.error[cell] / ERRORS.noise[cell] : null;
+    return state.map === "frac" ? 1 - ERRORS.frac[cell] : 100 * ERRORS.error[cell];
+  };
+  const [rows, columns] = WIDE ? [INPUTS, OUTPUTS] : [OUTPUTS, INPUTS];
+  const z = rows.map((_, r) => columns.map((_, c) => WIDE ? value(c, r) : value(r, c)));
+  const suffix = state.map === "error" ? " %" : "", names = rows.map((row, r) => columns.map((column, c) => WIDE ? column + " / " + row : row + " / " + column));
+  const quiet = Array.from(IS_MEASURED.keys()).filter(cell => IS_MEASURED[cell] && ERRORS.noise[cell] <= 0.3);  // the others only show noise
+  const most = Math.max(...quiet.map(cell => value(Math.floor(cell / INPUTS.length), cell % INPUTS.length)));
+  const trace = {type: "heatmap", z, customdata: names, xgap: 1, ygap: 1, colorscale: BLUES, zmin: 0, zmax: Math.max(LEAST[state.map], most), hoverongaps: false,
+    hovertemplate: "%{customdata}: %{z:.3g}" + suffix + "<extra></extra>", colorbar: {thickness: 12, ticksuffix: suffix, outlinewidth: 0}};
+  Plotly.react("error-map", [trace], {...PLOT, height: Math.min(900, 120 + 24 * rows.length + 40), margin: {l: 60, r: 10, t: 8, b: 62}, shapes: box(),
+    xaxis: {...ticks(columns, 10), tickangle: -90, showgrid: false, zeroline: false, title: {text: WIDE ? "motion at" : "force at", standoff: 6}},
+    yaxis: {...ticks(rows, 11), autorange: "reversed", showgrid: false, zeroline: false, title: {text: WIDE ? "force at" : "motion at", standoff: 6}}}, BARE)
+    .then(place => {
+      if (place.dataset.listens) return;
+      place.dataset.listens = "yes";
+      place.on("plotly_click", event => { const {x, y} = event.points[0]; [state.out, state.inp] = WIDE ? [x, y] : [y, x]; frf(); });
+    });
+  press(byId("errors"));
+}
+
+// ---- MAC and COMAC -------------------------------------------------------------------------
+
+function macPlot(id, text, columns, titles, pairs) {
+  const values = floats(text), n = columns.length, z = MODES.map((_, r) => Array.from(values.slice(r * n, (r + 1) * n)));
+  if (!n || !MODES.length) { byId(id).textContent = ""; return; }
+  const few = Math.max(n, MODES.length) <= 24;
+  const trace = {type: "heatmap", z, zmin: 0, zmax: 1, colorscale: BLUES, xgap: 1, ygap: 1, colorbar: {thickness: 10, outlinewidth: 0, len: 0.6},
+    text: z.map(row => row.map(v => v >= 0.3 ? v.toFixed(2) : "")), texttemplate: few ? "%{text}" : undefined, textfont: {size: 8},
+    customdata: z.map((row, r) => row.map((_, c) => [digits(MODES[r].frequency), digits(columns[c])])),
+    hovertemplate: "%{customdata[0]} Hz, %{customdata[1]} Hz: %{z:.3f}<extra></extra>"};
+  const names = list => list.map(v => v.toFixed(1));
+  const shapes = pairs.map(([r, c]) => ({type: "rect", x0: c - 0.5, x1: c + 0.5, y0: r - 0.5, y1: r + 0.5, line: {color: ORANGE, width: 1.5}}));
+  Plotly.newPlot(id, [trace], {...PLOT, height: 500, margin: {l: 70, r: 4, t: 34, b: 66}, shapes, title: {text: titles[0], font: {size: 13}, x: 0.02, y: 0.985},
+    xaxis: {tickvals: columns.map((_, k) => k), ticktext: names(columns), tickangle: -90, tickfont: {size: 10}, showgrid: false, zeroline: false, title: {text: titles[1], standoff: 6}},
+    yaxis: {tickvals: MODES.map((_, k) => k), ticktext: names(MODES.map(m => m.frequency)), tickfont: {size: 10}, autorange: "reversed", showgrid: false, zeroline: false,
+      title: {text: "measured / Hz", standoff: 6}}}, BARE).then(place => place.on("plotly_click", event => choose(event.points[0].y)));
+}
+
+function comacPlot(id, source, title) {
+  const values = floats(source.values), known = integers(source.known), shown = Array.from(values.keys()).filter(k => known[k]);
+  if (!shown.length) return;
+  const lack = shown.map(k => 1 - values[k]), color = lack.map(v => v > 0.2 ? "#b42318" : v > 0.05 ? ORANGE : "#7fb2e0");
+  Plotly.newPlot(id, [{type: "bar", x: shown.map((_, i) => i), y: lack, marker: {color}, customdata: shown.map(k => [OUTPUTS[k], DATA.bodies[k], values[k]]),
+    hovertemplate: "%{customdata[0]} on %{customdata[1]}: COMAC %{customdata[2]:.4f}<extra></extra>"}],
+    {...PLOT, height: 250, margin: {l: 60, r: 10, t: 30, b: 60}, bargap: 0.25, title: {text: title, font: {size: 13}, x: 0.02, y: 0.98},
+     xaxis: {...ticks(shown.map(k => OUTPUTS[k]), 10), tickangle: -90, showgrid: false, zeroline: false},
+     yaxis: {range: [0, Math.max(0.05, 1.1 * Math.max(...lack))], gridcolor: GRID, title: {text: "1 − COMAC"}}}, BARE);
+}
+
+function solid() {
+  if (!DATA.solid.length) return;
+  const head = element("tr"), body = element("tbody"), made = element("table"), top = element("thead"), lines = [];
+  for (const [name, kind] of [["body", "name"], ["channels", ""], ["to spare", ""], ["solid to / Hz", ""], ["what they say", "name"]])
+    head.append(element("th", name, {className: kind}));
+  DATA.solid.forEach((check, k) => {
+    const row = element("tr"), text = [check.body, check.channels, check.spare, check.solid_to === null ? "-" : check.solid_to.toPrecision(4), check.words];
+    row.append(...text.map((value, n) => element("td", String(value), {className: n % 4 ? "" : "name"})));
+    body.append(row);
+    const y = Array.from(floats(check.deviation));
+    lines.push({type: "scatter", mode: "lines", x: floats(check.freq), y, name: check.body, line: {color: HUES[k % HUES.length], width: 1.3},
+      hovertemplate: "%{x:.5g} Hz: %{y:.3g} %<extra>" + escaped(check.body) + "</extra>"});
+  });
+  top.append(head); made.append(top, body);
+  byId("solid").append(made);
+  Plotly.newPlot("solid-lines", lines, {...PLOT, height: 280, margin: {l: 60, r: 12, t: 34, b: 44}, showlegend: true,
+    xaxis: {title: {text: "frequency / Hz", standoff: 4}, gridcolor: GRID, zeroline: false},
+    yaxis: {gridcolor: GRID, zeroline: false, range: [0, Math.max(5, 1.1 * Math.max(...lines.flatMap(line => line.y)))], title: {text: "not as a solid / %"}},
+    legend: {orientation: "h", x: 0, y: 1.01, xanchor: "left", yanchor: "bottom"}}, CONFIG);
+}
+
+film();
+table();
+indicators();
+chooser();
+buttons(byId("errors"), "map", MAPS, errorMap);
+frf();
+errorMap();
+macPlot("auto-mac", DATA.mac, MODES.map(m => m.frequency), ["AutoMAC: measured shapes with one another", "measured / Hz"], []);
+macPlot("other-mac", DATA.other.mac, DATA.other.freq, ["MAC: measured shapes with " + escaped(DATA.other.name), "other / Hz"], DATA.other.pairs);
+comacPlot("other-comac", DATA.other.comac, "Each channel over all pairs of modes with " + escaped(DATA.other.name));
+comacPlot("solid-comac", DATA.comac, "Each channel over all modes, measured with what its body makes as a solid");
+solid();
+const first = Number(location.hash.slice(1));
+choose(first >= 1 && first <= MODES.length ? first - 1 : 0);
+start();

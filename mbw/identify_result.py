@@ -1,0 +1,166 @@
+"""What ``mbw identify`` found, gathered once for its files, its table and its page."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from identification.modal import Identified, Measured, SynthesisError, Tolerances, mpc, mpd
+from identification.words import Campaign, Layout, ModalModel, Real
+from mbw.identify_against import Other
+from mbw.identify_arrays import arrays_of
+from mbw.identify_parts import QUIET, Parts, parts_of
+from mbw.identify_schema import ModeRow, ModesFile, SolidRow
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A modal model and all that is shown beside it.
+
+    Args:
+        summary: names and modes.
+        arrays: numbers by name, as in modes.npz.
+        layout: bodies and points.
+    """
+
+    summary: ModesFile
+    arrays: dict[str, Any]
+    layout: Layout
+
+
+class SolidCheck(Protocol):
+    """What a check whether a body moves as a solid says, line by line."""
+
+    @property
+    def body(self) -> str:
+        """Its name."""
+
+    @property
+    def channels(self) -> Sequence[object]:
+        """Measured on it."""
+
+    @property
+    def spare(self) -> int:
+        """Channels beyond the motions that they determine."""
+
+    @property
+    def freq_hz(self) -> Real:
+        """Lines [Hz]; (n_freq,)."""
+
+    @property
+    def deviation(self) -> Real:
+        """Share of the motion that is not that of a solid; (n_freq,)."""
+
+    @property
+    def solid_to_hz(self) -> float | None:
+        """Highest frequency up to which it moves as a solid [Hz]."""
+
+    @property
+    def words(self) -> str:
+        """The verdict."""
+
+
+def gather(
+    campaign: Campaign,
+    identified: tuple[ModalModel, Identified, Measured],
+    tolerances: Tolerances,
+    *,
+    other: Other,
+    source: str,
+    solid: Sequence[SolidCheck] = (),
+) -> Result:
+    """Put together what ``identify`` found.
+
+    Args:
+        campaign: what it was found from.
+        identified: by ``identification.modal.identify``.
+        tolerances: of the stabilisation.
+        other: shapes of a model to compare with.
+        source: path of the MJCF.
+        solid: checks of the bodies, if they were made.
+    """
+    parts = parts_of(campaign, identified, other)
+    arrays = arrays_of(parts, tolerances)
+    summary = _summary(parts, source, [_solid(check) for check in solid])
+    return Result(summary, arrays, campaign.layout)
+
+
+def _summary(parts: Parts, source: str, solid: list[SolidRow]) -> ModesFile:
+    measured, found = parts.measured, parts.found
+    return ModesFile(
+        campaign=parts.campaign.name,
+        model=source,
+        band=(float(measured.freq_hz[0]), float(measured.freq_hz[-1])),
+        lines=len(measured.freq_hz),
+        quantity=parts.quantity,
+        outputs=[str(dof) for dof in measured.outputs],
+        inputs=[str(dof) for dof in measured.inputs],
+        roved=parts.roved,
+        body_directions=[str(dof) for dof in parts.bodies.dofs],
+        undetermined_bodies=list(parts.bodies.undetermined),
+        normalisation=parts.whole.normalisation,
+        misfit=found.misfit,
+        error=_rms(parts.error, parts.error.error),
+        noise=_rms(parts.error, parts.error.noise),
+        reciprocal_error=None if parts.alone is None else _rms(parts.alone, parts.alone.error),
+        beside_band=len(parts.model.poles) - parts.inside,
+        compared_with=parts.compared.other.name,
+        modes=[_row(parts, mode) for mode in range(parts.inside)],
+        solid=solid,
+    )
+
+
+def _solid(check: SolidCheck) -> SolidRow:
+    kept = np.isfinite(check.deviation)
+    return SolidRow(
+        body=check.body,
+        channels=len(check.channels),
+        spare=check.spare,
+        solid_to=check.solid_to_hz,
+        words=check.words,
+        frequency=check.freq_hz[kept].tolist(),
+        deviation=check.deviation[kept].tolist(),
+    )
+
+
+def _rms(of: SynthesisError, values: Real) -> float | None:
+    """Over the channels that are not mostly noise; None without any."""
+    quiet = of.known & (of.noise <= QUIET)
+    return float(np.sqrt((values[quiet] ** 2).mean())) if quiet.any() else None
+
+
+def _row(parts: Parts, mode: int) -> ModeRow:
+    model, whole, shape = parts.model, parts.whole, parts.model.shapes[:, mode]
+    body = parts.bodies.values[:, mode]
+    pair = dict(parts.compared.pairs).get(mode)
+    scale = whole.modal_a[mode] if whole.has_scale else None
+    return ModeRow(
+        frequency=float(model.freq_hz[mode]),
+        frequency_sd=float(model.freq_sd[mode]),
+        damping=float(model.damping[mode]),
+        damping_sd=float(model.damping_sd[mode]),
+        real=float(model.poles[mode].real),
+        imaginary=float(model.poles[mode].imag),
+        modal_a_real=None if scale is None else float(scale.real),
+        modal_a_imaginary=None if scale is None else float(scale.imag),
+        phase_collinearity=float(mpc(shape[:, None])[0]),
+        phase_deviation=float(mpd(shape[:, None])[0]),
+        reciprocity=float(whole.reciprocity[mode]) if len(whole.reciprocity) else None,
+        orders=_orders(model.poles[mode], parts.found),
+        other=None if pair is None else float(parts.compared.other.freq_hz[pair]),
+        other_mac=None if pair is None else float(parts.compared.mac[mode, pair]),
+        shape_real=shape.real.tolist(),
+        shape_imaginary=shape.imag.tolist(),
+        real_shape=parts.real[:, mode].tolist(),
+        body_shape_real=body.real.tolist(),
+        body_shape_imaginary=body.imag.tolist(),
+    )
+
+
+def _orders(pole: complex, found: Identified) -> int | None:
+    """Model orders in which a mode came back before it was refined; None for one found later."""
+    near = [
+        cluster.count for cluster in found.clusters if abs(cluster.pole - pole) < 0.02 * abs(pole)
+    ]
+    return max(near) if near else None

@@ -1,0 +1,114 @@
+"""``modes.json``: the measured modes for other programs."""
+
+from typing import Annotated
+
+from pydantic import BaseModel, Field
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class ModeRow(BaseModel):
+    """One identified mode; standard deviations in the same units.
+
+    Args:
+        frequency, frequency_sd: natural frequency [Hz].
+        damping, damping_sd: ratio.
+        real, imaginary: of the pole s_r [rad/s].
+        modal_a_real, modal_a_imaginary: of a_r of receptance [kg/s]; null without a drive point.
+        phase_collinearity: 1 where the shape is real but for one phase.
+        phase_deviation: mean, from that phase [rad].
+        reciprocity: MAC of shape and participation at the drive points; null for fewer than two.
+        orders: model orders in which it came back; null for a mode found later.
+        other, other_mac: frequency [Hz] of the mode of the compared model that pairs, and MAC.
+        shape_real, shape_imaginary: at ``outputs``.
+        real_shape: its real part at the phase where that is largest.
+        body_shape_real, body_shape_imaginary: at ``body_directions``.
+    """
+
+    frequency: Finite
+    frequency_sd: Finite
+    damping: Finite
+    damping_sd: Finite
+    real: Finite
+    imaginary: Finite
+    modal_a_real: Finite | None
+    modal_a_imaginary: Finite | None
+    phase_collinearity: Finite
+    phase_deviation: Finite
+    reciprocity: Finite | None
+    orders: int | None
+    other: Finite | None
+    other_mac: Finite | None
+    shape_real: list[Finite]
+    shape_imaginary: list[Finite]
+    real_shape: list[Finite]
+    body_shape_real: list[Finite]
+    body_shape_imaginary: list[Finite]
+
+
+class SolidRow(BaseModel):
+    """Whether a body moves as a solid, by the channels that it has to spare.
+
+    Args:
+        body: its name.
+        channels: measured on it.
+        spare: channels beyond the motions that they determine.
+        solid_to: highest frequency up to which it moves as a solid [Hz]; null if none is known.
+        words: the verdict.
+        frequency: [Hz].
+        deviation: share of the motion that is not that of a solid, at each frequency.
+    """
+
+    body: str
+    channels: int
+    spare: int
+    solid_to: Finite | None
+    words: str
+    frequency: list[Finite]
+    deviation: list[Finite]
+
+
+class ModesFile(BaseModel):
+    """``modes.json``.
+
+    Args:
+        campaign, model: names; the model's is the path of its MJCF.
+        band: [Hz].
+        lines: of the band.
+        quantity: of the FRFs.
+        outputs, inputs: labels.
+        roved: whether the hammer did: by reciprocity, outputs are then the points that were hit and
+            inputs the sensors.
+        body_directions: determined directions at centres of mass, world axes.
+        undetermined_bodies: bodies without all six.
+        normalisation: of the shapes: ``unit modal mass`` (kg^-1/2, a_r = 2 i Im s_r kg) or
+            ``largest entry 1``.
+        misfit: squared error over the variance of the noise, per free value.
+        error, noise: of the synthesis and of a perfect one, relative, rms over the channels whose
+            noise is at most 0.3 of their FRF; null without any.
+        reciprocal_error: of the synthesis by shapes and a_r alone; null without a_r.
+        beside_band: poles that stand for modes outside the band.
+        compared_with: the model or file of ``other``.
+        modes: inside the band.
+        solid: checks of the bodies, where they were made.
+    """
+
+    campaign: str
+    model: str
+    band: tuple[Finite, Finite]
+    lines: int
+    quantity: str
+    outputs: list[str]
+    inputs: list[str]
+    roved: bool
+    body_directions: list[str]
+    undetermined_bodies: list[str]
+    normalisation: str
+    misfit: Finite
+    error: Finite | None
+    noise: Finite | None
+    reciprocal_error: Finite | None
+    beside_band: int
+    compared_with: str
+    modes: list[ModeRow]
+    solid: list[SolidRow] = []
