@@ -2,6 +2,7 @@
 
 from identification.band import band_lines
 from identification.campaign import correct_layout, read_campaign
+from identification.layout_in import read_layout
 from identification.settings import CampaignSettings, read_settings
 from identification.solid import (
     BodyCheck,
@@ -22,6 +23,7 @@ __all__ = [
     "correct_layout",
     "difference_variance",
     "read_campaign",
+    "read_layout",
     "read_settings",
     "reconstruct",
     "reduce_to_bodies",

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from identification.arrays_in import read_arrays
+from identification.channels import channel_remarks
 from identification.hits.campaign import ARRAYS, UFF, raw_tests
 from identification.hits.drive_point import drive_point_signs
 from identification.settings import CampaignSettings, SensorSettings, TestSettings
@@ -17,6 +18,7 @@ from identification.uff import read_uff
 from identification.variance import coherence_variance, difference_variance
 from identification.words import (
     Campaign,
+    Complex,
     Condition,
     Dof,
     Frf,
@@ -43,12 +45,16 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
     Raises:
         InputError: a file that cannot be used, with the element and a remedy.
     """
-    raw, remarks = raw_tests(path, settings, partial(_sites, layout))
-    tests = [
-        test
-        for entry in settings.test
-        for test in raw.get(entry.file) or _tests_of_file(path, entry, settings.sensor, layout)
-    ]
+    raw, said = raw_tests(path, settings, partial(_sites, layout))
+    tests: list[Test] = []
+    remarks = list(said)
+    for entry in settings.test:
+        if entry.file in raw:
+            tests += raw[entry.file]
+        else:
+            table = _table(path, entry, layout)
+            remarks += table.remarks
+            tests += _tests_of_table(path.parent / entry.file, entry, settings.sensor, table)
     try:
         tolerance = Tolerance(**settings.tolerance.model_dump())
         campaign = Campaign(path.resolve().parent.name, layout, tuple(tests), tolerance)
@@ -58,7 +64,8 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
             + ("; that of time records is set by block_s" if raw else "")
         ) from error
     signs = [point.remark for point in drive_point_signs(campaign)]
-    return replace(campaign, remarks=(*remarks, *(sign for sign in signs if sign)))
+    remarks += [*channel_remarks(campaign), *(sign for sign in signs if sign)]
+    return replace(campaign, remarks=tuple(remarks))
 
 
 def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> Layout:
@@ -91,22 +98,23 @@ def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> La
     return layout
 
 
-def _tests_of_file(
-    path: Path, entry: TestSettings, corrections: dict[str, SensorSettings], layout: Layout
-) -> list[Test]:
+def _table(path: Path, entry: TestSettings, layout: Layout) -> FrfTable:
     file = path.parent / entry.file
     table = _on_sites(file, _read_table(file, entry), layout)
-    if entry.time_sign == "-":
-        table = replace(table, values=table.values.conj())
+    return replace(table, values=table.values.conj()) if entry.time_sign == "-" else table
+
+
+def _tests_of_table(
+    file: Path, entry: TestSettings, corrections: dict[str, SensorSettings], table: FrfTable
+) -> list[Test]:
     ignored = {(site, axis) for site, wanted in corrections.items() for axis in wanted.ignore}
     kept = np.array([(d.point, d.direction[-1]) not in ignored for d in table.responses])
     for column, reference in enumerate(table.references):
         if not (table.measured[:, column] & kept).any():
             raise InputError(f"{file}: no channel is left for reference {reference}: ignore fewer")
     try:
-        variance, source = _variance(table, entry.averages)
         return [
-            _test(entry, table, reference, variance, source, table.measured[:, column] & kept)
+            _test(entry, table, reference, table.measured[:, column] & kept)
             for column, reference in enumerate(table.references)
         ]
     except ValueError as error:
@@ -149,8 +157,8 @@ def _sites(
         site = find(int(dof.point)) if dof.point.isdecimal() else named
         if site is None:
             raise InputError(
-                f"{file}: node {dof.point} has no site on a moving body of the model: add a site "
-                f"named acc{dof.point}, or leave the node out of the file"
+                f"{file}: node {dof.point} has no site on a moving body of the model or layout: "
+                f"add a site named acc{dof.point}, or leave the node out of the file"
             )
         return Dof(site, dof.direction)
 
@@ -163,32 +171,31 @@ def _sites(
     return responses, references
 
 
-def _variance(table: FrfTable, averages: int | None) -> tuple[Real, VarianceSource]:
-    if table.coherence is not None and averages is not None and averages > 1:
-        return coherence_variance(table.values, table.coherence, averages), "coherence"
-    return difference_variance(table.values), "differences"
-
-
-def _test(
-    entry: TestSettings,
-    table: FrfTable,
-    reference: Dof,
-    variance: Real,
-    source: VarianceSource,
-    rows: Mask,
-) -> Test:
+def _test(entry: TestSettings, table: FrfTable, reference: Dof, rows: Mask) -> Test:
+    """One column of a file's table, with coherence where all of its cells have it."""
     column = [table.references.index(reference)]
     outputs = tuple(dof for dof, keep in zip(table.responses, rows, strict=True) if keep)
     values = table.values[:, rows][:, :, column]
-    coherence = table.coherence
+    coherence = None if table.coherence is None else table.coherence[:, rows][:, :, column]
+    if coherence is not None and not np.isfinite(coherence).all():
+        coherence = None
+    variance, source = _variance(values, coherence, entry.averages)
     estimate = FrfEstimate(
         frf=Frf(table.freq_hz, values, outputs, (reference,), table.quantity),
-        variance=variance[:, rows][:, :, column],
+        variance=variance,
         variance_source=source,
         measured=np.ones((len(outputs), 1), bool),
-        coherence=None if coherence is None else coherence[:, rows][:, :, column],
+        coherence=coherence,
         averages=entry.averages,
         window_tau=entry.window_tau,
     )
     condition = Condition(entry.file, reference, entry.level, entry.spindle_speed, entry.setup)
     return Test(condition, estimate)
+
+
+def _variance(
+    values: Complex, coherence: Real | None, averages: int | None
+) -> tuple[Real, VarianceSource]:
+    if coherence is not None and averages is not None and averages > 1:
+        return coherence_variance(values, coherence, averages), "coherence"
+    return difference_variance(values), "differences"

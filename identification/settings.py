@@ -103,7 +103,7 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
     try:
         settings = CampaignSettings.model_validate(content)
     except ValidationError as error:
-        raise InputError(f"{path}: {_first_fault(error)}") from error
+        raise InputError(f"{path}: {first_fault(error)}") from error
     files = [(path.parent / test.file).resolve() for test in settings.test]
     for test, file in zip(settings.test, files, strict=True):
         if files.count(file) > 1:
@@ -119,7 +119,8 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
     return path, settings
 
 
-def _first_fault(error: ValidationError) -> str:
+def first_fault(error: ValidationError) -> str:
+    """The first thing that is wrong with a TOML file, in words."""
     fault = error.errors()[0]
     where = ".".join(str(step + 1) if isinstance(step, int) else step for step in fault["loc"])
     if fault["type"] == "extra_forbidden":

@@ -12,10 +12,11 @@ class FrfTable:
     Args:
         freq_hz: (n_freq,) [Hz].
         values: zeros where not measured; (n_freq, n_out, n_in).
-        coherence: likewise, or None where the file does not have it for every measured cell.
+        coherence: likewise, NaN in cells that the file has none for; or None.
         measured: (n_out, n_in).
         responses, references: such as ``11:+tx``.
         quantity: receptance, mobility or accelerance.
+        remarks: what a reader must know, as records that are there twice.
     """
 
     freq_hz: Real
@@ -25,3 +26,4 @@ class FrfTable:
     responses: tuple[Dof, ...]
     references: tuple[Dof, ...]
     quantity: Quantity
+    remarks: tuple[str, ...] = ()

@@ -1,5 +1,6 @@
 """FRFs and coherences of a universal file: function types 4 and 6 of dataset 58 and 58b."""
 
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,15 @@ from identification.uff_file import Record, ends_of, read_records, refuse_malfor
 from identification.words import Dof, InputError, Quantity
 
 _FRF, _COHERENCE = 4, 6
+_SAME = 1e-5  # relative difference below which two records are one, written twice
 _QUANTITIES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
 
 
 def read_uff(path: Path, quantity: Quantity | None = None) -> FrfTable:
     """Read the FRFs and coherences of a universal file.
+
+    Of several records with one response and reference the one with the best coherence is used;
+    the table's remarks name them.
 
     Args:
         path: the file.
@@ -21,8 +26,7 @@ def read_uff(path: Path, quantity: Quantity | None = None) -> FrfTable:
 
     Raises:
         InputError: with file and record: missing file, truncated or malformed record, NaN,
-            unequal axes, a scalar direction, two records with one response and reference,
-            no FRF at all.
+            unequal axes, a scalar direction, no FRF at all.
     """
     records = read_records(path)
     factors = unit_factors(path, records)
@@ -36,38 +40,72 @@ def read_uff(path: Path, quantity: Quantity | None = None) -> FrfTable:
         raise InputError(f"{path} holds no FRF (dataset 58, function type 4): export FRFs")
     freq_hz = _common_axis(path, functions)
     responses, references = _labels(path, frfs)
-    table = np.zeros((len(freq_hz), len(responses), len(references)), complex)
-    coherence = np.full(table.shape, np.nan)
-    seen: dict[tuple[int, int, int], int] = {}
+    shape = (len(freq_hz), len(responses), len(references))
+    cells: dict[tuple[int, int], _Cell] = {}
     kinds = set()
     for number, record in functions:
         response, reference = ends_of(path, number, record)
         if response.positive not in responses or reference.positive not in references:
             continue  # a coherence without its FRF
-        cell = responses[response.positive][0], references[reference.positive][0]
-        _refuse_second(path, seen, (record["func_type"], *cell), number, f"{response}, {reference}")
+        place = responses[response.positive][0], references[reference.positive][0]
+        cell = cells.setdefault(place, _Cell(f"{response}, {reference}"))
         if record["func_type"] == _COHERENCE:
-            coherence[:, *cell] = np.clip(np.real(record["data"]), 0.0, 1.0)
+            cell.coherences.append(np.clip(np.real(record["data"]), 0.0, 1.0))
             continue
         kinds.add(_quantity(path, number, record, quantity))
         sign = responses[response.positive][1] * response.sign
         sign *= references[reference.positive][1] * reference.sign
-        table[:, *cell] = sign * record["data"] * _to_si(factors[number], response, reference)
+        factor = sign * _to_si(factors[number], response, reference)
+        cell.frfs.append((number, factor * np.asarray(record["data"], complex)))
     if len(kinds) > 1:
         raise InputError(f"{path} mixes {' and '.join(sorted(kinds))}: give one file for each")
-    measured = np.zeros(table.shape[1:], bool)
-    for kind, row, column in seen:
-        measured[row, column] |= kind == _FRF
-    complete = np.isfinite(coherence[:, measured]).all()
+    table, coherence = np.zeros(shape, complex), np.full(shape, np.nan)
+    measured = np.zeros(shape[1:], bool)
+    remarks = []
+    for place, cell in cells.items():
+        if not cell.frfs:
+            continue
+        best, remark = cell.chosen(path)
+        table[:, *place], measured[place] = cell.frfs[best][1], True
+        if len(cell.coherences) > best:
+            coherence[:, *place] = cell.coherences[best]
+        remarks += remark
     return FrfTable(
         freq_hz=freq_hz,
         values=table,
-        coherence=np.nan_to_num(coherence) if complete else None,
+        coherence=coherence,
         measured=measured,
         responses=tuple(Dof.of(d.point, d.axis, sign) for d, (_, sign) in responses.items()),
         references=tuple(Dof.of(d.point, d.axis, sign) for d, (_, sign) in references.items()),
         quantity=kinds.pop(),
+        remarks=tuple(remarks),
     )
+
+
+@dataclass
+class _Cell:
+    """Records of one response and reference, in the order of the file."""
+
+    dofs: str
+    frfs: list[tuple[int, np.ndarray]] = field(default_factory=list)
+    coherences: list[np.ndarray] = field(default_factory=list)
+
+    def chosen(self, path: Path) -> tuple[int, list[str]]:
+        """Which record counts: of several the one with the best coherence, else the first."""
+        if len(self.frfs) == 1:
+            return 0, []
+        known = len(self.coherences) == len(self.frfs)
+        best = int(np.argmax([c.mean() for c in self.coherences])) if known else 0
+        number, values = self.frfs[best]
+        size = max(float(np.linalg.norm(values)), 1e-300)
+        apart = max(float(np.linalg.norm(other - values)) for _, other in self.frfs) / size
+        numbers = ", ".join(str(other) for other, _ in self.frfs)
+        how = "are the same" if apart < _SAME else f"differ by up to {100 * apart:.2g} %"
+        why = "its coherence is best" if known and apart >= _SAME else "it counts once"
+        return best, [
+            f"{path.name}: records {numbers} hold one response and reference ({self.dofs}) and "
+            f"{how}: record {number} is used, {why}"
+        ]
 
 
 def _to_si(factors: tuple[float, float], response: Dof, reference: Dof) -> float:
@@ -112,21 +150,6 @@ def _labels(
         responses.setdefault(response.positive, (len(responses), response.sign))
         references.setdefault(reference.positive, (len(references), reference.sign))
     return responses, references
-
-
-def _refuse_second(
-    path: Path,
-    seen: dict[tuple[int, int, int], int],
-    key: tuple[int, int, int],
-    number: int,
-    dofs: str,
-) -> None:
-    first = seen.setdefault(key, number)
-    if first != number:
-        raise InputError(
-            f"{path}: records {first} and {number} have one response and reference ({dofs}): "
-            "delete one, or put them into files of their own"
-        )
 
 
 def _quantity(path: Path, number: int, record: Record, stated: Quantity | None) -> Quantity:

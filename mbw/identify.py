@@ -6,7 +6,16 @@ from pathlib import Path
 
 import typer
 
+from identification import (
+    band_lines,
+    check_bodies,
+    correct_layout,
+    read_campaign,
+    read_layout,
+    read_settings,
+)
 from identification.modal import Tolerances, Wishes, identify
+from identification.setups import consistency
 from identification.words import (
     Campaign,
     Dof,
@@ -15,8 +24,8 @@ from identification.words import (
     WorkbenchError,
     distinct,
 )
-from mbmodel import load_machine, looks
-from mbw.identify_against import drawn_model, of_file
+from mbmodel import Machine, load_machine, looks
+from mbw.identify_against import Other, drawn_model, nothing, of_file
 from mbw.identify_files import (
     MODES_JSON,
     NAMES,
@@ -26,7 +35,8 @@ from mbw.identify_files import (
     write_full_matrix,
 )
 from mbw.identify_page import render
-from mbw.identify_result import gather
+from mbw.identify_remarks import remarks
+from mbw.identify_result import Checks, Result, gather
 from mbw.identify_schema import ModesFile
 from mbw.messages import SCREEN
 from mbw.page import write_page
@@ -75,34 +85,56 @@ def run(
     Returns:
         The folder of the result.
     """
-    _, machine, chosen = open_campaign(campaign, band)
+    machine, chosen = _opened(campaign, band)
     folder = targets.out or Path(f"{chosen.name}-modes")
     _check(folder)
     if targets.json is not None:
         check_json(targets.json)
-    outputs = shape_points(chosen)
-    if choices.against is not None:
-        other = of_file(choices.against, outputs, chosen.layout)
-    else:
-        other = drawn_model(machine, outputs, float(chosen.freq_hz[-1]))
+    other = _other(choices.against, machine, chosen)
     with SCREEN.console.status("poles, shapes, refinement") if not SCREEN.quiet else nullcontext():
         identified = identify(chosen, choices.tolerances, choices.wishes)
-    source = str(machine.source.absolute())
-    result = gather(chosen, identified, choices.tolerances, other=other, source=source)
+        checks = Checks(check_bodies(chosen), consistency(chosen))
+    source = "" if machine is None else str(machine.source.absolute())
+    result = gather(
+        chosen, identified, choices.tolerances, other=other, source=source, checks=checks
+    )
     with files_of(folder) as place:
         write_files(result, place)
         if targets.full:
             write_full_matrix(result, place)
         if targets.pictures:
-            (place / PAGE).write_text(render(result, looks(machine)), encoding="utf-8")
+            seen = None if machine is None else looks(machine)
+            (place / PAGE).write_text(render(result, seen), encoding="utf-8")
     if targets.json is not None:
         write_json(result.summary.model_dump_json(indent=1), targets.json)
     if targets.json is None or str(targets.json) != "-":
         _print(result.summary)
+    _say(result)
     SCREEN.say(f"modal model in {folder}")
     if targets.pictures:
         SCREEN.say(f"pictures in {(folder / PAGE).absolute().as_uri()}")
     return folder
+
+
+def _other(against: Path | None, machine: Machine | None, campaign: Campaign) -> Other:
+    """Shapes to compare the measured ones with."""
+    outputs = shape_points(campaign)
+    if against is not None:
+        return of_file(against, outputs, campaign.layout)
+    if machine is not None:
+        return drawn_model(machine, outputs, float(campaign.freq_hz[-1]))
+    return nothing(outputs)
+
+
+def _opened(campaign: Path, band: tuple[float, float] | None) -> tuple[Machine | None, Campaign]:
+    """The machine that a campaign names, if it does, and its tests."""
+    source, settings = read_settings(campaign)
+    if settings.layout is None:
+        _, machine, chosen = open_campaign(campaign, band)
+        return machine, chosen
+    layout = correct_layout(source, settings, read_layout(source.parent / settings.layout))
+    whole = read_campaign(source, settings, layout)
+    return None, whole.lines(band_lines(whole, band, source))
 
 
 def shape_points(campaign: Campaign) -> tuple[Dof, ...]:
@@ -134,7 +166,7 @@ def rewrite(path: Path, out: Path | None) -> Path:
     """
     result = read_result(path)
     try:
-        seen = looks(load_machine(Path(result.summary.model)))
+        seen = looks(load_machine(Path(result.summary.model))) if result.summary.model else None
     except WorkbenchError:
         seen = None
         SCREEN.say(f"{result.summary.model} cannot be read: the page shows sensors alone")
@@ -178,6 +210,11 @@ def _check(folder: Path) -> None:
                 raise InputError(f"{folder / name} is a folder: name another")
         (place / ".probe").touch()
         (place / ".probe").unlink()
+
+
+def _say(result: Result) -> None:
+    for text in (*remarks(result), *(row.words for row in result.summary.solid)):
+        SCREEN.say(text)
 
 
 def _print(summary: ModesFile) -> None:

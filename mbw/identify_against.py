@@ -68,6 +68,12 @@ def compared(shapes: Complex, seen: Mask, other: Other) -> Compared:
     return Compared(other, criterion, pairs, comac)
 
 
+def nothing(outputs: tuple[Dof, ...]) -> Other:
+    """No other shapes."""
+    none = np.zeros(0)
+    return Other("", none, none, np.zeros((len(outputs), 0), complex), np.zeros(len(outputs), bool))
+
+
 def drawn_model(machine: Machine, outputs: tuple[Dof, ...], highest_hz: float) -> Other:
     """Modes of a machine as drawn, without its motions at rest and overdamped poles.
 

@@ -51,7 +51,8 @@ def _percent(value: float) -> str:
 
 def remarks(result: Result) -> list[str]:
     """One sentence for each thing that limits what the modal model says."""
-    summary, found = result.summary, []
+    summary = result.summary
+    found = [_sentence(text) for text in summary.remarks]
     if summary.roved:
         found.append(
             "The hammer roved: by reciprocity, the points that were hit stand here as outputs, the "
@@ -101,6 +102,10 @@ def remarks(result: Result) -> list[str]:
     if turned:
         found.append(f"Against the motion of its body goes {', '.join(turned)}: a turned channel?")
     return found
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:].rstrip(".") + "."
 
 
 def _modes(result: Result, rows: list[ModeRow]) -> str:

@@ -61,6 +61,31 @@ class SolidCheck(Protocol):
         """The verdict."""
 
 
+class SetupCheck(Protocol):
+    """What a comparison of two set-ups says."""
+
+    @property
+    def agrees(self) -> bool | None:
+        """Whether they differ by noise alone; None where nothing tells."""
+
+    @property
+    def sentence(self) -> str:
+        """The comparison in one sentence."""
+
+
+@dataclass(frozen=True, eq=False)
+class Checks:
+    """Of the measurement itself.
+
+    Args:
+        solid: of the bodies.
+        setups: of tests with one reference, side by side.
+    """
+
+    solid: Sequence[SolidCheck] = ()
+    setups: Sequence[SetupCheck] = ()
+
+
 def gather(
     campaign: Campaign,
     identified: tuple[ModalModel, Identified, Measured],
@@ -68,7 +93,7 @@ def gather(
     *,
     other: Other,
     source: str,
-    solid: Sequence[SolidCheck] = (),
+    checks: Checks | None = None,
 ) -> Result:
     """Put together what ``identify`` found.
 
@@ -78,15 +103,15 @@ def gather(
         tolerances: of the stabilisation.
         other: shapes of a model to compare with.
         source: path of the MJCF.
-        solid: checks of the bodies, if they were made.
+        checks: of the bodies and of the set-ups, if they were made.
     """
     parts = parts_of(campaign, identified, other)
     arrays = arrays_of(parts, tolerances)
-    summary = _summary(parts, source, [_solid(check) for check in solid])
+    summary = _summary(parts, source, checks or Checks())
     return Result(summary, arrays, campaign.layout)
 
 
-def _summary(parts: Parts, source: str, solid: list[SolidRow]) -> ModesFile:
+def _summary(parts: Parts, source: str, checks: Checks) -> ModesFile:
     measured, found = parts.measured, parts.found
     return ModesFile(
         campaign=parts.campaign.name,
@@ -107,7 +132,12 @@ def _summary(parts: Parts, source: str, solid: list[SolidRow]) -> ModesFile:
         beside_band=len(parts.model.poles) - parts.inside,
         compared_with=parts.compared.other.name,
         modes=[_row(parts, mode) for mode in range(parts.inside)],
-        solid=solid,
+        solid=[_solid(check) for check in checks.solid],
+        setups=[check.sentence for check in checks.setups],
+        remarks=[
+            *parts.campaign.remarks,
+            *(check.sentence for check in checks.setups if check.agrees is False),
+        ],
     )
 
 

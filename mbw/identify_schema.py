@@ -91,6 +91,8 @@ class ModesFile(BaseModel):
         compared_with: the model or file of ``other``.
         modes: inside the band.
         solid: checks of the bodies, where they were made.
+        setups: what tests with the hammer at one place say of one another.
+        remarks: what is wrong with channels, hits or set-ups.
     """
 
     campaign: str
@@ -112,3 +114,5 @@ class ModesFile(BaseModel):
     compared_with: str
     modes: list[ModeRow]
     solid: list[SolidRow] = []
+    setups: list[str] = []
+    remarks: list[str] = []

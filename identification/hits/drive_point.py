@@ -21,6 +21,7 @@ from identification.words import ORDER, Campaign, Dof, Layout, Real, Test, node_
 
 _ABOVE = 25.0  # |H|^2 over its variance
 _CLEAR = 0.5  # share beyond which there is a sign
+_POSITIVE = 0.95  # share of a channel that may be the drive point
 _ALONG = 0.9  # cosine of two axes that are meant to be one
 _LEAST = 8  # lines
 
@@ -34,12 +35,14 @@ class DrivePoint:
         output: the sensor's channel.
         reference: the hammer's, at the same node along the same line.
         share: from -1 to 1, 1 where the power is positive on every line as it must be.
+        stand_in: where that is wrong, a channel at another node that behaves as this one should.
     """
 
     test: str
     output: Dof
     reference: Dof
     share: float
+    stand_in: Dof | None = None
 
     @property
     def remark(self) -> str | None:
@@ -50,11 +53,18 @@ class DrivePoint:
             return (
                 f"{self.test}: the drive point {self.output} reads with the opposite sign of the "
                 f"hammer at {self.reference}: check both directions; nothing was turned"
+                + self._exchanged
             )
         return (
             f"{self.test}: at the drive point {self.output} the power of the hammer at "
-            f"{self.reference} has no sign: check that both are at one place"
+            f"{self.reference} has no sign: check that both are at one place" + self._exchanged
         )
+
+    @property
+    def _exchanged(self) -> str:
+        if self.stand_in is None:
+            return ""
+        return f"; {self.stand_in} behaves as a drive point does: were the two exchanged?"
 
 
 def drive_point_signs(campaign: Campaign) -> tuple[DrivePoint, ...]:
@@ -69,15 +79,36 @@ def drive_point_signs(campaign: Campaign) -> tuple[DrivePoint, ...]:
             cosine = _cosine(campaign.layout, output, test.condition.reference)
             if cosine is None or abs(cosine) < _ALONG or not test.estimate.measured[row, 0]:
                 continue
-            power = _power(test, row)
-            if len(power) >= _LEAST and power.any():
-                share = float(np.sign(cosine) * (power * np.abs(power)).sum() / (power**2).sum())
-                found.append(_drive_point(test, output, share))
+            share = _share(test, row)
+            if share is not None:
+                share *= float(np.sign(cosine))
+                other = _stand_in(campaign, test, output) if share < _CLEAR else None
+                found.append(
+                    DrivePoint(test.condition.test, output, test.condition.reference, share, other)
+                )
     return tuple(found)
 
 
-def _drive_point(test: Test, output: Dof, share: float) -> DrivePoint:
-    return DrivePoint(test.condition.test, output, test.condition.reference, share)
+def _stand_in(campaign: Campaign, test: Test, output: Dof) -> Dof | None:
+    """Another channel of the same hammer point and line whose power is positive throughout."""
+    found: dict[Dof, float] = {}
+    for other in campaign.tests:
+        if other.condition.reference != test.condition.reference:
+            continue
+        for row, dof in enumerate(other.estimate.frf.outputs):
+            share = _share(other, row) if dof.point != output.point else None
+            if share is not None and dof.direction[1:] == output.direction[1:]:
+                found[dof] = share
+    best = max(found, key=lambda dof: found[dof], default=None)
+    return best if best is not None and found[best] > _POSITIVE else None
+
+
+def _share(test: Test, row: int) -> float | None:
+    """How positive the power of a channel along the hammer is, None without enough lines."""
+    power = _power(test, row)
+    if len(power) < _LEAST or not power.any():
+        return None
+    return float((power * np.abs(power)).sum() / (power**2).sum())
 
 
 def _cosine(layout: Layout, output: Dof, reference: Dof) -> float | None:

@@ -85,7 +85,7 @@ def identify_modes(
     participation = np.array([cluster.participation for cluster in clusters]).T.reshape(n_in, -1)
     found, matrix = completed(data, freq_hz, poles, participation, tolerances)
     held = np.zeros(len(found.poles), bool)
-    if wishes is not None:
+    if wishes:
         found, matrix, held = edited(data, freq_hz, found, wishes)
     order = np.argsort(np.abs(found.poles))
     misfit = _misfit(data, found, len(matrix))

@@ -68,14 +68,15 @@ def cluster_poles(
     alike &= np.abs(damping[:, None] - damping) <= tolerances.damping * damping
     alike &= np.abs(shapes.conj().T @ shapes) ** 2 >= tolerances.participation
     left = np.ones(len(freq), bool)
+    order_of = (number[:, None] == np.arange(len(upper))).astype(np.float32)
+    counts = alike.astype(np.float32) @ order_of
     clusters = []
     while left.any():
-        members = alike & left
-        seen = np.array([len(set(number[row])) for row in members]) * left
+        seen = (counts > 0.5).sum(axis=1) * left
         best = int(np.argmax(seen))
         if seen[best] < max(2.0, tolerances.persistence * len(upper)):
             break
-        own = np.flatnonzero(members[best])
+        own = np.flatnonzero(alike[best] & left)
         middle = np.median(poles[own].real) + 1j * np.median(poles[own].imag)
         nearest = own[np.argmin(np.abs(poles[own] - middle))]
         clusters.append(
@@ -88,4 +89,5 @@ def cluster_poles(
             )
         )
         left[own] = False
+        counts -= alike[:, own].astype(np.float32) @ order_of[own]
     return tuple(sorted(clusters, key=lambda cluster: abs(cluster.pole)))

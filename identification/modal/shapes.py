@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification import reconstruct, reduce_to_bodies
 from identification.modal.indicators import mac
+from identification.solid import reconstruct, reduce_to_bodies
 from identification.words import (
     Complex,
     Dof,

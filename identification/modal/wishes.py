@@ -28,6 +28,10 @@ class Wishes:
     drop: tuple[float, ...] = ()
     force: tuple[tuple[float, float], ...] = ()
 
+    def __bool__(self) -> bool:
+        """Whether there is any."""
+        return bool(self.add or self.drop or self.force)
+
 
 def edited(
     data: Data, freq_hz: Real, found: ModalFit, wishes: Wishes

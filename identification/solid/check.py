@@ -120,8 +120,8 @@ def _searches(
 def _check(found: Search, tolerance: Tolerance, swap: Crossed | None) -> BodyCheck:
     data = found.data
     last = found.rankings[-1].look if found.rankings else None
-    seen = _spectrum(data, tolerance, found)
-    faults = _faults(found, seen, data.freq_hz)
+    seen, shapes_matter = _spectrum(data, tolerance, found)
+    faults = _faults(found, seen, data.freq_hz, shapes_matter=shapes_matter)
     if swap is not None and data.body in swap.bodies:
         after = found.excess(0)
         faults = (
@@ -160,19 +160,35 @@ def _words(found: Search, seen: Spectrum, faults: tuple[Fault, ...], tolerance: 
     return verdict(found.data.body, counts, found.data.freq_hz, seen, phrases)
 
 
-def _spectrum(data: BodyData, tolerance: Tolerance, found: Search) -> Spectrum:
-    """What remains with the sensors' faults taken out, but not what is flexible."""
+def _spectrum(data: BodyData, tolerance: Tolerance, found: Search) -> tuple[Spectrum, bool]:
+    """What remains with the sensors' faults taken out, but not what is flexible.
+
+    Returns:
+        The spectrum, and whether free shapes matter: not if the body is solid with all of them
+        left in, but for dead channels.
+    """
     drawn, state = State.healthy(data, tolerance), found.state
-    left_out = [one.hypothesis.effect != "flexible_body" for one in found.taken if one.shaped]
-    model = replace(state.model, extra=state.extra[:, left_out])
-    return spectrum(state, drawn, model, found.errors, found.noise_scale)
+    shaped = [one for one in found.taken if one.shaped]
+
+    def seen_without(left_out: list[bool]) -> Spectrum:
+        model = replace(state.model, extra=state.extra[:, left_out])
+        return spectrum(state, drawn, model, found.errors, found.noise_scale)
+
+    seen = seen_without([one.dead for one in shaped])
+    if not seen.beyond.any():
+        return seen, False
+    return seen_without([one.hypothesis.effect != "flexible_body" for one in shaped]), True
 
 
-def _faults(found: Search, seen: Spectrum, freq_hz: Real) -> tuple[Fault, ...]:
+def _faults(
+    found: Search, seen: Spectrum, freq_hz: Real, *, shapes_matter: bool
+) -> tuple[Fault, ...]:
     """Each effect and place once; a shape below the bound of solidity is no fault."""
     faults: dict[tuple[str, str, str | None], Fault] = {}
     for number, one in enumerate(found.taken):
         effect, location, dof = one.hypothesis.key
+        if one.hypothesis.shaped and not shapes_matter:
+            continue
         if effect == "flexible_body" and not seen.beyond.any():
             continue
         parameters = _parameters(one.hypothesis, found.errors[list(one.hypothesis.channels)])

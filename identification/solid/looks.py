@@ -136,7 +136,9 @@ def _mounts(found: list[Found], look: Look, done: frozenset[Key]) -> list[Found]
     more = []
     for one in alone[:_SCANS]:
         key = ("mount_resonance", one.hypothesis.location, one.hypothesis.dof)
-        left_out = shape_of(one.hypothesis, look.state, look.moments, look.state.start, _FIRST_STEPS)
+        left_out = shape_of(
+            one.hypothesis, look.state, look.moments, look.state.start, _FIRST_STEPS
+        )
         at = mount_of(look.state, left_out, one.hypothesis.channels[0])
         least = lowest(mounts[key], look.state.data.freq_hz)
         if at is not None and at[0] > least[0] and key not in done:

@@ -115,7 +115,7 @@ LIGHT = a_system(damping=0.003)
 
 
 def test_an_exponential_window_gives_the_frf_beside_the_imaginary_axis():
-    # With 0.6 s blocks a fifth of the response and more is cut off; H(i w + 1/tau) is found all the same.
+    # With 0.6 s blocks a fifth of the response and more is cut off; H(i w + 1/tau) is found still.
     hammer = Hammer(duration_s=0.6, noise=0.0)
     found = estimate(strike(LIGHT, hammer))
     assert found.left > 0.2

@@ -139,23 +139,6 @@ def test_a_direction_that_is_none_is_refused(refusal, direction, end):
     assert ("response" if end == "rsp" else "reference") in message
 
 
-@pytest.mark.parametrize(
-    "second",
-    [replace(ONE, data=numbers(5)), replace(ONE, rsp=(7, -1)), replace(ONE, ref=(11, -3))],
-    ids=["same", "response turned", "reference turned"],
-)
-def test_two_records_of_one_response_and_reference_are_refused(refusal, second):
-    message = refusal(ONE, TWO, second)
-    assert "records 1 and 3" in message
-    assert "7:" in message
-    assert "delete one" in message
-
-
-def test_two_coherences_of_one_cell_are_refused(refusal):
-    coherence = replace(ONE, func=6, data=np.linspace(0.1, 0.9, 9))
-    assert "records 2 and 3" in refusal(ONE, coherence, coherence)
-
-
 @pytest.mark.parametrize("ordinate", [0, 1, 2, 9, 13, 15, 99])
 def test_an_ordinate_that_is_no_motion_is_refused(refusal, ordinate):
     message = refusal(TWO, replace(ONE, ordinate=ordinate))

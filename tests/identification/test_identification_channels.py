@@ -1,0 +1,101 @@
+"""Channels that cannot be what they say."""
+
+import numpy as np
+import pytest
+
+from identification.channels import channel_remarks
+from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
+
+SITES = ("acc1", "acc2", "acc3", "acc4")
+LAYOUT = Layout(
+    ("b",),
+    np.zeros((1, 3)),
+    SITES,
+    np.zeros(4, int),
+    np.eye(4)[:, :3],
+    np.tile(np.eye(3), (4, 1, 1)),
+)
+OUTPUTS = tuple(Dof(site, "+tz") for site in SITES)
+
+
+@pytest.fixture
+def campaign():
+    rng = np.random.default_rng(42)
+
+    def build(edit=lambda values, coherence: None, references=("acc1:+tz", "acc2:+tx")):
+        tests = []
+        for label in references:
+            values = rng.normal(size=(50, 4)) + 1j * rng.normal(size=(50, 4))
+            coherence = rng.uniform(0.8, 1.0, (50, 4))
+            edit(values, coherence)
+            reference = Dof.parse(label)
+            frf = Frf(np.arange(1.0, 51), values[:, :, None], OUTPUTS, (reference,), "accelerance")
+            estimate = FrfEstimate(
+                frf,
+                np.ones((50, 4, 1)),
+                "coherence",
+                np.ones((4, 1), bool),
+                coherence[:, :, None],
+                10,
+            )
+            tests.append(Test(Condition("a.uff", reference), estimate))
+        return Campaign("c", LAYOUT, tuple(tests))
+
+    return build
+
+
+def test_sound_channels_are_not_spoken_of(campaign) -> None:
+    assert channel_remarks(campaign()) == ()
+
+
+def test_a_channel_of_zeros_is_dead(campaign) -> None:
+    def edit(values, coherence):
+        values[:, 2] = 0
+
+    (remark,) = channel_remarks(campaign(edit))
+    assert remark.startswith("acc3:+tz is dead: it reads zero")
+    assert remark.endswith("in every test")
+
+
+def test_a_channel_that_lost_its_coherence_alone_is_dead(campaign) -> None:
+    def edit(values, coherence):
+        coherence[:, 1] = 0.02
+
+    remarks = channel_remarks(campaign(edit))
+    assert all(remark.startswith("acc2:+tz is dead: its coherence is 0.02") for remark in remarks)
+    assert remarks
+
+
+def test_a_hit_that_was_poor_as_a_whole_makes_no_channel_dead(campaign) -> None:
+    def edit(values, coherence):
+        coherence[:] = 0.05
+
+    assert channel_remarks(campaign(edit)) == ()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_two_channels_with_the_same_numbers_are_one_exported_twice(campaign, sign) -> None:
+    def edit(values, coherence):
+        values[:, 3] = sign * values[:, 0]
+
+    (remark,) = channel_remarks(campaign(edit))
+    assert remark.startswith("acc1:+tz and acc4:+tz hold the same numbers")
+
+
+def test_proportional_channels_are_two(campaign) -> None:
+    def edit(values, coherence):
+        values[:, 3] = 1.01 * values[:, 0]
+
+    assert channel_remarks(campaign(edit)) == ()
+
+
+def test_a_fault_of_one_test_is_named_with_its_hit(campaign) -> None:
+    found = campaign(lambda values, coherence: None)
+    first = found.tests[0]
+    values = first.estimate.frf.values.copy()
+    values[:, 1] = 0
+    frf = Frf(np.arange(1.0, 51), values, OUTPUTS, (Dof("acc1", "+tz"),), "accelerance")
+    estimate = FrfEstimate(frf, np.ones((50, 4, 1)), "differences", np.ones((4, 1), bool))
+    broken = Campaign("c", LAYOUT, (Test(first.condition, estimate), found.tests[1]))
+    (remark,) = channel_remarks(broken)
+    assert remark.endswith("hit at acc1:+tz")

@@ -1,0 +1,304 @@
+"""Up to where bodies move as solids: drawn machines whose answer is known."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from solid_bodies import HITS, Case, draw, triaxials
+
+from identification import check_bodies
+from identification.solid.fit import Model, Moments, fit
+from identification.solid.gather import body_data, gather
+from identification.words import Campaign, Dof, Frf, Test
+
+LINES = 200
+
+
+def check(case: Case):
+    (found,) = check_bodies(draw(case))
+    return found
+
+
+def first_sensors(campaign: Campaign, count: int) -> Campaign:
+    """Only the channels of a body's first sensors."""
+    points = campaign.layout.points[:count]
+    return only(campaign, [dof for dof in triaxials(campaign.layout) if dof.point in points])
+
+
+def only(campaign: Campaign, outputs: list[Dof]) -> Campaign:
+    return replace(campaign, tests=tuple(part(test, outputs) for test in campaign.tests))
+
+
+def part(test: Test, outputs: list[Dof], name: str | None = None) -> Test:
+    estimate = test.estimate
+    rows = [estimate.frf.outputs.index(dof) for dof in outputs]
+    new = replace(
+        estimate,
+        frf=estimate.frf.select(outputs, estimate.frf.inputs),
+        variance=estimate.variance[:, rows],
+        measured=estimate.measured[rows],
+    )
+    condition = replace(test.condition, test=name or test.condition.test)
+    return Test(condition, new)
+
+
+def test_a_solid_body_within_tolerance_has_no_fault_in_sixty_draws():
+    named = []
+    for seed in range(60):
+        found = check(Case(1000 + seed, sensors=3 + seed % 2, lines=160))
+        if found.faults or found.more or found.solid_to_hz != found.freq_hz[-1]:
+            named.append((seed, found.words))
+    assert len(named) <= 1, named
+
+
+@pytest.mark.parametrize("stated", [0.83, 1.2], ids=["noise overstated", "noise understated"])
+def test_noise_misstated_by_a_fifth_makes_no_fault(stated):
+    for seed in range(4):
+        found = check(Case(1100 + seed, lines=LINES, noise=0.05, noise_misstated=stated))
+        assert not found.faults, found.words
+        assert found.solid_to_hz == found.freq_hz[-1]
+
+
+def test_tolerances_of_three_standard_deviations_make_no_fault_of_the_second_order():
+    # Drawn three times as wide as stated, most errors lie within what a fit must follow exactly.
+    tolerance = Case(0).tolerance
+    wide = replace(tolerance, sensor_angle=3 * tolerance.sensor_angle)
+    campaign = draw(Case(1200, lines=LINES, noise=0.003, tolerance=wide))
+    (found,) = check_bodies(campaign)
+    assert not found.faults, found.words
+    assert (found.deviation <= found.hidden).all()
+    assert np.median(found.hidden) < 0.003
+
+
+def test_the_fit_recovers_what_can_be_seen_of_the_sensors_errors():
+    # Reconstruction with fitted errors is better than as drawn by an order, down to the noise.
+    found = check(Case(1300, lines=LINES, noise=0.001))
+    high = found.freq_hz > 60
+    assert np.median(found.reconstruction[high]) > 0.008
+    assert np.median(found.deviation[high]) < 0.001
+    assert 0.9 < np.median(found.excess[high]) < 1.1
+
+
+def test_the_reconstruction_is_as_far_off_as_noise_and_tolerances_tell():
+    # One spare channel: the squared ratio is that of few errors, 1 in the mean with a scatter of
+    # some 0.9 a draw.
+    ratios = []
+    for seed in range(60):
+        campaign = draw(Case(1400 + seed, sensors=3, lines=LINES, noise=0.002))
+        (found,) = check_bodies(only(campaign, list(triaxials(campaign.layout))[:7]))
+        high = found.freq_hz > 40
+        ratios.append(np.sum(found.reconstruction[high] ** 2) / np.sum(found.expected[high] ** 2))
+    assert abs(np.mean(ratios) - 1) < 3 * 0.9 / np.sqrt(60)
+
+
+@pytest.mark.parametrize("size", [0.03, 0.1, 0.3])
+def test_a_flexible_mode_ends_solidity_below_it_and_is_no_sensors_fault(size):
+    for seed in range(2):
+        found = check(Case(1500 + seed, lines=LINES, flex=(150.0, size)))
+        assert [fault.effect for fault in found.faults] == ["flexible_body"], found.words
+        assert found.faults[0].location == "body:body0"
+        assert 60 < found.solid_to_hz < 148
+        assert found.faults[0].parameters["frequency"] == pytest.approx(150, rel=0.05)
+
+
+def test_the_larger_the_flexible_motion_the_lower_the_limit():
+    limits = [
+        check(Case(1600, lines=LINES, flex=(150.0, size))).solid_to_hz for size in (0.02, 0.1, 0.5)
+    ]
+    assert all(a > b for a, b in pairwise(limits)), limits
+
+
+def test_motion_that_is_flexible_by_less_than_a_percent_is_reported_and_still_solid():
+    found = check(Case(1700, lines=LINES, noise=0.001, flex=(150.0, 0.005)))
+    assert found.solid_to_hz == found.freq_hz[-1]
+    assert not found.faults
+    assert "as a solid within 0." in found.words
+
+
+def beam(seed: int) -> Campaign:
+    """A body whose readings follow eight bending modes of a beam, none of them rigid."""
+    rng = np.random.default_rng(seed)
+    campaign = draw(Case(seed, lines=LINES, noise=0.01))
+    along = campaign.layout.positions[:, 0] - campaign.layout.positions[:, 0].min()
+    places = np.repeat(along / along.max(), 3)
+    axes = campaign.layout.axes.transpose(0, 2, 1).reshape(-1, 3)
+    freq = campaign.freq_hz
+    tests = []
+    for test in campaign.tests:
+        values = np.zeros((len(freq), 12, 1), complex)
+        for k in range(1, 9):
+            ratio = freq / (8.0 * k**2)
+            gain = ratio**2 / (1 - ratio**2 + 0.04j * ratio)
+            shape = np.cos(np.pi * k * places) * (axes @ rng.normal(size=3)) * rng.normal()
+            values[:, :, 0] += gain[:, None] * shape
+        frf = Frf(freq, values, test.estimate.frf.outputs, test.estimate.frf.inputs, "accelerance")
+        noise = 1e-4 * np.mean(np.abs(values) ** 2) * np.ones(values.shape)
+        tests.append(replace(test, estimate=replace(test.estimate, frf=frf, variance=noise)))
+    return replace(campaign, tests=tuple(tests))
+
+
+def test_a_beam_is_not_taken_for_a_solid():
+    (found,) = check_bodies(beam(1800))
+    assert found.solid_to_hz is None or found.solid_to_hz < 40
+    assert np.median(found.deviation) > 0.1
+    assert found.more or any(fault.effect == "flexible_body" for fault in found.faults)
+
+
+# What cannot be checked.
+
+
+def test_a_body_without_spare_channels_says_that_no_check_is_possible():
+    campaign = draw(Case(1900, lines=60))
+    outputs = list(triaxials(campaign.layout))
+    (found,) = check_bodies(only(campaign, [*outputs[:3], outputs[4], outputs[8], outputs[10]]))
+    assert (found.rank, found.spare) == (6, 0)
+    assert found.solid_to_hz is None
+    assert not found.faults
+    assert "no check is possible" in found.words
+
+
+def test_two_triaxials_see_their_distance_alone_and_place_no_fault():
+    (found,) = check_bodies(first_sensors(draw(Case(1901, lines=60)), 2))
+    assert (found.rank, found.spare) == (5, 1)
+    assert not found.faults
+    assert "no fault can be placed" in found.words
+
+
+def test_one_triaxial_cannot_be_checked():
+    (found,) = check_bodies(first_sensors(draw(Case(1902, lines=60)), 1))
+    assert (found.rank, found.spare) == (3, 0)
+    assert "no check is possible" in found.words
+
+
+def test_a_body_without_channels_is_left_out():
+    campaign = draw(Case(1903, bodies=2, lines=60))
+    outputs = [dof for dof in triaxials(campaign.layout) if dof.point.startswith("p1")]
+    assert [found.body for found in check_bodies(only(campaign, outputs))] == ["body1"]
+
+
+# Properties.
+
+
+def fields(found) -> tuple:
+    curves = (found.deviation, found.excess, found.reconstruction, found.expected)
+    return curves, found.solid_to_hz, [(f.effect, f.location, f.dof) for f in found.faults]
+
+
+def same(one, other, rtol=1e-6):
+    (curves, *rest), (other_curves, *other_rest) = fields(one), fields(other)
+    for a, b in zip(curves, other_curves, strict=True):
+        np.testing.assert_allclose(a, b, rtol=rtol, atol=1e-6)
+    assert rest == other_rest
+
+
+FLEXIBLE = Case(2000, lines=LINES, flex=(150.0, 0.1))
+
+
+def test_a_scale_of_the_force_changes_nothing():
+    campaign = draw(FLEXIBLE)
+    tests = []
+    for test in campaign.tests:
+        frf = replace(test.estimate.frf, values=test.estimate.frf.values * 1e3)
+        estimate = replace(test.estimate, frf=frf, variance=test.estimate.variance * 1e6)
+        tests.append(replace(test, estimate=estimate))
+    same(*check_bodies(campaign), *check_bodies(replace(campaign, tests=tuple(tests))))
+
+
+def test_the_order_and_signs_of_channels_change_nothing():
+    campaign = draw(FLEXIBLE)
+    rng = np.random.default_rng(1)
+    outputs = [campaign.tests[0].estimate.frf.outputs[k] for k in rng.permutation(12)]
+    turned = [Dof.of(dof.point, dof.axis, int(rng.choice([-1, 1]))) for dof in outputs]
+    tests = []
+    for test in campaign.tests:
+        new = part(test, outputs)
+        frf = new.estimate.frf.select(turned, new.estimate.frf.inputs)
+        tests.append(replace(new, estimate=replace(new.estimate, frf=frf)))
+    same(*check_bodies(campaign), *check_bodies(replace(campaign, tests=tuple(tests))))
+
+
+def test_the_quantity_does_not_matter_but_for_the_weight_of_lines_within_a_window():
+    campaign = draw(FLEXIBLE)
+    tests = []
+    for test in campaign.tests:
+        frf = test.estimate.frf.as_quantity("receptance")
+        factor = (2 * np.pi * campaign.freq_hz[:, None, None]) ** -4
+        estimate = replace(test.estimate, frf=frf, variance=test.estimate.variance * factor)
+        tests.append(replace(test, estimate=estimate))
+    (one,) = check_bodies(campaign)
+    (other,) = check_bodies(replace(campaign, tests=tuple(tests)))
+    # A window spans 4 %, so receptance weighs its ends by up to 1.04^4 differently; noise is
+    # smoothed over seven lines, which a factor of frequency bends.
+    assert [f.effect for f in one.faults] == [f.effect for f in other.faults]
+    assert other.solid_to_hz == pytest.approx(one.solid_to_hz, rel=0.02)
+
+
+def test_set_ups_of_one_reference_are_used_together():
+    # Two sensors at a time have one spare channel at most; together they are as one test.
+    campaign = draw(FLEXIBLE)
+    outputs = list(triaxials(campaign.layout))
+    halves = tuple(
+        part(test, half, name)
+        for test in campaign.tests
+        for half, name in ((outputs[:6], "a.uff"), (outputs[6:], "b.uff"))
+    )
+    same(*check_bodies(campaign), *check_bodies(replace(campaign, tests=halves)))
+
+
+def test_levels_stand_beside_one_another():
+    campaign = draw(FLEXIBLE)
+    tests = tuple(
+        replace(test, condition=replace(test.condition, level_n=level))
+        for level in (40.0, 200.0)
+        for test in campaign.tests
+    )
+    (twice,) = check_bodies(replace(campaign, tests=tests))
+    assert len(gather(replace(campaign, tests=tests)).values) == 2 * len(HITS)
+    assert [fault.effect for fault in twice.faults] == ["flexible_body"]
+
+
+def test_a_channel_missing_for_one_hit_is_no_hindrance():
+    campaign = draw(Case(2100, lines=LINES))
+    outputs = list(triaxials(campaign.layout))
+    tests = (part(campaign.tests[0], outputs[:4] + outputs[5:]), *campaign.tests[1:])
+    (found,) = check_bodies(replace(campaign, tests=tests))
+    assert found.spare == 6
+    assert not found.faults
+    assert found.solid_to_hz == found.freq_hz[-1]
+
+
+# The fit itself.
+
+
+def test_gradient_and_curvature_are_those_of_the_cost():
+    campaign = draw(Case(2200, lines=60))
+    data = body_data(gather(campaign), campaign, "body0")
+    moments = Moments.of(data)
+    spread = data.sensors.spread(campaign.tolerance)
+    model = Model(data.sensors, data.scale, spread, np.zeros((12, 0)))
+    rng = np.random.default_rng(3)
+    errors = 0.5 * spread * rng.normal(size=len(spread))
+    gradient, _ = model.slopes(moments, errors)
+    for _ in range(5):
+        change = 1e-4 * spread * rng.normal(size=len(spread))
+        ahead, behind = (
+            model.data(moments, data.sensors.step(errors, sign * change)) for sign in (1, -1)
+        )
+        assert ahead - behind == pytest.approx(2 * gradient @ change, rel=1e-4)
+
+
+def test_noise_alone_costs_nothing_in_the_mean():
+    # tr(P (G - V)) of a rigid body at the true errors: mean 0, variance 6 a value.
+    costs = []
+    for seed in range(40):
+        exact = replace(Case(0).tolerance, sensor_gain=0.0, sensor_angle=0.0, sensor_position=0.0)
+        campaign = draw(Case(2300 + seed, lines=60, tolerance=exact, averages=200))
+        data = body_data(gather(campaign), campaign, "body0")
+        spread = data.sensors.spread(campaign.tolerance)
+        model = Model(data.sensors, data.scale, spread, np.zeros((12, 0)))
+        moments = Moments.of(data, blocks=1)
+        costs.append(model.data(moments, np.zeros(len(spread))) / np.sqrt(6 * 60 * 3))
+        assert fit(model, moments).prior < 1e-3
+    assert abs(np.mean(costs)) < 3 / np.sqrt(40)
+    assert 0.7 < np.std(costs) < 1.3

@@ -1,0 +1,219 @@
+"""One fault in a body's sensors: which, where, how large; and what cannot be told apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from solid_bodies import FAULTS, Case, Truth, draw, faulty, triaxials
+
+from identification import check_bodies
+from identification.words import Campaign
+
+LINES = 200
+DRAWS = 2  # of each kind
+
+
+def named(found) -> list[tuple[str, str, str | None]]:
+    return [(fault.effect, fault.location, fault.dof) for fault in found.faults]
+
+
+def is_right(found, truth: Truth) -> bool:
+    return any((truth.effect, truth.location, dof) in named(found)[:1] for dof in truth.dofs)
+
+
+def test_one_fault_in_four_triaxials_is_named_with_its_place():
+    wrong, total = [], 0
+    for kind in FAULTS:
+        for seed in range(DRAWS):
+            case, truth = faulty(kind, seed, lines=LINES)
+            (found,) = check_bodies(draw(case))
+            total += 1
+            if not (is_right(found, truth) and len(found.faults) == 1):
+                wrong.append((kind, seed, truth, found.words))
+    assert total == 24
+    assert len(wrong) <= 1, wrong  # at least 95 %
+
+
+def test_one_fault_in_three_triaxials_is_placed_on_its_sensor():
+    # Three spare channels: a gain can hide in the tolerances, an angle look like a gain.
+    kinds = ["polarity", "misalignment", "channels exchanged", "sensors exchanged", "delay"]
+    wrong = []
+    for kind in kinds:
+        for seed in range(2):
+            case, truth = faulty(kind, seed, sensors=3, lines=LINES)
+            (found,) = check_bodies(draw(case))
+            if not found.faults or found.faults[0].location != truth.location:
+                wrong.append((kind, seed, truth, found.words))
+    assert not wrong, wrong
+
+
+def fault_of(kind: str, seed: int = 11):
+    case, truth = faulty(kind, seed, lines=LINES)
+    (found,) = check_bodies(draw(case))
+    assert is_right(found, truth), found.words
+    return case, found.faults[0]
+
+
+def test_a_gain_is_estimated_within_its_tolerance():
+    _, fault = fault_of("gain")
+    nearest = min((0.65, 0.75, 1.3, 1.4), key=lambda g: abs(g - fault.parameters["gain"]))
+    # What is estimated holds the sensor's own 1 % and what the other sensors' errors leave open.
+    assert fault.parameters["gain"] == pytest.approx(nearest, rel=0.05)
+
+
+def test_a_rotation_is_estimated_in_world_axes():
+    case = Case(12, lines=LINES)
+    rotation = np.array([0.3, -0.2, 0.4])
+
+    def turn(layout):
+        axes = layout.axes.copy()
+        axes[2] = Rotation.from_rotvec(rotation).as_matrix() @ axes[2]
+        return replace(layout, axes=axes)
+
+    (found,) = check_bodies(draw(replace(case, layout_change=turn)))
+    assert named(found) == [("sensor_misalignment", "sensor:p0_2", None)]
+    # The tolerance of one degree a sensor, its own and what the other three share of theirs.
+    np.testing.assert_allclose(found.faults[0].parameters["rotation"], rotation, atol=0.08)
+
+
+def test_an_offset_is_estimated_in_world_axes():
+    case = Case(13, lines=LINES)
+    offset = np.array([0.06, -0.09, 0.03])
+
+    def move(layout):
+        positions = layout.positions.copy()
+        positions[1] += offset
+        return replace(layout, positions=positions)
+
+    (found,) = check_bodies(draw(replace(case, layout_change=move)))
+    assert named(found) == [("sensor_position", "sensor:p0_1", None)]
+    np.testing.assert_allclose(found.faults[0].parameters["offset"], offset, atol=0.03)
+
+
+def test_delay_and_mount_are_estimated():
+    def late(freq, values):
+        values = values.copy()
+        values[:, 3:6] *= np.exp(-2j * np.pi * freq * 2.5e-4)[:, None, None]
+        return values
+
+    (found,) = check_bodies(draw(Case(14, lines=LINES, read=late)))
+    assert named(found) == [("sensor_delay", "sensor:p0_1", None)]
+    assert found.faults[0].parameters["delay"] == pytest.approx(2.5e-4, rel=0.03)
+
+    def loose(freq, values):
+        values = values.copy()
+        reading = 1 / (1 - (freq / 420) ** 2 + 2j * 0.04 * freq / 420)
+        values[:, 3:6] *= reading[:, None, None]
+        return values
+
+    (found,) = check_bodies(draw(Case(15, lines=LINES, read=loose)))
+    assert named(found) == [("mount_resonance", "sensor:p0_1", None)]
+    assert found.faults[0].parameters["frequency"] == pytest.approx(420, rel=0.05)
+
+
+def test_two_faults_are_taken_out_one_after_the_other():
+    def both(freq, values):
+        values = values.copy()
+        values[:, 1] *= -1
+        values[:, 6] *= 1.4
+        return values
+
+    (found,) = check_bodies(draw(Case(16, sensors=5, lines=LINES, read=both)))
+    wanted = {("sensor_polarity", "sensor:p0_0", "ty"), ("sensor_gain", "sensor:p0_2", "tx")}
+    assert set(named(found)) == wanted, found.words
+    assert not found.more
+
+
+def test_two_sensors_of_different_bodies_exchanged_are_found_on_both():
+    campaign = draw(Case(17, bodies=2, lines=LINES, read=exchange(4, 9 + 6)))
+    first, second = check_bodies(campaign)
+    for found in (first, second):
+        assert named(found) == [("sensor_swap", "sensor:p0_1+p1_1", None)], found.words
+        assert found.solid_to_hz == found.freq_hz[-1]
+
+
+def exchange(*_):
+    order = [*range(3), *range(15, 18), *range(6, 15), *range(3, 6), *range(18, 24)]
+    return lambda freq, values: values[:, order]
+
+
+def test_a_fault_leaves_the_other_bodies_alone():
+    def flip(freq, values):
+        values = values.copy()
+        values[:, 14] *= -1
+        return values
+
+    campaign = draw(Case(18, bodies=2, lines=LINES, read=flip))
+    first, second = check_bodies(campaign)
+    assert not first.faults
+    assert named(second) == [("sensor_polarity", "sensor:p1_0", "tz")]
+
+
+def renamed(campaign: Campaign, names: dict[str, str]) -> Campaign:
+    """The same campaign with sensors called otherwise."""
+    layout = replace(
+        campaign.layout, points=tuple(names[point] for point in campaign.layout.points)
+    )
+    tests = []
+    for test in campaign.tests:
+        frf = test.estimate.frf
+        outputs = tuple(replace(dof, point=names[dof.point]) for dof in frf.outputs)
+        estimate = replace(test.estimate, frf=replace(frf, outputs=outputs))
+        tests.append(replace(test, estimate=estimate))
+    return replace(campaign, layout=layout, tests=tuple(tests))
+
+
+def test_the_fault_follows_the_sensors_name():
+    case, truth = faulty("polarity", 21, lines=LINES)
+    names = {f"p0_{k}": f"acc{9 - k}" for k in range(4)}
+    (found,) = check_bodies(renamed(draw(case), names))
+    old = truth.location.split(":")[1]
+    assert found.faults[0].location == f"sensor:{names[old]}"
+
+
+def in_a_plane(seed: int) -> Campaign:
+    """Three world-aligned triaxials at one height, as on a spindle."""
+    campaign = draw(Case(seed, sensors=3, lines=LINES, read=lambda freq, values: values))
+    layout = campaign.layout
+    height = np.where(np.arange(3) == 2, layout.centres[0, 2] - 0.014, layout.positions)
+    flat = replace(layout, positions=height, axes=np.tile(np.eye(3), (3, 1, 1)))
+    rows, old = flat.rows(triaxials(flat)), layout.rows(triaxials(layout))
+    tests = []
+    for test in campaign.tests:
+        frf = test.estimate.frf
+        values = rows @ (np.linalg.pinv(old) @ frf.values)
+        values = values + (frf.values - old @ (np.linalg.pinv(old) @ frf.values))
+        tests.append(
+            replace(test, estimate=replace(test.estimate, frf=replace(frf, values=values)))
+        )
+    return replace(campaign, layout=flat, tests=tuple(tests))
+
+
+def test_three_triaxials_in_a_plane_do_not_see_their_gains_across_it():
+    # Three channels across the plane determine tz, rx and ry; no other channel sees these three.
+    (found,) = check_bodies(in_a_plane(22))
+    across = {f"sensor_gain@sensor:p0_{k}:tz" for k in range(3)}
+    assert across <= set(found.unseen)
+    assert not {f"sensor_gain@sensor:p0_{k}:{d}" for k in range(3) for d in ("tx", "ty")} & set(
+        found.unseen
+    )
+    assert "unseen by these channels" in found.words
+
+
+def test_an_angle_in_the_plane_and_a_gain_of_it_are_not_called_twins_of_four_triaxials():
+    (found,) = check_bodies(draw(Case(22, lines=LINES)))
+    assert not found.twins
+    assert not found.unseen
+
+
+def test_every_channel_of_a_campaign_has_its_own_label():
+    campaign = draw(Case(23, lines=LINES))
+    (found,) = check_bodies(campaign)
+    assert found.channels == tuple(triaxials(campaign.layout))
+
+
+def test_results_are_read_only():
+    (found,) = check_bodies(draw(Case(24, lines=60)))
+    with pytest.raises(ValueError, match="read-only"):
+        found.deviation[0] = 1.0
