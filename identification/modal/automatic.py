@@ -132,7 +132,7 @@ def _misfit(data: Data, found: ModalFit, curved: int) -> float:
     cells = int((data.cells > 0).sum())
     n_out, n_in = data.cells.shape
     taken = curved + n_out * (2 * len(found.poles) + 2 * n_in)
-    return float(found.cost / max(cells * len(data.laplace) - taken / 2, 1.0))
+    return float(found.cost * data.alike / max(cells * len(data.laplace) - taken / 2, 1.0))
 
 
 def _deviations(found: ModalFit, matrix: Real, held: Mask) -> tuple[Real, Real]:

@@ -121,7 +121,7 @@ def _contradictions(data: Data, freq_hz: Real, fitted: ModalFit) -> Real:
     one mode more there. For a pole beside the band all lines count.
     """
     cells = int((data.cells > 0).sum())
-    left = (np.abs(weighted_error(data, fitted)) ** 2).sum(axis=(1, 2)) / cells
+    left = (np.abs(weighted_error(data, fitted)) ** 2).sum(axis=(1, 2)) * data.alike / cells
     found = np.full(len(fitted.poles), contradiction(data, fitted))
     for mode in np.flatnonzero(inside_band(fitted, freq_hz)):
         away = np.abs(freq_hz - fitted.freq_hz[mode])

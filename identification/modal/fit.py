@@ -36,6 +36,8 @@ class Data:
         weights: one over the variance, zero where not measured; (n_freq, n_out, n_in), or
             (n_freq, 1, 1) times ``cells`` if they are separable.
         cells: (n_out, n_in) weights of the cells beside those of the lines.
+        alike: lines whose errors are so alike that they tell as much as one; the weights have it
+            in them.
     """
 
     laplace: Complex
@@ -43,6 +45,7 @@ class Data:
     values: Complex
     weights: Real
     cells: Real
+    alike: float = 1.0
 
     @property
     def separable(self) -> bool:
@@ -260,7 +263,8 @@ def _schur(data: Data, fitted: ModalFit, linear: _Linear) -> tuple[Real, Real]:
 
 def contradiction(data: Data, fitted: ModalFit) -> float:
     """Cost per value, 1 at least: what is below it in the cost, noise or model errors can make."""
-    return max(1.0, fitted.cost / (int((data.cells > 0).sum()) * len(data.laplace)))
+    values = int((data.cells > 0).sum()) * len(data.laplace)
+    return max(1.0, fitted.cost * data.alike / values)
 
 
 def weighted_error(data: Data, fitted: ModalFit) -> Complex:

@@ -13,7 +13,7 @@ motion is not seen: with few spare channels the deviation is too small.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import gamma
 
 from identification.solid.fit import Model, project
 from identification.solid.gather import BodyData
@@ -76,8 +76,8 @@ def spectrum(
     near, near_noise, size = (
         np.maximum(_smooth(x, freq), 0.0) for x in (power, noise_scale * noise, rigid)
     )
-    level = norm.isf(_FALSE / len(freq)) * noise_scale
-    hidden = level * np.sqrt(np.maximum(_smooth(square, freq), 0.0) / _widths(freq))
+    spread = noise_scale**2 * np.maximum(_smooth(square, freq), 0.0) / _widths(freq)
+    hidden = _highest(near_noise, spread, _FALSE / len(freq)) - near_noise
     beyond = near - near_noise - hidden
     whole = np.maximum(whole, 1e-300)
     tolerated = _tolerated(drawn.data, drawn.model)
@@ -90,6 +90,17 @@ def spectrum(
         beyond=beyond > SOLID_WITHIN**2 * size,
         significant=beyond > 0,
     )
+
+
+def _highest(mean: Real, variance: Real, chance: float) -> Real:
+    """What a sum of squares of noise exceeds by this chance, from its mean and variance.
+
+    Taken as gamma distributed (Satterthwaite 1946): where few lines carry the sum, its upper tail
+    is far longer than that of a normal one.
+    """
+    known = (mean > 0) & (variance > 0)
+    shape = np.where(known, mean, 1.0) ** 2 / np.where(known, variance, 1.0)
+    return np.asarray(np.where(known, gamma.isf(chance, shape) * mean / shape, mean), float)
 
 
 def solid_to(freq_hz: Real, beyond: Mask) -> float | None:

@@ -264,4 +264,4 @@ def test_without_webgl_a_sentence_stands_for_the_picture_and_the_rest_works(text
     assert bare["picture"].startswith("No 3-D picture")
     assert bare["faults"] == []
     assert bare["selected"] == 2
-    assert bare["solid"] == ""
+    assert "moves as a solid up to 165 Hz" in bare["solid"]
