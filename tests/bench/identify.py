@@ -1,4 +1,4 @@
-"""Modes found without a click on synthetic machines, beside sdypy-EMA on the same data.
+"""Modes found without a click on synthetic machines, beside sdypy-EMA and pyFBS on the same data.
 
 Seeds 7001 and up are reported only: whatever was chosen in the method was chosen on others.
 """
@@ -9,6 +9,7 @@ import numpy as np
 from sdypy import EMA
 
 from identification.modal import Data, identify_modes, lscf
+from tests.bench.peer_pyfbs import pyfbs_poles
 from tests.helpers.modal_case import found_and_extra, modal_case
 
 CASES = ((24, 0.037), (23, 0.037), (25, 0.037), (35, 0.059), (36, 0.059))
@@ -49,6 +50,18 @@ def _row(seed: int, count: int, highest: float) -> dict[str, object]:
         "poles s": poles_s,
         "sdypy poles / ours": peer_s / poles_s,
         "sdypy best order": max(_peer_found(case, poles) for poles in peer.all_poles),
+        **_pyfbs(case, poles_s),
+    }
+
+
+def _pyfbs(case, ours_s: float) -> dict[str, object]:  # type: ignore[no-untyped-def]
+    """pyFBS to as many roots, every second order, as it does by default."""
+    seconds, orders = _timed(lambda: pyfbs_poles(case.freq_hz, case.noisy, 42))
+    if orders is None:
+        return {"pyFBS poles / ours": None, "pyFBS best order": None}
+    return {
+        "pyFBS poles / ours": seconds / ours_s,
+        "pyFBS best order": max(_peer_found(case, poles) for poles in orders),
     }
 
 
