@@ -15,6 +15,7 @@ from identification import (
     read_settings,
 )
 from identification.modal import Tolerances, Wishes, identify
+from identification.roving import exchanged, is_roved
 from identification.setups import consistency
 from identification.words import (
     Campaign,
@@ -93,7 +94,8 @@ def run(
     other = _other(choices.against, machine, chosen)
     with SCREEN.console.status("poles, shapes, refinement") if not SCREEN.quiet else nullcontext():
         identified = identify(chosen, choices.tolerances, choices.wishes)
-        checks = Checks(check_bodies(chosen), consistency(chosen))
+        solid = check_bodies(exchanged(chosen) if is_roved(chosen) else chosen)
+        checks = Checks(solid, consistency(chosen))
     source = "" if machine is None else str(machine.source.absolute())
     result = gather(
         chosen, identified, choices.tolerances, other=other, source=source, checks=checks

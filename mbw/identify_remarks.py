@@ -52,7 +52,7 @@ def _percent(value: float) -> str:
 def remarks(result: Result) -> list[str]:
     """One sentence for each thing that limits what the modal model says."""
     summary = result.summary
-    found = [_sentence(text) for text in summary.remarks]
+    found = [text.rstrip(".") + "." for text in summary.remarks]
     if summary.roved:
         found.append(
             "The hammer roved: by reciprocity, the points that were hit stand here as outputs, the "
@@ -102,10 +102,6 @@ def remarks(result: Result) -> list[str]:
     if turned:
         found.append(f"Against the motion of its body goes {', '.join(turned)}: a turned channel?")
     return found
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:].rstrip(".") + "."
 
 
 def _modes(result: Result, rows: list[ModeRow]) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from identification.modal.clusters import Cluster, Tolerances, cluster_poles
 from identification.modal.complete import completed, inside_band
 from identification.modal.fit import Data, ModalFit
+from identification.modal.indicators import mpc, mpd
 from identification.modal.lscf import Poles, lscf
 from identification.modal.wishes import Wishes, edited
 from identification.words import Mask, Real
@@ -27,7 +28,8 @@ class Identified:
 
     Args:
         fit: all poles that were fitted, by rising frequency.
-        inside: which lie in the band: the others stand for what lies beside it.
+        inside: which are modes of the band: the others stand for what lies beside it, or are less
+            real than was asked.
         freq_sd: standard deviations of the natural frequencies [Hz]; (n_mode,).
         damping_sd: of the damping ratios; (n_mode,).
         orders: poles of every order, for a stabilisation diagram.
@@ -98,13 +100,24 @@ def identify_modes(
     )
     return Identified(
         found,
-        inside_band(found, freq_hz),
+        inside_band(found, freq_hz) & _real_enough(found, tolerances),
         freq_sd[order],
         damping_sd[order],
         orders,
         clusters,
         misfit,
     )
+
+
+def _real_enough(found: ModalFit, tolerances: Tolerances) -> Mask:
+    """Modes whose phases stray no more than was asked.
+
+    The others stay in the fit, like poles beside the band: without them their neighbours would
+    have to stand for them, and stray in their turn.
+    """
+    kept: Mask = mpc(found.shapes) >= tolerances.collinearity
+    kept &= mpd(found.shapes) <= tolerances.phase_deviation
+    return kept
 
 
 def _exchanged(data: Data) -> Data:

@@ -19,6 +19,8 @@ class Tolerances:
         participation: least modal assurance criterion of the participation.
         persistence: least share of the orders in which a mode comes back.
         highest_damping: ratio above which a pole is no mode.
+        collinearity: least modal phase collinearity (MPC) of a shape.
+        phase_deviation: greatest mean phase deviation (MPD) of a shape [rad].
     """
 
     frequency: float = 0.01
@@ -26,6 +28,8 @@ class Tolerances:
     participation: float = 0.8
     persistence: float = 0.3
     highest_damping: float = 0.2
+    collinearity: float = 0.0
+    phase_deviation: float = np.pi
 
 
 @dataclass(frozen=True, eq=False)

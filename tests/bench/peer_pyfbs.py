@@ -33,7 +33,8 @@ def pyfbs_poles(freq_hz: np.ndarray, values: np.ndarray, highest: int) -> list[n
     own.n_o, own.n_i = values.shape[1:]
     with contextlib.redirect_stdout(io.StringIO()):
         own.p_lscf(highest)
-    return [np.asarray(order[0]).ravel() for order in own.poles]
+    orders = (np.asarray(order[0]).ravel() for order in own.poles)
+    return [order[order != 0] for order in orders]
 
 
 def _class(folder: Path) -> type:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from modal_case import modal_case
 
-from identification.modal import Data, Wishes, identify_modes
+from identification.modal import Data, Tolerances, Wishes, identify_modes, mpc, mpd
 from identification.words import UsageError
 
 
@@ -112,3 +112,21 @@ def test_a_machine_that_drifts_between_hits_has_hardly_more_modes_for_it() -> No
         assert near.any(axis=0).all(), "all nine, with the pair 0.4 Hz apart"
         extra += len(inside) - len(freq)
     assert extra <= 1, "without care each resonance would be two"
+
+
+def test_shapes_less_real_than_asked_are_no_modes(data, case) -> None:
+    plain, freq = frequencies(data, case)
+    own = mpc(plain.fit.shapes)[plain.inside]
+    asked = float(np.sort(own)[:2].mean())
+    real = identify_modes(data, case.freq_hz, Tolerances(collinearity=asked))
+    kept = real.fit.freq_hz[real.inside]
+    np.testing.assert_allclose(kept, np.delete(freq, own.argmin()), rtol=2e-3)
+
+
+def test_shapes_whose_phases_stray_more_than_asked_are_no_modes(data, case) -> None:
+    plain, freq = frequencies(data, case)
+    own = mpd(plain.fit.shapes)[plain.inside]
+    asked = float(np.sort(own)[-2:].mean())
+    real = identify_modes(data, case.freq_hz, Tolerances(phase_deviation=asked))
+    kept = real.fit.freq_hz[real.inside]
+    np.testing.assert_allclose(kept, np.delete(freq, own.argmax()), rtol=2e-3)
