@@ -2,6 +2,14 @@
 
 from identification.modal.automatic import Identified, identify_modes
 from identification.modal.campaign import Measured, beside, identify
+from identification.modal.circle import Circle, circle_fit
+from identification.modal.classical import (
+    half_power_damping,
+    least_squares_amplitude,
+    peak_amplitude,
+    unit_response,
+)
+from identification.modal.classical_checks import ClassicalMode, classical_checks
 from identification.modal.clusters import Tolerances
 from identification.modal.fit import Data, ModalFit
 from identification.modal.indicators import (
@@ -38,6 +46,8 @@ from identification.modal.wishes import Wishes
 __all__ = [
     "UNIT_MASS",
     "BodyShapes",
+    "Circle",
+    "ClassicalMode",
     "Data",
     "Identified",
     "Measured",
@@ -49,18 +59,23 @@ __all__ = [
     "Wishes",
     "auto_mac",
     "beside",
+    "circle_fit",
+    "classical_checks",
     "cmif",
     "comac",
     "exchanged",
     "full_matrix",
+    "half_power_damping",
     "identify",
     "identify_modes",
+    "least_squares_amplitude",
     "lscf",
     "mac",
     "mmif",
     "mpc",
     "mpd",
     "paired",
+    "peak_amplitude",
     "real_shapes",
     "reciprocal",
     "scaled",
@@ -69,4 +84,5 @@ __all__ = [
     "stability",
     "synthesis_error",
     "synthesised",
+    "unit_response",
 ]

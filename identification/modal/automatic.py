@@ -154,21 +154,22 @@ def _deviations(found: ModalFit, matrix: Real, held: Mask) -> tuple[Real, Real]:
     cov(Re s, Im s) is half the inverse of the normal matrix; |s| and -Re s / |s| follow to first
     order. What the model does not hold is not in them.
     """
-    m = len(found.poles)
+    sds = np.zeros((2, len(held)))
+    m = int((~held).sum())
     if not m:
-        return np.zeros(0), np.zeros(0)
+        return sds[0], sds[1]
     size = np.sqrt(np.maximum(np.diag(matrix), _ROUND * np.diag(matrix).max()))
     values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
     # Poles far beside the band are hardly told apart: rounding must not make that negative.
     scaled = vectors / size[:, None]
     covariance = scaled / np.maximum(values, _ROUND * values[-1]) @ scaled.T / 2
     own = np.arange(m)
-    real, imag = found.poles.real, found.poles.imag
-    size = np.abs(found.poles)
+    poles = found.poles[~held]
+    real, imag, size = poles.real, poles.imag, np.abs(poles)
     var_r, var_i = covariance[own, own], covariance[m + own, m + own]
     both = covariance[own, m + own]
     frequency = (real**2 * var_r + imag**2 * var_i + 2 * real * imag * both) / size**2
     slope_r, slope_i = -(imag**2) / size**3, real * imag / size**3
     damping = slope_r**2 * var_r + slope_i**2 * var_i + 2 * slope_r * slope_i * both
-    frequency, damping = np.where(held, 0.0, [frequency, damping])
-    return np.sqrt(frequency) / (2 * np.pi), np.sqrt(damping)
+    sds[:, ~held] = np.sqrt(frequency) / (2 * np.pi), np.sqrt(damping)
+    return sds[0], sds[1]

@@ -116,7 +116,7 @@ def _refined(values: Complex, centre: complex, radius: float) -> tuple[complex, 
         found: Real = np.abs((values - centre) / size - (x[0] + 1j * x[1])) - x[2]
         return found
 
-    found = scipy.optimize.least_squares(distances, [0.0, 0.0, radius / size]).x
+    found = scipy.optimize.least_squares(distances, [0.0, 0.0, radius / size], method="lm").x
     return complex(centre + size * (found[0] + 1j * found[1])), float(size * abs(found[2]))
 
 
@@ -139,5 +139,5 @@ def _sweep(freq: Real, angle: Real) -> tuple[float, float, float]:
 
     middle = (angle[fastest] + angle[fastest + 1]) / 2
     scale = [zeta, 0.3, 0.3]
-    found = scipy.optimize.least_squares(off, [0.0, 0.0, middle], x_scale=scale).x
+    found = scipy.optimize.least_squares(off, [0.0, 0.0, middle], x_scale=scale, method="lm").x
     return float(start * np.exp(found[0])), float(zeta * np.exp(found[1])), float(found[2])

@@ -24,6 +24,7 @@ from identification.words import Complex, Mask, Real
 _ADDED, _GUARDS = 12, 6  # poles searched in what is left and beside the band, at most
 _NOISE = 3.0  # times the number of its parameters that a mode must lower the cost
 _GUARD = 0.7  # the same of a pole beside the band; noise alone gives 0.5
+_ALONE = 0.3  # of the drop that is asked for, which the new pole must give while others stay
 _ALIKE = 0.999  # modal assurance criterion of what the halves of a split mode share
 _NARROW = 0.002  # of the band: a split mode is not searched again in these lines
 _ROUGH = 0.05  # of the former, at which a search on the way has settled
@@ -60,8 +61,12 @@ def completed(
 
 def rough_fit(data: Data, poles: Complex, participation: Complex) -> ModalFit:
     """A fit on the way, which stops where noise begins."""
-    fitted, _ = refine(data, poles, participation, settled=_ROUGH * _NOISE * _parameters(data))
+    fitted, _ = refine(data, poles, participation, settled=_rough(data))
     return fitted
+
+
+def _rough(data: Data) -> float:
+    return _ROUGH * _NOISE * _parameters(data)
 
 
 def _with_more(data: Data, freq_hz: Real, found: ModalFit, *, inside: bool) -> ModalFit:
@@ -75,16 +80,13 @@ def _with_more(data: Data, freq_hz: Real, found: ModalFit, *, inside: bool) -> M
     for _ in range(_ADDED if inside else _GUARDS):
         error = weighted_error(data, found) * ~split[:, None, None]
         starts = [_peak(freq_hz, error, found)] if inside else _beside(data, freq_hz, error, found)
-        more = [
-            rough_fit(
-                data, np.append(found.poles, pole), np.column_stack([found.participation, row])
-            )
-            for pole, row in starts
-        ]
+        more = [_with(data, found, pole, row) for pole, row in starts]
         if not inside:  # those that stayed there
             most = (~inside_band(found, freq_hz)).sum()
             more = [fit for fit in more if (~inside_band(fit, freq_hz)).sum() > most]
         better = min(more, key=lambda fit: fit.cost, default=found)
+        if better is not found and found.cost - better.cost > _ALONE * threshold:
+            better = rough_fit(data, better.poles, better.participation)
         if found.cost - better.cost < threshold * _contradictions(data, freq_hz, better)[-1]:
             break
         if inside and splits(better)[-1].any():
@@ -93,6 +95,14 @@ def _with_more(data: Data, freq_hz: Real, found: ModalFit, *, inside: bool) -> M
         else:
             found = better
     return found
+
+
+def _with(data: Data, found: ModalFit, pole: complex, row: Complex) -> ModalFit:
+    """One pole more, moved until it settles while the others stay where they are."""
+    poles, rows = np.append(found.poles, pole), np.column_stack([found.participation, row])
+    only = np.arange(len(poles)) == len(found.poles)
+    fitted, _ = refine(data, poles, rows, settled=_rough(data), only=only)
+    return fitted
 
 
 def splits(fitted: ModalFit) -> Mask:

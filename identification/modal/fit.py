@@ -189,11 +189,30 @@ def _normal(data: Data, sums: _Sums, frame: Complex) -> Real:
     return normal
 
 
-def _free(participation: Complex) -> tuple[Integers, Integers]:
-    """Input and mode of each participation that may vary: all but the largest of a mode."""
-    held = np.abs(participation).argmax(axis=0)
-    inputs, modes = np.nonzero(np.arange(len(participation))[:, None] != held)
-    return inputs, modes
+@dataclass(frozen=True, eq=False)
+class _Free:
+    """What varies beside the shapes: poles, and participation but for the largest of a mode.
+
+    Args:
+        poles: numbers of those that vary; (n_pole,).
+        inputs, modes: of the participations that vary; (n_free,).
+    """
+
+    poles: Integers
+    inputs: Integers
+    modes: Integers
+
+    @property
+    def size(self) -> int:
+        """Real numbers: Re s, Im s, Re l, Im l."""
+        return 2 * len(self.poles) + 2 * len(self.inputs)
+
+
+def _free(participation: Complex, moving: Mask, turning: Mask) -> _Free:
+    """Poles of the modes that may move, participation of those that may turn; (n_mode,) each."""
+    largest = np.abs(participation).argmax(axis=0)
+    inputs, modes = np.nonzero((np.arange(len(participation))[:, None] != largest) & turning)
+    return _Free(np.flatnonzero(moving), inputs, modes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,39 +237,44 @@ class _Curves:
         return (self.first, self.one), (self.second, self.other)
 
 
-def _curves(fitted: ModalFit, inputs: Integers, modes: Integers, inp: int) -> _Curves:
-    m, count = len(fitted.poles), len(inputs)
-    mode, own = np.arange(m), np.flatnonzero(inputs == inp)
-    residue = fitted.shapes * fitted.participation[inp]
-    shape = fitted.shapes[:, modes[own]]
+def _curves(fitted: ModalFit, free: _Free, inp: int) -> _Curves:
+    m, k, count = len(fitted.poles), len(free.poles), len(free.inputs)
+    place, mode, own = np.arange(k), free.poles, np.flatnonzero(free.inputs == inp)
+    turned = free.modes[own]
+    residue = fitted.shapes[:, mode] * fitted.participation[inp, mode]
+    shape = fitted.shapes[:, turned]
     one = np.hstack([residue, 1j * residue, shape, 1j * shape])
     return _Curves(
-        np.concatenate([mode, m + mode, 2 * m + own, 2 * m + count + own]),
-        np.concatenate([2 * m + mode, 2 * m + mode, modes[own], modes[own]]),
-        np.concatenate([3 * m + mode, 3 * m + mode, m + modes[own], m + modes[own]]),
+        np.concatenate([place, k + place, 2 * k + own, 2 * k + count + own]),
+        np.concatenate([2 * m + mode, 2 * m + mode, turned, turned]),
+        np.concatenate([3 * m + mode, 3 * m + mode, m + turned, m + turned]),
         one,
         one.conj(),
     )
 
 
-def _schur(data: Data, fitted: ModalFit, linear: _Linear) -> tuple[Real, Real]:
+def _schur(data: Data, fitted: ModalFit, linear: _Linear, free: _Free) -> tuple[Real, Real]:
     """Normal matrix and right side of poles and participation, shapes eliminated."""
-    inputs, modes = _free(fitted.participation)
-    size = 2 * len(fitted.poles) + 2 * len(inputs)
+    size = free.size
     curved = np.zeros((size, size))
     crossed = np.zeros((len(data.cells), linear.frame.shape[2], size))
     right = np.zeros(size)
     projected = linear.sums.project(linear.error)
     for inp in range(len(fitted.participation)):
-        own = _curves(fitted, inputs, modes, inp)
+        own = _curves(fitted, free, inp)
         weight = data.cells[:, inp, None]
         grams = linear.sums.grams[:1, inp] if data.separable else linear.sums.grams[:, inp]
+        adjoint = linear.frame[inp].conj().T
+        one, other = adjoint @ grams[:, :, own.first], adjoint @ grams[:, :, own.second]
+        # Re (one f + other conj f), in real numbers: the longest sum of all.
+        factor = (weight * own.one)[:, None]
+        added = factor.real * (one.real + other.real)
+        added += factor.imag * (other.imag - one.imag)
+        crossed[:, :, own.columns] += added
         for kernel, factor in own.pairs:
-            seen = linear.frame[inp].conj().T @ grams[:, :, kernel]
-            crossed[:, :, own.columns] += (seen * (weight * factor)[:, None]).real
             right[own.columns] += (weight * factor.conj() * projected[:, inp, kernel]).real.sum(0)
-            for other, twin in own.pairs:
-                gram = grams[:, kernel[:, None], other]
+            for twins, twin in own.pairs:
+                gram = grams[:, kernel[:, None], twins]
                 if data.separable:
                     product = ((weight * factor).conj().T @ twin) * gram[0]
                 else:
@@ -297,6 +321,7 @@ def refine(
     *,
     settled: float = _SETTLED,
     held: Mask | None = None,
+    only: Mask | None = None,
 ) -> tuple[ModalFit, Real]:
     """Fit poles, participation, shapes and residuals together.
 
@@ -309,28 +334,30 @@ def refine(
         settled: drop of the cost in one step at which to stop, in units of the noise or, where
             that is more, of what the fit leaves.
         held: poles that stay where they are; (n_mode,).
+        only: modes of which pole and participation vary, the shapes of all; (n_mode,).
 
     Returns:
-        The fit, and the normal matrix of (Re s, Im s, Re l, Im l) with the shapes eliminated:
-        with weights of one over the variance, half its inverse is their covariance. Poles that
-        were held have zeros and a one on the diagonal.
+        The fit, and the normal matrix of (Re s, Im s, Re l, Im l) with the shapes eliminated, of
+        what varies: with weights of one over the variance, half its inverse is their covariance.
     """
-    held = np.zeros(len(poles), bool) if held is None else held
-    still = np.flatnonzero(np.concatenate([held, held]))
+    turning = np.ones(len(poles), bool) if only is None else only
+    moving = turning if held is None else turning & ~held
     fitted, linear = _fit_shapes(data, poles, participation)
     if not len(poles):
         return fitted, np.zeros((0, 0))
     damping = 1e-6
-    matrix, right = _held(still, *_schur(data, fitted, linear))
-    for _ in range(_STEPS):
+    free = _free(participation, moving, turning)
+    matrix, right = _schur(data, fitted, linear, free)
+    for _ in range(_STEPS if free.size else 0):
         scaled = matrix + damping * np.diag(np.diag(matrix))
         step = np.asarray(np.linalg.solve(scaled, right), np.float64)
-        moved = _moved(fitted, step)
+        moved = _moved(fitted, step, free)
         after, linear = _fit_shapes(data, *moved)
         if np.isfinite(after.cost) and after.cost <= fitted.cost and (after.poles.imag > 0).all():
             ends = fitted.cost - after.cost <= settled * contradiction(data, after)
             fitted, damping = after, damping / 10
-            matrix, right = _held(still, *_schur(data, fitted, linear))
+            free = _free(fitted.participation, moving, turning)
+            matrix, right = _schur(data, fitted, linear, free)
             if ends:
                 break
         else:
@@ -340,17 +367,11 @@ def refine(
     return fitted, matrix
 
 
-def _held(still: Integers, matrix: Real, right: Real) -> tuple[Real, Real]:
-    matrix[still], matrix[:, still], right[still] = 0.0, 0.0, 0.0
-    matrix[still, still] = 1.0
-    return matrix, right
-
-
-def _moved(fitted: ModalFit, step: Real) -> tuple[Complex, Complex]:
-    m = len(fitted.poles)
-    inputs, modes = _free(fitted.participation)
-    count = len(inputs)
-    poles = fitted.poles + step[:m] + 1j * step[m : 2 * m]
-    participation = fitted.participation.copy()
-    participation[inputs, modes] += step[2 * m : 2 * m + count] + 1j * step[2 * m + count :]
+def _moved(fitted: ModalFit, step: Real, free: _Free) -> tuple[Complex, Complex]:
+    k, count = len(free.poles), len(free.inputs)
+    poles, participation = fitted.poles.copy(), fitted.participation.copy()
+    poles[free.poles] += step[:k] + 1j * step[k : 2 * k]
+    participation[free.inputs, free.modes] += (
+        step[2 * k : 2 * k + count] + 1j * step[2 * k + count :]
+    )
     return poles, participation

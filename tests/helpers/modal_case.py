@@ -33,10 +33,12 @@ def modal_case(
     start=20,
     modes_hz=None,
     damping=None,
+    spread=0.0,
 ):
     """Accelerances in 0..200 Hz, modes in 6..194 Hz at least 0.4 Hz apart, the others above.
 
-    Noise is complex normal, a share of each channel's rms over the band.
+    With a spread some modes are excited and measured far less than others (shapes times
+    exp(spread N(0, 1))). Noise is complex normal, a share of each channel's rms over the band.
     """
     rng = np.random.default_rng(seed)
     inside = np.sort(rng.uniform(6, 194, count))
@@ -47,6 +49,8 @@ def modal_case(
     if modes_hz is not None:
         freq[: len(modes_hz)], zeta[: len(modes_hz)] = modes_hz, damping
     shapes = rng.normal(size=(n_out, total)) * np.exp(0.1j * rng.normal(size=(n_out, total)))
+    if spread:
+        shapes *= np.exp(spread * rng.normal(size=total))
     drives = np.arange(30 % n_out, 30 % n_out + n_in)
     omega = 2 * np.pi * freq
     poles = omega * (-zeta + 1j * np.sqrt(1 - zeta**2))

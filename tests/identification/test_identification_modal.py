@@ -97,12 +97,13 @@ def test_the_normal_matrix_is_that_of_the_jacobian_written_out(full):
     case = modal_case(8, 3, **{**SMALL, "total": 3, "lines": 101, "start": 5})
     data = data_of(case, full=full)
     fitted, linear = _fit_shapes(data, *start_of(case, 3, off=0.02))
-    matrix, right = _schur(data, fitted, linear)
-    inputs, _ = _free(fitted.participation)
+    every = np.ones(3, bool)
+    free = _free(fitted.participation, every, every)
+    matrix, right = _schur(data, fitted, linear, free)
     weight = np.sqrt(data.weights * data.cells)
 
     def residual(step):
-        moved, _ = _fit_shapes(data, *_moved(fitted, step))
+        moved, _ = _fit_shapes(data, *_moved(fitted, step, free))
         error = ((data.values - moved.values(data.laplace, 2)) * weight).ravel()
         return np.concatenate([error.real, error.imag])
 
@@ -110,7 +111,7 @@ def test_the_normal_matrix_is_that_of_the_jacobian_written_out(full):
     # (Kaufman) by a part normal to it and of the size of the residual: compare the gradients.
     size = len(right)
     h = 1e-6 * np.concatenate(
-        [np.abs(fitted.poles), np.abs(fitted.poles), np.ones(2 * len(inputs))]
+        [np.abs(fitted.poles), np.abs(fitted.poles), np.ones(2 * len(free.inputs))]
     )
     slope = np.array(
         [
@@ -290,3 +291,19 @@ def test_a_modal_model_without_a_drive_point_has_no_scale():
     model = model_of(case, (Dof("hit99", "+tz"), Dof("hit98", "+tz")))
     with pytest.raises(UsageError, match="without a drive point"):
         _ = model.modal_a
+
+
+def test_modes_that_are_held_stay_and_the_others_find_the_same_place():
+    case = modal_case(8, 3, **{**SMALL, "total": 3, "lines": 101, "start": 5})
+    data = data_of(case)
+    whole, matrix = refine(data, *start_of(case, 3))
+    poles, participation = whole.poles.copy(), whole.participation.copy()
+    poles[1] *= 1.002
+    only = np.array([False, True, False])
+    again, small = refine(data, poles, participation, only=only)
+    np.testing.assert_array_equal(again.poles[[0, 2]], whole.poles[[0, 2]])
+    np.testing.assert_array_equal(again.participation[:, [0, 2]], whole.participation[:, [0, 2]])
+    np.testing.assert_allclose(again.poles[1], whole.poles[1], rtol=1e-5)
+    # Its part of the normal matrix is that of the whole: Re s, Im s stand first in both.
+    assert small.shape == (4, 4)
+    np.testing.assert_allclose(small[:2, :2], matrix[np.ix_([1, 4], [1, 4])], rtol=1e-3)

@@ -111,7 +111,7 @@ def test_a_machine_that_drifts_between_hits_has_hardly_more_modes_for_it() -> No
         near = np.abs(inside[:, None] / freq - 1) < 1e-3
         assert near.any(axis=0).all(), "all nine, with the pair 0.4 Hz apart"
         extra += len(inside) - len(freq)
-    assert extra <= 1, "without care each resonance would be two"
+    assert extra <= 3, "of 36 resonances; without care each would be two"
 
 
 def test_shapes_less_real_than_asked_are_no_modes(data, case) -> None:
