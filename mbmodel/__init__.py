@@ -4,6 +4,7 @@ from mbmodel.edit import Edit, NotHeld, write_mjcf
 from mbmodel.energy import Energy, energy
 from mbmodel.looks import Looks, looks
 from mbmodel.machine import Machine, load_machine
+from mbmodel.mode_slopes import LinearisedModes, ModeEvaluator
 from mbmodel.model import Matrices, Model, as_drawn
 from mbmodel.modes import Modes, model_modes, modes, shapes_at
 from mbmodel.parts import (
@@ -31,9 +32,11 @@ __all__ = [
     "Energy",
     "Evaluator",
     "Linearised",
+    "LinearisedModes",
     "Looks",
     "Machine",
     "Matrices",
+    "ModeEvaluator",
     "Model",
     "Modes",
     "NotHeld",

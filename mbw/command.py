@@ -1,5 +1,6 @@
 """The command ``mbw VERB``: options in, exit codes out."""
 
+import math
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -14,6 +15,7 @@ from mbw import predict as predict_verb
 from mbw import report as report_verb
 from mbw import tune as tune_verb
 from mbw.messages import SCREEN, guarded
+from mbw.tune_modes import parse_residuals
 
 app = typer.Typer(
     name="mbw",
@@ -80,6 +82,12 @@ def identify(  # noqa: PLR0913  # one for each option
     highest_damping: Annotated[
         float, typer.Option(min=0, max=100, metavar="PERCENT", help="Poles with more are no modes.")
     ] = 100 * _TOLERANCES.highest_damping,
+    collinearity: Annotated[
+        float, typer.Option(min=0, max=1, metavar="MPC", help="Least phase collinearity of modes.")
+    ] = _TOLERANCES.collinearity,
+    phase_deviation: Annotated[
+        float, typer.Option(min=0, metavar="DEGREES", help="Greatest mean phase deviation.")
+    ] = 180.0,
     add: Annotated[
         list[float] | None, typer.Option(metavar="HZ", help="Start a mode there; repeatable.")
     ] = None,
@@ -109,6 +117,8 @@ def identify(  # noqa: PLR0913  # one for each option
         participation=mac_tolerance,
         persistence=persistence,
         highest_damping=highest_damping / 100,
+        collinearity=collinearity,
+        phase_deviation=math.radians(phase_deviation),
     )
     forced = identify_verb.parse_forced(force or [])
     wishes = Wishes(add=tuple(add or ()), drop=tuple(drop or ()), force=forced)
@@ -167,7 +177,7 @@ def predict(  # noqa: PLR0913  # one for each option
 
 @app.command()
 @guarded
-def tune(
+def tune(  # noqa: PLR0913  # one for each option
     campaign: Annotated[Path, typer.Argument(help="Folder with a campaign.toml.")],
     *,
     out: Annotated[
@@ -178,11 +188,32 @@ def tune(
     starts: Annotated[int, typer.Option(min=1, help="The drawing, then random starts.")] = 1,
     seed: Seed = 0,
     jobs: Jobs = 1,
+    residual: Annotated[
+        str,
+        typer.Option(
+            metavar="log|modal|modal,log",
+            help="What is fitted: the FRFs' logarithm; frequencies, damping and shapes of modes; "
+            "modes first and FRFs then.",
+        ),
+    ] = "log",
+    from_modes: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Modes that mbw identify wrote, not identified anew."),
+    ] = None,
     quiet: Quiet = False,
 ) -> None:
     """Tune stiffness and damping to a campaign and say what gap remains."""
     SCREEN.quiet = quiet
-    tune_verb.run(campaign, out=out, json=json, band=band, starts=starts, seed=seed, jobs=jobs)
+    tune_verb.run(
+        campaign,
+        out=out,
+        json=json,
+        band=band,
+        starts=starts,
+        seed=seed,
+        jobs=jobs,
+        search=tune_verb.Search(parse_residuals(residual), from_modes),
+    )
 
 
 @app.command()

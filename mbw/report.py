@@ -11,6 +11,7 @@ from mbw.identify import is_identified, rewrite
 from mbw.messages import SCREEN
 from mbw.page import fill, packed, packed_complex, warnings, write_page
 from mbw.remarks import remarks
+from mbw.report_pairs import pairs_section
 from tuning import Level, Result, TunedFile, read_result
 
 _UNITS = {
@@ -62,6 +63,7 @@ def render(result: Result) -> str:
         parameters="".join(_parameter_rows(summary)),
         modes_drawn=_modes_table(summary, "as_drawn"),
         modes_tuned=_modes_table(summary, "tuned"),
+        pairs=pairs_section(summary),
         tests=_tests_table(summary),
         provenance=escape(_provenance(summary)),
     )

@@ -1,5 +1,6 @@
 """``mbw tune``: a campaign in, a tuned model and the remaining gap out."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import typer
@@ -9,19 +10,37 @@ from diagnosis import residual_shares
 from identification.words import InputError
 from mbw.messages import INTERRUPTED, NOT_CONVERGED, SCREEN, one_interrupt
 from mbw.remarks import remarks
+from mbw.tune_modes import measured_modes
 from tuning import (
     FOLDS,
-    STAGES,
+    Residual,
     ShareRow,
     Tuned,
     TunedFile,
     Watch,
     check_folder,
     open_session,
+    stages_of,
     tune,
     write_result,
 )
 from tuning import Progress as Step
+
+
+@dataclass(frozen=True)
+class Search:
+    """What to fit.
+
+    Args:
+        residuals: what to minimise, in order.
+        modes: folder that ``mbw identify`` wrote; None to identify anew where modes are needed.
+    """
+
+    residuals: tuple[Residual, ...] = ("log",)
+    modes: Path | None = None
+
+
+_FRFS = Search()
 
 
 def run(
@@ -33,8 +52,19 @@ def run(
     starts: int = 1,
     seed: int = 0,
     jobs: int = 1,
+    search: Search = _FRFS,
 ) -> Path:
     """Tune, write the result, say the gap; exit 130 if interrupted, 4 if not converged.
+
+    Args:
+        campaign: its folder.
+        out: folder of the result; <campaign>-tuned if None.
+        json: a file beside it, or ``-``.
+        band: [Hz]; the lines with coherence if None.
+        starts: the drawing, then random ones.
+        seed: of the random starts.
+        jobs: processes for the held-out fits.
+        search: what to fit.
 
     Returns:
         The folder of the result.
@@ -49,10 +79,13 @@ def run(
     check_folder(folder)
     if json is not None:
         check_json(json)
+    measured = measured_modes(session.campaign, search.residuals, search.modes)
     with SCREEN.progress() as progress, one_interrupt() as ends:
-        bar = _Bar(progress, starts)
+        bar = _Bar(progress, starts, len(stages_of(search.residuals)))
         tuned = tune(
             session,
+            residuals=search.residuals,
+            measured=measured,
             starts=starts,
             seed=seed,
             jobs=jobs,
@@ -105,9 +138,9 @@ def write_json(text: str, target: Path) -> None:
 class _Bar:
     """Stages of every start and folds, as steps of one bar."""
 
-    def __init__(self, progress: Progress, starts: int) -> None:
-        self._progress, self._starts = progress, starts
-        total = starts * len(STAGES) + FOLDS
+    def __init__(self, progress: Progress, starts: int, stages: int) -> None:
+        self._progress, self._starts, self._stages = progress, starts, stages
+        total = starts * stages + FOLDS
         self._task: TaskID = progress.add_task("reading", total=total)
 
     def evaluated(self, step: Step) -> None:
@@ -115,9 +148,9 @@ class _Bar:
         where = f"start {step.start + 1}/{self._starts}, " if self._starts > 1 else ""
         self._progress.update(
             self._task,
-            completed=step.start * len(STAGES) + step.stage,
+            completed=step.start * self._stages + step.stage,
             description=(
-                f"{where}stage {step.stage + 1}/{len(STAGES)}: {step.evaluation} evaluations, "
+                f"{where}stage {step.stage + 1}/{self._stages}: {step.evaluation} evaluations, "
                 f"cost {step.cost:.4g}"
             ),
         )
@@ -126,7 +159,7 @@ class _Bar:
         """Show how many held-out fits are done."""
         self._progress.update(
             self._task,
-            completed=self._starts * len(STAGES) + fold + 1,
+            completed=self._starts * self._stages + fold + 1,
             description=f"held-out lines, fold {fold + 1}/{FOLDS}",
         )
 
@@ -140,6 +173,9 @@ def _say(summary: TunedFile, folder: Path) -> None:
     for name, row in rows:
         SCREEN.say(f"  {name}: error {_number(row.error)}, excess {_number(row.excess)}")
     SCREEN.say(f"  noise: {_number(gap.noise)}")
+    if summary.pairs:
+        paired = sum(row.tuned is not None for row in summary.pairs)
+        SCREEN.say(f"  {paired} of {len(summary.pairs)} measured modes have one of the model's")
     for remark in remarks(summary):
         SCREEN.say(f"  {remark}")
     SCREEN.say(f"results in {folder}")

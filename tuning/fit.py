@@ -1,23 +1,25 @@
 """Fit a model's parameters to a campaign, in logarithms, in stages of falling allowance."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.words import Campaign, Real
+from identification.words import Campaign, ModalModel, Real, UsageError
 from mbmodel import Model
+from tuning.modal import ModalCost, ModalStage
 from tuning.residual import LogCost
 from tuning.solver import Minimum, Outcome, minimise
 
 _AGREE = 0.02  # two starts agree if their costs differ by less
+_AGREE_MODES = 1e-3  # beside that, since the cost of modes can be as small as the modes are exact
 _FEWEST_LINES = 32
 _RANGE = np.log(100.0)  # every size stays within a factor of 100 of the drawing
 
 
 @dataclass(frozen=True)
 class Stage:
-    """One minimisation.
+    """One minimisation of the logarithm of the FRFs' ratio.
 
     Args:
         allowance: relative error that the model may have anyway.
@@ -76,7 +78,8 @@ def fit(
     campaign: Campaign,
     *,
     starts: tuple[Real, ...] | None = None,
-    stages: tuple[Stage, ...] = STAGES,
+    stages: tuple[Stage | ModalStage, ...] = STAGES,
+    measured: ModalModel | None = None,
     algorithm: str = "LD_LBFGS",
     report: Callable[[Progress], None] | None = None,
 ) -> Fit:
@@ -89,16 +92,20 @@ def fit(
         model: machine and Parts.
         campaign: the lines that count.
         starts: thetas in SI; the drawing alone if None.
-        stages: in order.
+        stages: in order, of FRFs or of modes.
+        measured: modes inside the band, for stages of modes.
         algorithm: of NLopt.
         report: told about every evaluation.
 
     Returns:
         The best start's result; interrupted, the best point so far.
+
+    Raises:
+        UsageError: a stage of modes without modes.
     """
     drawn = np.log(model.drawn)
     bounds = (drawn - _RANGE, drawn + _RANGE)
-    costs = [_Logarithmic(LogCost(model, _thin(campaign, s), s.allowance)) for s in stages]
+    costs = [_cost(model, campaign, measured, stage) for stage in stages]
     ends: list[Minimum] = []
     evaluations = 0
     for number, start in enumerate(starts or (model.drawn,)):
@@ -109,20 +116,21 @@ def fit(
                 if report is not None:
                     report(Progress(*at, count, value))
 
-            end = minimise(cost, end.x, bounds, algorithm=algorithm, report=tell)
+            end = minimise(_begun(cost, end.x), end.x, bounds, algorithm=algorithm, report=tell)
             evaluations += end.evaluations
             if end.outcome == "interrupted":
                 break
-        ends.append(end)
+        ends.append(_comparable(costs[-1], end))
         if end.outcome == "interrupted":
             break
-    return _best(ends, evaluations, bounds)
+    slack = _AGREE_MODES if isinstance(costs[-1], ModalCost) else 0.0
+    return _best(ends, evaluations, bounds, slack)
 
 
 class _Logarithmic:
     """A cost of theta as a cost of log theta: dJ/dx = theta dJ/dtheta."""
 
-    def __init__(self, cost: LogCost) -> None:
+    def __init__(self, cost: LogCost | ModalCost) -> None:
         self._cost = cost
 
     def __call__(self, x: Real) -> tuple[float, Real]:
@@ -131,13 +139,35 @@ class _Logarithmic:
         return value, gradient * theta
 
 
+def _cost(
+    model: Model, campaign: Campaign, measured: ModalModel | None, stage: Stage | ModalStage
+) -> LogCost | ModalCost:
+    if isinstance(stage, Stage):
+        return LogCost(model, _thin(campaign, stage), stage.allowance)
+    if measured is None:
+        raise UsageError("a stage of modes needs measured modes: identify the campaign first")
+    return ModalCost(model, measured, stage)
+
+
+def _begun(cost: LogCost | ModalCost, x: Real) -> _Logarithmic:
+    """The cost of a search that begins at x, where modes find their partners."""
+    return _Logarithmic(cost.begin(np.exp(x)) if isinstance(cost, ModalCost) else cost)
+
+
+def _comparable(cost: LogCost | ModalCost, end: Minimum) -> Minimum:
+    """Of modes, the cost without what ties it to its own start, all modes counted again."""
+    if isinstance(cost, LogCost) or end.outcome == "interrupted":
+        return end
+    return replace(end, value=cost.pairs(np.exp(end.x)).cost)
+
+
 def _thin(campaign: Campaign, stage: Stage) -> Campaign:
     """Every stride-th line, but no fewer than 32 of them as long as there are so many."""
     stride = min(stage.stride, max(1, len(campaign.freq_hz) // _FEWEST_LINES))
     return campaign.lines(slice(stride // 2, None, stride))
 
 
-def _best(ends: list[Minimum], evaluations: int, bounds: tuple[Real, Real]) -> Fit:
+def _best(ends: list[Minimum], evaluations: int, bounds: tuple[Real, Real], slack: float) -> Fit:
     finished = [end for end in ends if end.outcome != "interrupted"] or ends
     best = min(finished, key=lambda end: end.value)
     interrupted = ends[-1].outcome == "interrupted"
@@ -148,7 +178,7 @@ def _best(ends: list[Minimum], evaluations: int, bounds: tuple[Real, Real]) -> F
         outcome="interrupted" if interrupted else best.outcome,
         advice=ends[-1].advice if interrupted else best.advice,
         costs=tuple(end.value for end in finished),
-        agree=sum(end.value <= best.value * (1 + _AGREE) for end in finished),
+        agree=sum(end.value <= best.value * (1 + _AGREE) + slack for end in finished),
         at_bound=(best.x <= bounds[0] + 1e-6) | (best.x >= bounds[1] - 1e-6),
     )
 

@@ -15,6 +15,7 @@ from pydantic import ValidationError
 from identification.words import Complex, InputError, Real
 from mbmodel import modes, write_mjcf
 from tuning.gap import Gap, block_shares
+from tuning.pair_rows import pair_rows
 from tuning.schema import (
     BlockRow,
     FitRow,
@@ -69,6 +70,10 @@ def summarise_tuning(
     model, campaign = session.model, session.campaign
     freq = campaign.freq_hz
     parameters = zip(model.parameters, model.locations, found.theta, found.at_bound, strict=True)
+    own = {"as_drawn": _modes(tuned, model.drawn), "tuned": _modes(tuned, found.theta)}
+    pairs, unpaired = (
+        ([], []) if tuned.measured is None else pair_rows(model, tuned.measured, found.theta, own)
+    )
     return TunedFile(
         campaign=campaign.name,
         model=model.machine.name,
@@ -110,10 +115,10 @@ def summarise_tuning(
             )
             for parameter, location, value, bound in parameters
         ],
-        modes={
-            "as_drawn": _modes(tuned, model.drawn),
-            "tuned": _modes(tuned, found.theta),
-        },
+        modes=own,
+        residuals=list(tuned.residuals),
+        pairs=pairs,
+        unpaired_modes=unpaired,
         remaining_gap=list(remaining),
         not_held_by_mjcf=list(not_held),
     )

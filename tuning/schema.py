@@ -1,8 +1,12 @@
 """tuned.json: its rows, checked on writing and on reading."""
 
+from typing import Literal
+
 from pydantic import BaseModel, ConfigDict
 
 from identification.words import Quantity
+
+Residual = Literal["modal", "log"]
 
 
 class _Row(BaseModel):
@@ -81,6 +85,32 @@ class ModeRow(_Row):
     damping: float
 
 
+class PartnerRow(_Row):
+    """The model's mode that belongs to a measured one.
+
+    ``mode`` is its place in ``modes`` of the file, counted from 1; None outside the band. Errors
+    are relative to what was measured.
+    """
+
+    mode: int | None
+    frequency: float
+    damping: float
+    mac: float
+    frequency_error: float
+    damping_error: float | None
+
+
+class PairRow(_Row):
+    """One measured mode, and its partners; None where the model has none."""
+
+    frequency: float
+    frequency_sd: float
+    damping: float
+    damping_sd: float
+    as_drawn: PartnerRow | None
+    tuned: PartnerRow | None
+
+
 class BlockRow(_Row):
     """One held-out block of lines, and its part of the squared held-out error."""
 
@@ -98,7 +128,12 @@ class ShareRow(_Row):
 
 
 class TunedFile(_Row):
-    """tuned.json."""
+    """tuned.json.
+
+    ``residuals`` are those that were minimised, in order; ``pairs`` holds every measured mode and
+    ``unpaired_modes`` the tuned model's modes in the band that belong to none, where modes were
+    measured.
+    """
 
     campaign: str
     model: str
@@ -113,5 +148,8 @@ class TunedFile(_Row):
     gap: GapTable
     parameters: list[ParameterRow]
     modes: dict[str, list[ModeRow]]
+    residuals: list[Residual] = ["log"]
+    pairs: list[PairRow] = []
+    unpaired_modes: list[ModeRow] = []
     remaining_gap: list[ShareRow]
     not_held_by_mjcf: list[str]

@@ -4,12 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from identification import reduce_to_bodies
-from identification.words import Campaign, Complex, Real
+from identification.words import Campaign, Complex, ModalModel, Real
 from mbmodel import Model
 from tuning.batch import predict
-from tuning.fit import Fit, Progress, fit, random_starts
+from tuning.fit import STAGES, Fit, Progress, Stage, fit, random_starts
 from tuning.folds import HeldOut, fit_held_out
 from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
+from tuning.modal import MODAL_STAGES, ModalStage
+from tuning.schema import Residual
 from tuning.session import Session
 
 
@@ -45,10 +47,13 @@ class Tuned:
     Args:
         session: campaign and drawn model.
         fit: to all lines.
-        held_out: fits that left lines out; None if interrupted or if the band is too narrow.
+        held_out: fits that left lines out; None if interrupted, if the band is too narrow, or if
+            modes were fitted last, which know all lines.
         interrupted: whether fit or held-out fits were.
         sensors: at the measured channels.
         bodies: at the centres of mass.
+        residuals: what was minimised, in order.
+        measured: modes inside the band, if any were asked for.
     """
 
     session: Session
@@ -57,6 +62,8 @@ class Tuned:
     interrupted: bool
     sensors: Comparison
     bodies: Comparison
+    residuals: tuple[Residual, ...] = ("log",)
+    measured: ModalModel | None = None
 
 
 @dataclass(frozen=True)
@@ -72,9 +79,18 @@ class Watch:
     folded: Callable[[int], None] | None = None
 
 
+def stages_of(residuals: tuple[Residual, ...]) -> tuple[Stage | ModalStage, ...]:
+    """The stages of some residuals, in their order; after modes, FRFs need no first one."""
+    if residuals == ("log",):
+        return STAGES
+    return (*MODAL_STAGES, *STAGES[1:]) if "log" in residuals else MODAL_STAGES
+
+
 def tune(
     session: Session,
     *,
+    residuals: tuple[Residual, ...] = ("log",),
+    measured: ModalModel | None = None,
     starts: int = 1,
     seed: int = 0,
     jobs: int = 1,
@@ -84,6 +100,9 @@ def tune(
 
     Args:
         session: campaign and drawn model.
+        residuals: what to minimise, in order: ``modal``, frequencies, damping ratios and shapes;
+            ``log``, the logarithm of the FRFs' ratio.
+        measured: modes inside the band; only reported where they are no residual.
         starts: how many starts: the drawing, then factors exp(N(0, 0.5)) on it.
         seed: of the random starts.
         jobs: processes for the held-out fits.
@@ -91,13 +110,23 @@ def tune(
 
     Returns:
         The tuning; interrupted, the best so far without held-out predictions.
+
+    Raises:
+        UsageError: ``modal`` without a measured mode.
     """
     watch = watch or Watch()
     model, campaign = session.model, session.campaign
-    found = fit(model, campaign, starts=random_starts(model, starts, seed), report=watch.evaluated)
+    found = fit(
+        model,
+        campaign,
+        starts=random_starts(model, starts, seed),
+        stages=stages_of(residuals),
+        measured=measured,
+        report=watch.evaluated,
+    )
     held_out = None
     interrupted = found.outcome == "interrupted"
-    if not interrupted:
+    if not interrupted and residuals[-1] == "log":
         try:
             held_out = fit_held_out(model, found.theta, campaign, jobs=jobs, report=watch.folded)
         except KeyboardInterrupt:
@@ -106,7 +135,7 @@ def tune(
         _compare(model, found.theta, held_out, measured)
         for measured in (campaign, at_bodies(campaign))
     )
-    return Tuned(session, found, held_out, interrupted, sensors, bodies)
+    return Tuned(session, found, held_out, interrupted, sensors, bodies, residuals, measured)
 
 
 def _compare(model: Model, theta: Real, held_out: HeldOut | None, campaign: Campaign) -> Comparison:

@@ -25,6 +25,7 @@ _ADDED, _GUARDS = 12, 6  # poles searched in what is left and beside the band, a
 _NOISE = 3.0  # times the number of its parameters that a mode must lower the cost
 _GUARD = 0.7  # the same of a pole beside the band; noise alone gives 0.5
 _ALONE = 0.3  # of the drop that is asked for, which the new pole must give while others stay
+_SOON = 3.0  # times as rough it may be until then
 _ALIKE = 0.999  # modal assurance criterion of what the halves of a split mode share
 _NARROW = 0.002  # of the band: a split mode is not searched again in these lines
 _ROUGH = 0.05  # of the former, at which a search on the way has settled
@@ -42,21 +43,34 @@ def completed(
     found = rough_fit(data, poles, participation)
     found = _with_more(data, freq_hz, found, inside=True)
     found = _with_more(data, freq_hz, found, inside=False)
+    while (worst := _superfluous(data, freq_hz, found, tolerances)) is not None:
+        found = rough_fit(data, *_without(found, worst))
     found, matrix = refine(data, found.poles, found.participation)
-    while len(found.poles):
-        # One at a time: of two poles that stand for one another either may go, not both.
-        inside = inside_band(found, freq_hz)
-        worth = cost_without(data, found) / np.where(inside, _NOISE, _GUARD)
-        worth /= _contradictions(data, freq_hz, found)
-        worth[inside & ~_physical(found, tolerances)] = 0.0
-        weaker = splits(found) & (worth[:, None] <= worth)
-        worth[inside & weaker.any(axis=1)] = 0.0
-        worst = int(np.argmin(worth))
-        if worth[worst] > _parameters(data):
-            break
-        keep = np.arange(len(worth)) != worst
-        found, matrix = refine(data, found.poles[keep], found.participation[:, keep])
+    while (worst := _superfluous(data, freq_hz, found, tolerances)) is not None:
+        found, matrix = refine(data, *_without(found, worst))
     return found, matrix
+
+
+def _superfluous(data: Data, freq_hz: Real, found: ModalFit, tolerances: Tolerances) -> int | None:
+    """The pole that explains least, if that is no more than noise would, or if it is no mode.
+
+    One at a time: of two poles that stand for one another either may go, not both.
+    """
+    if not len(found.poles):
+        return None
+    inside = inside_band(found, freq_hz)
+    worth = cost_without(data, found) / np.where(inside, _NOISE, _GUARD)
+    worth /= _contradictions(data, freq_hz, found)
+    worth[inside & ~_physical(found, tolerances)] = 0.0
+    weaker = splits(found) & (worth[:, None] <= worth)
+    worth[inside & weaker.any(axis=1)] = 0.0
+    worst = int(np.argmin(worth))
+    return worst if worth[worst] <= _parameters(data) else None
+
+
+def _without(found: ModalFit, worst: int) -> tuple[Complex, Complex]:
+    keep = np.arange(len(found.poles)) != worst
+    return found.poles[keep], found.participation[:, keep]
 
 
 def rough_fit(data: Data, poles: Complex, participation: Complex) -> ModalFit:
@@ -85,15 +99,16 @@ def _with_more(data: Data, freq_hz: Real, found: ModalFit, *, inside: bool) -> M
             most = (~inside_band(found, freq_hz)).sum()
             more = [fit for fit in more if (~inside_band(fit, freq_hz)).sum() > most]
         better = min(more, key=lambda fit: fit.cost, default=found)
-        if better is not found and found.cost - better.cost > _ALONE * threshold:
-            better = rough_fit(data, better.poles, better.participation)
-        if found.cost - better.cost < threshold * _contradictions(data, freq_hz, better)[-1]:
+        if found.cost - better.cost <= _ALONE * threshold:
             break
         if inside and splits(better)[-1].any():
             width = max(2 * abs(better.damping[-1]), _NARROW) * freq_hz[-1]
             split |= np.abs(freq_hz - starts[0][0].imag / (2 * np.pi)) <= width
-        else:
-            found = better
+            continue
+        better = rough_fit(data, better.poles, better.participation)
+        if found.cost - better.cost < threshold * _contradictions(data, freq_hz, better)[-1]:
+            break
+        found = better
     return found
 
 
@@ -101,7 +116,7 @@ def _with(data: Data, found: ModalFit, pole: complex, row: Complex) -> ModalFit:
     """One pole more, moved until it settles while the others stay where they are."""
     poles, rows = np.append(found.poles, pole), np.column_stack([found.participation, row])
     only = np.arange(len(poles)) == len(found.poles)
-    fitted, _ = refine(data, poles, rows, settled=_rough(data), only=only)
+    fitted, _ = refine(data, poles, rows, settled=_SOON * _rough(data), only=only)
     return fitted
 
 
