@@ -15,6 +15,8 @@ from identification.modal import (
     stability,
 )
 from identification.words import Layout
+from mbw.identify_cells import cells_of
+from mbw.identify_hits import hits_arrays
 from mbw.identify_parts import QUIET, Parts
 
 
@@ -28,6 +30,8 @@ def arrays_of(parts: Parts, tolerances: Tolerances) -> dict[str, Any]:
     return {
         **_model_arrays(parts),
         **_quality(parts),
+        **_beside(parts),
+        **hits_arrays(parts.campaign),
         **_diagram(parts.found, tolerances),
         **_layout(parts.campaign.layout),
     }
@@ -60,6 +64,17 @@ def _model_arrays(parts: Parts) -> dict[str, Any]:
         "real_shapes": parts.real,
         "body_shapes": parts.bodies.values,
         "body_directions": np.array([str(dof) for dof in parts.bodies.dofs]),
+    }
+
+
+def _beside(parts: Parts) -> dict[str, Any]:
+    """Of each measured FRF its coherence, and its body moving as a solid; single precision."""
+    cells = cells_of(parts.campaign, parts.measured, roved=parts.roved)
+    return {
+        "coherence": cells.coherence.astype(np.float32),
+        "has_coherence": cells.has_coherence,
+        "as_solid": cells.solid.astype(np.complex64),
+        "has_solid": cells.has_solid,
     }
 
 

@@ -105,6 +105,7 @@ def read_result(path: Path) -> Result:
             arrays["layout_positions"],
             arrays["layout_axes"],
         )
+        _ = arrays["as_solid"]  # younger than the others
     except (OSError, EOFError, BadZipFile, KeyError, ValueError) as error:
         raise InputError(
             f"{folder} holds no result of this version of mbw identify: identify the campaign again"

@@ -1,8 +1,11 @@
-// Measured FRFs beside synthesised ones, their error, MAC and COMAC.
+// Measured FRFs beside synthesised ones, coherence and solid bodies, their error, MAC and COMAC.
 const INPUTS = DATA.inputs, LINES = FREQ.length, MODEL = DATA.model;
 const MEASURED = floats(DATA.frf.measured), NOISE = floats(DATA.frf.noise), IS_MEASURED = integers(DATA.frf.is_measured);
+const COHERENCE = floats(DATA.frf.coherence), HAS_COHERENCE = integers(DATA.frf.has_coherence);
+const AS_SOLID = floats(DATA.frf.as_solid), HAS_SOLID = integers(DATA.frf.has_solid);
 const PARTICIPATION = floats(MODEL.participation), LOWER = floats(MODEL.lower), UPPER = floats(MODEL.upper);
 const ERRORS = Object.fromEntries(Object.entries(DATA.error).map(([name, text]) => [name, floats(text)]));
+const GREEN = "#2f8f4e";
 const times = ([a, b], [c, d]) => [a * c - b * d, a * d + b * c];
 const over = ([a, b], [c, d]) => { const size = c * c + d * d; return [(a * c + b * d) / size, (b * c - a * d) / size]; };
 
@@ -34,9 +37,9 @@ function synthesis(out, inp, alone) {
   return values;
 }
 
-function measured(out, inp) {
-  const start = 2 * LINES * (out * INPUTS.length + inp);
-  return Array.from({length: LINES}, (_, k) => [MEASURED[start + 2 * k], MEASURED[start + 2 * k + 1]]);
+function stored(values, cell) {
+  const start = 2 * LINES * cell;
+  return Array.from({length: LINES}, (_, k) => [values[start + 2 * k], values[start + 2 * k + 1]]);
 }
 
 function curves(values, name, line, extra = {}) {
@@ -57,27 +60,45 @@ function frf() {
   const choice = CHOICES[state.inp], out = state.out, cell = out * INPUTS.length + choice.row, there = choice.hit && IS_MEASURED[cell] === 1, data = [];
   const made = synthesis(out, choice.row, !choice.hit), sizes = [made.map(v => Math.hypot(...v) || null)];
   if (there) {
-    const seen = measured(out, choice.row), start = LINES * cell;
+    const seen = stored(MEASURED, cell), start = LINES * cell;
     sizes.push(seen.map(v => Math.hypot(...v) || null), Array.from(NOISE.slice(start, start + LINES), v => v || null));
     data.push({type: "scatter", mode: "lines", x: FREQ, y: NOISE.slice(start, start + LINES), name: "noise, one standard deviation",
       line: {color: "#b9c0cb", width: 1}, hovertemplate: "%{x:.5g} Hz: %{y:.3g}<extra>noise</extra>"});
     data.push({type: "scatter", mode: "lines", x: FREQ, y: seen.map((v, k) => Math.hypot(v[0] - made[k][0], v[1] - made[k][1])), name: "difference",
       line: {color: "#f0c596", width: 1}, visible: "legendonly", hovertemplate: "%{x:.5g} Hz: %{y:.3g}<extra>difference</extra>"});
     data.push(...curves(seen, "measured", {color: INK, width: 1.8}));
+    if (HAS_SOLID[cell]) data.push(...curves(stored(AS_SOLID, cell), "as a solid body", {color: GREEN, width: 1.4}, {visible: "legendonly"}));
   }
   data.push(...curves(made, choice.hit ? "synthesised" : "synthesised, by shapes and modal A alone", {color: ORANGE, width: 1.5}));
   const twin = OUTPUTS.indexOf(choice.name);
   if (choice.hit && DATA.scaled && twin >= 0)
     data.push(...curves(synthesis(out, twin, true), "by shapes and modal A alone", {color: BLUE, width: 1.2, dash: "dot"}, {visible: "legendonly"}));
-  Plotly.react("frf", data, {...PLOT, height: 520, margin: {l: 76, r: 12, t: 34, b: 44}, shapes: marks(),
-    xaxis: {title: {text: "frequency / Hz", standoff: 4}, gridcolor: GRID, zeroline: false, ticks: "outside", anchor: "y2"},
-    yaxis: {type: "log", domain: [0.36, 1], gridcolor: GRID, exponentformat: "power", ...logAxis(sizes), title: {text: DATA.quantity + " / (" + DATA.unit + ")"}},
-    yaxis2: {domain: [0, 0.3], range: [-190, 190], tickvals: [-180, -90, 0, 90, 180], gridcolor: GRID, zeroline: false, title: {text: "phase / °"}},
-    legend: {orientation: "h", x: 0, y: 1.01, xanchor: "left", yanchor: "bottom"}}, CONFIG);
+  if (COHERENCE.length) data.push(coherence(cell, there && HAS_COHERENCE[cell] === 1));
+  for (const trace of data) trace.uid = trace.name + (trace.yaxis || "");  // so that what a click in the legend shows stays
+  const [top, middle] = COHERENCE.length ? [0.47, [0.22, 0.43]] : [0.36, [0, 0.3]], third = {range: [0, 1.03], domain: [0, 0.17], gridcolor: GRID, zeroline: false, title: {text: "coherence"}};
+  Plotly.react("frf", data, {...PLOT, height: COHERENCE.length ? 660 : 540, margin: {l: 76, r: 12, t: 54, b: 44}, shapes: marks(),
+    xaxis: {title: {text: "frequency / Hz", standoff: 4}, gridcolor: GRID, zeroline: false, ticks: "outside", anchor: COHERENCE.length ? "y3" : "y2"},
+    ...(COHERENCE.length ? {yaxis3: third} : {}),
+    yaxis: {type: "log", domain: [top, 1], gridcolor: GRID, exponentformat: "power", ...logAxis(sizes), title: {text: DATA.quantity + " / (" + DATA.unit + ")"}},
+    yaxis2: {domain: middle, range: [-190, 190], tickvals: [-180, -90, 0, 90, 180], gridcolor: GRID, zeroline: false, title: {text: "phase / °"}},
+    legend: {orientation: "h", x: 0, y: 1.01, xanchor: "left", yanchor: "bottom", uirevision: "kept"}}, CONFIG);
   byId("frf-remark").textContent = remark(choice, cell, there);
   byId("out").value = out; byId("inp").value = state.inp;
   const heat = byId("error-map");
   if (heat.layout) Plotly.relayout(heat, {shapes: box()});
+}
+
+function coherence(cell, there) {
+  const y = there ? COHERENCE.slice(LINES * cell, LINES * (cell + 1)) : Array(LINES).fill(null);
+  return {type: "scatter", mode: "lines", x: FREQ, y, yaxis: "y3", name: "coherence", showlegend: false, line: {color: INK, width: 1.3},
+    hovertemplate: "%{x:.5g} Hz: %{y:.4f}<extra>coherence</extra>"};
+}
+
+// How far the reading of a channel is from that of its body as a solid, of its own norm.
+function apart(cell) {
+  let difference = 0, size = 0;
+  for (let k = 2 * LINES * cell; k < 2 * LINES * (cell + 1); k++) { difference += (MEASURED[k] - AS_SOLID[k]) ** 2; size += MEASURED[k] ** 2; }
+  return Math.sqrt(difference / size);
 }
 
 function remark(choice, cell, there) {
@@ -86,6 +107,7 @@ function remark(choice, cell, there) {
   const share = name => (100 * ERRORS[name][cell]).toPrecision(3) + " %";
   let text = "Error " + share("error") + " of the measured FRF, where the noise makes " + share("noise") + "; FRAC " + ERRORS.frac[cell].toFixed(4) + ".";
   if (ERRORS.reciprocal_error.length) text += " By shapes and modal A alone, without residuals: " + share("reciprocal_error") + ".";
+  if (HAS_SOLID[cell]) text += " Its body, moving as a solid, would read " + (100 * apart(cell)).toPrecision(3) + " % off.";
   return text;
 }
 
@@ -173,27 +195,6 @@ function comacPlot(id, source, title) {
      yaxis: {range: [0, Math.max(0.05, 1.1 * Math.max(...lack))], gridcolor: GRID, title: {text: "1 − COMAC"}}}, BARE);
 }
 
-function solid() {
-  if (!DATA.solid.length) return;
-  const head = element("tr"), body = element("tbody"), made = element("table"), top = element("thead"), lines = [];
-  for (const [name, kind] of [["body", "name"], ["channels", ""], ["to spare", ""], ["solid to / Hz", ""], ["what they say", "name"]])
-    head.append(element("th", name, {className: kind}));
-  DATA.solid.forEach((check, k) => {
-    const row = element("tr"), text = [check.body, check.channels, check.spare, check.solid_to === null ? "-" : check.solid_to.toPrecision(4), check.words];
-    row.append(...text.map((value, n) => element("td", String(value), {className: n % 4 ? "" : "name"})));
-    body.append(row);
-    const y = Array.from(floats(check.deviation));
-    lines.push({type: "scatter", mode: "lines", x: floats(check.freq), y, name: check.body, line: {color: HUES[k % HUES.length], width: 1.3},
-      hovertemplate: "%{x:.5g} Hz: %{y:.3g} %<extra>" + escaped(check.body) + "</extra>"});
-  });
-  top.append(head); made.append(top, body);
-  byId("solid").append(made);
-  Plotly.newPlot("solid-lines", lines, {...PLOT, height: 280, margin: {l: 60, r: 12, t: 34, b: 44}, showlegend: true,
-    xaxis: {title: {text: "frequency / Hz", standoff: 4}, gridcolor: GRID, zeroline: false},
-    yaxis: {gridcolor: GRID, zeroline: false, range: [0, Math.max(5, 1.1 * Math.max(...lines.flatMap(line => line.y)))], title: {text: "not as a solid / %"}},
-    legend: {orientation: "h", x: 0, y: 1.01, xanchor: "left", yanchor: "bottom"}}, CONFIG);
-}
-
 film();
 table();
 indicators();
@@ -201,6 +202,7 @@ chooser();
 buttons(byId("errors"), "map", MAPS, errorMap);
 frf();
 errorMap();
+hits();
 macPlot("auto-mac", DATA.mac, MODES.map(m => m.frequency), ["AutoMAC: measured shapes with one another", "measured / Hz"], []);
 macPlot("other-mac", DATA.other.mac, DATA.other.freq, ["MAC: measured shapes with " + escaped(DATA.other.name), "other / Hz"], DATA.other.pairs);
 comacPlot("other-comac", DATA.other.comac, "Each channel over all pairs of modes with " + escaped(DATA.other.name));

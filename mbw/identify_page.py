@@ -10,9 +10,10 @@ from identification.words import ORDER, Complex, Dof, Layout, Quantity
 from mbmodel import Looks
 from mbmodel.looks import Line
 from mbw.identify_files import nodes_of
+from mbw.identify_hits import hits_data, hits_section
 from mbw.identify_remarks import lead, remarks
 from mbw.identify_result import Result
-from mbw.identify_schema import SolidRow
+from mbw.identify_solid import solid_data
 from mbw.page import fill, packed, packed_complex, packed_integers, text_of, warnings
 from mbw.picture import picture
 
@@ -27,7 +28,7 @@ def render(result: Result, looks: Looks | None) -> str:
         looks: of the machine; None to show sensors and centres of mass alone.
     """
     summary = result.summary
-    script = "".join(text_of(f"{name}.js") for name in ("picture", "identify", "identify_frf"))
+    names = ("picture", "identify", "identify_hits", "identify_solid", "identify_frf")
     return fill(
         "identify_template.html",
         _data(result, looks),
@@ -41,7 +42,8 @@ def render(result: Result, looks: Looks | None) -> str:
         warnings=warnings(remarks(result)),
         compared=escape(summary.compared_with),
         column="drawn" if summary.compared_with.endswith("as drawn") else "other",
-        script=script,
+        hits=hits_section(summary.hits),
+        script="".join(text_of(f"{name}.js") for name in names),
     )
 
 
@@ -71,6 +73,7 @@ def _data(result: Result, looks: Looks | None) -> dict[str, object]:
             "measured": packed_complex(arrays["measured"].transpose(1, 2, 0)),
             "noise": packed(arrays["noise_sd"].transpose(1, 2, 0)),
             "is_measured": packed_integers(arrays["is_measured"]),
+            **_beside(arrays),
         },
         "error": {
             name: packed(arrays[f"channel_{name}"])
@@ -83,7 +86,19 @@ def _data(result: Result, looks: Looks | None) -> dict[str, object]:
             "values": packed(arrays["comac_solid"]),
             "known": packed_integers(arrays["is_solid"]),
         },
-        "solid": [_solid(row) for row in summary.solid],
+        "solid": [solid_data(row) for row in summary.solid],
+        "hits": hits_data(summary.hits, arrays),
+    }
+
+
+def _beside(arrays: dict[str, Any]) -> dict[str, object]:
+    """Coherence and rigid reconstruction of each FRF; nothing where no FRF has it."""
+    coherence, solid = (arrays[name].transpose(1, 2, 0) for name in ("coherence", "as_solid"))
+    return {
+        "coherence": packed(coherence) if arrays["has_coherence"].any() else "",
+        "has_coherence": packed_integers(arrays["has_coherence"]),
+        "as_solid": packed_complex(solid) if arrays["has_solid"].any() else "",
+        "has_solid": packed_integers(arrays["has_solid"]),
     }
 
 
@@ -117,14 +132,6 @@ def _other(result: Result) -> dict[str, object]:
             "values": packed(arrays["comac_other"]),
             "known": packed_integers(arrays["in_other"] * bool(len(arrays["other_pairs"]))),
         },
-    }
-
-
-def _solid(row: SolidRow) -> dict[str, object]:
-    return {
-        **row.model_dump(include={"body", "channels", "spare", "solid_to", "words"}),
-        "freq": packed(np.array(row.frequency)),
-        "deviation": packed(100 * np.array(row.deviation)),
     }
 
 

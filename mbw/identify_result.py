@@ -6,12 +6,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from identification import BodyCheck
 from identification.modal import Identified, Measured, SynthesisError, Tolerances, mpc, mpd
 from identification.words import Campaign, Layout, ModalModel, Real
 from mbw.identify_against import Other
 from mbw.identify_arrays import arrays_of
+from mbw.identify_hits import hits_rows
 from mbw.identify_parts import QUIET, Parts, parts_of
-from mbw.identify_schema import ModeRow, ModesFile, SolidRow
+from mbw.identify_schema import ModeRow, ModesFile
+from mbw.identify_solid import solid_row
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,38 +30,6 @@ class Result:
     summary: ModesFile
     arrays: dict[str, Any]
     layout: Layout
-
-
-class SolidCheck(Protocol):
-    """What a check whether a body moves as a solid says, line by line."""
-
-    @property
-    def body(self) -> str:
-        """Its name."""
-
-    @property
-    def channels(self) -> Sequence[object]:
-        """Measured on it."""
-
-    @property
-    def spare(self) -> int:
-        """Channels beyond the motions that they determine."""
-
-    @property
-    def freq_hz(self) -> Real:
-        """Lines [Hz]; (n_freq,)."""
-
-    @property
-    def deviation(self) -> Real:
-        """Share of the motion that is not that of a solid; (n_freq,)."""
-
-    @property
-    def solid_to_hz(self) -> float | None:
-        """Highest frequency up to which it moves as a solid [Hz]."""
-
-    @property
-    def words(self) -> str:
-        """The verdict."""
 
 
 class SetupCheck(Protocol):
@@ -82,7 +53,7 @@ class Checks:
         setups: of tests with one reference, side by side.
     """
 
-    solid: Sequence[SolidCheck] = ()
+    solid: Sequence[BodyCheck] = ()
     setups: Sequence[SetupCheck] = ()
 
 
@@ -113,6 +84,7 @@ def gather(
 
 def _summary(parts: Parts, source: str, checks: Checks) -> ModesFile:
     measured, found = parts.measured, parts.found
+    modes = [_row(parts, mode) for mode in range(parts.inside)]
     return ModesFile(
         campaign=parts.campaign.name,
         model=source,
@@ -131,26 +103,14 @@ def _summary(parts: Parts, source: str, checks: Checks) -> ModesFile:
         reciprocal_error=None if parts.alone is None else _rms(parts.alone, parts.alone.error),
         beside_band=len(parts.model.poles) - parts.inside,
         compared_with=parts.compared.other.name,
-        modes=[_row(parts, mode) for mode in range(parts.inside)],
-        solid=[_solid(check) for check in checks.solid],
+        modes=modes,
+        solid=[solid_row(check) for check in checks.solid],
+        hits=hits_rows(parts.campaign, modes),
         setups=[check.sentence for check in checks.setups],
         remarks=[
             *parts.campaign.remarks,
             *(check.sentence for check in checks.setups if check.agrees is False),
         ],
-    )
-
-
-def _solid(check: SolidCheck) -> SolidRow:
-    kept = np.isfinite(check.deviation)
-    return SolidRow(
-        body=check.body,
-        channels=len(check.channels),
-        spare=check.spare,
-        solid_to=check.solid_to_hz,
-        words=check.words,
-        frequency=check.freq_hz[kept].tolist(),
-        deviation=check.deviation[kept].tolist(),
     )
 
 

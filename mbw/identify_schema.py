@@ -46,6 +46,27 @@ class ModeRow(BaseModel):
     body_shape_imaginary: list[Finite]
 
 
+class FaultRow(BaseModel):
+    """What is wrong with a sensor, with two of them, or with a body as a solid.
+
+    Args:
+        effect: such as ``sensor_gain`` or ``flexible_body``.
+        location: ``sensor:acc12``, ``sensor:acc1+acc2`` or ``body:ty``.
+        dof: such as ``tz`` or ``tx+ty``; null for all.
+        probability: that it is present, given what was named before it.
+        parameters: gain; rotation [rad] and offset [m] along world axes; delay [s]; frequency [Hz],
+            damping.
+        excess_after: what remains with it, over the noise.
+    """
+
+    effect: str
+    location: str
+    dof: str | None
+    probability: Finite
+    parameters: dict[str, Finite | list[Finite]]
+    excess_after: Finite
+
+
 class SolidRow(BaseModel):
     """Whether a body moves as a solid, by the channels that it has to spare.
 
@@ -57,6 +78,10 @@ class SolidRow(BaseModel):
         words: the verdict.
         frequency: [Hz].
         deviation: share of the motion that is not that of a solid, at each frequency.
+        faults: in the order in which they were found.
+        more: whether something significant remains beside them.
+        twins: pairs of faults that these channels cannot tell apart.
+        unseen: faults that could be large and leave no mark in these channels.
     """
 
     body: str
@@ -66,6 +91,77 @@ class SolidRow(BaseModel):
     words: str
     frequency: list[Finite]
     deviation: list[Finite]
+    faults: list[FaultRow] = []
+    more: bool = False
+    twins: list[tuple[str, str]] = []
+    unseen: list[str] = []
+
+
+class KeptHit(BaseModel):
+    """A hit that was averaged.
+
+    Args:
+        record: in which it is, from 1.
+        hit: its number, from 1.
+        time: of its first rise, from the start of its record [s].
+        peak: largest force, signed [N].
+    """
+
+    record: int
+    hit: int
+    time: Finite
+    peak: Finite
+
+
+class RejectedHit(BaseModel):
+    """A hit that was left out.
+
+    Args:
+        record: in which it is, from 1.
+        hit: its number, from 1.
+        time: of its first rise, from the start of its record [s].
+        reason: in words.
+    """
+
+    record: int
+    hit: int
+    time: Finite
+    reason: str
+
+
+class HitsRow(BaseModel):
+    """How the FRFs of one reference were made from time records.
+
+    Args:
+        test: the file.
+        setup: of a roved test, or null.
+        reference: where and along what the hammer hit.
+        outputs: channels of motion, as they were read.
+        kept, rejected: hits.
+        rate: samples per second [Hz].
+        block, pretrigger: length of each hit's block and its part before the hit [s].
+        force_window: longest part of a block in which the force was kept [s].
+        exponential_tau: time constant of the exponential window [s]; 0 for none.
+        added_damping: what that window adds to the damping ratio of each of ``modes``, taken off
+            again; zeros without one.
+        left: share of the response that is left where the blocks end.
+        estimator: H1, H2 or Hv.
+    """
+
+    test: str
+    setup: str | None
+    reference: str
+    outputs: list[str]
+    kept: list[KeptHit]
+    rejected: list[RejectedHit]
+    rate: Finite
+    block: Finite
+    pretrigger: Finite
+    force_window: Finite
+    exponential_tau: Finite
+    added_damping: list[Finite]
+    left: Finite
+    estimator: str
 
 
 class ModesFile(BaseModel):
@@ -91,6 +187,7 @@ class ModesFile(BaseModel):
         compared_with: the model or file of ``other``.
         modes: inside the band.
         solid: checks of the bodies, where they were made.
+        hits: of each reference, where FRFs were made from time records.
         setups: what tests with the hammer at one place say of one another.
         remarks: what is wrong with channels, hits or set-ups.
     """
@@ -114,5 +211,6 @@ class ModesFile(BaseModel):
     compared_with: str
     modes: list[ModeRow]
     solid: list[SolidRow] = []
+    hits: list[HitsRow] = []
     setups: list[str] = []
     remarks: list[str] = []

@@ -19,7 +19,7 @@ from mbw.command import app
 from mbw.identify_files import _modal_model, read_result
 from mbw.identify_page import render
 from mbw.identify_result import Result
-from mbw.identify_schema import SolidRow
+from mbw.identify_schema import FaultRow, SolidRow
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 RUNNER = CliRunner()
@@ -49,6 +49,20 @@ const ends = () => MOVING.map(set => byId("picture").data[set.number].x.slice(-3
   found.remark = byId("frf-remark").textContent;
   const name = t => t.name + (t.yaxis === "y2" ? " phase" : "");
   found.curves = byId("frf").data.map(name);
+  const of = name => byId("frf").data.find(t => t.name === name);  // the first is the magnitude
+  const solid = of("as a solid body");
+  found.solidCurve = [solid.visible, Array.from(solid.y).slice(0, 20)];
+  found.coherence = Array.from(of("coherence").y);
+  const legend = [...byId("frf").querySelectorAll(".traces")];
+  const toggle = legend.find(t => t.textContent.startsWith("as a solid"));
+  for (const kind of ["mousedown", "mouseup"])
+    toggle.querySelector(".legendtoggle").dispatchEvent(new MouseEvent(kind));
+  await wait(800);
+  byId("out").value = "8"; byId("out").onchange();
+  await wait(300);
+  found.switchedOn = of("as a solid body").visible;
+  byId("out").value = "7"; byId("out").onchange();
+  await wait(300);
   found.made = Array.from(byId("frf").data.find(t => t.name === "synthesised").y).slice(0, 20);
   const far = [...byId("inp").options].find(option => option.text === "acc6:+ty");
   byId("inp").value = far.value; byId("inp").onchange();
@@ -63,6 +77,9 @@ const ends = () => MOVING.map(set => byId("picture").data[set.number].x.slice(-3
   found.mac = byId("auto-mac").data[0].z.map(row => Array.from(row));
   found.other = byId("other-mac").data[0].z.length;
   found.solid = byId("solid").textContent;
+  const texts = row => [...row.cells].map(cell => cell.textContent);
+  found.solidRows = [...byId("solid-faults").querySelectorAll("tbody tr")].map(texts);
+  found.solidWords = byId("solid-faults").textContent;
   found.complexity = byId("complexity").data[1].x.length;
   document.querySelector("#errors button[data-value=frac]").click();
   found.map = byId("error-map").data[0].z.map(row => row.filter(v => v !== null).length);
@@ -80,6 +97,19 @@ SOLID = SolidRow(
     words="moves as a solid <b>up to</b> 160 Hz",
     frequency=[10.0, 20.0, 30.0],
     deviation=[0.001, 0.0, 0.02],
+    faults=[
+        FaultRow(
+            effect="sensor_position",
+            location="sensor:acc4",
+            dof=None,
+            probability=0.987,
+            parameters={"offset": [0.0, 0.0123, -0.004]},
+            excess_after=1.02,
+        )
+    ],
+    more=True,
+    twins=[("sensor_gain@sensor:acc3:tx", "sensor_misalignment@sensor:acc3")],
+    unseen=["sensor_gain@sensor:acc6:tz"],
 )
 
 
@@ -171,9 +201,9 @@ def test_names_cannot_break_the_page(result):
     assert "<b>x" not in page
 
 
-def browse(page, folder, *flags):
+def browse(page, folder, *flags, probe=PROBE):
     """What the probe finds in the page."""
-    probed = page.replace("<head>", "<head>" + CATCH, 1).replace("</body>", PROBE + "</body>")
+    probed = page.replace("<head>", "<head>" + CATCH, 1).replace("</body>", probe + "</body>")
     (folder / "probed.html").write_text(probed, encoding="utf-8")
     with tempfile.TemporaryDirectory() as profile:
         done = subprocess.run(
@@ -219,8 +249,9 @@ def test_a_click_on_the_map_chooses_the_frf_that_is_synthesised_as_by_python(fou
     assert (found["out"], found["inp"]) == ("7", "2")
     assert found["curves"] == [
         "noise, one standard deviation", "difference", "measured", "measured phase",
-        "synthesised", "synthesised phase", "by shapes and modal A alone",
-        "by shapes and modal A alone phase",
+        "as a solid body", "as a solid body phase", "synthesised", "synthesised phase",
+        "by shapes and modal A alone",
+        "by shapes and modal A alone phase", "coherence",
     ]  # fmt: skip
     expected = np.abs(result.arrays["synthesised"][:20, 7, 2])
     np.testing.assert_allclose(found["made"], expected, rtol=1e-4)
@@ -236,7 +267,22 @@ def test_an_input_that_was_not_hit_is_synthesised_by_shapes_and_modal_a(found, r
     values = full.synthesise(result.arrays["freq_hz"], "accelerance").values
     column = result.summary.outputs.index("acc6:+ty")
     np.testing.assert_allclose(found["far"], np.abs(values[:20, 7, column]), rtol=1e-3)
-    assert len(found["farNames"]) == 2
+    assert len(found["farNames"]) == 3  # the last is the place of the coherence, which is empty
+
+
+def test_the_chosen_frf_has_its_coherence_and_its_body_as_a_solid(found, result):
+    visible, curve = found["solidCurve"]
+    assert visible == "legendonly"
+    np.testing.assert_allclose(curve, np.abs(result.arrays["as_solid"][:20, 7, 2]), rtol=1e-5)
+    np.testing.assert_allclose(found["coherence"], result.arrays["coherence"][:, 7, 2], rtol=1e-6)
+    seen, solid = (result.arrays[name][:, 7, 2] for name in ("measured", "as_solid"))
+    apart = 100 * np.linalg.norm(seen - solid) / np.linalg.norm(seen)
+    said = re.search(r"moving as a solid, would read (\S+) % off", found["remark"])[1]
+    assert float(said) == pytest.approx(apart, rel=0.01)
+
+
+def test_a_curve_that_was_switched_on_stays_on_for_other_frfs(found):
+    assert found["switchedOn"] is True
 
 
 def test_poles_of_negative_damping_are_not_among_the_stable(found, result):
@@ -256,6 +302,21 @@ def test_mac_and_map_are_there(found, result):
 
 def test_checks_of_solid_bodies_have_their_room(found):
     assert "head93160.0moves as a solid <b>up to</b> 160 Hz" in found["solid"]
+
+
+def test_faults_twins_and_what_is_not_seen_are_listed_to_be_read(found):
+    fault, hidden = found["solidRows"]
+    assert fault == [
+        "head", "place", "acc4", "all", "offset 0, 12.3, -4 mm", "98.7 %", "1.02",
+    ]  # fmt: skip
+    assert hidden == ["head", "acc3 tx: gain = acc3: axes", "acc6 tz: gain"]
+    assert "More remains than that explains on head." in found["solidWords"]
+
+
+def test_without_raw_records_there_is_no_section_of_hits(text, result):
+    assert result.summary.hits == []
+    assert "<h2>Hits</h2>" not in text
+    assert data_of(text)["hits"] == []
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
