@@ -100,7 +100,7 @@ def _load_73(path: Path) -> dict[str, np.ndarray]:
     except Exception as error:
         raise InputError(
             f"{path} is MATLAB v7.3 and cannot be read ({error}): save it again"
-        ) from (error)
+        ) from error
 
 
 def _refuse_texts(path: Path, arrays: dict[str, np.ndarray], names: tuple[str, ...]) -> None:

@@ -172,13 +172,12 @@ def _sites(
 
 
 def _test(entry: TestSettings, table: FrfTable, reference: Dof, rows: Mask) -> Test:
-    """One column of a file's table, with coherence where all of its cells have it."""
+    """One column of a file's table."""
     column = [table.references.index(reference)]
     outputs = tuple(dof for dof, keep in zip(table.responses, rows, strict=True) if keep)
     values = table.values[:, rows][:, :, column]
     coherence = None if table.coherence is None else table.coherence[:, rows][:, :, column]
-    if coherence is not None and not np.isfinite(coherence).all():
-        coherence = None
+    coherence = _filled(values, coherence, entry.averages)
     variance, source = _variance(values, coherence, entry.averages)
     estimate = FrfEstimate(
         frf=Frf(table.freq_hz, values, outputs, (reference,), table.quantity),
@@ -191,6 +190,22 @@ def _test(entry: TestSettings, table: FrfTable, reference: Dof, rows: Mask) -> T
     )
     condition = Condition(entry.file, reference, entry.level, entry.spindle_speed, entry.setup)
     return Test(condition, estimate)
+
+
+def _filled(values: Complex, coherence: Real | None, averages: int | None) -> Real | None:
+    """Coherence, in cells that have none that which third differences along frequency imply.
+
+    None where no cell has it, or where the number of averages is not known.
+    """
+    if coherence is None or not np.isfinite(coherence).any():
+        return None
+    missing = ~np.isfinite(coherence)
+    if not missing.any():
+        return coherence
+    if averages is None or averages < 2:
+        return None
+    ratio = (averages - 1) * difference_variance(values) / np.maximum(np.abs(values) ** 2, 1e-300)
+    return np.asarray(np.where(missing, 1 / (1 + ratio), coherence), float)
 
 
 def _variance(

@@ -67,7 +67,7 @@ def read_uff(path: Path, quantity: Quantity | None = None) -> FrfTable:
             continue
         best, remark = cell.chosen(path)
         table[:, *place], measured[place] = cell.frfs[best][1], True
-        if len(cell.coherences) > best:
+        if len(cell.coherences) == len(cell.frfs):
             coherence[:, *place] = cell.coherences[best]
         remarks += remark
     return FrfTable(
@@ -101,7 +101,8 @@ class _Cell:
         apart = max(float(np.linalg.norm(other - values)) for _, other in self.frfs) / size
         numbers = ", ".join(str(other) for other, _ in self.frfs)
         how = "are the same" if apart < _SAME else f"differ by up to {100 * apart:.2g} %"
-        why = "its coherence is best" if known and apart >= _SAME else "it counts once"
+        better = "its coherence is best" if known else "the first"
+        why = "they count once" if apart < _SAME else better
         return best, [
             f"{path.name}: records {numbers} hold one response and reference ({self.dofs}) and "
             f"{how}: record {number} is used, {why}"

@@ -9,6 +9,7 @@ import typer
 from threadpoolctl import threadpool_limits
 
 from identification.modal import Tolerances, Wishes
+from identification.words import UsageError
 from mbw import demo as demo_verb
 from mbw import identify as identify_verb
 from mbw import predict as predict_verb
@@ -35,6 +36,11 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Errors only.")]
 Jobs = Annotated[int, typer.Option(min=1, help="Processes.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the random starts.")]
 _TOLERANCES = Tolerances()
+
+
+def _ordered(band: tuple[float, float] | None) -> None:
+    if band is not None and band[0] >= band[1]:
+        raise UsageError(f"--band {band[0]:g} {band[1]:g}: give the lower frequency first")
 
 
 @app.callback()
@@ -111,6 +117,7 @@ def identify(  # noqa: PLR0913  # one for each option
 ) -> None:
     """Identify the measured modal model: poles, damping, shapes, with standard deviations."""
     SCREEN.quiet = quiet
+    _ordered(band)
     tolerances = Tolerances(
         frequency=frequency_tolerance,
         damping=damping_tolerance,
@@ -204,6 +211,7 @@ def tune(  # noqa: PLR0913  # one for each option
 ) -> None:
     """Tune stiffness and damping to a campaign and say what gap remains."""
     SCREEN.quiet = quiet
+    _ordered(band)
     tune_verb.run(
         campaign,
         out=out,

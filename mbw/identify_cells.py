@@ -50,7 +50,7 @@ def cells_of(campaign: Campaign, measured: Measured, *, roved: bool) -> Cells:
 
 def _coherence(campaign: Campaign, measured: Measured, *, roved: bool) -> tuple[Real, Mask]:
     """Of the test that each cell was taken from: of several, the one with the least variance."""
-    moving = campaign.freq_hz > 0
+    moving = np.isin(campaign.freq_hz, measured.freq_hz)
     outputs, inputs = measured.outputs, measured.inputs
     values = np.zeros((len(measured.freq_hz), len(outputs), len(inputs)))
     least = np.full(values.shape[1:], np.inf)

@@ -20,6 +20,8 @@ from identification.words import (
     distinct,
 )
 
+_PARTS = 8  # of the band
+_FAR = 2.0  # times its mean, what the variance of a cell must be in a part to count there
 _EVEN = 1e-6  # unevenness of the lines, relative to their spacing
 
 
@@ -63,11 +65,17 @@ class Measured:
         exp(-t / tau) in blocks of T has the correlation 2 / (2 + i w tau) between lines w apart,
         so that (T / tau) coth(T / tau) lines tell as much as one.
         """
-        known = self.measured & (self.variance > 0).all(axis=0)
+        known = self.measured
         mean = np.where(known, self.variance.mean(axis=0), 1.0)
         relative = np.where(known, self.variance / mean, np.nan)
         lines = np.nanmedian(relative.reshape(len(self.freq_hz), -1), axis=1)
-        cells = np.where(known, 1.0 / mean, 0.0)
+        # A cell that is far noisier in a part of the band weighs by that part: its noise there
+        # would pass for modes.
+        parts = np.stack(
+            [part.mean(axis=0) for part in np.array_split(relative / lines[:, None, None], _PARTS)]
+        )
+        worst = np.nan_to_num(parts.max(axis=0), nan=1.0)
+        cells = np.where(known, 1.0 / (mean * np.where(worst > _FAR, worst, 1.0)), 0.0)
         alike = 1.0
         if self.decay:
             lengths = self.decay / float(self.freq_hz[1] - self.freq_hz[0])
@@ -99,10 +107,15 @@ def beside(campaign: Campaign) -> Measured:
     moving = campaign.freq_hz > 0
     freq = campaign.freq_hz[moving]
     spacing = np.diff(freq)
-    if len(freq) < 16 or np.ptp(spacing) > _EVEN * spacing.mean():
+    if len(freq) < 16:
         raise InputError(
-            f"{campaign.name}: {len(freq)} lines, evenly spaced or not: modes need at least 16, "
-            "evenly spaced"
+            f"{campaign.name}: {len(freq)} lines above 0 Hz are too few for modes: widen the band "
+            "to 16 or more"
+        )
+    if np.ptp(spacing) > _EVEN * spacing.mean():
+        raise InputError(
+            f"{campaign.name}: lines are unevenly spaced, from {spacing.min():g} to "
+            f"{spacing.max():g} Hz: export FRFs on one even axis"
         )
     outputs = distinct(dof for test in campaign.tests for dof in test.estimate.frf.outputs)
     inputs = distinct(test.condition.reference for test in campaign.tests)
@@ -120,10 +133,13 @@ def beside(campaign: Campaign) -> Measured:
                 values[place] = dof.sign * reference.sign * frf.values[moving, row, 0]
                 variance[place], measured[place[1:]] = own, True
     tau = taus.pop()
+    # A cell of zeros has no variance; a line of zeros, as of AC coupling, is no line.
+    measured &= (variance > 0).mean(axis=0) > 0.5
+    there = ((variance > 0) | ~measured).all(axis=(1, 2))
     return Measured(
-        freq,
-        values,
-        np.where(measured, variance, 0.0),
+        freq[there],
+        (values * measured)[there],
+        np.where(measured, variance, 0.0)[there],
         measured,
         outputs,
         inputs,

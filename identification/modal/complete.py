@@ -27,7 +27,8 @@ _GUARD = 0.7  # the same of a pole beside the band; noise alone gives 0.5
 _ALONE = 0.3  # of the drop that is asked for, which the new pole must give while others stay
 _SOON = 3.0  # times as rough it may be until then
 _ALIKE = 0.999  # modal assurance criterion of what the halves of a split mode share
-_NARROW = 0.002  # of the band: a split mode is not searched again in these lines
+_NARROW = 0.002  # of the band: where a pole was refused, none is searched again in these lines
+_REFUSED = 3  # poles refused before the search ends: the highest peak may be a few cells' noise
 _ROUGH = 0.05  # of the former, at which a search on the way has settled
 _ABOVE, _BELOW = (1.04, 1.15, 1.4, 2.0), (0.9, 0.6)  # where guards start, of the band's ends
 
@@ -90,25 +91,27 @@ def _with_more(data: Data, freq_hz: Real, found: ModalFit, *, inside: bool) -> M
     them; it need be neither a mode nor damped, so that less has to speak for it.
     """
     threshold = (_NOISE if inside else _GUARD) * _parameters(data)
-    split = np.zeros(len(freq_hz), bool)
+    refused, passed = np.zeros(len(freq_hz), bool), 0
     for _ in range(_ADDED if inside else _GUARDS):
-        error = weighted_error(data, found) * ~split[:, None, None]
+        error = weighted_error(data, found) * ~refused[:, None, None]
         starts = [_peak(freq_hz, error, found)] if inside else _beside(data, freq_hz, error, found)
         more = [_with(data, found, pole, row) for pole, row in starts]
         if not inside:  # those that stayed there
             most = (~inside_band(found, freq_hz)).sum()
             more = [fit for fit in more if (~inside_band(fit, freq_hz)).sum() > most]
         better = min(more, key=lambda fit: fit.cost, default=found)
-        if found.cost - better.cost <= _ALONE * threshold:
+        split = inside and better is not found and bool(splits(better)[-1].any())
+        if not split and found.cost - better.cost > _ALONE * threshold:
+            better = rough_fit(data, better.poles, better.participation)
+            drop = threshold * _contradictions(data, freq_hz, better)[-1]
+            if found.cost - better.cost >= drop:
+                found = better
+                continue
+        passed += not split
+        if not inside or passed > _REFUSED:
             break
-        if inside and splits(better)[-1].any():
-            width = max(2 * abs(better.damping[-1]), _NARROW) * freq_hz[-1]
-            split |= np.abs(freq_hz - starts[0][0].imag / (2 * np.pi)) <= width
-            continue
-        better = rough_fit(data, better.poles, better.participation)
-        if found.cost - better.cost < threshold * _contradictions(data, freq_hz, better)[-1]:
-            break
-        found = better
+        width = max(2 * abs(better.damping[-1]), _NARROW) * freq_hz[-1]
+        refused |= np.abs(freq_hz - starts[0][0].imag / (2 * np.pi)) <= width
     return found
 
 

@@ -9,6 +9,7 @@ from identification.solid.gather import BodyData, Table, body_data, gather
 from identification.solid.hypotheses import Hypothesis, State
 from identification.solid.limit import Spectrum, solid_to, spectrum
 from identification.solid.search import Search, search
+from identification.solid.still import without_still
 from identification.solid.twins import close_pairs, twins, unseen
 from identification.solid.words import alike, phrase, verdict
 from identification.words import Campaign, Dof, Real, Tolerance, frozen
@@ -43,7 +44,7 @@ class BodyCheck:
 
     Args:
         body: its name.
-        channels: measured on it.
+        channels: measured on it, but for those that read noise alone where nothing should move.
         rank: of the six motions, how many they determine.
         spare: channels beyond those.
         freq_hz: lines [Hz]; (n_freq,).
@@ -114,7 +115,8 @@ def _searches(
 ) -> dict[str, Search]:
     wanted = campaign.layout.bodies if bodies is None else bodies
     found = [body_data(table, campaign, body) for body in wanted]
-    return {data.body: search(data, campaign.tolerance) for data in found if data is not None}
+    moving = [without_still(data, campaign.layout) for data in found if data is not None]
+    return {data.body: search(data, campaign.tolerance) for data in moving}
 
 
 def _check(found: Search, tolerance: Tolerance, swap: Crossed | None) -> BodyCheck:
@@ -152,6 +154,10 @@ def _words(found: Search, seen: Spectrum, faults: tuple[Fault, ...], tolerance: 
     phrases = [phrase(one.effect, one.location, one.dof) for one in faults]
     if found.more:
         phrases.append("more remains than that explains" if faults else "something remains")
+    if any(one.effect == "flexible_body" for one in faults) and len(faults) > 1:
+        phrases.append("beside a flexible body a sensor's fault is hardly told from its shape")
+    if not found.rankings and found.spare > 1 and seen.beyond.any():
+        phrases.append(f"of {found.spare} spare channels no single one is asked: it is flexible")
     if faults and found.rankings:
         phrases += [alike(*pair, found.spare) for pair in close_pairs(found.rankings[0])[:1]]
     if found.rankings and (hidden := unseen(found.rankings[-1].look, tolerance)):

@@ -19,6 +19,7 @@ from identification.solid.gather import BodyData
 from identification.solid.sensors import Sensors
 from identification.words import Complex, Integers, Mask, Real
 
+_NOTHING = 1e-9  # of the longest column: what rounding leaves of a motion that is none
 _RANK = 1e-6
 _STEPS = 8
 _HALVINGS = 6
@@ -117,7 +118,8 @@ def project(rows: Real, mask: Mask) -> Projection:
     """
     rows = rows * mask[:, None]
     norm = np.linalg.norm(rows, axis=0)
-    norm = np.where(norm > 0, norm, 1.0)
+    there = norm > _NOTHING * norm.max(initial=0.0)
+    rows, norm = rows * there, np.where(there, norm, 1.0)
     left, values, right = np.linalg.svd(rows / norm, full_matrices=False)
     kept = int((values > _RANK * max(values[0], 1e-300)).sum())
     left, values, right = left[:, :kept], values[:kept], right[:kept]

@@ -19,6 +19,9 @@ from identification.words import Real, Tolerance
 # A fault is named when "no further fault" has become less probable than this.
 _DOUBT = 0.05
 _MOST_FAULTS = 3
+# Structures with more points than a stage has sensors are looked at as a whole: one sensor's fault
+# among so many is for the modal model to show.
+_MOST_SPARE = 30
 _DEAD = 0.1  # of its gain, below which a channel is called dead
 
 
@@ -84,7 +87,7 @@ def search(data: BodyData, tolerance: Tolerance) -> Search:
     """Take the most probable fault out, again and again, while one is more probable than none."""
     state = State.healthy(data, tolerance)
     known, spare = _counts(data)
-    if spare < 2:
+    if spare < 2 or spare > _MOST_SPARE:
         fitted = fit(state.model, Moments.of(data, blocks=1))
         nats = fitted.data + fitted.prior
         return Search(data, known, spare, (), (), state, fitted.errors, 1.0, more=False, nats=nats)

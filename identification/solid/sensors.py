@@ -1,6 +1,6 @@
 """The sensors of one body with their errors: gain of each channel, angles and place of each."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -25,6 +25,8 @@ class Sensors:
         sensor_of: number of the sensor of each channel; (n_channel,).
         axes: unit vectors along which channels read; (n_channel, 3).
         arms: sensors from the centre of mass [m]; (n_sensor, 3).
+        moving: projector onto the motions that the body makes, all unless some were measured to
+            be none; (6, 6).
     """
 
     channels: tuple[Dof, ...]
@@ -32,6 +34,7 @@ class Sensors:
     sensor_of: Integers
     axes: Real
     arms: Real
+    moving: Real = field(default_factory=lambda: np.eye(6))
 
     @classmethod
     def of(cls, layout: Layout, channels: tuple[Dof, ...]) -> "Sensors":
@@ -91,7 +94,7 @@ class Sensors:
             Rows [1, m]; (n_channel, 6).
         """
         gain, axes, arms = self._split(errors)
-        return gain[:, None] * self._unit_rows(axes, arms)
+        return gain[:, None] * self._unit_rows(axes, arms) @ self.moving
 
     def slopes(self, errors: Real) -> Real:
         """Derivatives of ``rows``; angles turn beyond those in p: a + d x a; (n_error, ...)."""
@@ -104,7 +107,7 @@ class Sensors:
         place = count + 3 * self.sensor_of + np.arange(3)[:, None]
         slopes[place, channel] = self._unit_rows(turned, arms)
         slopes[place + 3 * sensors, channel, 3:] = np.where(self.turning[:, None], 0.0, turned)
-        return slopes
+        return slopes @ self.moving
 
     def step(self, errors: Real, change: Real) -> Real:
         """Add a change to p, angles by turning further."""

@@ -55,7 +55,7 @@ def test_uneven_lines_are_refused(model, true_theta):
     campaign = virtual_campaign(model, true_theta)
     keep = np.ones(len(campaign.freq_hz), bool)
     keep[7] = False
-    with pytest.raises(InputError, match="evenly spaced"):
+    with pytest.raises(InputError, match="unevenly spaced"):
         beside(campaign.lines(keep))
 
 

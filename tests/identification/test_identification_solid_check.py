@@ -10,7 +10,7 @@ from solid_bodies import HITS, Case, draw, triaxials
 from identification import check_bodies
 from identification.solid.fit import Model, Moments, fit
 from identification.solid.gather import body_data, gather
-from identification.words import Campaign, Dof, Frf, Test
+from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 LINES = 200
 
@@ -302,3 +302,30 @@ def test_noise_alone_costs_nothing_in_the_mean():
         assert fit(model, moments).prior < 1e-3
     assert abs(np.mean(costs)) < 3 / np.sqrt(40)
     assert 0.7 < np.std(costs) < 1.3
+
+
+def test_a_direction_in_which_nothing_moves_makes_no_fault() -> None:
+    # Three triaxials that only move along x: what y and z read is noise, of whatever size.
+    for seed in range(6):
+        rng = np.random.default_rng(70_000 + seed)
+        places = rng.uniform(-0.3, 0.3, (3, 3))
+        names = ("acc1", "acc2", "acc3")
+        axes = np.tile(np.eye(3), (3, 1, 1))
+        layout = Layout(("b",), np.zeros((1, 3)), names, np.zeros(3, int), places, axes)
+        outputs = tuple(Dof.of(name, axis) for name in names for axis in range(3))
+        freq = np.arange(10.0, 110, 0.5)
+        moved = 1 / (60.0**2 - freq**2 + 2j * 0.02 * 60 * freq) * freq**2
+        values = np.zeros((len(freq), 9, 1), complex)
+        values[:, ::3, 0] = moved[:, None]
+        sd = np.full((9, 1), 1e-5)
+        sd[::3] = 0.01 * np.sqrt((np.abs(moved) ** 2).mean())
+        noise = rng.normal(size=(2, *values.shape)) * sd / np.sqrt(2)
+        reference = Dof("acc1", "+tx")
+        frf = Frf(freq, values + noise[0] + 1j * noise[1], outputs, (reference,), "accelerance")
+        variance = np.broadcast_to(sd**2, values.shape)
+        estimate = FrfEstimate(frf, variance, "coherence", np.ones((9, 1), bool))
+        tests = (Test(Condition("a.uff", reference), estimate),)
+        (check,) = check_bodies(Campaign("c", layout, tests))
+        assert check.faults == ()
+        assert len(check.channels) == 3, "those along x"
+        assert "no check is possible" in check.words
