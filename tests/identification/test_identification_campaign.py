@@ -347,15 +347,29 @@ def test_coherence_and_averages_give_the_variance(read):
         np.testing.assert_allclose(estimate.coherence[:, k, 0], coherence, rtol=1e-11)
 
 
+def test_a_cell_without_coherence_takes_the_variance_of_differences_and_its_coherence(read):
+    functions = [FIRST, SECOND]
+    (test,) = read(a_uff=uff(*functions, coherence_of(FIRST, 0))).tests
+    estimate = test.estimate
+    assert estimate.variance_source == "coherence"
+    known = coherence_of(FIRST, 0).data
+    np.testing.assert_allclose(estimate.coherence[:, 0, 0], known, rtol=1e-11)
+    implied = difference_variance(SECOND.data[:, None, None])[:, 0, 0]
+    ratio = 9 * implied / np.abs(SECOND.data) ** 2
+    mild = ratio < 9e3  # coherences below 1e-4 count as that
+    assert mild.sum() > 3
+    np.testing.assert_allclose(estimate.variance[mild, 1, 0], implied[mild], rtol=1e-6)
+    np.testing.assert_allclose(estimate.coherence[:, 1, 0], 1 / (1 + ratio), rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("text", "coherent"),
     [
         (TEST, 0),
-        (TEST, 1),
         (TEST.replace("averages = 10", ""), 2),
         (TEST.replace("averages = 10", "averages = 1"), 2),
     ],
-    ids=["no coherence", "coherence of one cell", "no averages", "one average"],
+    ids=["no coherence", "no averages", "one average"],
 )
 def test_without_coherence_or_averages_the_variance_is_of_differences(read, text, coherent):
     functions = [FIRST, SECOND]

@@ -72,3 +72,45 @@ def test_channels_that_were_not_measured_weigh_nothing(model, true_theta):
     ).data()
     assert data.cells[3, 0] == 0
     assert (data.cells > 0).sum() == data.cells.size - 1
+
+
+def test_lines_of_zeros_are_no_lines(model, true_theta):
+    campaign = virtual_campaign(model, true_theta)
+    tests = []
+    for test in campaign.tests:
+        values, variance = (np.array(a) for a in (test.estimate.frf.values, test.estimate.variance))
+        values[:4], variance[:4], values[20], variance[20] = 0, 0, 0, 0
+        frf = replace(test.estimate.frf, values=values)
+        tests.append(replace(test, estimate=replace(test.estimate, frf=frf, variance=variance)))
+    whole, _, _ = identify(campaign)
+    found, how, measured = identify(replace(campaign, tests=tuple(tests)))
+    assert len(measured.freq_hz) == len(campaign.freq_hz) - 5
+    count = how.inside.sum()
+    np.testing.assert_allclose(found.freq_hz[:count], whole.freq_hz[:count], rtol=1e-3)
+
+
+def test_a_channel_of_zeros_is_not_measured(model, true_theta):
+    campaign = virtual_campaign(model, true_theta)
+    tests = []
+    for test in campaign.tests:
+        values, variance = (np.array(a) for a in (test.estimate.frf.values, test.estimate.variance))
+        values[:, 2], variance[:, 2] = 0, 0
+        frf = replace(test.estimate.frf, values=values)
+        tests.append(replace(test, estimate=replace(test.estimate, frf=frf, variance=variance)))
+    measured = beside(replace(campaign, tests=tuple(tests)))
+    assert not measured.measured[2].any()
+    assert len(measured.freq_hz) == len(campaign.freq_hz)
+
+
+def test_a_cell_that_is_noisy_in_a_part_of_the_band_weighs_by_that_part(model, true_theta):
+    campaign = virtual_campaign(model, true_theta)
+    plain = beside(campaign).data().cells
+    first = campaign.tests[0]
+    variance = np.array(first.estimate.variance)
+    variance[-len(variance) // 4 :, 1] *= 81
+    noisy = replace(first, estimate=replace(first.estimate, variance=variance))
+    cells = beside(replace(campaign, tests=(noisy, *campaign.tests[1:]))).data().cells
+    np.testing.assert_allclose(cells[1, 0] / plain[1, 0], 1 / 81, rtol=0.2)
+    others = np.ones(cells.shape, bool)
+    others[1, 0] = False
+    np.testing.assert_allclose(cells[others], plain[others], rtol=1e-9)

@@ -265,15 +265,23 @@ def test_a_complex_coherence_counts_by_its_real_part(read):
     np.testing.assert_allclose(table.coherence[:, 0, 0], values, rtol=1e-11)
 
 
-def test_coherence_for_some_cells_only_is_no_coherence(read):
-    assert read(ONE, Function(numbers(2), rsp=(2, 3)), coherence_of(ONE, 1)).coherence is None
+def test_cells_without_coherence_say_so(read):
+    table = read(ONE, Function(numbers(2), rsp=(2, 3)), coherence_of(ONE, 1))
+    assert np.isfinite(table.coherence[:, 0, 0]).all()
+    assert np.isnan(table.coherence[:, 1, 0]).all()
+
+
+def test_with_more_frfs_than_coherences_in_a_cell_none_is_guessed(read):
+    table = read(ONE, replace(ONE, data=2 * ONE.data), coherence_of(ONE, 1))
+    assert np.isnan(table.coherence[:, 0, 0]).all()
+    assert "the first" in table.remarks[0]
 
 
 def test_coherence_for_all_measured_cells_is_enough(read):
     functions = [ONE, Function(numbers(2), rsp=(2, 3), ref=(11, 1))]  # 2 of 4 cells
     table = read(*functions, *(coherence_of(f, 5 + k) for k, f in enumerate(functions)))
     assert table.coherence is not None
-    assert not table.coherence[:, ~table.measured].any()
+    assert np.isfinite(table.coherence[:, table.measured]).all()
 
 
 def test_a_coherence_without_its_frf_is_passed_over(read):
