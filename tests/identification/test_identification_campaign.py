@@ -357,7 +357,7 @@ def test_a_cell_without_coherence_takes_the_variance_of_differences_and_its_cohe
     implied = difference_variance(SECOND.data[:, None, None])[:, 0, 0]
     ratio = 9 * implied / np.abs(SECOND.data) ** 2
     mild = ratio < 9e3  # coherences below 1e-4 count as that
-    assert mild.sum() > 3
+    assert mild.any()
     np.testing.assert_allclose(estimate.variance[mild, 1, 0], implied[mild], rtol=1e-6)
     np.testing.assert_allclose(estimate.coherence[:, 1, 0], 1 / (1 + ratio), rtol=1e-9)
 
