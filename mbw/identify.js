@@ -54,8 +54,18 @@ function detail(mode) {
   if (mode.modal_a_real !== null) rows.push(["modal A", complex(mode.modal_a_real, mode.modal_a_imaginary) + " kg/s"]);
   rows.push(["phase deviation", (mode.phase_deviation * 180 / Math.PI).toFixed(1) + "°"]);
   if (mode.reciprocity !== null) rows.push(["reciprocity", mode.reciprocity.toFixed(3)]);
-  rows.push(["moves most", most(state.mode)]);
+  rows.push(["moves most", most(state.mode)], ["by hand", byHand(mode.by_hand)]);
   list.replaceChildren(...rows.flatMap(([name, text]) => [element("dt", name), element("dd", text)]));
+}
+
+// 3 dB widths and circles, as a check of the fit on channels where the mode is alone.
+function byHand(hand) {
+  const said = [], percent = value => (100 * value).toPrecision(3) + " %";
+  if (hand.half_power_damping !== null) said.push(`3 dB ${percent(hand.half_power_damping)} (${hand.half_power_channels})`);
+  if (hand.circle_damping !== null)
+    said.push(`circle ${digits(hand.circle_frequency)} Hz, ${percent(hand.circle_damping)} (${hand.circle_channels})`);
+  if (hand.amplitude_difference !== null) said.push(`C differs by ${percent(hand.amplitude_difference)}`);
+  return said.join("; ") || hand.reason || "-";
 }
 
 const complex = (re, im) => re.toPrecision(4) + (im < 0 ? " − " : " + ") + Math.abs(im).toPrecision(4) + " i";

@@ -7,13 +7,22 @@ from typing import Any, Protocol
 import numpy as np
 
 from identification import BodyCheck
-from identification.modal import Identified, Measured, SynthesisError, Tolerances, mpc, mpd
+from identification.modal import (
+    ClassicalMode,
+    Identified,
+    Measured,
+    SynthesisError,
+    Tolerances,
+    classical_checks,
+    mpc,
+    mpd,
+)
 from identification.words import Campaign, Layout, ModalModel, Real
 from mbw.identify_against import Other
 from mbw.identify_arrays import arrays_of
 from mbw.identify_hits import hits_rows
 from mbw.identify_parts import QUIET, Parts, parts_of
-from mbw.identify_schema import ModeRow, ModesFile
+from mbw.identify_schema import ByHand, ModeRow, ModesFile
 from mbw.identify_solid import solid_row
 
 
@@ -84,7 +93,8 @@ def gather(
 
 def _summary(parts: Parts, source: str, checks: Checks) -> ModesFile:
     measured, found = parts.measured, parts.found
-    modes = [_row(parts, mode) for mode in range(parts.inside)]
+    hands = classical_checks(parts.measured, parts.model)[: parts.inside]
+    modes = [_row(parts, mode, hand) for mode, hand in enumerate(hands)]
     return ModesFile(
         campaign=parts.campaign.name,
         model=source,
@@ -120,7 +130,19 @@ def _rms(of: SynthesisError, values: Real) -> float | None:
     return float(np.sqrt((values[quiet] ** 2).mean())) if quiet.any() else None
 
 
-def _row(parts: Parts, mode: int) -> ModeRow:
+def _by_hand(hand: ClassicalMode) -> ByHand:
+    return ByHand(
+        half_power_damping=hand.half_power_damping,
+        half_power_channels=hand.half_power_channels,
+        circle_frequency=hand.circle_freq_hz,
+        circle_damping=hand.circle_damping,
+        circle_channels=hand.circle_channels,
+        amplitude_difference=hand.amplitude_difference,
+        reason=hand.reason,
+    )
+
+
+def _row(parts: Parts, mode: int, hand: ClassicalMode) -> ModeRow:
     model, whole, shape = parts.model, parts.whole, parts.model.shapes[:, mode]
     body = parts.bodies.values[:, mode]
     pair = dict(parts.compared.pairs).get(mode)
@@ -145,6 +167,7 @@ def _row(parts: Parts, mode: int) -> ModeRow:
         real_shape=parts.real[:, mode].tolist(),
         body_shape_real=body.real.tolist(),
         body_shape_imaginary=body.imag.tolist(),
+        by_hand=_by_hand(hand),
     )
 
 

@@ -7,6 +7,25 @@ from pydantic import BaseModel, Field
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
+class ByHand(BaseModel):
+    """What the classical methods say of a mode; null where they say nothing.
+
+    Args:
+        half_power_damping: ratio from the 3 dB widths, median over ``half_power_channels``.
+        circle_frequency, circle_damping: of circles fitted to ``circle_channels`` FRFs [Hz, 1].
+        amplitude_difference: of C by least squares and from the value at resonance, relative.
+        reason: why something is missing.
+    """
+
+    half_power_damping: Finite | None
+    half_power_channels: int
+    circle_frequency: Finite | None
+    circle_damping: Finite | None
+    circle_channels: int
+    amplitude_difference: Finite | None
+    reason: str
+
+
 class ModeRow(BaseModel):
     """One identified mode; standard deviations in the same units.
 
@@ -23,6 +42,7 @@ class ModeRow(BaseModel):
         shape_real, shape_imaginary: at ``outputs``.
         real_shape: its real part at the phase where that is largest.
         body_shape_real, body_shape_imaginary: at ``body_directions``.
+        by_hand: what the classical methods say of it.
     """
 
     frequency: Finite
@@ -44,6 +64,7 @@ class ModeRow(BaseModel):
     real_shape: list[Finite]
     body_shape_real: list[Finite]
     body_shape_imaginary: list[Finite]
+    by_hand: ByHand
 
 
 class FaultRow(BaseModel):

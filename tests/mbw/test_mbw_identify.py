@@ -48,3 +48,14 @@ def test_a_folder_without_a_campaign_is_refused(tmp_path):
     outcome = RUNNER.invoke(app, ["identify", str(tmp_path)])
     assert outcome.exit_code == 3
     assert "campaign.toml" in outcome.stderr
+
+
+def test_classical_methods_stand_beside_and_agree_where_a_mode_is_alone(result):
+    _, folder = result
+    modes = json.loads((folder / "m.json").read_text())["modes"]
+    circles = [mode for mode in modes if mode["by_hand"]["circle_damping"] is not None]
+    assert len(circles) >= len(modes) / 2
+    for mode in circles:
+        off = abs(mode["by_hand"]["circle_frequency"] / mode["frequency"] - 1)
+        assert off < mode["damping"], "within half the half-power band"
+    assert all(m["by_hand"]["reason"] for m in modes if m["by_hand"]["circle_damping"] is None)
