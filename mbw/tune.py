@@ -70,6 +70,8 @@ def run(
         The folder of the result.
     """
     session = open_session(campaign, band)
+    for text in session.campaign.remarks:
+        SCREEN.say(text)
     freq = session.campaign.freq_hz
     folder = out or Path(f"{session.campaign.name}-tuned")
     SCREEN.say(

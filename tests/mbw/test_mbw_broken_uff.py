@@ -9,7 +9,6 @@ from typer.testing import CliRunner
 from mbw.command import app
 
 DEMO = Path(__file__).resolve().parents[2] / "assets" / "demo"
-MARK = b"    -1\n"
 
 
 def _truncated(content):
@@ -22,18 +21,11 @@ def _unequal(content):
     return content[:start] + b"2.60000e-01" + content[start + 11 :]
 
 
-def _twice(content):
-    """The last record again."""
-    start = content.rindex(MARK + b"    58b")
-    return content + content[start:]
-
-
 @pytest.mark.parametrize(
     ("broken", "words"),
     [
         (_truncated, ["impact_200N.uff", "record", "truncated", "again"]),
         (_unequal, ["impact_200N.uff", "records", "unequal frequency axes", "export"]),
-        (_twice, ["impact_200N.uff", "records 415 and 416", "one response", "delete one"]),
     ],
 )
 def test_a_broken_file_exits_3_and_writes_nothing(tmp_path, broken, words):
