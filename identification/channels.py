@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from identification.words import Campaign, Test
+from identification.words import Campaign, Dof, Test
 
 _DEAD = 0.1  # coherence below which a channel holds nothing of the hit
 _ALIVE = 0.5  # coherence of the others, which shows that the hit itself was good
@@ -10,41 +10,56 @@ _SAME = 1e-6  # relative difference below which two channels hold the same numbe
 
 
 def channel_remarks(campaign: Campaign) -> tuple[str, ...]:
-    """One sentence for each channel of a test that cannot be used as it stands.
+    """One sentence for each channel that cannot be used as it stands.
 
-    A channel is dead that reads zero, or whose coherence is lost on all lines while that of the
-    others is good; two that hold the same numbers, but for sign, are one written twice.
+    A channel is dead that reads zero; one whose coherence is lost in every test while that of the
+    others is good is dead too, or nothing moves there; two that hold the same numbers, but for
+    sign, are one written twice.
     """
     found: dict[str, list[str]] = {}
     for test in campaign.tests:
         for words in (*_dead(test), *_doubled(test)):
             found.setdefault(words, []).append(str(test.condition.reference))
     every = len(campaign.tests)
-    return tuple(
-        f"{words}, {'in every test' if len(hits) == every else 'hit at ' + ', '.join(hits)}"
-        for words, hits in found.items()
+    return (
+        *(
+            f"{words}, {'in every test' if len(hits) == every else 'hit at ' + ', '.join(hits)}"
+            for words, hits in found.items()
+        ),
+        *_silent(campaign),
     )
+
+
+def _silent(campaign: Campaign) -> list[str]:
+    """Channels that read noise alone whatever is hit."""
+    known: dict[Dof, list[tuple[float, float]]] = {}
+    for test in campaign.tests:
+        coherence = test.estimate.coherence
+        if coherence is None:
+            continue
+        each = np.median(coherence[:, :, 0], axis=0)
+        still = np.abs(test.estimate.frf.values[:, :, 0]).max(axis=0) == 0
+        others = float(np.median(each))
+        for dof, value, none in zip(test.estimate.frf.outputs, each, still, strict=True):
+            if not none:
+                known.setdefault(dof.positive, []).append((float(value), others))
+    return [
+        f"{dof} reads noise alone in every test, with a coherence of at most "
+        f"{max(value for value, _ in pairs):.2g} where others have {pairs[0][1]:.2g}: its cable is "
+        "off, or nothing moves there"
+        for dof, pairs in known.items()
+        if all(value < _DEAD and others > _ALIVE for value, others in pairs)
+    ]
 
 
 def _dead(test: Test) -> list[str]:
     estimate = test.estimate
     outputs, values = estimate.frf.outputs, estimate.frf.values[:, :, 0]
     still = np.abs(values).max(axis=0) == 0
-    said = [
+    return [
         f"{dof} is dead: it reads zero; ignore it, or mend its cable"
         for dof, none in zip(outputs, still, strict=True)
         if none
-    ]
-    if estimate.coherence is None:
-        return said
-    known = np.median(estimate.coherence[:, :, 0], axis=0)
-    if (known[~still] > _ALIVE).sum() < 0.5 * len(outputs):
-        return said
-    return said + [
-        f"{dof} is dead: its coherence is {value:.2g} where that of the others is "
-        f"{np.median(known):.2g}; ignore it, or mend its cable"
-        for dof, value, none in zip(outputs, known, still, strict=True)
-        if value < _DEAD and not none
     ]
 
 

@@ -70,8 +70,6 @@ def run(
         The folder of the result.
     """
     session = open_session(campaign, band)
-    for text in session.campaign.remarks:
-        SCREEN.say(text)
     freq = session.campaign.freq_hz
     folder = out or Path(f"{session.campaign.name}-tuned")
     SCREEN.say(
@@ -82,6 +80,8 @@ def run(
     if json is not None:
         check_json(json)
     measured = measured_modes(session.campaign, search.residuals, search.modes)
+    for text in session.campaign.remarks:
+        SCREEN.say(text)
     with SCREEN.progress() as progress, one_interrupt() as ends:
         bar = _Bar(progress, starts, len(stages_of(search.residuals)))
         tuned = tune(
