@@ -27,7 +27,7 @@ NAMES = (
 def write_files(result: Result, folder: Path) -> None:
     """Write all but the page into a folder that is there."""
     (folder / MODES_JSON).write_text(result.summary.model_dump_json(indent=1) + "\n", "utf-8")
-    np.savez_compressed(folder / MODES_NPZ, allow_pickle=False, **result.arrays)
+    np.savez(folder / MODES_NPZ, allow_pickle=False, **result.arrays)
     _write_csv(folder / "modes.csv", _mode_rows(result))
     _write_csv(folder / "shapes.csv", _shape_rows(result))
     _write_csv(folder / "synthesis.csv", _synthesis_rows(result))

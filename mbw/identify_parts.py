@@ -1,6 +1,6 @@
 """What the files, the table and the page of ``mbw identify`` are made of."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -119,4 +119,11 @@ def _by_shapes_alone(whole: Scaled, measured: Measured, inside: int) -> Synthesi
         return None
     full = full_matrix(whole, reciprocal(whole, inside))
     columns = [measured.outputs.index(dof) for dof in measured.inputs]
-    return synthesis_error(measured, synthesised(full, measured)[:, :, columns])
+    driven = replace(
+        full,
+        participation=full.participation[columns],
+        lower=full.lower[:, columns],
+        upper=full.upper[:, columns],
+        inputs=measured.inputs,
+    )
+    return synthesis_error(measured, synthesised(driven, measured))
