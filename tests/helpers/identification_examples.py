@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identification.words import Dof, Frf, FrfEstimate, Layout
+from identification import correct_layout, read_campaign, read_settings
+from identification.words import Campaign, Dof, Frf, FrfEstimate, Layout
 
 MARK = b"    -1"
 EVEN = 0.75 + 0.25 * np.arange(9)  # exact in binary and in E13.5
@@ -167,3 +168,9 @@ def write_campaign(folder: Path, text: str, files: dict[str, bytes] | None = Non
         (folder / name).write_bytes(content)
     (folder / "campaign.toml").write_text(text, encoding="utf-8")
     return folder
+
+
+def read_written(folder: Path, layout: Layout | None = None) -> Campaign:
+    """Read a campaign folder on a layout in place of its model's."""
+    path, settings = read_settings(folder)
+    return read_campaign(path, settings, correct_layout(path, settings, layout or a_layout()))

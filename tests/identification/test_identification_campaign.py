@@ -1,14 +1,21 @@
 """Campaigns in: files, nodes, corrections and conditions become labelled tests."""
 
 import io
-import struct
 import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from identification_examples import EVEN, Function, a_layout, numbers, units, write_campaign
+from identification_examples import (
+    EVEN,
+    Function,
+    a_layout,
+    numbers,
+    read_written,
+    units,
+    write_campaign,
+)
 from scipy.spatial.transform import Rotation
 
 from identification import (
@@ -16,11 +23,8 @@ from identification import (
     coherence_variance,
     correct_layout,
     difference_variance,
-    read_campaign,
-    read_settings,
 )
 from identification.words import Dof, InputError
-from mbmodel import load_machine
 
 ROOT = Path(__file__).resolve().parents[2]
 DEMO = ROOT / "assets" / "demo"
@@ -50,21 +54,9 @@ def read(tmp_path):
         contents = {"a.uff": uff(FIRST, SECOND, THIRD)}
         contents |= {name.replace("_", "."): content for name, content in files.items()}
         write_campaign(tmp_path, text, contents)
-        path, settings = read_settings(tmp_path)
-        corrected = correct_layout(path, settings, layout or a_layout())
-        return read_campaign(path, settings, corrected)
+        return read_written(tmp_path, layout)
 
     return read_text
-
-
-@pytest.fixture
-def refusal(read):
-    def message(*arguments, **files):
-        with pytest.raises(InputError) as caught:
-            read(*arguments, **files)
-        return str(caught.value)
-
-    return message
 
 
 def labels(dofs):
@@ -397,61 +389,3 @@ def test_too_few_lines_for_differences_are_refused(refusal):
 
 def test_negative_frequencies_are_refused(refusal):
     assert "a.uff" in refusal(a_uff=uff(replace(FIRST, x=EVEN - 5)))
-
-
-# From the files on disk to the campaign.
-
-
-@pytest.fixture(scope="module")
-def demo():
-    path, settings = read_settings(DEMO)
-    layout = load_machine(path.parent / settings.model).layout
-    return read_campaign(path, settings, correct_layout(path, settings, layout))
-
-
-def test_the_demo_has_three_hammer_directions_at_node_eleven(demo):
-    assert demo.name == "demo"
-    references = [str(test.condition.reference) for test in demo.tests]
-    assert [label[-3:] for label in references] == ["+tx", "+ty", "+tz"]
-    assert len({label[:-4] for label in references}) == 1
-    assert references[0][:-4].endswith("11")
-    assert {test.condition.level_n for test in demo.tests} == {200.0}
-
-
-def test_the_demo_has_69_channels_each_node_three(demo):
-    expected = [f"acc{node}:+t{axis}" for node in range(1, 24) for axis in "xyz"]
-    for test in demo.tests:
-        assert labels(test.estimate.frf.outputs) == expected
-
-
-def test_the_demo_has_801_lines_to_200_hz(demo):
-    np.testing.assert_allclose(demo.freq_hz, np.arange(801) / 4, rtol=1e-12)
-
-
-def test_the_variance_of_the_demo_is_known_everywhere_but_at_rest(demo):
-    for test in demo.tests:
-        assert test.estimate.variance_source == "coherence"
-        assert test.estimate.measured.all()
-        assert (test.estimate.variance[1:] > 0).all()
-
-
-def test_the_first_channel_of_the_demo_is_the_first_record_of_its_file(demo):
-    content = (DEMO / "impact_200N.uff").read_bytes()
-    start = content.index(b"    58b") - 1
-    for _ in range(13):
-        start = content.index(b"\n", start) + 1
-    data = np.array(struct.unpack("<1602f", content[start : start + 6408]))
-    np.testing.assert_array_equal(
-        demo.tests[0].estimate.frf.values[:, 0, 0], data[::2] + 1j * data[1::2]
-    )
-
-
-@pytest.mark.skipif(not OPEN.is_dir(), reason="no shared/campaigns/open beside the repository")
-def test_an_open_campaign_is_read_on_its_own_machine():
-    folder = sorted(OPEN.glob("*/campaign.toml"))[0].parent
-    path, settings = read_settings(folder)
-    layout = load_machine(path.parent / settings.model).layout
-    campaign = read_campaign(path, settings, correct_layout(path, settings, layout))
-    assert len(campaign.tests) >= 3
-    for test in campaign.tests:
-        assert (test.estimate.variance[1:] > 0).all()

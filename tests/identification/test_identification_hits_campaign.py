@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import scipy.io
 from hammer_records import Hammer, a_system, channel_functions, strike
-from identification_examples import Function, a_layout, numbers, write_campaign
+from identification_examples import Function, a_layout, numbers, read_written, write_campaign
 
-from identification import band_lines, correct_layout, read_campaign, read_settings
+from identification import band_lines
 from identification.hits import drive_point_signs
 from identification.modal import identify
-from identification.words import Dof, InputError
+from identification.words import Dof
 
 HEAD = 'model = "model.xml"\n'
 TEST = '[[test]]\nfile = "a.uff"\n'
@@ -41,21 +41,9 @@ def read(tmp_path):
     def read_text(text, layout=None, **files):
         contents = {name.replace("_", "."): content for name, content in files.items()}
         write_campaign(tmp_path, HEAD + text, contents)
-        path, settings = read_settings(tmp_path)
-        corrected = correct_layout(path, settings, layout or a_layout())
-        return read_campaign(path, settings, corrected)
+        return read_written(tmp_path, layout)
 
     return read_text
-
-
-@pytest.fixture
-def refusal(read):
-    def message(*arguments, **files):
-        with pytest.raises(InputError) as caught:
-            read(*arguments, **files)
-        return str(caught.value)
-
-    return message
 
 
 def npz(**arrays):

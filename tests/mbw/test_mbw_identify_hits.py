@@ -6,9 +6,9 @@ import shutil
 
 import numpy as np
 import pytest
+from browser import CHROMIUM, GL, browse, data_of, unpacked
 from hammer_records import Hammer, System, channel_functions, strike
 from small_machine import MJCF
-from test_mbw_identify_page import CHROMIUM, browse, data_of, unpacked
 from typer.testing import CliRunner
 
 from identification.words import Dof
@@ -115,8 +115,7 @@ def text(folder):
 def found(text, tmp_path_factory):
     if CHROMIUM is None:
         pytest.skip("Chromium is not installed")
-    gl = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
-    return browse(text, tmp_path_factory.mktemp("browser"), *gl, probe=PROBE)
+    return browse(text, tmp_path_factory.mktemp("browser"), *GL, probe=PROBE)
 
 
 def test_each_reference_has_a_row_of_its_hits(content):

@@ -1,15 +1,13 @@
 """The page of ``mbw identify``: what it holds, and what it does in a browser."""
 
-import base64
 import json
 import re
 import shutil
-import subprocess
-import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from browser import CHROMIUM, GL, browse, data_of, unpacked
 from campaign_folder import write_folder
 from typer.testing import CliRunner
 
@@ -21,12 +19,7 @@ from mbw.identify_page import render
 from mbw.identify_result import Result
 from mbw.identify_schema import FaultRow, SolidRow
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 RUNNER = CliRunner()
-CATCH = """<script>window.FAULTS = [];
-addEventListener("error", event => FAULTS.push(event.message));
-addEventListener("unhandledrejection", event => FAULTS.push(String(event.reason)));
-console.error = (...words) => FAULTS.push(words.join(" "));</script>"""
 PROBE = """<script>
 const wait = ms => new Promise(done => setTimeout(done, ms));
 const ends = () => MOVING.map(set => byId("picture").data[set.number].x.slice(-3));
@@ -140,14 +133,6 @@ def checked(result):
     return render(Result(summary, result.arrays, result.layout), seen)
 
 
-def data_of(text):
-    return json.loads(re.search(r"^const DATA = (.*);$", text, re.MULTILINE)[1])
-
-
-def unpacked(packed, kind="<f4"):
-    return np.frombuffer(base64.b64decode(packed), kind)
-
-
 def test_the_page_fetches_nothing(text):
     page = re.sub(r"<script>/\*\*.*?</script>", "", text, flags=re.DOTALL)
     assert len(page) < len(text) / 2  # plotly itself is inside
@@ -201,33 +186,11 @@ def test_names_cannot_break_the_page(result):
     assert "<b>x" not in page
 
 
-def browse(page, folder, *flags, probe=PROBE):
-    """What the probe finds in the page."""
-    probed = page.replace("<head>", "<head>" + CATCH, 1).replace("</body>", probe + "</body>")
-    (folder / "probed.html").write_text(probed, encoding="utf-8")
-    with tempfile.TemporaryDirectory() as profile:
-        done = subprocess.run(
-            [
-                CHROMIUM, "--headless", "--no-sandbox", "--no-first-run",
-                "--disable-background-networking", "--disable-component-update",
-                "--disable-sync", "--disable-quic", f"--user-data-dir={profile}",
-                "--force-prefers-reduced-motion", "--virtual-time-budget=15000",
-                "--window-size=1280,1600", *flags, "--dump-dom",
-                (folder / "probed.html").as_uri(),
-            ],
-            capture_output=True, text=True, timeout=120, check=False,
-        )  # fmt: skip
-    match = re.search(r'<pre id="found">(.*?)</pre>', done.stdout)
-    assert match, done.stderr[-2000:]
-    return json.loads(match[1].replace("&gt;", ">").replace("&lt;", "<").replace("&amp;", "&"))
-
-
 @pytest.fixture(scope="module")
 def found(checked, tmp_path_factory):
     if CHROMIUM is None:
         pytest.skip("Chromium is not installed")
-    gl = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
-    return browse(checked, tmp_path_factory.mktemp("browser"), *gl)
+    return browse(checked, tmp_path_factory.mktemp("browser"), *GL, probe=PROBE)
 
 
 def test_the_page_runs_without_faults(found, result):
@@ -321,7 +284,7 @@ def test_without_raw_records_there_is_no_section_of_hits(text, result):
 
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 def test_without_webgl_a_sentence_stands_for_the_picture_and_the_rest_works(text, tmp_path):
-    bare = browse(text, tmp_path, "--disable-3d-apis")
+    bare = browse(text, tmp_path, "--disable-3d-apis", probe=PROBE)
     assert bare["picture"].startswith("No 3-D picture")
     assert bare["faults"] == []
     assert bare["selected"] == 2

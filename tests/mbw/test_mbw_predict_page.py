@@ -1,14 +1,10 @@
 """The page of ``mbw predict``: what it holds, and what it does in a browser."""
 
-import base64
-import json
 import re
-import shutil
-import subprocess
-import tempfile
 
 import numpy as np
 import pytest
+from browser import CHROMIUM, GL, browse, data_of, unpacked
 from small_machine import MJCF
 from typer.testing import CliRunner
 
@@ -16,13 +12,8 @@ from identification.words import Dof
 from mbmodel import Evaluator, Question, as_drawn, load_machine, model_modes, shapes_at
 from mbw.command import app
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 RUNNER = CliRunner()
 FRFS = ("--input", "acc3:+x", "--output", "acc1:+z", "--output", "head:-rz")
-CATCH = """<script>window.FAULTS = [];
-addEventListener("error", event => FAULTS.push(event.message));
-addEventListener("unhandledrejection", event => FAULTS.push(String(event.reason)));
-console.error = (...words) => FAULTS.push(words.join(" "));</script>"""
 PROBE = """<script>
 const wait = ms => new Promise(done => setTimeout(done, ms));
 const seen = () => drawn ? byId("picture").data[MOVING[0].number].x.slice(0, 8) : null;
@@ -74,11 +65,7 @@ def text(folder):
 
 @pytest.fixture(scope="module")
 def data(text):
-    return json.loads(re.search(r"^const DATA = (.*);$", text, re.MULTILINE)[1])
-
-
-def unpacked(packed, kind="<f4"):
-    return np.frombuffer(base64.b64decode(packed), kind)
+    return data_of(text)
 
 
 def test_the_page_fetches_nothing(text):
@@ -123,31 +110,9 @@ def test_names_cannot_break_the_page(tmp_path):
     assert "<b>x" not in (tmp_path / "predict.html").read_text(encoding="utf-8")
 
 
-def browse(page, folder, *flags):
-    """What the probe finds in the page after a click on its fifth mode."""
-    probed = page.replace("<head>", "<head>" + CATCH, 1).replace("</body>", PROBE + "</body>")
-    (folder / "probed.html").write_text(probed, encoding="utf-8")
-    with tempfile.TemporaryDirectory() as profile:
-        done = subprocess.run(
-            [
-                CHROMIUM, "--headless", "--no-sandbox", "--no-first-run",
-                "--disable-background-networking", "--disable-component-update",
-                "--disable-sync", "--disable-quic", f"--user-data-dir={profile}",
-                "--force-prefers-reduced-motion", "--virtual-time-budget=15000",
-                "--window-size=1280,1600", *flags, "--dump-dom",
-                (folder / "probed.html").as_uri(),
-            ],
-            capture_output=True, text=True, timeout=120, check=False,
-        )  # fmt: skip
-    match = re.search(r'<pre id="found">(.*?)</pre>', done.stdout)
-    assert match, done.stderr[-2000:]
-    return json.loads(match[1].replace("&gt;", ">").replace("&lt;", "<").replace("&amp;", "&"))
-
-
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 def test_a_click_on_a_mode_changes_the_picture(text, model, tmp_path):
-    gl = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
-    found = browse(text, tmp_path, *gl)
+    found = browse(text, tmp_path, *GL, probe=PROBE)
     assert found["faults"] == []
     assert found["rows"] == len(model_modes(model, model.drawn).poles)
     assert found["selected"] == 4
@@ -165,7 +130,7 @@ def test_a_click_on_a_mode_changes_the_picture(text, model, tmp_path):
 
 @pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
 def test_without_webgl_a_sentence_stands_for_the_picture_and_the_rest_works(text, tmp_path):
-    found = browse(text, tmp_path, "--disable-3d-apis")
+    found = browse(text, tmp_path, "--disable-3d-apis", probe=PROBE)
     assert found["picture"].startswith("No 3-D picture")
     assert found["faults"] == []
     assert found["selected"] == 4

@@ -1,9 +1,9 @@
 """``mbw report``: what it says of a result, and what it refuses."""
 
 import json
-import re
 
 import pytest
+from browser import data_of
 from campaign_folder import write_folder
 from typer.testing import CliRunner
 
@@ -26,10 +26,6 @@ def folder(tmp_path_factory):
     return place / "result"
 
 
-def _data(text):
-    return json.loads(re.search(r"^const DATA = (.*);$", text, re.MULTILINE)[1])
-
-
 def test_the_report_lies_beside_its_result_or_where_it_is_asked(folder, tmp_path):
     assert mbw("report", folder).exit_code == 0
     assert (folder / "report.html").is_file()
@@ -40,7 +36,7 @@ def test_the_report_lies_beside_its_result_or_where_it_is_asked(folder, tmp_path
 
 
 def test_every_body_direction_and_hit_has_its_overlay(folder):
-    data = _data(report.render(read_result(folder)))
+    data = data_of(report.render(read_result(folder)))
     assert data["bodies"] == ["base", "head"]
     assert len(data["channels"]) == 2 * 6 * 3
     assert {channel["reference"] for channel in data["channels"]} == {
@@ -51,7 +47,7 @@ def test_every_body_direction_and_hit_has_its_overlay(folder):
 def test_the_figures_are_those_of_the_result(folder):
     summary = json.loads((folder / "tuned.json").read_text())
     text = report.render(read_result(folder))
-    data = _data(text)
+    data = data_of(text)
     levels = (summary["gap"]["sensors"], summary["gap"]["bodies"])
     bars = {bar["name"]: bar["error"] for bar in data["gap"]}
     assert bars["held out"] == [level["held_out"]["error"] for level in levels]
