@@ -1,14 +1,19 @@
 """The linear model as a named state space of python-control."""
 
-from collections.abc import Iterable
+from __future__ import annotations
 
-import control
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from identification.words import Real
 from mbmodel.model import Model
 from mbmodel.places import changed, places
 from mbmodel.question import Question
+
+if TYPE_CHECKING:
+    import control
 
 
 def state_space(model: Model, theta: Real, question: Question) -> control.StateSpace:
@@ -28,6 +33,9 @@ def state_space(model: Model, theta: Real, question: Question) -> control.StateS
         The system, 2 nv states named ``<coordinate>`` and ``<coordinate>'``, then those of the
         floor, ``floor_tx`` and ``floor_tx'``.
     """
+    # With its matplotlib two thirds of a second of every start, which only this needs.
+    import control  # noqa: PLC0415
+
     assembly = model.assemble(theta)
     here = places(model.machine, question.outputs, question.inputs)
     here = changed(here, assembly.point_changes, question.outputs, question.inputs)

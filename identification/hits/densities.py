@@ -2,7 +2,6 @@
 
 import numpy as np
 import scipy.fft
-import scipy.signal
 
 from identification.hits.blocks import Blocks, quiet_samples
 from identification.hits.find import Blow
@@ -32,6 +31,9 @@ def noise_densities(records: Records, blows: tuple[Blow, ...], block: int) -> De
     Hann windows of at most a block, half overlapping, of every record that has as much as the
     longest of a quarter of the longest (Bendat and Piersol 2010, ch. 11.5).
     """
+    # With scipy.stats nearly a second of every start, which only this needs.
+    from scipy.signal import welch  # noqa: PLC0415
+
     quiet = quiet_samples(blows, *records.force.shape)
     length = min(max(quiet), block)
     if length < _LEAST:
@@ -41,7 +43,7 @@ def noise_densities(records: Records, blows: tuple[Blow, ...], block: int) -> De
         if available < length:
             continue
         both = np.vstack([records.force[record, :available], records.motion[record, :, :available]])
-        freq, power = scipy.signal.welch(both, records.rate_hz, nperseg=length)
+        freq, power = welch(both, records.rate_hz, nperseg=length)
         weight = max(available // length, 1)
         sums.append(weight * power)
         count += weight

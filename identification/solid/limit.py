@@ -13,7 +13,7 @@ motion is not seen: with few spare channels the deviation is too small.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import gamma
+from scipy.special import gammainccinv
 
 from identification.solid.fit import Model, project
 from identification.solid.gather import BodyData
@@ -100,7 +100,7 @@ def _highest(mean: Real, variance: Real, chance: float) -> Real:
     """
     known = (mean > 0) & (variance > 0)
     shape = np.where(known, mean, 1.0) ** 2 / np.where(known, variance, 1.0)
-    return np.asarray(np.where(known, gamma.isf(chance, shape) * mean / shape, mean), float)
+    return np.asarray(np.where(known, gammainccinv(shape, chance) * mean / shape, mean), float)
 
 
 def solid_to(freq_hz: Real, beyond: Mask) -> float | None:
