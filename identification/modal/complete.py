@@ -30,6 +30,8 @@ _ALIKE = 0.999  # modal assurance criterion of what the halves of a split mode s
 _NARROW = 0.002  # of the band: where a pole was refused, none is searched again in these lines
 _REFUSED = 3  # poles refused before the search ends: the highest peak may be a few cells' noise
 _ROUGH = 0.05  # of the former, at which a search on the way has settled
+_REACH = 5.0  # times the end of the band: further away a pole is a constant
+_FIRST = 10  # steps before the search: while many modes are missing, the fit creeps
 _ABOVE, _BELOW = (1.04, 1.15, 1.4, 2.0), (0.9, 0.6)  # where guards start, of the band's ends
 
 
@@ -41,7 +43,7 @@ def completed(
     tolerances: Tolerances,
 ) -> tuple[ModalFit, Real]:
     """Refine, add what the remainder shows, drop what noise could explain."""
-    found = rough_fit(data, poles, participation)
+    found, _ = refine(data, poles, participation, settled=_rough(data), steps=_FIRST)
     found = _with_more(data, freq_hz, found, inside=True)
     found = _with_more(data, freq_hz, found, inside=False)
     while (worst := _superfluous(data, freq_hz, found, tolerances)) is not None:
@@ -63,6 +65,7 @@ def _superfluous(data: Data, freq_hz: Real, found: ModalFit, tolerances: Toleran
     worth = cost_without(data, found) / np.where(inside, _NOISE, _GUARD)
     worth /= _contradictions(data, freq_hz, found)
     worth[inside & ~_physical(found, tolerances)] = 0.0
+    worth[_remote(found, freq_hz)] = 0.0
     weaker = splits(found) & (worth[:, None] <= worth)
     worth[inside & weaker.any(axis=1)] = 0.0
     worst = int(np.argmin(worth))
@@ -98,7 +101,11 @@ def _with_more(data: Data, freq_hz: Real, found: ModalFit, *, inside: bool) -> M
         more = [_with(data, found, pole, row) for pole, row in starts]
         if not inside:  # those that stayed there
             most = (~inside_band(found, freq_hz)).sum()
-            more = [fit for fit in more if (~inside_band(fit, freq_hz)).sum() > most]
+            more = [
+                fit
+                for fit in more
+                if (~inside_band(fit, freq_hz)).sum() > most and not _remote(fit, freq_hz)[-1]
+            ]
         better = min(more, key=lambda fit: fit.cost, default=found)
         split = inside and better is not found and bool(splits(better)[-1].any())
         if not split and found.cost - better.cost > _ALONE * threshold:
@@ -169,6 +176,16 @@ def inside_band(found: ModalFit, freq_hz: Real) -> Mask:
     """Which modes lie between the first line and the last; (n_mode,)."""
     inside: Mask = (found.freq_hz >= freq_hz[0]) & (found.freq_hz <= freq_hz[-1])
     return inside
+
+
+def _remote(found: ModalFit, freq_hz: Real) -> Mask:
+    """Poles so far beside the band that residuals are all they are; (n_mode,).
+
+    They fit noise, and creep on for ever, since nothing tells how far away they lie.
+    """
+    remote: Mask = found.freq_hz > _REACH * freq_hz[-1]
+    remote |= found.freq_hz < freq_hz[0] / _REACH
+    return remote
 
 
 def _peak(freq_hz: Real, error: Complex, found: ModalFit) -> tuple[complex, Complex]:

@@ -221,11 +221,13 @@ class _Curves:
 
     Args:
         columns: which parameters move this input; (n_own,).
+        shared: how many of them, the first, move the other inputs too.
         first, second: kernels; (n_own,).
         one, other: their factors for each output; (n_out, n_own).
     """
 
     columns: Integers
+    shared: int
     first: Integers
     second: Integers
     one: Complex
@@ -246,6 +248,7 @@ def _curves(fitted: ModalFit, free: _Free, inp: int) -> _Curves:
     one = np.hstack([residue, 1j * residue, shape, 1j * shape])
     return _Curves(
         np.concatenate([place, k + place, 2 * k + own, 2 * k + count + own]),
+        2 * k,
         np.concatenate([2 * m + mode, 2 * m + mode, turned, turned]),
         np.concatenate([3 * m + mode, 3 * m + mode, m + turned, m + turned]),
         one,
@@ -266,11 +269,7 @@ def _schur(data: Data, fitted: ModalFit, linear: _Linear, free: _Free) -> tuple[
         grams = linear.sums.grams[:1, inp] if data.separable else linear.sums.grams[:, inp]
         adjoint = linear.frame[inp].conj().T
         one, other = adjoint @ grams[:, :, own.first], adjoint @ grams[:, :, own.second]
-        # Re (one f + other conj f), in real numbers: the longest sum of all.
-        factor = (weight * own.one)[:, None]
-        added = factor.real * (one.real + other.real)
-        added += factor.imag * (other.imag - one.imag)
-        crossed[:, :, own.columns] += added
+        _cross(crossed, own, (weight * own.one), (one.real + other.real, other.imag - one.imag))
         for kernel, factor in own.pairs:
             right[own.columns] += (weight * factor.conj() * projected[:, inp, kernel]).real.sum(0)
             for twins, twin in own.pairs:
@@ -281,8 +280,25 @@ def _schur(data: Data, fitted: ModalFit, linear: _Linear, free: _Free) -> tuple[
                     product = np.einsum("op,oq,opq->pq", (weight * factor).conj(), twin, gram)
                 curved[np.ix_(own.columns, own.columns)] += product.real
     solved = np.linalg.solve(linear.normal, crossed)
-    rows = crossed.transpose(2, 0, 1).reshape(size, -1)
-    return curved - rows @ solved.reshape(-1, size), right
+    return curved - crossed.reshape(-1, size).T @ solved.reshape(-1, size), right
+
+
+def _cross(crossed: Real, own: _Curves, factor: Complex, parts: tuple[Real, Real]) -> None:
+    """Add Re (one f + other conj f), in real numbers and output by output: the longest sum of all.
+
+    Args:
+        crossed: normal equations between shapes and curves; (n_out, n_b, size).
+        own: curves of one input.
+        factor: f; (n_out, n_own).
+        parts: Re one + Re other, Im other - Im one; (1 or n_out, n_b, n_own).
+    """
+    poles, rest = own.shared, own.columns[own.shared :]
+    for out, (real, imag) in enumerate(zip(factor.real, factor.imag, strict=True)):
+        first, second = (part[min(out, len(part) - 1)] for part in parts)
+        added = first * real
+        added += second * imag
+        crossed[out, :, :poles] += added[:, :poles]
+        crossed[out, :, rest] = added[:, poles:].T
 
 
 def contradiction(data: Data, fitted: ModalFit) -> float:
@@ -320,6 +336,7 @@ def refine(
     participation: Complex,
     *,
     settled: float = _SETTLED,
+    steps: int = _STEPS,
     held: Mask | None = None,
     only: Mask | None = None,
 ) -> tuple[ModalFit, Real]:
@@ -333,6 +350,7 @@ def refine(
         participation: likewise; (n_in, n_mode).
         settled: drop of the cost in one step at which to stop, in units of the noise or, where
             that is more, of what the fit leaves.
+        steps: at most.
         held: poles that stay where they are; (n_mode,).
         only: modes of which pole and participation vary, the shapes of all; (n_mode,).
 
@@ -348,7 +366,7 @@ def refine(
     damping = 1e-6
     free = _free(participation, moving, turning)
     matrix, right = _schur(data, fitted, linear, free)
-    for _ in range(_STEPS if free.size else 0):
+    for _ in range(steps if free.size else 0):
         scaled = matrix + damping * np.diag(np.diag(matrix))
         step = np.asarray(np.linalg.solve(scaled, right), np.float64)
         moved = _moved(fitted, step, free)
