@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.arrays_in import load_arrays, parse_channels, unit_factor
+from identification.arrays_in import parse_channels, unit_factor
 from identification.words import InputError, Quantity, Real, Records
 
 _FORCE, _RESPONSE = "force", "response"
@@ -12,18 +12,14 @@ _RATES = ("rate_hz", "fs")
 _FRFS = ("FRFs", "frf")
 
 
-def holds_array_records(path: Path) -> bool:
-    """Whether a file has force and response, and no FRF.
-
-    Raises:
-        InputError: missing or unreadable.
-    """
-    names = load_arrays(path).keys()
-    return {_FORCE, _RESPONSE} <= names and not any(name in names for name in _FRFS)
+def are_records(arrays: dict[str, np.ndarray]) -> bool:
+    """Whether the arrays of a file have force and response, and no FRF."""
+    return {_FORCE, _RESPONSE} <= arrays.keys() and not any(name in arrays for name in _FRFS)
 
 
 def read_array_records(
     path: Path,
+    arrays: dict[str, np.ndarray],
     *,
     channels: str | list[str],
     references: list[str],
@@ -37,6 +33,7 @@ def read_array_records(
 
     Args:
         path: the file.
+        arrays: its content by name, as ``load_arrays`` reads it.
         channels: ``"nodes 1..23, xyz"`` or a list of labels.
         references: labels.
         quantity: of the FRFs: accelerance of accelerations.
@@ -48,7 +45,6 @@ def read_array_records(
     Raises:
         InputError: with the file and what does not fit.
     """
-    arrays = load_arrays(path)
     outputs, inputs = parse_channels(path, channels), parse_channels(path, references)
     force, motion = _numbers(path, arrays, _FORCE), _numbers(path, arrays, _RESPONSE)
     rate = _rate(path, arrays)

@@ -10,9 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from identification.arrays_in import read_arrays
 from identification.channels import channel_remarks
-from identification.hits.campaign import ARRAYS, UFF, raw_tests
+from identification.hits.campaign import raw_tests
 from identification.hits.drive_point import drive_point_signs
 from identification.settings import CampaignSettings, SensorSettings, TestSettings
+from identification.stated import is_arrays, is_universal, refuse_stated, stated
 from identification.table import FrfTable
 from identification.uff import read_uff
 from identification.variance import coherence_variance, difference_variance
@@ -122,24 +123,11 @@ def _tests_of_table(
 
 
 def _read_table(file: Path, entry: TestSettings) -> FrfTable:
-    kind = file.suffix.lower()
-    if kind in ARRAYS:
-        if entry.channels is None or entry.references is None:
-            raise InputError(
-                f"{file} does not say its channels: add channels and references to its [[test]]"
-            )
-        return read_arrays(
-            file,
-            channels=entry.channels,
-            references=entry.references,
-            quantity=entry.quantity or "accelerance",
-            unit=entry.unit,
-        )
-    if kind not in UFF:
+    if is_arrays(file):
+        return read_arrays(file, **stated(file, entry))
+    if not is_universal(file):
         raise InputError(f"{file}: unknown kind of file: give .uff, .unv, .mat or .npz")
-    for key in ("channels", "references", "unit"):
-        if getattr(entry, key) is not None:
-            raise InputError(f"{file} says its {key} itself: remove {key} from its [[test]]")
+    refuse_stated(file, entry)
     return read_uff(file, entry.quantity)
 
 

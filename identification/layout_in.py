@@ -9,12 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from scipy.spatial.transform import Rotation
 
 from identification.settings import first_fault
-from identification.uff_file import read_records, unit_factors
+from identification.stated import is_universal
+from identification.uff_file import nodes_of, read_records
 from identification.words import InputError, Layout
 
 _ONE = "structure"  # the body of a layout that names none
-_UFF = (".uff", ".unv", ".uf", ".bunv")
-_NODES = (15, 2411)
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 
@@ -54,7 +53,7 @@ def read_layout(path: Path) -> Layout:
     """
     if not path.is_file():
         raise InputError(f"{path} does not exist: name the layout, a .toml or a universal file")
-    return _from_nodes(path) if path.suffix.lower() in _UFF else _from_toml(path)
+    return _from_nodes(path) if is_universal(path) else _from_toml(path)
 
 
 def _from_toml(path: Path) -> Layout:
@@ -85,14 +84,7 @@ def _from_toml(path: Path) -> Layout:
 
 
 def _from_nodes(path: Path) -> Layout:
-    records = read_records(path)
-    factors = unit_factors(path, records)
-    places: dict[int, np.ndarray] = {}
-    for number, record in records:
-        if record.get("type") in _NODES:
-            columns = (np.asarray(record[key], float) for key in ("x", "y", "z"))
-            for node, *place in zip(record["node_nums"], *columns, strict=True):
-                places[int(node)] = np.array(place) / factors[number][0]
+    places = {node.number: node.place for node in nodes_of(path, read_records(path))}
     if not places:
         raise InputError(f"{path} holds no nodes (dataset 15 or 2411): export them, or a .toml")
     names = tuple(f"acc{node}" for node in places)

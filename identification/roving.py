@@ -4,14 +4,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.words import Campaign, Complex, Dof, Frf, FrfEstimate, Real, Test, distinct
+from identification.words import Campaign, Complex, Dof, Frf, FrfEstimate, Real, Test
 
 
 def is_roved(campaign: Campaign) -> bool:
     """Whether the hammer moved and the sensors stayed: more points hit than channels measured."""
-    hits = distinct(test.condition.reference for test in campaign.tests)
-    channels = distinct(dof for test in campaign.tests for dof in test.estimate.frf.outputs)
-    return len(hits) > len(channels)
+    return len(campaign.inputs) > len(campaign.outputs)
+
+
+def shape_points(campaign: Campaign) -> tuple[Dof, ...]:
+    """Where shapes are known: channels, or of a roving hammer the points that were hit."""
+    return campaign.inputs if is_roved(campaign) else campaign.outputs
 
 
 def exchanged(campaign: Campaign) -> Campaign:

@@ -3,11 +3,10 @@ r"""Whether the set-ups of a roved test are of one machine: channels that two of
 Accelerometers are moved between set-ups, and the machine may warm up, be adjusted or carry their
 mass elsewhere meanwhile. For a channel measured twice with the hammer at one place, H_a and H_b,
 
-    FRAC = |sum conj(H_a) H_b|^2 / (sum |H_a|^2 sum |H_b|^2)
     excess^2 = mean |H_b - H_a|^2 / (var_a + var_b),     1 if they differ by noise alone
 
-(frequency response assurance criterion, Heylen and Lammens 1996). Real scales c of each channel
-and one relative shift e of all frequencies minimise
+stands beside their FRAC (``identification.modal.frac``). Real scales c of each channel and one
+relative shift e of all frequencies minimise
 
     J = sum |H_b(w) - c H_a(w / (1 + e))|^2 / (var_b + c^2 var_a)
 
@@ -25,7 +24,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
-from identification.modal import Tolerances, lscf
+from identification.modal import Tolerances, frac, lscf
 from identification.modal.clusters import cluster_poles
 from identification.words import Campaign, Complex, Dof, Mask, Real, Test
 
@@ -116,8 +115,6 @@ def _compare(one: Test, other: Test) -> SetupCheck:
     if not pair.shared:
         shift, sd, count = _shift_of_poles(one, other)
         return SetupCheck(names, reference, (), empty, empty, None, shift, sd, count)
-    cross = np.abs((pair.first.conj() * pair.second).sum(axis=0)) ** 2
-    sizes = (np.abs(pair.first) ** 2).sum(axis=0) * (np.abs(pair.second) ** 2).sum(axis=0)
     noise = pair.first_var + pair.second_var
     excess = np.sqrt((np.abs(pair.second - pair.first) ** 2 / noise).mean())
     shift, sd = _shift(pair)
@@ -125,7 +122,7 @@ def _compare(one: Test, other: Test) -> SetupCheck:
         names,
         reference,
         pair.shared,
-        cross / np.where(sizes > 0, sizes, 1.0),
+        frac(pair.first, pair.second),
         pair.misfit(shift or 0.0)[1],
         float(excess),
         shift,

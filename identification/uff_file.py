@@ -1,4 +1,4 @@
-"""Universal files in: datasets 58 and 58b with their units (dataset 164), by pyuff.
+"""Universal files in: datasets 58 and 58b, nodes, units (dataset 164), by pyuff.
 
 pyuff drops a dataset without an end and trusts the byte count of a 58b; so the blocks are walked
 here first, and whatever does not add up is refused with the number of its record. Records are
@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 import pyuff
 
-from identification.words import Dof, InputError
+from identification.words import Dof, InputError, Real
 
 _MARK = re.compile(rb"(?m)^[ ]{4}-1[ ]*(\r?\n|\r?\Z)")
 _BINARY_MARK = re.compile(rb"\s*?[ ]{4}-1[ ]*(\r?\n|\r?\Z)")
 _BYTES = {2: 4, 4: 8, 5: 8, 6: 16}  # of a value on an even axis, by its form
 _IEEE = 2
 _HEADER_LINES = 11
+_NODES = (15, 2411)
 _FUNCTION, _FUNCTION_LINE = 58, 7  # dataset, and its line with the type, the mark counted as 0
 
 Record = dict[str, Any]
@@ -152,6 +153,40 @@ def unit_factors(path: Path, records: list[tuple[int, Record]]) -> dict[int, tup
         current = stated.get(number, current)
         found[number] = current
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """A node of a dataset 15 or 2411.
+
+    Args:
+        record: number of its dataset.
+        number: its own.
+        system: number of the coordinate system that it moves in.
+        place: [m]; (3,).
+    """
+
+    record: int
+    number: int
+    system: int
+    place: Real
+
+
+def nodes_of(path: Path, records: list[tuple[int, Record]]) -> list[Node]:
+    """All nodes in the order of the file: of two with one number the later holds.
+
+    Raises:
+        InputError: unit factors that are none.
+    """
+    factors = unit_factors(path, records)
+    return [
+        Node(record, int(number), int(system), np.array(place, float) / factors[record][0])
+        for record, content in records
+        if content.get("type") in _NODES
+        for number, system, *place in zip(
+            *(content[key] for key in ("node_nums", "disp_cs", "x", "y", "z")), strict=True
+        )
+    ]
 
 
 def refuse_malformed(name: str, record: Record) -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.uff_file import Record, read_records, unit_factors
+from identification.uff_file import Node, Record, nodes_of, read_records
 from identification.uff_modes import NodeShapes
 from identification.words import Complex, InputError, Integers, Real
 
@@ -22,7 +22,7 @@ def read_uff_modes(path: Path) -> NodeShapes:
         InputError: no mode, modes with different nodes, turned coordinate systems.
     """
     records = read_records(path)
-    factors = unit_factors(path, records)
+    known = nodes_of(path, records)
     modes = _modes(records, 55) or _modes(records, 2414)
     if not modes:
         raise InputError(
@@ -39,7 +39,7 @@ def read_uff_modes(path: Path) -> NodeShapes:
         np.array([mode[0] for _, mode in modes]),
         np.array([mode[1] for _, mode in modes]),
         nodes,
-        _places(path, records, factors, nodes),
+        _places(path, known, nodes, _turned_systems(records)),
         np.stack([mode[3] for _, mode in modes], axis=-1),
     )
 
@@ -87,29 +87,19 @@ def _pole(freq_hz: float, damping: float) -> complex:
     return complex(-damping * size, size * np.sqrt(max(0.0, 1 - damping**2)))
 
 
-def _places(
-    path: Path,
-    records: list[tuple[int, Record]],
-    factors: dict[int, tuple[float, float]],
-    nodes: Integers,
-) -> Real:
-    """Positions of nodes from datasets 15 and 2411 [m]; (n_node, 3)."""
-    turned = _turned_systems(records)
+def _places(path: Path, known: list[Node], nodes: Integers, turned: set[int]) -> Real:
+    """Positions of nodes [m], zero where unknown; (n_node, 3)."""
     places = np.zeros((len(nodes), 3))
     rows = {int(node): row for row, node in enumerate(nodes)}
-    for number, record in records:
-        if record.get("type") not in (15, 2411):
+    for node in known:
+        if node.number not in rows:
             continue
-        for node, system, *place in zip(
-            *(record[key] for key in ("node_nums", "disp_cs", "x", "y", "z")), strict=True
-        ):
-            if int(node) in rows:
-                places[rows[int(node)]] = np.array(place, float) / factors[number][0]
-                if int(system) in turned:
-                    raise InputError(
-                        f"{path}, record {number}: node {int(node)} moves in the turned system "
-                        f"{int(system)}: export shapes in global axes"
-                    )
+        places[rows[node.number]] = node.place
+        if node.system in turned:
+            raise InputError(
+                f"{path}, record {node.record}: node {node.number} moves in the turned system "
+                f"{node.system}: export shapes in global axes"
+            )
     return places
 
 

@@ -24,26 +24,13 @@ function table() {
     row.onclick = () => choose(k);
     body.append(row);
   });
-  addEventListener("keydown", event => {
-    const way = {ArrowDown: 1, ArrowUp: -1}[event.key], k = state.mode + way;
-    if (!way || /INPUT|SELECT/.test(document.activeElement.tagName) || !visible() || !body.rows[k]) return;
-    choose(k);
-    event.preventDefault();
-  });
+  arrowKeys();
 }
 
 function choose(k) {
   if (!MODES.length) return;
-  const rows = document.querySelector("#modes tbody").rows;
-  rows[state.mode].removeAttribute("aria-selected");
-  state.mode = k;
-  rows[k].setAttribute("aria-selected", "true");
-  const box = byId("modes"), top = rows[k].offsetTop;
-  if (top < box.scrollTop + 30 || top > box.scrollTop + box.clientHeight - 30) box.scrollTop = top - box.clientHeight / 2;
   const mode = MODES[k];
-  byId("chosen").replaceChildren("Mode " + (k + 1) + ": " + mode.frequency.toPrecision(5) + " Hz, damping " + (100 * mode.damping).toFixed(2) + " %");
-  if (!state.playing) phase = 0;
-  show();
+  turn(k, mode.frequency.toPrecision(5) + " Hz, damping " + (100 * mode.damping).toFixed(2) + " %");
   complexity();
   detail(mode);
   mark();

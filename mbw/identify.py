@@ -15,16 +15,9 @@ from identification import (
     read_settings,
 )
 from identification.modal import Tolerances, Wishes, identify
-from identification.roving import exchanged, is_roved
+from identification.roving import exchanged, is_roved, shape_points
 from identification.setups import consistency
-from identification.words import (
-    Campaign,
-    Dof,
-    InputError,
-    UsageError,
-    WorkbenchError,
-    distinct,
-)
+from identification.words import Campaign, InputError, UsageError, WorkbenchError
 from mbmodel import Machine, load_machine, looks
 from mbw.identify_against import Other, drawn_model, nothing, of_file
 from mbw.identify_files import (
@@ -137,13 +130,6 @@ def _opened(campaign: Path, band: tuple[float, float] | None) -> tuple[Machine |
     layout = correct_layout(source, settings, read_layout(source.parent / settings.layout))
     whole = read_campaign(source, settings, layout)
     return None, whole.lines(band_lines(whole, band, source))
-
-
-def shape_points(campaign: Campaign) -> tuple[Dof, ...]:
-    """Where shapes are known: outputs, or of a roving hammer the points that were hit."""
-    outputs = distinct(dof for test in campaign.tests for dof in test.estimate.frf.outputs)
-    inputs = distinct(test.condition.reference for test in campaign.tests)
-    return inputs if len(inputs) > len(outputs) else outputs
 
 
 def is_identified(path: Path) -> bool:

@@ -69,7 +69,7 @@ def _model_arrays(parts: Parts) -> dict[str, Any]:
 
 def _beside(parts: Parts) -> dict[str, Any]:
     """Of each measured FRF its coherence, and its body moving as a solid; single precision."""
-    cells = cells_of(parts.campaign, parts.measured, roved=parts.roved)
+    cells = cells_of(parts.campaign, parts.measured)
     return {
         "coherence": cells.coherence.astype(np.float32),
         "has_coherence": cells.has_coherence,

@@ -6,6 +6,7 @@ import numpy as np
 
 from identification import reconstruct, reduce_to_bodies
 from identification.modal import Measured
+from identification.roving import is_roved
 from identification.words import (
     ORDER,
     Campaign,
@@ -35,21 +36,21 @@ class Cells:
     has_solid: Mask
 
 
-def cells_of(campaign: Campaign, measured: Measured, *, roved: bool) -> Cells:
+def cells_of(campaign: Campaign, measured: Measured) -> Cells:
     """Coherence and rigid reconstruction of every measured FRF.
 
     Args:
         campaign: its tests.
         measured: the same side by side; exchanged if the hammer roved.
-        roved: whether it did.
     """
-    coherence, known = _coherence(campaign, measured, roved=roved)
+    coherence, known = _coherence(campaign, measured)
     solid, rebuilt = _solid(measured, campaign.layout)
     return Cells(coherence, known, solid, rebuilt)
 
 
-def _coherence(campaign: Campaign, measured: Measured, *, roved: bool) -> tuple[Real, Mask]:
+def _coherence(campaign: Campaign, measured: Measured) -> tuple[Real, Mask]:
     """Of the test that each cell was taken from: of several, the one with the least variance."""
+    roved = is_roved(campaign)
     moving = np.isin(campaign.freq_hz, measured.freq_hz)
     outputs, inputs = measured.outputs, measured.inputs
     values = np.zeros((len(measured.freq_hz), len(outputs), len(inputs)))

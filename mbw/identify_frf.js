@@ -208,6 +208,5 @@ macPlot("other-mac", DATA.other.mac, DATA.other.freq, ["MAC: measured shapes wit
 comacPlot("other-comac", DATA.other.comac, "Each channel over all pairs of modes with " + escaped(DATA.other.name));
 comacPlot("solid-comac", DATA.comac, "Each channel over all modes, measured with what its body makes as a solid");
 solid();
-const first = Number(location.hash.slice(1));
-choose(first >= 1 && first <= MODES.length ? first - 1 : 0);
+chooseFirst();
 start();

@@ -28,7 +28,7 @@ def render(result: Result, looks: Looks | None) -> str:
         looks: of the machine; None to show sensors and centres of mass alone.
     """
     summary = result.summary
-    names = ("picture", "identify", "identify_hits", "identify_solid", "identify_frf")
+    names = ("picture", "modes", "identify", "identify_hits", "identify_solid", "identify_frf")
     return fill(
         "identify_template.html",
         _data(result, looks),
@@ -44,6 +44,7 @@ def render(result: Result, looks: Looks | None) -> str:
         column="drawn" if summary.compared_with.endswith("as drawn") else "other",
         hits=hits_section(summary.hits),
         script="".join(text_of(f"{name}.js") for name in names),
+        style=text_of("identify.css"),
     )
 
 

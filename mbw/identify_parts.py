@@ -10,7 +10,6 @@ from identification.modal import (
     Measured,
     Scaled,
     SynthesisError,
-    exchanged,
     full_matrix,
     real_shapes,
     reciprocal,
@@ -43,7 +42,6 @@ class Parts:
         real: real shapes of the modes inside the band; (n_out, n_mode).
         compared: their shapes beside others.
         seen: outputs that were measured; (n_out,).
-        roved: whether the hammer did, so that outputs here are the points that were hit.
     """
 
     campaign: Campaign
@@ -59,7 +57,6 @@ class Parts:
     real: Real
     compared: Compared
     seen: Mask
-    roved: bool
 
     @property
     def quantity(self) -> str:
@@ -86,9 +83,6 @@ def parts_of(
         other: shapes to compare with.
     """
     model, found, measured = identified
-    roved = len(measured.inputs) > len(measured.outputs)
-    if roved:
-        model, measured = exchanged(model, measured)
     whole = scaled(model, campaign.layout)
     inside = int(found.inside.sum())
     shapes = whole.model.shapes[:, :inside]
@@ -109,7 +103,6 @@ def parts_of(
         real_shapes(shapes),
         compared(shapes, seen, other),
         seen,
-        roved,
     )
 
 

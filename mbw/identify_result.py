@@ -17,6 +17,7 @@ from identification.modal import (
     mpc,
     mpd,
 )
+from identification.roving import is_roved
 from identification.words import Campaign, Layout, ModalModel, Real
 from mbw.identify_against import Other
 from mbw.identify_arrays import arrays_of
@@ -103,7 +104,7 @@ def _summary(parts: Parts, source: str, checks: Checks) -> ModesFile:
         quantity=parts.quantity,
         outputs=[str(dof) for dof in measured.outputs],
         inputs=[str(dof) for dof in measured.inputs],
-        roved=parts.roved,
+        roved=is_roved(parts.campaign),
         body_directions=[str(dof) for dof in parts.bodies.dofs],
         undetermined_bodies=list(parts.bodies.undetermined),
         normalisation=parts.whole.normalisation,

@@ -15,17 +15,21 @@ from identification.words import InputError
 from tuning import files_of
 
 
-def fill(template: str, data: object, **fields: str) -> str:
+def fill(template: str, data: object, *, script: str, style: str = "", **fields: str) -> str:
     """A page from a template of this package.
 
     Args:
-        template: file name; it names ``$style``, ``$plotly``, ``$common``, ``$data``.
-        data: what the page's script works on, as JSON.
-        fields: its other places, as HTML.
+        template: file name; it stands between title and script.
+        data: what the script works on, as JSON.
+        script: the page's own, after that of all pages.
+        style: likewise.
+        fields: the places of page and template, as HTML: ``$title``, ``$subtitle`` and its own.
     """
-    return Template(text_of(template)).substitute(
+    whole = text_of("page.html").replace("$main", text_of(template))
+    return Template(whole).substitute(
         fields,
-        style=text_of("page.css"),
+        script=script,
+        style=text_of("page.css") + style,
         plotly=get_plotlyjs(),
         common=text_of("page.js"),
         data=_script_json(data),

@@ -30,29 +30,14 @@ function table() {
     byId("found").textContent = text ? count + " of " + MODES.length : MODES.length + " modes and poles";
   };
   filter.oninput();
-  addEventListener("keydown", event => {
-    const way = {ArrowDown: 1, ArrowUp: -1}[event.key];
-    if (!way || /INPUT|SELECT/.test(document.activeElement.tagName) || !visible()) return;
-    let k = state.mode + way;
-    while (body.rows[k] && body.rows[k].hidden) k += way;
-    if (body.rows[k]) { choose(k); event.preventDefault(); }
-  });
+  arrowKeys();
 }
 
 const damping = mode => Number.isNaN(Number(mode.damping)) ? mode.damping : Number(mode.damping).toFixed(2);
 
 function choose(k) {
-  const rows = document.querySelector("#modes tbody").rows;
-  rows[state.mode].removeAttribute("aria-selected");
-  state.mode = k;
-  rows[k].setAttribute("aria-selected", "true");
-  const box = byId("modes"), top = rows[k].offsetTop;
-  if (top < box.scrollTop + 30 || top > box.scrollTop + box.clientHeight - 30) box.scrollTop = top - box.clientHeight / 2;
   const mode = MODES[k], amount = damping(mode);
-  const text = mode.name ? mode.name : mode.frequency.toPrecision(5) + " Hz, " + (/\d/.test(amount) ? "damping " + amount + " %" : amount);
-  byId("chosen").replaceChildren("Mode " + (k + 1) + ": " + text);
-  if (!state.playing) phase = 0;
-  show();
+  turn(k, mode.name ? mode.name : mode.frequency.toPrecision(5) + " Hz, " + (/\d/.test(amount) ? "damping " + amount + " %" : amount));
   mark();
 }
 
@@ -167,6 +152,5 @@ function panels() {
 film();
 table();
 panels();
-const first = Number(location.hash.slice(1));
-choose(first >= 1 && first <= MODES.length ? first - 1 : 0);
+chooseFirst();
 start();

@@ -9,7 +9,7 @@ import numpy as np
 from identification.words import Dof
 from mbw.identify import is_identified, rewrite
 from mbw.messages import SCREEN
-from mbw.page import fill, packed, packed_complex, warnings, write_page
+from mbw.page import fill, packed, packed_complex, text_of, warnings, write_page
 from mbw.remarks import remarks
 from mbw.report_pairs import pairs_section
 from tuning import Level, Result, TunedFile, read_result
@@ -66,6 +66,7 @@ def render(result: Result) -> str:
         pairs=pairs_section(summary),
         tests=_tests_table(summary),
         provenance=escape(_provenance(summary)),
+        script=text_of("report.js"),
     )
 
 

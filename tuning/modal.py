@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.optimize
 
-from identification.modal import exchanged, identify, mac
+from identification.modal import identify, mac
 from identification.words import (
     Campaign,
     Complex,
@@ -89,8 +89,6 @@ def modes_in_band(campaign: Campaign) -> ModalModel:
         InputError: tests that cannot stand side by side, no cell with a known variance.
     """
     model, found, measured = identify(campaign)
-    if len(measured.inputs) > len(measured.outputs):
-        model, measured = exchanged(model, measured)
     inside = np.arange(len(model.poles)) < found.inside.sum()
     seen = np.asarray(measured.measured.any(axis=1), np.bool_)
     return some_modes(model, inside, seen)

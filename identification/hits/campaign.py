@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.array_records import holds_array_records, read_array_records
+from identification.array_records import are_records, read_array_records
+from identification.arrays_in import load_arrays
 from identification.hits.estimate import estimate_all
 from identification.hits.settings import HitSettings
 from identification.settings import CampaignSettings, SensorSettings, TestSettings
+from identification.stated import is_arrays, is_universal, refuse_stated, stated
 from identification.uff_records import holds_records, read_uff_records
 from identification.words import Condition, Dof, HitEstimate, InputError, Records, Test
 
-ARRAYS = (".mat", ".npz")
-UFF = (".uff", ".unv", ".uf", ".bunv")
 _KEYS = (
     "block_s",
     "pretrigger_s",
@@ -23,6 +23,8 @@ _KEYS = (
     "estimator",
     "reject",
 )
+
+_Arrays = dict[str, np.ndarray]  # of a .mat or .npz file, by name
 
 # Sites instead of node numbers: of the responses and the references of a file.
 Located = tuple[tuple[Dof, ...], tuple[Dof, ...]]
@@ -70,7 +72,8 @@ def _read(
 ) -> Iterator[Records]:
     """Records of a file at their sites, without the channels that are ignored."""
     file = path.parent / entry.file
-    if not _is_raw(file):
+    arrays = load_arrays(file) if is_arrays(file) else None
+    if not _is_raw(file, arrays):
         for key in _KEYS:
             if getattr(entry, key) is not None:
                 raise InputError(
@@ -85,7 +88,7 @@ def _read(
             + (", or state exponential_tau" if entry.window_tau else "")
         )
     ignored = {(site, axis) for site, wanted in corrections.items() for axis in wanted.ignore}
-    for own in _records(file, entry):
+    for own in _records(file, entry, arrays):
         outputs, (reference,) = locate(file, own.outputs, (own.reference,))
         kept = np.array([(dof.point, dof.direction[-1]) not in ignored for dof in outputs])
         if not kept.any():
@@ -93,30 +96,17 @@ def _read(
         yield replace(own, outputs=outputs, reference=reference, test=entry.file).channels(kept)
 
 
-def _is_raw(file: Path) -> bool:
-    kind = file.suffix.lower()
-    if kind in ARRAYS:
-        return holds_array_records(file)
-    return kind in UFF and holds_records(file)
+def _is_raw(file: Path, arrays: _Arrays | None) -> bool:
+    if arrays is not None:
+        return are_records(arrays)
+    return is_universal(file) and holds_records(file)
 
 
-def _records(file: Path, entry: TestSettings) -> tuple[Records, ...]:
-    if file.suffix.lower() in UFF:
-        for key in ("channels", "references", "unit"):
-            if getattr(entry, key) is not None:
-                raise InputError(f"{file} says its {key} itself: remove {key} from its [[test]]")
-        return read_uff_records(file, entry.quantity)
-    if entry.channels is None or entry.references is None:
-        raise InputError(
-            f"{file} does not say its channels: add channels and references to its [[test]]"
-        )
-    return read_array_records(
-        file,
-        channels=entry.channels,
-        references=entry.references,
-        quantity=entry.quantity or "accelerance",
-        unit=entry.unit,
-    )
+def _records(file: Path, entry: TestSettings, arrays: _Arrays | None) -> tuple[Records, ...]:
+    if arrays is not None:
+        return read_array_records(file, arrays, **stated(file, entry))
+    refuse_stated(file, entry)
+    return read_uff_records(file, entry.quantity)
 
 
 def _hit_settings(entry: TestSettings) -> HitSettings:

@@ -16,6 +16,7 @@ from identification.modal.indicators import (
     auto_mac,
     cmif,
     comac,
+    frac,
     mac,
     mmif,
     mpc,
@@ -35,7 +36,6 @@ from identification.modal.shapes import (
 )
 from identification.modal.synthesis import (
     SynthesisError,
-    exchanged,
     full_matrix,
     reciprocal,
     synthesis_error,
@@ -63,7 +63,7 @@ __all__ = [
     "classical_checks",
     "cmif",
     "comac",
-    "exchanged",
+    "frac",
     "full_matrix",
     "half_power_damping",
     "identify",

@@ -1,6 +1,6 @@
 """All tests of a campaign to one modal model."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,6 +8,7 @@ from identification.modal.automatic import Identified, identify_modes
 from identification.modal.clusters import Tolerances
 from identification.modal.fit import Data
 from identification.modal.wishes import Wishes
+from identification.roving import is_roved
 from identification.words import (
     ORDER,
     Campaign,
@@ -17,7 +18,6 @@ from identification.words import (
     Mask,
     ModalModel,
     Real,
-    distinct,
 )
 
 _PARTS = 8  # of the band
@@ -53,6 +53,17 @@ class Measured:
     def laplace(self) -> Complex:
         """The s of every line; (n_freq,)."""
         return np.asarray(self.decay + 2j * np.pi * self.freq_hz, np.complex128)
+
+    def exchanged(self) -> "Measured":
+        """Inputs for outputs, by reciprocity H_oi = H_io."""
+        return replace(
+            self,
+            values=self.values.transpose(0, 2, 1),
+            variance=self.variance.transpose(0, 2, 1),
+            measured=self.measured.T,
+            outputs=self.inputs,
+            inputs=self.outputs,
+        )
 
     def data(self) -> Data:
         """What is fitted, weighted by the variance of lines times that of cells.
@@ -117,8 +128,7 @@ def beside(campaign: Campaign) -> Measured:
             f"{campaign.name}: lines are unevenly spaced, from {spacing.min():g} to "
             f"{spacing.max():g} Hz: export FRFs on one even axis"
         )
-    outputs = distinct(dof for test in campaign.tests for dof in test.estimate.frf.outputs)
-    inputs = distinct(test.condition.reference for test in campaign.tests)
+    outputs, inputs = campaign.outputs, campaign.inputs
     shape = (len(outputs), len(inputs))
     values = np.zeros((len(freq), *shape), complex)
     variance = np.full((len(freq), *shape), np.inf)
@@ -156,11 +166,16 @@ def identify(
     Modes beside the band stay in the model, after those inside it, since the residuals alone do
     not stand for them; ``Identified.inside`` counts the modes found.
 
+    The shape of a roving hammer is in its inputs: by reciprocity the points that were hit are the
+    outputs of all three, the sensors their inputs.
+
     Raises:
         InputError: tests that cannot stand side by side, no cell with a known variance.
         UsageError: a wish that the data cannot grant.
     """
     measured = beside(campaign)
+    if is_roved(campaign):
+        measured = measured.exchanged()
     data = measured.data()
     if not data.cells.any():
         raise InputError(f"{campaign.name}: no channel has a known variance: check the export")

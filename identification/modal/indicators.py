@@ -65,6 +65,25 @@ def auto_mac(shapes: Complex) -> Real:
     return mac(shapes, shapes)
 
 
+def frac(one: Complex, other: Complex) -> Real:
+    """Frequency response assurance criterion |a^H b|^2 / (a^H a b^H b) of FRFs one by one.
+
+    As MAC, over lines (Heylen and Lammens 1996); zero where one of both vanishes.
+
+    Args:
+        one: FRFs; (n_freq, ...).
+        other: likewise.
+
+    Returns:
+        0 .. 1; without the first axis.
+    """
+    product = np.abs((one.conj() * other).sum(axis=0))
+    sizes = [np.linalg.norm(values, axis=0) for values in (one, other)]
+    first, second = (np.where(size > 0, size, 1.0) for size in sizes)
+    criterion: Real = (product / first / second) ** 2
+    return criterion
+
+
 def comac(one: Complex, other: Complex) -> Real:
     """Coordinate MAC of paired shapes: agreement of each degree of freedom over all modes; (n,).
 

@@ -22,11 +22,11 @@ from identification.words import (
     Dof,
     Frf,
     FrfEstimate,
-    Input,
     Layout,
     Mask,
     ModalModel,
     Real,
+    drive_point_scale,
 )
 
 UNIT_MASS = "unit modal mass"
@@ -69,7 +69,7 @@ def scaled(model: ModalModel, layout: Layout | None = None) -> Scaled:
     """
     driven, participation = _drive_points(model, layout)
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = (np.abs(driven) ** 2).sum(axis=0) / (driven.conj() * participation).sum(axis=0)
+        scale = drive_point_scale(driven, participation)
     known = len(driven) > 0 and bool((np.isfinite(scale) & (scale != 0)).all())
     largest, modal_a = _largest(model.shapes), np.asarray(2j * model.poles.imag, np.complex128)
     if known:
@@ -96,13 +96,9 @@ def _largest(shapes: Complex) -> Complex:
 
 def _drive_points(model: ModalModel, layout: Layout | None) -> tuple[Complex, Complex]:
     """Shapes and participation where both are known; (n, n_mode) each."""
-    where: dict[Input, int] = {dof.positive: row for row, dof in enumerate(model.outputs)}
-    columns = [k for k, dof in enumerate(model.inputs) if dof.positive in where]
-    if columns or layout is None:
-        rows = [where[model.inputs[k].positive] for k in columns]
-        pairs = zip(rows, columns, strict=True)
-        signs = np.array([model.outputs[row].sign * model.inputs[k].sign for row, k in pairs])
-        return model.shapes[rows] * signs[:, None], model.participation[columns]
+    driven, participation = model.drive_points
+    if len(driven) or layout is None:
+        return driven, participation
     bodies = shapes_at_bodies(model.shapes, model.outputs, layout)
     places = set(layout.points) - {
         p for p in layout.points if layout.body_name(p) in bodies.undetermined
@@ -111,7 +107,7 @@ def _drive_points(model: ModalModel, layout: Layout | None) -> tuple[Complex, Co
     reads = layout.rows([dof for _, dof in hit])
     motion = np.zeros((reads.shape[1], len(model.poles)), np.complex128)
     motion[[layout.body_dofs().index(dof) for dof in bodies.dofs]] = bodies.values
-    driven: Complex = reads @ motion
+    driven = reads @ motion
     return driven, model.participation[[k for k, _ in hit]]
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.modal.campaign import Measured
+from identification.modal.indicators import frac
 from identification.modal.shapes import Scaled
 from identification.words import Complex, Mask, ModalModel, Real, UsageError, modal_sum
 
@@ -63,37 +64,6 @@ def full_matrix(whole: Scaled, chosen: Mask | None = None) -> ModalModel:
     )
 
 
-def exchanged(model: ModalModel, measured: Measured) -> tuple[ModalModel, Measured]:
-    """Inputs for outputs, by reciprocity: the shape of a roving hammer is in its inputs.
-
-    H_oi = H_io, and with it all parts of the model.
-
-    Args:
-        model: of what was measured; its inputs points, not motors.
-        measured: the same.
-
-    Returns:
-        Both with the points that were hit as outputs, the sensors as inputs.
-    """
-    turned = replace(
-        model,
-        shapes=model.participation,
-        participation=model.shapes,
-        lower=model.lower.T,
-        upper=model.upper.T,
-        outputs=measured.inputs,
-        inputs=model.outputs,
-    )
-    return turned, replace(
-        measured,
-        values=measured.values.transpose(0, 2, 1),
-        variance=measured.variance.transpose(0, 2, 1),
-        measured=measured.measured.T,
-        outputs=measured.inputs,
-        inputs=measured.outputs,
-    )
-
-
 @dataclass(frozen=True, eq=False)
 class SynthesisError:
     """How a synthesis answers beside each measured FRF; (n_out, n_in) each, zero if not measured.
@@ -102,7 +72,7 @@ class SynthesisError:
         known: which were measured and do not vanish.
         error: ||H_syn - H|| / ||H|| over the band.
         noise: sqrt(sum of the variance) / ||H||: the error of a perfect model.
-        frac: frequency response assurance criterion |H^H H_syn|^2 / (H^H H H_syn^H H_syn).
+        frac: frequency response assurance criterion.
     """
 
     known: Mask
@@ -121,13 +91,11 @@ def synthesis_error(measured: Measured, values: Complex) -> SynthesisError:
     size = np.linalg.norm(measured.values, axis=0)
     known = measured.measured & (size > 0)
     safe = np.where(known, size, 1.0)
-    own = np.linalg.norm(values, axis=0)
-    product = np.abs((measured.values.conj() * values).sum(axis=0))
     return SynthesisError(
         known,
         np.where(known, np.linalg.norm(values - measured.values, axis=0) / safe, 0.0),
         np.where(known, np.sqrt(measured.variance.sum(axis=0)) / safe, 0.0),
-        np.where(known & (own > 0), (product / safe / np.where(own > 0, own, 1.0)) ** 2, 0.0),
+        np.where(known, frac(measured.values, values), 0.0),
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from identification.solid.sensors import Sensors
-from identification.words import Campaign, Complex, Dof, Mask, Real, Test, distinct
+from identification.words import Campaign, Complex, Dof, Mask, Real, Test
 
 # A variance from n hits has 2 (n - 1) degrees of freedom a line. Noise changes slowly along
 # frequency: averaged over lines to this many, the variance scatters by 14 %, its mean over
@@ -74,7 +74,7 @@ def gather(campaign: Campaign) -> Table:
     A test that brings no channel of its own stands beside the others as a column; a channel that
     several set-ups measured is taken from the first.
     """
-    channels = distinct(dof for test in campaign.tests for dof in test.estimate.frf.outputs)
+    channels = campaign.outputs
     columns: list[tuple[object, dict[Dof, tuple[Test, int]]]] = []
     for test in campaign.tests:
         key = (

@@ -7,7 +7,7 @@ from identification.words.errors import ConvergenceError, InputError, UsageError
 from identification.words.frf import ORDER, Frf, FrfEstimate, Quantity, VarianceSource
 from identification.words.hits import Densities, Estimator, Hit, HitEstimate, Rejected
 from identification.words.layout import Layout, is_hammer, node_of
-from identification.words.modal import ModalModel, modal_sum
+from identification.words.modal import ModalModel, drive_point_scale, modal_sum
 from identification.words.motor import Input, Motor
 from identification.words.poles import HasPoles
 from identification.words.records import Records
@@ -44,6 +44,7 @@ __all__ = [
     "VarianceSource",
     "WorkbenchError",
     "distinct",
+    "drive_point_scale",
     "frozen",
     "is_hammer",
     "modal_sum",

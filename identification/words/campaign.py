@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from identification.words._arrays import Mask, Real
-from identification.words.dof import Dof
+from identification.words.dof import Dof, distinct
 from identification.words.frf import FrfEstimate
 from identification.words.hits import HitEstimate
 from identification.words.layout import Layout
@@ -130,6 +130,16 @@ class Campaign:
     def freq_hz(self) -> Real:
         """Frequencies of every test [Hz]; (n_freq,)."""
         return self.tests[0].estimate.frf.freq_hz
+
+    @property
+    def outputs(self) -> tuple[Dof, ...]:
+        """Channels of all tests, along positive axes."""
+        return distinct(dof for test in self.tests for dof in test.estimate.frf.outputs)
+
+    @property
+    def inputs(self) -> tuple[Dof, ...]:
+        """Points that were hit in any test, along positive axes."""
+        return distinct(test.condition.reference for test in self.tests)
 
     def lines(self, chosen: Mask | slice) -> Self:
         """Keep these frequency lines of every test."""

@@ -59,6 +59,23 @@ def modal_sum(modes: HasModes, laplace: Complex, order: int) -> Complex:
     return values
 
 
+def drive_point_scale(driven: Complex, participation: Complex) -> Complex:
+    """Scaling a_r of receptance with phi_ir phi_or / a_r = l_ri phi_or (seed, eq. 3.7).
+
+    From all drive points d together: a_r = phi_d^H phi_d / phi_d^H l_d.
+
+    Args:
+        driven: phi_d, shapes at the drive points; (n_drive, n_mode).
+        participation: l_d; likewise.
+
+    Returns:
+        a_r; (n_mode,).
+    """
+    size = (np.abs(driven) ** 2).sum(axis=0)
+    scale: Complex = size / (driven.conj() * participation).sum(axis=0)
+    return scale
+
+
 @dataclass(frozen=True, eq=False)
 class ModalModel(HasPoles):
     """Modes of a machine, as measured or as modelled.
@@ -108,31 +125,28 @@ class ModalModel(HasPoles):
         object.__setattr__(self, "inputs", tuple(self.inputs))
 
     @property
-    def modal_a(self) -> Complex:
-        """Scaling a_r of receptance with phi_ir phi_or / a_r = l_ri phi_or (seed, eq. 3.7).
+    def drive_points(self) -> tuple[Complex, Complex]:
+        """Shapes and participation at the inputs that are outputs too; (n_drive, n_mode) each."""
+        where: dict[Input, int] = {dof.positive: row for row, dof in enumerate(self.outputs)}
+        columns = [k for k, dof in enumerate(self.inputs) if dof.positive in where]
+        rows = [where[self.inputs[k].positive] for k in columns]
+        pairs = zip(rows, columns, strict=True)
+        signs = np.array([self.outputs[row].sign * self.inputs[k].sign for row, k in pairs])
+        return self.shapes[rows] * signs[:, None], self.participation[columns]
 
-        From the drive points, the inputs that are outputs too, together: a_r = phi_d^H phi_d /
-        phi_d^H l_d.
+    @property
+    def modal_a(self) -> Complex:
+        """Scaling a_r of receptance, from all drive points together (seed, eq. 3.7).
 
         Raises:
             UsageError: no drive point.
         """
-        where = {dof.positive: row for row, dof in enumerate(self.outputs)}
-        pairs = [
-            (where[dof.positive], column, self.outputs[where[dof.positive]].sign * dof.sign)
-            for column, dof in enumerate(self.inputs)
-            if isinstance(dof, Dof) and dof.positive in where
-        ]
-        if not pairs:
+        driven, participation = self.drive_points
+        if not len(driven):
             raise UsageError(
                 "no input is measured as an output too: without a drive point modes have no scale"
             )
-        rows, columns, signs = (np.array(part) for part in zip(*pairs, strict=True))
-        driven = self.shapes[rows] * signs[:, None]
-        scale: Complex = (np.abs(driven) ** 2).sum(axis=0) / (
-            driven.conj() * self.participation[columns]
-        ).sum(axis=0)
-        return scale
+        return drive_point_scale(driven, participation)
 
     def synthesise(self, freq_hz: Real, quantity: Quantity) -> Frf:
         """FRFs from every input to every output (seed, eq. 3.5 to 3.7), residuals included.

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.roving import exchanged, is_roved
+from identification.roving import exchanged, is_roved, shape_points
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 SITES = tuple(f"acc{k}" for k in range(1, 6))
@@ -75,3 +75,9 @@ def test_more_hits_than_channels_make_a_roving_hammer(campaign) -> None:
     assert is_roved(campaign)
     assert not is_roved(exchanged(campaign))
     assert not is_roved(replace(campaign, tests=campaign.tests[:2]))
+
+
+def test_shapes_are_known_where_the_hammer_roved_else_at_the_channels(campaign) -> None:
+    assert shape_points(campaign) == tuple(dof.positive for dof in HITS)
+    still = replace(campaign, tests=campaign.tests[:2])
+    assert shape_points(still) == tuple(dof.positive for dof in SENSORS)

@@ -30,7 +30,7 @@ def test_coherence_is_that_of_the_test_each_cell_was_taken_from(campaign):
     first = campaign.tests[0]
     other = changed(first, 4.0, coherence=0.5 * first.estimate.coherence)
     both = replace(campaign, tests=(other, *campaign.tests))
-    cells = cells_of(both, beside(both), roved=False)
+    cells = cells_of(both, beside(both))
     assert cells.has_coherence.all()
     for column, test in enumerate(campaign.tests):
         np.testing.assert_array_equal(
@@ -42,7 +42,7 @@ def test_a_test_without_coherence_shows_none_and_not_that_of_a_worse_test(campai
     first = campaign.tests[0]
     tests = (changed(first, 4.0), changed(first, 1.0, coherence=None), *campaign.tests[1:])
     both = replace(campaign, tests=tests)
-    cells = cells_of(both, beside(both), roved=False)
+    cells = cells_of(both, beside(both))
     assert not cells.has_coherence[:, 0].any()
     assert not cells.coherence[:, :, 0].any()
     assert cells.has_coherence[:, 1:].all()
@@ -50,7 +50,7 @@ def test_a_test_without_coherence_shows_none_and_not_that_of_a_worse_test(campai
 
 def test_solid_bodies_read_what_was_measured_but_for_noise(campaign):
     measured = beside(campaign)
-    cells = cells_of(campaign, measured, roved=False)
+    cells = cells_of(campaign, measured)
     assert cells.has_solid.all()
     rows = campaign.layout.rows(measured.outputs)  # the bodies' columns do not mix
     motion = np.linalg.lstsq(rows, measured.values[30], rcond=None)[0]
@@ -63,7 +63,7 @@ def test_a_turned_channel_is_far_from_its_body(campaign):
     measured = beside(campaign)
     values = measured.values.copy()
     values[:, 6] *= -1
-    cells = cells_of(campaign, replace(measured, values=values), roved=False)
+    cells = cells_of(campaign, replace(measured, values=values))
     away = np.linalg.norm(cells.solid[:, 6] - values[:, 6])
     assert away > 0.3 * np.linalg.norm(values[:, 6])
 
@@ -73,7 +73,7 @@ def test_a_body_without_spare_channels_has_no_curve_as_a_solid(campaign):
     there = measured.measured.copy()
     lost = [k for k, dof in enumerate(measured.outputs) if str(dof) in LOST]
     there[lost, 0] = False
-    cells = cells_of(campaign, replace(measured, measured=there), roved=False)
+    cells = cells_of(campaign, replace(measured, measured=there))
     head = [k for k, dof in enumerate(measured.outputs) if dof.point in {"acc3", "acc4", "acc6"}]
     assert not cells.has_solid[head, 0].any()
     assert not cells.solid[:, head, 0].any()

@@ -1,0 +1,33 @@
+// The table of modes beside the picture: which row is chosen, by a click or the arrow keys.
+// The page's script gives ``state``, ``MODES`` and choose(k), which calls turn().
+
+const rowsOf = () => document.querySelector("#modes tbody").rows;
+
+// To mode k: its row, its title over the picture, its motion.
+function turn(k, title) {
+  const rows = rowsOf();
+  rows[state.mode].removeAttribute("aria-selected");
+  state.mode = k;
+  rows[k].setAttribute("aria-selected", "true");
+  const box = byId("modes"), top = rows[k].offsetTop;
+  if (top < box.scrollTop + 30 || top > box.scrollTop + box.clientHeight - 30) box.scrollTop = top - box.clientHeight / 2;
+  byId("chosen").replaceChildren("Mode " + (k + 1) + ": " + title);
+  if (!state.playing) phase = 0;
+  show();
+}
+
+function arrowKeys() {
+  addEventListener("keydown", event => {
+    const way = {ArrowDown: 1, ArrowUp: -1}[event.key], rows = rowsOf();
+    if (!way || /INPUT|SELECT/.test(document.activeElement.tagName) || !visible()) return;
+    let k = state.mode + way;
+    while (rows[k] && rows[k].hidden) k += way;
+    if (rows[k]) { choose(k); event.preventDefault(); }
+  });
+}
+
+// At the start: the mode that the address names, as #3.
+function chooseFirst() {
+  const first = Number(location.hash.slice(1));
+  choose(first >= 1 && first <= MODES.length ? first - 1 : 0);
+}
