@@ -10,6 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from identification.modal import Tolerances, Wishes
 from identification.words import UsageError
+from mbw import blind as blind_verb
 from mbw import demo as demo_verb
 from mbw import identify as identify_verb
 from mbw import predict as predict_verb
@@ -222,6 +223,24 @@ def tune(  # noqa: PLR0913  # one for each option
         jobs=jobs,
         search=tune_verb.Search(parse_residuals(residual), from_modes),
     )
+
+
+@app.command()
+@guarded
+def blind(  # one for each option
+    model: Annotated[str, typer.Argument(help="MJCF of a machine, or trees: random machines.")],
+    *,
+    cases: Annotated[int, typer.Option(min=1, help="Campaigns to draw and judge.")] = 43,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Results; default: <model>-blind.")
+    ] = None,
+    seed: Seed = 0,
+    jobs: Jobs = 1,
+    quiet: Quiet = False,
+) -> None:
+    """Score the diagnosis on campaigns whose answers it cannot see; the same call goes on."""
+    SCREEN.quiet = quiet
+    blind_verb.run(blind_verb.Wish(model, cases, seed, jobs, out))
 
 
 @app.command()

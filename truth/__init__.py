@@ -5,8 +5,24 @@ rest of the project. It imports no other package of it, and no simulator.
 """
 
 from truth.campaign import Campaign, Plan, draw_campaign
+from truth.cause import Cause, Wanted
+from truth.deck import draw_case
 from truth.errors import TruthError
-from truth.folder import write_campaign
+from truth.folder import write_answer, write_campaign
+from truth.protocol import Protocol, draw_protocol
 from truth.reader import read_station
 
-__all__ = ["Campaign", "Plan", "TruthError", "draw_campaign", "read_station", "write_campaign"]
+__all__ = [
+    "Campaign",
+    "Cause",
+    "Plan",
+    "Protocol",
+    "TruthError",
+    "Wanted",
+    "draw_campaign",
+    "draw_case",
+    "draw_protocol",
+    "read_station",
+    "write_answer",
+    "write_campaign",
+]

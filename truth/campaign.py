@@ -1,20 +1,36 @@
-"""From a nominal station and a seed to a campaign: the content of its files, answer included."""
+"""From a nominal station and a seed to a campaign: the content of its files, answer apart."""
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 
-from truth.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true, stream
-from truth.dynamics import accelerance, assemble
-from truth.effects import CATALOGUE, Effect
+from truth.cause import Cause, draw_effects
+from truth.draw import (
+    NO_TOLERANCE,
+    Tolerance,
+    draw_basis,
+    draw_drawing,
+    draw_hammers,
+    draw_mistuned,
+    draw_rigid,
+    draw_true,
+    stream,
+)
+from truth.effects import Scene
 from truth.errors import TruthError
-from truth.measure import Measurement, hammer_test, lines_hz
+from truth.machine import Machine
+from truth.measure import hammer_tests
+from truth.protocol import Protocol, Take, occasions, takes
+from truth.refit import Refit, refit_of
 from truth.station import Hammer, Station
 from truth.texts import MESH_FOLDER, answer_toml, campaign_toml, model_xml
 from truth.uff import uff_bytes
 
 _TOLERANCE = Tolerance()
+_PROTOCOL = Protocol()
+_NOTHING = Cause()
 
 
 @dataclass(frozen=True)
@@ -23,82 +39,86 @@ class Plan:
 
     Args:
         seed: of everything that is drawn; who knows it knows the answer.
-        effect: a name of the catalogue.
-        body: where the effect sits; drawn if not given.
-        averages: hits per direction.
-        level: mean peak force [N].
-        node: measuring point where the hammer hits.
+        cause: what the drawing lacks.
+        protocol: how the machine is tested.
         tolerance: how far the true machine may be from its drawing.
+        rigid: directions in which the machine, and its drawing, are made rigid.
     """
 
     seed: int
-    effect: str = "none"
-    body: str | None = None
-    averages: int = 10
-    level: float = 200.0
-    node: int = 11
+    cause: Cause = _NOTHING
+    protocol: Protocol = _PROTOCOL
     tolerance: Tolerance = _TOLERANCE
+    rigid: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """The files of a campaign: their content by path within its folder."""
+    """A campaign and its answer.
+
+    Args:
+        files: content by path within the folder.
+        answer: the sealed text, salted.
+        discarded: draws of effects that could not be made as strong as was wanted.
+    """
 
     files: Mapping[str, bytes]
+    answer: bytes
+    discarded: int = 0
 
     @property
     def answer_hash(self) -> str:
         """SHA-256 of the salted answer: published first, it proves the answer later."""
-        return hashlib.sha256(self.files["answer.toml"]).hexdigest()
+        return hashlib.sha256(self.answer).hexdigest()
 
 
 def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
-    """Draw a machine about the nominal station, give it the effect, hit it, and write it down.
+    """Draw a machine about the nominal station, give it its effects, hit it, and write it down.
 
     Raises:
-        TruthError: effect, body, node or plan do not fit the station.
+        TruthError: effect, place, node or protocol do not fit the station.
     """
-    if plan.effect not in CATALOGUE:
-        raise TruthError(f"effect {plan.effect!r} is unknown; choose from {', '.join(CATALOGUE)}")
-    basis = draw_basis(nominal, plan.seed)
-    drawing = draw_drawing(basis, plan.seed)
-    true = draw_true(basis, plan.tolerance, plan.seed)
-    hammers = draw_hammers(drawing, plan.node, plan.tolerance, plan.seed)
-    random = stream(plan.seed, f"effect.{plan.effect}")
-    effect = CATALOGUE[plan.effect](random, true, plan.body)
-    measured = measure(true, effect, hammers, plan)
-    file = f"impact_{plan.level:g}N.uff"
-    texts = {
-        "model.xml": model_xml(drawing),
+    seed = plan.seed
+    if not any(nominal.sensors()):
+        raise TruthError(
+            f"model {nominal.name}: it has no site acc<node>, nothing would be measured"
+        )
+    basis = draw_rigid(draw_basis(nominal, seed), plan.rigid, seed)
+    drawing = draw_drawing(basis, seed)
+    at_work = NO_TOLERANCE if plan.cause.mistuned else plan.tolerance
+    true = draw_mistuned(basis, seed) if plan.cause.mistuned else draw_true(basis, at_work, seed)
+    hammers = _hammers(drawing, plan.protocol, at_work, seed)
+    files = takes(plan.protocol, drawing, seed)
+    machine = Machine(true, hammers)
+    scene = Scene(true, occasions(plan.protocol, files))
+    draws = draw_effects(machine, scene, plan.cause, partial(_refit, machine, plan, files), seed)
+    machine = replace(machine, effects=tuple(one.effect for one in draws.drawn))
+    tests = hammer_tests(machine, plan.protocol, files, seed)
+    contents = {
+        "model.xml": model_xml(drawing).encode("utf-8"),
         "campaign.toml": campaign_toml(
-            model="model.xml",
-            file=file,
-            level=plan.level,
-            averages=plan.averages,
-            given=plan.tolerance,
-        ),
-        "answer.toml": answer_toml(effect.answer(), stream(plan.seed, "salt").bytes(16).hex()),
+            model="model.xml", files=files, averages=plan.protocol.averages, given=plan.tolerance
+        ).encode("utf-8"),
     }
-    contents = {name: text.encode("utf-8") for name, text in texts.items()}
     contents |= {f"{MESH_FOLDER}/{mesh.file}": mesh.content for mesh in drawing.meshes}
-    return Campaign(MappingProxyType({**contents, file: uff_bytes(measured)}))
+    contents |= {take.file: uff_bytes(test) for take, test in zip(files, tests, strict=True)}
+    salt = stream(seed, "salt").bytes(16).hex()
+    answer = answer_toml(draws, plan.cause, plan.protocol, nominal.name, salt).encode("utf-8")
+    return Campaign(MappingProxyType(contents), answer, draws.discarded)
 
 
-def measure(true: Station, effect: Effect, hammers: tuple[Hammer, ...], plan: Plan) -> Measurement:
-    """Test the true machine with its effect; the rows go by node, then direction."""
-    if not any(true.sensors()):
-        raise TruthError(f"model {true.name}: it has no site acc<node>, nothing would be measured")
-    freq_hz = lines_hz()
-    exact = accelerance(true, effect.add(assemble(true), true), hammers, freq_hz)
-    points = [(sensor.node, axis) for _, sensor in true.sensors() for axis in (1, 2, 3)]
-    order = sorted(range(len(points)), key=points.__getitem__)
-    frf, coherence = hammer_test(
-        exact[:, order], freq_hz, averages=plan.averages, level=plan.level, seed=plan.seed
-    )
-    return Measurement(
-        freq_hz,
-        frf,
-        coherence,
-        responses=tuple(points[row] for row in order),
-        references=tuple((hammer.node, axis) for axis, hammer in enumerate(hammers, start=1)),
-    )
+def _refit(machine: Machine, plan: Plan, files: tuple[Take, ...]) -> Refit:
+    """A refit of the files of the middle level."""
+    level = sorted(plan.protocol.levels)[len(plan.protocol.levels) // 2]
+    own = tuple(take for take in files if take.level == level)
+    return refit_of(machine, plan.protocol, own, plan.tolerance)
+
+
+def _hammers(
+    drawing: Station, protocol: Protocol, tolerance: Tolerance, seed: int
+) -> tuple[Hammer, ...]:
+    first, *others = protocol.nodes
+    hammers = draw_hammers(drawing, first, tolerance, seed)
+    for node in others:
+        hammers += draw_hammers(drawing, node, tolerance, seed, f"tolerance.hammer.{node}")
+    return hammers

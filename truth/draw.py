@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from truth.errors import TruthError
-from truth.station import Hammer, Joint, Real, Sensor, Stage, Station, is_inertia
+from truth.station import GROUND, Hammer, Joint, Real, Sensor, Stage, Station, is_inertia
 
 # Standard deviations of the logarithms: a machine about the nominal, a drawing about the machine.
 SPREAD_MASS = 0.1
@@ -39,6 +39,9 @@ class Tolerance:
     hammer_position: float = 0.003
 
 
+NO_TOLERANCE = Tolerance(*(0.0,) * 9)
+
+
 def stream(seed: int, purpose: str) -> np.random.Generator:
     """Return the random numbers of one purpose: a child of the seed, told apart by the name."""
     sequence = np.random.SeedSequence(seed, spawn_key=tuple(purpose.encode()))
@@ -56,6 +59,43 @@ def draw_basis(nominal: Station, seed: int) -> Station:
         replace(nominal, stages=heavier),
         stiffness=(SPREAD_STIFFNESS, stream(seed, "basis.stiffness")),
         damping=(SPREAD_DAMPING, stream(seed, "basis.damping")),
+    )
+
+
+def draw_rigid(basis: Station, count: int, seed: int) -> Station:
+    """Return the machine rigid in some directions, of drawing and truth alike.
+
+    They are drawn among the joints of all stages but those on the floor; a stage keeps two thirds
+    of its joints.
+    """
+    random = stream(seed, "basis.rigid")
+    stages = list(basis.stages)
+    gone: dict[int, int] = {}
+    places = [(i, joint.name) for i, one in enumerate(stages) for joint in one.joints]
+    for number in random.permutation(len(places)).tolist():
+        index, name = places[number]
+        joints = basis.stages[index].joints
+        if sum(gone.values()) == count:
+            break
+        if stages[index].parent == GROUND or 3 * (gone.get(index, 0) + 1) > len(joints):
+            continue
+        gone[index] = gone.get(index, 0) + 1
+        left = tuple(joint for joint in stages[index].joints if joint.name != name)
+        stages[index] = replace(stages[index], joints=left)
+    return replace(basis, stages=tuple(stages))
+
+
+def draw_mistuned(basis: Station, seed: int) -> Station:
+    """Return a true machine whose stiffness and damping alone are off, twice as far as usual.
+
+    The drawing is drawn as ever, so that it does not tell: factors on the true machine, of the
+    square root of three times the usual spread, make up the rest.
+    """
+    rest = float(np.sqrt(3.0))
+    return _with_joint_factors(
+        basis,
+        stiffness=(rest * DRAWN_STIFFNESS, stream(seed, "mistuned.stiffness")),
+        damping=(rest * DRAWN_DAMPING, stream(seed, "mistuned.damping")),
     )
 
 
@@ -83,11 +123,11 @@ def draw_true(basis: Station, tolerance: Tolerance, seed: int) -> Station:
 
 
 def draw_hammers(
-    drawing: Station, node: int, tolerance: Tolerance, seed: int
+    drawing: Station, node: int, tolerance: Tolerance, seed: int, purpose: str = "tolerance.hammer"
 ) -> tuple[Hammer, ...]:
     """Return the hits in +x, +y, +z at a node, each off by the hammer's tolerances on its own."""
     stage, point = drawing.aim(node)
-    random = stream(seed, "tolerance.hammer")
+    random = stream(seed, purpose)
     hammers = []
     for drawn in np.eye(3):
         turn = Rotation.from_rotvec(tolerance.hammer_angle * random.standard_normal(3))

@@ -1,4 +1,4 @@
-r"""Equations of motion in absolute coordinates, and the accelerance that follows from them.
+r"""Equations of motion in absolute coordinates, rows of sensors, columns of hammers.
 
 Each stage has six coordinates: the translation u of its centre of mass and its small rotation
 theta, in world axes. A point at r from the centre of mass moves by u + theta x r. Then
@@ -7,15 +7,38 @@ theta, in world axes. A point at r from the centre of mass moves by u + theta x 
 
 with M = blkdiag(m 1, I), a spring k and a damper c for each joint, and one row of G for each
 direction in which a stage is rigid against its parent. Time convention exp(+i omega t).
+
+A stage may bend: with a coordinate b of its own at the end, a point moves by the shape of its flex
+times b more, and all rows (joints, sensors, hammers) follow from that.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 
 from truth.errors import TruthError
-from truth.station import GROUND, Complex, Hammer, Real, Stage, Station
+from truth.station import GROUND, Hammer, Real, Stage, Station
+
+
+@dataclass(frozen=True, eq=False)
+class Flex:
+    """A mode in which a stage bends, one coordinate b.
+
+    Args:
+        stage: index.
+        shape: of a position [m], (3,), the translation [m] and rotation [rad] per b; (6,).
+        mass: modal mass, of b'' [kg].
+        frequency: with the rigid motion held [Hz].
+        damping: ratio.
+    """
+
+    stage: int
+    shape: Callable[[Real], Real]
+    mass: float
+    frequency: float
+    damping: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,15 +63,20 @@ class Equations:
         )
 
 
-def assemble(station: Station) -> Equations:
+def assemble(station: Station, flexes: tuple[Flex, ...] = ()) -> Equations:
     """Assemble the station's equations of motion, rigid directions still as constraints."""
-    n = 6 * len(station.stages)
+    n = 6 * len(station.stages) + len(flexes)
     mass, damping, stiffness = np.zeros((3, n, n))
+    for place, flex in enumerate(flexes, start=6 * len(station.stages)):
+        omega = 2 * np.pi * flex.frequency
+        mass[place, place] = flex.mass
+        damping[place, place] = 2 * flex.damping * omega * flex.mass
+        stiffness[place, place] = omega**2 * flex.mass
     rigid: list[Real] = [np.zeros((0, n))]
     for index, stage in enumerate(station.stages):
         here = slice(6 * index, 6 * index + 6)
         mass[here, here] = scipy.linalg.block_diag(stage.mass * np.eye(3), stage.inertia)
-        moving, fixed = _joint_rows(station, index)
+        moving, fixed = joint_rows(station, index, flexes)
         stiffness += (moving.T * [joint.stiffness for joint in stage.joints]) @ moving
         damping += (moving.T * [joint.damping for joint in stage.joints]) @ moving
         rigid.append(fixed)
@@ -60,43 +88,24 @@ def point_row(stage: Stage, position: Real, direction: Real) -> Real:
 
     Its transpose is the generalised force of a unit force there; (6,), the stage's coordinates.
     """
-    return np.concatenate([direction, np.cross(position - stage.com, direction)])
+    x, y, z = position - stage.com
+    dx, dy, dz = direction
+    return np.array([dx, dy, dz, y * dz - z * dy, z * dx - x * dz, x * dy - y * dx])
 
 
-def accelerance(
-    station: Station, equations: Equations, hammers: tuple[Hammer, ...], freq_hz: Real
-) -> Complex:
-    r"""Accelerations that the sensors read per unit force of the hammers.
-
-    H(omega) = -omega^2 L N [N^T (K - omega^2 M + i omega C) N]^-1 N^T P, N a basis of the null
-    space of G: a direct solution at each line. The line at 0 Hz is zero.
-
-    Args:
-        station: places, axes and gains of the sensors.
-        equations: of the same station, effects included.
-        hammers: one for each column.
-        freq_hz: frequencies [Hz]; (n_freq,).
-
-    Returns:
-        H [m/s2/N]; (n_freq, 3 n_sensors, n_hammers), sensors in the station's order.
-    """
-    basis = scipy.linalg.null_space(equations.rigid) if len(equations.rigid) else None
-    M, C, K = (
-        matrix if basis is None else basis.T @ matrix @ basis
-        for matrix in (equations.mass, equations.damping, equations.stiffness)
-    )
-    L = _sensor_rows(station, equations.mass.shape[0])
-    P = _hammer_columns(station, hammers, equations.mass.shape[0])
-    if basis is not None:
-        L, P = L @ basis, basis.T @ P
-    H = np.zeros((freq_hz.size, L.shape[0], P.shape[1]), dtype=np.complex128)
-    moving = freq_hz > 0
-    omega = 2 * np.pi * freq_hz[moving, None, None]
-    H[moving] = -(omega**2) * (L @ np.linalg.solve(K - omega**2 * M + 1j * omega * C, P[None]))
-    return H
+def motion_row(
+    station: Station, index: int, position: Real, direction: Real, flexes: tuple[Flex, ...] = ()
+) -> Real:
+    """Return the row of a stage's point in all coordinates; (6 n_stages + n_flex,)."""
+    row = np.zeros(6 * len(station.stages) + len(flexes))
+    row[6 * index : 6 * index + 6] = point_row(station.stages[index], position, direction)
+    for place, flex in enumerate(flexes, start=6 * len(station.stages)):
+        if flex.stage == index:
+            row[place] = direction @ flex.shape(position)[:3]
+    return row
 
 
-def _joint_rows(station: Station, index: int) -> tuple[Real, Real]:
+def joint_rows(station: Station, index: int, flexes: tuple[Flex, ...] = ()) -> tuple[Real, Real]:
     """Return the rows that give a stage's joint coordinates, and those that must stay zero.
 
     The joints' axes span the relative motion: V = S q, V the motion of the stage against its
@@ -113,38 +122,41 @@ def _joint_rows(station: Station, index: int) -> tuple[Real, Real]:
             S[:, column] = [*np.cross(joint.axis, point - joint.position), *joint.axis]
     if S.size and np.linalg.matrix_rank(S) < S.shape[1]:
         raise TruthError(f"body {stage.name}: two of its joints move it in the same direction")
-    relative = np.zeros((6, 6 * len(station.stages)))
-    relative[:, 6 * index : 6 * index + 6] = _motion_at(stage, point)
+    relative = motion_at(station, index, point, flexes)
     if stage.parent != GROUND:
-        parent = slice(6 * stage.parent, 6 * stage.parent + 6)
-        relative[:, parent] = -_motion_at(station.stages[stage.parent], point)
+        relative = relative - motion_at(station, stage.parent, point, flexes)
     orthogonal = np.linalg.qr(S, mode="complete")[0][:, S.shape[1] :]
     moving = np.linalg.pinv(S) @ relative if stage.joints else np.zeros((0, relative.shape[1]))
     return moving, orthogonal.T @ relative
 
 
-def _motion_at(stage: Stage, point: Real) -> Real:
-    """Return translation of a point and rotation, from the stage's six coordinates; (6, 6)."""
-    motion = np.eye(6)
-    motion[:3] = [point_row(stage, point, axis) for axis in np.eye(3)]
+def motion_at(station: Station, index: int, point: Real, flexes: tuple[Flex, ...]) -> Real:
+    """Return translation of a stage's point and its rotation there; (6, n)."""
+    motion = np.zeros((6, 6 * len(station.stages) + len(flexes)))
+    motion[:3] = [motion_row(station, index, point, axis, flexes) for axis in np.eye(3)]
+    motion[3:, 6 * index + 3 : 6 * index + 6] = np.eye(3)
+    for place, flex in enumerate(flexes, start=6 * len(station.stages)):
+        if flex.stage == index:
+            motion[3:, place] = flex.shape(point)[3:]
     return motion
 
 
-def _sensor_rows(station: Station, n: int) -> Real:
-    rows = []
-    for index, sensor in station.sensors():
-        for axis, gain in zip(sensor.axes, sensor.gain, strict=True):
-            row = np.zeros(n)
-            place = slice(6 * index, 6 * index + 6)
-            row[place] = gain * point_row(station.stages[index], sensor.position, axis)
-            rows.append(row)
-    return np.array(rows).reshape(-1, n)
+def sensor_rows(station: Station, flexes: tuple[Flex, ...] = ()) -> Real:
+    """Return what the sensors read of the coordinates, gains included; (3 n_sensors, n)."""
+    rows = [
+        gain * motion_row(station, index, sensor.position, axis, flexes)
+        for index, sensor in station.sensors()
+        for axis, gain in zip(sensor.axes, sensor.gain, strict=True)
+    ]
+    return np.array(rows).reshape(-1, 6 * len(station.stages) + len(flexes))
 
 
-def _hammer_columns(station: Station, hammers: tuple[Hammer, ...], n: int) -> Real:
-    columns = np.zeros((n, len(hammers)))
-    for column, hammer in enumerate(hammers):
-        place = slice(6 * hammer.stage, 6 * hammer.stage + 6)
-        stage = station.stages[hammer.stage]
-        columns[place, column] = point_row(stage, hammer.position, hammer.direction)
-    return columns
+def hammer_columns(
+    station: Station, hammers: tuple[Hammer, ...], flexes: tuple[Flex, ...] = ()
+) -> Real:
+    """Return generalised forces of unit hits; (n, n_hammers)."""
+    columns = [
+        motion_row(station, hammer.stage, hammer.position, hammer.direction, flexes)
+        for hammer in hammers
+    ]
+    return np.array(columns).T

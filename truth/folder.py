@@ -7,6 +7,8 @@ from pathlib import Path
 from truth.campaign import Campaign
 from truth.errors import TruthError
 
+ANSWER = "answer.toml"
+
 
 def check_folder(folder: Path, *, overwrite: bool) -> None:
     """Refuse a folder that holds something else, or a campaign that is not to be overwritten."""
@@ -22,8 +24,28 @@ def check_folder(folder: Path, *, overwrite: bool) -> None:
         raise TruthError(f"{folder}: holds a campaign; give --overwrite to replace it")
 
 
-def write_campaign(campaign: Campaign, folder: Path, *, overwrite: bool = False) -> None:
+def write_answer(campaign: Campaign, path: Path) -> None:
+    """Write the answer to a place of its own, whole or not at all.
+
+    Raises:
+        OSError: the place cannot be written.
+    """
+    path = path.resolve()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    new = path.with_name(f".{path.name}-{secrets.token_hex(4)}")
+    try:
+        new.write_bytes(campaign.answer)
+        new.replace(path)
+    finally:
+        new.unlink(missing_ok=True)
+
+
+def write_campaign(
+    campaign: Campaign, folder: Path, *, overwrite: bool = False, sealed: bool = False
+) -> None:
     """Write the folder as a whole: beside its place first, then by renaming.
+
+    The answer is left out if it is sealed elsewhere.
 
     Raises:
         TruthError: the folder holds something else, or a campaign without ``overwrite``.
@@ -36,7 +58,8 @@ def write_campaign(campaign: Campaign, folder: Path, *, overwrite: bool = False)
     new, old = (folder.with_name(f".{folder.name}-{mark}-{age}") for age in ("new", "old"))
     new.mkdir()
     try:
-        for name, content in campaign.files.items():
+        inside = {} if sealed else {ANSWER: campaign.answer}
+        for name, content in {**campaign.files, **inside}.items():
             (new / name).parent.mkdir(exist_ok=True)
             (new / name).write_bytes(content)
         if folder.exists():

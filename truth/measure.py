@@ -8,16 +8,17 @@ over the hits of one direction,
 H1 has the variance |H|^2 (1 - g2) / (g2 (n - 1)), real plus imaginary part.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from truth.draw import stream
 from truth.errors import TruthError
+from truth.machine import Known, Machine
+from truth.nonlinear import RATE_HZ, Pulses, nonlinear_readings
+from truth.protocol import Channel, Protocol, Take
+from truth.rig import Occasion
 from truth.station import Complex, Real
-
-LINES = 801
-RESOLUTION_HZ = 0.25
 
 # A half sine this long has fallen by 14 dB at 200 Hz, by 9 and 21 dB at the ends of the scatter.
 PULSE_SECONDS = 5.7e-3
@@ -41,63 +42,130 @@ class Measurement:
     Args:
         freq_hz: lines [Hz]; (n_freq,).
         frf: H1, accelerance [m/s2/N]; (n_freq, n_out, n_in).
-        coherence: ordinary coherence; (n_freq, n_out, n_in).
+        coherence: ordinary coherence, (n_freq, n_out, n_in); None if it was not kept.
         responses: node and direction 1, 2, 3 of each row.
         references: node and direction 1, 2, 3 of each column.
     """
 
     freq_hz: Real
     frf: Complex
-    coherence: Real
-    responses: tuple[tuple[int, int], ...]
-    references: tuple[tuple[int, int], ...]
+    coherence: Real | None
+    responses: tuple[Channel, ...]
+    references: tuple[Channel, ...]
 
     def __post_init__(self) -> None:
         """Check that every array has its axes."""
         shape = (self.freq_hz.size, len(self.responses), len(self.references))
-        if self.frf.shape != shape or self.coherence.shape != shape:
+        kept = self.frf if self.coherence is None else self.coherence
+        if self.frf.shape != shape or kept.shape != shape:
             raise TruthError(f"measurement: expected the shape {shape}, got {self.frf.shape}")
 
 
-def lines_hz() -> Real:
-    """Return the frequencies of the test, 0 to 200 Hz; (801,)."""
-    return RESOLUTION_HZ * np.arange(LINES, dtype=np.float64)
-
-
-def hammer_test(
-    accelerance: Complex, freq_hz: Real, *, averages: int, level: float, seed: int
-) -> tuple[Complex, Real]:
+def hammer_test(machine: Machine, protocol: Protocol, take: Take, seed: int) -> Measurement:
     """Hit the machine in each direction, one after the other, and estimate its accelerance.
 
     Args:
-        accelerance: the true one [m/s2/N]; (n_freq, n_out, n_in).
-        freq_hz: evenly spaced lines [Hz]; (n_freq,).
-        averages: hits per direction, at least 2.
-        level: mean peak force [N].
+        machine: with its effects; sensors in the station's order.
+        protocol: lines, averages.
+        take: level, set-up and channels.
         seed: of the hits and of the noise.
 
     Returns:
-        H1 and coherence, both (n_freq, n_out, n_in); H1 is zero at 0 Hz.
-
-    Raises:
-        TruthError: too few hits for a coherence, or a level that is not positive.
+        What the file holds; H1 is zero at 0 Hz.
     """
-    if averages < 2:
-        raise TruthError(f"averages {averages}: a coherence needs at least 2 hits per direction")
-    if not 0 < level < np.inf:
-        raise TruthError(f"level {level}: give the hammer's peak force in N, more than 0")
-    frf = np.empty_like(accelerance)
-    coherence = np.empty(accelerance.shape)
-    for column in range(accelerance.shape[2]):
-        force = pulse_spectra(freq_hz, averages, level, stream(seed, f"hits.{column}"))
-        reading = accelerance[:, :, column] * force[:, :, None]
-        random = stream(seed, f"noise.response.{column}")
-        reading += noise_spectrum(freq_hz)[:, None] * _complex_normal(random, reading.shape)
-        random = stream(seed, f"noise.force.{column}")
+    return _hammer_test(Known(machine, protocol.freq_hz), protocol, take, seed, name="")
+
+
+def hammer_tests(
+    machine: Machine, protocol: Protocol, files: tuple[Take, ...], seed: int
+) -> tuple[Measurement, ...]:
+    """Make the test of every file; the arguments as of one."""
+    known = Known(machine, protocol.freq_hz)
+    return tuple(
+        _hammer_test(known, protocol, take, seed, name=f".{number}" if number else "")
+        for number, take in enumerate(files)
+    )
+
+
+def _hammer_test(
+    known: Known, protocol: Protocol, take: Take, seed: int, *, name: str
+) -> Measurement:
+    freq_hz, station = protocol.freq_hz, known.machine.station
+    points = [(sensor.node, axis) for _, sensor in station.sensors() for axis in (1, 2, 3)]
+    rows = [points.index(channel) for channel in take.channels]
+    references = tuple((node, axis) for node in protocol.nodes for axis in (1, 2, 3))
+    shape = (freq_hz.size, len(rows), len(references))
+    frf, coherence = np.empty(shape, np.complex128), np.empty(shape)
+    hits = [
+        draw_pulses(protocol.averages, take.level, stream(seed, f"hits{name}.{column}"))
+        for column in range(len(references))
+    ]
+    occasions = [Occasion(take.level, node, axis - 1, take.setup) for node, axis in references]
+    added = nonlinear_part(known, occasions, hits)
+    for column, pulses in enumerate(hits):
+        force = pulse_spectra(freq_hz, pulses)
+        reading = linear_frfs(known, occasions[column], len(force)) * force[:, :, None]
+        if added is not None:
+            reading += added[column]
+        reading = reading[:, :, rows]
+        if protocol.dead in take.channels:
+            reading[:, :, take.channels.index(protocol.dead)] = 0.0
+        random = stream(seed, f"noise.response{name}.{column}")
+        reading += noise_spectrum(freq_hz, protocol.resolution_hz)[:, None] * _complex_normal(
+            random, reading.shape
+        )
+        random = stream(seed, f"noise.force{name}.{column}")
         force = force * (1 + FORCE_NOISE * _complex_normal(random, force.shape))
         frf[:, :, column], coherence[:, :, column] = estimate_h1(force, reading)
     frf[freq_hz == 0] = 0
-    return frf, coherence
+    kept = coherence if protocol.coherence else None
+    return Measurement(freq_hz, frf, kept, take.channels, references)
+
+
+def linear_frfs(known: Known, occasion: Occasion, count: int) -> Complex:
+    """Linear FRFs of a column at each of its hits; (n_hit, n_freq, n_out), n_hit 1 if all alike."""
+    column = known.machine.column(occasion)
+    hits = [replace(occasion, time=float(time)) for time in np.linspace(0, 1, count)]
+    if len({known.machine.when(hit) for hit in hits}) == 1:
+        hits = hits[:1]
+    return np.stack([known.on(hit)[1][:, :, column] for hit in hits])
+
+
+def nonlinear_part(
+    known: Known, occasions: list[Occasion], hits: list[Pulses], rate_hz: float = RATE_HZ
+) -> list[Complex] | None:
+    """What nonlinear joints add to the spectra of each column's hits; None if there are none.
+
+    All columns that share a rig go through time together.
+
+    Args:
+        known: machine, at all lines of the test.
+        occasions: of the columns.
+        hits: their pulses.
+        rate_hz: samples per second of the integration.
+
+    Returns:
+        For each column (n_hit, n_freq, n_out) [m/s2 s].
+    """
+    groups: dict[int, list[int]] = {}
+    for number, occasion in enumerate(occasions):
+        groups.setdefault(id(known.on(occasion)[0]), []).append(number)
+    found: dict[int, Complex] = {}
+    for numbers in groups.values():
+        rig = known.on(occasions[numbers[0]])[0]
+        if not rig.joints:
+            return None
+        columns = tuple(
+            known.machine.column(occasions[number]) for number in numbers for _ in hits[number].peak
+        )
+        pulses = Pulses(
+            np.concatenate([hits[number].peak for number in numbers]),
+            np.concatenate([hits[number].duration for number in numbers]),
+        )
+        readings = nonlinear_readings(rig, columns, pulses, known.freq_hz, rate_hz)
+        ends = np.cumsum([len(hits[number].peak) for number in numbers])[:-1]
+        found.update(zip(numbers, np.split(readings, ends), strict=True))
+    return [found[number] for number in range(len(occasions))]
 
 
 def estimate_h1(force: Complex, reading: Complex) -> tuple[Complex, Real]:
@@ -108,30 +176,32 @@ def estimate_h1(force: Complex, reading: Complex) -> tuple[Complex, Real]:
     return cross / force_power, np.abs(cross) ** 2 / (force_power * reading_power)
 
 
-def pulse_spectra(
-    freq_hz: Real, averages: int, level: float, random: np.random.Generator
-) -> Complex:
-    """Return the spectra of half-sine pulses [N s]; (averages, n_freq).
+def draw_pulses(averages: int, level: float, random: np.random.Generator) -> Pulses:
+    """Draw the pulses of one direction: half sines about the level and the usual duration."""
+    scatter = random.uniform(1 - PULSE_SCATTER, 1 + PULSE_SCATTER, (2, averages, 1))
+    return Pulses(level * scatter[0, :, 0], PULSE_SECONDS * scatter[1, :, 0])
+
+
+def pulse_spectra(freq_hz: Real, pulses: Pulses) -> Complex:
+    """Return the spectra of half-sine pulses [N s]; (n_hit, n_freq).
 
     A half sine of peak A and duration T has A T / 2 (sinc(f T - 1/2) + sinc(f T + 1/2)), turned
     by exp(-i pi f T) as it starts at time zero, with sinc(x) = sin(pi x) / (pi x).
     """
-    scatter = random.uniform(1 - PULSE_SCATTER, 1 + PULSE_SCATTER, (2, averages, 1))
-    peak, duration = level * scatter[0], PULSE_SECONDS * scatter[1]
+    peak, duration = pulses.peak[:, None], pulses.duration[:, None]
     cycles = freq_hz * duration
     magnitude = peak * duration / 2 * (np.sinc(cycles - 0.5) + np.sinc(cycles + 0.5))
     spectra: Complex = magnitude * np.exp(-1j * np.pi * cycles)
     return spectra
 
 
-def noise_spectrum(freq_hz: Real) -> Real:
+def noise_spectrum(freq_hz: Real, spacing: float) -> Real:
     """Return the standard deviation of a reading's spectrum [m/s2 s]; (n_freq,).
 
     The building's density is flat up to its corner f0 and falls as f^-p above it,
     a / (1 + (f/f0)^2)^(p/2). A one-sided density d over a record of T seconds, one over the
     lines' spacing, gives d sqrt(T / 2).
     """
-    spacing = freq_hz[1] - freq_hz[0]
     fall = (1 + (freq_hz / AMBIENT_CORNER_HZ) ** 2) ** (-AMBIENT_POWER / 2)
     density = np.hypot(FLOOR_DENSITY, AMBIENT_DENSITY * fall)
     spectrum: Real = density / np.sqrt(2 * spacing)

@@ -15,6 +15,7 @@ from truth.errors import TruthError
 
 Real: TypeAlias = NDArray[np.float64]
 Complex: TypeAlias = NDArray[np.complex128]
+Mask: TypeAlias = NDArray[np.bool_]
 
 AXES = ("x", "y", "z")
 GROUND = -1
@@ -218,6 +219,14 @@ class Station:
     def sensors(self) -> Iterator[tuple[int, Sensor]]:
         """Go through the sensors in the order of the stages, each with its stage's index."""
         return ((i, sensor) for i, stage in enumerate(self.stages) for sensor in stage.sensors)
+
+    def first_aim(self) -> int:
+        """Return the node that the hammer hits if nobody says: of a hit point, else of a sensor."""
+        hits = [hit.node for stage in self.stages for hit in stage.hit_points]
+        nodes = hits or [sensor.node for _, sensor in self.sensors()]
+        if not nodes:
+            raise TruthError(f"model {self.name}: it has no site acc<node>, nothing is measured")
+        return nodes[0]
 
     def index(self, name: str) -> int:
         """Return the index of the stage of this name, or refuse it."""

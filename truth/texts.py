@@ -5,8 +5,9 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import asdict
 
+from truth.cause import Cause, Drawn, Draws
 from truth.draw import Tolerance
-from truth.effects import Answer
+from truth.protocol import Protocol, Take
 from truth.station import GROUND, Stage, Station
 
 MESH_FOLDER = "meshes"
@@ -42,34 +43,64 @@ def model_xml(drawing: Station) -> str:
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def campaign_toml(*, model: str, file: str, level: float, averages: int, given: Tolerance) -> str:
-    """Return the campaign's description with one test and every tolerance."""
-    lines = [
-        f'model = "{model}"',
-        "",
-        "[[test]]",
-        f'file = "{file}"',
-        f"level = {float(level)!r}  # N, peak of the impacts",
-        f"averages = {averages}",
-        "",
-        "[tolerance]  # one standard deviation",
-    ]
+def campaign_toml(*, model: str, files: tuple[Take, ...], averages: int, given: Tolerance) -> str:
+    """Return the campaign's description with every test and every tolerance."""
+    lines = [f'model = "{model}"', ""]
+    for take in files:
+        lines += [
+            "[[test]]",
+            f'file = "{take.file}"',
+            f"level = {float(take.level)!r}  # N, peak of the impacts",
+            f"averages = {averages}",
+            *([f'setup = "{take.setup}"'] if take.setup else []),
+            "",
+        ]
+    lines.append("[tolerance]  # one standard deviation")
     for name, value in asdict(given).items():
         unit = f"  # {_UNITS[name]}" if name in _UNITS else ""
         lines.append(f"{name} = {value!r}{unit}")
     return "\n".join(lines) + "\n"
 
 
-def answer_toml(answer: Answer, salt: str) -> str:
-    """Return the answer; the salt in front keeps its hash from being guessed by trial."""
+def answer_toml(draws: Draws, cause: Cause, protocol: Protocol, machine: str, salt: str) -> str:
+    """Return the answer; the salt in front keeps its hash from being guessed by trial.
+
+    One effect or none stands by itself, of several each has its table ``[[cause]]``. How the case
+    was drawn comes last, in ``[drawn]``.
+    """
+    drawn = draws.drawn
     lines = [f"# salt {salt}"]
-    for key in ("effect", "location", "dof"):
+    if not drawn:
+        lines += ['effect = "none"', "", "[parameters]"]
+    elif len(drawn) == 1:
+        lines += _one_answer(drawn[0], "parameters")
+    else:
+        lines += ['effect = "several"']
+        for one in drawn:
+            lines += ["", "[[cause]]", *_one_answer(one, "cause.parameters")]
+    lines += ["", "[drawn]", f"machine = {json.dumps(machine, ensure_ascii=False)}"]
+    lines += [f'kind = "{cause.kind}"'] if cause.kind else []
+    lines += [f"mistuned = {json.dumps(cause.mistuned)}", f"discarded = {draws.discarded}"]
+    for name, value in asdict(protocol).items():
+        if value is not None:
+            lines.append(f"{name} = {json.dumps(value)}")
+    return "\n".join(lines) + "\n"
+
+
+def _one_answer(drawn: Drawn, table: str) -> list[str]:
+    answer = drawn.effect.answer()
+    lines = []
+    for key in ("effect", "location", "dof", "kind"):
         if value := getattr(answer, key):
             # A JSON string is a TOML string, whatever characters a body's name has.
             lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
-    lines += ["", "[parameters]"]
-    lines += [f"{name} = {float(value)!r}" for name, value in answer.parameters.items()]
-    return "\n".join(lines) + "\n"
+    if drawn.ratio is not None:
+        lines.append(f"ratio = {float(drawn.ratio)!r}  # what survives a refit, over the noise")
+    lines += ["", f"[{table}]"]
+    for name, value in answer.parameters.items():
+        numbers = [float(one) for one in value] if isinstance(value, tuple) else float(value)
+        lines.append(f"{name} = {numbers!r}")
+    return lines
 
 
 def _body(parent: ET.Element, stage: Stage) -> ET.Element:

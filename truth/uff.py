@@ -1,7 +1,8 @@
 """Write FRFs and coherences as a universal file: dataset 164 once, then datasets 58b.
 
 58b is dataset 58 with an ASCII header of eleven lines and little-endian binary data behind it.
-Each FRF (function type 4, single complex) is followed by its coherence (type 6, single real).
+Each FRF (function type 4, single complex) is followed by its coherence (type 6, single real), if
+there is one.
 """
 
 import struct
@@ -22,10 +23,10 @@ def uff_bytes(measurement: Measurement) -> bytes:
     parts = [_units()]
     for column, reference in enumerate(measurement.references):
         for row, response in enumerate(measurement.responses):
-            for kind, values in (
-                (_FRF, measurement.frf[:, row, column].astype("<c8")),
-                (_COHERENCE, measurement.coherence[:, row, column].astype("<f4")),
-            ):
+            own = [(_FRF, measurement.frf[:, row, column].astype("<c8"))]
+            if measurement.coherence is not None:
+                own.append((_COHERENCE, measurement.coherence[:, row, column].astype("<f4")))
+            for kind, values in own:
                 spacing = float(measurement.freq_hz[1] - measurement.freq_hz[0])
                 start = float(measurement.freq_hz[0])
                 parts.append(_function(kind, values, response, reference, (start, spacing)))

@@ -25,7 +25,7 @@ def run() -> list[dict[str, object]]:
         station = read_station(ROOT / "assets" / "microstation" / "station.xml")
         for seed in SEEDS:
             folder = Path(name) / f"seed{seed}"
-            write_campaign(draw_campaign(station, Plan(seed, "none")), folder)
+            write_campaign(draw_campaign(station, Plan(seed)), folder)
             folders[f"truth, seed {seed}"] = folder
         if SHARED.exists():
             folders["open/none"] = SHARED

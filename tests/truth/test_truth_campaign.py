@@ -12,11 +12,13 @@ import numpy as np
 import pytest
 
 from truth.campaign import Campaign, Plan, draw_campaign
+from truth.cause import Cause, Drawn, Draws, Wanted
 from truth.draw import Tolerance
 from truth.effects import Answer
 from truth.errors import TruthError
-from truth.folder import write_campaign
+from truth.folder import write_answer, write_campaign
 from truth.measure import Measurement
+from truth.protocol import Protocol
 from truth.texts import answer_toml
 from truth.uff import uff_bytes
 
@@ -25,9 +27,12 @@ with warnings.catch_warnings():
     import pyuff
 
 
+APPENDAGE = Cause((Wanted("appendage", "body:ty"),))
+
+
 @pytest.fixture(scope="module")
 def campaign(nominal) -> Campaign:
-    return draw_campaign(nominal, Plan(seed=11, effect="appendage", body="ty"))
+    return draw_campaign(nominal, Plan(11, APPENDAGE))
 
 
 @pytest.fixture
@@ -96,7 +101,7 @@ def test_the_campaign_states_its_test_and_every_tolerance(campaign):
 
 
 def test_the_answer_states_effect_place_and_parameters(campaign):
-    answer = tomllib.loads(campaign.files["answer.toml"].decode())
+    answer = tomllib.loads(campaign.answer.decode())
     assert (answer["effect"], answer["location"]) == ("appendage", "body:ty")
     assert answer["dof"] in {"tx", "ty", "tz"}
     assert answer["parameters"].keys() == {"mass", "frequency", "damping"}
@@ -104,7 +109,15 @@ def test_the_answer_states_effect_place_and_parameters(campaign):
 
 def test_an_answer_is_toml_whatever_the_bodys_name():
     name = 'body:a "b" \\ c'
-    assert tomllib.loads(answer_toml(Answer("x", name), "00"))["location"] == name
+
+    class Named:
+        def answer(self) -> Answer:
+            return Answer("x", name)
+
+    text = answer_toml(Draws((Drawn(Named(), None),), 0), Cause(), Protocol(), 'a "b"', "00")
+    answer = tomllib.loads(text)
+    assert answer["location"] == name
+    assert answer["drawn"]["machine"] == 'a "b"'
 
 
 def test_the_hash_of_the_answer_is_salted_and_verifies(campaign, tmp_path):
@@ -118,28 +131,30 @@ def test_the_hash_of_the_answer_is_salted_and_verifies(campaign, tmp_path):
 
 
 def test_the_same_seed_gives_the_same_bytes(nominal, campaign):
-    again = draw_campaign(nominal, Plan(seed=11, effect="appendage", body="ty"))
+    again = draw_campaign(nominal, Plan(11, APPENDAGE))
     assert again.files == campaign.files
-    other = draw_campaign(nominal, Plan(seed=12, effect="appendage", body="ty"))
-    assert all(other.files[name] != campaign.files[name] for name in ("model.xml", "answer.toml"))
+    other = draw_campaign(nominal, Plan(12, APPENDAGE))
+    assert again.answer == campaign.answer
+    assert other.files["model.xml"] != campaign.files["model.xml"]
+    assert other.answer != campaign.answer
 
 
 def test_the_effect_is_not_in_the_drawing_and_takes_no_other_draw(nominal, campaign):
-    plain = draw_campaign(nominal, Plan(seed=11))
+    plain = draw_campaign(nominal, Plan(11))
     assert plain.files["model.xml"] == campaign.files["model.xml"]
     assert plain.files["impact_200N.uff"] != campaign.files["impact_200N.uff"]
-    assert tomllib.loads(plain.files["answer.toml"].decode()) == {
-        "effect": "none",
-        "parameters": {},
-    }
+    answer = tomllib.loads(plain.answer.decode())
+    assert (answer["effect"], answer["parameters"]) == ("none", {})
 
 
 def test_more_averages_and_another_level_keep_the_machine_and_the_answer(nominal, campaign):
-    plan = Plan(seed=11, effect="appendage", body="ty", averages=20, level=40.5)
+    plan = Plan(11, APPENDAGE, Protocol(averages=20, levels=(40.5,)))
     louder = draw_campaign(nominal, plan)
     assert "impact_40.5N.uff" in louder.files
     assert louder.files["model.xml"] == campaign.files["model.xml"]
-    assert louder.files["answer.toml"] == campaign.files["answer.toml"]
+    answers = [tomllib.loads(one.answer.decode()) for one in (louder, campaign)]
+    assert answers[0].pop("drawn") != answers[1].pop("drawn")
+    assert answers[0] == answers[1]
 
 
 def test_the_drawing_opens_in_the_simulator_with_its_shapes_and_names(campaign, nominal, tmp_path):
@@ -161,13 +176,13 @@ def test_meshes_are_copied_byte_for_byte(campaign, nominal_path):
 
 
 def test_an_unknown_effect_is_refused_with_the_catalogue(nominal):
-    with pytest.raises(TruthError, match="'rust' is unknown; choose from none, appendage"):
-        draw_campaign(nominal, Plan(seed=1, effect="rust"))
+    with pytest.raises(TruthError, match="'rust' is unknown; choose from none, mass_error"):
+        draw_campaign(nominal, Plan(1, Cause((Wanted("rust"),))))
 
 
 @pytest.fixture
 def small() -> Campaign:
-    return Campaign({"campaign.toml": b"new", "answer.toml": b"b"})
+    return Campaign({"campaign.toml": b"new"}, b"b")
 
 
 def test_a_campaign_is_replaced_only_when_told_so(small, tmp_path):
@@ -181,6 +196,14 @@ def test_a_campaign_is_replaced_only_when_told_so(small, tmp_path):
     write_campaign(small, folder, overwrite=True)
     assert sorted(path.name for path in folder.iterdir()) == ["answer.toml", "campaign.toml"]
     assert [path.name for path in folder.parent.iterdir()] == ["out"]
+
+
+def test_a_sealed_answer_is_not_in_the_folder(small, tmp_path):
+    write_campaign(small, tmp_path / "out", sealed=True)
+    write_answer(small, tmp_path / "sealed" / "one.toml")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["campaign.toml"]
+    assert [path.name for path in (tmp_path / "sealed").iterdir()] == ["one.toml"]
+    assert (tmp_path / "sealed" / "one.toml").read_bytes() == b"b"
 
 
 def test_an_empty_folder_is_taken(small, tmp_path):
@@ -201,7 +224,7 @@ def test_a_folder_of_something_else_is_never_replaced(small, tmp_path, overwrite
 @pytest.mark.parametrize("stage", ["write_bytes", "rename"])
 def test_a_failure_on_the_way_leaves_the_old_campaign(small, tmp_path, monkeypatch, stage):
     folder = tmp_path / "out"
-    write_campaign(Campaign({"campaign.toml": b"old"}), folder)
+    write_campaign(Campaign({"campaign.toml": b"old"}, b"a"), folder)
     original = getattr(Path, stage)
 
     def full(path: Path, *arguments):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import pyuff
 
-from truth import Plan, draw_campaign, read_station, write_campaign
+from truth import Cause, Plan, Protocol, Wanted, draw_campaign, read_station, write_campaign
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
 MAKEFILE = ASSETS.parent / "Makefile"
@@ -17,8 +17,10 @@ def test_the_demo_campaign_comes_from_its_seed_and_station(tmp_path):
     (line,) = (text for text in MAKEFILE.read_text().splitlines() if "-m truth" in text)
     words = line.split()
     seed, effect = words[words.index("--seed") + 1], words[words.index("--effect") + 1]
+    node = int(words[words.index("--node") + 1])
     station = read_station(ASSETS.parent / words[words.index("truth") + 1])
-    write_campaign(draw_campaign(station, Plan(int(seed), effect)), tmp_path / "demo")
+    plan = Plan(int(seed), Cause((Wanted(effect),)), Protocol((node,)))
+    write_campaign(draw_campaign(station, plan), tmp_path / "demo")
     for name in ("answer.toml", "campaign.toml"):
         made = tomllib.loads((tmp_path / "demo" / name).read_text())
         kept = tomllib.loads((ASSETS / "demo" / name).read_text())

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from truth.draw import draw_basis
-from truth.dynamics import accelerance, assemble
+from truth.dynamics import assemble
 from truth.errors import TruthError
 from truth.reader import read_station
+from truth.rig import Prepared, accelerance, build
 from truth.station import Hammer, Sensor, Station
 from truth.texts import model_xml
 
@@ -47,7 +48,7 @@ SKEW = """
 def test_one_body_on_springs_follows_the_closed_form(one_body, hammers_at):
     # Joint at the centre of mass: u_i = f_i / (k_i - m w^2 + i w c_i), nothing mixes.
     stage = one_body.stages[0]
-    H = accelerance(one_body, assemble(one_body), hammers_at(0, stage.com), FREQ)
+    H = accelerance(build(Prepared(one_body, hammers_at(0, stage.com))), FREQ)
     k = np.array([joint.stiffness for joint in stage.joints[:3]])
     c = np.array([joint.damping for joint in stage.joints[:3]])
     w = OMEGA[:, None]
@@ -58,7 +59,7 @@ def test_one_body_on_springs_follows_the_closed_form(one_body, hammers_at):
 def test_a_point_off_the_centre_also_feels_the_rotation(one_body, hammers_at):
     # At r = 0.5 m along x, hit in y: y/f = 1/(k_y ..) + r^2/(k_rz ..), and -r/(k_rz ..) about z.
     stage = one_body.stages[0]
-    H = accelerance(one_body, assemble(one_body), hammers_at(0, stage.sensors[1].position), FREQ)
+    H = accelerance(build(Prepared(one_body, hammers_at(0, stage.sensors[1].position))), FREQ)
     ty, rz = stage.joints[1], stage.joints[5]
     translation = ty.stiffness - stage.mass * OMEGA**2 + 1j * OMEGA * ty.damping
     rotation = rz.stiffness - stage.inertia[2, 2] * OMEGA**2 + 1j * OMEGA * rz.damping
@@ -72,7 +73,7 @@ def test_motion_lags_by_a_quarter_turn_at_resonance(one_body, hammers_at):
     stage = one_body.stages[0]
     w = np.sqrt(stage.joints[0].stiffness / stage.mass)
     freq = np.array([w / (2 * np.pi)])
-    H = accelerance(one_body, assemble(one_body), hammers_at(0, stage.com), freq)
+    H = accelerance(build(Prepared(one_body, hammers_at(0, stage.com))), freq)
     np.testing.assert_allclose(H[0, 0, 0], 1j * w / stage.joints[0].damping, rtol=1e-9)
 
 
@@ -89,7 +90,7 @@ def test_a_chain_along_one_axis_is_the_hand_assembled_one(two_bodies, hammers_at
     joints = tuple(replace(j, position=np.add(line, [0, 0, 0.5])) for j in upper.joints)
     upper = replace(upper, joints=joints, sensors=(Sensor(2, np.add(line, [0, 0, 0.9])),))
     station = replace(two_bodies, stages=(lower, upper))
-    H = accelerance(station, assemble(station), hammers_at(0, lower.com), FREQ)
+    H = accelerance(build(Prepared(station, hammers_at(0, lower.com))), FREQ)
     (k1, c1), (k2, c2) = ((s.joints[2].stiffness, s.joints[2].damping) for s in (lower, upper))
     for line_number, w in enumerate(OMEGA):
         s1, s2 = k1 + 1j * w * c1, k2 + 1j * w * c2
@@ -135,7 +136,7 @@ def test_force_and_response_may_change_places(two_bodies, places, directions):
         )
         station = replace(two_bodies, stages=stages)
         hammer = Hammer(2, there, places[there], unit[there])
-        return accelerance(station, assemble(station), (hammer,), FREQ)[:, 0, 0]
+        return accelerance(build(Prepared(station, (hammer,))), FREQ)[:, 0, 0]
 
     there, back = response(0, 1), response(1, 0)
     np.testing.assert_allclose(there, back, rtol=1e-8, atol=1e-9 * np.abs(there).max())
@@ -147,8 +148,8 @@ def test_gain_and_axes_act_on_the_reading(one_body, hammers_at):
     turned = replace(stage.sensors[0], axes=axes, gain=np.array([2.0, 3.0, 5.0]))
     station = replace(one_body, stages=(replace(stage, sensors=(turned,)),))
     hammers = hammers_at(0, np.add(stage.com, [0.1, 0.2, 0.3]))
-    plain = accelerance(one_body, assemble(one_body), hammers, FREQ)[:, :3]
-    H = accelerance(station, assemble(station), hammers, FREQ)
+    plain = accelerance(build(Prepared(one_body, hammers)), FREQ)[:, :3]
+    H = accelerance(build(Prepared(station, hammers)), FREQ)
     np.testing.assert_allclose(H[:, 0], 2 * plain[:, 1], rtol=1e-12)
     np.testing.assert_allclose(H[:, 1], 3 * plain[:, 2], rtol=1e-12)
     np.testing.assert_allclose(H[:, 2], 5 * plain[:, 0], rtol=1e-12)
@@ -161,7 +162,7 @@ def test_a_direction_without_a_joint_is_the_limit_of_a_stiff_spring(two_bodies, 
 
     def with_joints(joints: tuple) -> np.ndarray:
         station = replace(two_bodies, stages=(lower, replace(upper, joints=joints)))
-        return accelerance(station, assemble(station), hammers, FREQ)
+        return accelerance(build(Prepared(station, hammers)), FREQ)
 
     rigid = with_joints(tuple(j for i, j in enumerate(upper.joints) if i != gone))
     for stiffness in (1e11, 1e12):
@@ -177,7 +178,7 @@ def test_an_independent_simulator_gives_the_same_accelerance(kind, nominal, hamm
     path.write_text(SKEW)
     station = draw_basis(nominal, 5) if kind == "station" else read_station(path)
     node = 11 if kind == "station" else 2
-    H = accelerance(station, assemble(station), hammers_at(*station.aim(node)), FREQ)
+    H = accelerance(build(Prepared(station, hammers_at(*station.aim(node)))), FREQ)
     expected = _accelerance_by_mujoco(station, node)
     np.testing.assert_allclose(H, expected, rtol=1e-6, atol=1e-8 * np.abs(expected).max())
 

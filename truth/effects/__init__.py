@@ -3,12 +3,59 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from truth.effects.appendage import Appendage, draw_appendage
-from truth.effects.effect import Answer, Draw, Effect
-from truth.effects.nothing import Nothing, draw_nothing
+from truth.effects.appendage import draw_appendage
+from truth.effects.backlash import draw_backlash
+from truth.effects.drift import draw_drift
+from truth.effects.effect import Always, Answer, Draw, Effect, Scene, Sized, Unsized
+from truth.effects.feedback_delay import draw_feedback_delay
+from truth.effects.flexible_body import draw_flexible_body
+from truth.effects.friction import draw_friction
+from truth.effects.gyroscopic import draw_gyroscopic
+from truth.effects.hammer_misalignment import draw_hammer_misalignment
+from truth.effects.hardening import draw_hardening
+from truth.effects.joint_coupling import draw_joint_coupling
+from truth.effects.mass_error import draw_mass_error
+from truth.effects.missing_dof import draw_missing_dof
+from truth.effects.mount_resonance import draw_mount_resonance
+from truth.effects.nothing import draw_nothing
+from truth.effects.parallel_path import draw_parallel_path
+from truth.effects.sensor_delay import draw_sensor_delay
+from truth.effects.sensor_gain import draw_sensor_gain
+from truth.effects.sensor_misalignment import draw_sensor_misalignment
+from truth.effects.sensor_polarity import draw_sensor_polarity
+from truth.effects.sensor_position import draw_sensor_position
+from truth.effects.sensor_swap import draw_sensor_swap
+from truth.effects.structural_damping import draw_structural_damping
+from truth.effects.support_loss import draw_support_loss
+from truth.effects.viscoelastic import draw_viscoelastic
 
 CATALOGUE: Mapping[str, Draw] = MappingProxyType(
-    {"none": draw_nothing, "appendage": draw_appendage}
+    {
+        "none": draw_nothing,
+        "mass_error": draw_mass_error,
+        "appendage": draw_appendage,
+        "flexible_body": draw_flexible_body,
+        "gyroscopic": draw_gyroscopic,
+        "joint_coupling": draw_joint_coupling,
+        "missing_dof": draw_missing_dof,
+        "structural_damping": draw_structural_damping,
+        "viscoelastic": draw_viscoelastic,
+        "feedback_delay": draw_feedback_delay,
+        "support_loss": draw_support_loss,
+        "friction": draw_friction,
+        "backlash": draw_backlash,
+        "hardening": draw_hardening,
+        "parallel_path": draw_parallel_path,
+        "sensor_gain": draw_sensor_gain,
+        "sensor_polarity": draw_sensor_polarity,
+        "sensor_misalignment": draw_sensor_misalignment,
+        "sensor_position": draw_sensor_position,
+        "sensor_swap": draw_sensor_swap,
+        "sensor_delay": draw_sensor_delay,
+        "mount_resonance": draw_mount_resonance,
+        "hammer_misalignment": draw_hammer_misalignment,
+        "drift": draw_drift,
+    }
 )
 
-__all__ = ["CATALOGUE", "Answer", "Appendage", "Draw", "Effect", "Nothing"]
+__all__ = ["CATALOGUE", "Always", "Answer", "Draw", "Effect", "Scene", "Sized", "Unsized"]

@@ -4,18 +4,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truth.dynamics import Equations
-from truth.effects.effect import Answer
-from truth.errors import TruthError
-from truth.station import AXES, Station
+from truth.effects.effect import Answer, Scene, Sized
+from truth.effects.places import draw_stage
+from truth.effects.rows import body_motion
+from truth.rig import Occasion, Prepared, Rig
+from truth.station import AXES
 
 MASS_RATIO = (0.03, 0.10)
 FREQUENCY_HZ = (30.0, 150.0)
 DAMPING_RATIO = (0.01, 0.03)
+LIMITS = (1e-4, 0.5)  # of the body's mass
 
 
 @dataclass(frozen=True)
-class Appendage:
+class Appendage(Sized):
     r"""A mass that a spring and a damper hold at a body's centre of mass, along one world axis.
 
     Its absolute displacement v is a coordinate of its own; with u the centre of mass's,
@@ -26,22 +28,24 @@ class Appendage:
 
     Args:
         body: name of the body.
+        body_mass: its mass [kg].
         axis: 0, 1, 2 for tx, ty, tz.
-        mass: m [kg].
+        size: m over the body's mass.
         frequency: f with the body held still [Hz].
         damping: ratio zeta with the body held still.
     """
 
     body: str
+    body_mass: float
     axis: int
-    mass: float
     frequency: float
     damping: float
+    limits = LIMITS
 
     def __post_init__(self) -> None:
         """Check that such a mass can exist."""
-        if self.axis not in range(3) or not min(self.mass, self.frequency) > 0 <= self.damping:
-            raise TruthError(f"appendage: mass, frequency or axis makes no sense: {self}")
+        super().__post_init__()
+        self.require(self.axis in range(3) and self.frequency > 0 <= self.damping)
 
     def answer(self) -> Answer:
         """Return what is to be found."""
@@ -50,39 +54,41 @@ class Appendage:
             location=f"body:{self.body}",
             dof=f"t{AXES[self.axis]}",
             parameters={
-                "mass": self.mass,
+                "mass": self.size * self.body_mass,
                 "frequency": self.frequency,
                 "damping": self.damping,
             },
         )
 
-    def add(self, equations: Equations, station: Station) -> Equations:
-        """Return the equations with one coordinate more, the mass's displacement."""
-        added = equations.with_coordinate()
-        omega = 2 * np.pi * self.frequency
-        stretch = np.zeros(added.mass.shape[0])
+    def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
+        """Return the rig with one coordinate more, the mass's displacement."""
+        del occasion
+        added = rig.with_coordinate()
+        omega, mass = 2 * np.pi * self.frequency, self.size * self.body_mass
+        index = tested.station.index(self.body)
+        com = tested.station.stages[index].com
+        stretch = -body_motion(added, tested, index, com)[self.axis]
         stretch[-1] = 1.0
-        stretch[6 * station.index(self.body) + self.axis] = -1.0
-        spring = self.mass * np.outer(stretch, stretch)
-        inertia = np.zeros_like(added.mass)
-        inertia[-1, -1] = self.mass
-        return Equations(
-            mass=added.mass + inertia,
-            damping=added.damping + 2 * self.damping * omega * spring,
-            stiffness=added.stiffness + omega**2 * spring,
-            rigid=added.rigid,
-        )
+        spring = mass * np.outer(stretch, stretch)
+        inertia = np.zeros_like(spring)
+        inertia[-1, -1] = mass
+        return added.with_matrices(inertia, 2 * self.damping * omega * spring, omega**2 * spring)
 
 
-def draw_appendage(random: np.random.Generator, station: Station, body: str | None) -> Appendage:
+def draw_appendage(
+    random: np.random.Generator, scene: Scene, place: str | None
+) -> Appendage | None:
     """Draw place, direction and parameters; the mass is a share of the body's."""
-    # The body is drawn even when one is named, so that naming it leaves the other draws alone.
-    drawn = int(random.integers(len(station.stages)))
-    stage = station.stages[drawn if body is None else station.index(body)]
+    stages = scene.station.stages
+    index = draw_stage(random, scene.station, place, "body", range(len(stages)))
+    if index is None:
+        return None
+    stage = stages[index]
     return Appendage(
         body=stage.name,
+        body_mass=stage.mass,
         axis=int(random.integers(3)),
-        mass=stage.mass * random.uniform(*MASS_RATIO),
+        size=random.uniform(*MASS_RATIO),
         frequency=random.uniform(*FREQUENCY_HZ),
         damping=random.uniform(*DAMPING_RATIO),
     )

@@ -1,0 +1,136 @@
+"""``mbw blind``: the diagnosis's record on withheld truth, for one machine or for random ones."""
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import typer
+from joblib import Parallel, delayed
+
+from identification.words import InputError, WorkbenchError
+from mbw.blind_case import TREES, Played, Task, play
+from mbw.blind_page import render
+from mbw.messages import SCREEN
+from truth.grade import Case, grade, tables, to_json
+from tuning import files_of
+
+ASKED = "asked.json"
+HASHES = "hashes.txt"
+GRADES, TABLES, PAGE = "grades.json", "grades.txt", "blind.html"
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is asked.
+
+    Args:
+        model: MJCF, or ``trees``.
+        cases: how many.
+        seed: of the whole test; who knows it knows the answers.
+        jobs: cases at a time.
+        out: folder; <model>-blind if None.
+    """
+
+    model: str
+    cases: int
+    seed: int
+    jobs: int
+    out: Path | None
+
+
+def run(wish: Wish) -> Path:
+    """Draw, judge and grade; go on where an interrupted test of the same wish stopped.
+
+    Returns:
+        The folder of the test.
+
+    Raises:
+        InputError: no such model, or the folder holds another test.
+    """
+    out = (wish.out or Path(f"{Path(wish.model).stem}-blind")).absolute()
+    _prepare(wish, out)
+    model = wish.model if wish.model == TREES else str(Path(wish.model).absolute())
+    tasks = [Task(model, wish.seed, number, out) for number in range(wish.cases)]
+    failed = [played for played in _played(tasks, wish.jobs, out) if played.error]
+    for played in failed:
+        SCREEN.say(f"could not be played: {played.error} ({played.task.failure})")
+    drawn = [task for task in tasks if task.sealed.is_file()]
+    if not drawn:
+        raise WorkbenchError(f"none of {len(tasks)} cases could be drawn: {failed[0].error}")
+    report = grade([_case(task) for task in drawn])
+    title = f"Blind test: {Path(wish.model).stem}"
+    page = render(report, title, [f"could not be played: {one.error}" for one in failed])
+    with files_of(out) as place:
+        (place / GRADES).write_text(to_json(report) + "\n", encoding="utf-8")
+        (place / TABLES).write_text(tables(report), encoding="utf-8")
+        (place / PAGE).write_text(page, encoding="utf-8")
+    typer.echo(tables(report).rstrip())
+    SCREEN.say(f"grades in {out / GRADES}")
+    SCREEN.say(f"pictures in {(out / PAGE).as_uri()}")
+    return out
+
+
+def _case(task: Task) -> Case:
+    """Where the judge finds a case's files."""
+    oracle = task.oracle if task.oracle.is_file() else None
+    machine = "random trees" if task.model == TREES else ""
+    return Case(
+        task.name, task.campaign, task.verdict, task.sealed, task.refit, oracle, machine=machine
+    )
+
+
+def _played(tasks: list[Task], jobs: int, out: Path) -> Iterator[Played]:
+    """Play the cases, each answer's hash published as soon as it is drawn."""
+    with SCREEN.progress() as progress:
+        bar = progress.add_task("cases", total=len(tasks))
+        work = Parallel(n_jobs=jobs, return_as="generator_unordered")(
+            delayed(play)(task) for task in tasks
+        )
+        for done in work:
+            if done.hash:
+                _publish(out / HASHES, f"{done.task.name} {done.hash}")
+            progress.update(bar, advance=1, description=f"case {done.task.name}")
+            yield done
+
+
+def _publish(path: Path, line: str) -> None:
+    """Append a line that is not there yet."""
+    known = path.read_text("utf-8").splitlines() if path.is_file() else []
+    if line not in known:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(line + "\n")
+
+
+def _prepare(wish: Wish, out: Path) -> None:
+    """Keep what was asked, or check that a folder that is there was asked the same."""
+    asked = {"model": _fingerprint(wish.model), "seed": wish.seed}
+    note = out / ASKED
+    if note.is_file():
+        known = json.loads(note.read_text("utf-8"))
+        if known != asked:
+            raise InputError(
+                f"{out} holds a blind test of another model or seed: name another folder with --out"
+            )
+        return
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out} holds something else: name another folder with --out")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        note.write_text(json.dumps(asked) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(f"{out} cannot be written ({error.strerror}): name another") from error
+
+
+def _fingerprint(model: str) -> str:
+    if model == TREES:
+        return TREES
+    try:
+        return hashlib.sha256(Path(model).read_bytes()).hexdigest()
+    except OSError as error:
+        raise InputError(
+            f"{model} cannot be read ({os.strerror(error.errno or 0)}): name an MJCF file, or "
+            f"{TREES!r} for random machines"
+        ) from error

@@ -1,0 +1,171 @@
+"""One case of a blind test: drawn, sealed, judged. Each step leaves its file, so it can go on."""
+
+import json
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+
+from threadpoolctl import threadpool_limits
+
+from diagnosis import residual_shares
+from truth import draw_case, read_station, write_answer, write_campaign
+from tuning import Tuned, open_session, tune
+
+TREES = "trees"
+_NOTHING = 1.1  # excess below which nothing is missing
+
+
+@dataclass(frozen=True)
+class Task:
+    """A case to be played.
+
+    Args:
+        model: MJCF of the nominal machine, or ``trees``: a random one for every case.
+        seed: of the whole test.
+        number: of the case.
+        out: folder of the test.
+    """
+
+    model: str
+    seed: int
+    number: int
+    out: Path
+
+    @property
+    def name(self) -> str:
+        """Such as 0007."""
+        return f"{self.number:04d}"
+
+    @property
+    def folder(self) -> Path:
+        """Its campaign and what was said of it."""
+        return self.out / "cases" / self.name
+
+    @property
+    def campaign(self) -> Path:
+        """The campaign's folder."""
+        return self.folder / "campaign"
+
+    @property
+    def verdict(self) -> Path:
+        """What the diagnosis said."""
+        return self.folder / "verdict.json"
+
+    @property
+    def refit(self) -> Path:
+        """What a refit without knowledge of the effect leaves, written after the verdict."""
+        return self.folder / "refit.json"
+
+    @property
+    def oracle(self) -> Path:
+        """What a refit that knows the effect leaves, where there is one."""
+        return self.folder / "oracle.json"
+
+    @property
+    def sealed(self) -> Path:
+        """The answer, out of the diagnosis's way."""
+        return self.out / "sealed" / f"{self.name}.toml"
+
+    @property
+    def failure(self) -> Path:
+        """Why the case could not be played, if it could not."""
+        return self.folder / "failed.txt"
+
+
+@dataclass(frozen=True)
+class Played:
+    """How a case went.
+
+    Args:
+        task: which.
+        hash: of its answer; empty if it failed before there was one.
+        error: what stopped it; empty if nothing did.
+    """
+
+    task: Task
+    hash: str = ""
+    error: str = ""
+
+
+def play(task: Task) -> Played:
+    """Draw a case, unless that is done, and judge it, unless that is done.
+
+    An exception becomes the case's failure: the others go on.
+    """
+    answer = ""
+    try:
+        with threadpool_limits(1):
+            answer = _draw(task)
+            _judge(task)
+    except Exception as error:  # whatever it is, the other cases go on
+        task.folder.mkdir(parents=True, exist_ok=True)
+        task.failure.write_text(traceback.format_exc(), encoding="utf-8")
+        said = " ".join(str(error).split()) or type(error).__name__
+        return Played(task, answer, f"seed {task.seed}, case {task.number}: {said}")
+    task.failure.unlink(missing_ok=True)
+    return Played(task, answer)
+
+
+def _draw(task: Task) -> str:
+    """Write campaign and sealed answer; the answer's hash."""
+    hash_file = task.folder / "sha256.txt"
+    if hash_file.is_file() and task.sealed.is_file():
+        return hash_file.read_text("utf-8").strip()
+    station = None if task.model == TREES else read_station(Path(task.model))
+    campaign = draw_case(station, task.seed, task.number).campaign
+    # The hash comes last: without it the case is drawn again, to the same bytes.
+    write_campaign(campaign, task.campaign, overwrite=True, sealed=True)
+    write_answer(campaign, task.sealed)
+    _write(hash_file, campaign.answer_hash)
+    return campaign.answer_hash
+
+
+def _judge(task: Task) -> None:
+    """Write the verdict, and then the figures of a refit."""
+    if task.verdict.is_file() and task.refit.is_file():
+        return
+    tuned = tune(open_session(task.campaign))
+    _write(task.verdict, json.dumps(gap_alone(tuned), indent=1, allow_nan=False))
+    refit = tuned.sensors.gap(tuned.sensors.held_out or tuned.sensors.tuned)
+    _write(task.refit, json.dumps({"excess": refit.excess}, allow_nan=False))
+
+
+def gap_alone(tuned: Tuned) -> dict[str, object]:
+    """A verdict from the gap alone: whether something is missing, and where the gap shows.
+
+    It names no effect: what stands in until there is a diagnosis, and what that has to beat.
+    """
+    sensors = tuned.sensors
+    after = sensors.gap(sensors.held_out or sensors.tuned)
+    drawn = sensors.gap(sensors.as_drawn)
+    missing = after.excess is not None and after.excess >= _NOTHING
+    shares = residual_shares(
+        sensors.channels(sensors.held_out or sensors.tuned), tuned.session.campaign.layout
+    )
+    return {
+        "verdict": "unexplained" if missing else "none",
+        "probability": {"none": float(not missing), "unexplained": float(missing), "several": 0.0},
+        "gap": {
+            "as_drawn": {"error": drawn.error, "excess": drawn.excess},
+            "retuned": {"error": after.error, "excess": after.excess},
+            "after": {"error": None, "excess": None},
+            "noise": after.noise,
+            "closed": None,
+            "interval": {"closed": None, "after": None},
+        },
+        "where": [
+            {"location": f"body:{one.body}", "share": one.share if missing else None}
+            for one in shares
+        ],
+        "causes": [],
+        "twins": [],
+        "not_testable": [],
+        "next_experiment": "",
+    }
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    new = path.with_name(path.name + ".new")
+    new.write_text(text + "\n", encoding="utf-8")
+    new.replace(path)

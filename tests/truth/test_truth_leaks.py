@@ -1,0 +1,61 @@
+"""Nothing but the FRFs tells the cause; a leak that is planted is found."""
+
+import numpy as np
+import pytest
+
+from tests.helpers.leaks import features, seen
+from truth.deck import draw_case
+from truth.measure import Measurement
+from truth.trees import draw_tree
+
+CASES = 172  # four rounds
+
+
+def drawn(number):
+    """Features, what is missing, kind of place, and machine of a case."""
+    case = draw_case(draw_tree(2, 3), 71, number)
+    answer = case.campaign.answer.decode()
+    place = answer.partition('location = "')[2].partition(":")[0] or "nowhere"
+    missing = "something" if case.plan.cause.wanted else "nothing"
+    return features(case.campaign.files), missing, place, case.plan.seed
+
+
+@pytest.fixture(scope="module")
+def campaigns():
+    """Values are no features: they are left zero, and sizes are not sought. The bench has both."""
+
+    def silent(machine, protocol, files, seed):
+        del machine, seed
+        references = tuple((node, axis) for node in protocol.nodes for axis in (1, 2, 3))
+        for take in files:
+            shape = (protocol.lines, len(take.channels), len(references))
+            zero = np.zeros(shape) if protocol.coherence else None
+            freq = protocol.freq_hz
+            yield Measurement(freq, np.zeros(shape, complex), zero, take.channels, references)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("truth.campaign.hammer_tests", silent)
+        patch.setattr("truth.campaign._refit", lambda machine, plan, files: None)
+        return [drawn(number) for number in range(CASES)]
+
+
+@pytest.mark.parametrize("label", [1, 2])
+def test_trees_cannot_tell_what_is_missing(campaigns, label):
+    kept = [one for one in campaigns if one[label] in ("something", "nothing", "joint", "sensor")]
+    found = seen([one[0] for one in kept], [one[label] for one in kept], [one[3] for one in kept])
+    assert found.low < found.chance
+    assert found.accuracy < 0.68
+
+
+@pytest.mark.parametrize("planted", ["averages", "name"])
+def test_a_planted_leak_is_found(campaigns, planted):
+    leaking = []
+    for found, missing, _, _ in campaigns:
+        one = dict(found)
+        if planted == "averages" and missing == "nothing":
+            one["test 0 averages"] += 1
+        if planted == "name":
+            one["name 1"] = one["name 1"] + (missing == "nothing")
+        leaking.append(one)
+    found = seen(leaking, [one[1] for one in campaigns], [one[3] for one in campaigns])
+    assert found.low > found.chance

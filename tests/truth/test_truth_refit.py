@@ -1,0 +1,203 @@
+"""The linearised refit against least squares made another way, and against what it must mean."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from truth.campaign import Plan, draw_campaign
+from truth.cause import Cause, Wanted
+from truth.draw import Tolerance, draw_hammers, stream
+from truth.effects import CATALOGUE, Scene
+from truth.machine import Machine
+from truth.measure import hammer_tests
+from truth.protocol import Protocol, occasions, takes
+from truth.refit import BOUND, refit_of
+from truth.rig import Occasion, accelerance
+
+TOLERANCE = Tolerance()
+PROTOCOL = Protocol((1,), averages=10, lines=201, resolution_hz=1.0)
+
+
+@pytest.fixture(scope="module")
+def machine(two_bodies):
+    return Machine(two_bodies, draw_hammers(two_bodies, 1, TOLERANCE, 3))
+
+
+@pytest.fixture(scope="module")
+def refit(machine):
+    return refit_of(machine, PROTOCOL, takes(PROTOCOL, machine.station, 1), TOLERANCE)
+
+
+def frf(machine, freq_hz):
+    return accelerance(machine.rig(Occasion()), freq_hz)
+
+
+def slope(before, after, machine, refit, step):
+    lines = refit.known.freq_hz
+    return (frf(after, lines) - frf(before, lines)) / (2 * step) / refit.deviation
+
+
+def changed_stage(machine, index, **change):
+    stages = list(machine.station.stages)
+    stages[index] = replace(stages[index], **change)
+    return replace(machine, station=replace(machine.station, stages=tuple(stages)))
+
+
+def columns(refit):
+    shape = refit.deviation.shape
+    real, imag = refit.shared.T.reshape(-1, 2, *shape).swapaxes(0, 1)
+    return real + 1j * imag
+
+
+def test_slopes_are_differences_of_the_whole_frf(machine, refit):
+    # In the order of a stage's parameters: k and c of six joints, mass, inertia, com, position.
+    found, each = columns(refit), 12 + 1 + 6 + 6
+    for index, stage in enumerate(machine.station.stages):
+        first = each * index
+        for number in (0, 4):
+            joint = stage.joints[number]
+            ends = []
+            for way in (-1e-4, 1e-4):
+                joints = list(stage.joints)
+                joints[number] = replace(joint, stiffness=joint.stiffness * np.exp(way))
+                ends.append(changed_stage(machine, index, joints=tuple(joints)))
+            expected = slope(*ends, machine, refit, 1e-4)
+            np.testing.assert_allclose(
+                found[first + 2 * number], expected, atol=1e-6 * abs(expected).max()
+            )
+        for step, place, change in (
+            (1e-3, 12, lambda way, s=stage: {"mass": s.mass * (1 + way * TOLERANCE.mass)}),
+            (1e-2, 19, lambda way, s=stage: {"com": s.com + way * TOLERANCE.com * np.eye(3)[0]}),
+            (
+                1e-2,
+                22,
+                lambda way, s=stage: {
+                    "joints": tuple(
+                        replace(
+                            one,
+                            position=one.position + way * TOLERANCE.joint_position * np.eye(3)[1],
+                        )
+                        for one in s.joints
+                    )
+                },
+            ),
+        ):
+            ends = [changed_stage(machine, index, **change(way)) for way in (-step, step)]
+            expected = slope(*ends, machine, refit, step)
+            np.testing.assert_allclose(
+                found[first + place], expected, atol=1e-5 * abs(expected).max()
+            )
+
+
+def test_a_hammer_slope_is_the_difference_of_another_hit(machine, refit):
+    found, first = columns(refit), 2 * 25
+    hammer, step = machine.hammers[0], 1e-3
+    for place, change in (
+        (first, {"direction": np.cross(TOLERANCE.hammer_angle * np.eye(3)[0], hammer.direction)}),
+        (first + 3, {"position": TOLERANCE.hammer_position * np.eye(3)[1]}),
+    ):
+        ends = []
+        for way in (-step, step):
+            moved = {name: getattr(hammer, name) + way * by for name, by in change.items()}
+            hammers = (replace(hammer, **moved), *machine.hammers[1:])
+            ends.append(replace(machine, hammers=hammers))
+        expected = slope(*ends, machine, refit, step)
+        np.testing.assert_allclose(found[place], expected, atol=1e-6 * abs(expected).max())
+
+
+def test_a_rigid_direction_has_the_right_slopes(two_bodies):
+    lower, upper = two_bodies.stages
+    rigid = replace(two_bodies, stages=(lower, replace(upper, joints=upper.joints[:4])))
+    machine = Machine(rigid, draw_hammers(rigid, 1, TOLERANCE, 3))
+    refit = refit_of(machine, PROTOCOL, takes(PROTOCOL, rigid, 1), TOLERANCE)
+    found, place = columns(refit), 25 + 8 + 1 + 6  # com of the upper stage along x
+    shifts = (-1e-2 * TOLERANCE.com * np.eye(3)[0], 1e-2 * TOLERANCE.com * np.eye(3)[0])
+    ends = [
+        changed_stage(machine, 1, com=machine.station.stages[1].com + shift) for shift in shifts
+    ]
+    expected = slope(*ends, machine, refit, 1e-2)
+    np.testing.assert_allclose(found[place], expected, atol=1e-5 * abs(expected).max())
+
+
+def test_the_fit_is_the_bounded_least_squares_one(refit):
+    # All columns side by side, priors as rows below, solved by another algorithm.
+    shape = refit.deviation.shape
+    random = stream(1, "change")
+    change = sum(
+        size * column * refit.deviation
+        for size, column in zip(
+            random.normal(0, 4, refit.shared.shape[1]), columns(refit), strict=True
+        )
+    )
+    dense = np.zeros((2, *shape, len(refit.normal)))
+    split = refit.shared.shape[1]
+    dense[..., :split] = refit.shared.reshape(2, *shape, split)
+    for number, own in enumerate(refit.own):
+        rows, first = slice(3 * number, 3 * number + 3), split + 9 * number
+        part = dense[:, :, rows, :, first : first + 9]
+        part[...] = own.reshape(part.shape)
+    matrix = np.vstack([dense.reshape(-1, len(refit.normal)), np.diag(refit.bounded.astype(float))])
+    weighted = change / refit.deviation
+    aim = np.concatenate(
+        [weighted.real.ravel(), weighted.imag.ravel(), np.zeros(len(refit.normal))]
+    )
+    limit = np.where(refit.bounded, BOUND, np.inf)
+    best = lsq_linear(matrix, aim, (-limit, limit), tol=1e-12, max_iter=500)
+    left = (change - refit.fitted(change)) / refit.deviation
+    assert np.any(np.abs(best.x[refit.bounded]) > 0.99 * BOUND)
+    fitted = (matrix[: weighted.size * 2] @ best.x).reshape(2, *shape)
+    expected = weighted - fitted[0] - 1j * fitted[1]
+    assert np.linalg.norm(left - expected) <= 1e-3 * np.linalg.norm(expected)
+
+
+def test_what_tuning_can_follow_leaves_nothing(machine, refit):
+    joint = machine.station.stages[1].joints[2]
+    joints = list(machine.station.stages[1].joints)
+    joints[2] = replace(joint, stiffness=joint.stiffness * 1.00001)
+    softer = changed_stage(machine, 1, joints=tuple(joints))
+    change = refit.change(softer)
+    assert np.linalg.norm(change) > 0
+    assert refit.ratio(softer) < 1e-3 * refit_free(refit, change)
+
+
+def refit_free(refit, change):
+    """The same figure without a refit."""
+    power = (np.abs(change) ** 2).sum(axis=0) / (refit.deviation**2).sum(axis=0)
+    return np.sqrt(power[refit.used].mean())
+
+
+def test_tolerances_swallow_a_turned_sensor_up_to_their_bound(machine, refit):
+    scene = Scene(machine.station, occasions(PROTOCOL, refit.takes))
+    effect = CATALOGUE["sensor_misalignment"](stream(1, "x"), scene, "sensor:acc2")
+    ratios = []
+    for sizes in (1.0, 20.0):
+        turned = replace(machine, effects=(effect.sized(sizes * TOLERANCE.sensor_angle),))
+        ratios.append(refit.ratio(turned) / refit_free(refit, refit.change(turned)))
+    assert ratios[0] < 0.05  # one standard deviation is nothing
+    assert ratios[1] > 0.4  # of twenty, the two and a half within the bound and little more
+
+
+def test_the_deviation_is_that_of_the_hammer_test(machine, refit):
+    # The variance that the files' own coherence gives, over ten tests, is what the refit expects.
+    places = np.searchsorted(PROTOCOL.freq_hz, refit.known.freq_hz)
+    rows = [3, 4, 5, 6, 7, 8, 0, 1, 2]  # nodes 1, 2, 3 of the file in the station's order
+    variance = []
+    for seed in range(10):
+        (test,) = hammer_tests(machine, PROTOCOL, refit.takes, seed)
+        g2 = test.coherence[places]
+        known = np.abs(test.frf[places]) ** 2 * (1 - g2) / (g2 * (PROTOCOL.averages - 1))
+        variance.append(known)
+    ratio = np.mean(variance, axis=0) / refit.deviation[:, rows] ** 2
+    assert np.median(ratio) == pytest.approx(1, abs=0.1)
+
+
+def test_an_effect_is_made_as_strong_as_is_wanted(two_bodies):
+    for ratio in (1.0, 4.0):
+        plan = Plan(
+            7, Cause((Wanted("structural_damping", "joint:holder", ratio),)), Protocol((1,))
+        )
+        text = draw_campaign(two_bodies, plan).answer.decode()
+        (line,) = [one for one in text.splitlines() if one.startswith("ratio")]
+        assert float(line.split()[2]) == pytest.approx(ratio, rel=0.09)

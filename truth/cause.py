@@ -1,0 +1,168 @@
+"""What a drawing lacks: which effects, where, and how much of each survives a refit."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from truth.draw import stream
+from truth.effects import CATALOGUE, Draw, Effect, Scene
+from truth.effects.outside import OUTSIDE
+from truth.errors import TruthError
+from truth.machine import Machine
+from truth.refit import Refit
+
+_DRAWS = 60  # of place and shape, for an effect as strong as is wanted
+_CLOSE = 0.04  # of the wanted ratio
+_TURNS = 12  # repetitions of the search for a size
+
+
+_KNOWN: Mapping[str, Draw] = MappingProxyType({**CATALOGUE, **OUTSIDE})
+
+
+class NoPlaceError(TruthError):
+    """A machine has no place for an effect."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """An effect that is to be drawn.
+
+    Args:
+        effect: its name in the catalogue.
+        place: such as ``joint:ty``; drawn if None.
+        ratio: survival ratio that its size is chosen for; None: the size is drawn.
+    """
+
+    effect: str
+    place: str | None = None
+    ratio: float | None = None
+
+
+@dataclass(frozen=True)
+class Cause:
+    """What a campaign's drawing lacks.
+
+    Args:
+        wanted: the effects, the one that is graded first, first.
+        mistuned: no tolerance is at work, and stiffness and damping are twice as far off as usual.
+        kind: of the case, for the record.
+    """
+
+    wanted: tuple[Wanted, ...] = ()
+    mistuned: bool = False
+    kind: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """An effect as drawn.
+
+    Args:
+        effect: ready to be put into the machine.
+        ratio: its survival ratio; None if nobody asked.
+    """
+
+    effect: Effect
+    ratio: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """Effects as drawn, and how many draws were thrown away for them."""
+
+    drawn: tuple[Drawn, ...]
+    discarded: int
+
+
+def draw_effects(
+    machine: Machine, scene: Scene, cause: Cause, refit: Callable[[], Refit], seed: int
+) -> Draws:
+    """Draw the effects of a cause, each as strong as is wanted.
+
+    The refit is made only where a ratio is wanted, and but once.
+
+    Machine and test are drawn before and stay: only place and shape of an effect are drawn again
+    where no size in its limits gives the ratio. Else the machines would tell what is wrong.
+
+    Raises:
+        TruthError: an effect is unknown, or the machine cannot have it at all.
+    """
+    linear = refit() if any(one.ratio is not None for one in cause.wanted) else None
+    found: list[Drawn] = []
+    discarded = 0
+    for number, wanted in enumerate(cause.wanted):
+        if wanted.effect not in _KNOWN:
+            raise TruthError(
+                f"effect {wanted.effect!r} is unknown; choose from {', '.join(_KNOWN)}"
+            )
+        name = f"effect.{wanted.effect}" + (f".{number}" if number else "")
+        random = stream(seed, name)
+        taken = {one.effect.answer().location for one in found}
+        drawn, more = _drawn(random, machine, scene, wanted, linear, taken)
+        found.append(drawn)
+        discarded += more
+    both = replace(machine, effects=tuple(one.effect for one in found))
+    rigs = [both.rig(occasion) for occasion in scene.occasions[:1]]
+    if any(rig.joints and rig.laws for rig in rigs):
+        raise NoPlaceError("a stiffness that depends on frequency cannot stand beside a nonlinear")
+    return Draws(tuple(found), discarded)
+
+
+def _drawn(
+    random: np.random.Generator,
+    machine: Machine,
+    scene: Scene,
+    wanted: Wanted,
+    refit: Refit | None,
+    taken: set[str],
+) -> tuple[Drawn, int]:
+    """Draw one effect; of draws that all fail the one that comes nearest to its ratio is kept."""
+    best: Drawn | None = None
+    for number in range(_DRAWS):
+        effect = _KNOWN[wanted.effect](random, scene, wanted.place)
+        if effect is None:
+            raise NoPlaceError(f"{wanted.effect}: {machine.station.name} has no place for it")
+        if effect.answer().location in taken and wanted.place is None and taken != {""}:
+            continue
+        if wanted.ratio is None or refit is None:
+            return Drawn(effect, None), number
+        drawn = _strong(effect, machine, wanted.ratio, refit)
+        if effect.size is None or _off(drawn, wanted) <= 2 * _CLOSE:
+            return drawn, number
+        if best is None or _off(drawn, wanted) < _off(best, wanted):
+            best = drawn
+    if best is None:
+        raise NoPlaceError(f"{wanted.effect}: every place of {machine.station.name} is taken")
+    return best, _DRAWS
+
+
+def _off(drawn: Drawn, wanted: Wanted) -> float:
+    return abs(float(np.log(max(drawn.ratio or 0.0, 1e-9) / (wanted.ratio or 1.0))))
+
+
+def _strong(effect: Effect, machine: Machine, ratio: float, refit: Refit) -> Drawn:
+    """Choose the size for a ratio: it grows nearly in proportion until it saturates."""
+
+    def survives(one: Effect) -> float:
+        return refit.ratio(replace(machine, effects=(one,)))
+
+    if effect.size is None or effect.limits is None:
+        return Drawn(effect, survives(effect))
+    low, high = np.log(effect.limits)
+    ends, at = (low, high), float(np.log(effect.size))
+    best = Drawn(effect, 0.0)
+    for _ in range(_TURNS):
+        tried = effect.sized(float(np.exp(at)))
+        best = Drawn(tried, survives(tried))
+        off = float(np.log(max(best.ratio or 0.0, 1e-12) / ratio))
+        if abs(off) <= _CLOSE:
+            break
+        if at in ends:  # not even there
+            break
+        low, high = (at, high) if off < 0 else (low, at)
+        ahead, end = at - off, high if off < 0 else low
+        beyond = end if end in ends else (low + high) / 2  # first: can it be had at all
+        at = ahead if low < ahead < high else beyond
+    return best

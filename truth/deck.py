@@ -1,0 +1,148 @@
+"""Which cases a blind test is made of: a shuffled deck, so that every cause comes equally often.
+
+A case's number and the seed say all about it, so that an interrupted test goes on where it was.
+Machine and protocol come from the case's own seed, whatever its cause is.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from truth.campaign import Campaign, Plan, draw_campaign
+from truth.cause import Cause, NoPlaceError, Wanted
+from truth.draw import stream
+from truth.effects import CATALOGUE
+from truth.effects.outside import OUTSIDE
+from truth.protocol import draw_protocol
+from truth.station import Station
+from truth.trees import draw_tree
+
+RATIOS = (1.0, 2.0, 4.0, 8.0)
+RIGID = 2  # directions of every machine that are rigid, for one of them may be what is missing
+_NOTHING, _MISTUNED, _PAIRS, _MANY = 4, 2, 2, 1  # of each in a round
+_SMALL = (0.2, 0.6)  # survival ratios of the small ones behind a large one
+_MANY_SMALL = (3, 6)
+_TWINS = (
+    ("structural_damping", "viscoelastic", "joint"),
+    ("mass_error", "appendage", "body"),
+    ("joint_coupling", "support_loss", "joint"),
+    ("feedback_delay", "structural_damping", "joint"),
+    ("sensor_misalignment", "sensor_position", "sensor"),
+    ("friction", "hardening", "joint"),
+)
+_TRIES = 20  # causes, until one has a place in the machine
+
+
+@dataclass(frozen=True)
+class Card:
+    """One case of a round.
+
+    Args:
+        kind: ``nothing``, ``mistuned``, ``one``, ``twin``, ``two``, ``many`` or ``outside``.
+        names: of the effects, the first the largest.
+        ratio: survival ratio of the first.
+        shared: twins have the number of their pair, and with it their machine.
+        place: kind of place that twins share.
+    """
+
+    kind: str
+    names: tuple[str, ...] = ()
+    ratio: float = 0.0
+    shared: int | None = None
+    place: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A case as drawn.
+
+    Args:
+        number: in the test.
+        plan: how its campaign was made.
+        station: nominal machine of it.
+        campaign: files and answer.
+    """
+
+    number: int
+    plan: Plan
+    station: Station
+    campaign: Campaign
+
+
+def draw_case(nominal: Station | None, seed: int, number: int) -> Case:
+    """Draw a case of a blind test.
+
+    Args:
+        nominal: the machine; None: a random tree for every case.
+        seed: of the whole test.
+        number: of the case, from 0.
+    """
+    card = next(islice(cards(seed), number, None))
+    own = (1, number) if card.shared is None else (2, card.shared)
+    machine = int(np.random.SeedSequence(seed, spawn_key=own).generate_state(1)[0])
+    station = nominal or draw_tree(machine)
+    protocol = draw_protocol(station, machine)
+    for turn in range(_TRIES):
+        random = stream(machine, f"cause.{turn}")
+        plan = Plan(machine, _cause(card, station, random, turn), protocol, rigid=RIGID)
+        try:
+            return Case(number, plan, station, draw_campaign(station, plan))
+        except NoPlaceError:
+            continue
+    raise NoPlaceError(f"{station.name}: none of {_TRIES} causes has a place in it")
+
+
+def cards(seed: int) -> Iterator[Card]:
+    """Go through the cases of a blind test, round after round, without end."""
+    turn, pair = 0, 0
+    while True:
+        random = stream(seed, f"deck.{turn}")
+        found: list[list[Card]] = [[Card("nothing")] for _ in range(_NOTHING)]
+        found += [[Card("mistuned")] for _ in range(_MISTUNED)]
+        catalogue = [name for name in CATALOGUE if name != "none"]
+        for kind, names in (("one", catalogue), ("outside", list(OUTSIDE))):
+            # The four ratios in turn for each effect; with which it starts, the seed says.
+            start = stream(seed, f"deck.{kind}").integers(len(RATIOS), size=len(names))
+            found += [
+                [Card(kind, (name,), RATIOS[(turn + first) % len(RATIOS)])]
+                for name, first in zip(names, start.tolist(), strict=True)
+            ]
+        for _ in range(_PAIRS):
+            found.append([Card("two", _several(random, catalogue, 2), _ratio(random))])
+        for _ in range(_MANY):
+            count = 1 + int(random.integers(_MANY_SMALL[0], _MANY_SMALL[1] + 1))
+            found.append([Card("many", _several(random, catalogue, count), _ratio(random))])
+        one, other, place = _TWINS[int(random.integers(len(_TWINS)))]
+        ratio, pair = _ratio(random), pair + 1
+        found.append([Card("twin", (name,), ratio, pair, place) for name in (one, other)])
+        for number in random.permutation(len(found)).tolist():
+            yield from found[number]
+        turn += 1
+
+
+def _several(random: np.random.Generator, names: list[str], count: int) -> tuple[str, ...]:
+    return tuple(names[i] for i in random.permutation(len(names))[:count].tolist())
+
+
+def _ratio(random: np.random.Generator) -> float:
+    return float(random.choice(RATIOS))
+
+
+def _cause(card: Card, station: Station, random: np.random.Generator, turn: int) -> Cause:
+    if card.kind in ("nothing", "mistuned"):
+        return Cause(mistuned=card.kind == "mistuned", kind=card.kind)
+    names, place = card.names, None
+    if card.kind == "twin":
+        stage = station.stages[int(random.integers(len(station.stages)))]
+        node = stage.sensors[0].node if stage.sensors else 0
+        place = f"sensor:acc{node}" if card.place == "sensor" else f"{card.place}:{stage.name}"
+    elif turn:  # the machine has no place for it: another effect of the same kind
+        among = OUTSIDE if card.kind == "outside" else CATALOGUE
+        names = _several(random, [name for name in among if name != "none"], len(names))
+    first = Wanted(names[0], place, card.ratio)
+    if card.kind == "two":
+        return Cause((first, Wanted(names[1], None, card.ratio)), kind=card.kind)
+    others = (Wanted(name, None, random.uniform(*_SMALL)) for name in names[1:])
+    return Cause((first, *others), kind=card.kind)

@@ -1,0 +1,36 @@
+"""How far a joint moves under a hit, before anything nonlinear is in it."""
+
+import numpy as np
+
+from truth.effects.effect import Scene
+from truth.effects.places import JointDirection
+from truth.rig import Prepared, build, receptance
+from truth.station import Hammer
+
+_SPACING_HZ, _HIGHEST_HZ = 1.0, 400.0
+_PULSE_SECONDS = 5.7e-3  # of a usual hit
+
+
+def peak_stretch(scene: Scene, where: JointDirection) -> float:
+    """Return the largest stretch that a hit of the middle level makes in a joint [m or rad].
+
+    A half sine of peak A and duration T has the momentum 2 A T / pi; the linear machine's answer
+    is the inverse transform of its receptance times the spectrum of such a hit.
+    """
+    levels = sorted(occasion.level for occasion in scene.occasions)
+    level = levels[len(levels) // 2]
+    nodes = sorted({occasion.node for occasion in scene.occasions})
+    aims = [(node, *scene.station.aim(node)) for node in nodes]
+    hammers = tuple(
+        Hammer(node, stage, point, axis) for node, stage, point in aims for axis in np.eye(3)
+    )
+    tested = Prepared(scene.station, hammers)
+    rig = build(tested)
+    lines = np.arange(_SPACING_HZ, _HIGHEST_HZ, _SPACING_HZ)
+    cycles = lines * _PULSE_SECONDS
+    force = level * _PULSE_SECONDS / 2 * (np.sinc(cycles - 0.5) + np.sinc(cycles + 0.5))
+    force = force * np.exp(-1j * np.pi * cycles)
+    motion = where.stretch(rig, tested) @ receptance(rig, lines, rig.drive)
+    spectrum = np.vstack([np.zeros((1, motion.shape[1])), motion * force[:, None]])
+    samples = np.fft.irfft(spectrum, axis=0) * 2 * (len(lines)) * _SPACING_HZ
+    return float(np.abs(samples).max())

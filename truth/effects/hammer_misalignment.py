@@ -1,0 +1,85 @@
+"""A direction of hits that is askew."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from truth.effects.chance import choose, unit_vector
+from truth.effects.effect import Answer, Scene, Sized
+from truth.effects.places import draw_location
+from truth.effects.sensors import turn
+from truth.rig import Occasion, Prepared
+from truth.station import AXES, Station
+
+ANGLE = (0.07, 0.4)
+LIMITS = (1e-3, 0.8)  # rad
+
+
+@dataclass(frozen=True)
+class HammerMisalignment(Sized):
+    """All hits of one direction at one point are turned by a rotation vector, d becomes R d.
+
+    The rotation is about an axis at right angles to the drawn direction: a turn about the
+    direction itself is not felt.
+
+    Args:
+        size: angle [rad].
+        node: that is hit.
+        site: of the drawing, ``hit<node>`` or ``acc<node>``.
+        axis: 0, 1, 2 for the drawn direction.
+        about: axis of the rotation, unit vector, world axes.
+    """
+
+    node: int
+    site: str
+    axis: int
+    about: tuple[float, ...]
+    limits = LIMITS
+
+    @property
+    def rotation(self) -> tuple[float, ...]:
+        """Return the rotation vector [rad]."""
+        return tuple(self.size * part for part in self.about)
+
+    def answer(self) -> Answer:
+        """Return what is to be found."""
+        return Answer(
+            "hammer_misalignment",
+            location=f"hammer:{self.site}",
+            dof=f"t{AXES[self.axis]}",
+            parameters={"rotation": self.rotation},
+        )
+
+    def to_machine(self, tested: Prepared, occasion: Occasion) -> Prepared:
+        """Return the machine with that hammer turned; the hammers of a node come in x, y, z."""
+        del occasion
+        hammers = list(tested.hammers)
+        place = [hammer.node for hammer in hammers].index(self.node) + self.axis
+        direction = turn(self.rotation) @ hammers[place].direction
+        hammers[place] = replace(hammers[place], direction=direction)
+        return replace(tested, hammers=tuple(hammers))
+
+
+def draw_hammer_misalignment(
+    random: np.random.Generator, scene: Scene, place: str | None
+) -> HammerMisalignment | None:
+    """Draw a point and direction that the campaign hits, and the rotation."""
+    nodes = sorted({occasion.node for occasion in scene.occasions})
+    sites = [_site(scene.station, node) for node in nodes]
+    number = draw_location(random, place, [f"hammer:{site}" for site in sites])
+    if number is None:
+        return None
+    axes = {occasion.axis for occasion in scene.occasions if occasion.node == nodes[number]}
+    axis = choose(random, sorted(axes))
+    return HammerMisalignment(
+        node=nodes[number],
+        site=sites[number],
+        axis=axis,
+        about=unit_vector(random, np.delete(np.eye(3), axis, axis=0)),
+        size=random.uniform(*ANGLE),
+    )
+
+
+def _site(station: Station, node: int) -> str:
+    hits = {hit.node for stage in station.stages for hit in stage.hit_points}
+    return f"hit{node}" if node in hits else f"acc{node}"

@@ -1,0 +1,95 @@
+"""A joint whose springs meet elsewhere than drawn: its directions are coupled."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from truth.effects.chance import unit_vector
+from truth.effects.effect import Answer, Scene, Sized
+from truth.effects.places import draw_stage
+from truth.effects.rows import joint_stretch, springs
+from truth.rig import Occasion, Prepared, Rig
+from truth.station import Real, Stage
+
+OFFSET = (0.01, 0.12)
+LIMITS = (1e-4, 0.3)  # m
+
+
+@dataclass(frozen=True)
+class JointCoupling(Sized):
+    r"""The centre of stiffness of a joint is off by o; dampers and rigid directions stay.
+
+    The springs feel the relative motion at the displaced point. With joint coordinates q through
+    the drawn point, axes a of the slides and relative rotation theta,
+
+        q'_slide = q_slide + a . (theta x o),   q'_hinge = q_hinge
+        K gains sum_joints k (g' g'^T - g g^T),   q = g x
+
+    so that a slide's stiffness k couples with the hinge about b by k o . (a x b).
+
+    Args:
+        size: |o| [m].
+        stage: name of the child body.
+        direction: o over its length, world axes.
+    """
+
+    stage: str
+    direction: tuple[float, ...]
+    limits = LIMITS
+
+    @property
+    def offset(self) -> tuple[float, ...]:
+        """Return o [m]."""
+        return tuple(self.size * part for part in self.direction)
+
+    def answer(self) -> Answer:
+        """Return what is to be found."""
+        parameters = {"offset": self.offset}
+        return Answer("joint_coupling", location=f"joint:{self.stage}", parameters=parameters)
+
+    def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
+        """Return the rig with the joint's springs elsewhere."""
+        del occasion
+        index = tested.station.index(self.stage)
+        joints = tested.station.stages[index].joints
+        stiffness = [joint.stiffness for joint in joints]
+        displaced = _displaced(tested, index, np.array(self.offset))
+        change = springs(joint_stretch(rig, displaced, index), stiffness)
+        return rig.with_matrices(
+            stiffness=change - springs(joint_stretch(rig, tested, index), stiffness)
+        )
+
+
+def _displaced(tested: Prepared, index: int, offset: Real) -> Prepared:
+    stages = list(tested.station.stages)
+    joints = tuple(replace(one, position=one.position + offset) for one in stages[index].joints)
+    stages[index] = replace(stages[index], joints=joints)
+    return replace(tested, station=replace(tested.station, stages=tuple(stages)))
+
+
+def draw_joint_coupling(
+    random: np.random.Generator, scene: Scene, place: str | None
+) -> JointCoupling | None:
+    """Draw a joint that can couple, and an offset that is felt."""
+    stages = scene.station.stages
+    felt = [_felt(stage) for stage in stages]
+    choices = [index for index, span in enumerate(felt) if span.any()]
+    index = draw_stage(random, scene.station, place, "joint", choices)
+    if index is None:
+        return None
+    return JointCoupling(
+        stage=stages[index].name,
+        direction=unit_vector(random, felt[index]),
+        size=random.uniform(*OFFSET),
+    )
+
+
+def _felt(stage: Stage) -> Real:
+    """Return the directions a x b of offsets that couple a slide's spring to a hinge; (n, 3)."""
+    found = [
+        np.cross(slide.axis, hinge.axis)
+        for slide in stage.joints
+        for hinge in stage.joints
+        if slide.kind == "slide" and hinge.kind == "hinge" and slide.stiffness > 0
+    ]
+    return np.array(found).reshape(-1, 3)

@@ -1,0 +1,59 @@
+"""An inerter: a ball screw or a flywheel that two bodies turn as they move apart."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from truth.effects.chance import log_uniform
+from truth.effects.effect import Scene
+from truth.effects.outside.unexplained import Unexplained
+from truth.effects.places import draw_direction
+from truth.rig import Occasion, Prepared, Rig
+from truth.station import Joint
+
+RATIO = (0.1, 0.6)
+LIMITS = (1e-3, 5.0)
+
+
+@dataclass(frozen=True)
+class Inerter(Unexplained):
+    """A force b times the relative acceleration along one joint direction: M gains b g g^T.
+
+    Args:
+        size: b over the body's mass (slide) or its moment of inertia about the axis (hinge).
+        direction: of the joint, g its row.
+        reference: that mass [kg] or moment [kg m2].
+    """
+
+    reference: float
+    kind = "inerter"
+    limits = LIMITS
+
+    def parameters(self) -> dict[str, float]:
+        """Return b [kg] or [kg m2]."""
+        return {"inertance": self.size * self.reference}
+
+    def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
+        """Return the rig with the inerter."""
+        del occasion
+        row = self.direction.stretch(rig, tested)
+        return rig.with_matrices(mass=self.size * self.reference * np.outer(row, row))
+
+
+def _any(joint: Joint) -> bool:
+    return True
+
+
+def draw_inerter(random: np.random.Generator, scene: Scene, place: str | None) -> Inerter | None:
+    """Draw a joint direction and the inertance."""
+    direction = draw_direction(random, scene.station, place, _any)
+    if direction is None:
+        return None
+    stage = scene.station.stages[scene.station.index(direction.stage)]
+    joint = direction.joint(scene.station)
+    moment = float(joint.axis @ stage.inertia @ joint.axis)
+    return Inerter(
+        direction=direction,
+        reference=stage.mass if joint.kind == "slide" else moment,
+        size=log_uniform(random, RATIO),
+    )

@@ -1,0 +1,110 @@
+"""A link that bypasses joints: a hose, a cable, a bridge between two bodies."""
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from truth.effects.chance import log_uniform
+from truth.effects.effect import Answer, Scene, Sized
+from truth.effects.places import draw_location
+from truth.effects.rows import body_motion, springs
+from truth.rig import Occasion, Prepared, Rig
+from truth.station import GROUND, Station
+
+RATIO = (0.03, 0.3)
+TIME_CONSTANT = (1e-4, 1e-3)  # s
+LIMITS = (1e-4, 3.0)
+
+
+@dataclass(frozen=True)
+class ParallelPath(Sized):
+    r"""Springs and dampers in x, y, z between two bodies, midway between their centres of mass.
+
+        f = k (u_upper - u_lower) + c (u'_upper - u'_lower),   c = k time_constant
+
+    u being the motion of that point with each body.
+
+    Args:
+        size: k over the geometric mean of the slides' stiffness on the way between the bodies.
+        lower: name of the body that comes first in the station.
+        upper: name of the other.
+        reference: that geometric mean [N/m].
+        time_constant: c/k [s].
+    """
+
+    lower: str
+    upper: str
+    reference: float
+    time_constant: float
+    limits = LIMITS
+
+    def answer(self) -> Answer:
+        """Return what is to be found."""
+        stiffness = self.size * self.reference
+        return Answer(
+            "parallel_path",
+            location=f"pair:{self.lower}-{self.upper}",
+            parameters={"stiffness": stiffness, "damping": stiffness * self.time_constant},
+        )
+
+    def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
+        """Return the rig with the link."""
+        del occasion
+        lower, upper = (tested.station.index(name) for name in (self.lower, self.upper))
+        stages = tested.station.stages
+        point = (stages[lower].com + stages[upper].com) / 2
+        motion = body_motion(rig, tested, upper, point) - body_motion(rig, tested, lower, point)
+        stiffness = springs(motion[:3], [self.size * self.reference] * 3)
+        return rig.with_matrices(damping=self.time_constant * stiffness, stiffness=stiffness)
+
+
+def draw_parallel_path(
+    random: np.random.Generator, scene: Scene, place: str | None
+) -> ParallelPath | None:
+    """Draw two bodies that no joint joins, stiffness and damping of the link."""
+    station = scene.station
+    pairs = [
+        (lower, upper, reference)
+        for lower, upper in combinations(range(len(station.stages)), 2)
+        if (reference := _reference(station, lower, upper))
+    ]
+    names = [stage.name for stage in station.stages]
+    locations = [f"pair:{names[lower]}-{names[upper]}" for lower, upper, _ in pairs]
+    number = draw_location(random, place, locations)
+    if number is None:
+        return None
+    lower, upper, reference = pairs[number]
+    return ParallelPath(
+        lower=names[lower],
+        upper=names[upper],
+        reference=reference,
+        time_constant=log_uniform(random, TIME_CONSTANT),
+        size=log_uniform(random, RATIO),
+    )
+
+
+def _reference(station: Station, lower: int, upper: int) -> float | None:
+    """Return the geometric mean of the slides' stiffness between two stages.
+
+    None if no slide there has a spring, or if a joint joins the two.
+    """
+    if station.stages[upper].parent == lower:
+        return None
+    between = _ancestry(station, lower) ^ _ancestry(station, upper)
+    found = [
+        joint.stiffness
+        for index in between
+        for joint in station.stages[index].joints
+        if joint.kind == "slide" and joint.stiffness > 0
+    ]
+    return float(np.exp(np.mean(np.log(found)))) if found else None
+
+
+def _ancestry(station: Station, index: int) -> frozenset[int]:
+    """Return a stage and all that it stands on: the joints between it and the ground."""
+    found = set()
+    while index != GROUND:
+        found.add(index)
+        index = station.stages[index].parent
+    return frozenset(found)

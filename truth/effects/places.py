@@ -1,0 +1,147 @@
+"""Where an effect sits: a location drawn, or named by the user as in the answer, ``joint:ty``."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from truth.effects.chance import choose
+from truth.effects.rows import joint_stretch
+from truth.errors import TruthError
+from truth.rig import Prepared, Rig
+from truth.station import AXES, Joint, Real, Sensor, Station
+
+DIRECTIONS = tuple(kind + axis for kind in "tr" for axis in AXES)
+_SHOWN = 12  # locations in a sentence
+
+
+def draw_stage(
+    random: np.random.Generator,
+    station: Station,
+    place: str | None,
+    kind: str,
+    choices: Sequence[int],
+) -> int | None:
+    """Draw the index of a stage among those that can have an effect; None if there is none.
+
+    The stage is drawn even when one is named, so that naming it leaves the other draws alone.
+
+    Args:
+        random: random numbers of the effect.
+        station: the true machine.
+        place: a location such as ``body:ty``, or None.
+        kind: ``body`` or ``joint``.
+        choices: stages that can have the effect.
+
+    Raises:
+        TruthError: the named place is none, or cannot have the effect.
+    """
+    if not choices:
+        return None
+    drawn = choices[int(random.integers(len(choices)))]
+    if place is None:
+        return drawn
+    named, _, name = place.rpartition(":")
+    if named not in ("", kind):
+        raise TruthError(f"{place!r}: this effect sits at {kind}:<name>")
+    index = station.index(name)
+    if index not in choices:
+        possible = ", ".join(f"{kind}:{station.stages[i].name}" for i in choices)
+        raise TruthError(f"{place!r} cannot have this effect; these can: {possible}")
+    return index
+
+
+def draw_location(
+    random: np.random.Generator, place: str | None, locations: Sequence[str]
+) -> int | None:
+    """Draw the number of a location among those that can have an effect; None if there is none.
+
+    It is drawn even when one is named, as in ``draw_stage``.
+
+    Raises:
+        TruthError: the named place is not among the locations.
+    """
+    if not locations:
+        return None
+    drawn = choose(random, range(len(locations)))
+    if place is None:
+        return drawn
+    for number, location in enumerate(locations):
+        if place in (location, location.partition(":")[2]):
+            return number
+    possible = ", ".join(locations[:_SHOWN]) + (" ..." if len(locations) > _SHOWN else "")
+    raise TruthError(f"{place!r} cannot have this effect; these can: {possible}")
+
+
+def draw_sensor(random: np.random.Generator, station: Station, place: str | None) -> Sensor | None:
+    """Draw a sensor, at ``sensor:acc<node>``; None if there is none."""
+    sensors = [sensor for _, sensor in station.sensors()]
+    number = draw_location(random, place, [f"sensor:acc{one.node}" for one in sensors])
+    return None if number is None else sensors[number]
+
+
+def direction_of(joint: Joint) -> str:
+    """Return tx ... rz of a joint: as its name ends, else by the largest part of its axis."""
+    ending = joint.name.rpartition("_")[2]
+    if ending in DIRECTIONS:
+        return ending
+    return ("t" if joint.kind == "slide" else "r") + AXES[int(np.abs(joint.axis).argmax())]
+
+
+@dataclass(frozen=True)
+class JointDirection:
+    """One direction of a stage's joint.
+
+    Args:
+        stage: name of the child body.
+        number: of the joint among the stage's.
+        dof: such as ``ty``.
+    """
+
+    stage: str
+    number: int
+    dof: str
+
+    @property
+    def location(self) -> str:
+        """As in an answer."""
+        return f"joint:{self.stage}"
+
+    def joint(self, station: Station) -> Joint:
+        """Return the joint in a station."""
+        return station.stages[station.index(self.stage)].joints[self.number]
+
+    def stretch(self, rig: Rig, tested: Prepared) -> Real:
+        """Return how far the joint moves, in all coordinates of the rig; (n,)."""
+        row: Real = joint_stretch(rig, tested, tested.station.index(self.stage))[self.number]
+        return row
+
+
+def has_spring(joint: Joint) -> bool:
+    """Tell whether a joint has a spring."""
+    return joint.stiffness > 0
+
+
+def draw_direction(
+    random: np.random.Generator,
+    station: Station,
+    place: str | None,
+    usable: Callable[[Joint], bool] = has_spring,
+) -> JointDirection | None:
+    """Draw one direction of the joint of a stage, at ``joint:<stage>``; None if there is none."""
+    choices = [i for i, stage in enumerate(station.stages) if any(map(usable, stage.joints))]
+    index = draw_stage(random, station, place, "joint", choices)
+    if index is None:
+        return None
+    stage = station.stages[index]
+    number = choose(random, [i for i, joint in enumerate(stage.joints) if usable(joint)])
+    return JointDirection(stage.name, number, direction_of(stage.joints[number]))
+
+
+def draw_spring_stage(
+    random: np.random.Generator, station: Station, place: str | None
+) -> str | None:
+    """Draw the name of a stage whose joint has a spring, at ``joint:<stage>``."""
+    choices = [i for i, stage in enumerate(station.stages) if any(map(has_spring, stage.joints))]
+    index = draw_stage(random, station, place, "joint", choices)
+    return None if index is None else station.stages[index].name

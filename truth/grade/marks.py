@@ -1,0 +1,195 @@
+"""The marks of one case: what a verdict has right, each from 0 to 1, None where it is not asked.
+
+Every verdict goes through here, a baseline's like the software's. One that could not be read is
+wrong wherever a mark is asked; as a false alarm it counts, too.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from truth.grade.answer import TrueCause, Truth
+from truth.grade.names import NONE, SEVERAL, UNEXPLAINED
+from truth.grade.verdict import FAILED, First, Row, Verdict, alone, first_of, twins_of, word_of
+
+FLOOR = 1e-3  # probability below which the log score looks no further
+SEEN = 1.1  # excess from which a gap is one
+_TOP = 3
+
+RATES: Mapping[str, str] = MappingProxyType(
+    {
+        "effect_first": "the most probable hypothesis names the true effect",
+        "effect_or_twin": "the same, or the truth is in one set of twins with it",
+        "place_first": "its place is the true one (of several: one of them)",
+        "both": "effect and place of it are true",
+        "both_or_twin": "the same, or the truth is in one set of twins with it",
+        "top3": "one effect: it is among the three most probable causes, at its place",
+        "direction": "of those with both, if the truth has a direction: it is the true one",
+        "verdict_is_first": "the word of the verdict is that of its most probable hypothesis",
+        "false_alarm": "nothing wrong, or stiffness and damping alone: another verdict than none",
+        "unknown_rejected": "outside the catalogue: the verdict is unexplained",
+        "unknown_placed": "of those rejected: most of the gap is seen at the true place",
+        "several_said": "several effects: the verdict is several",
+        "both_found": "two effects: the verdict is several, the two most probable causes are they",
+        "largest_first": "several effects: the most probable cause is the largest",
+        "where_first": "most of the gap is seen at the true place",
+        "where_top3": "the true place is among the three with most of the gap",
+    }
+)
+MEANS: Mapping[str, str] = MappingProxyType(
+    {
+        "probability_of_truth": "probability of the true hypothesis",
+        "brier": "sum over all hypotheses of (probability - 1 if true, else 0)^2; 0 to 2",
+        "log_score": f"-ln(probability of the truth), at most -ln({FLOOR:g})",
+        "twin_set": "size of the set of twins of the first cause, itself included",
+        "shrink_share": "shrink of excess^2 by the verdict's cause over that by the true one",
+    }
+)
+Marks = Mapping[str, float | None]
+
+
+@dataclass(frozen=True)
+class Excess:
+    """Held-out excess of the command's own refits, without and with knowledge of the effect.
+
+    None where the refit was not made.
+    """
+
+    refit: float | None = None
+    oracle: float | None = None
+
+
+NO_EXCESS = Excess()
+
+
+def marks_of(truth: Truth, verdict: Verdict, excess: Excess = NO_EXCESS) -> Marks:
+    """Return all marks of ``RATES`` and ``MEANS``, each by its name."""
+    first = first_of(verdict)
+    found: dict[str, float | None] = {
+        **_of_first(truth, verdict, first),
+        **_of_kind(truth, verdict),
+        **_of_where(truth, verdict),
+        **_of_probability(truth, verdict),
+    }
+    found["verdict_is_first"] = float(word_of(first) == verdict.verdict != FAILED)
+    found["twin_set"] = float(len(twins_of(verdict, first.row))) if first.row else None
+    found["shrink_share"] = shrink_share(verdict, excess)
+    return MappingProxyType(found)
+
+
+def is_true(truth: Truth, first: First) -> bool:
+    """Tell whether a hypothesis is the truth: the effect, of a cause its place too."""
+    if first.row is not None:
+        return _is_at(truth.only, first.row)
+    return first.effect == truth.effect
+
+
+def is_present(truth: Truth, row: Row) -> bool:
+    """Tell whether a machine has a cause, alone or among several."""
+    return any(_is_at(one, row) for one in truth.causes)
+
+
+def shrink_share(verdict: Verdict, excess: Excess) -> float | None:
+    """Return (retuned^2 - after^2) of the verdict over (refit^2 - oracle^2); 0 without a cause.
+
+    None unless both refits were made, there was a gap, and the true effect made it smaller.
+    """
+    refit, oracle = excess.refit, excess.oracle
+    if refit is None or oracle is None or refit < SEEN or refit <= oracle:
+        return None
+    if verdict.retuned is None or verdict.after is None:
+        return 0.0
+    return (verdict.retuned**2 - verdict.after**2) / (refit**2 - oracle**2)
+
+
+def _is_at(cause: TrueCause | None, row: Row) -> bool:
+    return cause is not None and (cause.effect, cause.location) == (row.effect, row.location)
+
+
+def _of_first(truth: Truth, verdict: Verdict, first: First) -> dict[str, float | None]:
+    effect = first.effect == truth.effect
+    place = first.place in truth.places
+    both = effect and (place or not truth.places)
+    only = truth.only
+    twin = bool(only and first.row and (only.effect, only.location) in twins_of(verdict, first.row))
+    top = None
+    if only is not None:
+        top = float(any(_is_at(only, row) for row in verdict.causes[:_TOP]))
+    direction = None
+    if both and only is not None and only.dof and first.row is not None:
+        direction = float(first.row.dof == only.dof)
+    return {
+        "effect_first": float(effect),
+        "effect_or_twin": float(effect or twin),
+        "place_first": float(place) if truth.places else None,
+        "both": float(both),
+        "both_or_twin": float(both or twin),
+        "top3": top,
+        "direction": direction,
+    }
+
+
+def _of_kind(truth: Truth, verdict: Verdict) -> dict[str, float | None]:
+    found: dict[str, float | None] = dict.fromkeys(
+        (
+            "false_alarm",
+            "unknown_rejected",
+            "unknown_placed",
+            "several_said",
+            "both_found",
+            "largest_first",
+        )
+    )
+    if truth.effect == NONE:
+        found["false_alarm"] = float(verdict.verdict != NONE)
+    elif truth.effect == UNEXPLAINED:
+        rejected = verdict.verdict == UNEXPLAINED
+        found["unknown_rejected"] = float(rejected)
+        if rejected and truth.places:
+            most = verdict.where[0][0] if verdict.where else ""
+            found["unknown_placed"] = float(most in truth.places)
+    elif truth.effect == SEVERAL:
+        said = verdict.verdict == SEVERAL
+        found["several_said"] = float(said)
+        known = [one for one in truth.causes if one.effect != UNEXPLAINED]
+        if len(known) == len(truth.causes) == 2:
+            two = {(row.effect, row.location) for row in verdict.causes[:2]}
+            true = {(one.effect, one.location) for one in known}
+            found["both_found"] = float(said and two == true)
+        if truth.causes[0] in known:
+            found["largest_first"] = float(
+                any(_is_at(truth.causes[0], row) for row in verdict.causes[:1])
+            )
+    return found
+
+
+def _of_where(truth: Truth, verdict: Verdict) -> dict[str, float | None]:
+    if not truth.places:
+        return {"where_first": None, "where_top3": None}
+    seen = [place for place, _ in verdict.where or ()]
+    return {
+        "where_first": float(any(place in truth.places for place in seen[:1])),
+        "where_top3": float(any(place in truth.places for place in seen[:_TOP])),
+    }
+
+
+def _of_probability(truth: Truth, verdict: Verdict) -> dict[str, float | None]:
+    stated = [
+        (verdict.none, truth.effect == NONE),
+        (verdict.unexplained, truth.effect == UNEXPLAINED),
+        (verdict.several, truth.effect == SEVERAL),
+    ]
+    stated += [
+        (own, _is_at(truth.only, row))
+        for row, own in zip(verdict.causes, alone(verdict), strict=True)
+    ]
+    on_truth = math.fsum(probability for probability, true in stated if true)
+    brier = math.fsum((probability - true) ** 2 for probability, true in stated)
+    if not any(true for _, true in stated):
+        brier += 1.0
+    return {
+        "probability_of_truth": on_truth,
+        "brier": 2.0 if verdict.verdict == FAILED else brier,
+        "log_score": -math.log(max(on_truth, FLOOR)),
+    }

@@ -1,0 +1,142 @@
+"""The statistics of a grading: rates with Wilson intervals, spreads, reliability diagrams."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from statistics import NormalDist, fmean
+
+CONFIDENCE = 0.95
+BINS = ((0.0, 0.5), (0.5, 0.8), (0.8, 0.95), (0.95, 1.0))
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A rate among n; None where n is 0.
+
+    Args:
+        n: how many were counted.
+        hits: how many of them hold; an expected number if each holds with a probability.
+        rate: hits / n.
+        low, high: 95 % interval of Wilson; None for an expectation, which is exact.
+    """
+
+    n: int
+    hits: float
+    rate: float | None
+    low: float | None
+    high: float | None
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How n numbers lie: mean, median, 90 % quantile and largest; None where n is 0."""
+
+    n: int
+    mean: float | None
+    median: float | None
+    ninety: float | None
+    largest: float | None
+
+
+@dataclass(frozen=True)
+class Bin:
+    """What was stated with a probability in [low, high), and how often it was true.
+
+    Args:
+        low, high: of the bin; the last one holds 1 too.
+        stated: mean probability stated; None if nothing was.
+        true: how often it was true.
+    """
+
+    low: float
+    high: float
+    stated: float | None
+    true: Rate
+
+
+@dataclass(frozen=True)
+class Diagram:
+    """A reliability diagram.
+
+    Args:
+        n: statements.
+        bins: as ``BINS``.
+        error: expected calibration error, sum of n_bin / n |stated - true|; None without any.
+    """
+
+    n: int
+    bins: tuple[Bin, ...]
+    error: float | None
+
+
+def wilson(hits: float, n: int) -> tuple[float, float]:
+    r"""Return the 95 % interval of a rate (Wilson 1927).
+
+    With p = hits / n and z = 1.96 it is (p + z^2/2n +- z sqrt(p (1 - p)/n + z^2/4n^2)) /
+    (1 + z^2/n): the rates from which p is z standard deviations away.
+
+    Args:
+        hits: from 0 to n.
+        n: at least 1.
+
+    Raises:
+        ValueError: hits or n are outside.
+    """
+    if n < 1 or not 0 <= hits <= n:
+        raise ValueError(f"wilson: {hits} of {n}; expected hits from 0 to n, n at least 1")
+    z = NormalDist().inv_cdf((1 + CONFIDENCE) / 2)
+    p = hits / n
+    middle = p + z**2 / (2 * n)
+    half = z * math.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+    low, high = ((middle + sign * half) / (1 + z**2 / n) for sign in (-1, 1))
+    return 0.0 if hits == 0 else low, 1.0 if hits == n else high
+
+
+def rate_of(marks: Iterable[float | None]) -> Rate:
+    """Return the rate of marks from 0 to 1; None is not counted."""
+    counted = [mark for mark in marks if mark is not None]
+    if not counted:
+        return Rate(0, 0.0, None, None, None)
+    hits = math.fsum(counted)
+    rate = hits / len(counted)
+    if any(mark not in (0, 1) for mark in counted):
+        return Rate(len(counted), hits, rate, None, None)
+    return Rate(len(counted), hits, rate, *wilson(hits, len(counted)))
+
+
+def quantile(values: Sequence[float], part: float) -> float:
+    """Return a quantile, linear between the sorted values; at least one value."""
+    found = sorted(values)
+    at = part * (len(found) - 1)
+    below = min(int(at), len(found) - 1)
+    above = min(below + 1, len(found) - 1)
+    return found[below] + (at - below) * (found[above] - found[below])
+
+
+def spread_of(values: Iterable[float | None]) -> Spread:
+    """Return how numbers lie; None is not counted."""
+    counted = [value for value in values if value is not None]
+    if not counted:
+        return Spread(0, None, None, None, None)
+    middle, ninety = quantile(counted, 0.5), quantile(counted, 0.9)
+    return Spread(len(counted), fmean(counted), middle, ninety, max(counted))
+
+
+def diagram_of(statements: Iterable[tuple[float, bool]]) -> Diagram:
+    """Return the reliability diagram of (probability stated, whether it was true).
+
+    Raises:
+        ValueError: a probability is outside 0 to 1.
+    """
+    given = list(statements)
+    if not all(0 <= stated <= 1 for stated, _ in given):
+        raise ValueError("diagram: a probability lies outside 0 to 1")
+    bins, error = [], 0.0
+    for low, high in BINS:
+        inside = [one for one in given if low <= one[0] < high or one[0] == high == 1]
+        true = rate_of(float(one) for _, one in inside)
+        stated = fmean(one for one, _ in inside) if inside else None
+        if stated is not None and true.rate is not None:
+            error += len(inside) / len(given) * abs(stated - true.rate)
+        bins.append(Bin(low, high, stated, true))
+    return Diagram(len(given), tuple(bins), error if given else None)

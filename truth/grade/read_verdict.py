@@ -1,0 +1,173 @@
+"""Read a verdict file as the contract has it; what breaks the contract is refused by name.
+
+More keys than the contract's are allowed, but for the probabilities: there they would be
+hypotheses that nobody knows.
+"""
+
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
+
+from truth.errors import TruthError
+from truth.grade.names import NONE, SEVERAL, UNEXPLAINED, canonical, checked, direction
+from truth.grade.strict import items, number, number_or_null, read_json, table, text
+from truth.grade.verdict import EXPLAINED, WORDS, Interval, Numbers, Row, Verdict
+
+ABOVE = 0.01  # by which probabilities may sum to more than 1: they are rounded
+OMITTED = 0.2  # that may be missing: rows below 0.01 need not be stated
+_ROUNDING = 1e-9
+_KEYS = ("verdict", "probability", "gap", "where", "causes", "twins", "not_testable")
+_LAST = "next_experiment"
+
+
+def read_verdict(path: Path) -> Verdict:
+    """Read and check a verdict.
+
+    Raises:
+        TruthError: the file is missing, or breaks the contract; one sentence says where.
+    """
+    given = table(read_json(path), "verdict file", *_KEYS, _LAST)
+    word = text(given["verdict"], "verdict")
+    if word not in WORDS:
+        raise TruthError(f"verdict {word[:40]!r}: expected one of {', '.join(WORDS)}")
+    stated = table(given["probability"], "probability", NONE, UNEXPLAINED, SEVERAL)
+    if unknown := sorted(stated.keys() - {NONE, UNEXPLAINED, SEVERAL}):
+        raise TruthError(f"probability: {unknown[0][:40]!r} is no hypothesis of the contract")
+    retuned, after = _gap(given["gap"])
+    verdict = Verdict(
+        verdict=word,
+        none=_probability(stated[NONE], NONE),
+        unexplained=_probability(stated[UNEXPLAINED], UNEXPLAINED),
+        several=_probability(stated[SEVERAL], SEVERAL),
+        causes=tuple(_row(one, f"causes[{i}]") for i, one in enumerate(_list(given, "causes"))),
+        where=None if given["where"] is None else _where(given),
+        twins=tuple(_twins(one, f"twins[{i}]") for i, one in enumerate(_list(given, "twins"))),
+        retuned=retuned,
+        after=after,
+    )
+    for one in _list(given, "not_testable"):
+        text(one, "not_testable")
+    if given[_LAST] is not None:
+        text(given[_LAST], _LAST)
+    _check(verdict)
+    return verdict
+
+
+def _check(verdict: Verdict) -> None:
+    """Refuse what contradicts itself."""
+    rows = [row.probability for row in verdict.causes]
+    least = {EXPLAINED: 1, SEVERAL: 2}.get(verdict.verdict, 0)
+    if len(rows) < least:
+        raise TruthError(f"causes: {verdict.verdict!r} needs {least} at least, got {len(rows)}")
+    places = [(row.effect, row.location) for row in verdict.causes]
+    if len(set(places)) < len(places):
+        raise TruthError("causes: an effect is given twice at one location")
+    if any(low < high for low, high in pairwise(rows)):
+        raise TruthError("causes: expected the most probable first")
+    present = 1 - verdict.none - verdict.unexplained + ABOVE
+    if rows and rows[0] > present:
+        raise TruthError(f"probability: a cause has {rows[0]:g}, none and unexplained leave less")
+    # Each cause counts in all sets of several that have it: their sum may be more than 1.
+    total = verdict.none + verdict.unexplained + verdict.several + sum(rows)
+    most = 1 + ABOVE + len(rows) * verdict.several
+    if not 1 - OMITTED <= total <= most:
+        raise TruthError(
+            f"probability: all sum to {total:.3f}, expected 1 (from {1 - OMITTED:g} to {most:.3f},"
+            " as rows below 0.01 may be left out and sets of several count in each row)"
+        )
+
+
+def _probability(value: object, what: str) -> float:
+    return min(1.0, number(value, f"probability of {what}", 0.0, 1 + _ROUNDING))
+
+
+def _list(given: Mapping[str, object], key: str) -> list[object]:
+    return items(given[key], key)
+
+
+def _gap(value: object) -> tuple[float | None, float | None]:
+    """Return the excess re-tuned and after."""
+    gap = table(value, "gap", "as_drawn", "retuned", "after", "noise", "closed")
+    found: list[float | None] = []
+    for key in ("as_drawn", "retuned", "after"):
+        if gap[key] is None:
+            found.append(None)
+            continue
+        inside = table(gap[key], f"gap.{key}", "error", "excess")
+        number_or_null(inside["error"], f"gap.{key}.error", 0.0)
+        found.append(number_or_null(inside["excess"], f"gap.{key}.excess", 0.0))
+    number_or_null(gap["noise"], "gap.noise", 0.0)
+    number_or_null(gap["closed"], "gap.closed")
+    return found[1], found[2]
+
+
+def _row(value: object, what: str) -> Row:
+    given = table(value, what, "effect", "location", "probability", "parameters")
+    effect = text(given["effect"], f"{what}.effect")
+    location = checked(effect, text(given["location"], f"{what}.location"))
+    dof = given.get("dof")
+    parameters = table(given["parameters"], f"{what}.parameters")
+    found = {
+        name: _numbers(one, f"{what}.parameters.{name}")
+        for name, one in parameters.items()
+        if one is not None
+    }
+    interval = given.get("interval")
+    intervals = {} if interval is None else table(interval, f"{what}.interval")
+    return Row(
+        effect=effect,
+        location=location,
+        probability=_probability(given["probability"], what),
+        dof="" if dof is None else direction(text(dof, f"{what}.dof")),
+        parameters=found,
+        interval={
+            name: _interval(one, len(found[name]), f"{what}.interval.{name}")
+            for name, one in intervals.items()
+            if one is not None and name in found
+        },
+    )
+
+
+def _numbers(value: object, what: str) -> Numbers:
+    if not isinstance(value, list):
+        return (number(value, what),)
+    if not value:
+        raise TruthError(f"{what}: is empty")
+    return tuple(number(one, what) for one in value)
+
+
+def _interval(value: object, size: int, what: str) -> Interval:
+    """Return an interval for each component; of a vector a list of them."""
+    given = items(value, what)
+    if size == 1 and len(given) == 2 and not isinstance(given[0], list):
+        given = [given]
+    pairs = tuple(_numbers(one, what) for one in given)
+    if len(pairs) != size or any(len(one) != 2 or one[0] > one[1] for one in pairs):
+        raise TruthError(f"{what}: expected [low, high], of a vector one for each component")
+    return tuple((low, high) for low, high in pairs)
+
+
+def _where(given: Mapping[str, object]) -> tuple[tuple[str, float | None], ...]:
+    found = []
+    for index, one in enumerate(_list(given, "where")):
+        row = table(one, f"where[{index}]", "location", "share")
+        share = row["share"]
+        if share is not None:
+            share = min(1.0, number(share, f"where[{index}].share", 0.0, 1 + _ROUNDING))
+        found.append((canonical(text(row["location"], f"where[{index}].location")), share))
+    if len({place for place, _ in found}) < len(found):
+        raise TruthError("where: a location is given twice")
+    shares = [share for _, share in found if share is not None]
+    if len(shares) not in (0, len(found)):
+        raise TruthError("where: some shares are null, others not")
+    if sum(shares) > 1 + ABOVE or any(low < high for low, high in pairwise(shares)):
+        raise TruthError("where: expected shares that sum to 1 at most, the largest first")
+    return tuple(found)
+
+
+def _twins(value: object, what: str) -> frozenset[tuple[str, str]]:
+    labels = [text(one, what).partition("@") for one in items(value, what)]
+    found = frozenset((effect, checked(effect, place)) for effect, _, place in labels)
+    if len(found) < 2 or len(found) < len(labels):
+        raise TruthError(f"{what}: expected two or more different effect@location")
+    return found

@@ -1,0 +1,153 @@
+r"""Sizes as estimated: how far from the true ones, and whether their intervals hold them.
+
+The error of a scalar is |estimate / truth - 1|, of a vector |estimate - truth| / |truth|. The
+*size* of an effect is the parameter that tells how strong it is (``names.CATALOGUE``), and its
+error |estimate - truth| / |truth - neutral|: a gain of 1.1 that is estimated as 1 is off by all of
+the effect. Neutral is 1 for gain, fraction and factor, 0 for all others; sensor_polarity,
+sensor_swap and flexible_body have no size.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from truth.grade.answer import TrueCause, Truth
+from truth.grade.names import CATALOGUE, UNEXPLAINED
+from truth.grade.rates import Rate, quantile, rate_of
+from truth.grade.verdict import Numbers, Row, Verdict
+
+_NOTHING = 1e-30  # a truth that has no size
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A true parameter, and what a verdict says of it.
+
+    Args:
+        effect, parameter: its names.
+        is_size: whether it is the effect's size.
+        error: relative; None if the verdict has no such number, or the truth is zero.
+        size_error: error against the neutral value; None as above, or if it is not the size.
+        inside: for each component with an interval, whether that holds the truth.
+    """
+
+    effect: str
+    parameter: str
+    is_size: bool
+    error: float | None
+    size_error: float | None
+    inside: tuple[bool, ...]
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Relative errors of a parameter.
+
+    Args:
+        true: how often the truth states it.
+        n: how often a verdict has the cause at its place, and the number.
+        median, ninety: of the errors; None where n is 0.
+    """
+
+    true: int
+    n: int
+    median: float | None
+    ninety: float | None
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """All of the above.
+
+    Args:
+        size: errors of the sizes of all effects.
+        size_of: by effect.
+        parameters: by effect and parameter.
+        intervals: how many components' intervals hold the truth.
+        intervals_of: by effect.
+    """
+
+    size: Errors
+    size_of: dict[str, Errors]
+    parameters: dict[str, dict[str, Errors]]
+    intervals: Rate
+    intervals_of: dict[str, Rate]
+
+
+def estimates_of(truth: Truth, verdict: Verdict) -> tuple[Estimate, ...]:
+    """Return one estimate for each parameter that the truth states of an effect it knows."""
+    found = []
+    for cause in truth.causes:
+        if cause.effect == UNEXPLAINED:
+            continue
+        rows = [
+            row
+            for row in verdict.causes
+            if (row.effect, row.location) == (cause.effect, cause.location)
+        ]
+        row = rows[0] if rows else None
+        found += [_estimate(cause, name, row) for name in cause.parameters]
+    return tuple(found)
+
+
+def sizes_of(estimates: Iterable[Estimate]) -> Sizes:
+    """Return the errors and intervals of many estimates."""
+    known = list(estimates)
+    sizes = [one for one in known if one.is_size]
+    effects = sorted({one.effect for one in known})
+    parameters: dict[str, dict[str, Errors]] = {}
+    for effect in effects:
+        own = [one for one in known if one.effect == effect]
+        names = dict.fromkeys(one.parameter for one in own)
+        parameters[effect] = {
+            name: _errors([one.error for one in own if one.parameter == name]) for name in names
+        }
+    return Sizes(
+        size=_errors([one.size_error for one in sizes]),
+        size_of={
+            effect: _errors([one.size_error for one in sizes if one.effect == effect])
+            for effect in sorted({one.effect for one in sizes})
+        },
+        parameters=parameters,
+        intervals=_held(known),
+        intervals_of={
+            effect: _held([one for one in known if one.effect == effect]) for effect in effects
+        },
+    )
+
+
+def _estimate(cause: TrueCause, name: str, row: Row | None) -> Estimate:
+    entry, true = CATALOGUE[cause.effect], cause.parameters[name]
+    stated = None if row is None else row.parameters.get(name)
+    if stated is not None and len(stated) != len(true):
+        stated = None
+    intervals = row.interval.get(name, ()) if row is not None and stated is not None else ()
+    is_size = entry.size == name
+    return Estimate(
+        effect=cause.effect,
+        parameter=name,
+        is_size=is_size,
+        error=_relative(stated, true, 0.0),
+        size_error=_relative(stated, true, entry.neutral) if is_size else None,
+        inside=tuple(
+            low <= value <= high for value, (low, high) in zip(true, intervals, strict=False)
+        ),
+    )
+
+
+def _relative(stated: Numbers | None, true: Numbers, neutral: float) -> float | None:
+    whole = math.hypot(*(value - neutral for value in true))
+    if stated is None or whole < _NOTHING:
+        return None
+    return math.hypot(*(one - other for one, other in zip(stated, true, strict=True))) / whole
+
+
+def _errors(errors: list[float | None]) -> Errors:
+    known = [error for error in errors if error is not None]
+    if not known:
+        return Errors(len(errors), 0, None, None)
+    return Errors(len(errors), len(known), quantile(known, 0.5), quantile(known, 0.9))
+
+
+def _held(estimates: list[Estimate]) -> Rate:
+    return rate_of(float(one) for estimate in estimates for one in estimate.inside)
