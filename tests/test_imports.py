@@ -14,7 +14,7 @@ MAY_IMPORT = {
     "tuning": {"identification.words", "identification", "mbmodel"},
     "diagnosis": {"identification.words", "identification", "mbmodel", "tuning"},
     "truth": set(),
-    "mbw": {"identification.words", "identification", "mbmodel", "tuning", "diagnosis"},
+    "mbw": {"identification.words", "identification", "mbmodel", "tuning", "diagnosis", "truth"},
 }
 ONLY_BEHIND = {
     "mujoco": {"mbmodel"},
@@ -25,6 +25,7 @@ ONLY_BEHIND = {
     "plotly": {"mbw/page.py"},
     "typer": {"mbw", "truth"},
     "rich": {"mbw"},
+    "truth": {"truth", "mbw/blind.py", "mbw/blind_case.py", "mbw/blind_page.py"},
 }
 WORDS_MAY_IMPORT = {"numpy", "identification"}
 

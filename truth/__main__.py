@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from threadpoolctl import threadpool_limits
 
 from truth.campaign import Plan, draw_campaign
 from truth.cause import Cause, Wanted
@@ -69,7 +70,8 @@ def generate(  # noqa: PLR0913  # one parameter for each option of the command
         if place is not None and not wanted:
             raise TruthError(f"{place!r}: the effect none has no place; leave it out")
         plan = Plan(seed, Cause(wanted, mistuned=mistuned), protocol, rigid=rigid)
-        campaign = draw_campaign(station, plan)
+        with threadpool_limits(1):  # more threads round otherwise: the bytes would be others
+            campaign = draw_campaign(station, plan)
         typer.echo(f"sha256 of answer.toml: {campaign.answer_hash}", err=True)
         write_campaign(campaign, folder, overwrite=overwrite, sealed=answer is not None)
         if answer is not None:

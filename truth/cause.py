@@ -13,7 +13,7 @@ from truth.errors import TruthError
 from truth.machine import Machine
 from truth.refit import Refit
 
-_DRAWS = 60  # of place and shape, for an effect as strong as is wanted
+_DRAWS = 20  # of place and shape, for an effect as strong as is wanted
 _CLOSE = 0.04  # of the wanted ratio
 _TURNS = 12  # repetitions of the search for a size
 

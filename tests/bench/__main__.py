@@ -12,13 +12,16 @@ from rich.console import Console
 from rich.table import Table
 from threadpoolctl import threadpool_limits
 
-from tests.bench import frf, identify, intervals, large, tune
+from tests.bench import frf, identify, intervals, large, leaks, survival, truth, tune
 
 BENCHES = {
     "frf": frf.run,
     "identify": identify.run,
     "intervals": intervals.run,
     "large": large.run,
+    "leaks": leaks.run,
+    "survival": survival.run,
+    "truth": truth.run,
     "tune": tune.run,
 }
 RESULTS = Path(__file__).parent / "results"

@@ -56,6 +56,10 @@ def test_one_effect_stands_by_itself(tmp_path):
     assert truth.tags == ()
 
 
+def test_a_ratio_may_be_small(tmp_path):
+    assert read(ONE.replace("4.02", "0.25"), tmp_path).causes[0].ratio == 0.25
+
+
 def test_how_a_case_was_drawn_becomes_tags(tmp_path):
     truth = read(ONE + DRAWN, tmp_path)
     assert truth.machine == "tree5"

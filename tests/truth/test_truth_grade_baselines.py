@@ -118,7 +118,8 @@ TRUTHS = [
     Truth((TrueCause("parallel_path", canonical("pair:c-a")),)),
     Truth((TrueCause("gyroscopic", "body:a"),)),
     Truth((TrueCause("unexplained", "joint:b"),)),
-    Truth((TrueCause("drift", "joint:b"), TrueCause("mass_error", "body:a"))),
+    Truth((TrueCause("unexplained", "joint:elsewhere"),)),
+    Truth((TrueCause("drift", "joint:b"), TrueCause("appendage", "body:a"))),
 ]
 
 
@@ -185,7 +186,8 @@ def test_chance_states_the_probabilities_that_it_draws_from(truth):
         assert found[name] == pytest.approx(honest[name])
 
 
-def test_chance_closes_nothing_of_a_gap():
+def test_chance_closes_nothing_of_a_gap_and_names_no_twins():
+    assert chance_marks(TRUTHS[1], HYPOTHESES)["twin_set"] == 1
     assert chance_marks(TRUTHS[1], HYPOTHESES, Excess(5.0, 1.0))["shrink_share"] == 0
     assert chance_marks(TRUTHS[1], HYPOTHESES)["shrink_share"] is None
     assert set(chance_marks(TRUTHS[1], HYPOTHESES)) == set(RATES) | set(MEANS)

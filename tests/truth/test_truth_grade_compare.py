@@ -109,6 +109,33 @@ def test_a_channel_of_noise_does_not_count(two_bodies, tmp_path):
     assert found.coordinates[LABELS[3]] == pytest.approx(1, abs=1e-6)
 
 
+def test_noise_is_told_from_the_coherence_and_the_averages(two_bodies, tmp_path):
+    # Of six hits: noise^2 = (1 - g2) / (5 g2), 0.31 and 0.29 for these.
+    frf = exact(two_bodies)
+    coherence = np.full(frf.shape, 0.99)
+    coherence[:, 3, 1], coherence[:, 4, 2] = 1 / (1 + 5 * 0.31**2), 1 / (1 + 5 * 0.29**2)
+    found = compare(write(tmp_path, two_bodies, measured(frf, coherence)))
+    assert len(channel(found, *LABELS[3])) == 2
+    assert len(channel(found, *LABELS[4])) == 3
+
+
+def test_noise_is_weighed_by_the_power_of_its_lines(two_bodies, tmp_path):
+    # Half the lines are poor, 40 % of noise; they count by how strong they are.
+    frf = exact(two_bodies)
+    coherence = np.full(frf.shape, 0.999)
+    coherence[60:, 0] = 1 / (1 + 5 * 0.4**2)
+    frf[:60, 0], frf[60:, 0] = 1.0, [1.0, 0.5, 2.0]
+    # 0.4^2 times the poor half's part of the power: 1/2, 1/5, 4/5.
+    found = compare(write(tmp_path, two_bodies, measured(frf, coherence)))
+    assert len(channel(found, *LABELS[0])) == 2
+    frf[60:, 0, 0] = 1.3  # 0.4^2 x 0.628 = 0.317^2
+    found = compare(write(tmp_path, two_bodies, measured(frf, coherence)))
+    assert len(channel(found, *LABELS[0])) == 1
+    frf[60:, 0, 0] = 1.05  # 0.4^2 x 0.524 = 0.290^2
+    found = compare(write(tmp_path, two_bodies, measured(frf, coherence)))
+    assert len(channel(found, *LABELS[0])) == 2
+
+
 def test_lines_without_coherence_at_the_ends_do_not_count(two_bodies, tmp_path):
     frf = exact(two_bodies)
     coherence = np.full(frf.shape, 0.99)
@@ -117,9 +144,10 @@ def test_lines_without_coherence_at_the_ends_do_not_count(two_bodies, tmp_path):
     frf[:10], frf[100:] = 1e3, 1e3
     found = compare(write(tmp_path, two_bodies, measured(frf, coherence)))
     assert max(one.residual for one in found.channels) < 1e-6
-    frf[50, 0, 0] *= 2  # inside the band every line counts
+    for place, line in enumerate((10, 50, 99)):  # inside the band every line counts
+        frf[line, 0, place] *= 2
     found = compare(write(tmp_path, two_bodies, measured(frf, coherence)))
-    assert channel(found, *LABELS[0])[0].residual > 1e-3
+    assert min(one.residual for one in channel(found, *LABELS[0])) > 1e-3
 
 
 def test_the_line_at_zero_hertz_does_not_count(two_bodies, tmp_path):
@@ -128,6 +156,9 @@ def test_the_line_at_zero_hertz_does_not_count(two_bodies, tmp_path):
     frf[0] = 1e3
     found = compare(write(tmp_path, two_bodies, measured(frf, freq=freq)))
     assert max(one.residual for one in found.channels) < 1e-6
+    frf[1] = 1e3
+    found = compare(write(tmp_path, two_bodies, measured(frf, freq=freq)))
+    assert min(one.residual for one in found.channels) > 0.9
 
 
 def test_an_empty_channel_does_not_count(two_bodies, tmp_path):

@@ -58,6 +58,12 @@ CASES = [
          "where_top3": 1},
     ),
     (UNKNOWN, said(word="unexplained", unexplained=1.0), {"unknown_placed": 0, "where_top3": 0}),
+    (ONE, said((APPENDAGE, 1), where=(("body:x", 0.5),)), {"where_first": 0, "where_top3": 0}),
+    (
+        ONE,
+        said((APPENDAGE, 1), where=(*((f"body:{i}", 0.3) for i in "xyz"), ("body:ty", 0.1))),
+        {"where_first": 0, "where_top3": 0},
+    ),
     (UNKNOWN, RIGHT, {"effect_first": 0, "unknown_rejected": 0, "unknown_placed": None}),
     (
         TWO,
@@ -161,6 +167,7 @@ def test_a_cause_is_present_among_several_at_its_own_place_only():
         (Excess(5.0, 1.0), 4.0, 5.0, -0.375),
         (Excess(5.0, 1.0), 4.0, None, 0.0),
         (Excess(5.0, 1.0), None, 1.0, 0.0),
+        (Excess(1.25, 0.75), 1.25, 1.0, 0.5625),
         (Excess(1.09, 1.0), 4.0, 2.0, None),
         (Excess(5.0, 5.0), 4.0, 2.0, None),
         (Excess(None, 1.0), 4.0, 2.0, None),

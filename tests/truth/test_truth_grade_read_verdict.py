@@ -103,6 +103,10 @@ ALLOWED = {
         "causes": [{**GOOD["causes"][0], "probability": 0.95},
                    {**GOOD["causes"][1], "probability": 0.92}],
     },
+    "an excess below the noise": changed(("gap", "after", "excess"), 0.97),
+    "equal shares": changed(("where", 0, "share"), 0.1),
+    "equal probabilities": changed(("causes", 0, "probability"), 0.5)
+    | {"causes": [{**one, "probability": 0.475} for one in GOOD["causes"]]},
     "rounded a little above 1": changed(("causes", 1, "probability"), 0.07),
 }  # fmt: skip
 
@@ -132,6 +136,12 @@ REFUSED = {
     "a cause beside a certain none": (
         changed(("probability",), {"none": 0.5, "unexplained": 0, "several": 0.5}),
         "a cause has 0.9",
+    ),
+    "a cause beside a probable unexplained": (
+        changed(("probability",), {"none": 0.1, "unexplained": 0.3, "several": 0.6})
+        | {"causes": [{**one, "probability": p}
+                      for one, p in zip(GOOD["causes"], (0.65, 0.1), strict=True)]},
+        "a cause has 0.65",
     ),
     "negative": (changed(("probability", "none"), -0.01), "probability of none"),
     "above one": (changed(("causes", 0, "probability"), 1.5), r"causes\[0\]: 1.5"),
@@ -185,7 +195,7 @@ REFUSED = {
         "gap.retuned.excess",
     ),
     "an endless number": (f'{{"verdict": {"9" * 6000}}}', "is not JSON"),
-    "a key twice": ('{"verdict": "none", "verdict": "explained"}', "'verdict' is given twice"),
+    "a key twice": ('{"a": 1, "verdict": "none", "verdict": "x"}', "'verdict' is given twice"),
     "half a file": (json.dumps(GOOD)[:200], "is not JSON"),
     "nothing": ("", "is not JSON"),
     "a deep file": ("[" * 100_000, "nested too deeply"),

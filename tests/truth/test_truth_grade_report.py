@@ -60,7 +60,7 @@ ANSWERS = {
     "d": APPENDAGE.replace("10.0", "20.0"),
     "e": "effect =",
 }
-REFITS = {"a": (5.0, 1.0), "b": (1.02, None), "c": (None, 1.0)}
+REFITS = {"a": (5.0, 1.0), "b": (0.98, None), "c": (None, 1.0)}
 
 
 @pytest.fixture(scope="module")
@@ -212,8 +212,9 @@ def test_nothing_to_grade_is_an_empty_report(tmp_path):
 
 def test_a_name_given_twice_is_refused(tmp_path):
     case = Case("x", tmp_path, tmp_path / "v.json", tmp_path / "a.toml")
-    with pytest.raises(TruthError, match="x given twice"):
-        grade([case, case])
+    other = Case("y", tmp_path, tmp_path / "v.json", tmp_path / "a.toml")
+    with pytest.raises(TruthError, match="cases: x given twice"):
+        grade([other, case, case])
 
 
 def test_a_singular_drawing_skips_the_baselines(folder, monkeypatch):

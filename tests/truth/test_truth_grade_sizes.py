@@ -88,6 +88,17 @@ def test_intervals_are_counted_for_each_component():
     assert (rate.n, rate.hits, (rate.low, rate.high)) == (3, 2, wilson(2, 3))
 
 
+def test_intervals_are_counted_by_effect():
+    mass = stated("appendage", "body:ty", {"mass": (20.0,)}, {"mass": ((19.0, 21.0),)})
+    gain = stated("sensor_gain", "sensor:a", {"gain": (1.2,)}, {"gain": ((1.1, 1.2),)})
+    truth = truth_of("sensor_gain", "sensor:a", gain=(1.3,))
+    held = sizes_of([*estimates_of(APPENDAGE, mass), *estimates_of(truth, gain)]).intervals_of
+    assert {name: (rate.n, rate.hits) for name, rate in held.items()} == {
+        "appendage": (1, 1),
+        "sensor_gain": (1, 0),
+    }
+
+
 def test_of_several_effects_each_is_estimated_and_an_unknown_one_is_not():
     truth = Truth(
         (

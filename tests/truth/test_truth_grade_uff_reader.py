@@ -77,6 +77,29 @@ def test_a_coherence_without_its_frf_is_left_out(tmp_path):
     assert found.present.sum() == 5
 
 
+def test_a_response_with_a_coherence_alone_is_left_out(tmp_path):
+    parts = records()
+    del parts[11], parts[5]  # the FRFs of the last response
+    found = read(joined(parts), tmp_path)
+    assert found.responses == RESPONSES[:2]
+    assert found.present.all()
+
+
+def test_fields_are_read_by_their_columns(tmp_path):
+    # Every field filled to its width, so that one column more or less is another number.
+    values = np.array([1 + 2j, 3 - 1j], "<c8")
+    head = "    58b" + "000001000002000000000011000000000016" + "9" * 36
+    place = "00004" + "9" * 25 + " ABCDEFGHIJ1234567890-003 ABCDEFGHIJ2345678901-002" + "9" * 6
+    data = "0000000005" + "0000000002" + "0000000001" + "2.5000000e+001.2500000e-01" + "9" * 13
+    axes = ["0000000018" + "9" * 20, "0000000012" + "9" * 20, "0000000013" + "9" * 20, "9" * 30]
+    lines = [head, *["text"] * 5, place, data, *axes]
+    ascii_part = "".join(f"{line}\n" for line in lines).encode()
+    found = read(END + ascii_part + values.tobytes() + b"\n" + END, tmp_path)
+    assert (found.responses, found.references) == (((1234567890, -3),), ((2345678901, -2),))
+    np.testing.assert_array_equal(found.freq_hz, [2.5, 2.625])
+    np.testing.assert_array_equal(found.frf[:, 0, 0], values)
+
+
 CHANGES = {
     "ascii": (b"    58b     1", b"    58      1", "dataset 58: is not handled"),
     "big endian": (b"    58b     1     2", b"    58b     2     2", "little-endian"),
@@ -87,6 +110,7 @@ CHANGES = {
     "one line more": (b"         5         7", b"         5         8", "single precision"),
     "mobility": (b"\n        12    0", b"\n        11    0", "no acceleration over a force"),
     "a rotation": (b"         4   3 ", b"         4   4 ", "direction 4"),
+    "no direction": (b"         4   3 ", b"         4   0 ", "direction 0"),
     "no number": (b"         4   3 ", b"      four   3 ", "no UFF file"),
     "another grid": (
         b"  2.50000e+00  1.25000e-01",
@@ -110,7 +134,8 @@ def test_other_files_are_refused(case, tmp_path):
     [
         (b"", "holds no FRF"),
         (b"text", "expected a line -1"),
-        (GOOD[:-200], "ends within its data|expected a line|no UFF"),
+        (GOOD[:-9], "ends within its data"),
+        (GOOD[:-7], "a dataset is damaged"),
         (GOOD + joined(records()[1:2]), "is given twice"),
         (joined([*records()[:2], *records()[3:]]), "some FRFs have a coherence, others not"),
         (uff_bytes(replace(measurement(), frf=np.full(SHAPE, np.nan + 0j))), "not finite"),

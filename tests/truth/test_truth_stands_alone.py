@@ -6,7 +6,7 @@ from pathlib import Path
 
 import truth
 
-ALLOWED = {"truth", "numpy", "scipy", "typer"} | set(sys.stdlib_module_names)
+ALLOWED = {"truth", "numpy", "scipy", "threadpoolctl", "typer"} | set(sys.stdlib_module_names)
 
 
 def imported(path: Path) -> set[str]:

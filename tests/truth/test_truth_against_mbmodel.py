@@ -1,0 +1,48 @@
+"""Two programs that know nothing of each other answer alike, from one file."""
+
+import numpy as np
+import pytest
+
+from identification.words import Dof
+from mbmodel import Question, as_drawn, linearise, load_machine
+from truth.draw import NO_TOLERANCE, draw_basis, draw_drawing, draw_hammers, draw_rigid
+from truth.reader import read_station
+from truth.rig import Prepared, accelerance, build
+from truth.texts import model_xml
+from truth.trees import draw_tree
+
+FREQ = np.linspace(0, 200, 201)
+
+
+def machines(nominal):
+    basis = draw_rigid(draw_basis(nominal, 31), 2, 31)
+    return {
+        "station": draw_drawing(basis, 31),
+        "tree of 3": draw_tree(40, 3),
+        "tree of 6": draw_tree(41, 6),
+        "tree of 10": draw_tree(42, 10),
+    }
+
+
+@pytest.mark.parametrize("name", ["station", "tree of 3", "tree of 6", "tree of 10"])
+def test_both_give_the_same_frfs_to_nine_digits(name, nominal, tmp_path):
+    path = tmp_path / "model.xml"
+    path.write_text(model_xml(machines(nominal)[name]))
+    for mesh in nominal.meshes:
+        (tmp_path / "meshes").mkdir(exist_ok=True)
+        (tmp_path / "meshes" / mesh.file).write_bytes(mesh.content)
+    station = read_station(path)
+    node = station.first_aim()
+    hammers = draw_hammers(station, node, NO_TOLERANCE, 1)
+    ours = accelerance(build(Prepared(station, hammers)), FREQ)
+    hits = [hit.node for stage in station.stages for hit in stage.hit_points]
+    site = f"hit{node}" if node in hits else f"acc{node}"
+    model = as_drawn(load_machine(path))
+    question = Question(
+        FREQ,
+        tuple(Dof.of(f"acc{one.node}", axis) for _, one in station.sensors() for axis in range(3)),
+        tuple(Dof.of(site, axis) for axis in range(3)),
+    )
+    theirs = linearise(model, model.drawn, question).values
+    peak = np.abs(ours).max(axis=0)
+    assert (np.abs(ours - theirs) / peak).max() < 1e-9
