@@ -76,11 +76,22 @@ def assemble(station: Station, flexes: tuple[Flex, ...] = ()) -> Equations:
     for index, stage in enumerate(station.stages):
         here = slice(6 * index, 6 * index + 6)
         mass[here, here] = scipy.linalg.block_diag(stage.mass * np.eye(3), stage.inertia)
-        moving, fixed = joint_rows(station, index, flexes)
-        stiffness += (moving.T * [joint.stiffness for joint in stage.joints]) @ moving
-        damping += (moving.T * [joint.damping for joint in stage.joints]) @ moving
+        own_damping, own_stiffness, fixed = joint_matrices(station, index, flexes)
+        damping += own_damping
+        stiffness += own_stiffness
         rigid.append(fixed)
     return Equations(mass, damping, stiffness, np.vstack(rigid))
+
+
+def joint_matrices(
+    station: Station, index: int, flexes: tuple[Flex, ...] = ()
+) -> tuple[Real, Real, Real]:
+    """Return what the joints of one stage are in C, in K and in G."""
+    joints = station.stages[index].joints
+    moving, fixed = joint_rows(station, index, flexes)
+    stiffness: Real = (moving.T * [joint.stiffness for joint in joints]) @ moving
+    damping: Real = (moving.T * [joint.damping for joint in joints]) @ moving
+    return damping, stiffness, fixed
 
 
 def point_row(stage: Stage, position: Real, direction: Real) -> Real:

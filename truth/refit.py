@@ -27,8 +27,8 @@ from scipy.linalg import blas
 from truth.draw import Tolerance
 from truth.dynamics import (
     Equations,
-    assemble,
     hammer_columns,
+    joint_matrices,
     joint_rows,
     motion_row,
     point_row,
@@ -281,42 +281,57 @@ def _matrices(
 
 def _places(machine: Machine, index: int, tolerance: Tolerance) -> Iterator[_Slopes]:
     """By a stage's centre of mass and by the place that its joints share."""
-    stage = machine.station.stages[index]
+    station, stage = machine.station, machine.station.stages[index]
+    children = [i for i, one in enumerate(station.stages) if one.parent == index]
     for axis in np.eye(3):
-        yield _central(machine, index, partial(_with_com, stage, tolerance.com * axis))
+        ends = _ends(station, index, partial(_with_com, stage, tolerance.com * axis))
+        over = 1 / (2 * _STEP)
+        yield _Slopes(
+            _slope_of_joints(ends, (index, *children)),
+            (sensor_rows(ends[0]) - sensor_rows(ends[1])) * over,
+            (hammer_columns(ends[0], machine.hammers) - hammer_columns(ends[1], machine.hammers))
+            * over,
+        )
         if stage.joints:
             by = tolerance.joint_position * axis
-            yield _central(machine, index, partial(_with_joints, stage, by))
+            yield _Slopes(
+                _slope_of_joints(_ends(station, index, partial(_moved, stage, by)), (index,))
+            )
 
 
 def _with_com(stage: Stage, shift: Real, way: float) -> Stage:
     return replace(stage, com=stage.com + way * shift)
 
 
-def _with_joints(stage: Stage, shift: Real, way: float) -> Stage:
+def _moved(stage: Stage, shift: Real, way: float) -> Stage:
     joints = tuple(replace(one, position=one.position + way * shift) for one in stage.joints)
     return replace(stage, joints=joints)
 
 
-def _central(machine: Machine, index: int, moved: Callable[[float], Stage]) -> _Slopes:
-    """Central difference of the assembled matrices."""
-    ends = []
+def _ends(station: Station, index: int, moved: Callable[[float], Stage]) -> tuple[Station, Station]:
+    """The station with a stage a step to either side."""
+    found = []
     for way in (_STEP, -_STEP):
-        stages = list(machine.station.stages)
+        stages = list(station.stages)
         stages[index] = moved(way)
-        station = replace(machine.station, stages=tuple(stages))
-        ends.append(
-            (assemble(station), sensor_rows(station), hammer_columns(station, machine.hammers))
-        )
-    (one, sensors, hammers), (other, sensors_too, hammers_too) = ends
+        found.append(replace(station, stages=tuple(stages)))
+    return found[0], found[1]
+
+
+def _slope_of_joints(ends: tuple[Station, Station], indices: tuple[int, ...]) -> Equations:
+    """Central difference of C, K and G, of which the joints of a few stages alone move."""
+    sizes = [6 - len(stage.joints) for stage in ends[0].stages]
+    size = 6 * len(sizes)
+    damping, stiffness = np.zeros((2, size, size))
+    rigid = np.zeros((sum(sizes), size))
+    for index in indices:
+        one, other = (joint_matrices(station, index) for station in ends)
+        damping += one[0] - other[0]
+        stiffness += one[1] - other[1]
+        first = sum(sizes[:index])
+        rigid[first : first + sizes[index]] = one[2] - other[2]
     over = 1 / (2 * _STEP)
-    equations = Equations(
-        (one.mass - other.mass) * over,
-        (one.damping - other.damping) * over,
-        (one.stiffness - other.stiffness) * over,
-        (one.rigid - other.rigid) * over,
-    )
-    return _Slopes(equations, (sensors - sensors_too) * over, (hammers - hammers_too) * over)
+    return Equations(np.zeros((size, size)), damping * over, stiffness * over, rigid * over)
 
 
 def _hits(machine: Machine, number: int, tolerance: Tolerance) -> Iterator[_Slopes]:

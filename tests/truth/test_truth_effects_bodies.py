@@ -281,6 +281,14 @@ def test_a_rotor_sits_where_two_tilts_feel_it_on_the_axis_of_a_hinge():
     station = chain(hinges=True)  # the head has rx, ry alone and can feel it through the arm
     drawn = [draw_gyroscopic(random_of(s), scene_of(station), "body:head") for s in range(40)]
     assert {one.axis for one in drawn} == {(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)}
-    assert draw_gyroscopic(random_of(1), scene_of(station), "body:arm").axis == (0.0, 0.0, 1.0)
+    arm = draw_gyroscopic(random_of(1), scene_of(station), "body:arm")
+    assert arm.axis == (0.0, 0.0, 1.0)
+    assert arm.moment == pytest.approx(60 * (0.04 + 0.05 + 0.07) / 3)
+    upper = chain().stages[2]
+    for joints, axes in ((slice(3, 5), {(1, 0, 0), (0, 1, 0)}), (slice(3, 6), {(0, 0, 1)})):
+        few = replace(upper, joints=upper.joints[joints])
+        scene = scene_of(replace(chain(), stages=(*chain().stages[:2], few)))
+        found = {draw_gyroscopic(random_of(s), scene, "body:head").axis for s in range(20)}
+        assert found == axes
     base = replace(station.stages[0], joints=station.stages[0].joints[:4])
     assert draw_gyroscopic(random_of(1), scene_of(Station("one", (base,))), None) is None

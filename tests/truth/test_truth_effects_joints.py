@@ -108,6 +108,18 @@ def test_a_direction_that_the_joints_already_span_is_not_freed():
     assert drawn == {"tz", "rx", "ry", "rz"}
 
 
+def test_two_hinges_apart_span_a_translation_too():
+    station, point = chain(), np.array([0.3, 0.4, 0.5])
+    hinges = tuple(
+        Joint(f"head_{name}", "hinge", AXES[2], point + shift, 1e5, 1.0)
+        for name, shift in {"a": np.zeros(3), "b": np.array([1.0, 0.0, 0.0])}.items()
+    )
+    head = replace(station.stages[2], joints=hinges)
+    scene = scene_of(replace(station, stages=(*station.stages[:2], head)))
+    drawn = {draw_missing_dof(random_of(s), scene, None).dof for s in range(60)}
+    assert drawn == {"tx", "tz", "rx", "ry"}
+
+
 def standing(k: dict[str, float], c: dict[str, float]) -> Station:
     """A block on one joint away from its centre of mass."""
     point = np.array([0.1, -0.2, 0.3])
