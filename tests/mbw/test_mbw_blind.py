@@ -1,0 +1,186 @@
+"""``mbw blind``: draws, seals, judges, grades, goes on, and survives a case that fails."""
+
+import hashlib
+import json
+import tomllib
+
+import pytest
+from browser import CHROMIUM, browse, data_of
+from typer.testing import CliRunner
+
+from mbw import blind_case
+from mbw.command import app
+from truth.texts import model_xml
+from truth.trees import draw_tree
+
+RUNNER = CliRunner()
+SEED = 11
+PROBE = """<script>
+addEventListener("load", () => setTimeout(() => {
+  const bars = () => byId("rates").data.length;
+  const found = {bars: bars(), rows: document.querySelectorAll("#cases tbody tr").length};
+  document.querySelector('#split button[data-value="by_ratio"]').click();
+  setTimeout(() => {
+    found.groups = [...new Set(byId("rates").data.flatMap(t => t.x))];
+    found.heat = byId("confusion").data[0].z.length;
+    found.faults = FAULTS;
+    document.body.append(element("pre", JSON.stringify(found), {id: "found"}));
+  }, 800);
+}, 1500));
+</script>"""
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    path = tmp_path_factory.mktemp("model") / "small.xml"
+    path.write_text(model_xml(draw_tree(2, 3)))
+    return path
+
+
+def run(model, out, *options, seed=SEED):
+    arguments = ["blind", str(model), "--out", str(out), "--seed", str(seed), *map(str, options)]
+    return RUNNER.invoke(app, arguments)
+
+
+@pytest.fixture(scope="module")
+def done(model, tmp_path_factory):
+    """Two cases for real."""
+    out = tmp_path_factory.mktemp("blind") / "out"
+    result = run(model, out, "--cases", 2)
+    assert result.exit_code == 0, result.stderr
+    return out, result
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Cases whose verdict is at hand: the last number of the case says which fails."""
+
+    def judge(task):
+        if task.number in quick.failing:
+            raise RuntimeError("the diagnosis fell\nover")
+        verdict = {
+            "verdict": "none",
+            "probability": {"none": 1.0, "unexplained": 0.0, "several": 0.0},
+            "gap": {
+                "as_drawn": {"error": 1.0, "excess": 2.0},
+                "retuned": {"error": 0.1, "excess": 1.0},
+                "after": {"error": None, "excess": None},
+                "noise": 0.1,
+                "closed": None,
+                "interval": {"closed": None, "after": None},
+            },
+            "where": [], "causes": [], "twins": [], "not_testable": [], "next_experiment": "",
+        }  # fmt: skip
+        task.verdict.write_text(json.dumps(verdict))
+        task.refit.write_text(json.dumps({"excess": 1.0}))
+
+    quick.failing = set()
+    monkeypatch.setattr(blind_case, "_judge", judge)
+    return quick
+
+
+def test_each_answer_is_sealed_apart_and_its_hash_published(done):
+    out, _ = done
+    hashes = dict(line.split() for line in (out / "hashes.txt").read_text().splitlines())
+    assert hashes.keys() == {"0000", "0001"}
+    for name, value in hashes.items():
+        answer = (out / "sealed" / f"{name}.toml").read_bytes()
+        assert hashlib.sha256(answer).hexdigest() == value
+        inside = sorted(path.name for path in (out / "cases" / name / "campaign").iterdir())
+        assert "answer.toml" not in inside
+        assert "campaign.toml" in inside
+
+
+def test_verdicts_keep_the_format_and_are_graded_beside_baselines(done):
+    out, result = done
+    verdict = json.loads((out / "cases" / "0000" / "verdict.json").read_text())
+    assert verdict["verdict"] in ("none", "unexplained")
+    assert sum(verdict["probability"].values()) == 1
+    assert verdict["gap"]["retuned"]["excess"] == pytest.approx(
+        json.loads((out / "cases" / "0000" / "refit.json").read_text())["excess"]
+    )
+    grades = json.loads((out / "grades.json").read_text())
+    assert grades["cases"] == 2
+    assert not grades["failed"]
+    assert {"random", "refit_only"} <= grades["baselines"].keys()
+    assert "effect_first" in result.stdout
+    assert (out / "grades.txt").read_text().strip() in result.stdout
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
+def test_the_page_draws_rates_and_cases(done, tmp_path):
+    page = (done[0] / "blind.html").read_text()
+    assert len(data_of(page)["lines"]) == 2
+    found = browse(page, tmp_path, probe=PROBE)
+    assert found["faults"] == []
+    assert found["rows"] == 2
+    assert found["bars"] >= 6
+    assert found["heat"] >= 1
+    truths = [tomllib.loads((done[0] / "sealed" / f"000{n}.toml").read_text()) for n in (0, 1)]
+    known = {str(round(one["ratio"])) if "ratio" in one else "none" for one in truths}
+    assert {group.removesuffix(".0") for group in found["groups"]} >= known - {"several"}
+
+
+def test_the_same_call_goes_on_and_draws_nothing_twice(model, tmp_path, quick):
+    out = tmp_path / "out"
+    assert run(model, out, "--cases", 2).exit_code == 0
+    files = [*out.rglob("*.uff"), *(out / "sealed").iterdir()]
+    times = {path: (path.stat().st_mtime_ns, path.read_bytes()) for path in files}
+    (out / "cases" / "0001" / "verdict.json").unlink()  # as if stopped in between
+    assert run(model, out, "--cases", 3).exit_code == 0
+    for path, known in times.items():
+        assert (path.stat().st_mtime_ns, path.read_bytes()) == known
+    assert json.loads((out / "grades.json").read_text())["cases"] == 3
+    assert len((out / "hashes.txt").read_text().splitlines()) == 3
+
+
+def test_a_case_cut_off_while_it_was_drawn_is_drawn_again_to_the_same_bytes(model, tmp_path, quick):
+    out = tmp_path / "out"
+    run(model, out, "--cases", 1)
+    file = min((out / "cases" / "0000" / "campaign").glob("*.uff"))
+    before = file.read_bytes()
+    file.write_bytes(b"half")
+    (out / "cases" / "0000" / "sha256.txt").unlink()
+    run(model, out, "--cases", 1)
+    assert file.read_bytes() == before
+
+
+def test_a_case_that_fails_is_named_with_its_seed_and_the_rest_go_on(model, tmp_path, quick):
+    out = tmp_path / "out"
+    quick.failing = {1}
+    result = run(model, out, "--cases", 3)
+    assert result.exit_code == 0
+    assert f"seed {SEED}, case 1: the diagnosis fell over" in result.stderr
+    assert "RuntimeError" in (out / "cases" / "0001" / "failed.txt").read_text()
+    grades = json.loads((out / "grades.json").read_text())
+    assert grades["cases"] == 3
+    assert grades["failed"].keys() == {"0001"}
+    assert "fell over" in (out / "blind.html").read_text()
+    quick.failing = set()
+    assert "fell over" not in run(model, out, "--cases", 3).stderr
+    assert not (out / "cases" / "0001" / "failed.txt").exists()
+    assert not json.loads((out / "grades.json").read_text())["failed"]
+
+
+def test_another_seed_model_or_folder_is_refused(model, tmp_path, quick):
+    out = tmp_path / "out"
+    run(model, out, "--cases", 1)
+    other = run(model, out, "--cases", 1, seed=12)
+    assert other.exit_code == 3
+    assert "another model or seed" in other.stderr
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "one.txt").touch()
+    taken = run(model, tmp_path / "thesis", "--cases", 1)
+    assert taken.exit_code == 3
+    assert "something else" in taken.stderr
+    missing = run(tmp_path / "no.xml", tmp_path / "new", "--cases", 1)
+    assert missing.exit_code == 3
+    assert "trees" in missing.stderr
+    assert not (tmp_path / "new").exists()
+    assert run(model, out, "--cases", 0).exit_code == 2
+
+
+def test_random_trees_need_no_model(tmp_path, quick):
+    result = run("trees", tmp_path / "out", "--cases", 1)
+    assert result.exit_code == 0
+    assert json.loads((tmp_path / "out" / "grades.json").read_text())["cases"] == 1
