@@ -14,11 +14,11 @@ from identification.words import InputError, WorkbenchError
 from mbw.blind_case import TREES, Played, Task, play
 from mbw.blind_page import render
 from mbw.messages import SCREEN
+from truth import TruthError, read_station
 from truth.grade import Case, grade, tables, to_json
 from tuning import files_of
 
 ASKED = "asked.json"
-HASHES = "hashes.txt"
 GRADES, TABLES, PAGE = "grades.json", "grades.txt", "blind.html"
 
 
@@ -54,7 +54,7 @@ def run(wish: Wish) -> Path:
     _prepare(wish, out)
     model = wish.model if wish.model == TREES else str(Path(wish.model).absolute())
     tasks = [Task(model, wish.seed, number, out) for number in range(wish.cases)]
-    failed = [played for played in _played(tasks, wish.jobs, out) if played.error]
+    failed = [played for played in _played(tasks, wish.jobs) if played.error]
     for played in failed:
         SCREEN.say(f"could not be played: {played.error} ({played.task.failure})")
     drawn = [task for task in tasks if task.sealed.is_file()]
@@ -67,7 +67,8 @@ def run(wish: Wish) -> Path:
         (place / GRADES).write_text(to_json(report) + "\n", encoding="utf-8")
         (place / TABLES).write_text(tables(report), encoding="utf-8")
         (place / PAGE).write_text(page, encoding="utf-8")
-    typer.echo(tables(report).rstrip())
+    if not SCREEN.quiet:
+        typer.echo(tables(report).rstrip())
     SCREEN.say(f"grades in {out / GRADES}")
     SCREEN.say(f"pictures in {(out / PAGE).as_uri()}")
     return out
@@ -82,34 +83,32 @@ def _case(task: Task) -> Case:
     )
 
 
-def _played(tasks: list[Task], jobs: int, out: Path) -> Iterator[Played]:
-    """Play the cases, each answer's hash published as soon as it is drawn."""
+def _played(tasks: list[Task], jobs: int) -> Iterator[Played]:
+    """Play the cases, several at a time."""
     with SCREEN.progress() as progress:
         bar = progress.add_task("cases", total=len(tasks))
         work = Parallel(n_jobs=jobs, return_as="generator_unordered")(
             delayed(play)(task) for task in tasks
         )
         for done in work:
-            if done.hash:
-                _publish(out / HASHES, f"{done.task.name} {done.hash}")
             progress.update(bar, advance=1, description=f"case {done.task.name}")
             yield done
-
-
-def _publish(path: Path, line: str) -> None:
-    """Append a line that is not there yet."""
-    known = path.read_text("utf-8").splitlines() if path.is_file() else []
-    if line not in known:
-        with path.open("a", encoding="utf-8") as file:
-            file.write(line + "\n")
 
 
 def _prepare(wish: Wish, out: Path) -> None:
     """Keep what was asked, or check that a folder that is there was asked the same."""
     asked = {"model": _fingerprint(wish.model), "seed": wish.seed}
+    if wish.model != TREES:
+        try:
+            read_station(Path(wish.model))
+        except TruthError as error:
+            raise InputError(str(error)) from error
     note = out / ASKED
     if note.is_file():
-        known = json.loads(note.read_text("utf-8"))
+        try:
+            known = json.loads(note.read_text("utf-8"))
+        except ValueError:  # it was cut off while it was written: nothing was drawn yet
+            known = asked
         if known != asked:
             raise InputError(
                 f"{out} holds a blind test of another model or seed: name another folder with --out"

@@ -12,6 +12,7 @@ from truth import draw_case, read_station, write_answer, write_campaign
 from tuning import Tuned, open_session, tune
 
 TREES = "trees"
+HASHES = "hashes.txt"  # of the answers, each before its verdict
 _NOTHING = 1.1  # excess below which nothing is missing
 
 
@@ -78,12 +79,10 @@ class Played:
 
     Args:
         task: which.
-        hash: of its answer; empty if it failed before there was one.
         error: what stopped it; empty if nothing did.
     """
 
     task: Task
-    hash: str = ""
     error: str = ""
 
 
@@ -92,18 +91,18 @@ def play(task: Task) -> Played:
 
     An exception becomes the case's failure: the others go on.
     """
-    answer = ""
     try:
         with threadpool_limits(1):
             answer = _draw(task)
+            _publish(task.out / HASHES, f"{task.name} {answer}")
             _judge(task)
     except Exception as error:  # whatever it is, the other cases go on
         task.folder.mkdir(parents=True, exist_ok=True)
         task.failure.write_text(traceback.format_exc(), encoding="utf-8")
         said = " ".join(str(error).split()) or type(error).__name__
-        return Played(task, answer, f"seed {task.seed}, case {task.number}: {said}")
+        return Played(task, f"seed {task.seed}, case {task.number}: {said}")
     task.failure.unlink(missing_ok=True)
-    return Played(task, answer)
+    return Played(task)
 
 
 def _draw(task: Task) -> str:
@@ -118,6 +117,14 @@ def _draw(task: Task) -> str:
     write_answer(campaign, task.sealed)
     _write(hash_file, campaign.answer_hash)
     return campaign.answer_hash
+
+
+def _publish(path: Path, line: str) -> None:
+    """Append a line that is not there yet, in one write, so that no other process's is torn."""
+    known = path.read_text("utf-8").splitlines() if path.is_file() else []
+    if line not in known:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(line + "\n")
 
 
 def _judge(task: Task) -> None:

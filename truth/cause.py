@@ -9,7 +9,7 @@ import numpy as np
 from truth.draw import stream
 from truth.effects import CATALOGUE, Draw, Effect, Scene
 from truth.effects.outside import OUTSIDE
-from truth.errors import TruthError
+from truth.errors import NoPlaceError, TruthError
 from truth.machine import Machine
 from truth.refit import Refit
 
@@ -19,10 +19,6 @@ _TURNS = 12  # repetitions of the search for a size
 
 
 _KNOWN: Mapping[str, Draw] = MappingProxyType({**CATALOGUE, **OUTSIDE})
-
-
-class NoPlaceError(TruthError):
-    """A machine has no place for an effect."""
 
 
 @dataclass(frozen=True)

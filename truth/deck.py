@@ -11,11 +11,12 @@ from itertools import islice
 import numpy as np
 
 from truth.campaign import Campaign, Plan, draw_campaign
-from truth.cause import Cause, NoPlaceError, Wanted
-from truth.draw import stream
-from truth.effects import CATALOGUE
+from truth.cause import Cause, Wanted
+from truth.draw import draw_basis, draw_rigid, stream
+from truth.effects import CATALOGUE, Scene
 from truth.effects.outside import OUTSIDE
-from truth.protocol import draw_protocol
+from truth.errors import NoPlaceError, TruthError
+from truth.protocol import Protocol, draw_protocol, occasions, takes
 from truth.station import Station
 from truth.trees import draw_tree
 
@@ -32,6 +33,7 @@ _TWINS = (
     ("sensor_misalignment", "sensor_position", "sensor"),
     ("friction", "hardening", "joint"),
 )
+_WITHOUT_SIZE = ("sensor_polarity", "sensor_swap")  # never small
 _TRIES = 20  # causes, until one has a place in the machine
 
 
@@ -45,6 +47,7 @@ class Card:
         ratio: survival ratio of the first.
         shared: twins have the number of their pair, and with it their machine.
         place: kind of place that twins share.
+        twins: both names of a pair: the place must do for either.
     """
 
     kind: str
@@ -52,6 +55,7 @@ class Card:
     ratio: float = 0.0
     shared: int | None = None
     place: str = ""
+    twins: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +85,16 @@ def draw_case(nominal: Station | None, seed: int, number: int) -> Case:
     """
     card = next(islice(cards(seed), number, None))
     own = (1, number) if card.shared is None else (2, card.shared)
-    machine = int(np.random.SeedSequence(seed, spawn_key=own).generate_state(1)[0])
+    words = np.random.SeedSequence(seed, spawn_key=own).generate_state(4)  # too many to be tried
+    machine = int.from_bytes(words.tobytes(), "little")
     station = nominal or draw_tree(machine)
     protocol = draw_protocol(station, machine)
     for turn in range(_TRIES):
         random = stream(machine, f"cause.{turn}")
-        plan = Plan(machine, _cause(card, station, random, turn), protocol, rigid=RIGID)
+        cause = _cause(card, station, random, turn)
+        plan = Plan(machine, cause, protocol, rigid=RIGID)
+        if card.twins and not _do_for_both(card, cause, station, protocol, machine):
+            continue
         try:
             return Case(number, plan, station, draw_campaign(station, plan))
         except NoPlaceError:
@@ -111,15 +119,30 @@ def cards(seed: int) -> Iterator[Card]:
             ]
         for _ in range(_PAIRS):
             found.append([Card("two", _several(random, catalogue, 2), _ratio(random))])
+        sized = [name for name in catalogue if name not in _WITHOUT_SIZE]
         for _ in range(_MANY):
             count = 1 + int(random.integers(_MANY_SMALL[0], _MANY_SMALL[1] + 1))
-            found.append([Card("many", _several(random, catalogue, count), _ratio(random))])
+            found.append([Card("many", _several(random, sized, count), _ratio(random))])
         one, other, place = _TWINS[int(random.integers(len(_TWINS)))]
         ratio, pair = _ratio(random), pair + 1
-        found.append([Card("twin", (name,), ratio, pair, place) for name in (one, other)])
+        both = (one, other)
+        found.append([Card("twin", (name,), ratio, pair, place, both) for name in both])
         for number in random.permutation(len(found)).tolist():
             yield from found[number]
         turn += 1
+
+
+def _do_for_both(card: Card, cause: Cause, station: Station, protocol: Protocol, seed: int) -> bool:
+    """Whether either twin has its place in the machine: else another place is drawn for both."""
+    basis = draw_rigid(draw_basis(station, seed), RIGID, seed)
+    scene = Scene(basis, occasions(protocol, takes(protocol, basis, seed)))
+    for name in card.twins:
+        try:
+            if CATALOGUE[name](stream(seed, "twin"), scene, cause.wanted[0].place) is None:
+                return False
+        except TruthError:
+            return False
+    return True
 
 
 def _several(random: np.random.Generator, names: list[str], count: int) -> tuple[str, ...]:
@@ -140,7 +163,8 @@ def _cause(card: Card, station: Station, random: np.random.Generator, turn: int)
         place = f"sensor:acc{node}" if card.place == "sensor" else f"{card.place}:{stage.name}"
     elif turn:  # the machine has no place for it: another effect of the same kind
         among = OUTSIDE if card.kind == "outside" else CATALOGUE
-        names = _several(random, [name for name in among if name != "none"], len(names))
+        never = ("none", *(_WITHOUT_SIZE if card.kind == "many" else ()))
+        names = _several(random, [name for name in among if name not in never], len(names))
     first = Wanted(names[0], place, card.ratio)
     if card.kind == "two":
         return Cause((first, Wanted(names[1], None, card.ratio)), kind=card.kind)

@@ -41,7 +41,7 @@ def draw_tree(seed: int, count: int | None = None) -> Station:
     stages = []
     for index, (box, mass) in enumerate(zip(boxes, carried, strict=True)):
         stages.append(_stage(random, index, parents[index], box, mass, hit == index))
-    return Station(f"tree{number}_{seed}", tuple(stages))
+    return Station(f"tree{number}", tuple(stages))  # the name is in the drawing: no seed in it
 
 
 def _parents(random: np.random.Generator, number: int) -> list[int]:

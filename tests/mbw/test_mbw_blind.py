@@ -56,6 +56,8 @@ def quick(monkeypatch):
     """Cases whose verdict is at hand: the last number of the case says which fails."""
 
     def judge(task):
+        published = (task.out / "hashes.txt").read_text().splitlines()
+        assert [line.split()[0] for line in published].count(task.name) == 1
         if task.number in quick.failing:
             raise RuntimeError("the diagnosis fell\nover")
         verdict = {
@@ -178,6 +180,11 @@ def test_another_seed_model_or_folder_is_refused(model, tmp_path, quick):
     assert "trees" in missing.stderr
     assert not (tmp_path / "new").exists()
     assert run(model, out, "--cases", 0).exit_code == 2
+    (tmp_path / "no.txt").write_text("no machine")
+    broken = run(tmp_path / "no.txt", tmp_path / "new", "--cases", 1)
+    assert broken.exit_code == 3
+    assert "XML" in broken.stderr
+    assert not (tmp_path / "new").exists()
 
 
 def test_random_trees_need_no_model(tmp_path, quick):

@@ -104,3 +104,34 @@ def test_a_machine_without_sensors_is_refused(two_bodies):
     )
     with pytest.raises(TruthError, match="nothing"):
         draw_campaign(bare, draw_case(two_bodies, 1, 0).plan)
+
+
+def test_small_effects_behind_a_large_one_have_a_size():
+    many = [card for seed in range(20) for card in round_of(seed) if card.kind == "many"]
+    assert len(many) == 20
+    assert not {name for card in many for name in card.names} & {"sensor_polarity", "sensor_swap"}
+
+
+@pytest.mark.parametrize("pair", [("joint_coupling", "support_loss"), ("mass_error", "appendage")])
+def test_a_place_is_drawn_that_does_for_both_twins(pair, monkeypatch):
+    # Random trees have stages without all six directions: no place for a support that is lost.
+    kind = "body" if pair[0] == "mass_error" else "joint"
+    deck = [Card("twin", (name,), 1.0, number, kind, pair) for number in range(4) for name in pair]
+    monkeypatch.setattr("truth.deck.cards", lambda seed: iter(deck))
+    for number in range(0, len(deck), 2):
+        answers = [
+            tomllib.loads(draw_case(None, 3, one).campaign.answer.decode())
+            for one in (number, number + 1)
+        ]
+        assert tuple(one["effect"] for one in answers) == pair
+        assert answers[0]["location"] == answers[1]["location"]
+
+
+def test_no_file_of_a_random_machine_tells_a_seed():
+    case = draw_case(None, 4321, 9)
+    assert case.plan.seed > 2**64
+    for name, content in case.campaign.files.items():
+        for seed in (case.plan.seed, 4321):
+            assert str(seed).encode() not in name.encode() + content, name
+    stages = len(case.station.stages)
+    assert f'model="tree{stages}"'.encode() in case.campaign.files["model.xml"]

@@ -120,7 +120,7 @@ def test_a_refit_that_cannot_be_read_is_a_remark(report):
 
 def test_the_shrink_is_graded_where_both_refits_are(report):
     spread = report.verdicts.all.means["shrink_share"]
-    assert (spread.n, spread.mean) == (1, pytest.approx((4**2 - 2**2) / (5**2 - 1)))
+    assert (spread.n, spread.mean) == (1, pytest.approx((5**2 - 2**2) / (5**2 - 1)))
 
 
 def test_sizes_and_intervals_are_graded(report):

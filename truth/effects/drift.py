@@ -6,7 +6,7 @@ import numpy as np
 
 from truth.effects.chance import choose, sign
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import draw_spring_stage
+from truth.effects.places import draw_spring_stage, hammer_site
 from truth.effects.rows import joint_stretch, springs
 from truth.rig import Occasion, Prepared, Rig
 
@@ -22,12 +22,14 @@ class Drift(Sized):
         size: |log factor|.
         stage: name of the child body.
         test: label of a reference, such as ``acc11:+ty``, or name of a set-up.
+        site: of the reference as the drawing has it, ``hit29`` for ``acc29``; empty of a set-up.
         sign: +1 stiffer, -1 softer.
     """
 
     stage: str
     test: str
     sign: int
+    site: str = ""
     limits = LIMITS
 
     @property
@@ -38,7 +40,8 @@ class Drift(Sized):
     def answer(self) -> Answer:
         """Return what is to be found."""
         parameters = {"factor": self.factor}
-        return Answer("drift", f"joint:{self.stage}", dof=self.test, parameters=parameters)
+        dof = f"{self.site}:{self.test.partition(':')[2]}" if self.site else self.test
+        return Answer("drift", f"joint:{self.stage}", dof=dof, parameters=parameters)
 
     def when(self, occasion: Occasion) -> bool:
         """Tell whether an occasion is of that test."""
@@ -62,9 +65,12 @@ def draw_drift(random: np.random.Generator, scene: Scene, place: str | None) -> 
     kinds = [names for names in (labels, setups) if len(names) > 1]
     if stage is None or not kinds:
         return None
+    test = choose(random, choose(random, kinds))
+    sites = {one.label: hammer_site(scene.station, one.node) for one in scene.occasions}
     return Drift(
         stage=stage,
-        test=choose(random, choose(random, kinds)),
+        test=test,
+        site=sites.get(test, ""),
         sign=sign(random),
         size=random.uniform(*LOG_FACTOR),
     )

@@ -6,10 +6,10 @@ import numpy as np
 
 from truth.effects.chance import choose, unit_vector
 from truth.effects.effect import Answer, Scene, Sized
-from truth.effects.places import draw_location
+from truth.effects.places import draw_location, hammer_site
 from truth.effects.sensors import turn
 from truth.rig import Occasion, Prepared
-from truth.station import AXES, Station
+from truth.station import AXES
 
 ANGLE = (0.07, 0.4)
 LIMITS = (1e-3, 0.8)  # rad
@@ -65,7 +65,7 @@ def draw_hammer_misalignment(
 ) -> HammerMisalignment | None:
     """Draw a point and direction that the campaign hits, and the rotation."""
     nodes = sorted({occasion.node for occasion in scene.occasions})
-    sites = [_site(scene.station, node) for node in nodes]
+    sites = [hammer_site(scene.station, node) for node in nodes]
     number = draw_location(random, place, [f"hammer:{site}" for site in sites])
     if number is None:
         return None
@@ -78,8 +78,3 @@ def draw_hammer_misalignment(
         about=unit_vector(random, np.delete(np.eye(3), axis, axis=0)),
         size=random.uniform(*ANGLE),
     )
-
-
-def _site(station: Station, node: int) -> str:
-    hits = {hit.node for stage in station.stages for hit in stage.hit_points}
-    return f"hit{node}" if node in hits else f"acc{node}"

@@ -7,7 +7,7 @@ import numpy as np
 
 from truth.effects.chance import choose
 from truth.effects.rows import joint_stretch
-from truth.errors import TruthError
+from truth.errors import NoPlaceError, TruthError
 from truth.rig import Prepared, Rig
 from truth.station import AXES, Joint, Real, Sensor, Station
 
@@ -47,7 +47,7 @@ def draw_stage(
     index = station.index(name)
     if index not in choices:
         possible = ", ".join(f"{kind}:{station.stages[i].name}" for i in choices)
-        raise TruthError(f"{place!r} cannot have this effect; these can: {possible}")
+        raise NoPlaceError(f"{place!r} cannot have this effect; these can: {possible}")
     return index
 
 
@@ -70,7 +70,7 @@ def draw_location(
         if place in (location, location.partition(":")[2]):
             return number
     possible = ", ".join(locations[:_SHOWN]) + (" ..." if len(locations) > _SHOWN else "")
-    raise TruthError(f"{place!r} cannot have this effect; these can: {possible}")
+    raise NoPlaceError(f"{place!r} cannot have this effect; these can: {possible}")
 
 
 def draw_sensor(random: np.random.Generator, station: Station, place: str | None) -> Sensor | None:
@@ -145,3 +145,9 @@ def draw_spring_stage(
     choices = [i for i, stage in enumerate(station.stages) if any(map(has_spring, stage.joints))]
     index = draw_stage(random, station, place, "joint", choices)
     return None if index is None else station.stages[index].name
+
+
+def hammer_site(station: Station, node: int) -> str:
+    """Return the site that the hammer hits at a node: its own, else the accelerometer's."""
+    hits = {hit.node for stage in station.stages for hit in stage.hit_points}
+    return f"hit{node}" if node in hits else f"acc{node}"

@@ -91,16 +91,18 @@ def is_present(truth: Truth, row: Row) -> bool:
 
 
 def shrink_share(verdict: Verdict, excess: Excess) -> float | None:
-    """Return (retuned^2 - after^2) of the verdict over (refit^2 - oracle^2); 0 without a cause.
+    """Return (refit^2 - after^2) over (refit^2 - oracle^2), 0 to 1; 0 without a cause.
 
-    None unless both refits were made, there was a gap, and the true effect made it smaller.
+    Both refits are the command's; of the verdict only what is left after its cause counts. None
+    unless both were made, there was a gap, and the true effect made it smaller.
     """
     refit, oracle = excess.refit, excess.oracle
     if refit is None or oracle is None or refit < SEEN or refit <= oracle:
         return None
-    if verdict.retuned is None or verdict.after is None:
+    if verdict.after is None:
         return 0.0
-    return (verdict.retuned**2 - verdict.after**2) / (refit**2 - oracle**2)
+    share = (refit**2 - verdict.after**2) / (refit**2 - oracle**2)
+    return min(max(share, 0.0), 1.0)
 
 
 def _is_at(cause: TrueCause | None, row: Row) -> bool:
