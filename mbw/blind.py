@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ from identification.words import InputError, WorkbenchError
 from mbw.blind_case import TREES, Played, Task, play
 from mbw.blind_page import render
 from mbw.messages import SCREEN
+from mbw.tune import check_json, write_json
 from truth import TruthError, read_station
 from truth.grade import Case, grade, tables, to_json
 from tuning import files_of
@@ -32,6 +34,7 @@ class Wish:
         seed: of the whole test; who knows it knows the answers.
         jobs: cases at a time.
         out: folder; <model>-blind if None.
+        json: where the grades go beside it, or ``-``.
     """
 
     model: str
@@ -39,6 +42,7 @@ class Wish:
     seed: int
     jobs: int
     out: Path | None
+    json: Path | None = None
 
 
 def run(wish: Wish) -> Path:
@@ -51,6 +55,8 @@ def run(wish: Wish) -> Path:
         InputError: no such model, or the folder holds another test.
     """
     out = (wish.out or Path(f"{Path(wish.model).stem}-blind")).absolute()
+    if wish.json is not None:
+        check_json(wish.json)
     _prepare(wish, out)
     model = wish.model if wish.model == TREES else str(Path(wish.model).absolute())
     tasks = [Task(model, wish.seed, number, out) for number in range(wish.cases)]
@@ -67,11 +73,27 @@ def run(wish: Wish) -> Path:
         (place / GRADES).write_text(to_json(report) + "\n", encoding="utf-8")
         (place / TABLES).write_text(tables(report), encoding="utf-8")
         (place / PAGE).write_text(page, encoding="utf-8")
-    if not SCREEN.quiet:
+    if wish.json is not None:
+        write_json(to_json(report), wish.json)
+    if not SCREEN.quiet and str(wish.json) != "-":
         typer.echo(tables(report).rstrip())
+    SCREEN.say(_discarded(drawn))
     SCREEN.say(f"grades in {out / GRADES}")
     SCREEN.say(f"pictures in {(out / PAGE).as_uri()}")
     return out
+
+
+def _discarded(tasks: list[Task]) -> str:
+    """How many draws of effects were thrown away, since no believable size gave the ratio."""
+    answers = [tomllib.loads(task.sealed.read_text("utf-8")) for task in tasks]
+    effects = sum(len(one.get("cause", [one])) for one in answers if one["effect"] != "none")
+    thrown = sum(one["drawn"]["discarded"] for one in answers)
+    if not effects:
+        return "no effects were drawn"
+    return (
+        f"{effects} effects were drawn; {thrown} of {thrown + effects} draws "
+        f"({thrown / (thrown + effects):.0%}) were discarded, as strong as was wanted nowhere"
+    )
 
 
 def _case(task: Task) -> Case:

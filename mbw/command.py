@@ -236,11 +236,12 @@ def blind(  # one for each option
     ] = None,
     seed: Seed = 0,
     jobs: Jobs = 1,
+    json: Json = None,
     quiet: Quiet = False,
 ) -> None:
     """Score the diagnosis on campaigns whose answers it cannot see; the same call goes on."""
     SCREEN.quiet = quiet
-    blind_verb.run(blind_verb.Wish(model, cases, seed, jobs, out))
+    blind_verb.run(blind_verb.Wish(model, cases, seed, jobs, out, json))
 
 
 @app.command()

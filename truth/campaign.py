@@ -24,6 +24,7 @@ from truth.machine import Machine
 from truth.measure import hammer_tests
 from truth.protocol import Protocol, Take, occasions, takes
 from truth.refit import Refit, refit_of
+from truth.stated import stated
 from truth.station import Hammer, Station
 from truth.texts import MESH_FOLDER, answer_toml, campaign_toml, model_xml
 from truth.uff import uff_bytes
@@ -103,7 +104,11 @@ def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
     contents |= {f"{MESH_FOLDER}/{mesh.file}": mesh.content for mesh in drawing.meshes}
     contents |= {take.file: uff_bytes(test) for take, test in zip(files, tests, strict=True)}
     salt = stream(seed, "salt").bytes(16).hex()
-    answer = answer_toml(draws, plan.cause, plan.protocol, nominal.name, salt).encode("utf-8")
+    whole = machine.prepared(scene.occasions[0])
+    answers = tuple(stated(one.effect.answer(), drawing, true, whole) for one in draws.drawn)
+    answer = answer_toml(answers, draws, plan.cause, plan.protocol, nominal.name, salt).encode(
+        "utf-8"
+    )
     return Campaign(MappingProxyType(contents), answer, draws.discarded)
 
 

@@ -22,11 +22,16 @@ class Machine:
     hammers: tuple[Hammer, ...]
     effects: tuple[Effect, ...] = ()
 
-    def rig(self, occasion: Occasion) -> Rig:
-        """Return the machine's equations on an occasion."""
+    def prepared(self, occasion: Occasion) -> Prepared:
+        """Return the machine on an occasion before its equations are written."""
         tested = Prepared(self.station, self.hammers)
         for effect in self.effects:
             tested = effect.to_machine(tested, occasion)
+        return tested
+
+    def rig(self, occasion: Occasion) -> Rig:
+        """Return the machine's equations on an occasion."""
+        tested = self.prepared(occasion)
         rig = build(tested)
         for effect in self.effects:
             rig = effect.to_rig(rig, tested, occasion)

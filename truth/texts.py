@@ -5,8 +5,9 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import asdict
 
-from truth.cause import Cause, Drawn, Draws
+from truth.cause import Cause, Draws
 from truth.draw import Tolerance
+from truth.effects import Answer
 from truth.protocol import Protocol, Take
 from truth.station import GROUND, Stage, Station
 
@@ -62,22 +63,29 @@ def campaign_toml(*, model: str, files: tuple[Take, ...], averages: int, given: 
     return "\n".join(lines) + "\n"
 
 
-def answer_toml(draws: Draws, cause: Cause, protocol: Protocol, machine: str, salt: str) -> str:
+def answer_toml(  # what is found, and how it was drawn
+    answers: tuple[Answer, ...],
+    draws: Draws,
+    cause: Cause,
+    protocol: Protocol,
+    machine: str,
+    salt: str,
+) -> str:
     """Return the answer; the salt in front keeps its hash from being guessed by trial.
 
     One effect or none stands by itself, of several each has its table ``[[cause]]``. How the case
     was drawn comes last, in ``[drawn]``.
     """
-    drawn = draws.drawn
+    ratios = [one.ratio for one in draws.drawn]
     lines = [f"# salt {salt}"]
-    if not drawn:
+    if not answers:
         lines += ['effect = "none"', "", "[parameters]"]
-    elif len(drawn) == 1:
-        lines += _one_answer(drawn[0], "parameters")
+    elif len(answers) == 1:
+        lines += _one_answer(answers[0], ratios[0], "parameters")
     else:
         lines += ['effect = "several"']
-        for one in drawn:
-            lines += ["", "[[cause]]", *_one_answer(one, "cause.parameters")]
+        for one, ratio in zip(answers, ratios, strict=True):
+            lines += ["", "[[cause]]", *_one_answer(one, ratio, "cause.parameters")]
     lines += ["", "[drawn]", f"machine = {json.dumps(machine, ensure_ascii=False)}"]
     lines += [f'kind = "{cause.kind}"'] if cause.kind else []
     lines += [f"mistuned = {json.dumps(cause.mistuned)}", f"discarded = {draws.discarded}"]
@@ -87,15 +95,14 @@ def answer_toml(draws: Draws, cause: Cause, protocol: Protocol, machine: str, sa
     return "\n".join(lines) + "\n"
 
 
-def _one_answer(drawn: Drawn, table: str) -> list[str]:
-    answer = drawn.effect.answer()
+def _one_answer(answer: Answer, ratio: float | None, table: str) -> list[str]:
     lines = []
     for key in ("effect", "location", "dof", "kind"):
         if value := getattr(answer, key):
             # A JSON string is a TOML string, whatever characters a body's name has.
             lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
-    if drawn.ratio is not None:
-        lines.append(f"ratio = {float(drawn.ratio)!r}  # what survives a refit, over the noise")
+    if ratio is not None:
+        lines.append(f"ratio = {float(ratio)!r}  # what survives a refit, over the noise")
     lines += ["", f"[{table}]"]
     for name, value in answer.parameters.items():
         numbers = [float(one) for one in value] if isinstance(value, tuple) else float(value)

@@ -107,6 +107,7 @@ def test_verdicts_keep_the_format_and_are_graded_beside_baselines(done):
     assert {"random", "refit_only"} <= grades["baselines"].keys()
     assert "effect_first" in result.stdout
     assert (out / "grades.txt").read_text().strip() in result.stdout
+    assert "draws" in result.stderr
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
@@ -188,6 +189,7 @@ def test_another_seed_model_or_folder_is_refused(model, tmp_path, quick):
 
 
 def test_random_trees_need_no_model(tmp_path, quick):
-    result = run("trees", tmp_path / "out", "--cases", 1)
+    result = run("trees", tmp_path / "out", "--cases", 1, "--json", "-", "--quiet")
     assert result.exit_code == 0
+    assert json.loads(result.stdout)["cases"] == 1
     assert json.loads((tmp_path / "out" / "grades.json").read_text())["cases"] == 1

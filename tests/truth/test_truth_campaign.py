@@ -15,6 +15,7 @@ from truth.campaign import Campaign, Plan, draw_campaign
 from truth.cause import Cause, Drawn, Draws, Wanted
 from truth.draw import Tolerance
 from truth.effects import Answer
+from truth.effects.nothing import draw_nothing
 from truth.errors import TruthError
 from truth.folder import write_answer, write_campaign
 from truth.measure import Measurement
@@ -110,11 +111,8 @@ def test_the_answer_states_effect_place_and_parameters(campaign):
 def test_an_answer_is_toml_whatever_the_bodys_name():
     name = 'body:a "b" \\ c'
 
-    class Named:
-        def answer(self) -> Answer:
-            return Answer("x", name)
-
-    text = answer_toml(Draws((Drawn(Named(), None),), 0), Cause(), Protocol(), 'a "b"', "00")
+    draws = Draws((Drawn(draw_nothing(None, None, None), None),), 0)
+    text = answer_toml((Answer("x", name),), draws, Cause(), Protocol(), 'a "b"', "00")
     answer = tomllib.loads(text)
     assert answer["location"] == name
     assert answer["drawn"]["machine"] == 'a "b"'

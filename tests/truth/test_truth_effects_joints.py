@@ -18,7 +18,7 @@ from truth.effects.parallel_path import ParallelPath, draw_parallel_path
 from truth.effects.support_loss import CORNERS, SupportLoss, draw_support_loss, levers
 from truth.errors import TruthError
 from truth.rig import Occasion
-from truth.station import GROUND, Joint, Stage, Station
+from truth.station import GROUND, HitPoint, Joint, Stage, Station
 
 AXES = np.eye(3)
 
@@ -296,6 +296,15 @@ def test_a_drift_belongs_to_a_direction_or_to_a_setup():
     assert drift.answer().dof == "b"
     assert [drift.when(one) for one in setups] == [False, True] * 3
     assert not drift.when(OCCASIONS[0])
+
+
+def test_a_drift_names_the_hit_as_the_drawing_does():
+    arm = replace(chain().stages[1], hit_points=(HitPoint(40, np.array([0.1, 0.2, 0.6])),))
+    station = replace(chain(), stages=(chain().stages[0], arm, chain().stages[2]))
+    for node, site in ((40, "hit40"), (7, "acc7")):
+        effect = draw_drift(random_of(1), scene_of(station, node), None)
+        assert effect.answer().dof in {f"{site}:+t{axis}" for axis in "xyz"}
+        assert sum(effect.when(one) for one in scene_of(station, node).occasions) == 1
 
 
 def test_the_same_direction_at_two_levels_is_one_test():

@@ -1,0 +1,83 @@
+"""An answer states true minus drawn, tolerance and effect together."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from truth.campaign import Plan, draw_campaign
+from truth.cause import Cause, Wanted
+from truth.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true, stream
+from truth.effects import CATALOGUE, Scene
+from truth.machine import Machine
+from truth.protocol import Protocol, occasions, takes
+from truth.rig import Occasion
+from truth.stated import stated
+
+SEED = 8
+
+
+@pytest.fixture(scope="module")
+def drawn(two_bodies):
+    basis = draw_basis(two_bodies, SEED)
+    drawing, true = draw_drawing(basis, SEED), draw_true(basis, Tolerance(), SEED)
+    return drawing, true, draw_hammers(drawing, 1, Tolerance(), SEED)
+
+
+def with_effect(drawn, name, place):
+    drawing, true, hammers = drawn
+    protocol = Protocol((1,))
+    scene = Scene(true, occasions(protocol, takes(protocol, true, SEED)))
+    effect = CATALOGUE[name](stream(SEED, "x"), scene, place)
+    after = Machine(true, hammers, (effect,)).prepared(Occasion(node=1))
+    return effect.answer(), stated(effect.answer(), drawing, true, after), after
+
+
+def test_axes_are_the_drawn_ones_turned_by_the_stated_rotation(drawn):
+    alone, answer, after = with_effect(drawn, "sensor_misalignment", "sensor:acc2")
+    (sensor,) = (one for _, one in after.station.sensors() if one.node == 2)
+    (before,) = (one for _, one in drawn[0].sensors() if one.node == 2)
+    turn = Rotation.from_rotvec(answer.parameters["rotation"]).as_matrix()
+    np.testing.assert_allclose(sensor.axes, before.axes @ turn.T, atol=1e-12)
+    assert answer.parameters["rotation"] != alone.parameters["rotation"]
+
+
+def test_a_place_is_the_drawn_one_plus_the_stated_offset(drawn):
+    _, answer, after = with_effect(drawn, "sensor_position", "sensor:acc3")
+    (sensor,) = (one for _, one in after.station.sensors() if one.node == 3)
+    (before,) = (one for _, one in drawn[0].sensors() if one.node == 3)
+    offset = np.array(answer.parameters["offset"])
+    np.testing.assert_allclose(sensor.position, before.position + offset, atol=1e-15)
+
+
+def test_a_gain_is_that_of_the_reading(drawn):
+    alone, answer, after = with_effect(drawn, "sensor_gain", "sensor:acc2")
+    (sensor,) = (one for _, one in after.station.sensors() if one.node == 2)
+    assert answer.parameters["gain"] == sensor.gain["xyz".index(answer.dof[1])]
+    assert answer.parameters["gain"] != alone.parameters["gain"]
+
+
+def test_a_hit_goes_where_the_stated_rotation_takes_its_axis(drawn):
+    _, answer, after = with_effect(drawn, "hammer_misalignment", "hammer:acc1")
+    axis = "xyz".index(answer.dof[1])
+    turned = Rotation.from_rotvec(answer.parameters["rotation"]).apply(np.eye(3)[axis])
+    np.testing.assert_allclose(turned, after.hammers[axis].direction, atol=1e-12)
+    assert answer.parameters["rotation"][axis] == pytest.approx(0, abs=1e-15)
+
+
+def test_a_mass_sits_at_its_place_from_the_drawn_centre(drawn):
+    drawing, true, _ = drawn
+    alone, answer, _ = with_effect(drawn, "mass_error", "body:holder")
+    place = drawing.stages[1].com + answer.parameters["position"]
+    np.testing.assert_allclose(place, true.stages[1].com + alone.parameters["position"])
+    assert answer.parameters["mass"] == alone.parameters["mass"]
+
+
+def test_the_campaigns_answer_is_the_stated_one(two_bodies):
+    plan = Plan(SEED, Cause((Wanted("sensor_gain", "sensor:acc2"),)), Protocol((1,)))
+    answer = tomllib.loads(draw_campaign(two_bodies, plan).answer.decode())
+    true = draw_true(draw_basis(two_bodies, SEED), Tolerance(), SEED)
+    (sensor,) = (one for _, one in true.sensors() if one.node == 2)
+    factor = answer["parameters"]["gain"] / sensor.gain["xyz".index(answer["dof"][1])]
+    assert factor > 1.004 or factor < 0.996

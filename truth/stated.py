@@ -1,0 +1,71 @@
+"""What an answer states where a tolerance already was: true minus drawn, as the contract has it.
+
+An effect is added to a machine that is off its drawing by tolerances. A diagnosis can only find
+both together: the axes, the place and the gain that a sensor truly has, against the drawn ones.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from truth.effects import Answer
+from truth.effects.effect import Parameter
+from truth.rig import Prepared
+from truth.station import AXES, Real, Sensor, Station
+
+
+def stated(answer: Answer, drawing: Station, before: Station, after: Prepared) -> Answer:
+    """Return the answer with what a drawing says taken off what is true.
+
+    Args:
+        answer: of the effect alone.
+        drawing: what the user is given.
+        before: the true machine without effects.
+        after: with all of them.
+    """
+    _, _, place = answer.location.partition(":")
+    found: dict[str, Parameter] = dict(answer.parameters)
+    if answer.effect in ("sensor_gain", "sensor_misalignment", "sensor_position"):
+        drawn, true = (_sensor(one, place) for one in (drawing, after.station))
+        if answer.effect == "sensor_gain":
+            axis = AXES.index(answer.dof[1])
+            found["gain"] = float(true.gain[axis] / drawn.gain[axis])
+        elif answer.effect == "sensor_position":
+            found["offset"] = _tuple(true.position - drawn.position)
+        else:  # A_true = A_drawn R^T
+            turned = Rotation.from_matrix(true.axes.T @ drawn.axes)
+            found["rotation"] = _tuple(turned.as_rotvec())
+    elif answer.effect == "hammer_misalignment":
+        axis = AXES.index(answer.dof[1])
+        node = int("".join(one for one in place if one.isdigit()))
+        (hit, *_) = (
+            hammer.direction
+            for number, hammer in enumerate(after.hammers)
+            if hammer.node == node and number % 3 == axis
+        )
+        found["rotation"] = _tuple(_least_turn(np.eye(3)[axis], hit))
+    elif answer.effect == "mass_error":
+        index = drawing.index(place)
+        shift = before.stages[index].com - drawing.stages[index].com
+        found["position"] = _tuple(np.asarray(answer.parameters["position"]) + shift)
+    return replace(answer, parameters=found)
+
+
+def _sensor(station: Station, site: str) -> Sensor:
+    (sensor,) = (one for _, one in station.sensors() if f"acc{one.node}" == site)
+    return sensor
+
+
+def _least_turn(one: Real, other: Real) -> Real:
+    """Rotation vector that takes a direction to another; about itself nothing is felt."""
+    about = np.cross(one, other)
+    size = float(np.linalg.norm(about))
+    if size == 0:
+        return np.zeros(3)
+    turn: Real = about / size * np.arctan2(size, one @ other)
+    return turn
+
+
+def _tuple(values: Real) -> tuple[float, ...]:
+    return tuple(values.tolist())
