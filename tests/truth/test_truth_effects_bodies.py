@@ -1,4 +1,4 @@
-"""Effects of bodies against closed forms: added mass, appendage, bending, a rotor."""
+"""Effects of bodies against closed forms: added mass, bending, a rotor."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from truth.effects.appendage import Appendage, draw_appendage
+from truth.effects.appendage import Appendage
 from truth.effects.flexible_body import FlexibleBody, bend_of, draw_flexible_body
 from truth.effects.gyroscopic import Gyroscopic, draw_gyroscopic
 from truth.effects.mass_error import MassError, draw_mass_error
@@ -79,36 +79,6 @@ def test_the_reach_of_a_body_is_bounded_by_its_radius_of_gyration(arm, reach):
     assert 0.95 * reach < np.abs(drawn).max() <= reach
 
 
-@pytest.mark.parametrize("axis", [0, 1, 2])
-def test_an_appendage_is_the_tuned_mass_damper_of_the_textbook(one_body, axis):
-    # Den Hartog 1956, ch. 3: x1/f = (k2 - m2 w^2 + i w c2) / determinant of the 2 x 2 system.
-    stage = one_body.stages[0]
-    effect = Appendage("table", 120.0, axis, frequency=30.0, damping=0.02, size=0.05)
-    w2 = 2 * np.pi * 30.0
-    s1 = stage.joints[axis].stiffness + 1j * W * stage.joints[axis].damping
-    s2 = 6.0 * w2**2 + 1j * W * 2 * 0.02 * 6.0 * w2
-    Z11, Z22 = s1 + s2 - stage.mass * W**2, s2 - 6.0 * W**2
-    expected = -(W**2) * Z22 / (Z11 * Z22 - s2**2)
-    occasions = scene_of(one_body, 3).occasions
-    H = frf_of(one_body, effect, occasions=occasions)
-    np.testing.assert_allclose(H[:, axis, axis], expected, rtol=1e-10)
-    before = frf_of(one_body, occasions=occasions)
-    for other in {0, 1, 2} - {axis}:
-        np.testing.assert_allclose(H[:, other, other], before[:, other, other], rtol=1e-12)
-
-
-def test_a_very_soft_appendage_is_not_felt(one_body):
-    effect = Appendage("table", 120.0, 1, frequency=1e-4, damping=0.02, size=0.05)
-    np.testing.assert_allclose(frf_of(one_body, effect), frf_of(one_body), rtol=1e-6, atol=1e-12)
-
-
-def test_an_appendage_lets_the_rigid_directions_be():
-    effect = Appendage("head", 25.0, 2, frequency=60.0, damping=0.02, size=0.08)
-    rig = rig_of(chain(hinges=True), [effect])
-    assert rig.equations.rigid.shape == (4, 19)
-    assert not rig.equations.rigid[:, -1].any()
-
-
 def test_an_appendage_hangs_on_the_bent_body():
     station = chain()
     bend = FlexibleBody("arm", (1.0, 0.0, 0.0), frequency=80.0, damping=0.01, size=0.5)
@@ -118,26 +88,6 @@ def test_an_appendage_hangs_on_the_bent_body():
     shape = bend_of(station, 1, (0.5, 0.0, 0.0))(station.stages[1].com)
     assert abs(shape[2]) > 0.01
     assert spring[18] == pytest.approx(-shape[2] * spring[-1])
-
-
-@pytest.mark.parametrize("wrong", [{"size": 0.0}, {"frequency": -1.0}, {"axis": 3}])
-def test_an_appendage_that_cannot_exist_is_refused(wrong):
-    parameters = {"axis": 0, "size": 0.1, "frequency": 50.0, "damping": 0.01} | wrong
-    with pytest.raises(TruthError, match="make no sense"):
-        Appendage("ty", 550.0, **parameters)
-
-
-def test_drawn_appendages_keep_to_their_ranges_and_go_everywhere(nominal):
-    masses = {stage.name: stage.mass for stage in nominal.stages}
-    scene = scene_of(nominal, 11)
-    drawn = [draw_appendage(random_of(s), scene, None).answer() for s in range(200)]
-    assert {one.location for one in drawn} == {f"body:{name}" for name in masses}
-    assert {one.dof for one in drawn} == {"tx", "ty", "tz"}
-    for one in drawn:
-        ratio = one.parameters["mass"] / masses[one.location.removeprefix("body:")]
-        assert 0.03 <= ratio <= 0.1
-        assert 30 <= one.parameters["frequency"] <= 150
-        assert 0.01 <= one.parameters["damping"] <= 0.03
 
 
 def plate() -> Station:

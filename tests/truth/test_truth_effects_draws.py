@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from effect_rigs import FREQ, OCCASIONS, chain, frf_of, random_of, rig_of, scene_of
 
-from truth.effects import CATALOGUE, Answer, Effect, Scene
+from truth.effects import CATALOGUE, Effect, Scene
 from truth.effects.outside import OUTSIDE
 from truth.errors import TruthError
 from truth.rig import Occasion, dynamic_stiffness
@@ -105,14 +105,6 @@ def test_the_catalogue_has_every_agreed_name():
     nonlinear = {"friction", "backlash", "hardening"}
     assert set(CATALOGUE) - nonlinear == {"none", *NAMES} - set(OUTSIDE)
     assert not set(CATALOGUE) & set(OUTSIDE)
-
-
-def test_no_effect_changes_nothing_and_has_no_place():
-    effect = CATALOGUE["none"](random_of(1), scene_of(chain()), None)
-    np.testing.assert_array_equal(frf_of(chain(), effect), frf_of(chain()))
-    assert effect.answer() == Answer("none")
-    with pytest.raises(TruthError, match="leave it out"):
-        CATALOGUE["none"](random_of(1), scene_of(chain()), "body:arm")
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -44,6 +44,7 @@ CASES = [
     (NONE, said(word="none", none=1.0), {"place_first": None, "where_first": None, "top3": None}),
     (NONE, said((MASS, 0.6), none=0.4), {"effect_first": 0, "both": 0, "false_alarm": 1}),
     (NONE, said(word="unexplained", unexplained=1.0), {"false_alarm": 1}),
+    (NONE, said((MASS, 0.6), word="none", none=0.4), {"false_alarm": 1, "verdict_is_first": 0}),
     (NONE, NOTHING_SAID, {"effect_first": 0, "false_alarm": 1}),
     (
         UNKNOWN,

@@ -27,8 +27,9 @@ RATES: Mapping[str, str] = MappingProxyType(
         "top3": "one effect: it is among the three most probable causes, at its place",
         "direction": "of those with both, if the truth has a direction: it is the true one",
         "verdict_is_first": "the word of the verdict is that of its most probable hypothesis",
-        "false_alarm": "nothing wrong, or stiffness and damping alone: another verdict than none",
-        "unknown_rejected": "outside the catalogue: the verdict is unexplained",
+        "false_alarm": "nothing wrong, or stiffness and damping alone: the verdict, or its most "
+        "probable hypothesis, is not none",
+        "unknown_rejected": "outside the catalogue: verdict and first hypothesis are unexplained",
         "unknown_placed": "of those rejected: most of the gap is seen at the true place",
         "several_said": "several effects: the verdict is several",
         "both_found": "two effects: the verdict is several, the two most probable causes are they",
@@ -68,7 +69,7 @@ def marks_of(truth: Truth, verdict: Verdict, excess: Excess = NO_EXCESS) -> Mark
     first = first_of(verdict)
     found: dict[str, float | None] = {
         **_of_first(truth, verdict, first),
-        **_of_kind(truth, verdict),
+        **_of_kind(truth, verdict, first),
         **_of_where(truth, verdict),
         **_of_probability(truth, verdict),
     }
@@ -132,7 +133,7 @@ def _of_first(truth: Truth, verdict: Verdict, first: First) -> dict[str, float |
     }
 
 
-def _of_kind(truth: Truth, verdict: Verdict) -> dict[str, float | None]:
+def _of_kind(truth: Truth, verdict: Verdict, first: First) -> dict[str, float | None]:
     found: dict[str, float | None] = dict.fromkeys(
         (
             "false_alarm",
@@ -144,9 +145,9 @@ def _of_kind(truth: Truth, verdict: Verdict) -> dict[str, float | None]:
         )
     )
     if truth.effect == NONE:
-        found["false_alarm"] = float(verdict.verdict != NONE)
+        found["false_alarm"] = float(not verdict.verdict == first.effect == NONE)
     elif truth.effect == UNEXPLAINED:
-        rejected = verdict.verdict == UNEXPLAINED
+        rejected = verdict.verdict == first.effect == UNEXPLAINED
         found["unknown_rejected"] = float(rejected)
         if rejected and truth.places:
             most = verdict.where[0][0] if verdict.where else ""
