@@ -63,6 +63,8 @@ def test_gains_go_both_ways_in_all_directions():
     assert {(one.axis, one.sign) for one in drawn} == {(a, s) for a in range(3) for s in (1, -1)}
     with pytest.raises(TruthError, match="make no sense"):
         SensorGain(NODE, 0, -1, size=1.2)
+    with pytest.raises(TruthError, match="make no sense"):
+        SensorGain(NODE, 3, -1, size=0.2)
 
 
 def test_a_wrong_polarity_flips_one_direction():
@@ -133,6 +135,7 @@ def test_mounts_are_from_80_hz_to_5_khz_and_damped():
     assert (soft.frequency, hard.frequency) == (pytest.approx(80.0), pytest.approx(5000.0))
     drawn = [draw_mount_resonance(random_of(s), scene_of(chain()), None) for s in range(60)]
     assert all(0.01 <= one.damping <= 0.1 for one in drawn)
+    assert all(120 <= one.frequency <= 500 for one in drawn)
     with pytest.raises(TruthError, match="make no sense"):
         MountResonance(NODE, 0.0, size=0.1)
 
