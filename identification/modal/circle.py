@@ -116,7 +116,13 @@ def _refined(values: Complex, centre: complex, radius: float) -> tuple[complex, 
         found: Real = np.abs((values - centre) / size - (x[0] + 1j * x[1])) - x[2]
         return found
 
-    found = scipy.optimize.least_squares(distances, [0.0, 0.0, radius / size], method="lm").x
+    def slopes(x: Real) -> Real:
+        from_centre = (values - centre) / size - (x[0] + 1j * x[1])
+        unit = from_centre / np.maximum(np.abs(from_centre), np.finfo(float).tiny)
+        return -np.column_stack([unit.real, unit.imag, np.ones(len(unit))])
+
+    start = [0.0, 0.0, radius / size]
+    found = scipy.optimize.least_squares(distances, start, slopes, method="lm").x
     return complex(centre + size * (found[0] + 1j * found[1])), float(size * abs(found[2]))
 
 
@@ -137,7 +143,15 @@ def _sweep(freq: Real, angle: Real) -> tuple[float, float, float]:
         found: Real = angle - (x[2] - 2 * phase)
         return found
 
+    def slopes(x: Real) -> Real:
+        natural, losses = start * np.exp(x[0]), zeta * np.exp(x[1])
+        tangent = (freq**2 - natural**2) / (2 * losses * natural * freq)
+        by_natural = -(freq**2 + natural**2) / (2 * losses * natural * freq)
+        rate = 2 / (1 + tangent**2)
+        return np.column_stack([rate * by_natural, -rate * tangent, -np.ones(len(freq))])
+
     middle = (angle[fastest] + angle[fastest + 1]) / 2
     scale = [zeta, 0.3, 0.3]
-    found = scipy.optimize.least_squares(off, [0.0, 0.0, middle], x_scale=scale, method="lm").x
+    begin = [0.0, 0.0, middle]
+    found = scipy.optimize.least_squares(off, begin, slopes, x_scale=scale, method="lm").x
     return float(start * np.exp(found[0])), float(zeta * np.exp(found[1])), float(found[2])

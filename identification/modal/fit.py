@@ -98,7 +98,9 @@ class _Sums:
         weights = np.broadcast_to(data.weights, (len(data.laplace), *data.weights.shape[1:]))
         scaled = self.kernels.conj()
         if data.separable:
-            gram = (scaled * weights[:, 0]).T @ self.kernels
+            scaled *= weights[:, 0]
+            self.weighted = scaled.T
+            gram = self.weighted @ self.kernels
             self.grams = np.broadcast_to(gram, (n_out, n_in, *gram.shape))
         else:
             size = self.kernels.shape[1]
@@ -109,9 +111,11 @@ class _Sums:
 
     def project(self, values: Complex) -> Complex:
         """K^H W h of every cell; (n_out, n_in, 4 m + 2)."""
-        n_freq = len(values)
-        weighted = (values * self.data.weights).reshape(n_freq, -1)
-        projected: Complex = (self.kernels.conj().T @ weighted).T.reshape(*values.shape[1:], -1)
+        if self.data.separable:  # the lines' weights are in the kernels
+            summed = self.weighted @ values.reshape(len(values), -1)
+        else:
+            summed = self.kernels.conj().T @ (values * self.data.weights).reshape(len(values), -1)
+        projected: Complex = summed.T.reshape(*values.shape[1:], -1)
         return projected
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-import scipy.linalg
 import scipy.optimize
 
 from identification.modal.lscf import Poles
@@ -37,13 +36,13 @@ def mmif(values: Complex) -> Real:
     Returns:
         Smallest first, 0 .. 1; (n_freq, n_in).
     """
-    found = np.ones((len(values), values.shape[2]))
-    for row, line in zip(found, values, strict=True):
-        real, imag = line.real.T @ line.real, line.imag.T @ line.imag
-        total = real + imag
-        ridge = 1e-12 * np.trace(total) * np.eye(len(total))
-        if ridge.any():
-            row[:] = scipy.linalg.eigh(real, total + ridge, eigvals_only=True)
+    parts = [np.swapaxes(part, 1, 2) @ part for part in (values.real, values.imag)]
+    real, total = parts[0], parts[0] + parts[1]
+    size = np.trace(total, axis1=1, axis2=2)[:, None, None]
+    silent = size == 0  # a line without motion is none of a mode: 1
+    total = np.where(silent, np.eye(total.shape[1]), total + 1e-12 * size * np.eye(total.shape[1]))
+    half = np.linalg.inv(np.linalg.cholesky(total))
+    found: Real = np.linalg.eigvalsh(half @ np.where(silent, total, real) @ np.swapaxes(half, 1, 2))
     return found
 
 

@@ -28,6 +28,7 @@ _FEW = 10
 _SCANS = 2
 _COARSE = 3  # of a scan's parameters, one in three when little can be found
 _CLOSE = 15.0  # nats behind the best
+_HOPELESS = 1.0  # nats behind the believed body: not looked at again
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +117,7 @@ def promising(look: Look, done: frozenset[Key]) -> list[Found]:
     found = [
         one
         for one in first_looks(look)
-        if one.hypothesis.key not in done and one.nats < look.base + 1
+        if one.hypothesis.key not in done and one.nats < look.base + _HOPELESS
     ]
     better = sorted(found, key=lambda one: one.nats)
     close = [one for one in better[:_FEW] if one.nats < better[0].nats + _CLOSE]
@@ -154,7 +155,7 @@ def first_looks(look: Look) -> list[Found]:
         if one.shaped:
             found.append(_look_at_shape(one, look))
         elif not one.grid:
-            found.append(_look_at(one, look))
+            found += _look_at(one, look)
     return found
 
 
@@ -187,16 +188,25 @@ def _scans(scanned: list[Hypothesis], look: Look) -> list[Found]:
     return found
 
 
-def _look_at(one: Hypothesis, look: Look) -> Found:
-    """An error released, channels exchanged: one step if the body is quiet, else a fit."""
-    states = one.states(look.state)
+def _look_at(one: Hypothesis, look: Look) -> list[Found]:
+    """An error released, channels exchanged: one step if the body is quiet, else a fit.
+
+    Returns:
+        What was found; nothing of an exchange that leaves more than the believed body does.
+    """
     if look.quiet:
         order, signs = one.exchange(len(look.state.data.scale))
         clean = look.clean[:, order][:, :, order] * np.outer(signs, signs)
-        tried = replace(states[0], start=look.healthy.errors)
+        # An exchange leaves the priors as they are: what leaves too much need not be built.
+        tried = look.state if one.pairs else one.states(look.state)[0]
         cost = look.linear.cost(clean, tried.spread, look.scale)
-        penalty = tried.penalty(look.healthy.errors, look.tolerance)
-        return Found(cost + penalty + one.cost, one, tried)
+        nats = cost + tried.penalty(look.healthy.errors, look.tolerance) + one.cost
+        if one.pairs:
+            if nats >= look.base + _HOPELESS:
+                return []
+            tried = one.states(look.state)[0]
+        return [Found(nats, one, replace(tried, start=look.healthy.errors))]
+    states = one.states(look.state)
     total = Moments.of(states[0].data, states[0].reading, blocks=1)
     if len(states) > 2:
         starts = [tried.model.data(total, tried.start) for tried in states]
@@ -206,7 +216,7 @@ def _look_at(one: Hypothesis, look: Look) -> Found:
         fitted = fit(tried.model, total, start=tried.start, steps=_FIRST_STEPS)
         prior = fitted.prior + tried.penalty(fitted.errors, look.tolerance)
         found.append(Found(fitted.data / look.scale + prior + one.cost, one, tried))
-    return min(found, key=lambda x: x.nats)
+    return [min(found, key=lambda x: x.nats)]
 
 
 def _look_at_shape(one: Hypothesis, look: Look) -> Found:

@@ -76,11 +76,12 @@ def _alike(last: Look, tolerance: Tolerance) -> list[tuple[str, str]]:
     """Pairs of released errors with one signature, both of which can be seen."""
     metric, hidden = _metric(last, tolerance), unseen(last, tolerance)
     seen = [one for one in _released(last) if describe(one) not in hidden]
-    return [
-        (describe(a), describe(b))
-        for a, b in combinations(seen, 2)
-        if _cosine(metric, list(a.channels), list(b.channels)) >= COSINE
-    ]
+    signatures = [_signature(metric, list(one.channels)) for one in seen]
+    cosines = {
+        (describe(a), describe(b)): _cosine(*pair)
+        for (a, b), pair in zip(combinations(seen, 2), combinations(signatures, 2), strict=True)
+    }
+    return [pair for pair, cosine in cosines.items() if cosine >= COSINE]
 
 
 def _released(last: Look) -> list[Hypothesis]:
@@ -96,18 +97,20 @@ def _metric(last: Look, tolerance: Tolerance) -> Real:
     return metric
 
 
-def _cosine(metric: Real, first: list[int], second: list[int]) -> float:
-    """Of the largest angle between the smaller of two spaces of errors and the larger."""
-    bases = [_root(metric[np.ix_(k, k)]) for k in (first, second)]
-    if not all(len(base) for base in bases):
-        return 0.0
-    cosines = np.linalg.svd(bases[0] @ metric[np.ix_(first, second)] @ bases[1].T, compute_uv=False)
-    return float(cosines.min())
+def _signature(metric: Real, errors: list[int]) -> tuple[Real, Real]:
+    """Errors with signatures of length one at right angles, and their products with all errors.
 
-
-def _root(block: Real) -> Real:
-    """Combinations of errors with signatures of length one at right angles; (n_seen, n)."""
-    values, vectors = np.linalg.eigh(block)
+    Returns:
+        Combinations of all errors; (n_seen, n_error), and those times the metric.
+    """
+    values, vectors = np.linalg.eigh(metric[np.ix_(errors, errors)])
     seen = values > max(_UNSEEN, 1e-6 * values[-1])
-    root: Real = vectors[:, seen].T / np.sqrt(values[seen])[:, None]
-    return root
+    basis = np.zeros((int(seen.sum()), len(metric)))
+    basis[:, errors] = vectors[:, seen].T / np.sqrt(values[seen])[:, None]
+    return basis, basis @ metric
+
+
+def _cosine(first: tuple[Real, Real], second: tuple[Real, Real]) -> float:
+    """Of the largest angle between the smaller of two spaces of signatures and the larger."""
+    products = first[1] @ second[0].T
+    return float(np.linalg.svd(products, compute_uv=False).min()) if products.size else 0.0

@@ -49,14 +49,16 @@ def modal_sum(modes: HasModes, laplace: Complex, order: int) -> Complex:
         FRFs; (n_freq, n_out, n_in).
     """
     residues = modes.shapes[:, None, :] * modes.participation
-    away = 1.0 / (laplace[:, None] - modes.poles)
-    twin = 1.0 / (laplace[:, None] - modes.poles.conj())
-    total = np.tensordot(away, residues, (1, 2)) + np.tensordot(twin, residues.conj(), (1, 2))
-    power = laplace[:, None, None]
-    values: Complex = power**order * (total + modes.upper)
-    if modes.lower.any():
-        values = values + power ** (order - 2) * modes.lower
-    return values
+    s = laplace[:, None]
+    power = s**order
+    curves = [power / (s - modes.poles), power / (s - modes.poles.conj()), power]
+    factors = [residues, residues.conj(), modes.upper[:, :, None]]
+    if modes.lower.any():  # else a line at 0 Hz would be none
+        curves.append(s ** (order - 2))
+        factors.append(modes.lower[:, :, None])
+    whole = np.concatenate(factors, axis=2)
+    values: Complex = np.hstack(curves) @ whole.reshape(-1, whole.shape[2]).T
+    return values.reshape(len(laplace), *whole.shape[:2])
 
 
 def drive_point_scale(driven: Complex, participation: Complex) -> Complex:
