@@ -1,4 +1,4 @@
-r"""Exact derivatives of H(s) = s^q [L T Z^-1 F + L U / s^2], F = T' B + motors, B = P - Mb U.
+r"""Exact gradients of H(s) = s^q [L T Z^-1 F + L U / s^2], F = T' B + motors, B = P - Mb U.
 
 With x = s^q Z^-1 F and b = T x + U s^(q - 2), the motion of the bodies, a small change gives
 
@@ -12,20 +12,18 @@ the number of parameters (the adjoint method): every slot then has one real matr
 dJ = sum <S, change>, summed over lines and inputs once for all parameters.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
 from identification.words import Complex, Real
-from mbmodel.gravity import gravity_adjoint, gravity_slope
-from mbmodel.modal import real_times
+from mbmodel.forward import Slopes
+from mbmodel.gravity import gravity_adjoint
 from mbmodel.parts import Change, Slot
 from mbmodel.places import selection
 from mbmodel.solved import Solved
-
-Slopes = Sequence[tuple[Change, ...]]
 
 
 def gradient(lines: Solved, slopes: Slopes, cotangent: Complex) -> Real:
@@ -171,101 +169,6 @@ def _span(frame: Real) -> slice:
     """From the first to the last row that is not zero: a slice copies nothing."""
     rows = _support(frame)
     return slice(int(rows[0]), int(rows[-1]) + 1) if rows.size else slice(0)
-
-
-def columns(lines: Solved, slopes: Slopes) -> Complex:
-    """Derivative of every FRF by every parameter; (n_freq, n_out, n_in, n_parameter)."""
-    readers = lines.solver.solve(lines.readout.T[:, :, None], transposed=True)
-    total = np.zeros((len(lines.theta), len(lines.readout), *lines.motion.shape[1:]), complex)
-    forward = _Forward(lines, readers)
-    start = 0
-    for own, part in zip(slopes, lines.model.parts, strict=True):
-        for change in own:
-            forward.add(total[start : start + len(part.parameters)], change)
-        start += len(part.parameters)
-    return total.transpose(3, 1, 2, 0)
-
-
-@dataclass(frozen=True, eq=False)
-class _Forward:
-    """Adds dH of a slope, parameter by parameter.
-
-    Args:
-        lines: the model linearised at theta.
-        readers: y = Z^-T G'; (nv, n_out, n_freq).
-    """
-
-    lines: Solved
-    readers: Complex
-
-    def add(self, total: Complex, change: Change) -> None:
-        """Add the derivatives by a Part's parameters; total is (n_own, n_out, n_in, n_freq)."""
-        lines = self.lines
-        jacobian = lines.assembly.jacobian
-        if change.slot == "joint":
-            self._add_impedance(total, change.core, change.left, change.right)
-        elif change.slot == "body":
-            left, right = jacobian.T @ change.left, jacobian.T @ change.right
-            self._add_impedance(total, change.core, left, right)
-            for own, core in zip(total, change.core, strict=True):
-                inertia = change.left @ core[2] @ change.right.T
-                self._add_drive(own, -jacobian.T @ (inertia @ lines.places.floor))
-                weighed = lines.model.machine.weighed[:, None]
-                self._add_weight(own, inertia_change=weighed * inertia)
-        elif change.slot == "path":
-            for own, core in zip(total, change.core, strict=True):
-                self._add_path(own, change.left @ core[0] @ change.right.T)
-        else:
-            for own, core in zip(total, change.core, strict=True):
-                self._add_point(own, change, change.left @ core[0] @ change.right.T)
-
-    def _add_impedance(self, total: Complex, core: Real, left: Real, right: Real) -> None:
-        """- y' (left core right') x for every power of s."""
-        lines = self.lines
-        read, felt = real_times(left.T, self.readers), real_times(right.T, lines.motion)
-        for p, power, i, j in np.argwhere(core):
-            scaled = read[i] * (-core[p, power, i, j] * lines.question.laplace**power)
-            total[p] += np.einsum("of,mf->omf", scaled, felt[j])
-
-    def _add_drive(self, total: Complex, drive: Real) -> None:
-        """s^q y' dF; (nv, n_in)."""
-        if drive.any():
-            lines = self.lines
-            total += np.einsum("vof,vm->omf", self.readers, drive) * lines.question.factor
-
-    def _add_weight(self, total: Complex, **change: Real) -> None:
-        """- y' dK x of gravity."""
-        assembly, machine = self.lines.assembly, self.lines.model.machine
-        if assembly.has_weight:
-            slope = gravity_slope(
-                machine.gravity, machine.order, assembly.jacobian, assembly.heavy, **change
-            )
-            pressed = real_times(slope, self.lines.motion)
-            total -= np.einsum("vof,vmf->omf", self.readers, pressed)
-
-    def _add_path(self, total: Complex, change: Real) -> None:
-        lines = self.lines
-        assembly, here = lines.assembly, lines.places
-        total += real_times(here.readout @ change, lines.motion)
-        for power in np.flatnonzero(assembly.body.any(axis=(1, 2))):
-            zb = assembly.body[power]
-            slope = change.T @ zb @ assembly.jacobian + assembly.jacobian.T @ zb @ change
-            pressed = real_times(slope, lines.motion) * lines.question.laplace**power
-            total -= np.einsum("vof,vmf->omf", self.readers, pressed)
-        self._add_drive(total, change.T @ (here.force - assembly.body[2] @ here.floor))
-        self._add_weight(total, jacobian_change=change)
-
-    def _add_point(self, total: Complex, change: Change, rows: Real) -> None:
-        lines = self.lines
-        jacobian, here = lines.assembly.jacobian, lines.places
-        if change.slot == "hammer":
-            pushed = (selection(lines.question.inputs, change.point) @ rows).T
-            self._add_drive(total, jacobian.T @ pushed)
-            return
-        read = selection(lines.question.outputs, change.point) @ rows
-        total += real_times(read @ jacobian, lines.motion)
-        if here.has_floor:
-            total += (read @ here.floor)[:, :, None] * lines.carrying
 
 
 def _flat(array: Complex) -> Complex:

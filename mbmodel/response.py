@@ -12,8 +12,9 @@ exp(-t / tau) are the transform at s = i w + 1 / tau, and so is their model.
 
 import numpy as np
 
-from identification.words import Complex, Condition, Frf, Real, UsageError
-from mbmodel.derivatives import columns, gradient
+from identification.words import Complex, Condition, Frf, Mask, Real, UsageError
+from mbmodel.derivatives import gradient
+from mbmodel.forward import Forward
 from mbmodel.modal import ModalForm, modal_form
 from mbmodel.model import Assembly, Model
 from mbmodel.places import Places, changed, places
@@ -47,7 +48,15 @@ class Linearised(Solved):
 
     def columns(self) -> Complex:
         """Derivative of every FRF by every parameter; (n_freq, n_out, n_in, n_parameter)."""
-        return columns(self, self.model.slopes(self.theta, self.condition))
+        return self.forward().columns()
+
+    def forward(self, chosen: Mask | None = None) -> Forward:
+        """Derivatives by some parameters, for any run of lines.
+
+        Args:
+            chosen: which; all if None; (n_parameter,).
+        """
+        return Forward(self, self.model.slopes(self.theta, self.condition), chosen)
 
 
 class Evaluator:
