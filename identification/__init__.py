@@ -11,7 +11,7 @@ from identification.solid import (
     reconstruct,
     reduce_to_bodies,
 )
-from identification.variance import coherence_variance, difference_variance
+from identification.variance import coherence_variance, difference_variance, smooth_variance
 
 __all__ = [
     "BodyCheck",
@@ -27,4 +27,5 @@ __all__ = [
     "read_settings",
     "reconstruct",
     "reduce_to_bodies",
+    "smooth_variance",
 ]

@@ -72,6 +72,21 @@ class ToleranceSettings(_Strict):
     hammer_position: float = Field(default=0.003, ge=0)
 
 
+class TuningSettings(_Strict):
+    """``[tuning]``: which parameters vary, by name or pattern (``*``, ``?``).
+
+    ``free`` are tuned outright, ``fix`` stay as drawn, ``prior`` gives one standard deviation about
+    the drawing (relative of sizes, else in SI), ``bounds`` the lowest and highest value in SI,
+    ``tie`` groups that share one factor on their drawn values.
+    """
+
+    free: list[str] = []
+    fix: list[str] = []
+    prior: dict[str, Annotated[float, Field(gt=0)]] = {}
+    bounds: dict[str, Annotated[list[float], Field(min_length=2, max_length=2)]] = {}
+    tie: list[Annotated[list[str], Field(min_length=1)]] = []
+
+
 class CampaignSettings(_Strict):
     """The whole of campaign.toml."""
 
@@ -80,6 +95,7 @@ class CampaignSettings(_Strict):
     test: list[TestSettings] = Field(min_length=1)
     sensor: dict[str, SensorSettings] = {}
     tolerance: ToleranceSettings = ToleranceSettings()
+    tuning: TuningSettings = TuningSettings()
 
 
 def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:

@@ -2,6 +2,7 @@
 
 from mbmodel.edit import Edit, NotHeld, write_mjcf
 from mbmodel.energy import Energy, energy
+from mbmodel.forward import Forward
 from mbmodel.looks import Looks, looks
 from mbmodel.machine import Machine, load_machine
 from mbmodel.mode_slopes import LinearisedModes, ModeEvaluator
@@ -31,6 +32,7 @@ __all__ = [
     "Edit",
     "Energy",
     "Evaluator",
+    "Forward",
     "Linearised",
     "LinearisedModes",
     "Looks",

@@ -19,12 +19,12 @@ the floor, a = b + U s^(q - 2) their absolute one:
 Gravity's stiffness adds y' dK x of full rank where bodies or joints change.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
 
-from identification.words import Complex, Mask, Real
+from identification.words import Complex, Integers, Mask, Real
 from mbmodel.gravity import gravity_slope
 from mbmodel.modal import real_times
 from mbmodel.parts import Change
@@ -44,19 +44,14 @@ class Forward:
 
     Args:
         lines: the model linearised at theta.
-        slopes: of every Part.
-        chosen: parameters asked for; all if None; (n_parameter,).
+        slopes: of every Part that has parameters among the chosen.
+        chosen: parameters asked for; (n_parameter,).
     """
 
-    def __init__(self, lines: Solved, slopes: Slopes, chosen: Mask | None = None) -> None:
+    def __init__(self, lines: Solved, slopes: Slopes, chosen: Mask) -> None:
         self.lines = lines
-        count = len(lines.theta)
-        self.chosen = np.ones(count, bool) if chosen is None else np.asarray(chosen, bool)
-        ends = np.cumsum([len(part.parameters) for part in lines.model.parts])
-        masks = np.split(self.chosen, ends)[:-1]
-        self._parts = [
-            (mask, changes) for mask, changes in zip(masks, slopes, strict=True) if mask.any()
-        ]
+        self._chosen = lines.model.pieces(chosen)
+        self._slopes = slopes
 
     @cached_property
     def _readers(self) -> Complex:
@@ -100,19 +95,32 @@ class Forward:
             total -= laplace**power * _reading(pressed, self._readers, span)
         return total
 
+    def prepare(self) -> None:
+        """Compute what all lines share, so that runs of lines can be asked for by threads."""
+        _ = self._readers, self._absolute, self._pressed
+
     def columns(self, span: slice = slice(None)) -> Complex:
         """Derivatives by the chosen parameters; (n_line, n_out, n_in, n_chosen)."""
         shape = (len(self.lines.question.laplace[span]), *self.lines.values.shape[1:])
-        total = np.zeros((*shape, int(self.chosen.sum())), complex)
-        for places, block in self.blocks(span):
-            total[..., places] += block
+        total = np.zeros((*shape, sum(int(mask.sum()) for mask in self._chosen)), complex)
+        for places, block in self.blocks(range(len(self._chosen)), span):
+            total[..., places] = block
         return total
 
-    def blocks(self, span: slice = slice(None)) -> Iterator[tuple[slice, Complex]]:
-        """The same Part by Part: places among the chosen, and (n_line, n_out, n_in, n_own)."""
+    def blocks(self, parts: Iterable[int], span: slice) -> Iterator[tuple[slice, Complex]]:
+        """The same for some Parts, one by one.
+
+        Args:
+            parts: their numbers.
+            span: lines.
+
+        Yields:
+            Places among the chosen parameters of these Parts, and (n_line, n_out, n_in, n_own).
+        """
         laplace = self.lines.question.laplace[span]
         start = 0
-        for mask, changes in self._parts:
+        for part in parts:
+            mask, changes = self._chosen[part], self._slopes[part]
             end = start + int(mask.sum())
             total: Complex | None = None
             for change in changes:
@@ -123,21 +131,17 @@ class Forward:
                 yield slice(start, end), total
             start = end
 
-    def rows(self, change: Change, mask: Mask, span: slice) -> tuple[np.ndarray, Complex]:
-        """Which outputs a change of a sensor touches, and derivatives of these alone.
-
-        Args:
-            change: a slope in the slot ``sensor``.
-            mask: which of its parameters; (n_own,).
-            span: lines.
+    def rows(self, part: int) -> tuple[Integers, Complex]:
+        """Which outputs a sensor's Part touches, and the derivatives of these alone.
 
         Returns:
-            Numbers of the outputs (n_row,), and (n_line, n_row, n_in, n_chosen of them).
+            Numbers of the outputs (n_row,), and (n_freq, n_row, n_in, n_own).
         """
+        (change,), mask = self._slopes[part], self._chosen[part]
         directions = selection(self.lines.question.outputs, change.point)
         places = np.flatnonzero(directions.any(axis=1))
         left = directions[places] @ change.left @ change.core[mask, 0]
-        felt = _feeling(change.right, self._absolute, span)
+        felt = _feeling(change.right, self._absolute, slice(None))
         return places, _side_by_side(left, felt)
 
     def _terms(self, change: Change, mask: Mask, span: slice) -> Iterator[_Term]:

@@ -113,8 +113,8 @@ class ModalForm:
             [column * real - other * imag, column * imag + other * real], axis=2
         )
         size, m = residues.shape[:2]
-        motion = real_times(residues.reshape(size * m, -1), np.concatenate(kernels))
-        return motion.reshape(size, m, -1)
+        motion = real_times(residues.reshape(size * m, 2 * half), np.concatenate(kernels))
+        return motion.reshape(size, m, kernels[0].shape[-1])
 
 
 def real_times(matrix: Real, array: Real | Complex) -> Complex:

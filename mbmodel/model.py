@@ -3,14 +3,18 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from identification.words import Condition, Real, UsageError
+from identification.words import Condition, Mask, Real, UsageError
 from mbmodel.edit import Edit, NotHeld
 from mbmodel.gravity import gravity_slope, gravity_stiffness
 from mbmodel.machine import Machine
 from mbmodel.parts import Change, Parameter, Part, Situation, spring_parts
+
+T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +103,7 @@ class Model:
         """Location of each parameter."""
         return tuple(part.location for part in self.parts for _ in part.parameters)
 
-    def pieces(self, theta: Real) -> tuple[Real, ...]:
+    def pieces(self, theta: NDArray[T]) -> tuple[NDArray[T], ...]:
         """Split theta into one array a Part.
 
         Raises:
@@ -186,12 +190,21 @@ class Model:
         pieces = zip(self.parts, self.pieces(theta), strict=True)
         return tuple(edit for part, piece in pieces for edit in part.write(piece))
 
-    def slopes(self, theta: Real, condition: Condition | None = None) -> list[tuple[Change, ...]]:
-        """Exact derivatives of every Part's change, in the order of the Parts."""
+    def slopes(
+        self, theta: Real, condition: Condition | None = None, chosen: Mask | None = None
+    ) -> list[tuple[Change, ...]]:
+        """Exact derivatives of every Part's change, in the order of the Parts.
+
+        Args:
+            theta: parameters in SI; (n_parameter,).
+            condition: of the test meant.
+            chosen: parameters asked for: Parts without one have no slopes; (n_parameter,).
+        """
         situation = Situation(self.machine, condition)
+        wanted = self.pieces(np.ones(len(theta), bool) if chosen is None else chosen)
         return [
-            part.slopes(piece, situation)
-            for part, piece in zip(self.parts, self.pieces(theta), strict=True)
+            part.slopes(piece, situation) if mask.any() else ()
+            for part, piece, mask in zip(self.parts, self.pieces(theta), wanted, strict=True)
         ]
 
 

@@ -34,16 +34,17 @@ class Linearised(Solved):
         asked = self.question
         return Frf(asked.freq_hz, self.values, asked.outputs, asked.inputs, asked.quantity)
 
-    def gradient(self, cotangent: Complex) -> Real:
+    def gradient(self, cotangent: Complex, chosen: Mask | None = None) -> Real:
         """Derivative of a scalar cost by every parameter, by the adjoint method.
 
         Args:
             cotangent: W with dJ = Re sum conj(W) dH; (n_freq, n_out, n_in).
+            chosen: parameters asked for; all if None; (n_parameter,).
 
         Returns:
-            dJ / dtheta in SI; (n_parameter,).
+            dJ / dtheta in SI, zero for Parts without a chosen parameter; (n_parameter,).
         """
-        slopes = self.model.slopes(self.theta, self.condition)
+        slopes = self.model.slopes(self.theta, self.condition, chosen)
         return gradient(self, slopes, cotangent)
 
     def columns(self) -> Complex:
@@ -56,7 +57,8 @@ class Linearised(Solved):
         Args:
             chosen: which; all if None; (n_parameter,).
         """
-        return Forward(self, self.model.slopes(self.theta, self.condition), chosen)
+        chosen = np.ones(len(self.theta), bool) if chosen is None else chosen
+        return Forward(self, self.model.slopes(self.theta, self.condition, chosen), chosen)
 
 
 class Evaluator:

@@ -4,11 +4,8 @@ Motions and forces of a body have six entries, translation then rotation, in wor
 """
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from identification.words import Real
-
-_DEGENERATE = 1e-9  # principal moments closer than this, relative to the largest, count as equal
 
 
 def cross_matrix(vector: Real) -> Real:
@@ -18,9 +15,16 @@ def cross_matrix(vector: Real) -> Real:
 
 
 def rotation_matrix(vector: Real) -> Real:
-    """R = exp([v]x), the rotation by |v| [rad] about v; (3, 3)."""
-    matrix: Real = Rotation.from_rotvec(vector).as_matrix()
+    """R = exp([v]x), the rotation by |v| [rad] about v; (3, 3) (Barfoot 2017, eq. 7.11)."""
+    angle = float(np.linalg.norm(vector))
+    k = cross_matrix(vector)
+    matrix: Real = np.eye(3) + float(np.sinc(angle / np.pi)) * k + _versine(angle) * k @ k
     return matrix
+
+
+def _versine(angle: float) -> float:
+    """(1 - cos a) / a^2."""
+    return float(0.5 * np.sinc(angle / (2 * np.pi)) ** 2)
 
 
 def rotation_slopes(vector: Real) -> Real:
@@ -31,12 +35,11 @@ def rotation_slopes(vector: Real) -> Real:
     """
     angle = float(np.linalg.norm(vector))
     k = cross_matrix(vector)
-    second = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
     if angle < 1e-2:  # series: the next term is below 1e-16
         third = 1 / 6 - angle**2 / 120 + angle**4 / 5040
     else:
         third = (angle - np.sin(angle)) / angle**3
-    jacobian = np.eye(3) + second * k + third * k @ k
+    jacobian = np.eye(3) + _versine(angle) * k + third * k @ k
     rotation = rotation_matrix(vector)
     return np.stack([cross_matrix(column) @ rotation for column in jacobian.T])
 
@@ -74,37 +77,3 @@ def split_inertia(matrix: Real) -> tuple[float, Real, Real]:
     offset = np.array([matrix[5, 1], matrix[3, 2], matrix[4, 0]]) / mass
     k = cross_matrix(offset)
     return mass, offset, matrix[3:, 3:] + mass * k @ k
-
-
-def principal_inertia(inertia: Real) -> tuple[Real, Real]:
-    """Principal moments and axes, each nearest to the world axis of its place.
-
-    Where moments are equal the axes are free, and turned to the world's.
-
-    Args:
-        inertia: about the centre of mass [kg m^2]; (3, 3), symmetric.
-
-    Returns:
-        Moments [kg m^2]; (3,), and axes in columns; (3, 3).
-    """
-    moments, axes = np.linalg.eigh((inertia + inertia.T) / 2)
-    near = _DEGENERATE * abs(moments[-1])
-    if moments[2] - moments[0] <= near:
-        axes = np.eye(3)
-    elif moments[1] - moments[0] <= near or moments[2] - moments[1] <= near:
-        single = 2 if moments[1] - moments[0] <= near else 0
-        axis = axes[:, single]
-        world = np.argsort(np.abs(axis))[:1]  # the world axis farthest from it
-        first = np.eye(3)[:, world[0]] - axis * axis[world[0]]
-        first /= np.linalg.norm(first)
-        pair = [column for column in range(3) if column != single]
-        axes = axes.copy()
-        axes[:, pair[0]], axes[:, pair[1]] = first, np.cross(axis, first)
-    return _nearest_order(moments, axes)
-
-
-def _nearest_order(moments: Real, axes: Real) -> tuple[Real, Real]:
-    orders = ([0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0])
-    best = max(orders, key=lambda order: float(np.abs(np.diag(axes[:, order])).sum()))
-    chosen = axes[:, best] * np.where(np.diag(axes[:, best]) < 0, -1.0, 1.0)
-    return moments[best], chosen

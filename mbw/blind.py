@@ -35,6 +35,7 @@ class Wish:
         jobs: cases at a time.
         out: folder; <model>-blind if None.
         json: where the grades go beside it, or ``-``.
+        band: of the verdicts [Hz]; the lines with coherence if None.
     """
 
     model: str
@@ -43,6 +44,7 @@ class Wish:
     jobs: int
     out: Path | None
     json: Path | None = None
+    band: tuple[float, float] | None = None
 
 
 def run(wish: Wish) -> Path:
@@ -59,7 +61,7 @@ def run(wish: Wish) -> Path:
         check_json(wish.json)
     _prepare(wish, out)
     model = wish.model if wish.model == TREES else str(Path(wish.model).absolute())
-    tasks = [Task(model, wish.seed, number, out) for number in range(wish.cases)]
+    tasks = [Task(model, wish.seed, number, out, wish.band) for number in range(wish.cases)]
     failed = [played for played in _played(tasks, wish.jobs) if played.error]
     for played in failed:
         SCREEN.say(f"could not be played: {played.error} ({played.task.failure})")
@@ -119,12 +121,8 @@ def _played(tasks: list[Task], jobs: int) -> Iterator[Played]:
 
 def _prepare(wish: Wish, out: Path) -> None:
     """Keep what was asked, or check that a folder that is there was asked the same."""
-    asked = {"model": _fingerprint(wish.model), "seed": wish.seed}
-    if wish.model != TREES:
-        try:
-            read_station(Path(wish.model))
-        except TruthError as error:
-            raise InputError(str(error)) from error
+    band = None if wish.band is None else list(wish.band)
+    asked = {"model": _fingerprint(wish.model), "seed": wish.seed, "band": band}
     note = out / ASKED
     if note.is_file():
         try:
@@ -133,7 +131,8 @@ def _prepare(wish: Wish, out: Path) -> None:
             known = asked
         if known != asked:
             raise InputError(
-                f"{out} holds a blind test of another model or seed: name another folder with --out"
+                f"{out} holds a blind test of another model, seed or band: name another folder "
+                "with --out"
             )
         return
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
@@ -146,12 +145,20 @@ def _prepare(wish: Wish, out: Path) -> None:
 
 
 def _fingerprint(model: str) -> str:
+    """Hash an MJCF and the meshes that it names; a model that includes files is refused."""
     if model == TREES:
         return TREES
     try:
-        return hashlib.sha256(Path(model).read_bytes()).hexdigest()
+        text = Path(model).read_bytes()
+        meshes = read_station(Path(model)).meshes
     except OSError as error:
         raise InputError(
             f"{model} cannot be read ({os.strerror(error.errno or 0)}): name an MJCF file, or "
             f"{TREES!r} for random machines"
         ) from error
+    except TruthError as error:
+        raise InputError(str(error)) from error
+    whole = hashlib.sha256(text)
+    for mesh in meshes:
+        whole.update(hashlib.sha256(mesh.content).digest())
+    return whole.hexdigest()

@@ -25,12 +25,14 @@ class Task:
         seed: of the whole test.
         number: of the case.
         out: folder of the test.
+        band: of the verdict [Hz]; the lines with coherence if None.
     """
 
     model: str
     seed: int
     number: int
     out: Path
+    band: tuple[float, float] | None = None
 
     @property
     def name(self) -> str:
@@ -131,7 +133,7 @@ def _judge(task: Task) -> None:
     """Write the verdict, and then the figures of a refit."""
     if task.verdict.is_file() and task.refit.is_file():
         return
-    tuned = tune(open_session(task.campaign))
+    tuned = tune(open_session(task.campaign, task.band))
     _write(task.verdict, json.dumps(gap_alone(tuned), indent=1, allow_nan=False))
     refit = tuned.sensors.gap(tuned.sensors.held_out or tuned.sensors.tuned)
     _write(task.refit, json.dumps({"excess": refit.excess}, allow_nan=False))

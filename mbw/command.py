@@ -18,6 +18,7 @@ from mbw import report as report_verb
 from mbw import tune as tune_verb
 from mbw.messages import SCREEN, guarded
 from mbw.tune_modes import parse_residuals
+from tuning import GAUSS_NEWTON
 
 app = typer.Typer(
     name="mbw",
@@ -204,13 +205,29 @@ def tune(  # noqa: PLR0913  # one for each option
             "modes first and FRFs then.",
         ),
     ] = "log",
+    algorithm: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="Of the first stages: GAUSS_NEWTON, or an algorithm of NLopt such as LD_LBFGS.",
+        ),
+    ] = GAUSS_NEWTON,
     from_modes: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Modes that mbw identify wrote, not identified anew."),
     ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on where an interrupted run of this call ended.")
+    ] = False,
+    information: Annotated[
+        bool,
+        typer.Option(
+            "--information", help="Say which further hammer point or sensor would tell most."
+        ),
+    ] = False,
     quiet: Quiet = False,
 ) -> None:
-    """Tune stiffness and damping to a campaign and say what gap remains."""
+    """Tune a model to a campaign, and say how sure that is and what gap remains."""
     SCREEN.quiet = quiet
     _ordered(band)
     tune_verb.run(
@@ -221,7 +238,9 @@ def tune(  # noqa: PLR0913  # one for each option
         starts=starts,
         seed=seed,
         jobs=jobs,
-        search=tune_verb.Search(parse_residuals(residual), from_modes),
+        search=tune_verb.Search(parse_residuals(residual), algorithm, from_modes),
+        resume=resume,
+        inform=information,
     )
 
 
@@ -236,12 +255,14 @@ def blind(  # one for each option
     ] = None,
     seed: Seed = 0,
     jobs: Jobs = 1,
+    band: Band = None,
     json: Json = None,
     quiet: Quiet = False,
 ) -> None:
     """Score the diagnosis on campaigns whose answers it cannot see; the same call goes on."""
     SCREEN.quiet = quiet
-    blind_verb.run(blind_verb.Wish(model, cases, seed, jobs, out, json))
+    _ordered(band)
+    blind_verb.run(blind_verb.Wish(model, cases, seed, jobs, out, json, band))
 
 
 @app.command()

@@ -1,10 +1,30 @@
 """What a reader of a result must know beside its figures, on the screen as in the report."""
 
 from tuning import TunedFile
+from tuning.freedom import BOUND
+
+_FEW = 4
 
 
 def remarks(summary: TunedFile) -> list[str]:
-    """One sentence for each thing that limits what a result says."""
+    """One sentence for each thing that limits what a result says, as the screen has them."""
+    found = []
+    if summary.fit.doubts:
+        found.append(f"Not to be trusted: {'; '.join(summary.fit.doubts)}.")
+    if summary.unseen:
+        found.append(f"{_some([row.sentence for row in summary.unseen], '; ')}.")
+    if at_bound := sum(row.at_bound and row.prior is not None for row in summary.parameters):
+        found.append(
+            f"{_count(at_bound, 'tolerance')} reached {BOUND:g} standard deviations, their bound; "
+            f"the largest pulls without it: {_largest(summary)}."
+        )
+    if lacking := not_held(summary):
+        found.append(lacking)
+    return found + limits(summary)
+
+
+def limits(summary: TunedFile) -> list[str]:
+    """What limits the figures themselves."""
     found = []
     if summary.residuals[-1] == "modal":
         found.append("Modes were fitted last: they know all lines, so that none is held out.")
@@ -15,14 +35,40 @@ def remarks(summary: TunedFile) -> list[str]:
         found.append(f"Measured modes without one of the model's: {', '.join(lost)} Hz.")
     if any(outcome != "converged" for outcome in summary.held_out_outcomes):
         found.append("Some held-out fits did not converge: the held-out error may be too high.")
-    at_bound = [row.name for row in summary.parameters if row.at_bound]
-    if at_bound:
-        found.append(f"At a bound, not to be trusted: {', '.join(at_bound)}.")
-    if summary.not_held_by_mjcf:
-        found.append(f"The tuned MJCF does not hold: {', '.join(summary.not_held_by_mjcf)}.")
     if any(test.variance_from == "differences" for test in summary.tests):
         found.append(
             "Without coherence and averages the noise was estimated from third differences along "
             "frequency."
         )
     return found
+
+
+def not_held(summary: TunedFile) -> str:
+    """What the tuned MJCF does not hold, gains and hits summed up; empty if it holds all."""
+    names = summary.not_held_by_mjcf
+    gains = {name.split(".gain_")[0] for name in names if ".gain_" in name}
+    hits = {name.split(")")[0] for name in names if name.startswith("hammer(")}
+    others = [name for name in names if ".gain_" not in name and not name.startswith("hammer(")]
+    found = [f"gains of {_count(len(gains), 'sensor')}"] if gains else []
+    found += [f"place and aim of {_count(len(hits), 'hit')}"] if hits else []
+    found += [_some(others)] if others else []
+    if not found:
+        return ""
+    return f"The tuned MJCF does not hold: {', '.join(found)} (tuned.json lists them)."
+
+
+def _largest(summary: TunedFile) -> str:
+    """The largest pulls, by name."""
+    pulls = [(row.name, row.pull) for row in summary.parameters if row.pull is not None]
+    pulls.sort(key=lambda one: -abs(one[1]))
+    return ", ".join(f"{name} {pull:+.1f}" for name, pull in pulls[:_FEW])
+
+
+def _some(texts: list[str], between: str = ", ") -> str:
+    """The first few, and how many more there are."""
+    more = f" and {len(texts) - _FEW} more" if len(texts) > _FEW else ""
+    return between.join(texts[:_FEW]) + more
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"

@@ -1,6 +1,7 @@
+const BAND = "rgba(31,111,184,.22)";
 const FREQ = floats(DATA.freq), LINES = FREQ.length;
 const FRFS = {measured: floats(DATA.measured), drawn: floats(DATA.drawn), tuned: floats(DATA.tuned)};
-const NOISE = floats(DATA.noise);
+const NOISE = floats(DATA.noise), DEVIATION = DATA.deviation && floats(DATA.deviation);
 
 function curve(kind, channel, view) {
   const out = new Array(LINES), start = 2 * LINES * channel, source = FRFS[kind];
@@ -10,6 +11,16 @@ function curve(kind, channel, view) {
     out[k] = view === "phase" ? Math.atan2(im, re) * 180 / Math.PI : (size > 0 ? size : null);
   }
   return out;
+}
+
+function band(channel) {  // 95 % of the tuned model's magnitude, as one outline
+  const size = curve("tuned", channel, "magnitude"), x = [], up = [], down = [];
+  for (let k = 0; k < LINES; k++) {
+    const half = 1.96 * DEVIATION[LINES * channel + k];
+    if (size[k] === null || !isFinite(half)) continue;
+    x.push(FREQ[k]); up.push(size[k] + half); down.push(Math.max(size[k] - half, size[k] * 1e-3));
+  }
+  return {x: x.concat([...x].reverse()), y: up.concat(down.reverse())};
 }
 
 function decades(channel) {
@@ -57,6 +68,8 @@ function draw() {
       const noise = new Array(LINES);
       for (let k = 0; k < LINES; k++) noise[k] = NOISE[LINES * channel.i + k] || null;
       add("noise", noise, GREY, 0.8, "dot");
+      if (DEVIATION) traces.push({...band(channel.i), mode: "lines", fill: "toself", fillcolor: BAND, line: {width: 0},
+        xaxis: "x" + tag, yaxis: "y" + tag, hoverinfo: "skip"});
     }
     add("measured", curve("measured", channel.i, state.view), INK, 1.6);
     add("as drawn", curve("drawn", channel.i, state.view), ORANGE, 1.1, "4px,3px");
@@ -86,6 +99,7 @@ nav.append(button("view", "magnitude"), button("view", "phase"));
 const keys = document.createElement("span");
 keys.innerHTML = '<i class="key" style="border-color:#30343b"></i>measured<i class="key" style="border-color:#d9822b;' +
   'border-top-style:dashed"></i>as drawn<i class="key" style="border-color:#1f6fb8"></i>tuned' +
+  (DEVIATION ? '<i class="key band"></i>95 % of the tuned model' : '') +
   '<i class="key" style="border-color:#98a2b3;border-top-style:dotted"></i>noise';
 nav.append(keys);
 draw();

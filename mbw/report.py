@@ -1,6 +1,5 @@
 """``mbw report``: a result as one self-contained HTML file."""
 
-import math
 from html import escape
 from pathlib import Path
 
@@ -10,8 +9,12 @@ from identification.words import Dof
 from mbw.identify import is_identified, rewrite
 from mbw.messages import SCREEN
 from mbw.page import fill, packed, packed_complex, text_of, warnings, write_page
-from mbw.remarks import remarks
+from mbw.remarks import limits, not_held
+from mbw.report_numbers import percent
 from mbw.report_pairs import pairs_section
+from mbw.report_parameters import parameter_rows
+from mbw.report_pulls import pull_points, pulls_note, pulls_table
+from mbw.report_trust import badges, starts_section, unknown_section
 from tuning import Level, Result, TunedFile, read_result
 
 _UNITS = {
@@ -56,17 +59,22 @@ def render(result: Result) -> str:
         subtitle=escape(
             f"campaign {summary.campaign}, {len(summary.tests)} tests, {summary.lines} lines "
             f"{summary.band[0]:g}..{summary.band[1]:g} Hz, "
-            f"{len(summary.parameters)} parameters tuned"
+            f"{_counted(summary)} tuned"
         ),
         lead=escape(_lead(summary)),
+        badges=badges(summary),
         warnings=warnings(_warnings(summary)),
-        parameters="".join(_parameter_rows(summary)),
+        parameters=parameter_rows(summary),
+        pulls=_pulls_section(summary),
+        unknown=unknown_section(summary),
+        starts=starts_section(summary),
         modes_drawn=_modes_table(summary, "as_drawn"),
         modes_tuned=_modes_table(summary, "tuned"),
         pairs=pairs_section(summary),
         tests=_tests_table(summary),
-        provenance=escape(_provenance(summary)),
-        script=text_of("report.js"),
+        provenance=_provenance(summary),
+        script=text_of("report.js") + text_of("report_pulls.js"),
+        style=text_of("report.css"),
     )
 
 
@@ -75,11 +83,11 @@ def _lead(summary: TunedFile) -> str:
     if gap.as_drawn.error is None or gap.tuned.error is None:
         return "No channel is quiet enough to state an error."
     text = (
-        f"As drawn, the model is off by {_percent(gap.as_drawn.error)} of the measured FRFs; "
-        f"tuned, by {_percent(gap.tuned.error)}"
+        f"As drawn, the model is off by {percent(gap.as_drawn.error)} of the measured FRFs; "
+        f"tuned, by {percent(gap.tuned.error)}"
     )
     if gap.held_out is not None and gap.held_out.error is not None:
-        text += f", and by {_percent(gap.held_out.error)} on lines that the fit did not see"
+        text += f", and by {percent(gap.held_out.error)} on lines that the fit did not see"
         worst = max(summary.held_out_blocks, key=lambda block: block.share)
         if worst.share > 0.5:
             text += (
@@ -88,42 +96,28 @@ def _lead(summary: TunedFile) -> str:
             )
     if gap.noise is None:
         return text + "."
-    text += f". The noise of the measurement is {_percent(gap.noise)}"
-    best = (gap.held_out or gap.tuned).error
-    if best is not None and best > 1.5 * gap.noise:
-        return text + ": stiffness and damping alone do not explain what remains."
-    return text + ": the model is about as good as the measurement can tell."
-
-
-def _percent(value: float) -> str:
-    return f"{100 * value:.3g} %"
+    return text + f". The noise of the measurement is {percent(gap.noise)}."
 
 
 def _warnings(summary: TunedFile) -> list[str]:
-    found = []
-    if not summary.fit.converged:
-        found.append(f"The search ended early ({summary.fit.outcome}): {summary.fit.advice}.")
-    if summary.interrupted:
-        found.append("The tuning was interrupted: there are no held-out lines.")
-    return found + remarks(summary)
+    found = ["There are no held-out lines: the tuning was interrupted."]
+    return (found if summary.interrupted else []) + limits(summary)
 
 
-def _parameter_rows(summary: TunedFile) -> list[str]:
-    rows = []
-    for row in summary.parameters:
-        factor = row.tuned / row.drawn
-        reach = max(-50.0, min(50.0, 25.0 * math.log2(factor)))
-        left, width = (50.0, reach) if reach > 0 else (50.0 + reach, -reach)
-        bound = ' <span style="color:var(--bad)">at bound</span>' if row.at_bound else ""
-        rows.append(
-            f'<tr><td class="name">{escape(row.name)}{bound}</td>'
-            f'<td class="name">{escape(row.location)}</td>'
-            f"<td>{row.drawn:.4g}</td><td>{row.tuned:.4g}</td>"
-            f'<td class="name">{escape(row.unit)}</td><td>{factor:.3g}</td>'
-            f'<td class="name"><span class="bar"><i style="left:{left:.1f}%;width:{width:.1f}%">'
-            "</i><b></b></span></td></tr>"
-        )
-    return rows
+def _counted(summary: TunedFile) -> str:
+    tolerances = sum(row.prior is not None for row in summary.parameters)
+    text = f"{len(summary.parameters) - tolerances} parameters"
+    return f"{text} and {tolerances} tolerances" if tolerances else text
+
+
+def _pulls_section(summary: TunedFile) -> str:
+    """Chart and table of the tolerances; empty if none was tuned."""
+    if all(row.pull is None for row in summary.parameters):
+        return ""
+    return (
+        '<h2>Tolerances</h2><div class="pulls"><div id="pulls"></div>'
+        f'<div>{pulls_table(summary)}</div></div><p class="soft">{escape(pulls_note(summary))}</p>'
+    )
 
 
 def _modes_table(summary: TunedFile, key: str) -> str:
@@ -155,14 +149,22 @@ def _tests_table(summary: TunedFile) -> str:
 
 def _provenance(summary: TunedFile) -> str:
     fit = summary.fit
-    text = (
-        f"{fit.outcome.capitalize()} after {fit.evaluations} evaluations; "
-        f"{fit.agreeing_starts} of {fit.starts} starts within 2 % of the best cost."
-    )
+    text = f"{fit.outcome.capitalize()} after {fit.evaluations} evaluations"
+    if fit.starts > 1:
+        text += f"; {fit.agreeing_starts} of {fit.starts} starts within 2 % of the best cost"
+    text += "."
     if blocks := summary.held_out_blocks:
         width = blocks[0].high - blocks[0].low
         text += f" Held-out blocks of {width:g} Hz in five folds."
-    return text
+    text = escape(f"{text} {not_held(summary)}".strip())
+    if not summary.inputs:
+        return text
+    files = ", ".join(
+        f'{escape(row.file)} <code title="SHA-256 {escape(row.sha256)}">{escape(row.sha256[:10])}'
+        "</code>"
+        for row in summary.inputs
+    )
+    return f"{text}<br>Read: {files}."
 
 
 def _data(result: Result) -> dict[str, object]:
@@ -176,6 +178,7 @@ def _data(result: Result) -> dict[str, object]:
         "drawn": _packed_complex(level, "as_drawn"),
         "tuned": _packed_complex(level, "tuned"),
         "noise": packed(level.noise.T),
+        "deviation": None if level.deviation is None else packed(level.deviation.T),
         "channels": [
             {
                 "body": dof.point,
@@ -190,6 +193,7 @@ def _data(result: Result) -> dict[str, object]:
         "unit": unit,
         "unit_rotation": unit_rotation,
         "gap": _gap_bars(summary),
+        "pulls": pull_points(summary),
         "where": [
             {"body": row.body, "share": row.share, "excess": row.excess}
             for row in summary.remaining_gap

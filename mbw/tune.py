@@ -12,19 +12,26 @@ from mbw.messages import INTERRUPTED, NOT_CONVERGED, SCREEN, one_interrupt
 from mbw.remarks import remarks
 from mbw.tune_modes import measured_modes
 from tuning import (
+    CHECKPOINT,
     FOLDS,
+    GAUSS_NEWTON,
+    Freedom,
+    Journal,
     Residual,
     ShareRow,
     Tuned,
     TunedFile,
     Watch,
     check_folder,
+    fingerprint,
     open_session,
     stages_of,
     tune,
     write_result,
 )
 from tuning import Progress as Step
+
+_FEW = 5
 
 
 @dataclass(frozen=True)
@@ -33,17 +40,19 @@ class Search:
 
     Args:
         residuals: what to minimise, in order.
+        algorithm: of NLopt, by name, for the first stages; Gauss-Newton by default.
         modes: folder that ``mbw identify`` wrote; None to identify anew where modes are needed.
     """
 
     residuals: tuple[Residual, ...] = ("log",)
+    algorithm: str = GAUSS_NEWTON
     modes: Path | None = None
 
 
 _FRFS = Search()
 
 
-def run(
+def run(  # noqa: PLR0913  # one for each option
     campaign: Path,
     *,
     out: Path | None,
@@ -53,6 +62,8 @@ def run(
     seed: int = 0,
     jobs: int = 1,
     search: Search = _FRFS,
+    resume: bool = False,
+    inform: bool = False,
 ) -> Path:
     """Tune, write the result, say the gap; exit 130 if interrupted, 4 if not converged.
 
@@ -65,6 +76,8 @@ def run(
         seed: of the random starts.
         jobs: processes for the held-out fits.
         search: what to fit.
+        resume: go on from the steps that an interrupted run finished.
+        inform: say which further measurement would tell most.
 
     Returns:
         The folder of the result.
@@ -74,11 +87,16 @@ def run(
     folder = out or Path(f"{session.campaign.name}-tuned")
     SCREEN.say(
         f"{session.campaign.name}: {len(session.campaign.tests)} tests, {len(freq)} lines "
-        f"{freq[0]:g}..{freq[-1]:g} Hz, {len(session.model.parameters)} parameters"
+        f"{freq[0]:g}..{freq[-1]:g} Hz, {_counted(session.freedom)}"
     )
     check_folder(folder)
     if json is not None:
         check_json(json)
+    options = {"starts": starts, "seed": seed, "search": search}
+    file = folder / CHECKPOINT
+    if file.is_file() and not resume:
+        SCREEN.say(f"{file} of an interrupted run is not used: --resume would go on from it")
+    journal = Journal(file, fingerprint(session, options), resume=resume)
     measured = measured_modes(session.campaign, search.residuals, search.modes)
     for text in session.campaign.remarks:
         SCREEN.say(text)
@@ -88,24 +106,34 @@ def run(
             session,
             residuals=search.residuals,
             measured=measured,
+            algorithm=search.algorithm,
             starts=starts,
             seed=seed,
             jobs=jobs,
+            inform=inform,
             watch=Watch(bar.evaluated, bar.folded),
+            journal=journal,
         )
         ends()
         summary = write_result(tuned, folder, _remaining(tuned))
         if json is not None:
             write_json(summary.model_dump_json(indent=1), json)
     _say(summary, folder)
+    if not tuned.interrupted:
+        journal.close()
     _leave(tuned)
     return folder
+
+
+def _counted(varies: Freedom) -> str:
+    tolerances = int(varies.has_prior.sum())
+    return f"{varies.size - tolerances} parameters, {tolerances} tolerances"
 
 
 def _remaining(tuned: Tuned) -> list[ShareRow]:
     """Where the gap shows, on held-out lines if there are any."""
     sensors = tuned.sensors
-    gaps = sensors.channels(sensors.held_out or sensors.tuned)
+    gaps = sensors.channels(sensors.held_out or sensors.bounded)
     return [
         ShareRow(body=share.body, share=share.share, excess=share.excess)
         for share in residual_shares(gaps, tuned.session.campaign.layout)
@@ -168,7 +196,8 @@ class _Bar:
 
 def _say(summary: TunedFile, folder: Path) -> None:
     gap, fit = summary.gap.sensors, summary.fit
-    SCREEN.say(f"{fit.outcome} after {fit.evaluations} evaluations" + _agreement(summary))
+    trust = ", to be trusted" if fit.trusted else ""
+    SCREEN.say(f"{fit.outcome} after {fit.evaluations} evaluations{trust}{_agreement(summary)}")
     rows = [("as drawn", gap.as_drawn), ("tuned", gap.tuned)]
     if gap.held_out is not None:
         rows.append(("tuned, on lines that the fit did not see", gap.held_out))
@@ -180,6 +209,15 @@ def _say(summary: TunedFile, folder: Path) -> None:
         SCREEN.say(f"  {paired} of {len(summary.pairs)} measured modes have one of the model's")
     for remark in remarks(summary):
         SCREEN.say(f"  {remark}")
+    for gain in summary.information[:_FEW]:
+        where = f"a further hammer point at {gain.place}"
+        if gain.what == "sensor":
+            where = f"a further sensor beside {gain.place}"
+        SCREEN.say(
+            f"  {where}: {gain.parameter} known to {100 * gain.after:.2g} % instead of "
+            f"{100 * gain.before:.2g} %; in the median, intervals shrink to "
+            f"{100 * gain.shrink:.0f} %"
+        )
     SCREEN.say(f"results in {folder}")
 
 
@@ -196,9 +234,8 @@ def _number(value: float | None) -> str:
 
 def _leave(tuned: Tuned) -> None:
     if tuned.interrupted:
-        SCREEN.error(
-            f"interrupted: {tuned.fit.advice or 'the fit is whole, run again for held-out lines'}"
-        )
+        missing = tuned.fit.advice or "the fit is whole, held-out lines are missing"
+        SCREEN.error(f"interrupted, go on with --resume: {missing}")
         raise typer.Exit(INTERRUPTED)
     if not tuned.fit.converged:
         SCREEN.error(f"not converged, {tuned.fit.outcome}: {tuned.fit.advice}")

@@ -1,9 +1,14 @@
 """Where measurement and model meet: fits, gaps, held-out predictions."""
 
 from tuning.batch import predict
-from tuning.fit import STAGES, Fit, Progress, Stage, fit, random_starts
+from tuning.confidence import Confidence, confidence, pulls
+from tuning.fit import GAUSS_NEWTON, STAGES, Fit, Progress, Stage, fit, random_starts
 from tuning.folds import FOLDS, HeldOut, block_width, fit_held_out, fold_of_lines
+from tuning.freedom import Freedom, Wishes, freedom
 from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
+from tuning.inputs import fingerprint
+from tuning.journal import CHECKPOINT, Journal
+from tuning.misfit import Misfit
 from tuning.modal import (
     MODAL_STAGES,
     ModalCost,
@@ -12,25 +17,29 @@ from tuning.modal import (
     modes_in_band,
     some_modes,
 )
-from tuning.residual import LogCost
 from tuning.result import Level, Result, check_folder, files_of, read_result, write_result
 from tuning.schema import PairRow, PartnerRow, Residual, ShareRow, TunedFile
-from tuning.session import Session, open_campaign, open_session
+from tuning.session import Session, open_campaign, open_session, with_tolerances
 from tuning.solver import Minimum, minimise
 from tuning.tuned import Comparison, Tuned, Watch, at_bodies, stages_of, tune
 
 __all__ = [
+    "CHECKPOINT",
     "FOLDS",
+    "GAUSS_NEWTON",
     "MODAL_STAGES",
     "STAGES",
     "ChannelGaps",
     "Comparison",
+    "Confidence",
     "Fit",
+    "Freedom",
     "Gap",
     "HeldOut",
+    "Journal",
     "Level",
-    "LogCost",
     "Minimum",
+    "Misfit",
     "ModalCost",
     "ModalStage",
     "PairRow",
@@ -45,24 +54,30 @@ __all__ = [
     "Tuned",
     "TunedFile",
     "Watch",
+    "Wishes",
     "at_bodies",
     "block_width",
     "channel_gaps",
     "check_folder",
+    "confidence",
     "files_of",
+    "fingerprint",
     "fit",
     "fit_held_out",
     "fold_of_lines",
+    "freedom",
     "minimise",
     "modes_in_band",
     "open_campaign",
     "open_session",
     "predict",
+    "pulls",
     "random_starts",
     "read_result",
     "some_modes",
     "stages_of",
     "summarise",
     "tune",
+    "with_tolerances",
     "write_result",
 ]

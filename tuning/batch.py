@@ -1,11 +1,13 @@
 """Tests that one evaluation of the model answers, stacked side by side."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from identification import smooth_variance
 from identification.words import Campaign, Complex, Dof, Integers, Mask, Real, Test, distinct
-from mbmodel import Evaluator, Model, Question
+from mbmodel import Evaluator, Linearised, Model, Question
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,7 +19,7 @@ class Batch:
         tests: numbers of the tests in the campaign; n_test.
         columns: number of the input of each test; (n_test,).
         values: measured FRFs, signs as in ``outputs``; (n_freq, n_out, n_test).
-        variance: of them; (n_freq, n_out, n_test).
+        variance: of them, smooth along frequency; (n_freq, n_out, n_test).
         measured: (n_out, n_test).
     """
 
@@ -71,7 +73,7 @@ def _batch(
         rows, signs = _places(test, outputs)
         frf = test.estimate.frf
         values[rows, column] = (frf.values[:, :, 0] * signs).T
-        variance[rows, column] = test.estimate.variance[:, :, 0].T
+        variance[rows, column] = smooth_variance(test.estimate)[:, :, 0].T
         measured[rows, column] = test.estimate.measured[:, 0]
     return Batch(
         evaluator=Evaluator(model, question, direct=direct),
@@ -93,11 +95,25 @@ def _places(test: Test, outputs: tuple[Dof, ...]) -> tuple[list[int], Real]:
 
 def predict(model: Model, theta: Real, campaign: Campaign) -> tuple[Complex, ...]:
     """The model's answer to each test, in the test's own labels; (n_freq, n_out, 1) each."""
-    answers: dict[int, Complex] = {}
+    return answers(model, campaign, lambda lines: lines.values, theta)
+
+
+def answers(
+    model: Model, campaign: Campaign, ask: Callable[[Linearised], Complex], theta: Real
+) -> tuple[Complex, ...]:
+    """What is asked of the linearised model, for each test; (n_freq, n_out, 1) each.
+
+    Args:
+        model: machine and Parts.
+        campaign: the tests.
+        ask: gives (n_freq, n_out, n_in) of a linearised model.
+        theta: parameters in SI; (n_parameter,).
+    """
+    found: dict[int, Complex] = {}
     for batch in batches(model, campaign):
-        picked = batch.pick(batch.evaluator.at(theta).values)
+        picked = batch.pick(ask(batch.evaluator.at(theta)))
         question = batch.evaluator.question
         for column, number in enumerate(batch.tests):
             rows, signs = _places(campaign.tests[number], question.outputs)
-            answers[number] = (picked[:, rows, column] * signs)[:, :, None]
-    return tuple(answers[number] for number in range(len(campaign.tests)))
+            found[number] = (picked[:, rows, column] * signs)[:, :, None]
+    return tuple(found[number] for number in range(len(campaign.tests)))

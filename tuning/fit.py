@@ -1,36 +1,57 @@
-"""Fit a model's parameters to a campaign, in logarithms, in stages of falling allowance."""
+"""Fit a model to a campaign in stages of falling allowance, from several starts."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+from joblib import Parallel, delayed
+from threadpoolctl import threadpool_limits
 
-from identification.words import Campaign, ModalModel, Real, UsageError
+from identification.words import Campaign, Mask, ModalModel, Real, UsageError
 from mbmodel import Model
+from tuning.freedom import Freedom, freedom
+from tuning.journal import Journal
+from tuning.misfit import Misfit
 from tuning.modal import ModalCost, ModalStage
-from tuning.residual import LogCost
-from tuning.solver import Minimum, Outcome, minimise
+from tuning.newton import Box, gauss_newton
+from tuning.solver import INTERRUPTED, Minimum, Outcome, minimise
 
+GAUSS_NEWTON = "GAUSS_NEWTON"
 _AGREE = 0.02  # two starts agree if their costs differ by less
 _AGREE_MODES = 1e-3  # beside that, since the cost of modes can be as small as the modes are exact
 _FEWEST_LINES = 32
-_RANGE = np.log(100.0)  # every size stays within a factor of 100 of the drawing
+_FAR, _NEAR = 1e-3, 1e-7  # damping at the beginning of a stage
 
 
 @dataclass(frozen=True)
 class Stage:
-    """One minimisation of the logarithm of the FRFs' ratio.
+    """One minimisation of the misfit of FRFs.
 
     Args:
         allowance: relative error that the model may have anyway.
+        tolerance: it ends when a step promises less than this part of the cost.
         stride: only every so manyth line counts.
+        logarithmic: whether the residual is the logarithm of the ratio.
+        everything: whether tolerances vary too, or only what has no prior.
     """
 
     allowance: float
+    tolerance: float = 1e-3
     stride: int = 1
+    logarithmic: bool = True
+    everything: bool = False
 
 
-STAGES = (Stage(0.5, 4), Stage(0.2, 4), Stage(0.1, 2), Stage(0.03))
+STAGES = (
+    Stage(0.5, stride=8),
+    Stage(0.2, stride=8),
+    Stage(0.1, stride=4, everything=True),
+    Stage(0.03, stride=4, logarithmic=False, everything=True),
+    Stage(0.0, stride=4, logarithmic=False, everything=True),
+    Stage(0.0, tolerance=1e-8, logarithmic=False, everything=True),
+)
+LAST = STAGES[-1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,143 +69,279 @@ class Fit:
     """A tuned model.
 
     Args:
-        theta: parameters in SI; (n_parameter,).
-        cost: of the last stage.
+        freedom: what was tuned.
+        x: its coordinates; (n_x,).
+        cost: of the last stage, in nats where FRFs were fitted.
         evaluations: of all starts and stages.
         outcome: how the best start ended.
         advice: what to do about it; empty if nothing.
-        costs: of the last stage, one a start.
-        agree: how many starts ended within 2 % of the best cost.
-        at_bound: which parameters ended at a bound; (n_parameter,).
+        costs: of the last stage that every start went through, one a start.
+        agreed: the cost up to which a start agrees with the best of these: 2 % above it.
+        ends: theta of each start there; (n_start, n_parameter).
     """
 
-    theta: Real
+    freedom: Freedom
+    x: Real
     cost: float
     evaluations: int
     outcome: Outcome
     advice: str
     costs: tuple[float, ...]
-    agree: int
-    at_bound: np.ndarray
+    agreed: float
+    ends: Real
+
+    @property
+    def theta(self) -> Real:
+        """Parameters in SI; (n_parameter,)."""
+        return self.freedom.theta(self.x)
+
+    @property
+    def agree(self) -> int:
+        """How many starts agree with the best."""
+        return sum(cost <= self.agreed for cost in self.costs)
 
     @property
     def converged(self) -> bool:
         """Whether the search came to its end."""
         return self.outcome == "converged"
 
+    @property
+    def at_bound(self) -> Mask:
+        """Which parameters ended at a bound; (n_parameter,)."""
+        return self.freedom.at_bound(self.x)
 
-def fit(
+
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """What every start has in common."""
+
+    model: Model
+    campaign: Campaign
+    freedom: Freedom
+    measured: ModalModel | None
+    algorithm: str
+    threads: int
+    journal: Journal
+
+    def run(
+        self,
+        x: Real,
+        stages: "tuple[tuple[int, Stage | ModalStage], ...]",
+        name: str,
+        report: Callable[[int, int, float], None] | None = None,
+    ) -> Minimum:
+        """Go through some stages, each told by its number, from x; steps are kept by name."""
+        end, evaluations = Minimum(x, np.inf, 0, "converged", ""), 0
+        for number, stage in stages:
+
+            def tell(count: int, value: float, at: int = number) -> None:
+                if report is not None:
+                    report(at, count, value)
+
+            make = partial(self._stage, stage, end.x, tell)
+            end = self.journal.step(f"{name}, stage {number}", make)
+            evaluations += end.evaluations
+            if end.outcome == "interrupted":
+                break
+        return replace(end, evaluations=evaluations)
+
+    def _stage(
+        self, stage: Stage | ModalStage, x: Real, tell: Callable[[int, float], None]
+    ) -> Minimum:
+        whole = self.freedom
+        varies = np.ones(whole.size, bool)
+        everything = isinstance(stage, Stage) and stage.everything
+        if not everything and not whole.has_prior.all():
+            varies = ~whole.has_prior
+        chosen = whole.only(varies, x)
+        if isinstance(stage, ModalStage):
+            end = self._by_modes(stage, chosen, x[varies], tell)
+        else:
+            problem = Misfit(
+                self.model,
+                thinned(self.campaign, stage.stride),
+                chosen,
+                allowance=stage.allowance,
+                logarithmic=stage.logarithmic,
+                threads=self.threads,
+            )
+            if everything or self.algorithm == GAUSS_NEWTON:
+                box = Box(chosen.lower, chosen.upper, chosen.has_prior.astype(float))
+                damping = _FAR if stage.allowance > 0 else _NEAR
+                end = gauss_newton(
+                    problem,
+                    x[varies],
+                    box,
+                    damping=damping,
+                    tolerance=stage.tolerance,
+                    report=tell,
+                )
+            else:
+                bounds = (chosen.lower, chosen.upper)
+                end = minimise(problem, x[varies], bounds, algorithm=self.algorithm, report=tell)
+        found = x.copy()
+        found[varies] = end.x
+        return replace(end, x=found)
+
+    def _by_modes(
+        self, stage: ModalStage, chosen: Freedom, x: Real, tell: Callable[[int, float], None]
+    ) -> Minimum:
+        if self.measured is None:
+            raise UsageError("a stage of modes needs measured modes: identify the campaign first")
+        cost = ModalCost(self.model, self.measured, stage)
+        begun = cost.begin(chosen.theta(x))
+
+        def objective(x: Real) -> tuple[float, Real]:
+            value, gradient = begun(chosen.theta(x))
+            return value, chosen.collected(gradient, x)
+
+        algorithm = "LD_LBFGS" if self.algorithm == GAUSS_NEWTON else self.algorithm
+        end = minimise(objective, x, (chosen.lower, chosen.upper), algorithm=algorithm, report=tell)
+        if end.outcome == "interrupted":
+            return end
+        # Without what ties it to its own start, all modes counted again.
+        return replace(end, value=cost.pairs(chosen.theta(end.x)).cost)
+
+
+def fit(  # noqa: PLR0913  # one for each option
     model: Model,
     campaign: Campaign,
     *,
+    varies: Freedom | None = None,
     starts: tuple[Real, ...] | None = None,
-    stages: tuple[Stage | ModalStage, ...] = STAGES,
+    stages: "tuple[Stage | ModalStage, ...]" = STAGES,
     measured: ModalModel | None = None,
-    algorithm: str = "LD_LBFGS",
+    algorithm: str = GAUSS_NEWTON,
+    jobs: int = 1,
     report: Callable[[Progress], None] | None = None,
+    journal: Journal | None = None,
+    name: str = "fit",
 ) -> Fit:
-    """Tune every parameter of a model so that it answers as the campaign measured.
+    """Tune a model so that it answers as the campaign measured.
 
-    Sizes are tuned by their logarithm: they keep their sign, and a factor up costs what a factor
-    down does. Each start runs through all stages; the best is kept.
+    The first stages vary what the drawing does not know, from every start; the others, in which
+    tolerances vary too, go on from the best. Where no stage is of that kind, all stages are gone
+    through from every start.
 
     Args:
         model: machine and Parts.
         campaign: the lines that count.
+        varies: coordinates; by default all that is not known exactly, tolerances of the campaign.
         starts: thetas in SI; the drawing alone if None.
         stages: in order, of FRFs or of modes.
         measured: modes inside the band, for stages of modes.
-        algorithm: of NLopt.
-        report: told about every evaluation.
+        algorithm: of NLopt, by name, for the first stages; Gauss-Newton by default and at the end.
+        jobs: processes for the starts, threads of a single one; the result does not depend on it.
+        report: told about every evaluation; with several processes, of the last stages alone.
+        journal: knows finished steps, which are not made again.
+        name: of this fit in the journal.
 
     Returns:
         The best start's result; interrupted, the best point so far.
 
     Raises:
-        UsageError: a stage of modes without modes.
+        UsageError: a stage of modes without modes, an algorithm that NLopt does not have.
     """
-    drawn = np.log(model.drawn)
-    bounds = (drawn - _RANGE, drawn + _RANGE)
-    costs = [_cost(model, campaign, measured, stage) for stage in stages]
-    ends: list[Minimum] = []
-    evaluations = 0
-    for number, start in enumerate(starts or (model.drawn,)):
-        end = Minimum(np.log(start), np.inf, 0, "converged", "")
-        for stage, cost in enumerate(costs):
-
-            def tell(count: int, value: float, at: tuple[int, int] = (number, stage)) -> None:
-                if report is not None:
-                    report(Progress(*at, count, value))
-
-            end = minimise(_begun(cost, end.x), end.x, bounds, algorithm=algorithm, report=tell)
-            evaluations += end.evaluations
-            if end.outcome == "interrupted":
-                break
-        ends.append(_comparable(costs[-1], end))
-        if end.outcome == "interrupted":
-            break
-    slack = _AGREE_MODES if isinstance(costs[-1], ModalCost) else 0.0
-    return _best(ends, evaluations, bounds, slack)
-
-
-class _Logarithmic:
-    """A cost of theta as a cost of log theta: dJ/dx = theta dJ/dtheta."""
-
-    def __init__(self, cost: LogCost | ModalCost) -> None:
-        self._cost = cost
-
-    def __call__(self, x: Real) -> tuple[float, Real]:
-        theta = np.exp(x)
-        value, gradient = self._cost(theta)
-        return value, gradient * theta
-
-
-def _cost(
-    model: Model, campaign: Campaign, measured: ModalModel | None, stage: Stage | ModalStage
-) -> LogCost | ModalCost:
-    if isinstance(stage, Stage):
-        return LogCost(model, _thin(campaign, stage), stage.allowance)
-    if measured is None:
-        raise UsageError("a stage of modes needs measured modes: identify the campaign first")
-    return ModalCost(model, measured, stage)
-
-
-def _begun(cost: LogCost | ModalCost, x: Real) -> _Logarithmic:
-    """The cost of a search that begins at x, where modes find their partners."""
-    return _Logarithmic(cost.begin(np.exp(x)) if isinstance(cost, ModalCost) else cost)
-
-
-def _comparable(cost: LogCost | ModalCost, end: Minimum) -> Minimum:
-    """Of modes, the cost without what ties it to its own start, all modes counted again."""
-    if isinstance(cost, LogCost) or end.outcome == "interrupted":
-        return end
-    return replace(end, value=cost.pairs(np.exp(end.x)).cost)
-
-
-def _thin(campaign: Campaign, stage: Stage) -> Campaign:
-    """Every stride-th line, but no fewer than 32 of them as long as there are so many."""
-    stride = min(stage.stride, max(1, len(campaign.freq_hz) // _FEWEST_LINES))
-    return campaign.lines(slice(stride // 2, None, stride))
-
-
-def _best(ends: list[Minimum], evaluations: int, bounds: tuple[Real, Real], slack: float) -> Fit:
-    finished = [end for end in ends if end.outcome != "interrupted"] or ends
-    best = min(finished, key=lambda end: end.value)
-    interrupted = ends[-1].outcome == "interrupted"
+    varies = freedom(model, campaign.tolerance) if varies is None else varies
+    journal = journal or Journal()
+    search = _Search(model, campaign, varies, measured, algorithm, jobs, journal)
+    begins = [varies.coordinates(start) for start in starts or (model.drawn,)]
+    numbered = tuple(enumerate(stages))
+    joint = [isinstance(stage, Stage) and stage.everything for stage in stages]
+    split = joint.index(True) if any(joint) and not joint[0] else len(stages)
+    ends = _from_all(search, begins, numbered[:split], name, report)
+    best = int(np.argmin([end.value for end in ends]))
+    last = stages[split - 1] if split else None
+    slack = _AGREE_MODES if isinstance(last, ModalStage) else 0.0
+    end, others = ends[best], [end.evaluations for end in ends]
+    if split < len(stages) and ends[-1].outcome != "interrupted":
+        end = search.run(end.x, numbered[split:], f"{name}, best", _told(report, best))
+        others.append(end.evaluations)
+    elif ends[-1].outcome == "interrupted":
+        end = replace(end, outcome="interrupted", advice=ends[-1].advice)
     return Fit(
-        theta=np.exp(best.x),
-        cost=best.value,
-        evaluations=evaluations,
-        outcome="interrupted" if interrupted else best.outcome,
-        advice=ends[-1].advice if interrupted else best.advice,
-        costs=tuple(end.value for end in finished),
-        agree=sum(end.value <= best.value * (1 + _AGREE) + slack for end in finished),
-        at_bound=(best.x <= bounds[0] + 1e-6) | (best.x >= bounds[1] - 1e-6),
+        freedom=varies,
+        x=end.x,
+        cost=end.value,
+        evaluations=sum(others),
+        outcome=end.outcome,
+        advice=end.advice,
+        costs=tuple(one.value for one in ends),
+        agreed=ends[best].value * (1 + _AGREE) + slack,
+        ends=np.array([varies.theta(one.x) for one in ends]),
     )
 
 
+def _told(
+    report: Callable[[Progress], None] | None, start: int
+) -> Callable[[int, int, float], None] | None:
+    if report is None:
+        return None
+    return lambda stage, count, value: report(Progress(start, stage, count, value))
+
+
+def _from_all(
+    search: _Search,
+    begins: list[Real],
+    stages: "tuple[tuple[int, Stage | ModalStage], ...]",
+    name: str,
+    report: Callable[[Progress], None] | None,
+) -> list[Minimum]:
+    """The first stages from every start; after an interrupt, those that were finished and it."""
+    if search.threads > 1 and len(begins) > 1:
+        return _side_by_side(search, begins, stages, name)
+    ends: list[Minimum] = []
+    for number, x in enumerate(begins):
+        end = search.run(x, stages, f"{name}, start {number}", _told(report, number))
+        if end.outcome == "interrupted" and ends:
+            end = replace(end, value=np.inf)
+        ends.append(end)
+        if end.outcome == "interrupted":
+            break
+    return ends
+
+
+def _side_by_side(
+    search: _Search,
+    begins: list[Real],
+    stages: "tuple[tuple[int, Stage | ModalStage], ...]",
+    name: str,
+) -> list[Minimum]:
+    """The first stages from every start, in processes; each start is a step of the journal."""
+    journal = search.journal
+    known = [journal.recall(f"{name}, start {number}") for number in range(len(begins))]
+    missing = [number for number, end in enumerate(known) if end is None]
+    work = (delayed(_alone)(search, begins[number], stages) for number in missing)
+    try:
+        made = Parallel(n_jobs=search.threads, return_as="generator")(work)
+        for number, end in zip(missing, made, strict=True):
+            known[number] = end
+            journal.keep(f"{name}, start {number}", end)
+    except KeyboardInterrupt:
+        finished = [end for end in known if end is not None]
+        x = min(finished, key=lambda end: end.value).x if finished else begins[0]
+        return [*finished, Minimum(x, np.inf, 0, "interrupted", INTERRUPTED)]
+    return [end for end in known if end is not None]
+
+
+def _alone(
+    search: _Search, x: Real, stages: "tuple[tuple[int, Stage | ModalStage], ...]"
+) -> Minimum:
+    with threadpool_limits(1):
+        return replace(search, threads=1, journal=Journal()).run(x, stages, "")
+
+
+def thinned(campaign: Campaign, stride: int) -> Campaign:
+    """Every stride-th line, but no fewer than 32 of them as long as there are so many."""
+    stride = min(stride, max(1, len(campaign.freq_hz) // _FEWEST_LINES))
+    return campaign.lines(slice(stride // 2, None, stride))
+
+
 def random_starts(model: Model, count: int, seed: int, spread: float = 0.5) -> tuple[Real, ...]:
-    """The drawing, and ``count - 1`` starts whose factors on it are exp(N(0, spread))."""
+    """The drawing, and ``count - 1`` starts: what it does not know times exp(N(0, spread))."""
     random = np.random.default_rng(seed)
-    factors = np.exp(random.normal(0.0, spread, (max(count - 1, 0), len(model.drawn))))
+    free = np.array([one.positive and one.known == "free" for one in model.parameters], bool)
+    normal = random.normal(0.0, spread, (max(count - 1, 0), int(free.sum())))
+    factors = np.ones((len(normal), len(free)))
+    factors[:, free] = np.exp(normal)
     return (model.drawn, *(model.drawn * factor for factor in factors))

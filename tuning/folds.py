@@ -10,12 +10,13 @@ from threadpoolctl import threadpool_limits
 from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Model, modes
 from tuning.batch import predict
-from tuning.fit import STAGES, Stage, fit
-from tuning.solver import Outcome
+from tuning.fit import LAST, Fit, fit
+from tuning.freedom import Freedom
+from tuning.journal import Journal
+from tuning.solver import Minimum, Outcome
 
 FOLDS = 5
 _LEAST = 8
-WARM_STAGES: tuple[Stage, ...] = STAGES[-2:]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,20 +85,22 @@ def fold_of_lines(n_freq: int, width: int) -> Integers:
 
 def fit_held_out(
     model: Model,
-    theta: Real,
+    found: Fit,
     campaign: Campaign,
     *,
     jobs: int = 1,
     report: Callable[[int], None] | None = None,
+    journal: Journal | None = None,
 ) -> HeldOut | None:
-    """Leave out one fold of the lines after the other and fit the rest, started at theta.
+    """Leave out one fold of the lines after the other and fit the rest, started at a fit to all.
 
     Args:
         model: machine and Parts.
-        theta: fitted to all lines; (n_parameter,).
+        found: the fit to all lines.
         campaign: the lines of the band.
         jobs: processes; the result does not depend on it.
         report: told the number of each fold that is done.
+        journal: knows finished folds, which are not made again.
 
     Returns:
         The fits; None if the band holds a single block, which nothing could predict.
@@ -105,26 +108,36 @@ def fit_held_out(
     Raises:
         KeyboardInterrupt: interrupted; there is no held-out prediction then.
     """
+    theta, varies = found.theta, found.freedom
     width = block_width(model, theta, campaign.freq_hz)
     folds = fold_of_lines(len(campaign.freq_hz), width)
     if not folds.any():
         return None
-    work = (delayed(_fit_without)(model, theta, campaign, folds == fold) for fold in range(FOLDS))
-    thetas, outcomes = [], []
-    for fold, (fitted, outcome) in enumerate(Parallel(n_jobs=jobs, return_as="generator")(work)):
-        thetas.append(fitted)
-        outcomes.append(outcome)
+    journal = journal or Journal()
+    ends = {fold: journal.recall(f"fold {fold}") for fold in range(FOLDS)}
+    missing = [fold for fold, end in ends.items() if end is None]
+    work = (
+        delayed(_fit_without)(model, found.x, campaign, folds == fold, varies) for fold in missing
+    )
+    made = Parallel(n_jobs=jobs, return_as="generator")(work)
+    for fold, end in zip(missing, made, strict=True):
+        journal.keep(f"fold {fold}", end)
+        ends[fold] = end
         if report is not None:
             report(fold)
-    return HeldOut(np.array(thetas), tuple(outcomes), folds, width)
+    known = [end for end in ends.values() if end is not None]
+    thetas = np.array([varies.theta(end.x) for end in known])
+    return HeldOut(thetas, tuple(end.outcome for end in known), folds, width)
 
 
-def _fit_without(model: Model, theta: Real, campaign: Campaign, held: Mask) -> tuple[Real, Outcome]:
-    """Theta fitted to the lines that are not held out, and how the search ended."""
+def _fit_without(model: Model, x: Real, campaign: Campaign, held: Mask, varies: Freedom) -> Minimum:
+    """The fit to the lines that are not held out."""
     if not held.any():  # a fold without a block predicts nothing
-        return theta, "converged"
+        return Minimum(x, 0.0, 0, "converged", "")
     with threadpool_limits(1):
-        tuned = fit(model, campaign.lines(~held), starts=(theta,), stages=WARM_STAGES)
+        kept = campaign.lines(~held)
+        start = varies.theta(x)
+        tuned = fit(model, kept, varies=varies, starts=(start,), stages=(LAST,))
     if tuned.outcome == "interrupted":
         raise KeyboardInterrupt
-    return tuned.theta, tuned.outcome
+    return Minimum(tuned.x, tuned.cost, tuned.evaluations, tuned.outcome, tuned.advice)

@@ -15,15 +15,16 @@ from pydantic import ValidationError
 from identification.words import Complex, InputError, Real
 from mbmodel import modes, write_mjcf
 from tuning.gap import Gap, block_shares
+from tuning.inputs import inputs
 from tuning.pair_rows import pair_rows
+from tuning.rows import correlation_rows, fit_row, parameter_rows, unseen_rows
 from tuning.schema import (
     BlockRow,
-    FitRow,
+    GainRow,
     GapRow,
     GapTable,
     LevelGap,
     ModeRow,
-    ParameterRow,
     ShareRow,
     TestRow,
     TunedFile,
@@ -43,6 +44,7 @@ class Level:
         tests: label of each channel's test; n_channel.
         measured, as_drawn, tuned: (n_freq, n_channel).
         noise: standard deviation of the measured values; (n_freq, n_channel).
+        deviation: standard deviation of the tuned model's magnitudes; None if interrupted.
     """
 
     outputs: tuple[str, ...]
@@ -51,6 +53,7 @@ class Level:
     as_drawn: Complex
     tuned: Complex
     noise: Real
+    deviation: Real | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +69,15 @@ def summarise_tuning(
     tuned: Tuned, remaining: Sequence[ShareRow] = (), not_held: Sequence[str] = ()
 ) -> TunedFile:
     """The content of tuned.json."""
-    session, found = tuned.session, tuned.fit
+    session = tuned.session
     model, campaign = session.model, session.campaign
-    freq = campaign.freq_hz
-    parameters = zip(model.parameters, model.locations, found.theta, found.at_bound, strict=True)
-    own = {"as_drawn": _modes(tuned, model.drawn), "tuned": _modes(tuned, found.theta)}
+    freq, theta = campaign.freq_hz, tuned.model_fit.theta
+    own = {"as_drawn": _modes(tuned, model.drawn), "tuned": _modes(tuned, theta)}
     pairs, unpaired = (
-        ([], []) if tuned.measured is None else pair_rows(model, tuned.measured, found.theta, own)
+        ([], []) if tuned.measured is None else pair_rows(model, tuned.measured, theta, own)
     )
+    gap = GapTable(sensors=_level_gap(tuned.sensors), bodies=_level_gap(tuned.bodies))
+    sure = tuned.sure
     return TunedFile(
         campaign=campaign.name,
         model=model.machine.name,
@@ -94,27 +98,13 @@ def summarise_tuning(
             )
             for test in campaign.tests
         ],
-        fit=FitRow(
-            outcome=found.outcome,
-            converged=found.converged,
-            advice=found.advice,
-            evaluations=found.evaluations,
-            cost=found.cost if np.isfinite(found.cost) else None,
-            starts=len(found.costs),
-            agreeing_starts=found.agree,
-        ),
-        gap=GapTable(sensors=_level_gap(tuned.sensors), bodies=_level_gap(tuned.bodies)),
-        parameters=[
-            ParameterRow(
-                name=parameter.name,
-                location=location,
-                unit=parameter.unit,
-                drawn=parameter.drawn,
-                tuned=float(value),
-                at_bound=bool(bound),
-            )
-            for parameter, location, value, bound in parameters
-        ],
+        fit=fit_row(tuned, gap.sensors),
+        gap=gap,
+        parameters=parameter_rows(tuned),
+        correlations=[] if sure is None else correlation_rows(sure),
+        unseen=[] if sure is None else unseen_rows(sure),
+        information=[GainRow(**vars(gain)) for gain in tuned.gains],
+        inputs=inputs(session),
         modes=own,
         residuals=list(tuned.residuals),
         pairs=pairs,
@@ -125,7 +115,7 @@ def summarise_tuning(
 
 
 def _level_gap(comparison: Comparison) -> LevelGap:
-    drawn, tuned = comparison.gap(comparison.as_drawn), comparison.gap(comparison.tuned)
+    drawn, tuned = comparison.gap(comparison.as_drawn), comparison.gap(comparison.bounded)
     held_out = comparison.held_out
     return LevelGap(
         as_drawn=_gap_row(drawn),
@@ -175,7 +165,7 @@ def write_result(tuned: Tuned, folder: Path, remaining: Sequence[ShareRow] = ())
         folder: made if it is not there; files of these names in it are replaced.
         remaining: where the gap that remains shows, by the diagnosis.
     """
-    model, theta = tuned.session.model, tuned.fit.theta
+    model, theta = tuned.session.model, tuned.model_fit.theta
     edits = model.edits(theta)
     with files_of(folder) as place:
         not_held = write_mjcf(model.machine.source, place / TUNED_MJCF, edits)
@@ -236,6 +226,8 @@ def _arrays(tuned: Tuned) -> dict[str, np.ndarray]:
         arrays[f"{name}_measured"] = _beside([test.estimate.frf.values for test in tests])
         arrays[f"{name}_as_drawn"] = _beside(comparison.as_drawn)
         arrays[f"{name}_tuned"] = _beside(comparison.tuned)
+        if comparison.deviation is not None:
+            arrays[f"{name}_deviation"] = _beside(comparison.deviation).real.astype(np.float32)
         if comparison.held_out is not None:
             arrays[f"{name}_held_out"] = _beside(comparison.held_out)
         noise = [np.sqrt(test.estimate.variance[:, :, 0]) for test in tests]
@@ -243,7 +235,7 @@ def _arrays(tuned: Tuned) -> dict[str, np.ndarray]:
     return arrays
 
 
-def _beside(values: "list[Complex] | tuple[Complex, ...]") -> np.ndarray:
+def _beside(values: "Sequence[Complex] | Sequence[Real]") -> np.ndarray:
     return np.hstack([value[:, :, 0] for value in values]).astype(np.complex64)
 
 
@@ -266,7 +258,8 @@ def read_result(path: Path) -> Result:
                     tests=tuple(map(str, arrays[f"{name}_tests"])),
                     **{
                         key: arrays[f"{name}_{key}"]
-                        for key in ("measured", "as_drawn", "tuned", "noise")
+                        for key in ("measured", "as_drawn", "tuned", "noise", "deviation")
+                        if f"{name}_{key}" in arrays
                     },
                 )
                 for name in LEVELS

@@ -43,7 +43,14 @@ class GapTable(_Row):
 
 
 class ParameterRow(_Row):
-    """One tuned parameter."""
+    """One parameter that was tuned.
+
+    ``low`` and ``high`` are its 95 % interval, ``deviation`` one standard deviation (of sizes
+    relative); None if the tuning was interrupted. ``prior`` is the standard deviation that the
+    drawing states, None where it states none; ``pull`` by how many of them it was pulled in the fit
+    without bounds. ``at_bound`` is of the fit within bounds. ``seen`` is false where the data tell
+    nothing.
+    """
 
     name: str
     location: str
@@ -51,18 +58,82 @@ class ParameterRow(_Row):
     drawn: float
     tuned: float
     at_bound: bool
+    low: float | None = None
+    high: float | None = None
+    deviation: float | None = None
+    prior: float | None = None
+    pull: float | None = None
+    seen: bool = True
+
+
+class CorrelationRow(_Row):
+    """Two parameters that the data tell apart badly."""
+
+    first: str
+    second: str
+    correlation: float
+
+
+class UnseenRow(_Row):
+    """A direction that the data cannot see."""
+
+    parameters: list[str]
+    deviation: float
+    sentence: str
+
+
+class GainRow(_Row):
+    """What one further measurement would do for the parameter that is known worst.
+
+    ``what`` is a hammer point at a site, or a sensor beside it; ``before`` and ``after`` are the
+    parameter's standard deviation (of sizes relative), ``shrink`` the median over all stiffnesses
+    and dampings of after / before.
+    """
+
+    what: str
+    place: str
+    parameter: str
+    before: float
+    after: float
+    shrink: float
+
+
+class StartRow(_Row):
+    """Where one start ended, after the last stage that all went through.
+
+    ``farthest`` names the parameters that lie farthest from the best start's, with the factor.
+    """
+
+    cost: float | None
+    agrees: bool
+    farthest: dict[str, float]
+
+
+class InputRow(_Row):
+    """A file that was read, and its SHA-256."""
+
+    file: str
+    sha256: str
 
 
 class FitRow(_Row):
-    """How the search went."""
+    """How the search went, and whether its result is to be trusted: two questions.
+
+    ``chi_square`` is the mean squared misfit in units of the noise.
+    """
 
     outcome: str
     converged: bool
+    trusted: bool = False
+    doubts: list[str] = []
     advice: str
+    algorithm: str = ""
     evaluations: int
     cost: float | None
+    chi_square: float | None = None
     starts: int
     agreeing_starts: int
+    ends: list[StartRow] = []
 
 
 class TestRow(_Row):
@@ -147,6 +218,10 @@ class TunedFile(_Row):
     fit: FitRow
     gap: GapTable
     parameters: list[ParameterRow]
+    correlations: list[CorrelationRow] = []
+    unseen: list[UnseenRow] = []
+    information: list[GainRow] = []
+    inputs: list[InputRow] = []
     modes: dict[str, list[ModeRow]]
     residuals: list[Residual] = ["log"]
     pairs: list[PairRow] = []

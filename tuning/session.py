@@ -6,8 +6,19 @@ from pathlib import Path
 import numpy as np
 
 from identification import band_lines, correct_layout, read_campaign, read_settings
-from identification.words import Campaign, InputError
-from mbmodel import Machine, Model, as_drawn, load_machine
+from identification.words import Campaign, InputError, distinct
+from mbmodel import (
+    Machine,
+    Model,
+    as_drawn,
+    body_parts,
+    hammer_parts,
+    joint_parts,
+    load_machine,
+    sensor_parts,
+    spring_parts,
+)
+from tuning.freedom import Freedom, Wishes, freedom
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,13 +27,16 @@ class Session:
 
     Args:
         source: path of campaign.toml.
-        model: the machine as drawn, with the corrections of campaign.toml.
+        model: the machine as drawn, with the corrections of campaign.toml, all that can vary as
+            Parts.
         campaign: its tests, the lines of the band only.
+        freedom: what varies.
     """
 
     source: Path
     model: Model
     campaign: Campaign
+    freedom: Freedom
 
 
 def open_session(path: Path, band: tuple[float, float] | None = None) -> Session:
@@ -36,12 +50,47 @@ def open_session(path: Path, band: tuple[float, float] | None = None) -> Session
         InputError: anything that cannot be used, with file, element and remedy.
     """
     source, machine, campaign = open_campaign(path, band)
-    model = as_drawn(machine)
-    if not model.parameters:
+    if not as_drawn(machine).parameters:
         raise InputError(
             f"{machine.source}: no joint or tendon has stiffness or damping to tune: draw them"
         )
-    return Session(source, model, campaign)
+    model = with_tolerances(machine, campaign)
+    try:
+        varies = freedom(model, campaign.tolerance, _wishes(path))
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from error
+    return Session(source, model, campaign, varies)
+
+
+def _wishes(path: Path) -> Wishes:
+    """What ``[tuning]`` asks for."""
+    tuning = read_settings(path)[1].tuning
+    return Wishes(
+        free=tuning.free,
+        fix=tuning.fix,
+        prior=tuning.prior,
+        bounds={name: (low, high) for name, (low, high) in tuning.bounds.items()},
+        ties=tuning.tie,
+    )
+
+
+def with_tolerances(machine: Machine, campaign: Campaign) -> Model:
+    """All that can vary as Parts: springs, bodies, joints, sensors, each direction of the hammer.
+
+    Sensors that no test reads are left out.
+    """
+    read = {dof.point for test in campaign.tests for dof in test.estimate.frf.outputs}
+    hit = distinct(test.condition.reference.positive for test in campaign.tests)
+    return Model(
+        machine,
+        (
+            *spring_parts(machine),
+            *body_parts(machine),
+            *joint_parts(machine),
+            *(part for part in sensor_parts(machine) if part.point.name in read),
+            *hammer_parts(machine, tuple(dof for dof in hit if dof.point in machine.layout.points)),
+        ),
+    )
 
 
 def open_campaign(

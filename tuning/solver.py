@@ -10,6 +10,7 @@ import numpy as np
 from identification.words import Real, UsageError
 
 Outcome = Literal["converged", "out of evaluations", "interrupted", "failed"]
+INTERRUPTED = "the best parameters so far are kept"
 Objective = Callable[[Real], tuple[float, Real]]
 
 
@@ -119,7 +120,7 @@ def _run(solver: nlopt.opt, start: Real, best: _Best) -> tuple[Outcome, str]:
     except KeyboardInterrupt as error:  # between two evaluations
         best.error = error
     if isinstance(best.error, KeyboardInterrupt):
-        return "interrupted", "the best parameters so far are kept; run again to go on"
+        return "interrupted", INTERRUPTED
     if best.error is not None:
         raise best.error
     if problem or not np.isfinite(best.value):

@@ -3,13 +3,19 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from identification import reduce_to_bodies
 from identification.words import Campaign, Complex, ModalModel, Real
 from mbmodel import Model
+from tuning.bands import magnitude_deviations
 from tuning.batch import predict
-from tuning.fit import STAGES, Fit, Progress, Stage, fit, random_starts
+from tuning.confidence import PLAUSIBLE, Confidence, confidence
+from tuning.fit import GAUSS_NEWTON, LAST, STAGES, Fit, Progress, Stage, fit, random_starts
 from tuning.folds import HeldOut, fit_held_out
 from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
+from tuning.information import Gain, information
+from tuning.journal import Journal
 from tuning.modal import MODAL_STAGES, ModalStage
 from tuning.schema import Residual
 from tuning.session import Session
@@ -22,13 +28,17 @@ class Comparison:
     Args:
         campaign: the measurement.
         as_drawn: the model's answers to each test, as drawn; (n_freq, n_out, 1) each.
-        tuned: the same, fitted to all lines.
+        tuned: the same, of the tuned model.
+        bounded: the same, fitted with every tolerance within its bounds: what the gap is of.
+        deviation: standard deviation of the tuned model's magnitudes; None if interrupted.
         held_out: the same, each line by a fit that did not see it; None if interrupted.
     """
 
     campaign: Campaign
     as_drawn: tuple[Complex, ...]
     tuned: tuple[Complex, ...]
+    bounded: tuple[Complex, ...]
+    deviation: tuple[Real, ...] | None
     held_out: tuple[Complex, ...] | None
 
     def gap(self, predicted: tuple[Complex, ...]) -> Gap:
@@ -46,7 +56,9 @@ class Tuned:
 
     Args:
         session: campaign and drawn model.
-        fit: to all lines.
+        fit: to all lines, tolerances within their bounds: what it leaves is the gap.
+        free: the same without these bounds; ``fit`` itself if it reached none.
+        sure: what the tuned model is worth; None if interrupted before.
         held_out: fits that left lines out; None if interrupted, if the band is too narrow, or if
             modes were fitted last, which know all lines.
         interrupted: whether fit or held-out fits were.
@@ -54,16 +66,38 @@ class Tuned:
         bodies: at the centres of mass.
         residuals: what was minimised, in order.
         measured: modes inside the band, if any were asked for.
+        algorithm: of the first stages.
+        gains: what further measurements would tell, if that was asked for.
     """
 
     session: Session
     fit: Fit
+    free: Fit
+    sure: Confidence | None
     held_out: HeldOut | None
     interrupted: bool
     sensors: Comparison
     bodies: Comparison
     residuals: tuple[Residual, ...] = ("log",)
     measured: ModalModel | None = None
+    algorithm: str = GAUSS_NEWTON
+    gains: tuple[Gain, ...] = ()
+
+    @property
+    def model_fit(self) -> Fit:
+        """The fit whose parameters are reported: without bounds, unless that hides a fault."""
+        return choose(self.fit, self.free)
+
+
+def choose(bounded: Fit, free: Fit) -> Fit:
+    """The fit without bounds on tolerances if these explain it, else the one within them.
+
+    Among hundreds of tolerances some are beyond 2.5 standard deviations, and a bound there shifts
+    all else: intervals hold without it. A pull above 4.5 is a fault, which the tolerance must not
+    swallow.
+    """
+    x = free.x[free.freedom.has_prior]
+    return free if float(np.abs(x).max(initial=0.0)) <= PLAUSIBLE else bounded
 
 
 @dataclass(frozen=True)
@@ -86,27 +120,33 @@ def stages_of(residuals: tuple[Residual, ...]) -> tuple[Stage | ModalStage, ...]
     return (*MODAL_STAGES, *STAGES[1:]) if "log" in residuals else MODAL_STAGES
 
 
-def tune(
+def tune(  # noqa: PLR0913  # one for each option
     session: Session,
     *,
     residuals: tuple[Residual, ...] = ("log",),
     measured: ModalModel | None = None,
+    algorithm: str = GAUSS_NEWTON,
     starts: int = 1,
     seed: int = 0,
     jobs: int = 1,
+    inform: bool = False,
     watch: Watch | None = None,
+    journal: Journal | None = None,
 ) -> Tuned:
-    """Tune stiffness and damping, and measure what gap remains on held-out lines.
+    """Tune all that varies, say how sure it is, and what gap remains on held-out lines.
 
     Args:
         session: campaign and drawn model.
         residuals: what to minimise, in order: ``modal``, frequencies, damping ratios and shapes;
             ``log``, the logarithm of the FRFs' ratio.
         measured: modes inside the band; only reported where they are no residual.
+        algorithm: of NLopt, by name, for the first stages; Gauss-Newton by default.
         starts: how many starts: the drawing, then factors exp(N(0, 0.5)) on it.
         seed: of the random starts.
-        jobs: processes for the held-out fits.
+        jobs: processes for starts and held-out fits.
+        inform: whether to say which further measurement would tell most.
         watch: who is told.
+        journal: knows finished steps, which are not made again.
 
     Returns:
         The tuning; interrupted, the best so far without held-out predictions.
@@ -119,32 +159,110 @@ def tune(
     found = fit(
         model,
         campaign,
+        varies=session.freedom,
         starts=random_starts(model, starts, seed),
         stages=stages_of(residuals),
         measured=measured,
+        algorithm=algorithm,
+        jobs=jobs,
         report=watch.evaluated,
+        journal=journal,
     )
-    held_out = None
+    free, sure, held_out = found, None, None
     interrupted = found.outcome == "interrupted"
-    if not interrupted and residuals[-1] == "log":
+    if not interrupted:
         try:
-            held_out = fit_held_out(model, found.theta, campaign, jobs=jobs, report=watch.folded)
+            free = without_bounds(model, campaign, found, jobs, journal)
+            sure = confidence(model, campaign, choose(found, free), jobs)
         except KeyboardInterrupt:
             interrupted = True
-    sensors, bodies = (
-        _compare(model, found.theta, held_out, measured)
-        for measured in (campaign, at_bodies(campaign))
+    if not interrupted and residuals[-1] == "log":
+        try:
+            held_out = fit_held_out(
+                model, found, campaign, jobs=jobs, report=watch.folded, journal=journal
+            )
+        except KeyboardInterrupt:
+            interrupted = True
+    sensors = _compare(model, (found, free), sure, held_out, campaign)
+    reduced = at_bodies(campaign)
+    bodies = Comparison(
+        reduced,
+        as_drawn=_reduced(sensors.as_drawn, campaign),
+        tuned=_reduced(sensors.tuned, campaign),
+        bounded=_reduced(sensors.bounded, campaign),
+        deviation=None if sure is None else magnitude_deviations(model, sure, reduced),
+        held_out=None if sensors.held_out is None else _reduced(sensors.held_out, campaign),
     )
-    return Tuned(session, found, held_out, interrupted, sensors, bodies, residuals, measured)
+    return Tuned(
+        session=session,
+        fit=found,
+        free=free,
+        sure=sure,
+        held_out=held_out,
+        interrupted=interrupted,
+        sensors=sensors,
+        bodies=bodies,
+        residuals=residuals,
+        measured=measured,
+        algorithm=algorithm,
+        gains=information(session, sure) if inform and sure is not None else (),
+    )
 
 
-def _compare(model: Model, theta: Real, held_out: HeldOut | None, campaign: Campaign) -> Comparison:
+def without_bounds(
+    model: Model, campaign: Campaign, found: Fit, jobs: int = 1, journal: Journal | None = None
+) -> Fit:
+    """The same fit, tolerances free to go beyond 2.5 standard deviations.
+
+    Raises:
+        KeyboardInterrupt: interrupted.
+    """
+    varies = found.freedom
+    if not (varies.has_prior & varies.reached(found.x)).any():
+        return found
+    free = fit(
+        model,
+        campaign,
+        varies=varies.unbounded(),
+        starts=(found.theta,),
+        stages=(LAST,),
+        jobs=jobs,
+        journal=journal,
+        name="without bounds",
+    )
+    if free.outcome == "interrupted":
+        raise KeyboardInterrupt
+    return free
+
+
+def _compare(
+    model: Model,
+    fits: tuple[Fit, Fit],
+    sure: Confidence | None,
+    held_out: HeldOut | None,
+    campaign: Campaign,
+) -> Comparison:
+    bounded = predict(model, fits[0].theta, campaign)
+    chosen = choose(*fits)
     return Comparison(
         campaign,
         as_drawn=predict(model, model.drawn, campaign),
-        tuned=predict(model, theta, campaign),
+        tuned=bounded if chosen is fits[0] else predict(model, chosen.theta, campaign),
+        bounded=bounded,
+        deviation=None if sure is None else magnitude_deviations(model, sure, campaign),
         held_out=held_out.predict(model, campaign) if held_out else None,
     )
+
+
+def _reduced(answers: tuple[Complex, ...], campaign: Campaign) -> tuple[Complex, ...]:
+    """A model's answers at the sensors, reduced as the measurement is: sensors are off in both."""
+    tests = []
+    for test, values in zip(campaign.tests, answers, strict=True):
+        estimate = test.estimate
+        frf = replace(estimate.frf, values=values)
+        tests.append(replace(test, estimate=replace(estimate, frf=frf)))
+    reduced = at_bodies(replace(campaign, tests=tuple(tests)))
+    return tuple(test.estimate.frf.values for test in reduced.tests)
 
 
 def at_bodies(campaign: Campaign) -> Campaign:

@@ -3,15 +3,11 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from identification.solid.sensors import Sensors
+from identification.variance import smooth_variance
 from identification.words import Campaign, Complex, Dof, Mask, Real, Test
 
-# A variance from n hits has 2 (n - 1) degrees of freedom a line. Noise changes slowly along
-# frequency: averaged over lines to this many, the variance scatters by 14 %, its mean over
-# channels by far less, and weights by it are not biased.
-_DEGREES = 100
 # What no tolerance describes: cross-axis sensitivity, linearity, the sensor's own size. Below
 # this share of a body's motion nothing is said about solidity; it also bounds weights.
 FLOOR = 2e-3
@@ -95,7 +91,7 @@ def gather(campaign: Campaign) -> Table:
     shape = (len(columns), len(campaign.freq_hz), len(channels))
     values, variance = np.zeros(shape, complex), np.zeros(shape)
     measured = np.zeros((len(columns), len(channels)), bool)
-    smooth = {id(test): _smooth_variance(test) for test in campaign.tests}
+    smooth = {id(test): smooth_variance(test.estimate)[:, :, 0] for test in campaign.tests}
     for column, (_, cells) in enumerate(columns):
         for dof, (test, row) in cells.items():
             frf, place = test.estimate.frf, channels.index(dof)
@@ -171,14 +167,3 @@ def exchanged(data: BodyData, order: list[int], signs: Real) -> BodyData:
         noise=data.noise[:, :, order],
         scale=data.scale[order],
     )
-
-
-def _smooth_variance(test: Test) -> Real:
-    estimate = test.estimate
-    variance = estimate.variance[:, :, 0]
-    if estimate.variance_source != "coherence":
-        return variance  # differences are smoothed already
-    hits = estimate.averages or 2
-    width = 2 * int(np.ceil(_DEGREES / max(2 * (hits - 1), 1) / 2)) + 1
-    smooth: Real = uniform_filter1d(variance, min(width, len(variance)), axis=0, mode="nearest")
-    return smooth

@@ -2,7 +2,7 @@
 
 from mbmodel.parts.bodies import BodyPart, body_parts
 from mbmodel.parts.joints import JointPart, joint_parts
-from mbmodel.parts.part import Change, Parameter, Part, Situation, Slot
+from mbmodel.parts.part import Change, Known, Parameter, Part, Situation, Slot
 from mbmodel.parts.points import HammerPart, SensorPart, hammer_parts, sensor_parts
 from mbmodel.parts.springs import SpringPart, spring_parts
 
@@ -11,6 +11,7 @@ __all__ = [
     "Change",
     "HammerPart",
     "JointPart",
+    "Known",
     "Parameter",
     "Part",
     "SensorPart",

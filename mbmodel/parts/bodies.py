@@ -10,20 +10,20 @@ from mbmodel.drawing import Heavy
 from mbmodel.edit import Edit, NotHeld
 from mbmodel.machine import Machine
 from mbmodel.parts.part import Change, Parameter, Situation
-from mbmodel.spatial import cross_matrix, principal_inertia, spatial_inertia, split_inertia
+from mbmodel.spatial import cross_matrix, spatial_inertia, split_inertia
 
 _AXES = "xyz"
+_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class BodyPart:
-    """A stage's mass m, principal moments I and centre of mass, displaced by d in world axes.
+    """A stage's mass m, inertia I and centre of mass, displaced by d, all in world axes.
 
-        Mb += [[m 1, -m [d]x], [m [d]x, Q diag(I) Q' + m (d.d 1 - d d')]] - the same as drawn
+        Mb += [[m 1, -m [d]x], [m [d]x, I + m (d.d 1 - d d')]] - the same as drawn
 
-    about the drawn centre of mass, Q the drawn principal axes. Motions of the body's label stay
-    those of the drawn centre.
+    about the drawn centre of mass. Motions of the body's label stay those of the drawn centre.
 
     Args:
         body: name of the stage.
@@ -45,20 +45,25 @@ class BodyPart:
         return f"body:{self.body}"
 
     @cached_property
-    def _principal(self) -> tuple[Real, Real]:
-        return principal_inertia(self.drawn[3:, 3:])
-
-    @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Mass, three moments about the axes nearest x y z, displacement of the centre."""
-        moments, _ = self._principal
+        """Mass, moments and products of inertia, displacement of the centre."""
+        inertia = self.drawn[3:, 3:]
         return (
-            Parameter(f"{self.body}.mass", float(self.drawn[0, 0]), "kg"),
+            Parameter(f"{self.body}.mass", float(self.drawn[0, 0]), "kg", known="mass"),
             *(
-                Parameter(f"{self.body}.inertia_{axis}", float(moment), "kg m^2")
-                for axis, moment in zip(_AXES, moments, strict=True)
+                Parameter(
+                    f"{self.body}.inertia_{_AXES[i]}{_AXES[j]}",
+                    float(inertia[i, j]),
+                    "kg m^2",
+                    positive=i == j,
+                    known="inertia",
+                )
+                for i, j in _ENTRIES
             ),
-            *(Parameter(f"{self.body}.com_{axis}", 0.0, "m", positive=False) for axis in _AXES),
+            *(
+                Parameter(f"{self.body}.com_{axis}", 0.0, "m", positive=False, known="com")
+                for axis in _AXES
+            ),
         )
 
     @cached_property
@@ -68,8 +73,10 @@ class BodyPart:
         return frame
 
     def _inertia(self, theta: Real) -> Real:
-        _, axes = self._principal
-        return spatial_inertia(float(theta[0]), theta[4:], axes @ np.diag(theta[1:4]) @ axes.T)
+        inertia = np.zeros((3, 3))
+        for (i, j), value in zip(_ENTRIES, theta[1:7], strict=True):
+            inertia[i, j] = inertia[j, i] = value
+        return spatial_inertia(float(theta[0]), theta[7:], inertia)
 
     def changes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
         """Spatial inertia at theta less that of the drawing, on s^2."""
@@ -81,18 +88,17 @@ class BodyPart:
     def slopes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
         """Derivatives of the spatial inertia."""
         del situation
-        mass, offset = float(theta[0]), theta[4:]
-        _, axes = self._principal
-        core = np.zeros((7, 3, 6, 6))
+        mass, offset = float(theta[0]), theta[7:]
+        core = np.zeros((10, 3, 6, 6))
         core[0, 2] = spatial_inertia(1.0, offset, np.zeros((3, 3)))
-        for k, axis in enumerate(axes.T):
-            core[1 + k, 2, 3:, 3:] = np.outer(axis, axis)
+        for k, (i, j) in enumerate(_ENTRIES):
+            core[1 + k, 2, 3 + i, 3 + j] = core[1 + k, 2, 3 + j, 3 + i] = 1.0
         arm = cross_matrix(offset)
         for k, unit in enumerate(np.eye(3)):
             turn = cross_matrix(unit)
-            core[4 + k, 2, :3, 3:] = -mass * turn
-            core[4 + k, 2, 3:, :3] = mass * turn
-            core[4 + k, 2, 3:, 3:] = -mass * (turn @ arm + arm @ turn)
+            core[7 + k, 2, :3, 3:] = -mass * turn
+            core[7 + k, 2, 3:, :3] = mass * turn
+            core[7 + k, 2, 3:, 3:] = -mass * (turn @ arm + arm @ turn)
         return (Change("body", self._frame, self._frame, core),)
 
     def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:

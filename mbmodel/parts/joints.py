@@ -10,8 +10,8 @@ from identification.words import Real
 from mbmodel.drawing import Placed
 from mbmodel.edit import Edit, NotHeld
 from mbmodel.machine import Axle, Machine
-from mbmodel.parts.part import Change, Parameter, Situation
-from mbmodel.spatial import rotation_matrix, rotation_slopes, transport
+from mbmodel.parts.part import Change, Known, Parameter, Situation
+from mbmodel.spatial import cross_matrix, rotation_matrix, rotation_slopes, transport
 
 _AXES = "xyz"
 
@@ -49,12 +49,12 @@ class JointPart:
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """Displacement (if anything turns) and rotation vector, in world axes."""
-        kinds = [("rotation", "rad")]
+        kinds: list[tuple[str, str, Known]] = [("rotation", "rad", "exactly")]
         if any(axle.turns for axle in self.axles):
-            kinds = [("position", "m"), *kinds]
+            kinds = [("position", "m", "joint_position"), *kinds]
         return tuple(
-            Parameter(f"{self.stage}.joint_{kind}_{axis}", 0.0, unit, positive=False)
-            for kind, unit in kinds
+            Parameter(f"{self.stage}.joint_{kind}_{axis}", 0.0, unit, positive=False, known=known)
+            for kind, unit, known in kinds
             for axis in _AXES
         )
 
@@ -90,7 +90,7 @@ class JointPart:
                 slope = turns[i] @ axle.axis
                 core[count - 3 + i, 0, :, k] = _twist(axle.turns, arm, slope)
                 if count == 6 and axle.turns:
-                    core[i, 0, :3, k] = np.cross(np.eye(3)[i], axis)
+                    core[i, 0, :3, k] = cross_matrix(np.eye(3)[i]) @ axis
         return (Change("path", self.reach, self._select, core),)
 
     def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
@@ -116,7 +116,7 @@ class JointPart:
 
 def _twist(turns: bool, arm: Real, axis: Real) -> Real:
     if turns:
-        return np.concatenate([np.cross(arm, axis), axis])
+        return np.concatenate([cross_matrix(arm) @ axis, axis])
     return np.concatenate([axis, np.zeros(3)])
 
 

@@ -22,6 +22,21 @@ from mbmodel.machine import Machine
 
 Slot = Literal["body", "joint", "path", "sensor", "hammer"]
 
+# How well a drawing knows a number: not at all, exactly, or within a tolerance of its own.
+Known = Literal[
+    "free",
+    "exactly",
+    "mass",
+    "inertia",
+    "com",
+    "joint_position",
+    "sensor_gain",
+    "sensor_angle",
+    "sensor_position",
+    "hammer_angle",
+    "hammer_position",
+]
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -32,12 +47,14 @@ class Parameter:
         drawn: its value on the drawing.
         unit: SI.
         positive: whether it is a size, tuned by its logarithm.
+        known: how well the drawing knows it: ``free`` is not at all, else a tolerance of campaigns.
     """
 
     name: str
     drawn: float
     unit: str
     positive: bool = True
+    known: Known = "free"
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,8 @@ from identification.words import Dof, Layout, Real, UsageError, is_hammer, node_
 from mbmodel.drawing import Placed
 from mbmodel.edit import Edit, NotHeld
 from mbmodel.machine import Machine
-from mbmodel.parts.part import Change, Parameter, Situation
-from mbmodel.spatial import rotation_matrix, rotation_slopes
+from mbmodel.parts.part import Change, Known, Parameter, Situation
+from mbmodel.spatial import cross_matrix, rotation_matrix, rotation_slopes
 
 _AXES = "xyz"
 
@@ -39,11 +39,11 @@ class _Point:
     frame: Real
 
     def rows(self, offset: Real, turn: Real) -> Real:
-        """Rows of tx ty tz rx ry rz of the displaced and turned point; (6, 6)."""
-        axes = (turn @ self.axes).T
-        rows = np.zeros((6, 6))
-        rows[:3, :3] = rows[3:, 3:] = axes
-        rows[:3, 3:] = np.cross(self.arm + offset, axes)
+        """Rows of tx ty tz rx ry rz of the displaced and turned point; (..., 6, 6) as turns are."""
+        axes = np.swapaxes(turn @ self.axes, -1, -2)
+        rows = np.zeros((*axes.shape[:-2], 6, 6))
+        rows[..., :3, :3] = rows[..., 3:, 3:] = axes
+        rows[..., :3, 3:] = axes @ cross_matrix(self.arm + offset).T
         return rows
 
     def offset_slopes(self, turn: Real) -> Real:
@@ -51,12 +51,12 @@ class _Point:
         axes = (turn @ self.axes).T
         slopes = np.zeros((3, 6, 6))
         for k, unit in enumerate(np.eye(3)):
-            slopes[k, :3, 3:] = np.cross(unit, axes)
+            slopes[k, :3, 3:] = axes @ cross_matrix(unit).T
         return slopes
 
     def rotation_slopes(self, offset: Real, rotation: Real) -> Real:
         """Derivatives of the rows by the rotation vector; (3, 6, 6)."""
-        return np.stack([self.rows(offset, slope) for slope in rotation_slopes(rotation)])
+        return self.rows(offset, rotation_slopes(rotation))
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +81,8 @@ class SensorPart:
         """Three gains, the rotation vector, the displacement."""
         name = self.point.name
         return (
-            *(Parameter(f"{name}.gain_{axis}", 1.0, "1") for axis in _AXES),
-            *(Parameter(f"{name}.rotation_{a}", 0.0, "rad", positive=False) for a in _AXES),
-            *(Parameter(f"{name}.position_{a}", 0.0, "m", positive=False) for a in _AXES),
+            *(Parameter(f"{name}.gain_{axis}", 1.0, "1", known="sensor_gain") for axis in _AXES),
+            *_displaced(name, "sensor_angle", "sensor_position"),
         )
 
     def changes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
@@ -122,6 +121,15 @@ class SensorPart:
         return (_site(self.placed, theta[6:], rotation_matrix(theta[3:6])), *gains)
 
 
+def _displaced(name: str, angle: Known, position: Known) -> tuple[Parameter, ...]:
+    """A rotation vector and a displacement, in world axes."""
+    return tuple(
+        Parameter(f"{name}.{kind}_{axis}", 0.0, unit, positive=False, known=known)
+        for kind, unit, known in (("rotation", "rad", angle), ("position", "m", position))
+        for axis in _AXES
+    )
+
+
 def _gains(theta: Real) -> Real:
     return np.concatenate([theta[:3], np.ones(3)])[:, None]
 
@@ -147,10 +155,7 @@ class HammerPart:
     def parameters(self) -> tuple[Parameter, ...]:
         """The rotation vector and the displacement."""
         name = f"hammer({self.point.name}:{self.dof.direction[1:]})"
-        return (
-            *(Parameter(f"{name}.rotation_{a}", 0.0, "rad", positive=False) for a in _AXES),
-            *(Parameter(f"{name}.position_{a}", 0.0, "m", positive=False) for a in _AXES),
-        )
+        return _displaced(name, "hammer_angle", "hammer_position")
 
     @cached_property
     def _only(self) -> Real:

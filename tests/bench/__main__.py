@@ -12,14 +12,29 @@ from rich.console import Console
 from rich.table import Table
 from threadpoolctl import threadpool_limits
 
-from tests.bench import frf, identify, intervals, large, leaks, survival, truth, tune
+from tests.bench import (
+    algorithms,
+    coverage,
+    frf,
+    identify,
+    intervals,
+    large,
+    leaks,
+    starts,
+    survival,
+    truth,
+    tune,
+)
 
 BENCHES = {
+    "algorithms": algorithms.run,
+    "coverage": coverage.run,
     "frf": frf.run,
     "identify": identify.run,
     "intervals": intervals.run,
     "large": large.run,
     "leaks": leaks.run,
+    "starts": starts.run,
     "survival": survival.run,
     "truth": truth.run,
     "tune": tune.run,

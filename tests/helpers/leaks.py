@@ -89,6 +89,7 @@ def seen(campaigns: list[dict[str, float]], labels: list[str], groups: list[int]
     """
     names = sorted({name for one in campaigns for name in one})
     table = np.array([[one.get(name, -1.0) for name in names] for one in campaigns])
+    table = table[:, np.ptp(table, axis=0) > 0]  # what never differs costs time alone
     truth = np.array(labels)
     guess = np.empty_like(truth)
     for train, test in GroupKFold(5).split(table, truth, groups):
@@ -99,6 +100,9 @@ def seen(campaigns: list[dict[str, float]], labels: list[str], groups: list[int]
     classes = np.unique(truth)
     rates = np.array([(guess[truth == one] == one).mean() for one in classes])
     counts = np.array([(truth == one).sum() for one in classes])
-    sd = np.sqrt((np.maximum(rates * (1 - rates), 0.25 / counts) / counts).sum()) / len(classes)
+    # Two hits and two misses more (Agresti and Coull 1998): none of n is no certainty.
+    shares = (rates * counts + 2) / (counts + 4)
+    sd = float(np.sqrt((shares * (1 - shares) / (counts + 4)).sum())) / len(classes)
     accuracy = float(rates.mean())
-    return Seen(accuracy, accuracy - 1.96 * sd, accuracy + 1.96 * sd, 1 / len(classes), len(truth))
+    low, high = max(accuracy - 1.96 * sd, 0.0), min(accuracy + 1.96 * sd, 1.0)
+    return Seen(accuracy, low, high, 1 / len(classes), len(truth))

@@ -33,6 +33,13 @@ def test_the_smallest_campaign_has_the_defaults(settings_of):
     assert (test.file, test.averages, test.level, test.setup) == ("a.uff", None, None, None)
     assert (test.spindle_speed, test.window_tau, test.time_sign) == (0.0, 0.0, "+")
     assert (test.channels, test.references, test.quantity, test.unit) == (None,) * 4
+    assert settings.tuning.model_dump() == {
+        "free": [],
+        "fix": [],
+        "prior": {},
+        "bounds": {},
+        "tie": [],
+    }
 
 
 def test_the_tolerances_of_a_campaign_default_to_those_of_the_words(settings_of):
@@ -80,6 +87,15 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         sensor_position = 0.017
         hammer_angle = 0.018
         hammer_position = 0.0
+        [tuning]
+        free = ["acc7.gain_x", "head_*.damping"]
+        fix = ["base.mass"]
+        tie = [["leg1.stiffness", "leg?.stiffness"], ["foot.damping"]]
+        [tuning.prior]
+        "head.mass" = 0.2
+        "head.com_?" = 1
+        [tuning.bounds]
+        "leg1.stiffness" = [1e6, 20000000]
         """
     )
     first, second = settings.test
@@ -111,6 +127,13 @@ def test_every_key_of_the_contract_is_taken(settings_of):
     }
     values = list(settings.tolerance.model_dump().values())
     assert values == [0.011, 0.012, 0.013, 0.014, 0.015, 0.016, 0.017, 0.018, 0.0]
+    assert settings.tuning.model_dump() == {
+        "free": ["acc7.gain_x", "head_*.damping"],
+        "fix": ["base.mass"],
+        "prior": {"head.mass": 0.2, "head.com_?": 1.0},
+        "bounds": {"leg1.stiffness": [1e6, 2e7]},
+        "tie": [["leg1.stiffness", "leg?.stiffness"], ["foot.damping"]],
+    }
 
 
 def test_the_file_itself_may_be_named(tmp_path):
@@ -150,6 +173,7 @@ def test_text_that_is_not_utf8_is_refused(tmp_path):
         (ONE + "[sensor.acc7]\nflipp = []\n", "sensor.acc7.flipp"),
         (ONE + "[tolerance]\nmas = 0.1\n", "tolerance.mas"),
         (ONE + "[band]\nlow = 1\n", "band"),
+        (ONE + "[tuning]\nties = []\n", "tuning.ties"),
     ],
 )
 def test_an_unknown_key_is_named_with_its_place(refusal, text, key):
@@ -189,6 +213,18 @@ def test_an_unknown_key_is_named_with_its_place(refusal, text, key):
         ("[tolerance]\nmass = -0.1", "tolerance.mass"),
         ("[tolerance]\ncom = nan", "tolerance.com"),
         ("[tolerance]\ncom = 'small'", "tolerance.com"),
+        ("[tuning]\nfree = 'acc7.*'", "tuning.free"),
+        ("[tuning]\nfix = [7]", "tuning.fix.1"),
+        ("[tuning.prior]\na = 0", "tuning.prior.a"),
+        ("[tuning.prior]\na = -0.1", "tuning.prior.a"),
+        ("[tuning.prior]\na = inf", "tuning.prior.a"),
+        ("[tuning.prior]\na = '10 %'", "tuning.prior.a"),
+        ("[tuning.bounds]\na = [1.0]", "tuning.bounds.a"),
+        ("[tuning.bounds]\na = [1.0, 2.0, 3.0]", "tuning.bounds.a"),
+        ("[tuning.bounds]\na = [1.0, nan]", "tuning.bounds.a.2"),
+        ("[tuning.bounds]\na = 1.0", "tuning.bounds.a"),
+        ("[tuning]\ntie = ['a', 'b']", "tuning.tie.1"),
+        ("[tuning]\ntie = [[]]", "tuning.tie.1"),
     ],
 )
 def test_a_wrong_value_is_named_with_its_key(refusal, line, key):

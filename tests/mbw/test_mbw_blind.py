@@ -170,7 +170,7 @@ def test_another_seed_model_or_folder_is_refused(model, tmp_path, quick):
     run(model, out, "--cases", 1)
     other = run(model, out, "--cases", 1, seed=12)
     assert other.exit_code == 3
-    assert "another model or seed" in other.stderr
+    assert "another model, seed or band" in other.stderr
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "one.txt").touch()
     taken = run(model, tmp_path / "thesis", "--cases", 1)
@@ -186,6 +186,40 @@ def test_another_seed_model_or_folder_is_refused(model, tmp_path, quick):
     assert broken.exit_code == 3
     assert "XML" in broken.stderr
     assert not (tmp_path / "new").exists()
+
+
+def test_a_mesh_that_changed_is_another_model_and_an_include_none(model, tmp_path, quick):
+    text, mesh = model.read_text(), tmp_path / "cover.stl"
+    own = tmp_path / "own.xml"
+    own.write_text(
+        text.replace("<worldbody>", f'<asset><mesh file="{mesh.name}"/></asset><worldbody>')
+    )
+    mesh.write_bytes(b"solid one")
+    assert run(own, tmp_path / "out", "--cases", 1).exit_code == 0
+    assert run(own, tmp_path / "out", "--cases", 1).exit_code == 0
+    mesh.write_bytes(b"solid two")
+    changed = run(own, tmp_path / "out", "--cases", 1)
+    assert changed.exit_code == 3
+    assert "another model" in changed.stderr
+    own.write_text(text.replace("<worldbody>", '<include file="more.xml"/><worldbody>'))
+    included = run(own, tmp_path / "new", "--cases", 1)
+    assert included.exit_code == 3
+    assert "include" in included.stderr
+
+
+def test_the_band_is_the_verdicts_and_belongs_to_the_test(model, tmp_path, monkeypatch):
+    asked = []
+
+    def opened(path, band):
+        asked.append((path.name, band))
+        raise ValueError("seen")
+
+    monkeypatch.setattr(blind_case, "open_session", opened)
+    out = tmp_path / "out"
+    assert "seen" in run(model, out, "--cases", 1, "--band", 20, 60).stderr
+    assert asked == [("campaign", (20.0, 60.0))]
+    assert run(model, out, "--cases", 1, "--band", 20, 70).exit_code == 3
+    assert run(model, out, "--cases", 1, "--band", 60, 20).exit_code == 2
 
 
 def test_random_trees_need_no_model(tmp_path, quick):

@@ -61,6 +61,9 @@ def test_names_cannot_break_the_page(folder, tmp_path):
     summary = json.loads((folder / "tuned.json").read_text())
     summary["model"] = "</script><b>&model"
     summary["remaining_gap"][0]["body"] = "</script><script>alert(1)"
+    for row in summary["parameters"][::7]:
+        row["name"] = "<b>&model" + row["name"]
+    summary["inputs"][0]["file"] = "<b>&model"
     (tmp_path / "tuned.json").write_text(json.dumps(summary))
     (tmp_path / "frf.npz").write_bytes((folder / "frf.npz").read_bytes())
     text = report.render(read_result(tmp_path))

@@ -1,5 +1,6 @@
 """``mbw tune`` in-process: results, messages, exit codes, and nothing half-written."""
 
+import hashlib
 import json
 import re
 import shutil
@@ -73,9 +74,22 @@ def test_the_json_says_the_gap_at_sensors_and_bodies(tuned):
         assert 0.8 < gap["tuned"]["excess"] < 1.3
 
 
-def test_the_tuned_mjcf_answers_as_the_reported_tuning(tuned):
-    out, result = tuned
+def test_the_tuned_mjcf_answers_as_the_reported_tuning(folder, tmp_path):
+    # A site of its own for the hammer, and no gains: else no MJCF could hold all that was tuned.
+    campaign, out = tmp_path / "campaign", tmp_path / "result"
+    shutil.copytree(folder, campaign)
+    model, settings = campaign / "model.xml", campaign / "campaign.toml"
+    site = '<site name="acc3" pos="0.1 0.15 0.75"/>'
+    assert site in model.read_text()
+    model.write_text(model.read_text().replace(site, site + site.replace("acc3", "hit3")))
+    fixed = '\n[tuning]\nfix = ["*.gain_*", "hammer(*"]\n'
+    settings.write_text(settings.read_text() + fixed)
+    result = mbw("tune", campaign, "--out", out, "--json", "-")
+    assert result.exit_code == 0, result.stderr
     summary = json.loads(result.stdout)
+    assert summary["not_held_by_mjcf"] == []
+    kinds = {row["location"].split(":")[0] for row in summary["parameters"]}
+    assert kinds == {"joint", "body", "sensor"}
     written = as_drawn(load_machine(out / "tuned.xml"))
     stated = {row["name"]: row["tuned"] for row in summary["parameters"]}
     theta = np.array([stated[parameter.name] for parameter in written.parameters])
@@ -84,11 +98,36 @@ def test_the_tuned_mjcf_answers_as_the_reported_tuning(tuned):
     level = read.levels["sensors"]
     first = [k for k, test in enumerate(level.tests) if test == level.tests[0]]
     outputs = tuple(Dof.parse(level.outputs[k]) for k in first)
-    question = Question(read.freq_hz, outputs, (Dof("acc3", "+tx"),))
+    question = Question(read.freq_hz, outputs, (Dof("hit3", "+tx"),))
     values = Evaluator(written, question).at(written.drawn).values[:, :, 0]
     # Stored in single precision.
     scale = np.abs(values).max(axis=0)
     assert np.abs(level.tuned[:, first] - values).max() < 1e-6 * scale.max()
+
+
+def test_what_varies_and_what_the_mjcf_lacks_is_said_in_few_words(tuned):
+    out, result = tuned
+    assert "12 parameters, 92 tolerances" in result.stderr
+    (line,) = [text for text in result.stderr.splitlines() if "MJCF does not hold" in text]
+    assert line.endswith("gains of 6 sensors, place and aim of 3 hits (tuned.json lists them).")
+    names = json.loads((out / "tuned.json").read_text())["not_held_by_mjcf"]
+    assert len([name for name in names if ".gain_" in name]) == 3 * 6
+
+
+def test_that_it_converged_and_is_to_be_trusted_are_two_words(tuned):
+    _, result = tuned
+    fit = json.loads(result.stdout)["fit"]
+    (line,) = [text for text in result.stderr.splitlines() if text.startswith("converged")]
+    assert ("to be trusted" in line) == fit["trusted"] == (not fit["doubts"])
+    assert ("Not to be trusted" in result.stderr) == bool(fit["doubts"])
+
+
+def test_the_inputs_are_named_with_their_hashes(folder, tuned):
+    _, result = tuned
+    inputs = {row["file"]: row["sha256"] for row in json.loads(result.stdout)["inputs"]}
+    assert set(inputs) == {"campaign.toml", "impact.mat", "model.xml"}
+    for file, digest in inputs.items():
+        assert hashlib.sha256((folder / file).read_bytes()).hexdigest() == digest
 
 
 def test_the_folder_holds_three_files_and_no_traces(tuned):
@@ -102,7 +141,7 @@ def test_an_interrupt_writes_the_best_so_far_and_exits_130(folder, tmp_path, mon
     def interrupted(*args, report=None, **kwargs):
         def tell(step: Progress):
             report(step)
-            if step.stage == 1 and step.evaluation == 5:
+            if step.stage == 1 and step.evaluation >= 2:
                 raise KeyboardInterrupt
 
         return whole(*args, report=tell, **kwargs)
@@ -117,6 +156,8 @@ def test_an_interrupt_writes_the_best_so_far_and_exits_130(folder, tmp_path, mon
     assert summary["gap"]["sensors"]["held_out"] is None
     gap = summary["gap"]["sensors"]
     assert gap["tuned"]["error"] < gap["as_drawn"]["error"]
+    assert "it was interrupted" in summary["fit"]["doubts"]
+    assert all(row["low"] is None for row in summary["parameters"])
     assert mbw("report", tmp_path / "out").exit_code == 0
 
 

@@ -25,8 +25,8 @@ AXES = np.eye(3)
 
 def test_displaced_springs_couple_by_the_moment_of_their_lever(one_body):
     # The springs feel u + theta x o = (1, -[o]x) (u, theta): K = T^T diag(k) T.
-    effect = JointCoupling("table", (0.6, 0.0, 0.8), size=0.1)
-    o = np.array(effect.offset)
+    effect = JointCoupling("table", along=(0.6, 0.0, 0.8), size=0.1)
+    o = np.array(effect.vector)
     T = np.eye(6)
     T[:3, 3:] = np.cross(AXES, o).T
     k = [joint.stiffness for joint in one_body.stages[0].joints]
@@ -39,10 +39,10 @@ def test_displaced_springs_couple_by_the_moment_of_their_lever(one_body):
 
 
 def test_displaced_springs_are_a_joint_drawn_elsewhere(two_bodies):
-    effect = JointCoupling("holder", (2 / 3, -2 / 3, 1 / 3), size=0.15)
+    effect = JointCoupling("holder", along=(2 / 3, -2 / 3, 1 / 3), size=0.15)
     upper = two_bodies.stages[1]
     joints = tuple(
-        replace(one, position=one.position + effect.offset, damping=0.0) for one in upper.joints
+        replace(one, position=one.position + effect.vector, damping=0.0) for one in upper.joints
     )
     lower, still = two_bodies.stages[0], tuple(replace(one, damping=0.0) for one in upper.joints)
     station = replace(two_bodies, stages=(lower, replace(upper, joints=still)))
@@ -59,7 +59,7 @@ def test_an_offset_is_drawn_where_it_is_felt():
     for seed in range(20):
         # One slide along x, one hinge about z: an offset along y alone is felt.
         effect = draw_joint_coupling(random_of(seed), scene_of(station), "joint:head")
-        np.testing.assert_allclose(np.abs(effect.direction), [0, 1, 0], atol=1e-12)
+        np.testing.assert_allclose(np.abs(effect.along), [0, 1, 0], atol=1e-12)
     hinges = chain(hinges=True)
     with pytest.raises(TruthError, match=r"joint:head.*cannot"):
         draw_joint_coupling(random_of(1), scene_of(hinges), "joint:head")

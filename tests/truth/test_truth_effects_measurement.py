@@ -73,7 +73,7 @@ def test_a_wrong_polarity_flips_one_direction():
 
 
 def test_a_sensor_turned_a_quarter_about_z_reads_y_as_x():
-    effect = SensorMisalignment(NODE, (0.0, 0.0, 1.0), size=np.pi / 2)
+    effect = SensorMisalignment(NODE, along=(0.0, 0.0, 1.0), size=np.pi / 2)
     plain, found = both(effect)
     scale = np.abs(plain).max()
     np.testing.assert_allclose(found[:, 0], plain[:, 1], atol=1e-12 * scale)
@@ -85,14 +85,14 @@ def test_a_sensor_turned_a_quarter_about_z_reads_y_as_x():
 def test_a_slight_turn_adds_the_cross_product():
     # An axis d becomes d + phi x d: it reads d . a + (phi x d) . a = (a - phi x a) . d.
     phi = 1e-6 * np.array([2.0, -1.0, 2.0]) / 3
-    plain, found = both(SensorMisalignment(NODE, tuple(phi / 1e-6), size=1e-6))
+    plain, found = both(SensorMisalignment(NODE, along=tuple(phi / 1e-6), size=1e-6))
     expected = -np.cross(phi, plain, axisb=1, axisc=1)
     np.testing.assert_allclose(found - plain, expected, atol=1e-11 * np.abs(plain).max())
 
 
 def test_a_sensor_elsewhere_reads_the_bodys_rotation_too():
     # The same as a sensor that is drawn there: the body turns, a + alpha x offset.
-    effect = SensorPosition(NODE, (0.6, -0.8, 0.0), size=0.1)
+    effect = SensorPosition(NODE, along=(0.6, -0.8, 0.0), size=0.1)
     plain, found = both(effect)
     arm = chain().stages[1]
     sensors = list(arm.sensors)
@@ -105,7 +105,7 @@ def test_a_sensor_elsewhere_reads_the_bodys_rotation_too():
 
 
 def test_the_hammer_hits_where_it_did_when_a_sensor_is_elsewhere():
-    effect = SensorPosition(1, (1.0, 0.0, 0.0), size=0.1)
+    effect = SensorPosition(1, along=(1.0, 0.0, 0.0), size=0.1)
     tested = machine_of(chain(), [effect])
     assert tested.station.stages[0].sensors[0].position[0] == pytest.approx(0.4)
     assert {float(hammer.position[0]) for hammer in tested.hammers} == {0.3}
@@ -183,10 +183,10 @@ def test_a_swap_is_of_channels_as_often_as_of_sensors():
 
 
 def test_an_askew_hammer_mixes_the_columns_of_its_direction_alone():
-    effect = HammerMisalignment(1, "acc1", 1, (0.6, 0.0, 0.8), size=0.3)
+    effect = HammerMisalignment(1, "acc1", 1, along=(0.6, 0.0, 0.8), size=0.3)
     plain, found = frf_of(chain()), frf_of(chain(), effect)
     # R e_y by Rodrigues' formula: cos e_y + sin (v x e_y), v at right angles to e_y.
-    direction = np.cos(0.3) * np.eye(3)[1] + np.sin(0.3) * np.cross(effect.about, np.eye(3)[1])
+    direction = np.cos(0.3) * np.eye(3)[1] + np.sin(0.3) * np.cross(effect.along, np.eye(3)[1])
     np.testing.assert_allclose(found[:, :, 1], plain @ direction, rtol=1e-9, atol=1e-12)
     np.testing.assert_array_equal(found[:, :, [0, 2]], plain[:, :, [0, 2]])
     assert effect.answer().parameters == {"rotation": pytest.approx((0.18, 0.0, 0.24))}
@@ -202,14 +202,14 @@ def test_the_hammer_is_named_by_its_site_and_hits_where_the_campaign_does():
     assert {(one.site, one.node) for one in drawn} == {("hit40", 40), ("acc7", 7)}
     assert {one.axis for one in drawn} == {0, 1, 2}
     for one in drawn:
-        assert one.about[one.axis] == pytest.approx(0, abs=1e-12)
-        assert np.linalg.norm(one.about) == pytest.approx(1)
+        assert one.along[one.axis] == pytest.approx(0, abs=1e-12)
+        assert np.linalg.norm(one.along) == pytest.approx(1)
 
 
 def test_the_second_point_of_two_is_turned_where_it_is_meant():
     tested = machine_of(chain(), node=5)
     tested = replace(tested, hammers=(*machine_of(chain(), node=1).hammers, *tested.hammers))
-    effect = HammerMisalignment(5, "acc5", 2, (1.0, 0.0, 0.0), size=0.2)
+    effect = HammerMisalignment(5, "acc5", 2, along=(1.0, 0.0, 0.0), size=0.2)
     turned = effect.to_machine(tested, OCCASIONS[0])
     moved = [a is not b for a, b in zip(turned.hammers, tested.hammers, strict=True)]
     assert moved == [False] * 5 + [True]

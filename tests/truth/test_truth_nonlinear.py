@@ -73,10 +73,10 @@ def integrated(law, extra=0.0):
     ("effect", "law"),
     [
         (
-            Hardening(where=X, spring=SPRING, peak=PEAK, size=0.8),
+            Hardening(direction=X, spring=SPRING, peak=PEAK, size=0.8),
             Cubic(0.8 * SPRING / PEAK**2),
         ),
-        (Backlash(where=X, spring=SPRING, peak=PEAK, size=0.2), Play(SPRING, 0.2 * PEAK)),
+        (Backlash(direction=X, spring=SPRING, peak=PEAK, size=0.2), Play(SPRING, 0.2 * PEAK)),
     ],
 )
 def test_the_force_in_time_is_that_of_another_integrator(block, effect, law):
@@ -92,7 +92,7 @@ def test_the_force_in_time_is_that_of_another_integrator(block, effect, law):
 
 
 def test_finer_steps_change_little(block):
-    effect = Friction(where=X, spring=SPRING, size=0.5, limit=3.0)
+    effect = Friction(direction=X, spring=SPRING, size=0.5, limit=3.0)
     rig = machine(block, effect).rig(Occasion(node=1))
     coarse = rest_forces(rig, (0,), PULSE, SECONDS, RATE)[0, 0]
     fine = rest_forces(rig, (0,), PULSE, SECONDS, 8 * RATE)[0, 0, ::8]
@@ -123,7 +123,7 @@ def test_a_rocking_contact_loses_stiffness_beyond_its_edge():
 
 def test_the_spectrum_is_that_of_the_motion_in_time(block):
     # Everything decays within the block, so its transform is known from the samples alone.
-    effect = Hardening(where=X, spring=SPRING, peak=PEAK, size=0.8)
+    effect = Hardening(direction=X, spring=SPRING, peak=PEAK, size=0.8)
     rig = machine(block, effect).rig(Occasion(node=1))
     lines = np.arange(0, 101.0)
     force = pulse_spectra(lines, PULSE)[0]
@@ -163,9 +163,9 @@ def test_a_rest_that_stays_has_the_transform_of_a_step():
 @pytest.mark.parametrize(
     ("effect", "twin"),
     [
-        (Hardening(where=X, spring=SPRING, peak=PEAK, size=0.8), 1.0),
-        (Friction(where=X, spring=SPRING, size=0.5, limit=3.0), 1.5),
-        (Backlash(where=X, spring=SPRING, peak=PEAK, size=0.2), 0.0),
+        (Hardening(direction=X, spring=SPRING, peak=PEAK, size=0.8), 1.0),
+        (Friction(direction=X, spring=SPRING, size=0.5, limit=3.0), 1.5),
+        (Backlash(direction=X, spring=SPRING, peak=PEAK, size=0.2), 0.0),
     ],
 )
 def test_at_vanishing_level_the_linear_twin_is_measured(block, effect, twin):
@@ -189,7 +189,7 @@ def test_at_vanishing_level_the_linear_twin_is_measured(block, effect, twin):
 
 
 def test_hits_that_go_together_are_each_as_alone(block):
-    effect = Backlash(where=X, spring=SPRING, peak=PEAK, size=0.2)
+    effect = Backlash(direction=X, spring=SPRING, peak=PEAK, size=0.2)
     rig = machine(block, effect).rig(Occasion(node=1))
     lines = np.arange(0, 51.0)
     both = Pulses(np.array([LEVEL, 2 * LEVEL]), np.array([5.7e-3, 4.9e-3]))
@@ -201,7 +201,7 @@ def test_hits_that_go_together_are_each_as_alone(block):
 
 
 def test_a_stiffness_of_frequency_is_refused_in_time(block):
-    effect = Backlash(where=X, spring=SPRING, peak=PEAK, size=0.2)
+    effect = Backlash(direction=X, spring=SPRING, peak=PEAK, size=0.2)
     rig = machine(block, effect).rig(Occasion(node=1))
     law = Law(np.eye(6)[0], np.eye(6)[0], lambda s: 1e3 * s**0.5)
     both = Rig(rig.equations, rig.readout, rig.drive, (law,), (), rig.joints)

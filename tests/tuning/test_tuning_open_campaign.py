@@ -1,5 +1,6 @@
-"""The open campaign without an effect: as near to the noise as stiffness and damping can come."""
+"""The open campaign without an effect: tolerances alone are off, so that noise alone remains."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,11 +11,13 @@ NONE = Path(__file__).resolve().parents[3] / "shared" / "campaigns" / "open" / "
 
 
 @pytest.mark.skipif(not NONE.exists(), reason="the shared campaigns are not beside the clone")
-def test_every_start_comes_within_three_times_the_noise():
+def test_every_start_reaches_the_noise():
     session = open_session(NONE)
-    model, campaign = session.model, session.campaign
+    model, campaign = session.model, session.campaign.lines(slice(2, None, 5))
+    session = replace(session, campaign=campaign)
     starts = random_starts(model, 2, seed=7)  # three random ones: make bench ONLY=tune
-    found = fit(model, campaign, starts=starts)
+    found = fit(model, campaign, varies=session.freedom, starts=starts)
     assert found.agree == len(starts)
     gap = summarise(channel_gaps(predict(model, found.theta, campaign), campaign))
-    assert gap.error <= 3.0 * gap.noise
+    # Some 30 000 values, and 357 coordinates that may follow their noise.
+    assert gap.excess == pytest.approx(1.0, abs=0.03)

@@ -11,7 +11,7 @@ _SPACING_HZ, _HIGHEST_HZ = 1.0, 400.0
 _PULSE_SECONDS = 5.7e-3  # of a usual hit
 
 
-def peak_stretch(scene: Scene, where: JointDirection) -> float:
+def peak_stretch(scene: Scene, direction: JointDirection) -> float:
     """Return the largest stretch that a hit of the middle level makes in a joint [m or rad].
 
     A half sine of peak A and duration T has the momentum 2 A T / pi; the linear machine's answer
@@ -30,7 +30,7 @@ def peak_stretch(scene: Scene, where: JointDirection) -> float:
     cycles = lines * _PULSE_SECONDS
     force = level * _PULSE_SECONDS / 2 * (np.sinc(cycles - 0.5) + np.sinc(cycles + 0.5))
     force = force * np.exp(-1j * np.pi * cycles)
-    motion = where.stretch(rig, tested) @ receptance(rig, lines, rig.drive)
+    motion = direction.stretch(rig, tested) @ receptance(rig, lines, rig.drive)
     spectrum = np.vstack([np.zeros((1, motion.shape[1])), motion * force[:, None]])
     samples = np.fft.irfft(spectrum, axis=0) * 2 * (len(lines)) * _SPACING_HZ
     return float(np.abs(samples).max())

@@ -43,13 +43,13 @@ class Backlash(Sized):
     the end of a decaying motion: however small the gap, what is smaller still finds no spring.
 
     Args:
-        where: joint and direction.
+        direction: of the joint.
         spring: the joint's stiffness [N/m or N m/rad].
         peak: stretch under a usual hit, of the linear machine [m or rad].
         size: gap over that.
     """
 
-    where: JointDirection
+    direction: JointDirection
     spring: float
     peak: float
     limits = (1e-5, 1.0)
@@ -61,20 +61,22 @@ class Backlash(Sized):
 
     def answer(self) -> Answer:
         """Return what is to be found."""
-        return Answer("backlash", self.where.location, self.where.dof, {"gap": self.gap})
+        return Answer("backlash", self.direction.location, self.direction.dof, {"gap": self.gap})
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with the gap in its joint."""
         del occasion
-        joint = NonlinearJoint(self.where.stretch(rig, tested), Play(self.spring, self.gap))
+        joint = NonlinearJoint(self.direction.stretch(rig, tested), Play(self.spring, self.gap))
         return replace(rig, joints=(*rig.joints, joint))
 
 
 def draw_backlash(random: np.random.Generator, scene: Scene, place: str | None) -> Backlash | None:
     """Draw joint, direction and gap."""
-    where = draw_direction(random, scene.station, place)
+    direction = draw_direction(random, scene.station, place)
     size = log_uniform(random, SHARE)
-    if where is None:
+    if direction is None:
         return None
-    spring = where.joint(scene.station).stiffness
-    return Backlash(where=where, spring=spring, peak=peak_stretch(scene, where), size=size)
+    spring = direction.joint(scene.station).stiffness
+    return Backlash(
+        direction=direction, spring=spring, peak=peak_stretch(scene, direction), size=size
+    )

@@ -114,6 +114,23 @@ class Sized(Always):
         return replace(self, size=size)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Vector(Sized):
+    """An effect that is a vector in world axes: an offset [m], or a rotation vector [rad].
+
+    Args:
+        size: its length.
+        along: the unit vector.
+    """
+
+    along: tuple[float, ...]
+
+    @property
+    def vector(self) -> tuple[float, ...]:
+        """Return the vector."""
+        return tuple(self.size * part for part in self.along)
+
+
 class Unsized(Always):
     """An effect that is there or not."""
 

@@ -46,13 +46,13 @@ class Friction(Sized):
     At small motion it is the spring k, which belongs to the linear machine.
 
     Args:
-        where: joint and direction.
+        direction: of the joint.
         spring: the joint's own stiffness [N/m or N m/rad].
         size: k over the joint's own stiffness.
         limit: [N or N m].
     """
 
-    where: JointDirection
+    direction: JointDirection
     spring: float
     limit: float
     limits = (1e-3, 5.0)
@@ -60,12 +60,12 @@ class Friction(Sized):
     def answer(self) -> Answer:
         """Return what is to be found."""
         parameters = {"k": self.size * self.spring, "limit": self.limit}
-        return Answer("friction", self.where.location, self.where.dof, parameters)
+        return Answer("friction", self.direction.location, self.direction.dof, parameters)
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with the stuck spring, and what slides beside it."""
         del occasion
-        row, stiffness = self.where.stretch(rig, tested), self.size * self.spring
+        row, stiffness = self.direction.stretch(rig, tested), self.size * self.spring
         stuck = rig.with_matrices(stiffness=stiffness * np.outer(row, row))
         joint = NonlinearJoint(row, Jenkins(stiffness, self.limit))
         return replace(stuck, joints=(*rig.joints, joint))
@@ -73,10 +73,10 @@ class Friction(Sized):
 
 def draw_friction(random: np.random.Generator, scene: Scene, place: str | None) -> Friction | None:
     """Draw joint, direction and limit: a part of the force that the stuck spring would carry."""
-    where = draw_direction(random, scene.station, place)
+    direction = draw_direction(random, scene.station, place)
     size, share = log_uniform(random, RATIO), log_uniform(random, SHARE)
-    if where is None:
+    if direction is None:
         return None
-    spring = where.joint(scene.station).stiffness
-    limit = share * size * spring * peak_stretch(scene, where)
-    return Friction(where=where, spring=spring, size=size, limit=limit)
+    spring = direction.joint(scene.station).stiffness
+    limit = share * size * spring * peak_stretch(scene, direction)
+    return Friction(direction=direction, spring=spring, size=size, limit=limit)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truth.effects.chance import choose, unit_vector
-from truth.effects.effect import Answer, Scene, Sized
+from truth.effects.effect import Answer, Scene, Vector
 from truth.effects.places import draw_location, hammer_site
 from truth.effects.sensors import turn
 from truth.rig import Occasion, Prepared
@@ -16,7 +16,7 @@ LIMITS = (1e-3, 0.8)  # rad
 
 
 @dataclass(frozen=True)
-class HammerMisalignment(Sized):
+class HammerMisalignment(Vector):
     """All hits of one direction at one point are turned by a rotation vector, d becomes R d.
 
     The rotation is about an axis at right angles to the drawn direction: a turn about the
@@ -27,19 +27,12 @@ class HammerMisalignment(Sized):
         node: that is hit.
         site: of the drawing, ``hit<node>`` or ``acc<node>``.
         axis: 0, 1, 2 for the drawn direction.
-        about: axis of the rotation, unit vector, world axes.
     """
 
     node: int
     site: str
     axis: int
-    about: tuple[float, ...]
     limits = LIMITS
-
-    @property
-    def rotation(self) -> tuple[float, ...]:
-        """Return the rotation vector [rad]."""
-        return tuple(self.size * part for part in self.about)
 
     def answer(self) -> Answer:
         """Return what is to be found."""
@@ -47,7 +40,7 @@ class HammerMisalignment(Sized):
             "hammer_misalignment",
             location=f"hammer:{self.site}",
             dof=f"t{AXES[self.axis]}",
-            parameters={"rotation": self.rotation},
+            parameters={"rotation": self.vector},
         )
 
     def to_machine(self, tested: Prepared, occasion: Occasion) -> Prepared:
@@ -55,7 +48,7 @@ class HammerMisalignment(Sized):
         del occasion
         hammers = list(tested.hammers)
         place = [hammer.node for hammer in hammers].index(self.node) + self.axis
-        direction = turn(self.rotation) @ hammers[place].direction
+        direction = turn(self.vector) @ hammers[place].direction
         hammers[place] = replace(hammers[place], direction=direction)
         return replace(tested, hammers=tuple(hammers))
 
@@ -75,6 +68,6 @@ def draw_hammer_misalignment(
         node=nodes[number],
         site=sites[number],
         axis=axis,
-        about=unit_vector(random, np.delete(np.eye(3), axis, axis=0)),
+        along=unit_vector(random, np.delete(np.eye(3), axis, axis=0)),
         size=random.uniform(*ANGLE),
     )

@@ -34,13 +34,13 @@ class Hardening(Sized):
     """A cubic spring (Duffing 1918) beside a joint's linear one.
 
     Args:
-        where: joint and direction.
+        direction: of the joint.
         spring: the joint's stiffness k [N/m or N m/rad].
         peak: stretch under a usual hit, of the linear machine [m or rad].
         size: k3 peak^2 / k, how much stiffer the spring is there.
     """
 
-    where: JointDirection
+    direction: JointDirection
     spring: float
     peak: float
     limits = (1e-4, 10.0)
@@ -52,12 +52,12 @@ class Hardening(Sized):
 
     def answer(self) -> Answer:
         """Return what is to be found."""
-        return Answer("hardening", self.where.location, self.where.dof, {"k3": self.cubic})
+        return Answer("hardening", self.direction.location, self.direction.dof, {"k3": self.cubic})
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with the cubic spring in its joint."""
         del occasion
-        joint = NonlinearJoint(self.where.stretch(rig, tested), Cubic(self.cubic))
+        joint = NonlinearJoint(self.direction.stretch(rig, tested), Cubic(self.cubic))
         return replace(rig, joints=(*rig.joints, joint))
 
 
@@ -65,9 +65,11 @@ def draw_hardening(
     random: np.random.Generator, scene: Scene, place: str | None
 ) -> Hardening | None:
     """Draw joint, direction and how much stiffer it gets."""
-    where = draw_direction(random, scene.station, place)
+    direction = draw_direction(random, scene.station, place)
     size = log_uniform(random, RATIO)
-    if where is None:
+    if direction is None:
         return None
-    spring = where.joint(scene.station).stiffness
-    return Hardening(where=where, spring=spring, peak=peak_stretch(scene, where), size=size)
+    spring = direction.joint(scene.station).stiffness
+    return Hardening(
+        direction=direction, spring=spring, peak=peak_stretch(scene, direction), size=size
+    )

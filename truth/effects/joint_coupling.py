@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truth.effects.chance import unit_vector
-from truth.effects.effect import Answer, Scene, Sized
+from truth.effects.effect import Answer, Scene, Vector
 from truth.effects.places import draw_stage
 from truth.effects.rows import joint_stretch, springs
 from truth.rig import Occasion, Prepared, Rig
@@ -16,7 +16,7 @@ LIMITS = (1e-4, 0.3)  # m
 
 
 @dataclass(frozen=True)
-class JointCoupling(Sized):
+class JointCoupling(Vector):
     r"""The centre of stiffness of a joint is off by o; dampers and rigid directions stay.
 
     The springs feel the relative motion at the displaced point. With joint coordinates q through
@@ -30,21 +30,14 @@ class JointCoupling(Sized):
     Args:
         size: |o| [m].
         stage: name of the child body.
-        direction: o over its length, world axes.
     """
 
     stage: str
-    direction: tuple[float, ...]
     limits = LIMITS
-
-    @property
-    def offset(self) -> tuple[float, ...]:
-        """Return o [m]."""
-        return tuple(self.size * part for part in self.direction)
 
     def answer(self) -> Answer:
         """Return what is to be found."""
-        parameters = {"offset": self.offset}
+        parameters = {"offset": self.vector}
         return Answer("joint_coupling", location=f"joint:{self.stage}", parameters=parameters)
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
@@ -53,7 +46,7 @@ class JointCoupling(Sized):
         index = tested.station.index(self.stage)
         joints = tested.station.stages[index].joints
         stiffness = [joint.stiffness for joint in joints]
-        displaced = _displaced(tested, index, np.array(self.offset))
+        displaced = _displaced(tested, index, np.array(self.vector))
         change = springs(joint_stretch(rig, displaced, index), stiffness)
         return rig.with_matrices(
             stiffness=change - springs(joint_stretch(rig, tested, index), stiffness)
@@ -79,7 +72,7 @@ def draw_joint_coupling(
         return None
     return JointCoupling(
         stage=stages[index].name,
-        direction=unit_vector(random, felt[index]),
+        along=unit_vector(random, felt[index]),
         size=random.uniform(*OFFSET),
     )
 

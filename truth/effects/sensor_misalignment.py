@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truth.effects.chance import unit_vector
-from truth.effects.effect import Answer, Scene, Sized
+from truth.effects.effect import Answer, Scene, Vector
 from truth.effects.places import draw_sensor
 from truth.effects.sensors import turn, with_sensor
 from truth.rig import Occasion, Prepared
@@ -16,7 +16,7 @@ LIMITS = (1e-3, 1.5)  # rad
 
 
 @dataclass(frozen=True)
-class SensorMisalignment(Sized):
+class SensorMisalignment(Vector):
     """The true axes are the drawn axes turned by a rotation vector, all three together.
 
     With the axes as rows A and R the rotation's matrix, ``A_true = A R^T``: each axis d is R d.
@@ -24,21 +24,14 @@ class SensorMisalignment(Sized):
     Args:
         size: angle [rad].
         node: of the sensor.
-        about: axis of the rotation, unit vector, world axes.
     """
 
     node: int
-    about: tuple[float, ...]
     limits = LIMITS
-
-    @property
-    def rotation(self) -> tuple[float, ...]:
-        """Return the rotation vector [rad]."""
-        return tuple(self.size * part for part in self.about)
 
     def answer(self) -> Answer:
         """Return what is to be found."""
-        parameters = {"rotation": self.rotation}
+        parameters = {"rotation": self.vector}
         return Answer("sensor_misalignment", f"sensor:acc{self.node}", parameters=parameters)
 
     def to_machine(self, tested: Prepared, occasion: Occasion) -> Prepared:
@@ -46,7 +39,7 @@ class SensorMisalignment(Sized):
         del occasion
 
         def change(sensor: Sensor) -> Sensor:
-            return replace(sensor, axes=sensor.axes @ turn(self.rotation).T)
+            return replace(sensor, axes=sensor.axes @ turn(self.vector).T)
 
         return with_sensor(tested, self.node, change)
 
@@ -59,5 +52,5 @@ def draw_sensor_misalignment(
     if sensor is None:
         return None
     return SensorMisalignment(
-        node=sensor.node, about=unit_vector(random), size=random.uniform(*ANGLE)
+        node=sensor.node, along=unit_vector(random), size=random.uniform(*ANGLE)
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truth.effects.chance import log_uniform, unit_vector
-from truth.effects.effect import Answer, Scene, Sized
+from truth.effects.effect import Answer, Scene, Vector
 from truth.effects.places import draw_sensor
 from truth.effects.sensors import with_sensor
 from truth.rig import Occasion, Prepared
@@ -16,27 +16,20 @@ LIMITS = (1e-4, 0.5)  # m
 
 
 @dataclass(frozen=True)
-class SensorPosition(Sized):
+class SensorPosition(Vector):
     """The true place is the drawn place plus an offset; the hammer hits where it did.
 
     Args:
         size: length of the offset [m].
         node: of the sensor.
-        direction: of the offset, unit vector, world axes.
     """
 
     node: int
-    direction: tuple[float, ...]
     limits = LIMITS
-
-    @property
-    def offset(self) -> tuple[float, ...]:
-        """Return the offset [m]."""
-        return tuple(self.size * part for part in self.direction)
 
     def answer(self) -> Answer:
         """Return what is to be found."""
-        parameters = {"offset": self.offset}
+        parameters = {"offset": self.vector}
         return Answer("sensor_position", f"sensor:acc{self.node}", parameters=parameters)
 
     def to_machine(self, tested: Prepared, occasion: Occasion) -> Prepared:
@@ -44,7 +37,7 @@ class SensorPosition(Sized):
         del occasion
 
         def change(sensor: Sensor) -> Sensor:
-            return replace(sensor, position=sensor.position + np.array(self.offset))
+            return replace(sensor, position=sensor.position + np.array(self.vector))
 
         return with_sensor(tested, self.node, change)
 
@@ -57,5 +50,5 @@ def draw_sensor_position(
     if sensor is None:
         return None
     return SensorPosition(
-        node=sensor.node, direction=unit_vector(random), size=log_uniform(random, DISTANCE)
+        node=sensor.node, along=unit_vector(random), size=log_uniform(random, DISTANCE)
     )

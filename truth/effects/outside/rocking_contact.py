@@ -74,10 +74,10 @@ def draw_rocking_contact(
     def tilts(joint: Joint) -> bool:
         return joint.kind == "hinge" and has_spring(joint) and abs(joint.axis[2]) < 0.5
 
-    where = draw_direction(random, scene.station, place, tilts)
+    direction = draw_direction(random, scene.station, place, tilts)
     share, size = log_uniform(random, SHARE), random.uniform(0.1, 0.8)
-    if where is None:
+    if direction is None:
         return None
-    spring = where.joint(scene.station).stiffness
-    edge = share * peak_stretch(scene, where)
-    return RockingContact(direction=where, spring=spring, edge=edge, size=size)
+    spring = direction.joint(scene.station).stiffness
+    edge = share * peak_stretch(scene, direction)
+    return RockingContact(direction=direction, spring=spring, edge=edge, size=size)

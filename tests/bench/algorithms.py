@@ -1,0 +1,118 @@
+"""Which algorithm and which residual should open a tuning, and whether Gauss-Newton should end it.
+
+Synthetic data of 1 % noise, starts exp(N(0, 0.5)) off. The seeds are reported only.
+"""
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+from rich.progress import track
+
+from mbmodel import load_machine
+from tests.bench.starts import NEAR, STATION
+from tests.helpers.tuning_case import TuningCase, tuning_case
+from tuning import GAUSS_NEWTON, STAGES, Misfit, Stage, fit, freedom
+
+SEED = 65000
+STARTS = 5
+OPENING = tuple(stage for stage in STAGES if not stage.everything)
+FINISH = STAGES[len(OPENING) :]
+NAMED = (
+    "LD_LBFGS",
+    "LD_SLSQP",
+    "LD_MMA",
+    "LD_CCSAQ",
+    "LD_TNEWTON_PRECOND_RESTART",
+)
+
+
+@dataclass(frozen=True)
+class Way:
+    """By which algorithm the stages are gone through, and of which residual the first are."""
+
+    opening: str
+    logarithmic: bool = True
+    finish: str = GAUSS_NEWTON
+
+
+@dataclass(frozen=True)
+class Run:
+    """One start: evaluations and core seconds of the opening and in all, cost at the end."""
+
+    opening: int
+    opening_s: float
+    evaluations: int
+    seconds: float
+    cost: float
+
+
+WAYS = (
+    Way(GAUSS_NEWTON),
+    *(Way(name) for name in NAMED),
+    Way("LD_LBFGS", finish="LD_LBFGS"),
+    Way(GAUSS_NEWTON, logarithmic=False),
+    Way("LD_LBFGS", logarithmic=False),
+)
+
+
+def run() -> list[dict[str, object]]:
+    """All ways from the same starts."""
+    case = tuning_case(load_machine(STATION), SEED)
+    starts = [case.start(seed) for seed in range(SEED, SEED + STARTS)]
+    runs = {
+        way: [_run(case, way, start) for start in starts]
+        for way in track(WAYS, description="algorithms")
+    }
+    best = min(one.cost for found in runs.values() for one in found)
+    return [_row(way, found, best) for way, found in runs.items()]
+
+
+def _run(case: TuningCase, way: Way, start: np.ndarray) -> Run:
+    model, campaign = case.model, case.campaign
+    varies = freedom(model, campaign.tolerance)
+    opening = tuple(replace(stage, logarithmic=way.logarithmic) for stage in OPENING)
+    before = time.process_time()
+    opened = fit(
+        model, campaign, varies=varies, starts=(start,), stages=opening, algorithm=way.opening
+    )
+    between = time.process_time()
+    ended = fit(
+        model,
+        campaign,
+        varies=varies,
+        starts=(opened.theta,),
+        stages=_finish(way),
+        algorithm=way.finish,
+    )
+    after = time.process_time()
+    misfit = Misfit(model, campaign, varies, allowance=0.0)
+    return Run(
+        opening=opened.evaluations,
+        opening_s=between - before,
+        evaluations=opened.evaluations + ended.evaluations,
+        seconds=after - before,
+        cost=misfit.value(ended.x),
+    )
+
+
+def _finish(way: Way) -> tuple[Stage, ...]:
+    """The other stages; a named algorithm takes those alone that call for no tolerances."""
+    if way.finish == GAUSS_NEWTON:
+        return FINISH
+    return tuple(replace(stage, everything=False) for stage in FINISH)
+
+
+def _row(way: Way, runs: list[Run], best: float) -> dict[str, object]:
+    cost = np.array([one.cost for one in runs])
+    return {
+        "opening": way.opening,
+        "residual": "logarithm" if way.logarithmic else "difference",
+        "finish": way.finish,
+        "within 5 %": f"{int((cost <= NEAR * best).sum())} of {len(runs)}",
+        "worst / best cost": float(cost.max() / best),
+        "opening evaluations": float(np.median([one.opening for one in runs])),
+        "opening core s": float(np.median([one.opening_s for one in runs])),
+        "evaluations": float(np.median([one.evaluations for one in runs])),
+        "core s": float(np.median([one.seconds for one in runs])),
+    }

@@ -1,0 +1,93 @@
+"""What is said of a result beside its figures: whole, and short."""
+
+import pytest
+from campaign_folder import write_folder
+from typer.testing import CliRunner
+
+from mbw.command import app
+from mbw.remarks import limits, not_held, remarks
+from tuning import read_result
+from tuning.schema import UnseenRow
+
+
+@pytest.fixture(scope="module")
+def summary(tmp_path_factory):
+    place = tmp_path_factory.mktemp("remarks")
+    arguments = ["tune", write_folder(place / "campaign"), "--out", place / "result", "--quiet"]
+    assert CliRunner().invoke(app, [str(word) for word in arguments]).exit_code == 0
+    return read_result(place / "result").summary
+
+
+def changed(summary, **fields):
+    return summary.model_copy(update=fields)
+
+
+def doubted(summary, *doubts):
+    fit = summary.fit.model_copy(update={"trusted": not doubts, "doubts": list(doubts)})
+    return changed(summary, fit=fit)
+
+
+def tolerances(summary, pulls):
+    """The summary with these pulls for its first tolerances, all at their bounds."""
+    rows = [row for row in summary.parameters if row.prior is not None]
+    new = {
+        row.name: row.model_copy(update={"pull": pull, "at_bound": True})
+        for row, pull in zip(rows, pulls, strict=False)
+    }
+    names = [row.name for row in rows[: len(pulls)]]
+    calm = [
+        new.get(row.name, row.model_copy(update={"at_bound": False})) for row in summary.parameters
+    ]
+    return changed(summary, parameters=calm), names
+
+
+def test_a_result_without_faults_has_nothing_to_remark(summary):
+    clean, _ = tolerances(doubted(summary), [])
+    assert remarks(changed(clean, unseen=[], not_held_by_mjcf=[])) == []
+
+
+def test_every_doubt_is_said(summary):
+    (text, *_) = remarks(doubted(summary, "it was interrupted", "at a bound: k"))
+    assert text == "Not to be trusted: it was interrupted; at a bound: k."
+
+
+@pytest.mark.parametrize("count", [1, 6])
+def test_tolerances_at_their_bound_are_a_number_with_the_four_largest_pulls(summary, count):
+    pulls = [2.5, -3.1, 9.0, -4.0, 2.6, 2.7][:count]
+    lacking, names = tolerances(summary, pulls)
+    (text,) = [text for text in remarks(lacking) if "their bound" in text]
+    assert text.startswith("1 tolerance " if count == 1 else "6 tolerances ")
+    if count == 6:
+        largest = [f"{names[k]} {pulls[k]:+.1f}" for k in (2, 3, 1, 5)]
+        assert text.endswith(f": {', '.join(largest)}.")
+        assert names[0] not in text
+
+
+def test_of_many_unseen_directions_four_are_said(summary):
+    rows = [
+        UnseenRow(parameters=[f"k{n}"], deviation=2.0, sentence=f"k{n} is not seen by the data")
+        for n in range(6)
+    ]
+    (text,) = [text for text in remarks(changed(summary, unseen=rows)) if "not seen" in text]
+    assert "k3 is not seen" in text
+    assert "k4" not in text
+    assert text.endswith("and 2 more.")
+
+
+def test_what_the_mjcf_does_not_hold_is_summed_up(summary):
+    names = [f"acc{k}.gain_{axis} (an MJCF site has no gain)" for k in (1, 12) for axis in "xyz"]
+    names += ["hammer(acc1:tx) (one place)", "base.mass (its own MJCF body would weigh nothing)"]
+    assert not_held(changed(summary, not_held_by_mjcf=names)) == (
+        "The tuned MJCF does not hold: gains of 2 sensors, place and aim of 1 hit, "
+        "base.mass (its own MJCF body would weigh nothing) (tuned.json lists them)."
+    )
+    assert not_held(changed(summary, not_held_by_mjcf=[])) == ""
+
+
+def test_limits_of_the_figures_are_no_doubts_of_the_fit(summary):
+    assert limits(doubted(summary, "it was interrupted")) == []
+    failed = changed(summary, held_out_outcomes=["converged", "out of evaluations"])
+    assert limits(failed) == [
+        "Some held-out fits did not converge: the held-out error may be too high."
+    ]
+    assert limits(failed)[0] in remarks(failed)

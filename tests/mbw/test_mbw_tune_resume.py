@@ -1,0 +1,50 @@
+"""A tuning that was killed goes on where it was, to the same bits."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from mbw.command import app
+from tests.helpers.killed import campaign_in, killed_and_resumed, whole
+from tuning import CHECKPOINT
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    return campaign_in(tmp_path_factory.mktemp("killed"), 65_001)
+
+
+@pytest.fixture(scope="module")
+def undisturbed(campaign, tmp_path_factory):
+    return whole(campaign, tmp_path_factory.mktemp("whole"))
+
+
+@pytest.mark.parametrize("moment", [0.55, 0.8])
+def test_a_killed_run_that_is_resumed_ends_with_the_same_bits(
+    campaign, undisturbed, tmp_path, moment
+):
+    bits, seconds = undisturbed
+    found = killed_and_resumed(campaign, tmp_path, moment * seconds)
+    assert found.bits == bits
+    assert not (tmp_path / CHECKPOINT).exists()
+
+
+def kept_from(other, tmp_path):
+    """A checkpoint whose fingerprint is another's."""
+    tmp_path.mkdir(exist_ok=True)
+    (tmp_path / CHECKPOINT).write_text(json.dumps({"fingerprint": other, "steps": {}}))
+
+
+def test_steps_of_other_inputs_are_refused_by_name(campaign, tmp_path):
+    kept_from("another", tmp_path)
+    run = CliRunner().invoke(app, ["tune", str(campaign), "--out", str(tmp_path), "--resume"])
+    assert run.exit_code == 3
+    assert "belongs to other inputs or options" in " ".join(run.stderr.split())
+
+
+def test_a_broken_checkpoint_is_refused_by_name(campaign, tmp_path):
+    (tmp_path / CHECKPOINT).write_text('{"fingerprint": ')
+    run = CliRunner().invoke(app, ["tune", str(campaign), "--out", str(tmp_path), "--resume"])
+    assert run.exit_code == 3
+    assert "begin anew without --resume" in " ".join(run.stderr.split())

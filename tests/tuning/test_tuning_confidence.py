@@ -1,0 +1,160 @@
+"""What a fit is worth: covariance, what the data cannot tell, faults by their pulls."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_machine import virtual_campaign
+
+from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Test
+from mbmodel import Evaluator, Model, Question, as_drawn, body_parts, load_machine, spring_parts
+from tuning import confidence, fit, freedom, predict, pulls
+from tuning.bands import deviations, magnitude_deviations
+from tuning.batch import batches
+
+FREQ = np.linspace(3.0, 90.0, 120)
+
+
+def at(path, body, springs=""):
+    path.write_text(
+        f'<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody>{body}'
+        f"</worldbody>{springs}</mujoco>",
+        encoding="utf-8",
+    )
+    return as_drawn(load_machine(path))
+
+
+def one_test_of(model, theta, outputs, reference) -> Campaign:
+    """One virtual test with 1 % noise."""
+    random = np.random.default_rng(3)
+    dofs = tuple(Dof.parse(name) for name in outputs)
+    asked = Question(FREQ, dofs, (Dof.parse(reference),))
+    values = Evaluator(model, asked).at(theta).values
+    sigma = np.broadcast_to(0.01 * np.sqrt((np.abs(values) ** 2).mean(axis=0)), values.shape)
+    error = random.normal(size=(2, *values.shape)) * sigma / np.sqrt(2)
+    frf = Frf(FREQ, values + error[0] + 1j * error[1], dofs, asked.inputs, "accelerance")
+    estimate = FrfEstimate(frf, sigma**2, "differences", np.ones(values.shape[1:], bool))
+    return Campaign(
+        "one", model.machine.layout, (Test(Condition("t", Dof.parse(reference)), estimate),)
+    )
+
+
+def sure_of(model, campaign):
+    found = fit(model, campaign)
+    return found, confidence(model, campaign, found)
+
+
+def test_one_spring_has_the_deviation_of_closed_form(tmp_path):
+    # H = -w^2 / (k - m w^2 + i w c): dH / d log k = -k H / (k - m w^2 + i w c).
+    model = at(
+        tmp_path / "one.xml",
+        '<body name="a"><inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/><joint name="a_tx" '
+        'type="slide" axis="1 0 0" stiffness="2e5" damping="90"/><site name="acc1"/></body>',
+    )
+    campaign = one_test_of(model, model.drawn, ["acc1:+tx"], "acc1:+tx")
+    found, sure = sure_of(model, campaign)
+    stiffness, damping = found.theta
+    omega = 2 * np.pi * FREQ
+    impedance = stiffness - 5 * omega**2 + 1j * omega * damping
+    response = -(omega**2) / impedance
+    slopes = np.array(
+        [-response / impedance * stiffness, -response / impedance * 1j * omega * damping]
+    )
+    size = np.abs(campaign.tests[0].estimate.frf.values[:, 0, 0])
+    weight = 1 / (campaign.tests[0].estimate.variance[:, 0, 0] + (3e-4 * size) ** 2)
+    information = 2 * ((slopes.conj() * weight) @ slopes.T).real + np.eye(2) / np.log(100) ** 2
+    expected = np.sqrt(np.diag(np.linalg.inv(information)) * sure.widened)
+    assert sure.deviation == pytest.approx(expected, rel=1e-3)
+    low, high = sure.interval()
+    assert (low < model.drawn).all()
+    assert (model.drawn < high).all()
+
+
+def test_a_joint_that_the_data_cannot_see_is_said_and_has_no_narrow_interval(tmp_path):
+    model = at(
+        tmp_path / "two.xml",
+        '<body name="a"><inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/><joint name="a_tx" '
+        'type="slide" axis="1 0 0" stiffness="2e5" damping="90"/><joint name="a_ty" type="slide" '
+        'axis="0 1 0" stiffness="3e5" damping="80"/><site name="acc1"/></body>',
+    )
+    _, sure = sure_of(model, one_test_of(model, model.drawn, ["acc1:+tx"], "acc1:+tx"))
+    unseen = {name for one in sure.unseen() for name in one.parameters}
+    assert unseen == {"a_ty.stiffness", "a_ty.damping"}
+    assert [bool(one) for one in sure.unknown] == [False, False, True, True]
+    low, high = sure.interval()
+    assert (high[2:] / low[2:] > 1000).all()
+    assert (high[:2] / low[:2] < 2).all()
+    assert any(one.sentence == "a_ty.stiffness is not seen by the data" for one in sure.unseen())
+
+
+def test_two_springs_side_by_side_are_seen_only_as_a_sum(tmp_path):
+    model = at(
+        tmp_path / "beside.xml",
+        '<body name="a"><inertial pos="0 0 0" mass="5" diaginertia="1 1 1"/><joint name="a_tx" '
+        'type="slide" axis="1 0 0" stiffness="2e5" damping="90"/><site name="acc1"/></body>',
+        '<tendon><fixed name="leg" stiffness="3e5"><joint joint="a_tx" coef="1"/></fixed></tendon>',
+    )
+    _, sure = sure_of(model, one_test_of(model, model.drawn, ["acc1:+tx"], "acc1:+tx"))
+    (one,) = sure.unseen()
+    assert sorted(one.parameters) == ["a_tx.stiffness", "leg.stiffness"]
+    assert one.sentence.endswith("are seen only as a sum")
+
+
+def test_two_springs_in_a_row_are_seen_only_as_a_sum_of_compliances(tmp_path):
+    model = at(
+        tmp_path / "row.xml",
+        '<body name="plate"><inertial pos="0 0 0" mass="1e-6" diaginertia="1 1 1"/><joint '
+        'name="plate_tx" type="slide" axis="1 0 0" stiffness="2e5"/><body name="a"><inertial '
+        'pos="0 0 0" mass="5" diaginertia="1 1 1"/><joint name="a_tx" type="slide" axis="1 0 0" '
+        'stiffness="3e5"/><joint name="a_ty" type="slide" axis="0 1 0" stiffness="1e5" '
+        'damping="70"/><site name="acc1"/></body></body>',
+    )
+    campaign = one_test_of(model, model.drawn, ["acc1:+tx", "acc1:+ty"], "acc1:+tx")
+    _, sure = sure_of(model, campaign)
+    words = [one.sentence for one in sure.unseen() if "compliances" in one.sentence]
+    assert len(words) == 1
+    assert "plate_tx.stiffness" in words[0]
+    assert "a_tx.stiffness" in words[0]
+
+
+def test_a_mass_drawn_a_fifth_too_small_is_called_out_by_its_pull(model, true_theta):
+    campaign = virtual_campaign(model, true_theta)
+    machine = model.machine
+    wrong = machine.body_mass.copy()
+    head = slice(6, 12)
+    wrong[head, head] /= 1.2
+    drawn = replace(machine, body_mass=wrong)
+    tuned = Model(drawn, (*spring_parts(drawn), *body_parts(drawn)))
+    varies = freedom(tuned, campaign.tolerance).unbounded()
+    found = fit(tuned, campaign, varies=varies)
+    name, pull = pulls(varies, found.x)[0]
+    assert name == "head.mass"
+    assert pull > 6  # ln 1.2 / 0.02 is 9; the moments of inertia take a part
+
+
+def test_deviations_are_those_of_the_dense_covariance(whole, varies, off, mixed):
+    found = replace(fit(whole, mixed, varies=varies, stages=()), x=off)
+    sure = confidence(whole, mixed, found)
+    lines = batches(whole, mixed.lines(slice(4, 9)))[0].evaluator.at(varies.theta(off))
+    columns = lines.forward(varies.free).columns() * varies.rates(off)[varies.free]
+    units = [np.full(lines.values.shape, unit) for unit in (1.0 + 0j, 1j, np.exp(0.7j))]
+    for unit, ours in zip(units, deviations(lines, sure, units), strict=True):
+        slopes = (unit.conj()[..., None] * columns).real
+        dense = np.sqrt(np.einsum("fomi,ij,fomj->fom", slopes, sure.covariance, slopes))
+        assert ours == pytest.approx(dense, rel=1e-9)
+
+
+def test_the_magnitude_of_a_prediction_scatters_as_its_band_says(model, true_theta, campaign):
+    found, sure = sure_of(model, campaign)
+    random = np.random.default_rng(8)
+    root = np.linalg.cholesky(sure.covariance)
+    drawn = [
+        found.freedom.theta(found.x + root @ random.normal(size=len(root))) for _ in range(300)
+    ]
+    spread = np.std([np.abs(predict(model, theta, campaign)[0]) for theta in drawn], axis=0)
+    band = magnitude_deviations(model, sure, campaign)[0]
+    moving = band > 1e-6 * band.max()
+    ratio = spread[moving] / band[moving]
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.05)
+    assert np.quantile(ratio, [0.05, 0.95]) == pytest.approx([1.0, 1.0], abs=0.2)
+    assert true_theta.shape == found.theta.shape

@@ -1,0 +1,337 @@
+"""Coordinates of what varies: scales, priors, bounds, and what a user may wish of them."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from identification.words import InputError, Tolerance
+from mbmodel import Model, body_parts
+from tuning import Wishes, freedom
+from tuning.freedom import BOUND
+
+TOLERANCE = Tolerance(
+    mass=0.021, inertia=0.052, com=0.0031, joint_position=0.0032, sensor_gain=0.011,
+    sensor_angle=0.0171, sensor_position=0.0013, hammer_angle=0.0192, hammer_position=0.0033,
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def made(whole):
+    return freedom(whole, TOLERANCE)
+
+
+@pytest.fixture(scope="module")
+def wish(whole):
+    return lambda **wishes: freedom(whole, TOLERANCE, Wishes(**wishes))
+
+
+@pytest.fixture(scope="module")
+def place(whole):
+    names = [parameter.name for parameter in whole.parameters]
+    return names.index
+
+
+def one(made, place, name, value):
+    """The x that is zero but at one parameter."""
+    x = np.zeros(made.size)
+    x[made.member[place(name)]] = value
+    return x
+
+
+@settings(deadline=None, max_examples=30)
+@given(st.integers(0, 2**32 - 1))
+def test_coordinates_and_theta_are_inverse(made, seed):
+    x = np.random.default_rng(seed).uniform(-2.4, 2.4, made.size)
+    np.testing.assert_allclose(made.coordinates(made.theta(x)), x, rtol=1e-9, atol=1e-9)
+
+
+def test_the_drawing_is_where_all_coordinates_are_zero(whole, made):
+    assert np.array_equal(made.theta(np.zeros(made.size)), whole.drawn)
+    assert np.array_equal(made.coordinates(whole.drawn), np.zeros(made.size))
+
+
+def test_what_the_drawing_knows_exactly_has_no_coordinate(whole, made):
+    exact = [p.name for p, free in zip(whole.parameters, made.free, strict=True) if not free]
+    assert exact == [f"{s}.joint_rotation_{a}" for s in ("base", "head") for a in "xyz"]
+    x = np.random.default_rng(2).normal(size=made.size)
+    assert np.array_equal(made.theta(x)[~made.free], whole.drawn[~made.free])
+
+
+def test_sizes_move_by_factors_and_all_else_along_a_line(made, place):
+    stiffness, mass, com = "base_tz.stiffness", "head.mass", "head.com_y"
+    assert made.theta(one(made, place, stiffness, 0.7))[place(stiffness)] == pytest.approx(
+        9e7 * np.exp(0.7), rel=1e-14
+    )
+    assert made.theta(one(made, place, mass, -1.5))[place(mass)] == pytest.approx(
+        35 * np.exp(-1.5 * 0.021), rel=1e-14
+    )
+    assert made.theta(one(made, place, com, -1.5))[place(com)] == pytest.approx(
+        -1.5 * 0.0031, rel=1e-14
+    )
+
+
+def test_pulls_count_the_standard_deviations_of_their_own_tolerance(whole, made, place):
+    # One of each kind; a coordinate of one is one tolerance, relative of sizes.
+    for name, tolerance in (
+        ("base.mass", TOLERANCE.mass),
+        ("head.inertia_yy", TOLERANCE.inertia),
+        ("base.com_z", TOLERANCE.com),
+        ("base.joint_position_x", TOLERANCE.joint_position),
+        ("acc4.gain_z", TOLERANCE.sensor_gain),
+        ("acc2.rotation_y", TOLERANCE.sensor_angle),
+        ("acc6.position_x", TOLERANCE.sensor_position),
+        ("hammer(acc3:tx).rotation_z", TOLERANCE.hammer_angle),
+        ("hammer(acc5:tz).position_y", TOLERANCE.hammer_position),
+    ):
+        moved = made.theta(one(made, place, name, 1.0))[place(name)]
+        drawn = whole.drawn[place(name)]
+        pull = np.log(moved / drawn) if drawn else moved
+        assert pull == pytest.approx(tolerance, rel=1e-12), name
+        assert made.has_prior[made.member[place(name)]], name
+
+
+def test_a_product_of_inertia_is_known_relative_to_its_own_size(whole, made, place):
+    for name, drawn in (("base.inertia_xz", -0.2), ("head.inertia_yz", 0.06)):
+        assert whole.drawn[place(name)] == pytest.approx(drawn, rel=1e-9)
+        moved = made.theta(one(made, place, name, 1.0))[place(name)]
+        assert moved - drawn == pytest.approx(TOLERANCE.inertia * abs(drawn), rel=1e-9)
+
+
+def test_a_product_of_inertia_that_the_drawing_does_not_have_stays_zero(model):
+    symmetric = freedom(Model(model.machine, body_parts(model.machine)), TOLERANCE)
+    assert not any(name.endswith(("_xy", "_xz", "_yz")) for name in symmetric.names)
+
+
+def test_rates_are_the_differences_of_theta(made):
+    x = np.random.default_rng(3).uniform(-2, 2, made.size)
+    step = 1e-6
+    for k in range(made.size):
+        unit = np.zeros(made.size)
+        unit[k] = step
+        slope = (made.theta(x + unit) - made.theta(x - unit)) / (2 * step)
+        own = made.member == k
+        np.testing.assert_allclose(slope[own], made.rates(x)[own], rtol=1e-8)
+        assert not slope[~own].any()
+    assert not made.rates(x)[~made.free].any()
+
+
+def test_tolerances_are_kept_within_2_5_of_them_and_the_rest_within_a_factor_of_100(made):
+    assert BOUND == 2.5
+    widest = np.where(made.has_prior, 2.5, np.log(100))
+    np.testing.assert_allclose(made.upper, widest, rtol=1e-15)
+    np.testing.assert_allclose(made.lower, -widest, rtol=1e-15)
+    springs = [name.endswith((".stiffness", ".damping")) for name in made.names]
+    assert np.array_equal(made.has_prior, ~np.array(springs))
+
+
+def test_without_bounds_tolerances_are_free_and_the_rest_is_kept(made):
+    loose = made.unbounded()
+    assert np.isinf(loose.upper[loose.has_prior]).all()
+    assert np.isinf(loose.lower[loose.has_prior]).all()
+    known = ~made.has_prior
+    assert np.array_equal(loose.upper[known], made.upper[known])
+    assert np.array_equal(loose.lower[known], made.lower[known])
+
+
+def test_some_coordinates_only_leave_the_others_where_x_has_them(made):
+    random = np.random.default_rng(4)
+    x, chosen = random.uniform(-2, 2, made.size), random.random(made.size) < 0.4
+    part = made.only(chosen, x)
+    other = random.uniform(-2, 2, int(chosen.sum()))
+    moved = x.copy()
+    moved[chosen] = other
+    np.testing.assert_allclose(part.theta(other), made.theta(moved), rtol=1e-14)
+    np.testing.assert_allclose(part.coordinates(made.theta(moved)), other, rtol=1e-9, atol=1e-9)
+    assert part.names == tuple(np.array(made.names)[chosen])
+    for name in ("has_prior", "lower", "upper"):
+        assert np.array_equal(getattr(part, name), getattr(made, name)[chosen])
+
+
+def test_derivatives_by_theta_are_collected_along_the_coordinates(made):
+    random = np.random.default_rng(5)
+    x, slope = random.uniform(-1, 1, made.size), random.normal(size=len(made.parameters))
+    dense = np.zeros((len(made.parameters), made.size))
+    for parameter, coordinate in enumerate(made.member):
+        if coordinate >= 0:
+            dense[parameter, coordinate] = made.rates(x)[parameter]
+    np.testing.assert_allclose(made.collected(slope, x), dense.T @ slope, rtol=1e-13)
+
+
+def test_a_tolerance_of_zero_means_exactly(whole, place):
+    made = freedom(whole, Tolerance(mass=0.0, sensor_angle=0.0))
+    gone = [p.known in ("mass", "sensor_angle", "exactly") for p in whole.parameters]
+    assert np.array_equal(made.free, ~np.array(gone))
+
+
+def test_parameters_at_a_bound_are_named_and_others_are_not(made, place):
+    x = np.zeros(made.size)
+    x[made.member[place("acc3.gain_y")]] = 2.5
+    x[made.member[place("base_tx.damping")]] = -np.log(100) + 1e-9
+    x[made.member[place("acc3.gain_z")]] = 2.49
+    at = made.at_bound(x)
+    assert set(np.flatnonzero(at)) == {place("acc3.gain_y"), place("base_tx.damping")}
+
+
+def test_freed_parameters_have_neither_prior_nor_narrow_bounds(made, wish, place):
+    freed = wish(free=["acc?.gain_x", "head.com_z", "base.joint_rotation_y"])
+    for number in range(1, 7):
+        coordinate = freed.member[place(f"acc{number}.gain_x")]
+        assert not freed.has_prior[coordinate]
+        assert freed.upper[coordinate] == pytest.approx(np.log(100))
+        assert freed.lower[coordinate] == pytest.approx(-np.log(100))
+    # What is no size has no factor: one in SI, unbounded.
+    for name in ("head.com_z", "base.joint_rotation_y"):
+        moved = freed.theta(one(freed, place, name, 0.02))[place(name)]
+        assert moved == pytest.approx(0.02, rel=1e-14)
+        assert freed.upper[freed.member[place(name)]] == np.inf
+    assert freed.size == made.size + 1
+    assert freed.has_prior.sum() == made.has_prior.sum() - 7
+
+
+def test_fixed_parameters_stay_as_drawn(whole, made, wish, place):
+    fixed = wish(fix=["base_*.damping", "hammer(acc3:ty).*"])
+    gone = made.free & ~fixed.free
+    names = [whole.parameters[k].name for k in np.flatnonzero(gone)]
+    assert len(names) == 3 + 6
+    assert all(name.startswith(("base_", "hammer(acc3:ty)")) for name in names)
+    x = np.full(fixed.size, 1.3)
+    assert np.array_equal(fixed.theta(x)[gone], whole.drawn[gone])
+
+
+def test_a_prior_is_one_standard_deviation_about_the_drawing(wish, place):
+    priors = wish(prior={"head_*.stiffness": 0.3, "base.joint_rotation_z": 0.004})
+    for name, moved in (("head_ty.stiffness", 6e6 * np.exp(0.3)), ("base.joint_rotation_z", 0.004)):
+        coordinate = priors.member[place(name)]
+        assert priors.theta(one(priors, place, name, 1.0))[place(name)] == pytest.approx(moved)
+        assert priors.has_prior[coordinate]
+        assert (priors.lower[coordinate], priors.upper[coordinate]) == (-2.5, 2.5)
+    assert not priors.has_prior[priors.member[place("base_tx.stiffness")]]
+
+
+def test_bounds_are_given_in_si(wish, place):
+    bounds = {
+        "head_tx.stiffness": (5e6, 2.4e7),
+        "head.mass": (34.0, 36.5),
+        "acc?.rotation_z": (-0.03, 0.5),
+    }
+    bounded = wish(bounds=bounds)
+    names = ("head_tx.stiffness", "head.mass", "acc1.rotation_z", "acc6.rotation_z")
+    for side, ends in ((0, bounded.lower), (1, bounded.upper)):
+        theta = bounded.theta(ends)
+        for name in names:
+            wanted = bounds.get(name, bounds["acc?.rotation_z"])[side]
+            assert theta[place(name)] == pytest.approx(wanted, rel=1e-12), name
+    assert (bounded.upper == 2.5).sum() == bounded.has_prior.sum() - 7
+
+
+def test_tied_parameters_share_one_factor_on_what_is_drawn(whole, made, wish, place):
+    legs = ("base_tx.stiffness", "base_tz.stiffness", "head_tx.stiffness")
+    tied = wish(ties=[[legs[0], "base_tz.stiff*", legs[2]], ["head_t?.damping"]])
+    assert tied.size == made.size - 3
+    theta = tied.theta(one(tied, place, legs[2], 0.4))
+    moved = np.flatnonzero(theta != whole.drawn)
+    assert set(moved) == {place(name) for name in legs}
+    np.testing.assert_allclose(theta[moved] / whole.drawn[moved], np.exp(0.4), rtol=1e-14)
+    assert tied.names[: tied.size] == tuple(
+        name for name in made.names if name not in (*legs[1:], "head_ty.damping")
+    )
+
+
+def test_displacements_that_are_tied_share_one_displacement(wish, place):
+    tied = wish(ties=[["acc?.position_x"]])
+    theta = tied.theta(one(tied, place, "acc4.position_x", 2.0))
+    places = [place(f"acc{k}.position_x") for k in range(1, 7)]
+    np.testing.assert_allclose(theta[places], 2 * TOLERANCE.sensor_position, rtol=1e-14)
+
+
+def test_ties_that_overlap_are_one(wish, place):
+    tied = wish(ties=[["acc1.gain_x", "acc2.gain_x"], ["acc2.gain_x", "acc3.gain_x"]])
+    assert len({int(tied.member[place(f"acc{k}.gain_x")]) for k in (1, 2, 3)}) == 1
+
+
+def test_a_tie_keeps_what_all_its_bounds_allow(wish, place):
+    tied = wish(
+        bounds={"base_tx.stiffness": (2e7, 5e7), "base_tz.stiffness": (8e7, 2.7e8)},
+        ties=[["base_tx.stiffness", "base_tz.stiffness"]],
+    )
+    coordinate = tied.member[place("base_tx.stiffness")]
+    assert tied.upper[coordinate] == pytest.approx(np.log(5 / 3))
+    assert tied.lower[coordinate] == pytest.approx(np.log(8 / 9))
+
+
+def test_the_coordinate_of_tied_parameters_is_their_mean(whole, wish, place):
+    tied = wish(ties=[["base_tx.stiffness", "base_tz.stiffness"]])
+    theta = whole.drawn.copy()
+    theta[place("base_tx.stiffness")] *= np.exp(0.1)
+    theta[place("base_tz.stiffness")] *= np.exp(0.5)
+    x = tied.coordinates(theta)
+    assert x[tied.member[place("base_tx.stiffness")]] == pytest.approx(0.3)
+    assert np.count_nonzero(np.abs(x) > 1e-12) == 1
+
+
+@pytest.mark.parametrize(
+    "wishes",
+    [
+        {"free": ["base_tx.stifness"]},
+        {"fix": ["base_tx.stifness"]},
+        {"prior": {"base_tx.stifness": 0.1}},
+        {"bounds": {"base_tx.stifness": (1e7, 1e8)}},
+        {"ties": [["base_tz.stiffness", "base_tx.stifness"]]},
+    ],
+    ids=lambda wishes: next(iter(wishes)),
+)
+def test_a_pattern_that_fits_nothing_is_refused_with_the_nearest_name(wish, wishes):
+    with pytest.raises(InputError, match=r"fits no parameter: did you mean base_tx\.stiffness\?"):
+        wish(**wishes)
+
+
+def test_what_is_freed_and_fixed_is_refused_by_name(wish):
+    with pytest.raises(
+        InputError, match=r"acc5\.gain_y stands under two of free, fix and prior: choose one"
+    ):
+        wish(free=["acc?.gain_y"], fix=["acc5.*"])
+
+
+@pytest.mark.parametrize("deviation", [0.0, -0.1, np.nan])
+def test_a_prior_of_nothing_is_refused(wish, deviation):
+    with pytest.raises(InputError, match=r"prior of head\.mass is .*: give more than 0"):
+        wish(prior={"head.mass": deviation})
+
+
+@pytest.mark.parametrize(
+    ("name", "ends"),
+    [
+        ("head.mass", (36.0, 40.0)),
+        ("head.mass", (30.0, 34.0)),
+        ("head.mass", (40.0, 30.0)),
+        ("head.mass", (35.0, 35.0)),
+        ("head.mass", (0.0, 40.0)),
+        ("head.mass", (np.nan, 40.0)),
+        ("head.com_x", (0.001, 0.01)),
+        ("head.com_x", (-0.01, -0.001)),
+    ],
+)
+def test_bounds_that_do_not_hold_the_drawn_value_are_refused(wish, name, ends):
+    with pytest.raises(InputError, match=rf"bounds of {name} are .* give a lower and a higher"):
+        wish(bounds={name: ends})
+
+
+@pytest.mark.parametrize(
+    ("tie", "more"),
+    [
+        (["base_tx.stiffness", "base_tx.damping"], {}),
+        (["base_tx.stiffness", "base_ry.stiffness"], {}),
+        (["base.mass", "acc1.gain_x"], {}),
+        (["acc1.rotation_x", "hammer(acc3:tx).rotation_x"], {}),
+        (["acc1.gain_x", "acc2.gain_x"], {"fix": ["acc2.gain_x"]}),
+        (["acc1.gain_x", "acc2.gain_x"], {"free": ["acc1.gain_x"]}),
+        (["acc1.gain_x", "acc2.gain_x"], {"free": ["acc1.gain_x"], "prior": {"acc2.gain_x": 1.0}}),
+        (["acc1.gain_x", "acc2.gain_x"], {"prior": {"acc1.gain_x": 0.1}}),
+        (["base.joint_rotation_x", "head.joint_rotation_x"], {}),
+    ],
+)
+def test_a_tie_of_unlike_things_is_refused_by_name(wish, tie, more):
+    with pytest.raises(InputError, match="cannot be tied") as caught:
+        wish(ties=[tie], **more)
+    assert all(name in str(caught.value) for name in tie)

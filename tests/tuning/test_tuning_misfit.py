@@ -1,0 +1,346 @@
+"""The misfit, its gradient by two ways, and its normal equations, against twins written out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_machine import virtual_campaign
+
+from identification.words import Campaign
+from mbmodel import Evaluator, Question
+from tuning import Misfit, Wishes, freedom, misfit, predict
+
+# What varies: sensors have blocks of their own unless they are tied to others or within.
+WISHES = {
+    "all": Wishes(),
+    "legs tied": Wishes(ties=[["base_t?.stiffness"], ["head_t?.damping", "base_tx.damping"]]),
+    "sensors tied": Wishes(ties=[["acc1.gain_x", "acc4.gain_x"], ["acc?.rotation_z"]]),
+    "one sensor tied": Wishes(ties=[["acc3.gain_?"], ["base.mass", "head.mass"]]),
+    "blocks of different sizes": Wishes(fix=["acc1.position_?", "acc2.*", "acc6.gain_y"]),
+    "no sensor": Wishes(fix=["acc*"], free=["base.joint_rotation_?"]),
+}
+KINDS = [(0.2, True), (0.0, True), (0.03, False), (0.0, False)]
+
+
+@pytest.fixture(scope="module", params=WISHES, ids=lambda name: name.replace(" ", "-"))
+def wished(request, whole, mixed):
+    return request.param, freedom(whole, mixed.tolerance, WISHES[request.param])
+
+
+def somewhere(varies, seed=21):
+    """An x at which every parameter is off, not where the data come from."""
+    x = np.random.default_rng(seed).normal(0.0, np.where(varies.has_prior, 0.8, 0.2))
+    return np.clip(x, -2, 2)
+
+
+def weights(model, test, allowance, logarithmic):
+    """1 / (var + a^2 |H_point|^2), value by value; zero where nothing counts."""
+    estimate, frf = test.estimate, test.estimate.frf
+    drawn = answer(model, model.drawn, test).values
+    found = np.zeros(frf.values.shape)
+    for line, row in np.ndindex(found.shape[:2]):
+        dof = frf.outputs[row]
+        same = [k for k, d in enumerate(frf.outputs)
+                if d.point == dof.point and d.is_rotation == dof.is_rotation]  # fmt: skip
+        power = sum(abs(frf.values[line, k, 0]) ** 2 for k in same)
+        variance = estimate.variance[line, row, 0] + max(allowance, 3e-4) ** 2 * power
+        still = np.abs(drawn[:, row]).max() <= 1e-10 * np.abs(drawn).max()
+        if estimate.measured[row, 0] and not (logarithmic and still):
+            found[line, row, 0] = 1 / variance
+    return found
+
+
+def answer(model, theta, test):
+    """One test alone, in its own labels."""
+    estimate, frf = test.estimate, test.estimate.frf
+    question = Question(
+        frf.freq_hz, frf.outputs, frf.inputs, frf.quantity, window_tau=estimate.window_tau
+    )
+    return Evaluator(model, question).at(theta)
+
+
+def twin(model, campaign, varies, x, allowance, logarithmic):
+    """J, its gradient and N from columns of all parameters, test by test."""
+    theta = varies.theta(x)
+    rates = np.zeros((len(theta), varies.size))
+    rates[varies.free, varies.member[varies.free]] = varies.rates(x)[varies.free]
+    total = 0.5 * (x[varies.has_prior] ** 2).sum()
+    gradient = np.where(varies.has_prior, x, 0.0)
+    normal = np.zeros((varies.size, varies.size))
+    for test in campaign.tests:
+        lines, measured = answer(model, theta, test), test.estimate.frf.values
+        weight = weights(model, test, allowance, logarithmic)
+        counts = weight > 0
+        columns = (lines.columns() @ rates)[counts]
+        off, slope = (lines.values - measured)[counts], np.ones(counts.sum())
+        if logarithmic:
+            size = np.abs(measured[counts])
+            off = size * np.log(lines.values[counts] / measured[counts])
+            slope = size / lines.values[counts]
+        jacobian = slope[:, None] * columns
+        weighted = jacobian.conj() * weight[counts][:, None]
+        total += (weight[counts] * np.abs(off) ** 2).sum()
+        gradient += 2 * (weighted.T @ off).real
+        normal += 2 * (weighted.T @ jacobian).real
+    return total, gradient, normal
+
+
+def sizes(arrow):
+    """Size of each coordinate; those that nothing sees count as one."""
+    diagonal = arrow.diagonal()
+    return np.sqrt(np.where(diagonal > 1e-12 * diagonal.max(), diagonal, 1.0))
+
+
+def close(found, expected, size, tolerance=1e-9):
+    """Each entry relative to the size of its coordinates."""
+    np.testing.assert_allclose(found / size, expected / size, rtol=0, atol=tolerance)
+
+
+@pytest.mark.parametrize(("allowance", "logarithmic"), KINDS)
+def test_cost_gradient_and_normal_equations_are_those_of_the_twin(
+    whole, mixed, wished, allowance, logarithmic
+):
+    _, varies = wished
+    cost = Misfit(whole, mixed, varies, allowance=allowance, logarithmic=logarithmic)
+    x = somewhere(varies)
+    value, gradient, arrow = cost.normal(x)
+    expected = twin(whole, mixed, varies, x, allowance, logarithmic)
+    assert value == pytest.approx(expected[0], rel=1e-9)
+    size = sizes(arrow)
+    close(gradient, expected[1], size * np.sqrt(expected[0]))
+    close(arrow.dense(), expected[2], np.outer(size, size))
+
+
+@pytest.mark.parametrize(("allowance", "logarithmic"), KINDS)
+def test_value_adjoint_and_normal_equations_agree(whole, mixed, wished, allowance, logarithmic):
+    _, varies = wished
+    cost = Misfit(whole, mixed, varies, allowance=allowance, logarithmic=logarithmic)
+    for seed in (22, 23):
+        x = somewhere(varies, seed)
+        by_adjoint, by_columns = cost(x), cost.normal(x)
+        assert by_adjoint[0] == pytest.approx(cost.value(x), rel=1e-12)
+        assert by_columns[0] == pytest.approx(cost.value(x), rel=1e-12)
+        size = sizes(by_columns[2]) * np.sqrt(by_columns[0])
+        close(by_adjoint[1], by_columns[1], size)
+
+
+@pytest.mark.parametrize("logarithmic", [True, False])
+def test_the_gradient_is_the_difference_quotient_of_the_cost(whole, mixed, varies, logarithmic):
+    # Fourth order: a step of 3e-4 leaves 1e-10 of truncation and less of rounding.
+    cost = Misfit(whole, mixed, varies, allowance=0.05, logarithmic=logarithmic)
+    x, step = somewhere(varies), 3e-4
+    value, gradient = cost(x)
+    some = np.arange(0, varies.size, 2)
+    quotient = np.zeros(varies.size)
+    for k in some:
+        unit = step * (np.arange(varies.size) == k)
+        near, far = (cost.value(x + m * unit) - cost.value(x - m * unit) for m in (1, 2))
+        quotient[k] = (8 * near - far) / (12 * step)
+    size = sizes(cost.normal(x)[2]) * np.sqrt(value)
+    close(gradient[some], quotient[some], size[some], 1e-8)
+
+
+def test_every_sensor_has_a_block_unless_something_ties_it(whole, mixed, wished):
+    name, varies = wished
+    arrow = Misfit(whole, mixed, varies, allowance=0.1).normal(somewhere(varies))[2]
+    blocks = {
+        "all": [9] * 6,
+        "legs tied": [9] * 6,
+        "sensors tied": [],  # one rotation of all
+        "one sensor tied": [9] * 5,
+        "blocks of different sizes": [6, 9, 9, 9, 8],
+        "no sensor": [],
+    }[name]
+    assert (arrow.own_at >= 0).sum(axis=1).tolist() == blocks
+    assert len(arrow.shared_at) == varies.size - sum(blocks)
+    own = arrow.own_at[arrow.own_at >= 0]
+    assert sorted([*own, *arrow.shared_at]) == list(range(varies.size))
+
+
+def test_sensors_alone_may_vary(whole, mixed):
+    varies = freedom(whole, mixed.tolerance, Wishes(fix=["base*", "head*", "hammer*", "acc5.*"]))
+    x = somewhere(varies)
+    value, gradient, arrow = Misfit(whole, mixed, varies, allowance=0.1).normal(x)
+    expected = twin(whole, mixed, varies, x, 0.1, False)
+    assert value == pytest.approx(expected[0], rel=1e-9)
+    assert arrow.own_at.shape == (5, 9)
+    size = sizes(arrow)
+    close(gradient, expected[1], size * np.sqrt(value))
+    close(arrow.dense(), expected[2], np.outer(size, size))
+
+
+@pytest.mark.parametrize("chunk", [1, 40_000])
+def test_how_many_lines_are_held_at_once_does_not_matter(whole, mixed, wished, monkeypatch, chunk):
+    _, varies = wished
+    cost, x = Misfit(whole, mixed, varies, allowance=0.1, logarithmic=True), somewhere(varies)
+    at_once = cost.normal(x)
+    monkeypatch.setattr(misfit, "_CHUNK", chunk)
+    piecewise = cost.normal(x)
+    size = sizes(at_once[2])
+    assert piecewise[0] == at_once[0]
+    close(piecewise[1], at_once[1], size * np.sqrt(at_once[0]), 1e-13)
+    close(piecewise[2].dense(), at_once[2].dense(), np.outer(size, size), 1e-13)
+
+
+def test_a_prior_counts_half_its_square_and_stays_out_of_the_normal_equations(whole, mixed):
+    wishes = Wishes(free=["head.mass", "acc3.position_y"])
+    priors, none = (freedom(whole, mixed.tolerance, w) for w in (None, wishes))
+    scale = np.array([mixed.tolerance.mass, mixed.tolerance.sensor_position])
+    places = [priors.names.index(name) for name in wishes.free]
+    x = somewhere(priors)
+    free_x = x.copy()
+    free_x[places] *= scale
+    with_prior, without = (Misfit(whole, mixed, varies, allowance=0.1) for varies in (priors, none))
+    lost = 0.5 * (x[places] ** 2).sum()
+    assert with_prior.prior(x) == pytest.approx(0.5 * (x[priors.has_prior] ** 2).sum())
+    assert with_prior.value(x) - without.value(free_x) == pytest.approx(lost, rel=1e-6)
+    one, two = with_prior.normal(x), without.normal(free_x)
+    expected = one[1][places] - two[1][places] * scale
+    np.testing.assert_allclose(expected, x[places], rtol=1e-6)
+    np.testing.assert_allclose(
+        one[2].diagonal()[places], two[2].diagonal()[places] * scale**2, rtol=1e-9
+    )
+
+
+def test_the_misfit_of_noise_alone_is_the_number_of_values(model, true_theta):
+    # 7200 values, each |error|^2 / var is exponential of mean 1: their sum is known to 1.2 %.
+    campaign = virtual_campaign(model, true_theta, noise=0.1)
+    varies = freedom(model, campaign.tolerance)
+    cost = Misfit(model, campaign, varies, allowance=0.0)
+    assert cost.values == sum(test.estimate.frf.values.size for test in campaign.tests) == 7200
+    value = cost.value(varies.coordinates(true_theta))
+    assert value == pytest.approx(cost.values, rel=0.04)
+
+
+@pytest.mark.parametrize("logarithmic", [True, False])
+def test_the_misfit_vanishes_at_the_truth_of_noiseless_data(model, true_theta, logarithmic):
+    exact = virtual_campaign(model, true_theta, noise=0.0)
+    varies = freedom(model, exact.tolerance)
+    cost = Misfit(model, exact, varies, allowance=0.1, logarithmic=logarithmic)
+    value, gradient = cost(varies.coordinates(true_theta))
+    assert value < 1e-15
+    assert np.abs(gradient).max() < 1e-6
+
+
+def test_of_small_errors_the_logarithm_is_the_difference(model, true_theta):
+    exact = virtual_campaign(model, true_theta, noise=0.0)
+    varies = freedom(model, exact.tolerance)
+    x = varies.coordinates(true_theta) + 1e-5 * np.arange(varies.size)
+    by_log, by_difference = (
+        Misfit(model, exact, varies, allowance=0.1, logarithmic=way).normal(x)
+        for way in (True, False)
+    )
+    assert by_log[0] == pytest.approx(by_difference[0], rel=0.01)
+    np.testing.assert_allclose(by_log[2].diagonal(), by_difference[2].diagonal(), rtol=0.01)
+
+
+@pytest.mark.parametrize("logarithmic", [True, False])
+def test_turned_signs_of_channels_and_hammer_change_nothing(
+    whole, mixed, varies, flip, logarithmic
+):
+    x = somewhere(varies)
+    straight, turned = (
+        Misfit(whole, campaign, varies, allowance=0.1, logarithmic=logarithmic).normal(x)
+        for campaign in (mixed, flip(mixed))
+    )
+    size = sizes(straight[2])
+    assert turned[0] == pytest.approx(straight[0], rel=1e-12)
+    close(turned[1], straight[1], size * np.sqrt(straight[0]))
+    close(turned[2].dense(), straight[2].dense(), np.outer(size, size))
+
+
+@pytest.mark.parametrize("logarithmic", [True, False])
+def test_the_order_of_tests_and_channels_does_not_matter(whole, mixed, varies, logarithmic):
+    x, tests = somewhere(varies), []
+    for number, test in enumerate(mixed.tests[::-1]):
+        estimate = test.estimate
+        order = np.random.default_rng(number).permutation(len(estimate.frf.outputs))
+        frf = estimate.frf.select([estimate.frf.outputs[k] for k in order], estimate.frf.inputs)
+        variance, measured = estimate.variance[:, order], estimate.measured[order]
+        mixed_up = replace(estimate, frf=frf, variance=variance, measured=measured)
+        tests.append(replace(test, estimate=mixed_up))
+    one, two = (
+        Misfit(whole, campaign, varies, allowance=0.1, logarithmic=logarithmic).normal(x)
+        for campaign in (mixed, replace(mixed, tests=tuple(tests)))
+    )
+    size = sizes(one[2])
+    assert two[0] == pytest.approx(one[0], rel=1e-12)
+    close(two[1], one[1], size * np.sqrt(one[0]))
+    close(two[2].dense(), one[2].dense(), np.outer(size, size))
+
+
+def without(test, row):
+    """The test without a channel."""
+    estimate = test.estimate
+    rows = [k for k in range(len(estimate.frf.outputs)) if k != row]
+    frf = estimate.frf.select([estimate.frf.outputs[k] for k in rows], estimate.frf.inputs)
+    cut = replace(
+        estimate, frf=frf, variance=estimate.variance[:, rows], measured=estimate.measured[rows]
+    )
+    return replace(test, estimate=cut)
+
+
+def silenced(test, row, *, measured):
+    """The test with a channel of zeros, as a cable that was not plugged in gives."""
+    estimate = test.estimate
+    values, variance = estimate.frf.values.copy(), estimate.variance.copy()
+    mask = estimate.measured.copy()
+    values[:, row], variance[:, row], mask[row] = 0.0, 0.0, measured
+    changed = replace(
+        estimate, frf=replace(estimate.frf, values=values), variance=variance, measured=mask
+    )
+    return replace(test, estimate=changed)
+
+
+@pytest.mark.parametrize("logarithmic", [True, False])
+@pytest.mark.parametrize("measured", [False, True], ids=["masked", "dead"])
+def test_a_channel_that_holds_nothing_does_not_count(whole, mixed, varies, logarithmic, measured):
+    x, row = somewhere(varies), 7
+    first, *others = mixed.tests
+    lost = replace(mixed, tests=(without(first, row), *others))
+    silent = replace(mixed, tests=(silenced(first, row, measured=measured), *others))
+    one, two = (
+        Misfit(whole, campaign, varies, allowance=0.0, logarithmic=logarithmic)
+        for campaign in (lost, silent)
+    )
+    assert one.values == two.values
+    assert two.value(x) == pytest.approx(one.value(x), rel=1e-12)
+
+
+def shifted(campaign, hz) -> Campaign:
+    tests = []
+    for test in campaign.tests:
+        frf = replace(test.estimate.frf, freq_hz=test.estimate.frf.freq_hz + hz)
+        tests.append(replace(test, estimate=replace(test.estimate, frf=frf)))
+    return replace(campaign, tests=tuple(tests))
+
+
+@pytest.mark.parametrize("logarithmic", [True, False])
+def test_the_line_at_rest_does_not_count(model, campaign, logarithmic):
+    # Measured accelerance at 0 Hz is noise, the model's is zero and has no logarithm.
+    at_rest = shifted(campaign, -5.0)
+    assert at_rest.freq_hz[0] == 0
+    varies = freedom(model, campaign.tolerance)
+    x = somewhere(varies)
+    one, two = (
+        Misfit(model, some, varies, allowance=0.1, logarithmic=logarithmic).normal(x)
+        for some in (at_rest, at_rest.lines(slice(1, None)))
+    )
+    assert one[0] == pytest.approx(two[0], rel=1e-12)
+    np.testing.assert_allclose(one[1], two[1], rtol=1e-9)
+    np.testing.assert_allclose(one[2].dense(), two[2].dense(), rtol=1e-9, atol=1e-9 * one[0])
+
+
+def test_a_large_allowance_weighs_every_point_by_its_motion_alone(whole, mixed, varies):
+    # Noise of 3 % is nothing beside an allowance of 30: the cost falls with its square.
+    x = somewhere(varies)
+    wide, wider = (Misfit(whole, mixed, varies, allowance=a) for a in (30.0, 60.0))
+    data = [cost.value(x) - cost.prior(x) for cost in (wide, wider)]
+    assert data[0] == pytest.approx(4 * data[1], rel=1e-3)
+
+
+def test_a_prediction_answers_in_the_labels_of_the_test(model, campaign, flip):
+    straight, turned = (predict(model, model.drawn, some) for some in (campaign, flip(campaign)))
+    assert turned[0][:, 0] == pytest.approx(straight[0][:, 0])  # channel and hammer both turned
+    assert turned[0][:, 1:] == pytest.approx(-straight[0][:, 1:])
+    assert turned[1] == pytest.approx(straight[1])

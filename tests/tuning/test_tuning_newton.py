@@ -1,0 +1,326 @@
+"""Gauss-Newton between bounds: its steps against SciPy, its minima against known ones."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+import scipy.optimize
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from tuning.newton import Box, bounded_step, gauss_newton
+from tuning.normal import Arrow
+
+
+def arrow_of(dense, own=0):
+    """An arrow of a matrix whose last ``own`` coordinates are one block."""
+    n = len(dense)
+    shared, block = np.arange(n - own), np.arange(n - own, n)
+    count = 1 if own else 0
+    return Arrow(
+        dense[np.ix_(shared, shared)],
+        dense[np.ix_(block, shared)].reshape(count, own, n - own),
+        dense[np.ix_(block, block)].reshape(count, own, own),
+        shared,
+        block.reshape(count, own),
+    )
+
+
+@dataclass(eq=False)
+class Squares:
+    """J = sum r^2 + 1/2 sum precision x^2 of residuals r(x) with their Jacobian."""
+
+    residual: object
+    jacobian: object
+    precision: np.ndarray
+    calls: int = 0
+    interrupt_at: int = -1
+
+    def value(self, x):
+        self.calls += 1
+        if self.calls == self.interrupt_at:
+            raise KeyboardInterrupt
+        with np.errstate(all="ignore"):
+            r = self.residual(x)
+        return float(r @ r + 0.5 * self.precision @ x**2)
+
+    def normal(self, x):
+        value = self.value(x)
+        with np.errstate(all="ignore"):
+            r, jacobian = self.residual(x), self.jacobian(x)
+        gradient = 2 * jacobian.T @ r + self.precision * x
+        return value, gradient, arrow_of(2 * jacobian.T @ jacobian, own=1)
+
+
+def box_of(n, lower=-np.inf, upper=np.inf, precision=0.0):
+    return Box(
+        *(np.broadcast_to(np.asarray(v, float), n).copy() for v in (lower, upper, precision))
+    )
+
+
+def rosenbrock():
+    return Squares(
+        lambda x: np.array([1 - x[0], 10 * (x[1] - x[0] ** 2)]),
+        lambda x: np.array([[-1.0, 0.0], [-20 * x[0], 10.0]]),
+        np.zeros(2),
+    )
+
+
+TIME = np.linspace(0.0, 3.0, 40)
+TRUTH = np.array([0.4, 0.9, 0.8, -0.2])
+
+
+def decay(noise=0.0, precision=0.0):
+    """Two decays, sizes and rates by their logarithms: exp(x0 - e^x1 t) + exp(x2 - e^x3 t / 4)."""
+
+    def parts(x):
+        one = np.exp(x[0] - np.exp(x[1]) * TIME)
+        two = np.exp(x[2] - 0.25 * np.exp(x[3]) * TIME)
+        return one, two
+
+    measured = sum(parts(TRUTH)) + noise * np.random.default_rng(6).normal(size=len(TIME))
+
+    def jacobian(x):
+        one, two = parts(x)
+        rates = -np.exp(x[1]) * TIME * one, -0.25 * np.exp(x[3]) * TIME * two
+        return np.stack([one, rates[0], two, rates[1]], axis=1) / 0.01
+
+    return Squares(
+        lambda x: (sum(parts(x)) - measured) / 0.01, jacobian, np.full(4, float(precision))
+    )
+
+
+def reference(problem, box, start):
+    """The same minimum by SciPy."""
+    root = np.sqrt(0.5 * problem.precision)
+    found = scipy.optimize.least_squares(
+        lambda x: np.concatenate([problem.residual(x), root * x]),
+        start,
+        lambda x: np.vstack([problem.jacobian(x), np.diag(root)]),
+        bounds=(box.lower, box.upper),
+        xtol=1e-14, ftol=1e-14, gtol=1e-14,
+    )  # fmt: skip
+    return found.x, 2 * found.cost
+
+
+@settings(deadline=None, max_examples=150)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([2, 3, 5, 8, 13]), st.sampled_from([0.0, 2.0]))
+@example(377, 3, 2.0)  # in these boxes, sets of bounds that are let go all at once come back
+@example(384, 5, 2.0)
+@example(229, 13, 2.0)
+def test_a_bounded_step_is_the_bottom_of_its_box(seed, n, bad):
+    random = np.random.default_rng(seed)
+    jacobian = random.normal(size=(n + 2, n))
+    jacobian = jacobian @ (np.eye(n) + bad * random.normal(size=(n, n)) / np.sqrt(n))
+    gradient = jacobian.T @ random.normal(size=n + 2) * 3
+    added = 10.0 ** random.uniform(-4, 0, n)
+    # One in five coordinates is at a bound already, one in five has none on that side.
+    lower, upper = -random.exponential(0.5, n), random.exponential(0.5, n)
+    at = random.integers(0, 5, n)
+    lower[at == 0], upper[at == 1], lower[at == 2], upper[at == 3] = 0.0, 0.0, -np.inf, np.inf
+    normal = jacobian.T @ jacobian
+    found = bounded_step(arrow_of(normal, own=n // 2), gradient, added, (lower, upper))
+    whole = normal + np.diag(added)
+    upright = np.linalg.cholesky(whole).T
+    expected = scipy.optimize.lsq_linear(
+        upright, -np.linalg.solve(upright.T, gradient), (lower, upper), method="bvls", tol=1e-14
+    ).x
+    assert (found >= lower).all()
+    assert (found <= upper).all()
+    costs = [gradient @ d + 0.5 * d @ whole @ d for d in (found, expected)]
+    assert costs[0] <= costs[1] + 1e-9 * abs(costs[1]) + 1e-12
+
+
+def test_without_bounds_a_step_is_that_of_newton():
+    random = np.random.default_rng(3)
+    jacobian, gradient = random.normal(size=(9, 6)), random.normal(size=6)
+    added = random.uniform(0.1, 1, 6)
+    normal = jacobian.T @ jacobian
+    found = bounded_step(
+        arrow_of(normal, own=2), gradient, added, (np.full(6, -np.inf), np.full(6, np.inf))
+    )
+    expected = -np.linalg.solve(normal + np.diag(added), gradient)
+    np.testing.assert_allclose(found, expected, rtol=1e-10)
+
+
+def test_the_bottom_of_the_valley_is_found():
+    found = gauss_newton(rosenbrock(), np.array([-1.2, 1.0]), box_of(2), promise=1e-20)
+    np.testing.assert_allclose(found.x, [1.0, 1.0], rtol=1e-8)
+    assert found.outcome == "converged"
+    assert not found.advice
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "expected"),
+    [
+        ([-5, -5], [0.5, 5], [0.5, 0.25]),
+        ([-5, 2.0], [5, 5], [-np.sqrt(2), 2.0]),
+        ([-5, -5], [-0.5, 0.1], None),
+    ],
+)
+def test_a_valley_that_ends_at_a_bound_is_followed_to_it(lower, upper, expected):
+    box = box_of(2, lower, upper)
+    found = gauss_newton(
+        rosenbrock(), np.array([-1.2, 1.0]), box, promise=1e-16, tolerance=1e-14, max_steps=200
+    )
+    best, cost = reference(rosenbrock(), box, np.clip([-1.0, 0.0], lower, upper))
+    if expected is not None:
+        np.testing.assert_allclose(found.x, expected, rtol=0.01)
+    np.testing.assert_allclose(found.x, best, rtol=1e-4, atol=1e-4)
+    assert rosenbrock().value(found.x) == pytest.approx(cost, rel=1e-7)
+    assert found.outcome == "converged"
+
+
+def test_exact_data_are_fitted_exactly():
+    found = gauss_newton(decay(), np.array([0.0, 0.5, 0.5, -0.2]), box_of(4), promise=1e-12)
+    np.testing.assert_allclose(found.x, TRUTH, rtol=1e-6)
+
+
+@pytest.mark.parametrize("precision", [0.0, 1.0, 50.0])
+@pytest.mark.parametrize("lower", [-3.0, 0.25])
+def test_noisy_data_are_fitted_as_by_another_solver(precision, lower):
+    start, box = np.array([0.3, 0.5, 0.5, 0.3]), box_of(4, lower, 3.0, precision)
+    problem = decay(noise=0.01, precision=precision)
+    found = gauss_newton(problem, start, box, promise=1e-9, tolerance=0.0)
+    best, cost = reference(problem, box, start)
+    assert problem.value(found.x) == pytest.approx(cost, rel=1e-9)
+    np.testing.assert_allclose(found.x, best, rtol=1e-3, atol=1e-4)
+
+
+def test_the_value_is_that_of_the_point_which_is_returned():
+    for problem, start in (
+        (rosenbrock(), np.array([-1.2, 1.0])),
+        (decay(noise=0.01), np.array([0.0, 0.5, 0.5, -0.2])),
+    ):
+        for steps in (1, 3, 60):
+            found = gauss_newton(problem, start, box_of(len(start)), max_steps=steps)
+            assert found.value == pytest.approx(problem.value(found.x), rel=1e-12), steps
+
+
+def test_what_is_left_when_it_ends_is_less_than_was_promised():
+    start, box = np.array([0.0, 0.5, 0.5, -0.2]), box_of(4)
+    problem = decay(noise=0.01)
+    _, cost = reference(problem, box, start)
+    for promise in (1.0, 1e-2, 1e-4):
+        found = gauss_newton(problem, start, box, promise=promise, tolerance=0.0)
+        assert problem.value(found.x) - cost < promise
+
+
+def test_a_direction_that_nothing_sees_stays_where_it_began():
+    # The residuals see x0 + x1 and x2; x0 - x1 and x3 are flat.
+    matrix = np.array([[2.0, 2.0, 0.0, 0.0], [0.0, 0.0, 3.0, 0.0], [1.0, 1.0, -1.0, 0.0]])
+    truth = np.array([0.5, 0.2, -0.4, 0.0])
+    problem = Squares(lambda x: matrix @ (x - truth), lambda _: matrix, np.zeros(4))
+    start = np.array([0.1, -0.2, 0.3, 0.77])
+    found = gauss_newton(problem, start, box_of(4, -9, 9), promise=1e-16)
+    assert found.outcome == "converged"
+    assert found.x[3] == pytest.approx(0.77, abs=1e-12)
+    assert found.x[0] - found.x[1] == pytest.approx(0.3, abs=1e-6)
+    assert found.x[0] + found.x[1] == pytest.approx(0.7, abs=1e-6)
+
+
+def test_a_prior_holds_what_the_data_do_not_see_at_the_drawing():
+    matrix = np.array([[1.0, 0.0], [2.0, 0.0]])
+    problem = Squares(lambda x: matrix @ x - 1.0, lambda _: matrix, np.array([0.0, 1.0]))
+    found = gauss_newton(problem, np.array([0.0, 1.5]), box_of(2, -2.5, 2.5, [0, 1]), promise=1e-12)
+    np.testing.assert_allclose(found.x, [0.6, 0.0], atol=1e-6)
+
+
+def test_a_start_outside_the_box_is_pulled_in():
+    seen = []
+    problem = rosenbrock()
+    inner = problem.residual
+    problem.residual = lambda x: (seen.append(x.copy()), inner(x))[1]
+    box = box_of(2, [-2, -1], [2, 3])
+    gauss_newton(problem, np.array([-9.0, 7.0]), box)
+    assert (np.array(seen) >= box.lower - 1e-12).all()
+    assert (np.array(seen) <= box.upper + 1e-12).all()
+
+
+def test_no_step_is_longer_than_what_a_linearisation_may_be_trusted_for():
+    seen = []
+    problem = decay()
+    inner = problem.residual
+    problem.residual = lambda x: (seen.append(x.copy()), inner(x))[1]
+    gauss_newton(problem, np.array([0.0, 3.0, 4.0, -3.0]), box_of(4, -6, 6))
+    accepted = [seen[0]]
+    for x in seen[1:]:
+        assert np.abs(x - accepted[-1]).max() <= 1.5 + 1e-12
+        if decay().value(x) < decay().value(accepted[-1]):
+            accepted.append(x)
+
+
+def test_every_evaluation_is_counted_and_reported_in_order():
+    told = []
+    problem = decay(noise=0.01)
+    found = gauss_newton(
+        problem, np.array([0.0, 0.5, 0.5, -0.2]), box_of(4), report=lambda *what: told.append(what)
+    )
+    counts, values = zip(*told, strict=True)
+    assert found.evaluations == problem.calls
+    assert list(counts) == sorted(set(counts))
+    assert list(values) == sorted(values, reverse=True)
+
+
+def test_the_steps_are_bounded_and_that_is_said():
+    found = gauss_newton(rosenbrock(), np.array([-1.2, 1.0]), box_of(2), max_steps=2)
+    assert found.outcome == "out of evaluations"
+    assert "more evaluations" in found.advice
+    assert rosenbrock().value(found.x) < rosenbrock().value(np.array([-1.2, 1.0]))
+
+
+def test_a_start_without_a_finite_value_fails_with_advice():
+    problem = rosenbrock()
+    problem.residual = lambda x: np.array([np.nan, x[1]])
+    found = gauss_newton(problem, np.array([-1.2, 1.0]), box_of(2))
+    assert found.outcome == "failed"
+    assert found.advice
+    assert np.array_equal(found.x, [-1.2, 1.0])
+
+
+def test_a_gradient_that_is_not_finite_fails_with_advice():
+    problem = rosenbrock()
+    problem.jacobian = lambda _: np.full((2, 2), np.nan)
+    found = gauss_newton(problem, np.array([-1.2, 1.0]), box_of(2))
+    assert found.outcome == "failed"
+    assert found.advice
+
+
+def test_a_step_into_nowhere_is_shortened_until_there_is_a_value():
+    # The logarithm of x has no value at 0 and below, where the first steps would go.
+    problem = Squares(
+        lambda x: np.array([np.log(x[0]), 3.0 * x[1]]),
+        lambda x: np.array([[1 / x[0], 0.0], [0.0, 3.0]]),
+        np.zeros(2),
+    )
+    found = gauss_newton(problem, np.array([2.9, 0.5]), box_of(2, -5, 5), promise=1e-16)
+    assert found.outcome == "converged"
+    np.testing.assert_allclose(found.x, [1.0, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("call", [2, 5, 9, 12])
+def test_an_interrupt_keeps_the_best_point(call):
+    start = np.array([-1.2, 1.0])
+    problem, seen = rosenbrock(), []
+    inner = problem.residual
+
+    def residual(x):
+        seen.append((float(inner(x) @ inner(x)), x.copy()))
+        return inner(x)
+
+    problem.residual, problem.interrupt_at = residual, call
+    found = gauss_newton(problem, start, box_of(2))
+    assert found.outcome == "interrupted"
+    assert "kept" in found.advice
+    np.testing.assert_array_equal(found.x, min(seen, key=lambda one: one[0])[1])
+
+
+def test_an_error_in_the_problem_comes_out_as_itself():
+    problem = rosenbrock()
+
+    def broken(_):
+        raise ZeroDivisionError("mine")
+
+    problem.jacobian = broken
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        gauss_newton(problem, np.zeros(2), box_of(2))

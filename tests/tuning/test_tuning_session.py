@@ -1,0 +1,98 @@
+"""A campaign opened to be tuned: which Parts it has, and what ``[tuning]`` asks of them."""
+
+import numpy as np
+import pytest
+from campaign_folder import CAMPAIGN, write_folder
+
+from identification.words import InputError
+from tuning import open_session, with_tolerances
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    return write_folder(tmp_path_factory.mktemp("session") / "campaign", lines=40)
+
+
+@pytest.fixture
+def opened(written):
+    """The session of the campaign with more lines in its campaign.toml."""
+
+    def of(more=""):
+        (written / "campaign.toml").write_text(CAMPAIGN + more, encoding="utf-8")
+        return open_session(written)
+
+    return of
+
+
+def names_of(model):
+    return [parameter.name for parameter in model.parameters]
+
+
+def test_all_that_a_drawing_limits_is_a_part(model, campaign, whole):
+    found = set(names_of(with_tolerances(model.machine, campaign)))
+    others = {name for name in names_of(whole) if not name.startswith("hammer(")}
+    hits = {name for name in found if name.startswith("hammer(")}
+    assert found - hits == others
+    assert {name.split(".")[0] for name in hits} == {f"hammer(acc3:t{axis})" for axis in "xyz"}
+
+
+def test_sensors_that_no_test_reads_are_left_out_and_so_are_points_never_hit(whole, mixed):
+    assert names_of(with_tolerances(whole.machine, mixed)) == names_of(whole)
+    third = type(mixed)("one", mixed.layout, mixed.tests[2:3])
+    found = names_of(with_tolerances(whole.machine, third))
+    points = {name.split(".")[0] for name in found}
+    assert {point for point in points if point.startswith("acc")} == {"acc1", "acc3", "acc4"}
+    assert {point for point in points if "(" in point} == {"hammer(acc3:ty)"}
+
+
+def test_without_wishes_all_vary_but_what_is_known_exactly(opened):
+    session = opened()
+    fixed = {
+        parameter.name
+        for parameter, free in zip(session.model.parameters, session.freedom.free, strict=True)
+        if not free
+    }
+    # The drawn bodies have no products of inertia: 5 % of nothing is nothing.
+    assert fixed == {
+        f"{stage}.{what}"
+        for stage in ("base", "head")
+        for what in (
+            *(f"joint_rotation_{axis}" for axis in "xyz"),
+            *(f"inertia_{axes}" for axes in ("xy", "xz", "yz")),
+        )
+    }
+
+
+def test_the_tolerances_are_those_of_the_campaign(opened):
+    session = opened("[tolerance]\nmass = 0.07\nsensor_gain = 0.0\n")
+    place = names_of(session.model).index("head.mass")
+    assert session.freedom.scale[place] == 0.07
+    assert not any(".gain_" in name for name in session.freedom.names)
+
+
+def test_wishes_reach_what_varies(opened):
+    session = opened(
+        """
+        [tuning]
+        free = ["acc4.rotation_?"]
+        fix = ["*.damping"]
+        tie = [["base_t?.stiffness"]]
+        [tuning.prior]
+        "head.mass" = 0.2
+        [tuning.bounds]
+        "head_tx.stiffness" = [4e6, 9e6]
+        """
+    )
+    made, names = session.freedom, names_of(session.model)
+    member = dict(zip(names, made.member, strict=True))
+    assert not made.has_prior[[member[f"acc4.rotation_{axis}"] for axis in "xyz"]].any()
+    assert all(member[name] == -1 for name in names if name.endswith(".damping"))
+    assert member["base_tx.stiffness"] == member["base_tz.stiffness"]
+    assert made.scale[names.index("head.mass")] == 0.2
+    assert np.exp(made.upper[member["head_tx.stiffness"]]) == pytest.approx(9 / 8)
+
+
+def test_a_wish_that_cannot_be_is_refused_with_its_file(opened, written):
+    with pytest.raises(InputError, match=r"fits no parameter: did you mean head\.mass") as caught:
+        opened('[tuning]\nfree = ["haed.mass"]\n')
+    assert str(written / "campaign.toml") in str(caught.value)

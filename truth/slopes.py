@@ -1,0 +1,276 @@
+r"""How FRFs follow every parameter of a refit, to first order: J of the linearised refit.
+
+Stiffness and damping by their logarithms, tolerances by one standard deviation each. With the
+equations of a machine, its sensors L and its hammers P,
+
+    A X = P,  A = [[Z, G^T], [G, 0]],   dH = s^2 (dL X + L A^-1 (dP - dA X)),
+
+in which dA, dL and dP are exact, or central differences of matrices where a place moves. A sensor's
+own errors move its three rows alone, so that their columns are kept apart.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from truth.draw import Tolerance
+from truth.dynamics import (
+    Equations,
+    hammer_columns,
+    joint_matrices,
+    joint_rows,
+    motion_row,
+    point_row,
+    sensor_rows,
+)
+from truth.machine import Machine
+from truth.rig import Occasion
+from truth.station import Complex, Mask, Real, Stage, Station
+
+_STEP = 1e-3  # of a tolerance's standard deviation, for differences of matrices
+
+
+@dataclass(frozen=True, eq=False)
+class Jacobian:
+    """J of a machine without effects, over the standard deviations of the values.
+
+    Args:
+        shared: of all parameters but the sensors'; (2 n_value, n), as ``stacked``.
+        bounded: which of those are tolerances; (n,).
+        own: of each sensor's gains, angles and position, its three rows alone;
+            (n_sensor, 2 n_own, 9).
+    """
+
+    shared: Real
+    bounded: Mask
+    own: Real
+
+
+def jacobian(machine: Machine, freq_hz: Real, tolerance: Tolerance, weight: Real) -> Jacobian:
+    """Linearise a machine's FRFs.
+
+    Args:
+        machine: the true one, without effects.
+        freq_hz: lines [Hz]; (n_line,).
+        tolerance: standard deviations of the priors.
+        weight: of each value, one over its standard deviation; (n_line, n_out, n_in).
+    """
+    solved = _Solved(machine, freq_hz)
+    shared, bounded = [], []
+    for slopes, prior in _parameters(machine, tolerance):
+        shared.append(stacked(solved.slope(slopes) * weight))
+        bounded.append(prior)
+    own = _sensor_columns(solved, machine.station, tolerance, weight)
+    return Jacobian(np.array(shared).T, np.array(bounded), own)
+
+
+def stacked(values: Complex) -> Real:
+    """Real parts above imaginary parts, in one column."""
+    return np.concatenate([values.real.ravel(), values.imag.ravel()])
+
+
+def unstacked(values: Real, shape: tuple[int, ...]) -> Complex:
+    """The complex values again."""
+    real, imag = values.reshape(2, *shape)
+    return np.asarray(real + 1j * imag)
+
+
+@dataclass(frozen=True, eq=False)
+class _Slopes:
+    """Matrices' slopes by one parameter; what does not move is None."""
+
+    equations: Equations | None = None
+    sensors: Real | None = None
+    hammers: Real | None = None
+
+
+class _Solved:
+    """X and L A^-1 of the machine, from which every slope follows."""
+
+    def __init__(self, machine: Machine, freq_hz: Real) -> None:
+        rig = machine.rig(Occasion())
+        equations = rig.equations
+        self.size, rigid = len(equations.mass), len(equations.rigid)
+        self.s = 2j * np.pi * freq_hz[:, None, None]
+        matrix = np.zeros((freq_hz.size, self.size + rigid, self.size + rigid), np.complex128)
+        inner = equations.stiffness + self.s * equations.damping + self.s**2 * equations.mass
+        matrix[:, : self.size, : self.size] = inner
+        self.scale = float(np.abs(equations.stiffness).max()) if rigid else 1.0
+        matrix[:, : self.size, self.size :] = self.scale * equations.rigid.T
+        matrix[:, self.size :, : self.size] = self.scale * equations.rigid
+        inverse = np.linalg.inv(matrix)
+        self.sensors = rig.readout
+        self.left = rig.readout @ inverse[:, : self.size]
+        self.motion = inverse[:, :, : self.size] @ rig.drive
+
+    def slope(self, slopes: _Slopes) -> Complex:
+        """Return dH of one parameter; (n_line, n_out, n_in)."""
+        inside = self.motion[:, : self.size]
+        total: Complex = np.zeros((1, 1, 1), np.complex128)
+        if slopes.equations is not None:
+            by = slopes.equations
+            full = abs(by.stiffness) + abs(by.damping) + abs(by.mass)
+            rows, columns = np.flatnonzero(full.any(axis=1)), np.flatnonzero(full.any(axis=0))
+            block = np.ix_(rows, columns)  # a few coordinates alone are moved by one parameter
+            inner = by.stiffness[block] + self.s * by.damping[block] + self.s**2 * by.mass[block]
+            total = total - self.left[:, :, rows] @ (inner @ inside[:, columns])
+            if by.rigid.any():
+                ties = self.scale * by.rigid
+                total = total - self.left[:, :, : self.size] @ (
+                    ties.T @ self.motion[:, self.size :]
+                )
+                total = total - self.left[:, :, self.size :] @ (ties @ inside)
+        if slopes.hammers is not None:
+            total = total + self.left[:, :, : self.size] @ slopes.hammers
+        if slopes.sensors is not None:
+            total = total + slopes.sensors @ inside
+        return np.asarray(self.s**2 * total)
+
+
+def _parameters(machine: Machine, tolerance: Tolerance) -> Iterator[tuple[_Slopes, bool]]:
+    """Slopes by every parameter but the sensors', and whether it is a tolerance."""
+    for index in range(len(machine.station.stages)):
+        for slopes in _joints(machine.station, index):
+            yield slopes, False
+        for slopes in (
+            *_weights(machine.station, index, tolerance),
+            *_places(machine, index, tolerance),
+        ):
+            yield slopes, True
+    for number in range(len(machine.hammers)):
+        for slopes in _hits(machine, number, tolerance):
+            yield slopes, True
+
+
+def _joints(station: Station, index: int) -> Iterator[_Slopes]:
+    """By log k and log c of a stage's joints."""
+    moving, _ = joint_rows(station, index)
+    for joint, row in zip(station.stages[index].joints, moving, strict=True):
+        square = np.outer(row, row)
+        yield _matrices(station, stiffness=joint.stiffness * square)
+        yield _matrices(station, damping=joint.damping * square)
+
+
+def _weights(station: Station, index: int, tolerance: Tolerance) -> Iterator[_Slopes]:
+    """By mass and by each of the six numbers of the inertia."""
+    stage, size = station.stages[index], 6 * len(station.stages)
+    mass = np.zeros((size, size))
+    place = slice(6 * index, 6 * index + 3)
+    mass[place, place] = tolerance.mass * stage.mass * np.eye(3)
+    yield _matrices(station, mass=mass)
+    for row, column in zip(*np.triu_indices(3), strict=True):
+        mass = np.zeros((size, size))
+        one, other = 6 * index + 3 + row, 6 * index + 3 + column
+        mass[one, other] = mass[other, one] = tolerance.inertia * stage.inertia[row, column]
+        yield _matrices(station, mass=mass)
+
+
+def _matrices(
+    station: Station,
+    mass: Real | None = None,
+    damping: Real | None = None,
+    stiffness: Real | None = None,
+) -> _Slopes:
+    size = 6 * len(station.stages)
+    still = np.zeros((size, size))
+    rigid = np.zeros((sum(6 - len(stage.joints) for stage in station.stages), size))
+    given = [still if matrix is None else matrix for matrix in (mass, damping, stiffness)]
+    return _Slopes(Equations(given[0], given[1], given[2], rigid))
+
+
+def _places(machine: Machine, index: int, tolerance: Tolerance) -> Iterator[_Slopes]:
+    """By a stage's centre of mass and by the place that its joints share."""
+    station, stage = machine.station, machine.station.stages[index]
+    children = [i for i, one in enumerate(station.stages) if one.parent == index]
+    for axis in np.eye(3):
+        ends = _ends(station, index, partial(_with_com, stage, tolerance.com * axis))
+        over = 1 / (2 * _STEP)
+        yield _Slopes(
+            _slope_of_joints(ends, (index, *children)),
+            (sensor_rows(ends[0]) - sensor_rows(ends[1])) * over,
+            (hammer_columns(ends[0], machine.hammers) - hammer_columns(ends[1], machine.hammers))
+            * over,
+        )
+        if stage.joints:
+            by = tolerance.joint_position * axis
+            yield _Slopes(
+                _slope_of_joints(_ends(station, index, partial(_moved, stage, by)), (index,))
+            )
+
+
+def _with_com(stage: Stage, shift: Real, way: float) -> Stage:
+    return replace(stage, com=stage.com + way * shift)
+
+
+def _moved(stage: Stage, shift: Real, way: float) -> Stage:
+    joints = tuple(replace(one, position=one.position + way * shift) for one in stage.joints)
+    return replace(stage, joints=joints)
+
+
+def _ends(station: Station, index: int, moved: Callable[[float], Stage]) -> tuple[Station, Station]:
+    """The station with a stage a step to either side."""
+    found = []
+    for way in (_STEP, -_STEP):
+        stages = list(station.stages)
+        stages[index] = moved(way)
+        found.append(replace(station, stages=tuple(stages)))
+    return found[0], found[1]
+
+
+def _slope_of_joints(ends: tuple[Station, Station], indices: tuple[int, ...]) -> Equations:
+    """Central difference of C, K and G, of which the joints of a few stages alone move."""
+    sizes = [6 - len(stage.joints) for stage in ends[0].stages]
+    size = 6 * len(sizes)
+    damping, stiffness = np.zeros((2, size, size))
+    rigid = np.zeros((sum(sizes), size))
+    for index in indices:
+        one, other = (joint_matrices(station, index) for station in ends)
+        damping += one[0] - other[0]
+        stiffness += one[1] - other[1]
+        first = sum(sizes[:index])
+        rigid[first : first + sizes[index]] = one[2] - other[2]
+    over = 1 / (2 * _STEP)
+    return Equations(np.zeros((size, size)), damping * over, stiffness * over, rigid * over)
+
+
+def _hits(machine: Machine, number: int, tolerance: Tolerance) -> Iterator[_Slopes]:
+    """By the direction and the place of one hammer."""
+    hammer = machine.hammers[number]
+    for axis in np.eye(3):
+        turn = tolerance.hammer_angle * np.cross(axis, hammer.direction)
+        for direction, position in (
+            (turn, hammer.position),
+            (hammer.direction, tolerance.hammer_position * axis),
+        ):
+            column = motion_row(machine.station, hammer.stage, position, direction)
+            if position is not hammer.position:  # a column is affine in the place
+                column = column - motion_row(
+                    machine.station, hammer.stage, np.zeros(3), hammer.direction
+                )
+                column[6 * hammer.stage : 6 * hammer.stage + 3] = 0.0
+            columns = np.zeros((len(column), len(machine.hammers)))
+            columns[:, number] = column
+            yield _Slopes(hammers=columns)
+
+
+def _sensor_columns(solved: _Solved, station: Station, tolerance: Tolerance, weight: Real) -> Real:
+    """J of each sensor on its three rows: gains, angles, position; (n_sensor, 2 n_value, 9)."""
+    found = []
+    motion = solved.s**2 * solved.motion[:, : solved.size]
+    for number, (index, sensor) in enumerate(station.sensors()):
+        place, stage = slice(6 * index, 6 * index + 6), station.stages[index]
+        rows = slice(3 * number, 3 * number + 3)
+        drawn = solved.sensors[rows, place]
+        columns = []
+        for axis in np.eye(3):
+            gain = tolerance.sensor_gain * axis[:, None] * drawn
+            turned = np.cross(tolerance.sensor_angle * axis, sensor.axes)
+            lever = tolerance.sensor_position * axis
+            angle = np.array([point_row(stage, sensor.position, one) for one in turned])
+            shift = np.array([[0.0, 0.0, 0.0, *np.cross(lever, one)] for one in sensor.axes])
+            for row in (gain, sensor.gain[:, None] * angle, sensor.gain[:, None] * shift):
+                columns.append(stacked(row @ motion[:, place] * weight[:, rows]))
+        found.append(np.array(columns).T)
+    return np.array(found)

@@ -1,0 +1,194 @@
+r"""How sure tuned parameters are, and what the data cannot tell.
+
+At the minimum the posterior density is nearly normal, with the covariance
+
+    C = s^2 (N + D)^-1,   s^2 = max(1, sum |r|^2 / var / n),
+
+N the normal equations of the data, D the precision of the priors; s^2 widens it where the model
+does not reach the noise, since what it lacks moves parameters too. What the drawing does not know
+has a standard deviation of log 100 for a prior here, its bound, so that C exists where data see
+nothing.
+
+A direction v of these coordinates with a deviation above 1 (a factor of 7 up or down in 95 %) is
+one that the data cannot see. If two stiffnesses make it, then dk1 = -dk2 leaves their sum,
+d(1/k1) = -d(1/k2) that of their compliances.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from identification.words import Campaign, Mask, Real
+from mbmodel import Model
+from tuning.fit import LAST, Fit
+from tuning.freedom import Freedom
+from tuning.misfit import Misfit
+from tuning.normal import Arrow
+
+QUANTILE = 1.959964  # of 95 %
+# Standard deviations: the largest of 300 tolerances is beyond it in one campaign of 500.
+PLAUSIBLE = 4.5
+WIDEST = float(np.log(100.0))
+UNSEEN = 1.0  # standard deviation of a logarithm
+_CORRELATED = 0.9
+_MEMBER = 0.25  # of the largest entry of a direction
+_ALIKE = 0.98  # cosine of a direction with that of a sum
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """Two coordinates that the data tell apart badly."""
+
+    first: str
+    second: str
+    value: float
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """A direction that the data cannot see.
+
+    Args:
+        parameters: those that make it.
+        deviation: standard deviation of the logarithm along it.
+        sentence: in words.
+    """
+
+    parameters: tuple[str, ...]
+    deviation: float
+    sentence: str
+
+
+@dataclass(frozen=True, eq=False)
+class Confidence:
+    """What a fit is worth.
+
+    Args:
+        freedom: its coordinates.
+        x: where it ended; (n_x,).
+        normal: N at x.
+        chi_square: sum |r|^2 / var / n of the data.
+    """
+
+    freedom: Freedom
+    x: Real
+    normal: Arrow
+    chi_square: float
+
+    @property
+    def widened(self) -> float:
+        """The s^2 of the covariance."""
+        return max(1.0, self.chi_square)
+
+    @cached_property
+    def covariance(self) -> Real:
+        """C; (n_x, n_x)."""
+        precision = np.where(self.freedom.has_prior, 1.0, WIDEST**-2)
+        whole = self.normal.dense() + np.diag(precision)
+        scale = 1 / np.sqrt(np.diag(whole))
+        covariance: Real = np.linalg.inv(whole * np.outer(scale, scale)) * np.outer(scale, scale)
+        return self.widened * (covariance + covariance.T) / 2
+
+    @cached_property
+    def deviation(self) -> Real:
+        """Standard deviation of each coordinate; (n_x,)."""
+        deviation: Real = np.sqrt(np.diag(self.covariance))
+        return deviation
+
+    def interval(self) -> tuple[Real, Real]:
+        """Lowest and highest value of each parameter in 95 %, in SI; (n_parameter,) each."""
+        spread = QUANTILE * self.deviation
+        ends = self.freedom.theta(self.x - spread), self.freedom.theta(self.x + spread)
+        return np.minimum(*ends), np.maximum(*ends)
+
+    def parameter_deviation(self) -> Real:
+        """Standard deviation of each parameter, of sizes relative; (n_parameter,)."""
+        freedom = self.freedom
+        own = np.append(self.deviation, 0.0)[freedom.member] * freedom.scale
+        deviation: Real = np.where(freedom.free, own, 0.0)
+        return deviation
+
+    @cached_property
+    def unknown(self) -> Mask:
+        """Parameters that the data do not tell: no interval narrower than a factor of 7."""
+        freedom = self.freedom
+        vague = ~freedom.has_prior & (self.deviation > UNSEEN)
+        return np.append(vague, False)[freedom.member]
+
+    def correlations(self) -> tuple[Correlation, ...]:
+        """Pairs with a correlation above 0.9, strongest first."""
+        unit = self.covariance / np.outer(self.deviation, self.deviation)
+        first, second = np.nonzero(np.triu(np.abs(unit) > _CORRELATED, 1))
+        names = self.freedom.names
+        found = [
+            Correlation(names[a], names[b], float(unit[a, b]))
+            for a, b in zip(first, second, strict=True)
+        ]
+        return tuple(sorted(found, key=lambda one: -abs(one.value)))
+
+    def unseen(self) -> tuple[Unseen, ...]:
+        """Directions that the data cannot see, the vaguest first."""
+        return tuple(self._directions())
+
+    def _directions(self) -> Iterator[Unseen]:
+        freedom = self.freedom
+        places = np.flatnonzero(~freedom.has_prior)
+        if not places.size:
+            return
+        values, vectors = np.linalg.eigh(self.covariance[np.ix_(places, places)])
+        theta = freedom.theta(self.x)
+        first = {int(k): int(np.flatnonzero(freedom.member == k)[0]) for k in places}
+        for value, vector in sorted(zip(values, vectors.T, strict=True), key=lambda one: -one[0]):
+            if value <= UNSEEN**2:
+                break
+            members = np.flatnonzero(np.abs(vector) > _MEMBER * np.abs(vector).max())
+            members = members[np.argsort(-np.abs(vector[members]), kind="stable")]
+            names = tuple(freedom.names[places[k]] for k in members)
+            sizes = np.array([theta[first[int(places[k])]] for k in members])
+            sentence = _in_words(names, vector[members], sizes)
+            yield Unseen(names, float(np.sqrt(value)), sentence)
+
+
+def confidence(model: Model, campaign: Campaign, found: Fit, jobs: int = 1) -> Confidence:
+    """Linearise once more where a fit ended, on all lines, at the weights of the noise.
+
+    Args:
+        model: that was fitted.
+        campaign: likewise.
+        found: the fit.
+        jobs: threads; the result does not depend on it.
+    """
+    problem = Misfit(
+        model,
+        campaign,
+        found.freedom,
+        allowance=LAST.allowance,
+        logarithmic=LAST.logarithmic,
+        threads=jobs,
+    )
+    value, _, normal = problem.normal(found.x)
+    data = value - problem.prior(found.x)
+    return Confidence(found.freedom, found.x, normal, data / max(problem.values, 1))
+
+
+def pulls(freedom: Freedom, x: Real) -> list[tuple[str, float]]:
+    """Tolerances by how many standard deviations they were pulled, most first."""
+    order = np.argsort(-np.abs(np.where(freedom.has_prior, x, 0.0)), kind="stable")
+    return [(freedom.names[k], float(x[k])) for k in order if freedom.has_prior[k]]
+
+
+def _in_words(names: tuple[str, ...], vector: Real, sizes: Real) -> str:
+    """What a direction of logarithms means."""
+    if len(names) == 1:
+        return f"{names[0]} is not seen by the data"
+    if len(names) > 2:
+        return f"{', '.join(names[:-1])} and {names[-1]} are seen in combination only"
+    both = f"{names[0]} and {names[1]} are seen only as"
+    for way, what in ((-1, "a sum"), (1, "a sum of compliances")):
+        alone = np.array([1.0, -1.0]) * sizes**way
+        cosine = abs(float(alone @ vector)) / np.linalg.norm(alone) / np.linalg.norm(vector)
+        if cosine > _ALIKE:
+            return f"{both} {what}"
+    return f"{both} a product" if vector[0] * vector[1] < 0 else f"{both} a ratio"

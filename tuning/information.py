@@ -1,0 +1,195 @@
+r"""Which further hammer point or sensor would most shrink the worst interval.
+
+The data of a test that was not made add their normal equations before anyone makes it:
+
+    C' = s^2 (N + D + N_new)^-1,
+
+N_new at the tuned model, with the lines, hits and noise of the tests there are (each channel has
+the mean variance of its tests, a further sensor that of the sensor beside it). A new hit, a new
+sensor is off by tolerances of its own, which are eliminated with all others.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identification import smooth_variance
+from identification.words import (
+    Campaign,
+    Condition,
+    Dof,
+    Frf,
+    FrfEstimate,
+    Layout,
+    Real,
+    Test,
+    distinct,
+)
+from mbmodel import Evaluator, Model, Part, Question, hammer_parts, sensor_parts
+from tuning.confidence import WIDEST, Confidence
+from tuning.fit import thinned
+from tuning.freedom import Freedom, freedom
+from tuning.misfit import Misfit
+from tuning.session import Session
+
+_STRIDE = 8  # of the lines: what they tell is counted as often
+_FURTHER = "further"
+_DIGITS = 3  # of what the worst would be: beyond, all others decide
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What one more measurement would do for the parameter that is known worst.
+
+    Args:
+        what: ``hammer`` or ``sensor``.
+        place: the site it would be at, or beside.
+        parameter: that is known worst now.
+        before, after: its standard deviation, of sizes relative.
+        shrink: median over all stiffnesses and dampings of after / before.
+    """
+
+    what: str
+    place: str
+    parameter: str
+    before: float
+    after: float
+    shrink: float
+
+
+def information(session: Session, sure: Confidence) -> tuple[Gain, ...]:
+    """What each further hammer point and sensor would tell, the most telling first.
+
+    Args:
+        session: campaign and model.
+        sure: what its fit is worth.
+    """
+    open_ones = np.flatnonzero(~sure.freedom.has_prior)
+    if not open_ones.size:
+        return ()
+    before = sure.deviation[open_ones]
+    worst = int(np.argmax(before))
+    gains = []
+    for what, place, model, campaign in _candidates(session, sure):
+        added = _added(session, sure, model, campaign)
+        after = np.sqrt(np.diag(added)[open_ones])
+        gains.append(
+            Gain(
+                what,
+                place,
+                sure.freedom.names[open_ones[worst]],
+                float(before[worst]),
+                float(after[worst]),
+                float(np.median(after / before)),
+            )
+        )
+    return tuple(sorted(gains, key=lambda gain: (round(gain.after, _DIGITS), gain.shrink)))
+
+
+def _added(session: Session, sure: Confidence, model: Model, campaign: Campaign) -> Real:
+    """C' of the coordinates there are and those of the new measurement, which come last."""
+    varies = _extended(session, sure.freedom, model)
+    x = np.append(sure.x, np.zeros(varies.size - sure.freedom.size))
+    problem = Misfit(model, campaign, varies, allowance=0.0)
+    new = problem.normal(x)[2].dense() * _STRIDE
+    count = sure.freedom.size
+    new[:count, :count] += sure.normal.dense()
+    new += np.diag(np.where(varies.has_prior, 1.0, WIDEST**-2))
+    scale = 1 / np.sqrt(np.diag(new))
+    inverse = np.linalg.inv(new * np.outer(scale, scale)) * np.outer(scale, scale)
+    covariance: Real = sure.widened * inverse
+    return covariance
+
+
+def _extended(session: Session, varies: Freedom, model: Model) -> Freedom:
+    """The coordinates there are, and after them those that further Parts bring."""
+    whole = freedom(model, session.campaign.tolerance)
+    count = len(varies.parameters)
+    own = whole.free[count:]
+    member = np.where(own, varies.size + np.cumsum(own) - 1, -1)
+    new = whole.member[count:][own]
+    return Freedom(
+        model.parameters,
+        member=np.append(varies.member, member),
+        scale=np.append(varies.scale, whole.scale[count:]),
+        fixed=np.append(varies.fixed, whole.fixed[count:]),
+        has_prior=np.append(varies.has_prior, whole.has_prior[new]),
+        lower=np.append(varies.lower, whole.lower[new]),
+        upper=np.append(varies.upper, whole.upper[new]),
+    )
+
+
+def _candidates(session: Session, sure: Confidence) -> Iterator[tuple[str, str, Model, Campaign]]:
+    """Hits in three directions at every sensor that was not hit; a sensor beside every sensor."""
+    campaign, model = thinned(session.campaign, _STRIDE), session.model
+    hit = {test.condition.reference.point for test in campaign.tests}
+    read = dict.fromkeys(d.point for t in campaign.tests for d in t.estimate.frf.outputs)
+    for place in (one for one in read if one not in hit):
+        directions = tuple(Dof.of(place, axis) for axis in range(3))
+        extended = _with(model, hammer_parts(model.machine, directions))
+        outputs = distinct(d.positive for t in campaign.tests for d in t.estimate.frf.outputs)
+        tests = [_unmade(extended, sure, campaign, outputs, one) for one in directions]
+        yield "hammer", place, extended, replace(campaign, tests=tuple(tests))
+    references = distinct(test.condition.reference.positive for test in campaign.tests)
+    for place in read:
+        machine = replace(model.machine, layout=_beside(model, place))
+        bare = Model(machine, model.parts)
+        sensor = next(one for one in sensor_parts(model.machine) if one.point.name == place)
+        point = replace(sensor.point, name=_FURTHER)
+        extended = _with(bare, (replace(sensor, point=point),))
+        outputs = tuple(Dof.of(_FURTHER, axis) for axis in range(3))
+        tests = [_unmade(extended, sure, campaign, outputs, one, place) for one in references]
+        yield "sensor", place, extended, Campaign(campaign.name, machine.layout, tuple(tests))
+
+
+def _with(model: Model, parts: tuple[Part, ...]) -> Model:
+    return Model(model.machine, (*model.parts, *parts))
+
+
+def _beside(model: Model, place: str) -> Layout:
+    layout = model.machine.layout
+    index = layout.points.index(place)
+    return replace(
+        layout,
+        points=(*layout.points, _FURTHER),
+        body_of=np.append(layout.body_of, layout.body_of[index]),
+        positions=np.vstack([layout.positions, layout.positions[index]]),
+        axes=np.concatenate([layout.axes, layout.axes[index][None]]),
+    )
+
+
+def _unmade(
+    model: Model,
+    sure: Confidence,
+    campaign: Campaign,
+    outputs: tuple[Dof, ...],
+    reference: Dof,
+    like: str | None = None,
+) -> Test:
+    """A test as the tuned model foresees it, with the noise of the tests there are."""
+    extra = len(model.parameters) - len(sure.freedom.parameters)
+    drawn = model.drawn[len(model.drawn) - extra :]
+    theta = np.append(sure.freedom.theta(sure.x), drawn)
+    first = campaign.tests[0].estimate
+    asked = Question(campaign.freq_hz, outputs, (reference,), first.frf.quantity)
+    values = Evaluator(model, asked).at(theta).values
+    noise = _noise(campaign)
+    usual: Real = np.mean(list(noise.values()), axis=0)
+    names = [dof if like is None else replace(dof, point=like) for dof in outputs]
+    variance = np.stack([noise.get(dof.positive, usual) for dof in names], axis=1)[:, :, None]
+    frf = Frf(campaign.freq_hz, values, outputs, (reference,), first.frf.quantity)
+    measured = np.ones(values.shape[1:], bool)
+    estimate = FrfEstimate(frf, variance, "differences", measured)
+    return Test(Condition("not made", reference), estimate)
+
+
+def _noise(campaign: Campaign) -> dict[Dof, Real]:
+    """Mean variance of each channel over the tests; (n_freq,) each."""
+    found: dict[Dof, list[Real]] = {}
+    for test in campaign.tests:
+        variance = smooth_variance(test.estimate)
+        for row, dof in enumerate(test.estimate.frf.outputs):
+            if test.estimate.measured[row, 0]:
+                found.setdefault(dof.positive, []).append(variance[:, row, 0])
+    return {dof: np.mean(rows, axis=0) for dof, rows in found.items()}

@@ -1,0 +1,36 @@
+"""Files that a tuning read, by their hashes."""
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+
+from tuning.schema import InputRow
+from tuning.session import Session
+
+
+def inputs(session: Session) -> list[InputRow]:
+    """Every file that was read, relative to campaign.toml, with its SHA-256."""
+    folder = session.source.parent
+    files = {session.source, session.model.machine.source}
+    files |= {folder / test.condition.test for test in session.campaign.tests}
+    return [
+        InputRow(
+            file=os.path.relpath(file, folder),
+            sha256=hashlib.sha256(file.read_bytes()).hexdigest(),
+        )
+        for file in sorted(files)
+        if file.is_file()
+    ]
+
+
+def fingerprint(session: Session, options: Mapping[str, object]) -> str:
+    """Of all that decides a tuning's result: files, masses of meshes, lines, options."""
+    digest = hashlib.sha256()
+    for row in inputs(session):
+        digest.update(f"{row.file} {row.sha256}\n".encode())
+    machine, model = session.model.machine, session.model
+    for array in (machine.body_mass, model.drawn, session.campaign.freq_hz):
+        digest.update(array.tobytes())
+    digest.update(json.dumps(dict(options), sort_keys=True, default=str).encode())
+    return digest.hexdigest()

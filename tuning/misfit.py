@@ -1,0 +1,298 @@
+r"""What tuning minimises: minus the logarithm of the posterior density, with exact derivatives.
+
+    J(x) = sum |r|^2 / (var + a^2 |H_point|^2) + 1/2 sum x_prior^2
+
+over all measured values, var = E|error|^2 (real plus imaginary part), x in standard deviations
+where the drawing has a tolerance. The residual r is the difference H_model - H_measured, or at
+first the logarithm of the ratio,
+
+    r = |H_measured| log(H_model / H_measured),
+
+the only one that found the same minimum from every start: of small errors it is the difference up
+to a phase. a is the allowance: an error that the model may have anyway, relative to |H_point|, the
+length of the measured vector of all directions at one point of one test. A sensor that is one
+degree off reads 1.7 % of the motion along its other axes, however little moves along its own. A
+large allowance makes all lines count alike, resonances and valleys; none leaves the noise to weigh
+them.
+
+The normal equations take d r = g dH with g = 1, or |H_measured| / H_model of the logarithm:
+
+    gradient = 2 Re sum w conj(g dH) r,   N = 2 Re sum w |g|^2 conj(dH) dH,   w = 1 / (var + ..).
+"""
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.words import Campaign, Complex, Integers, Mask, Real
+from mbmodel import Forward, Linearised, Model
+from tuning.batch import Batch, batches
+from tuning.freedom import Freedom
+from tuning.normal import Arrow
+from tuning.shares import Shares, shares
+
+_STILL = 1e-10
+# Linearity and noise of the force, relative to the motion of a point: no line is known better.
+_FLOOR = 3e-4
+_CHUNK = 2**21  # numbers of the Jacobian that are held at once
+
+
+@dataclass(frozen=True, eq=False)
+class _Weighted:
+    """One batch and its weights w; (n_freq, n_out, n_test)."""
+
+    batch: Batch
+    log_size: Real
+    weight: Real
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """What a linearised batch brings to the normal equations, summed over the tests of an input.
+
+    Args:
+        lines: the model at theta.
+        curvature: sum w |g|^2; (n_freq, n_out, n_in).
+        pull: sum w conj(g) r, complex; the same shape.
+    """
+
+    lines: Linearised
+    curvature: Real
+    pull: Complex
+
+
+class Misfit:
+    """J over a campaign as a function of x.
+
+    Args:
+        model: machine and Parts.
+        campaign: its lines are those that count.
+        freedom: coordinates of the parameters.
+        allowance: a, relative to the motion of each point.
+        logarithmic: whether r is the logarithm of the ratio.
+        threads: that form the normal equations; the result does not depend on it.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        campaign: Campaign,
+        freedom: Freedom,
+        *,
+        allowance: float,
+        logarithmic: bool = False,
+        threads: int = 1,
+    ) -> None:
+        self.model, self.freedom = model, freedom
+        self._logarithmic, self._threads = logarithmic, threads
+        self._terms = [_weigh(batch, allowance, logarithmic) for batch in batches(model, campaign)]
+        self.values = sum(int((term.weight > 0).sum()) for term in self._terms)
+        self._plan = shares(model, freedom)
+
+    def prior(self, x: Real) -> float:
+        """1/2 sum x_prior^2."""
+        return 0.5 * float((x[self.freedom.has_prior] ** 2).sum())
+
+    def __call__(self, x: Real) -> tuple[float, Real]:
+        """J and dJ/dx, by the adjoint method; (n_x,)."""
+        theta = self.freedom.theta(x)
+        total, gradient = self.prior(x), np.zeros(len(theta))
+        for term in self._terms:
+            lines = term.batch.evaluator.at(theta)
+            value, weighted, _ = self._residual(term, lines)
+            total += value
+            gradient += lines.gradient(2 * term.batch.spread(weighted), self.freedom.free)
+        return total, self.freedom.collected(gradient, x) + self._pulled(x)
+
+    def value(self, x: Real) -> float:
+        """J alone."""
+        theta = self.freedom.theta(x)
+        found = (self._residual(t, t.batch.evaluator.at(theta))[0] for t in self._terms)
+        return self.prior(x) + sum(found)
+
+    def normal(self, x: Real) -> tuple[float, Real, Arrow]:
+        """J, dJ/dx, and the normal equations of the data alone, without the prior."""
+        theta = self.freedom.theta(x)
+        total = self.prior(x)
+        gradient = self._pulled(x)
+        whole: Arrow | None = None
+        for term in self._terms:
+            lines = term.batch.evaluator.at(theta)
+            value, pull, curvature = self._residual(term, lines)
+            side = _Side(
+                lines, term.batch.spread(curvature.astype(complex)).real, term.batch.spread(pull)
+            )
+            slope, arrow = self._arrow(side, x)
+            total, gradient = total + value, gradient + slope
+            whole = arrow if whole is None else whole + arrow
+        if whole is None:
+            raise ValueError("a campaign without tests has no normal equations")
+        return total, gradient, whole
+
+    def _pulled(self, x: Real) -> Real:
+        """Gradient of the prior."""
+        pulled: Real = np.where(self.freedom.has_prior, x, 0.0)
+        return pulled
+
+    def _residual(self, term: _Weighted, lines: Linearised) -> tuple[float, Complex, Real]:
+        """Sum w |r|^2; w conj(g) r and w |g|^2, (n_freq, n_out, n_test)."""
+        batch, weight = term.batch, term.weight
+        model = batch.pick(lines.values)
+        if not self._logarithmic:
+            off = model - batch.values
+            pull = weight * off
+            return float(np.vdot(off, pull).real), pull, weight
+        model = np.where(weight > 0, model, 1.0)
+        product = model * np.where(weight > 0, batch.values, 1.0).conj()
+        off = np.log(np.abs(model)) - term.log_size + 1j * np.arctan2(product.imag, product.real)
+        power = weight * np.abs(batch.values) ** 2
+        pull = power * off / model.conj()
+        return float(np.vdot(off, power * off).real), pull, power / np.abs(model) ** 2
+
+    def _arrow(self, side: _Side, x: Real) -> tuple[Real, Arrow]:
+        """Gradient and normal equations of one batch."""
+        plan, freedom = self._plan, self.freedom
+        root = np.sqrt(2 * side.curvature)
+        aim = 2 * np.divide(
+            side.pull, root, out=np.zeros(root.shape, complex), where=side.curvature > 0
+        )
+        forward = side.lines.forward(freedom.free)
+        runs = _Runs(
+            plan, forward, freedom.rates(x), root, _split(aim), list(self._own(forward, root, x))
+        )
+        shared, slope, cross = runs.sums(self._threads)
+        gradient = np.zeros(freedom.size + 1)
+        gradient[plan.shared_at] = slope
+        n_own = plan.own_at.shape[1]
+        blocks = np.zeros((len(runs.own), n_own, n_own))
+        for block, at, (rows, mine) in zip(blocks, plan.own_at, runs.own, strict=True):
+            flat, count = mine.reshape(-1, mine.shape[-1]), mine.shape[-1]
+            block[:count, :count] = flat.T @ flat
+            gradient[at[:count]] = flat.T @ runs.aim[rows].ravel()
+        return gradient[:-1], Arrow(shared, cross, blocks, plan.shared_at, plan.own_at)
+
+    def _own(
+        self, forward: Forward, root: Real, x: Real
+    ) -> Iterator[tuple[slice | Integers, Real]]:
+        """Rows of each sensor, and its weighted columns; (n_row, 2, n_freq, n_in, n_own)."""
+        freedom = self.freedom
+        pieces = (self.model.pieces(array) for array in (freedom.rates(x), freedom.free))
+        rates_of = [rate[mask] for rate, mask in zip(*pieces, strict=True)]
+        for number in self._plan.own:
+            rows, values = forward.rows(number)
+            scaled = values * root[:, rows][..., None] * rates_of[number]
+            yield _run(rows), np.ascontiguousarray(_split(scaled))
+
+
+@dataclass(frozen=True, eq=False)
+class _Runs:
+    """Sums over lines, run by run: the shared columns of all lines at once would fill memory.
+
+    Args:
+        plan: how coordinates divide.
+        forward: derivatives by all parameters that vary.
+        rates: d theta / dx; (n_parameter,).
+        root: square root of the weights; (n_freq, n_out, n_in).
+        aim: weighted residual; (n_out, 2, n_freq, n_in).
+        own: rows of each sensor, and its weighted columns.
+    """
+
+    plan: Shares
+    forward: Forward
+    rates: Real
+    root: Real
+    aim: Real
+    own: list[tuple[slice | Integers, Real]]
+
+    def sums(self, threads: int) -> tuple[Real, Real, Real]:
+        """S, its part of the gradient, and C; the same bits with any number of threads."""
+        n_freq, n_out, n_in = self.root.shape
+        n_shared = len(self.plan.shared_at)
+        step = max(1, _CHUNK // max(2 * n_out * n_in * int(self.plan.shared.sum()), 1))
+        spans = [slice(start, min(start + step, n_freq)) for start in range(0, n_freq, step)]
+        n_own = self.plan.own_at.shape[1]
+        sums = (
+            np.zeros((n_shared, n_shared)),
+            np.zeros(n_shared),
+            np.zeros((len(self.own), n_own, n_shared)),
+        )
+        self.forward.prepare()
+        with ThreadPoolExecutor(threads) as pool:
+            for parts in pool.map(self._sum, spans):
+                for total, part in zip(sums, parts, strict=True):
+                    np.add(total, part, out=total)
+        return sums
+
+    def _sum(self, span: slice) -> tuple[Real, Real, Real]:
+        columns = self._columns(span)
+        flat = columns.reshape(int(np.prod(columns.shape[:-1])), columns.shape[-1])
+        cross = np.zeros((len(self.own), self.plan.own_at.shape[1], columns.shape[-1]))
+        for block, (rows, mine) in zip(cross, self.own, strict=True):
+            part, beside = mine[:, :, span], columns[rows]
+            count = part.shape[-1]
+            beside = beside.reshape(int(np.prod(beside.shape[:-1])), beside.shape[-1])
+            block[:count] = part.reshape(-1, count).T @ beside
+        return flat.T @ flat, flat.T @ self.aim[:, :, span].ravel(), cross
+
+    def _columns(self, span: slice) -> Real:
+        """Weighted columns of the shared coordinates; (n_out, 2, n_line, n_in, n_s)."""
+        plan, root = self.plan, self.root[span].transpose(1, 0, 2)[..., None]
+        chosen = np.flatnonzero(plan.shared)
+        n_out, n_line, n_in, _ = root.shape
+        columns = np.zeros((n_out, 2, n_line, n_in, len(chosen)))
+        for places, block in self.forward.blocks(plan.parts, span):
+            scale = root * self.rates[chosen[places]]
+            values = block.transpose(1, 0, 2, 3)
+            np.multiply(values.real, scale, out=columns[:, 0, ..., places])
+            np.multiply(values.imag, scale, out=columns[:, 1, ..., places])
+        return columns if plan.joined is None else np.asarray(columns @ plan.joined)
+
+
+def _split(values: Complex) -> Real:
+    """(n_freq, n_out, ...) to real and imaginary parts (n_out, 2, n_freq, ...)."""
+    parts = np.stack([values.real, values.imag])
+    return np.moveaxis(parts, 2, 0)
+
+
+def _run(rows: Integers) -> "slice | Integers":
+    """A slice for rows that follow each other: nothing is copied then."""
+    if len(rows) and np.array_equal(rows, np.arange(rows[0], rows[0] + len(rows))):
+        return slice(int(rows[0]), int(rows[0]) + len(rows))
+    return rows
+
+
+def _weigh(batch: Batch, allowance: float, logarithmic: bool) -> _Weighted:
+    size = np.abs(batch.values)
+    resting = batch.evaluator.question.factor == 0  # 0 Hz, where the model's accelerance is zero
+    heard = (size > 0).any(axis=0)  # a silent channel is dead, not exactly zero
+    counts = batch.measured & heard & ~resting[:, None, None]
+    if logarithmic:
+        counts = counts & (size > 0) & _moving(batch)
+    point = _point_power(batch)
+    allowed = batch.variance + max(allowance, _FLOOR) ** 2 * point
+    counts = counts & (allowed > 0)
+    weight = np.where(counts, 1.0 / np.where(counts, allowed, 1.0), 0.0)
+    return _Weighted(batch, np.log(np.where(size > 0, size, 1.0)), weight)
+
+
+def _moving(batch: Batch) -> Mask:
+    """Channels that move in the model at all; a zero has no logarithm; (n_out, n_test).
+
+    Which those are lies in the geometry, not in stiffness and damping: what a rigid direction
+    lacks shows in the gap, but nothing that is tuned here can mend it.
+    """
+    evaluator = batch.evaluator
+    answer = np.abs(batch.pick(evaluator.at(evaluator.model.drawn).values)).max(axis=0)
+    moving: Mask = answer > _STILL * answer.max(initial=0.0)
+    return moving
+
+
+def _point_power(batch: Batch) -> Real:
+    """|H_point|^2 for each channel: the sum over the directions of its kind at its point."""
+    outputs = batch.evaluator.question.outputs
+    places = [(dof.point, dof.is_rotation) for dof in outputs]
+    same = np.array([[here == there for there in places] for here in places], float)
+    power: Real = np.einsum("ij,fjt->fit", same, np.abs(batch.values) ** 2)
+    return power

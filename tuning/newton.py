@@ -1,0 +1,182 @@
+r"""Gauss-Newton between bounds, damped as by Levenberg and Marquardt.
+
+Each step minimises the quadratic model inside the bounds,
+
+    min_d  g'd + 1/2 d'(N + D + l diag(N + D)) d,    lower <= x + d <= upper,
+
+by an active set: what would cross a bound is put on it, what a bound holds back against the slope
+is let go. D is the prior's precision, l the damping, which falls by ten when a step does what its
+model promises and rises by ten when it does not (Nocedal and Wright 2006, ch. 10.3 and 16.5).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from identification.words import Mask, Real
+from tuning.normal import Arrow
+from tuning.solver import INTERRUPTED, Minimum, Outcome
+
+_LARGEST_STEP = 1.5  # of any coordinate: a factor of 4.5 in stiffness
+_STUCK = 1e9  # damping at which no step helps any more
+_ROUNDS = 200
+_FLAT = 1e-12  # of the largest diagonal: keeps directions that nothing sees where they are
+
+
+class Problem(Protocol):
+    """What is minimised."""
+
+    def value(self, x: Real) -> float:
+        """J."""
+
+    def normal(self, x: Real) -> tuple[float, Real, Arrow]:
+        """J, its gradient, the normal equations without the prior."""
+
+
+@dataclass(frozen=True, eq=False)
+class Box:
+    """Where x may lie, and the precision of its prior.
+
+    Args:
+        lower, upper: (n,).
+        precision: 1 where a prior counts, else 0; (n,).
+    """
+
+    lower: Real
+    upper: Real
+    precision: Real
+
+
+@dataclass
+class State:
+    """Where a search stands: all that it needs to go on, so that a restart gives the same bits."""
+
+    x: Real
+    damping: float = 1e-3
+    evaluations: int = 0
+
+
+def gauss_newton(
+    problem: Problem,
+    start: Real,
+    box: Box,
+    *,
+    damping: float = 1e-3,
+    promise: float = 0.01,
+    tolerance: float = 1e-7,
+    max_steps: int = 60,
+    report: Callable[[int, float], None] | None = None,
+) -> Minimum:
+    """Minimise a sum of squares.
+
+    The stopping rules count steps, never time. A keyboard interrupt ends the search and keeps the
+    best point.
+
+    Args:
+        problem: with its normal equations.
+        start: (n,); clipped to the box.
+        box: bounds and prior.
+        damping: l at first; next to none where the start is near the end.
+        promise: it ends when the next step will promise less, in nats;
+        tolerance: or less than this part of J.
+        max_steps: at which to stop.
+        report: told the evaluation's number and the best value so far.
+    """
+    state = State(np.clip(start, box.lower, box.upper), damping)
+    value, before = np.inf, 0.0
+    try:
+        for _ in range(max_steps):
+            value, gradient, normal = problem.normal(state.x)
+            state.evaluations += 1
+            if report is not None:
+                report(state.evaluations, value)
+            if not (np.isfinite(value) and np.isfinite(gradient).all()):
+                return _ended(state, value, "failed", "a value that is not finite")
+            promised, value = _advance(problem, state, box, value, gradient, normal)
+            # Steps shrink at a steady rate: the next will promise less than this by as much again.
+            rate = min(promised / before, 1.0) if before > 0 else 1.0
+            if promised * rate < promise + tolerance * value:
+                return _ended(state, value, "converged", "")
+            before = promised
+    except KeyboardInterrupt:
+        return _ended(state, value, "interrupted", INTERRUPTED)
+    return _ended(state, value, "out of evaluations", "allow more evaluations")
+
+
+def _advance(
+    problem: Problem, state: State, box: Box, value: float, gradient: Real, normal: Arrow
+) -> tuple[float, float]:
+    """Take one step that helps; what it promised, in nats, zero if none helps, and the new J."""
+    diagonal = normal.diagonal() + box.precision
+    least = _FLAT * float(diagonal.max(initial=1.0))
+    while state.damping < _STUCK:
+        added = box.precision + state.damping * diagonal + least
+        step = bounded_step(normal, gradient, added, (box.lower - state.x, box.upper - state.x))
+        longest = float(np.abs(step[box.precision == 0]).max(initial=0.0))
+        if longest > _LARGEST_STEP:
+            step *= _LARGEST_STEP / longest
+        pressed = normal.times(step) + box.precision * step
+        promised = -float(gradient @ step + 0.5 * step @ pressed)
+        found = problem.value(state.x + step)
+        state.evaluations += 1
+        if np.isfinite(found) and value - found > 0.05 * promised > 0:
+            state.x = np.clip(state.x + step, box.lower, box.upper)
+            if value - found > 0.5 * promised:
+                state.damping = max(state.damping / 10, 1e-9)
+            return promised, found
+        if promised < 1e-9 * abs(value):  # rounding decides
+            return 0.0, value
+        state.damping *= 10
+    state.damping = 1e-3
+    return 0.0, value
+
+
+def bounded_step(normal: Arrow, gradient: Real, added: Real, bounds: tuple[Real, Real]) -> Real:
+    """The d that minimises g'd + d'(N + diag(added)) d / 2 between bounds; (n,).
+
+    What would cross a bound is put on it, all at once as long as that lowers the cost, else only
+    the first on the way there: the cost never rises, so that no set of bounds comes twice.
+
+    Args:
+        normal: N.
+        gradient: g; (n,).
+        added: to its diagonal; (n,).
+        bounds: lower (0 or less) and upper (0 or more) of d; (n,) each.
+    """
+    lower, upper = bounds
+
+    def cost(d: Real) -> float:
+        return float(gradient @ d + 0.5 * d @ (normal.times(d) + added * d))
+
+    held: Mask = ((lower >= 0) & (gradient > 0)) | ((upper <= 0) & (gradient < 0))
+    step = np.zeros(len(gradient))
+    for _ in range(_ROUNDS):
+        fixed = np.where(held, step, 0.0)
+        right = -(gradient + normal.times(fixed))
+        aim = np.where(held, fixed, normal.solve(right, added, ~held))
+        beyond = ~held & ((aim < lower) | (aim > upper))
+        if beyond.any():
+            clipped = np.clip(aim, lower, upper)
+            if cost(clipped) < cost(step):
+                step, held = clipped, held | beyond
+                continue
+            ends = np.where(aim > upper, upper, lower)
+            way = np.where(beyond, aim - step, 1.0)
+            share = np.where(beyond, (ends - step) / way, np.inf)
+            first = share <= share.min()
+            step = np.where(first, ends, step + share.min() * (aim - step))
+            held = held | first
+            continue
+        step = aim
+        slope = gradient + normal.times(step) + added * step
+        inward = held & (((step <= lower) & (slope < 0)) | ((step >= upper) & (slope > 0)))
+        if not inward.any():
+            break
+        held = held & ~inward
+    return np.clip(step, lower, upper)
+
+
+def _ended(state: State, value: float, outcome: Outcome, advice: str) -> Minimum:
+    return Minimum(state.x, value, state.evaluations, outcome, advice)

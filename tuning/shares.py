@@ -1,0 +1,80 @@
+"""Which coordinates all channels share, and which belong to one sensor alone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.words import Complex, Integers, Mask, Real
+from mbmodel import Forward, Model
+from tuning.freedom import Freedom
+
+
+@dataclass(frozen=True, eq=False)
+class Shares:
+    """How the coordinates of a model divide.
+
+    Args:
+        shared: parameters whose columns are formed everywhere; (n_parameter,).
+        shared_at: their coordinates, without doubles; (n_s,).
+        joined: which of them each shared parameter moves, None where each has its own;
+            (n_shared_parameter, n_s).
+        parts: numbers of their Parts.
+        own: numbers of the Parts with coordinates of their own.
+        own_at: those coordinates; (n_block, n_own), -1 where a block has fewer.
+        member_of_own: parameters that belong to one sensor; (n_parameter,).
+    """
+
+    shared: Mask
+    shared_at: Integers
+    joined: Real | None
+    parts: tuple[int, ...]
+    own: tuple[int, ...]
+    own_at: Integers
+    member_of_own: Mask
+
+    def gather(self, forward: Forward, rates: Real, span: slice) -> Complex:
+        """Derivatives by the shared coordinates; (n_line, n_out, n_in, n_s).
+
+        Args:
+            forward: derivatives by all parameters that vary.
+            rates: d theta / dx; (n_parameter,).
+            span: lines.
+        """
+        chosen = np.flatnonzero(self.shared)
+        shape = (len(forward.lines.question.laplace[span]), *forward.lines.values.shape[1:])
+        columns = np.zeros((*shape, len(chosen)), complex)
+        for places, block in forward.blocks(self.parts, span):
+            np.multiply(block, rates[chosen[places]], out=columns[..., places])
+        return columns if self.joined is None else np.asarray(columns @ self.joined, complex)
+
+
+def shares(model: Model, freedom: Freedom) -> Shares:
+    """Sensors whose coordinates are all their own, if they touch their own rows alone."""
+    slopes = model.slopes(model.drawn, None, freedom.free)
+    frees, members = model.pieces(freedom.free), model.pieces(freedom.member)
+    shared = freedom.free.copy()
+    spans = np.cumsum([0, *(len(part.parameters) for part in model.parts)])
+    own: list[int] = []
+    at: list[Integers] = []
+    for number, (changes, free, member) in enumerate(zip(slopes, frees, members, strict=True)):
+        mine = member[free]
+        alone = np.isin(freedom.member, mine).sum() == len(np.unique(mine)) == len(mine)
+        if len(mine) and alone and [change.slot for change in changes] == ["sensor"]:
+            own.append(number)
+            at.append(mine)
+            shared[spans[number] : spans[number + 1]] = False
+    own_at = np.full((len(at), max((len(mine) for mine in at), default=0)), -1)
+    for row, mine in zip(own_at, at, strict=True):
+        row[: len(mine)] = mine
+    shared_at = np.unique(freedom.member[shared])
+    joined = (freedom.member[shared][:, None] == shared_at).astype(float)
+    parts = tuple(k for k, mask in enumerate(model.pieces(shared)) if mask.any())
+    return Shares(
+        shared,
+        shared_at,
+        None if len(joined) == len(shared_at) else joined,
+        parts,
+        tuple(own),
+        own_at,
+        freedom.free & ~shared,
+    )
