@@ -7,9 +7,9 @@ from typing import Literal
 from xml.dom import minidom
 from xml.parsers.expat import ExpatError
 
-from identification.words import InputError
+from identification.words import InputError, node_of
 
-Kind = Literal["spring", "joint", "site", "inertial"]
+Kind = Literal["spring", "joint", "site", "inertial", "hit"]
 
 _FOLDERS = ("assetdir", "meshdir", "texturedir")
 _TAGS: dict[Kind, tuple[str, ...]] = {
@@ -17,6 +17,7 @@ _TAGS: dict[Kind, tuple[str, ...]] = {
     "joint": ("joint",),
     "site": ("site",),
     "inertial": ("body",),
+    "hit": ("site",),
 }
 # An orientation can be written in five ways, of which one may stand.
 _ORIENTATIONS = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
@@ -25,6 +26,7 @@ _REPLACED: dict[Kind, tuple[str, ...]] = {
     "joint": (),
     "site": (*_ORIENTATIONS, "fromto"),
     "inertial": (*_ORIENTATIONS, "diaginertia"),
+    "hit": (),
 }
 _REARRANGING = ("fusestatic", "inertiafromgeom", "settotalmass", "boundmass", "boundinertia")
 _OWN_FRAMES = ("frame", "replicate")
@@ -35,9 +37,10 @@ class Edit:
     """Numbers of one element of an MJCF.
 
     Args:
-        kind: spring (stiffness and damping of a joint or tendon), joint, site, inertial.
-        name: of the element; of its body for an inertial.
-        values: by attribute.
+        kind: spring (stiffness and damping of a joint or tendon), joint, site, inertial; hit: a
+            site where the accelerometer is drawn, so that the hammer stays if the sensor moves.
+        name: of the element; of its body for an inertial; of the accelerometer for a hit.
+        values: by attribute; of a hit, none.
     """
 
     kind: Kind
@@ -86,13 +89,31 @@ def write_mjcf(
     except (OSError, ExpatError) as error:
         raise InputError(f"{source} cannot be read again ({error}): restore it") from error
     not_held = [change for change in changes if isinstance(change, NotHeld)]
-    for edit in (change for change in changes if isinstance(change, Edit)):
+    edits = [change for change in changes if isinstance(change, Edit)]
+    for name in dict.fromkeys(edit.name for edit in edits if edit.kind == "hit"):
+        _add_hit(document, name)
+    for edit in (one for one in edits if one.kind != "hit"):
         if (reason := _apply(document, edit)) is not None:
             not_held += [NotHeld(f"{edit.name}.{attribute}", reason) for attribute in edit.values]
     if source.resolve().parent != target.resolve().parent:
         _make_folders_absolute(document, source.resolve().parent)
     target.write_text(document.toxml() + "\n", encoding="utf-8")
     return tuple(not_held)
+
+
+def _add_hit(document: minidom.Document, name: str) -> None:
+    """A copy of an accelerometer's site under the hammer's name, unless there is one."""
+    hit = f"hit{node_of(name)}"
+    if _find(document, Edit("site", hit, {})) is not None:
+        return
+    element = _find(document, Edit("site", name, {}))
+    parent = None if element is None else element.parentNode
+    if element is not None and isinstance(parent, minidom.Element):
+        copy = document.createElement("site")
+        for attribute, value in element.attributes.items():
+            copy.setAttribute(attribute, value)
+        copy.setAttribute("name", hit)
+        parent.insertBefore(copy, element)
 
 
 def _apply(document: minidom.Document, edit: Edit) -> str | None:

@@ -182,11 +182,12 @@ class HammerPart:
         return Change("hammer", self._only, self.point.frame, core, self.point.name)
 
     def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
-        """Nothing: the hits of each direction have a place and an aim of their own."""
+        """The drawn place: the hits of each direction have a place and an aim of their own."""
+        stays = () if is_hammer(self.point.name) else (Edit("hit", self.point.name, {}),)
         if not theta.any():
-            return ()
+            return stays
         name = self.parameters[0].name.split(".")[0]
-        return (NotHeld(name, "an MJCF site has one place and one set of axes"),)
+        return (*stays, NotHeld(name, "an MJCF site has one place and one set of axes"))
 
 
 def _site(placed: Placed, offset: Real, turn: Real) -> Edit:

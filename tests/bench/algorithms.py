@@ -29,11 +29,25 @@ NAMED = (
 
 @dataclass(frozen=True)
 class Way:
-    """By which algorithm the stages are gone through, and of which residual the first are."""
+    """By which algorithm the stages are gone through, and of which residual the first are.
+
+    Args:
+        opening: algorithm of the first stages.
+        logarithmic: whether their residual is the logarithm of the ratio.
+        allowance: whether they have their allowance, or the noise's weights alone.
+        finish: algorithm of the other stages.
+    """
 
     opening: str
     logarithmic: bool = True
+    allowance: bool = True
     finish: str = GAUSS_NEWTON
+
+    @property
+    def residual(self) -> str:
+        """In words."""
+        name = "logarithm" if self.logarithmic else "difference"
+        return name if self.allowance else f"{name}, by noise alone"
 
 
 @dataclass(frozen=True)
@@ -51,8 +65,11 @@ WAYS = (
     Way(GAUSS_NEWTON),
     *(Way(name) for name in NAMED),
     Way("LD_LBFGS", finish="LD_LBFGS"),
-    Way(GAUSS_NEWTON, logarithmic=False),
-    Way("LD_LBFGS", logarithmic=False),
+    *(
+        Way(name, logarithmic=logarithmic, allowance=allowance)
+        for name in (GAUSS_NEWTON, "LD_LBFGS")
+        for logarithmic, allowance in ((False, True), (True, False), (False, False))
+    ),
 )
 
 
@@ -71,7 +88,14 @@ def run() -> list[dict[str, object]]:
 def _run(case: TuningCase, way: Way, start: np.ndarray) -> Run:
     model, campaign = case.model, case.campaign
     varies = freedom(model, campaign.tolerance)
-    opening = tuple(replace(stage, logarithmic=way.logarithmic) for stage in OPENING)
+    opening = tuple(
+        replace(
+            stage,
+            logarithmic=way.logarithmic,
+            allowance=stage.allowance if way.allowance else 0.0,
+        )
+        for stage in OPENING
+    )
     before = time.process_time()
     opened = fit(
         model, campaign, varies=varies, starts=(start,), stages=opening, algorithm=way.opening
@@ -107,7 +131,7 @@ def _row(way: Way, runs: list[Run], best: float) -> dict[str, object]:
     cost = np.array([one.cost for one in runs])
     return {
         "opening": way.opening,
-        "residual": "logarithm" if way.logarithmic else "difference",
+        "residual": way.residual,
         "finish": way.finish,
         "within 5 %": f"{int((cost <= NEAR * best).sum())} of {len(runs)}",
         "worst / best cost": float(cost.max() / best),

@@ -17,7 +17,18 @@ from mbmodel_examples import (
 )
 
 from identification.words import Dof, InputError
-from mbmodel import Edit, Question, as_drawn, linearise, load_machine, write_mjcf
+from mbmodel import (
+    Edit,
+    Model,
+    Question,
+    as_drawn,
+    hammer_parts,
+    linearise,
+    load_machine,
+    sensor_parts,
+    spring_parts,
+    write_mjcf,
+)
 
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 MESHED = (
@@ -264,3 +275,27 @@ def test_a_source_that_cannot_be_read_again_is_refused(tmp_path, text):
         source.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=r"gone\.xml cannot be read again"):
         write_mjcf(source, tmp_path / "m.xml", spring("j", stiffness=1.0))
+
+
+def test_the_hammer_stays_where_it_is_drawn_if_the_sensor_there_moves(station_model, tmp_path):
+    # acc11 is sensor and hammer point in one: moved as a sensor, it leaves a hit11 behind.
+    machine = station_model.machine
+    hit = tuple(Dof.of("acc11", axis) for axis in range(3))
+    model = Model(
+        machine,
+        (*spring_parts(machine), *sensor_parts(machine), *hammer_parts(machine, hit)),
+    )
+    theta = model.drawn.copy()
+    names = [parameter.name for parameter in model.parameters]
+    theta[names.index("acc11.rotation_y")] = 0.05
+    theta[names.index("acc11.position_x")] = 0.004
+    target = tmp_path / "tuned.xml"
+    assert write_mjcf(STATION, target, model.edits(theta)) == ()
+    again = as_drawn(load_machine(target))
+    freq, outputs = np.linspace(5, 200, 14), tuple(Dof.of("acc11", axis) for axis in range(3))
+    ours = linearise(model, theta, Question(freq, outputs, hit)).values
+    hammer = tuple(Dof.of("hit11", axis) for axis in range(3))
+    theirs = linearise(again, again.drawn, Question(freq, outputs, hammer)).values
+    assert worst_of_channels(theirs, ours) < 1e-9
+    moved = linearise(again, again.drawn, Question(freq, outputs, hit)).values
+    assert worst_of_channels(moved, ours) > 1e-3
