@@ -98,7 +98,7 @@ def fit_held_out(
         model: machine and Parts.
         found: the fit to all lines.
         campaign: the lines of the band.
-        jobs: processes; the result does not depend on it.
+        jobs: threads; the result does not depend on it.
         report: told the number of each fold that is done.
         journal: knows finished folds, which are not made again.
 
@@ -119,12 +119,13 @@ def fit_held_out(
     work = (
         delayed(_fit_without)(model, found.x, campaign, folds == fold, varies) for fold in missing
     )
-    made = Parallel(n_jobs=jobs, return_as="generator")(work)
-    for fold, end in zip(missing, made, strict=True):
-        journal.keep(f"fold {fold}", end)
-        ends[fold] = end
-        if report is not None:
-            report(fold)
+    with threadpool_limits(1):
+        made = Parallel(n_jobs=jobs, prefer="threads", return_as="generator")(work)
+        for fold, end in zip(missing, made, strict=True):
+            journal.keep(f"fold {fold}", end)
+            ends[fold] = end
+            if report is not None:
+                report(fold)
     known = [end for end in ends.values() if end is not None]
     thetas = np.array([varies.theta(end.x) for end in known])
     return HeldOut(thetas, tuple(end.outcome for end in known), folds, width)
@@ -134,10 +135,8 @@ def _fit_without(model: Model, x: Real, campaign: Campaign, held: Mask, varies: 
     """The fit to the lines that are not held out."""
     if not held.any():  # a fold without a block predicts nothing
         return Minimum(x, 0.0, 0, "converged", "")
-    with threadpool_limits(1):
-        kept = campaign.lines(~held)
-        start = varies.theta(x)
-        tuned = fit(model, kept, varies=varies, starts=(start,), stages=(LAST,))
+    kept, start = campaign.lines(~held), varies.theta(x)
+    tuned = fit(model, kept, varies=varies, starts=(start,), stages=(LAST,))
     if tuned.outcome == "interrupted":
         raise KeyboardInterrupt
     return Minimum(tuned.x, tuned.cost, tuned.evaluations, tuned.outcome, tuned.advice)
