@@ -2,16 +2,16 @@ r"""How sure tuned parameters are, and what the data cannot tell.
 
 At the minimum the posterior density is nearly normal, with the covariance
 
-    C = s^2 (N + D)^-1,   s^2 = max(1, sum |r|^2 / var / n),
+    C = (N / s^2 + D)^-1,   s^2 = max(1, sum |r|^2 / var / n),
 
-N the normal equations of the data, D the precision of the priors; s^2 widens it where the model
-does not reach the noise, since what it lacks moves parameters too. What the drawing does not know
-has a standard deviation of log 100 for a prior here, its bound, so that C exists where data see
-nothing.
+N the normal equations of the data, D the precision of the priors; s^2 makes data count less where
+the model does not reach their noise, since what it lacks moves parameters too. What the drawing
+does not know has a standard deviation of log 100 for a prior here, its bound, so that C exists
+where data see nothing.
 
-A direction v of these coordinates with a deviation above 1 (a factor of 7 up or down in 95 %) is
-one that the data cannot see. If two stiffnesses make it, then dk1 = -dk2 leaves their sum,
-d(1/k1) = -d(1/k2) that of their compliances.
+A direction v of these coordinates whose deviation is above 1 (a factor of 7 up or down in 95 %)
+even with s = 1 is one that the data cannot see. If two stiffnesses make it, then dk1 = -dk2 leaves
+their sum, d(1/k1) = -d(1/k2) that of their compliances.
 """
 
 from collections.abc import Iterator
@@ -85,11 +85,19 @@ class Confidence:
     @cached_property
     def covariance(self) -> Real:
         """C; (n_x, n_x)."""
+        return self._posterior(self.widened)
+
+    @cached_property
+    def _sight(self) -> Real:
+        """C of a model that reaches the noise: what the data could tell; (n_x, n_x)."""
+        return self.covariance if self.widened == 1 else self._posterior(1.0)
+
+    def _posterior(self, widened: float) -> Real:
         precision = np.where(self.freedom.has_prior, 1.0, WIDEST**-2)
-        whole = self.normal.dense() + np.diag(precision)
+        whole = self.normal.dense() / widened + np.diag(precision)
         scale = 1 / np.sqrt(np.diag(whole))
         covariance: Real = np.linalg.inv(whole * np.outer(scale, scale)) * np.outer(scale, scale)
-        return self.widened * (covariance + covariance.T) / 2
+        return (covariance + covariance.T) / 2
 
     @cached_property
     def deviation(self) -> Real:
@@ -114,7 +122,7 @@ class Confidence:
     def unknown(self) -> Mask:
         """Parameters that the data do not tell: no interval narrower than a factor of 7."""
         freedom = self.freedom
-        vague = ~freedom.has_prior & (self.deviation > UNSEEN)
+        vague = ~freedom.has_prior & (np.diag(self._sight) > UNSEEN**2)
         return np.append(vague, False)[freedom.member]
 
     def correlations(self) -> tuple[Correlation, ...]:
@@ -137,7 +145,7 @@ class Confidence:
         places = np.flatnonzero(~freedom.has_prior)
         if not places.size:
             return
-        values, vectors = np.linalg.eigh(self.covariance[np.ix_(places, places)])
+        values, vectors = np.linalg.eigh(self._sight[np.ix_(places, places)])
         theta = freedom.theta(self.x)
         first = {int(k): int(np.flatnonzero(freedom.member == k)[0]) for k in places}
         for value, vector in sorted(zip(values, vectors.T, strict=True), key=lambda one: -one[0]):

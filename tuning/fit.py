@@ -243,7 +243,7 @@ def fit(  # noqa: PLR0913  # one for each option
         UsageError: a stage of modes without modes, an algorithm that NLopt does not have.
     """
     varies = freedom(model, campaign.tolerance) if varies is None else varies
-    journal = journal or Journal()
+    journal = Journal() if journal is None else journal
     search = _Search(model, campaign, varies, measured, algorithm, jobs, journal)
     begins = [varies.coordinates(start) for start in starts or (model.drawn,)]
     numbered = tuple(enumerate(stages))

@@ -113,7 +113,7 @@ def fit_held_out(
     folds = fold_of_lines(len(campaign.freq_hz), width)
     if not folds.any():
         return None
-    journal = journal or Journal()
+    journal = Journal() if journal is None else journal
     ends = {fold: journal.recall(f"fold {fold}") for fold in range(FOLDS)}
     missing = [fold for fold, end in ends.items() if end is None]
     work = (

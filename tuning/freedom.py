@@ -141,12 +141,22 @@ class Freedom:
         )
 
     def unbounded(self) -> "Freedom":
-        """The same, tolerances without bounds: their pulls tell where a fault hides."""
+        """The same, tolerances beyond 2.5 too: their pulls tell where a fault hides.
+
+        Bounds that a user gave stay.
+        """
         return replace(
             self,
-            lower=np.where(self.has_prior, -np.inf, self.lower),
-            upper=np.where(self.has_prior, np.inf, self.upper),
+            lower=np.where(self.has_prior & (self.lower == -BOUND), -np.inf, self.lower),
+            upper=np.where(self.has_prior & (self.upper == BOUND), np.inf, self.upper),
         )
+
+    @property
+    def is_stated(self) -> Mask:
+        """Coordinates with bounds that are no default of tolerances; (n_x,)."""
+        usual = (self.lower == -BOUND) & (self.upper == BOUND)
+        stated: Mask = ~(self.has_prior & usual)
+        return stated
 
 
 def freedom(model: Model, tolerance: Tolerance, wishes: Wishes | None = None) -> Freedom:

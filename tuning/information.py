@@ -2,7 +2,7 @@ r"""Which further hammer point or sensor would most shrink the worst interval.
 
 The data of a test that was not made add their normal equations before anyone makes it:
 
-    C' = s^2 (N + D + N_new)^-1,
+    C' = ((N + N_new) / s^2 + D)^-1,
 
 N_new at the tuned model, with the lines, hits and noise of the tests there are (each channel has
 the mean variance of its tests, a further sensor that of the sensor beside it). A new hit, a new
@@ -95,10 +95,10 @@ def _added(session: Session, sure: Confidence, model: Model, campaign: Campaign)
     new = problem.normal(x)[2].dense() * _STRIDE
     count = sure.freedom.size
     new[:count, :count] += sure.normal.dense()
+    new /= sure.widened
     new += np.diag(np.where(varies.has_prior, 1.0, WIDEST**-2))
     scale = 1 / np.sqrt(np.diag(new))
-    inverse = np.linalg.inv(new * np.outer(scale, scale)) * np.outer(scale, scale)
-    covariance: Real = sure.widened * inverse
+    covariance: Real = np.linalg.inv(new * np.outer(scale, scale)) * np.outer(scale, scale)
     return covariance
 
 

@@ -29,6 +29,7 @@ def parameter_rows(tuned: Tuned) -> list[ParameterRow]:
     varies, free = chosen.freedom, tuned.free
     values, at_bound = chosen.theta, tuned.fit.at_bound
     ends = None if sure is None else (*sure.interval(), sure.parameter_deviation(), sure.unknown)
+    asked = tuned.residuals[-1] == "log"  # modes alone say nothing of tolerances
     rows = []
     for k, (parameter, location) in enumerate(zip(model.parameters, model.locations, strict=True)):
         if not varies.free[k]:
@@ -46,7 +47,7 @@ def parameter_rows(tuned: Tuned) -> list[ParameterRow]:
                 high=None if ends is None else _finite(ends[1][k]),
                 deviation=None if ends is None else float(ends[2][k]),
                 prior=float(varies.scale[k]) if has_prior else None,
-                pull=float(free.x[free.freedom.member[k]]) if has_prior else None,
+                pull=float(free.x[free.freedom.member[k]]) if has_prior and asked else None,
                 seen=ends is None or not ends[3][k],
             )
         )
@@ -108,7 +109,7 @@ def _doubts(tuned: Tuned, gap: LevelGap) -> list[str]:
     far = [f"{name} by {abs(x):.1f}" for name, x in strongest if abs(x) > PLAUSIBLE]
     if far:
         doubts.append(f"tolerances are pulled by many standard deviations: {', '.join(far)}")
-    loose = found.freedom.reached(found.x) & ~found.freedom.has_prior
+    loose = found.freedom.reached(found.x) & found.freedom.is_stated
     if tuned.sure is not None:  # what the data do not tell may lie anywhere, and is said elsewhere
         loose &= tuned.sure.deviation <= UNSEEN
     if loose.any():
@@ -123,7 +124,8 @@ def _starts(found: Fit) -> list[StartRow]:
     best = int(np.argmin(found.costs))
     names = np.array([one.name for one in found.freedom.parameters])
     varies = found.freedom
-    open_ones = varies.free & ~np.append(varies.has_prior, True)[varies.member]
+    sizes = np.array([one.positive for one in varies.parameters], bool)
+    open_ones = sizes & varies.free & ~np.append(varies.has_prior, True)[varies.member]
     rows = []
     for cost, theta in zip(found.costs, found.ends, strict=True):
         factor: Real = theta[open_ones] / found.ends[best][open_ones]

@@ -97,7 +97,8 @@ def choose(bounded: Fit, free: Fit) -> Fit:
     swallow.
     """
     x = free.x[free.freedom.has_prior]
-    return free if float(np.abs(x).max(initial=0.0)) <= PLAUSIBLE else bounded
+    plausible = float(np.abs(x).max(initial=0.0)) <= PLAUSIBLE
+    return free if plausible and free.converged else bounded
 
 
 @dataclass(frozen=True)
@@ -170,7 +171,7 @@ def tune(  # noqa: PLR0913  # one for each option
     )
     free, sure, held_out = found, None, None
     interrupted = found.outcome == "interrupted"
-    if not interrupted:
+    if not interrupted and residuals[-1] == "log":
         try:
             free = without_bounds(model, campaign, found, jobs, journal)
             sure = confidence(model, campaign, choose(found, free), jobs)
@@ -183,16 +184,14 @@ def tune(  # noqa: PLR0913  # one for each option
             )
         except KeyboardInterrupt:
             interrupted = True
-    sensors = _compare(model, (found, free), sure, held_out, campaign)
-    reduced = at_bodies(campaign)
-    bodies = Comparison(
-        reduced,
-        as_drawn=_reduced(sensors.as_drawn, campaign),
-        tuned=_reduced(sensors.tuned, campaign),
-        bounded=_reduced(sensors.bounded, campaign),
-        deviation=None if sure is None else magnitude_deviations(model, sure, reduced),
-        held_out=None if sensors.held_out is None else _reduced(sensors.held_out, campaign),
-    )
+    gains: tuple[Gain, ...] = ()
+    try:
+        sensors, bodies = _at_both(model, campaign, (found, free), sure, held_out)
+        if inform and sure is not None:
+            gains = information(session, sure)
+    except KeyboardInterrupt:
+        interrupted = True
+        sensors, bodies = _at_both(model, campaign, (found, free), None, held_out)
     return Tuned(
         session=session,
         fit=found,
@@ -205,7 +204,7 @@ def tune(  # noqa: PLR0913  # one for each option
         residuals=residuals,
         measured=measured,
         algorithm=algorithm,
-        gains=information(session, sure) if inform and sure is not None else (),
+        gains=gains,
     )
 
 
@@ -233,6 +232,27 @@ def without_bounds(
     if free.outcome == "interrupted":
         raise KeyboardInterrupt
     return free
+
+
+def _at_both(
+    model: Model,
+    campaign: Campaign,
+    fits: tuple[Fit, Fit],
+    sure: Confidence | None,
+    held_out: HeldOut | None,
+) -> tuple[Comparison, Comparison]:
+    """At the sensors and at the centres of mass."""
+    sensors = _compare(model, fits, sure, held_out, campaign)
+    reduced = at_bodies(campaign)
+    bodies = Comparison(
+        reduced,
+        as_drawn=_reduced(sensors.as_drawn, campaign),
+        tuned=_reduced(sensors.tuned, campaign),
+        bounded=_reduced(sensors.bounded, campaign),
+        deviation=None if sure is None else magnitude_deviations(model, sure, reduced),
+        held_out=None if sensors.held_out is None else _reduced(sensors.held_out, campaign),
+    )
+    return sensors, bodies
 
 
 def _compare(

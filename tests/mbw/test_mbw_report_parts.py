@@ -248,6 +248,6 @@ def test_in_a_browser_the_impossible_pull_is_red_and_named_and_every_motion_has_
     assert sum(mark == "rgb(180, 35, 24)" for mark in found["marks"]) == 1
     assert found["labels"] == ["acc4.rotation_y"]
     assert not found["hit"]
-    assert found["fills"] == 3 * 3  # the base moves in tx, tz and ry alone
+    assert found["fills"] == 6 * 3  # sensors that are off read a little of every direction
     assert found["phase"] == 0
     assert found["wide"] <= 1280

@@ -27,6 +27,7 @@ def test_a_killed_run_that_is_resumed_ends_with_the_same_bits(
     bits, seconds = undisturbed
     found = killed_and_resumed(campaign, tmp_path, moment * seconds)
     assert found.bits == bits
+    assert not found.killed or found.steps > 0
     assert not (tmp_path / CHECKPOINT).exists()
 
 
