@@ -37,11 +37,7 @@ def deviations(lines: Linearised, sure: Confidence, ways: Sequence[Complex]) -> 
     plan = shares(lines.model, freedom)
     rates = freedom.rates(sure.x)
     forward = lines.forward(freedom.free)
-    own = [
-        (*forward.rows(part), at[at >= 0]) for part, at in zip(plan.own, plan.own_at, strict=True)
-    ]
-    masks = lines.model.pieces(plan.member_of_own)
-    rates_of = [r[mask] for r, mask in zip(lines.model.pieces(rates), masks, strict=True)]
+    own = list(plan.own_columns(forward, rates))
     whole = covariance[np.ix_(plan.shared_at, plan.shared_at)]
     found = [np.zeros(lines.values.shape) for _ in ways]
     for start in range(0, len(lines.values), _RUN):
@@ -50,8 +46,8 @@ def deviations(lines: Linearised, sure: Confidence, ways: Sequence[Complex]) -> 
         for total, way in zip(found, ways, strict=True):
             a = _along(way[span], columns)
             variance = np.einsum("foms,foms->fom", a @ whole, a)
-            for part, (rows, values, at) in zip(plan.own, own, strict=True):
-                b = _along(way[span][:, rows], values[span] * rates_of[part])
+            for rows, values, at in own:
+                b = _along(way[span][:, rows], values[span])
                 between = covariance[np.ix_(plan.shared_at, at)]
                 inside = covariance[np.ix_(at, at)]
                 more = 2 * (a[:, rows] @ between) + b @ inside

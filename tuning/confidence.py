@@ -26,6 +26,7 @@ from tuning.fit import LAST, Fit
 from tuning.freedom import Freedom
 from tuning.misfit import Misfit
 from tuning.normal import Arrow
+from tuning.schema import CorrelationRow, UnseenRow
 
 QUANTILE = 1.959964  # of 95 %
 # Standard deviations: the largest of 300 tolerances is beyond it in one campaign of 500.
@@ -35,30 +36,6 @@ UNSEEN = 1.0  # standard deviation of a logarithm
 _CORRELATED = 0.9
 _MEMBER = 0.25  # of the largest entry of a direction
 _ALIKE = 0.98  # cosine of a direction with that of a sum
-
-
-@dataclass(frozen=True)
-class Correlation:
-    """Two coordinates that the data tell apart badly."""
-
-    first: str
-    second: str
-    value: float
-
-
-@dataclass(frozen=True)
-class Unseen:
-    """A direction that the data cannot see.
-
-    Args:
-        parameters: those that make it.
-        deviation: standard deviation of the logarithm along it.
-        sentence: in words.
-    """
-
-    parameters: tuple[str, ...]
-    deviation: float
-    sentence: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,22 +102,22 @@ class Confidence:
         vague = ~freedom.has_prior & (np.diag(self._sight) > UNSEEN**2)
         return np.append(vague, False)[freedom.member]
 
-    def correlations(self) -> tuple[Correlation, ...]:
+    def correlations(self) -> tuple[CorrelationRow, ...]:
         """Pairs with a correlation above 0.9, strongest first."""
         unit = self.covariance / np.outer(self.deviation, self.deviation)
         first, second = np.nonzero(np.triu(np.abs(unit) > _CORRELATED, 1))
         names = self.freedom.names
         found = [
-            Correlation(names[a], names[b], float(unit[a, b]))
+            CorrelationRow(first=names[a], second=names[b], correlation=float(unit[a, b]))
             for a, b in zip(first, second, strict=True)
         ]
-        return tuple(sorted(found, key=lambda one: -abs(one.value)))
+        return tuple(sorted(found, key=lambda one: -abs(one.correlation)))
 
-    def unseen(self) -> tuple[Unseen, ...]:
+    def unseen(self) -> tuple[UnseenRow, ...]:
         """Directions that the data cannot see, the vaguest first."""
         return tuple(self._directions())
 
-    def _directions(self) -> Iterator[Unseen]:
+    def _directions(self) -> Iterator[UnseenRow]:
         freedom = self.freedom
         places = np.flatnonzero(~freedom.has_prior)
         if not places.size:
@@ -156,7 +133,8 @@ class Confidence:
             names = tuple(freedom.names[places[k]] for k in members)
             sizes = np.array([theta[first[int(places[k])]] for k in members])
             sentence = _in_words(names, vector[members], sizes)
-            yield Unseen(names, float(np.sqrt(value)), sentence)
+            deviation = float(np.sqrt(value))
+            yield UnseenRow(parameters=list(names), deviation=deviation, sentence=sentence)
 
 
 def confidence(model: Model, campaign: Campaign, found: Fit, jobs: int = 1) -> Confidence:

@@ -52,6 +52,7 @@ STAGES = (
     Stage(0.0, tolerance=1e-8, logarithmic=False, everything=True),
 )
 LAST = STAGES[-1]
+_Numbered = tuple[tuple[int, Stage | ModalStage], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +127,7 @@ class _Search:
     def run(
         self,
         x: Real,
-        stages: "tuple[tuple[int, Stage | ModalStage], ...]",
+        stages: _Numbered,
         name: str,
         report: Callable[[int, int, float], None] | None = None,
     ) -> Minimum:
@@ -283,7 +284,7 @@ def _told(
 def _from_all(
     search: _Search,
     begins: list[Real],
-    stages: "tuple[tuple[int, Stage | ModalStage], ...]",
+    stages: _Numbered,
     name: str,
     report: Callable[[Progress], None] | None,
 ) -> list[Minimum]:
@@ -304,7 +305,7 @@ def _from_all(
 def _side_by_side(
     search: _Search,
     begins: list[Real],
-    stages: "tuple[tuple[int, Stage | ModalStage], ...]",
+    stages: _Numbered,
     name: str,
 ) -> list[Minimum]:
     """The first stages from every start, in processes; each start is a step of the journal."""
@@ -324,9 +325,7 @@ def _side_by_side(
     return [end for end in known if end is not None]
 
 
-def _alone(
-    search: _Search, x: Real, stages: "tuple[tuple[int, Stage | ModalStage], ...]"
-) -> Minimum:
+def _alone(search: _Search, x: Real, stages: _Numbered) -> Minimum:
     with threadpool_limits(1):
         return replace(search, threads=1, journal=Journal()).run(x, stages, "")
 

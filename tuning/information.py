@@ -10,7 +10,7 @@ sensor is off by tolerances of its own, which are eliminated with all others.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from tuning.confidence import WIDEST, Confidence
 from tuning.fit import thinned
 from tuning.freedom import Freedom, freedom
 from tuning.misfit import Misfit
+from tuning.schema import GainRow
 from tuning.session import Session
 
 _STRIDE = 8  # of the lines: what they tell is counted as often
@@ -38,27 +39,7 @@ _FURTHER = "further"
 _DIGITS = 3  # of what the worst would be: beyond, all others decide
 
 
-@dataclass(frozen=True)
-class Gain:
-    """What one more measurement would do for the parameter that is known worst.
-
-    Args:
-        what: ``hammer`` or ``sensor``.
-        place: the site it would be at, or beside.
-        parameter: that is known worst now.
-        before, after: its standard deviation, of sizes relative.
-        shrink: median over all stiffnesses and dampings of after / before.
-    """
-
-    what: str
-    place: str
-    parameter: str
-    before: float
-    after: float
-    shrink: float
-
-
-def information(session: Session, sure: Confidence) -> tuple[Gain, ...]:
+def information(session: Session, sure: Confidence) -> tuple[GainRow, ...]:
     """What each further hammer point and sensor would tell, the most telling first.
 
     Args:
@@ -75,13 +56,13 @@ def information(session: Session, sure: Confidence) -> tuple[Gain, ...]:
         added = _added(session, sure, model, campaign)
         after = np.sqrt(np.diag(added)[open_ones])
         gains.append(
-            Gain(
-                what,
-                place,
-                sure.freedom.names[open_ones[worst]],
-                float(before[worst]),
-                float(after[worst]),
-                float(np.median(after / before)),
+            GainRow(
+                what=what,
+                place=place,
+                parameter=sure.freedom.names[open_ones[worst]],
+                before=float(before[worst]),
+                after=float(after[worst]),
+                shrink=float(np.median(after / before)),
             )
         )
     return tuple(sorted(gains, key=lambda gain: (round(gain.after, _DIGITS), gain.shrink)))

@@ -40,10 +40,6 @@ class Journal:
         if resume and file is not None and file.is_file():
             self._steps = _read(file, fingerprint)
 
-    def __len__(self) -> int:
-        """How many steps are known."""
-        return len(self._steps)
-
     def recall(self, step: str) -> Minimum | None:
         """A finished step, or None."""
         found = self._steps.get(step)

@@ -20,7 +20,6 @@ The normal equations take d r = g dH with g = 1, or |H_measured| / H_model of th
     gradient = 2 Re sum w conj(g dH) r,   N = 2 Re sum w |g|^2 conj(dH) dH,   w = 1 / (var + ..).
 """
 
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -159,9 +158,12 @@ class Misfit:
             side.pull, root, out=np.zeros(root.shape, complex), where=side.curvature > 0
         )
         forward = side.lines.forward(freedom.free)
-        runs = _Runs(
-            plan, forward, freedom.rates(x), root, _split(aim), list(self._own(forward, root, x))
-        )
+        rates = freedom.rates(x)
+        own = [
+            (_run(rows), np.ascontiguousarray(_split(values * root[:, rows][..., None])))
+            for rows, values, _ in plan.own_columns(forward, rates)
+        ]
+        runs = _Runs(plan, forward, rates, root, _split(aim), own)
         shared, slope, cross = runs.sums(self._threads)
         gradient = np.zeros(freedom.size + 1)
         gradient[plan.shared_at] = slope
@@ -172,18 +174,6 @@ class Misfit:
             block[:count, :count] = flat.T @ flat
             gradient[at[:count]] = flat.T @ runs.aim[rows].ravel()
         return gradient[:-1], Arrow(shared, cross, blocks, plan.shared_at, plan.own_at)
-
-    def _own(
-        self, forward: Forward, root: Real, x: Real
-    ) -> Iterator[tuple[slice | Integers, Real]]:
-        """Rows of each sensor, and its weighted columns; (n_row, 2, n_freq, n_in, n_own)."""
-        freedom = self.freedom
-        pieces = (self.model.pieces(array) for array in (freedom.rates(x), freedom.free))
-        rates_of = [rate[mask] for rate, mask in zip(*pieces, strict=True)]
-        for number in self._plan.own:
-            rows, values = forward.rows(number)
-            scaled = values * root[:, rows][..., None] * rates_of[number]
-            yield _run(rows), np.ascontiguousarray(_split(scaled))
 
 
 @dataclass(frozen=True, eq=False)

@@ -52,8 +52,8 @@ class Box:
 
 
 @dataclass
-class State:
-    """Where a search stands: all that it needs to go on, so that a restart gives the same bits."""
+class _State:
+    """Where a search stands."""
 
     x: Real
     damping: float = 1e-3
@@ -86,7 +86,7 @@ def gauss_newton(
         max_steps: at which to stop.
         report: told the evaluation's number and the best value so far.
     """
-    state = State(np.clip(start, box.lower, box.upper), damping)
+    state = _State(np.clip(start, box.lower, box.upper), damping)
     value, before = np.inf, 0.0
     try:
         for _ in range(max_steps):
@@ -108,7 +108,7 @@ def gauss_newton(
 
 
 def _advance(
-    problem: Problem, state: State, box: Box, value: float, gradient: Real, normal: Arrow
+    problem: Problem, state: _State, box: Box, value: float, gradient: Real, normal: Arrow
 ) -> tuple[float, float]:
     """Take one step that helps; what it promised, in nats, zero if none helps, and the new J."""
     diagonal = normal.diagonal() + box.precision
@@ -180,5 +180,5 @@ def bounded_step(normal: Arrow, gradient: Real, added: Real, bounds: tuple[Real,
     return np.clip(step, lower, upper)
 
 
-def _ended(state: State, value: float, outcome: Outcome, advice: str) -> Minimum:
+def _ended(state: _State, value: float, outcome: Outcome, advice: str) -> Minimum:
     return Minimum(state.x, value, state.evaluations, outcome, advice)

@@ -17,10 +17,9 @@ from mbmodel import modes, write_mjcf
 from tuning.gap import Gap, block_shares
 from tuning.inputs import inputs
 from tuning.pair_rows import pair_rows
-from tuning.rows import correlation_rows, fit_row, parameter_rows, unseen_rows
+from tuning.rows import fit_row, parameter_rows
 from tuning.schema import (
     BlockRow,
-    GainRow,
     GapRow,
     GapTable,
     LevelGap,
@@ -33,6 +32,7 @@ from tuning.tuned import Comparison, Tuned
 
 TUNED_JSON, TUNED_MJCF, FRF_NPZ = "tuned.json", "tuned.xml", "frf.npz"
 LEVELS = ("sensors", "bodies")
+_MOST = 100  # correlations that are written
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,9 +101,9 @@ def summarise_tuning(
         fit=fit_row(tuned, gap.sensors),
         gap=gap,
         parameters=parameter_rows(tuned),
-        correlations=[] if sure is None else correlation_rows(sure),
-        unseen=[] if sure is None else unseen_rows(sure),
-        information=[GainRow(**vars(gain)) for gain in tuned.gains],
+        correlations=[] if sure is None else list(sure.correlations()[:_MOST]),
+        unseen=[] if sure is None else list(sure.unseen()),
+        information=list(tuned.gains),
         inputs=inputs(session),
         modes=own,
         residuals=list(tuned.residuals),

@@ -3,16 +3,9 @@
 import numpy as np
 
 from identification.words import Real
-from tuning.confidence import PLAUSIBLE, UNSEEN, Confidence, pulls
+from tuning.confidence import PLAUSIBLE, UNSEEN, pulls
 from tuning.fit import Fit
-from tuning.schema import (
-    CorrelationRow,
-    FitRow,
-    LevelGap,
-    ParameterRow,
-    StartRow,
-    UnseenRow,
-)
+from tuning.schema import FitRow, LevelGap, ParameterRow, StartRow
 from tuning.tuned import Tuned
 
 # Of a model that the noise alone limits; lines that were held out cost a little more, what the
@@ -20,7 +13,6 @@ from tuning.tuned import Tuned
 _HIGHEST_EXCESS = 1.1
 _FEW = 5
 _FAR = 1.2  # a factor between two starts that is worth telling
-_MOST = 100  # correlations that are written
 
 
 def parameter_rows(tuned: Tuned) -> list[ParameterRow]:
@@ -56,22 +48,6 @@ def parameter_rows(tuned: Tuned) -> list[ParameterRow]:
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
-
-
-def correlation_rows(sure: Confidence) -> list[CorrelationRow]:
-    """Pairs above 0.9, strongest first."""
-    return [
-        CorrelationRow(first=one.first, second=one.second, correlation=one.value)
-        for one in sure.correlations()[:_MOST]
-    ]
-
-
-def unseen_rows(sure: Confidence) -> list[UnseenRow]:
-    """Directions that the data cannot see."""
-    return [
-        UnseenRow(parameters=list(one.parameters), deviation=one.deviation, sentence=one.sentence)
-        for one in sure.unseen()
-    ]
 
 
 def fit_row(tuned: Tuned, gap: LevelGap) -> FitRow:

@@ -1,5 +1,6 @@
 """Which coordinates all channels share, and which belong to one sensor alone."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,7 @@ class Shares:
         parts: numbers of their Parts.
         own: numbers of the Parts with coordinates of their own.
         own_at: those coordinates; (n_block, n_own), -1 where a block has fewer.
-        member_of_own: parameters that belong to one sensor; (n_parameter,).
+        of_sensors: parameters that belong to one sensor; (n_parameter,).
     """
 
     shared: Mask
@@ -30,7 +31,7 @@ class Shares:
     parts: tuple[int, ...]
     own: tuple[int, ...]
     own_at: Integers
-    member_of_own: Mask
+    of_sensors: Mask
 
     def gather(self, forward: Forward, rates: Real, span: slice) -> Complex:
         """Derivatives by the shared coordinates; (n_line, n_out, n_in, n_s).
@@ -46,6 +47,25 @@ class Shares:
         for places, block in forward.blocks(self.parts, span):
             np.multiply(block, rates[chosen[places]], out=columns[..., places])
         return columns if self.joined is None else np.asarray(columns @ self.joined, complex)
+
+    def own_columns(
+        self, forward: Forward, rates: Real
+    ) -> Iterator[tuple[Integers, Complex, Integers]]:
+        """Derivatives by each sensor's own coordinates.
+
+        Args:
+            forward: derivatives by all parameters that vary.
+            rates: d theta / dx; (n_parameter,).
+
+        Yields:
+            Rows that it touches, (n_freq, n_row, n_in, n_own), and those coordinates.
+        """
+        model = forward.lines.model
+        pieces = zip(model.pieces(rates), model.pieces(self.of_sensors), strict=True)
+        rates_of = [rate[mask] for rate, mask in pieces]
+        for part, at in zip(self.own, self.own_at, strict=True):
+            rows, values = forward.rows(part)
+            yield rows, values * rates_of[part], at[at >= 0]
 
 
 def shares(model: Model, freedom: Freedom) -> Shares:

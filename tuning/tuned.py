@@ -14,10 +14,10 @@ from tuning.confidence import PLAUSIBLE, Confidence, confidence
 from tuning.fit import GAUSS_NEWTON, LAST, STAGES, Fit, Progress, Stage, fit, random_starts
 from tuning.folds import HeldOut, fit_held_out
 from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
-from tuning.information import Gain, information
+from tuning.information import information
 from tuning.journal import Journal
 from tuning.modal import MODAL_STAGES, ModalStage
-from tuning.schema import Residual
+from tuning.schema import GainRow, Residual
 from tuning.session import Session
 
 
@@ -81,7 +81,7 @@ class Tuned:
     residuals: tuple[Residual, ...] = ("log",)
     measured: ModalModel | None = None
     algorithm: str = GAUSS_NEWTON
-    gains: tuple[Gain, ...] = ()
+    gains: tuple[GainRow, ...] = ()
 
     @property
     def model_fit(self) -> Fit:
@@ -184,7 +184,7 @@ def tune(  # noqa: PLR0913  # one for each option
             )
         except KeyboardInterrupt:
             interrupted = True
-    gains: tuple[Gain, ...] = ()
+    gains: tuple[GainRow, ...] = ()
     try:
         sensors, bodies = _at_both(model, campaign, (found, free), sure, held_out)
         if inform and sure is not None:

@@ -5,37 +5,24 @@ that are done are kept in ``results/coverage.cases.jsonl`` until all are: an int
 on from where it was.
 """
 
-import json
 from pathlib import Path
 
 import numpy as np
-from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
+from tests.bench.kept import cases
 from tests.helpers.coverage import covered
 from truth import Protocol, read_station
 
 MACHINES, FIRST, JOBS = 200, 66_000, 1
 ROOT = Path(__file__).resolve().parents[2]
-KEPT = Path(__file__).parent / "results" / "coverage.cases.jsonl"
 
 
 def run() -> list[dict[str, object]]:
     """Coverage pooled, with an interval that counts machines."""
-    known = {}
-    if KEPT.is_file():
-        rows = [json.loads(line) for line in KEPT.read_text().splitlines()]
-        known = {row["seed"]: row for row in rows}
-    missing = [seed for seed in range(FIRST, FIRST + MACHINES) if seed not in known]
-    with KEPT.open("a") as file:
-        work = Parallel(n_jobs=JOBS, return_as="generator_unordered")
-        for row in work(delayed(_covered)(seed) for seed in missing):
-            known[row["seed"]] = row
-            file.write(json.dumps(row) + "\n")
-            file.flush()
-    rows = [known[seed] for seed in range(FIRST, FIRST + MACHINES)]
+    rows, kept = cases("coverage", range(FIRST, FIRST + MACHINES), _covered, JOBS)
     found = [_row(kind, rows) for kind in ("stiffness", "damping", "FRF")]
-    KEPT.unlink()
+    kept.unlink()
     return found
 
 

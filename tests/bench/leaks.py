@@ -4,34 +4,19 @@ Seed 61000. Features are kept in ``results/leaks.cases.jsonl`` until all are the
 bench goes on from where it was.
 """
 
-import json
-from pathlib import Path
-
-from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
+from tests.bench.kept import cases
 from tests.helpers.leaks import features, seen
 from truth import draw_case
 from truth.trees import draw_tree
 
 CASES, JOBS, SEED = 1000, 1, 61_000
-KEPT = Path(__file__).parent / "results" / "leaks.cases.jsonl"
 
 
 def run() -> list[dict[str, object]]:
     """Balanced accuracy of boosted trees; chance is one over the number of classes."""
-    known = {}
-    if KEPT.is_file():
-        rows = [json.loads(line) for line in KEPT.read_text().splitlines()]
-        known = {row["number"]: row for row in rows}
-    missing = [number for number in range(CASES) if number not in known]
-    with KEPT.open("a") as file:
-        work = Parallel(n_jobs=JOBS, return_as="generator_unordered")
-        for row in work(delayed(_drawn)(number) for number in missing):
-            known[row["number"]] = row
-            file.write(json.dumps(row) + "\n")
-            file.flush()
-    rows = [known[number] for number in range(CASES)]
+    rows, kept = cases("leaks", range(CASES), _drawn)
     found = [
         _row("whether something is missing", "missing", rows),
         _row("kind of place", "place", rows),
@@ -40,7 +25,7 @@ def run() -> list[dict[str, object]]:
         planted = [_planted(row, fifths) for row in rows]
         name = f"planted: one hit more in {fifths} of 5 where nothing is missing"
         found.append(_row(name, "missing", planted))
-    KEPT.unlink()
+    kept.unlink()
     return found
 
 

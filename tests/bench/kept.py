@@ -1,0 +1,40 @@
+"""Cases of a long bench, kept one by one: an interrupted bench goes on from where it was."""
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from joblib import Parallel, delayed
+
+
+def cases(
+    name: str, numbers: Sequence[int], make: Callable[[int], dict[str, object]], jobs: int = 1
+) -> tuple[list[dict], Path]:
+    """Make what is missing.
+
+    Args:
+        name: of the bench; its cases lie in ``results/<name>.cases.jsonl``.
+        numbers: of the cases.
+        make: a row of one, to be kept as JSON.
+        jobs: processes.
+
+    Returns:
+        The rows in the order of the numbers, and the file, to be removed when they are used.
+    """
+    kept = Path(__file__).parent / "results" / f"{name}.cases.jsonl"
+    lines = kept.read_text(encoding="utf-8").splitlines() if kept.is_file() else []
+    known = dict(map(json.loads, lines))
+    missing = [number for number in numbers if number not in known]
+    with kept.open("a", encoding="utf-8") as file:
+        work = (delayed(_numbered)(make, number) for number in missing)
+        for number, row in Parallel(n_jobs=jobs, return_as="generator_unordered")(work):
+            known[number] = row
+            file.write(json.dumps([number, row]) + "\n")
+            file.flush()
+    return [known[number] for number in numbers], kept
+
+
+def _numbered(
+    make: Callable[[int], dict[str, object]], number: int
+) -> tuple[int, dict[str, object]]:
+    return number, make(number)
