@@ -15,6 +15,7 @@ from tuning.journal import Journal
 from tuning.misfit import Misfit
 from tuning.modal import ModalCost, ModalStage
 from tuning.newton import Box, gauss_newton
+from tuning.normal import Quadratic
 from tuning.solver import INTERRUPTED, Minimum, Outcome, minimise
 
 GAUSS_NEWTON = "GAUSS_NEWTON"
@@ -167,16 +168,7 @@ class _Search:
                 threads=self.threads,
             )
             if everything or self.algorithm == GAUSS_NEWTON:
-                box = Box(chosen.lower, chosen.upper, chosen.has_prior.astype(float))
-                damping = _FAR if stage.allowance > 0 else _NEAR
-                end = gauss_newton(
-                    problem,
-                    x[varies],
-                    box,
-                    damping=damping,
-                    tolerance=stage.tolerance,
-                    report=tell,
-                )
+                end = descend(problem, x[varies], stage, report=tell)
             else:
                 bounds = (chosen.lower, chosen.upper)
                 end = minimise(problem, x[varies], bounds, algorithm=self.algorithm, report=tell)
@@ -202,6 +194,38 @@ class _Search:
             return end
         # Without what ties it to its own start, all modes counted again.
         return replace(end, value=cost.pairs(chosen.theta(end.x)).cost)
+
+
+def descend(
+    problem: Misfit,
+    x: Real,
+    stage: Stage,
+    *,
+    known: Quadratic | None = None,
+    promise: float = 0.01,
+    report: Callable[[int, float], None] | None = None,
+) -> Minimum:
+    """Gauss-Newton with the bounds and priors of what varies.
+
+    Args:
+        problem: of this stage.
+        x: where to begin; (n_x,).
+        stage: how far to go.
+        known: J, its gradient and the normal equations at x, where somebody has them.
+        promise: it ends when the next step will promise less, in nats.
+        report: told about every evaluation.
+    """
+    varies = problem.freedom
+    return gauss_newton(
+        problem,
+        x,
+        Box(varies.lower, varies.upper, varies.has_prior.astype(float)),
+        known=known,
+        promise=promise,
+        damping=_FAR if stage.allowance > 0 else _NEAR,
+        tolerance=stage.tolerance,
+        report=report,
+    )
 
 
 def fit(  # noqa: PLR0913  # one for each option

@@ -10,13 +10,15 @@ from threadpoolctl import threadpool_limits
 from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Model, modes
 from tuning.batch import predict
-from tuning.fit import LAST, Fit, fit
-from tuning.freedom import Freedom
+from tuning.fit import LAST, Fit, descend
 from tuning.journal import Journal
+from tuning.misfit import Misfit
+from tuning.normal import Quadratic
 from tuning.solver import Minimum, Outcome
 
 FOLDS = 5
 _LEAST = 8
+_PROMISE = 1.0  # nats: of 1e5 that a campaign has, it moves no gap's fifth digit
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +26,8 @@ class HeldOut:
     """Fits that each left one fold of the lines out.
 
     Args:
-        thetas: of each fold's fit, in SI; (5, n_parameter).
-        outcomes: how each fold's search ended; 5.
+        thetas: of each fold's fit, in SI; (n_fold, n_parameter), 5 folds unless blocks are fewer.
+        outcomes: how each fold's search ended; n_fold.
         folds: fold of each line; (n_freq,).
         width: lines in a block.
     """
@@ -114,10 +116,13 @@ def fit_held_out(
     if not folds.any():
         return None
     journal = Journal() if journal is None else journal
-    ends = {fold: journal.recall(f"fold {fold}") for fold in range(FOLDS)}
+    whole = Misfit(model, campaign, varies, allowance=LAST.allowance, threads=jobs)
+    ends = {fold: journal.recall(f"fold {fold}") for fold in range(int(folds.max()) + 1)}
     missing = [fold for fold, end in ends.items() if end is None]
+    normals = whole.normals(found.x, folds)[1:] if missing else []
     work = (
-        delayed(_fit_without)(model, found.x, campaign, folds == fold, varies) for fold in missing
+        delayed(_fit_without)(model, campaign, found, folds != fold, normals[fold])
+        for fold in missing
     )
     with threadpool_limits(1):
         made = Parallel(n_jobs=jobs, prefer="threads", return_as="generator")(work)
@@ -131,12 +136,12 @@ def fit_held_out(
     return HeldOut(thetas, tuple(end.outcome for end in known), folds, width)
 
 
-def _fit_without(model: Model, x: Real, campaign: Campaign, held: Mask, varies: Freedom) -> Minimum:
-    """The fit to the lines that are not held out."""
-    if not held.any():  # a fold without a block predicts nothing
-        return Minimum(x, 0.0, 0, "converged", "")
-    kept, start = campaign.lines(~held), varies.theta(x)
-    tuned = fit(model, kept, varies=varies, starts=(start,), stages=(LAST,))
-    if tuned.outcome == "interrupted":
+def _fit_without(
+    model: Model, campaign: Campaign, found: Fit, kept: Mask, normal: Quadratic
+) -> Minimum:
+    """The fit to the lines that are kept, from the one to all: mostly a single step."""
+    problem = Misfit(model, campaign, found.freedom, allowance=LAST.allowance, counted=kept)
+    end = descend(problem, found.x, LAST, known=normal, promise=_PROMISE)
+    if end.outcome == "interrupted":
         raise KeyboardInterrupt
-    return Minimum(tuned.x, tuned.cost, tuned.evaluations, tuned.outcome, tuned.advice)
+    return end

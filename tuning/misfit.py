@@ -20,8 +20,11 @@ The normal equations take d r = g dH with g = 1, or |H_measured| / H_model of th
     gradient = 2 Re sum w conj(g dH) r,   N = 2 Re sum w |g|^2 conj(dH) dH,   w = 1 / (var + ..).
 """
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import reduce
+from itertools import pairwise
 
 import numpy as np
 
@@ -29,7 +32,7 @@ from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Forward, Linearised, Model
 from tuning.batch import Batch, batches
 from tuning.freedom import Freedom
-from tuning.normal import Arrow
+from tuning.normal import Arrow, Quadratic
 from tuning.shares import Shares, shares
 
 _STILL = 1e-10
@@ -71,6 +74,7 @@ class Misfit:
         freedom: coordinates of the parameters.
         allowance: a, relative to the motion of each point.
         logarithmic: whether r is the logarithm of the ratio.
+        counted: lines that count, all if None; (n_freq,).
         threads: that form the normal equations; the result does not depend on it.
     """
 
@@ -82,11 +86,15 @@ class Misfit:
         *,
         allowance: float,
         logarithmic: bool = False,
+        counted: Mask | None = None,
         threads: int = 1,
     ) -> None:
         self.model, self.freedom = model, freedom
         self._logarithmic, self._threads = logarithmic, threads
-        self._terms = [_weigh(batch, allowance, logarithmic) for batch in batches(model, campaign)]
+        lines = np.ones(len(campaign.freq_hz), bool) if counted is None else counted
+        self._terms = [
+            _weigh(batch, allowance, logarithmic, lines) for batch in batches(model, campaign)
+        ]
         self.values = sum(int((term.weight > 0).sum()) for term in self._terms)
         self._plan = shares(model, freedom)
 
@@ -100,59 +108,68 @@ class Misfit:
         total, gradient = self.prior(x), np.zeros(len(theta))
         for term in self._terms:
             lines = term.batch.evaluator.at(theta)
-            value, weighted, _ = self._residual(term, lines)
-            total += value
+            values, weighted, _ = self._residual(term, lines)
+            total += float(values.sum())
             gradient += lines.gradient(2 * term.batch.spread(weighted), self.freedom.free)
         return total, self.freedom.collected(gradient, x) + self._pulled(x)
 
     def value(self, x: Real) -> float:
         """J alone."""
         theta = self.freedom.theta(x)
-        found = (self._residual(t, t.batch.evaluator.at(theta))[0] for t in self._terms)
-        return self.prior(x) + sum(found)
+        found = (self._residual(t, t.batch.evaluator.at(theta))[0].sum() for t in self._terms)
+        return self.prior(x) + float(sum(found))
 
-    def normal(self, x: Real) -> tuple[float, Real, Arrow]:
+    def normal(self, x: Real) -> Quadratic:
         """J, dJ/dx, and the normal equations of the data alone, without the prior."""
+        return self.normals(x, None)[0]
+
+    def normals(self, x: Real, folds: Integers | None) -> list[Quadratic]:
+        """The same of all lines, then of all lines but one fold, for each fold.
+
+        Args:
+            x: where; (n_x,).
+            folds: of each line, from 0; (n_freq,).
+        """
         theta = self.freedom.theta(x)
-        total = self.prior(x)
-        gradient = self._pulled(x)
-        whole: Arrow | None = None
+        sums: list[Quadratic] = []
         for term in self._terms:
             lines = term.batch.evaluator.at(theta)
-            value, pull, curvature = self._residual(term, lines)
-            side = _Side(
-                lines, term.batch.spread(curvature.astype(complex)).real, term.batch.spread(pull)
-            )
-            slope, arrow = self._arrow(side, x)
-            total, gradient = total + value, gradient + slope
-            whole = arrow if whole is None else whole + arrow
-        if whole is None:
+            groups = np.zeros(len(lines.values), int) if folds is None else folds
+            found = self._quadratics(term, lines, x, groups)
+            sums = [_plus(*pair) for pair in zip(sums, found, strict=True)] if sums else found
+        if not sums:
             raise ValueError("a campaign without tests has no normal equations")
-        return total, gradient, whole
+        value, gradient, normal = reduce(_plus, sums)
+        whole = value + self.prior(x), gradient + self._pulled(x), normal
+        return [whole] if folds is None else [whole, *(_minus(whole, fold) for fold in sums)]
 
     def _pulled(self, x: Real) -> Real:
         """Gradient of the prior."""
         pulled: Real = np.where(self.freedom.has_prior, x, 0.0)
         return pulled
 
-    def _residual(self, term: _Weighted, lines: Linearised) -> tuple[float, Complex, Real]:
-        """Sum w |r|^2; w conj(g) r and w |g|^2, (n_freq, n_out, n_test)."""
+    def _residual(self, term: _Weighted, lines: Linearised) -> tuple[Real, Complex, Real]:
+        """Sum w |r|^2 of each line; w conj(g) r and w |g|^2, (n_freq, n_out, n_test)."""
         batch, weight = term.batch, term.weight
         model = batch.pick(lines.values)
         if not self._logarithmic:
             off = model - batch.values
             pull = weight * off
-            return float(np.vdot(off, pull).real), pull, weight
+            return _power(off, pull), pull, weight
         model = np.where(weight > 0, model, 1.0)
         product = model * np.where(weight > 0, batch.values, 1.0).conj()
         off = np.log(np.abs(model)) - term.log_size + 1j * np.arctan2(product.imag, product.real)
         power = weight * np.abs(batch.values) ** 2
         pull = power * off / model.conj()
-        return float(np.vdot(off, power * off).real), pull, power / np.abs(model) ** 2
+        return _power(off, power * off), pull, power / np.abs(model) ** 2
 
-    def _arrow(self, side: _Side, x: Real) -> tuple[Real, Arrow]:
-        """Gradient and normal equations of one batch."""
-        plan, freedom = self._plan, self.freedom
+    def _quadratics(
+        self, term: _Weighted, lines: Linearised, x: Real, groups: Integers
+    ) -> list[Quadratic]:
+        """J, gradient and normal equations of the data of one batch, for each group of lines."""
+        plan, freedom, spread = self._plan, self.freedom, term.batch.spread
+        values, pull, curvature = self._residual(term, lines)
+        side = _Side(lines, spread(curvature.astype(complex)).real, spread(pull))
         root = np.sqrt(2 * side.curvature)
         aim = 2 * np.divide(
             side.pull, root, out=np.zeros(root.shape, complex), where=side.curvature > 0
@@ -164,16 +181,15 @@ class Misfit:
             for rows, values, _ in plan.own_columns(forward, rates)
         ]
         runs = _Runs(plan, forward, rates, root, _split(aim), own)
-        shared, slope, cross = runs.sums(self._threads)
-        gradient = np.zeros(freedom.size + 1)
-        gradient[plan.shared_at] = slope
-        n_own = plan.own_at.shape[1]
-        blocks = np.zeros((len(runs.own), n_own, n_own))
-        for block, at, (rows, mine) in zip(blocks, plan.own_at, runs.own, strict=True):
-            flat, count = mine.reshape(-1, mine.shape[-1]), mine.shape[-1]
-            block[:count, :count] = flat.T @ flat
-            gradient[at[:count]] = flat.T @ runs.aim[rows].ravel()
-        return gradient[:-1], Arrow(shared, cross, blocks, plan.shared_at, plan.own_at)
+        found: list[Quadratic] = []
+        for group, sums in enumerate(runs.sums(groups, self._threads)):
+            shared, slope, cross, blocks, own_slopes = sums
+            gradient = np.zeros(freedom.size + 1)
+            gradient[plan.own_at] = own_slopes
+            gradient[plan.shared_at] = slope
+            arrow = Arrow(shared, cross, blocks, plan.shared_at, plan.own_at)
+            found.append((float(values[groups == group].sum()), gradient[:-1], arrow))
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,35 +212,36 @@ class _Runs:
     aim: Real
     own: list[tuple[slice | Integers, Real]]
 
-    def sums(self, threads: int) -> tuple[Real, Real, Real]:
-        """S, its part of the gradient, and C; the same bits with any number of threads."""
-        n_freq, n_out, n_in = self.root.shape
-        n_shared = len(self.plan.shared_at)
+    def sums(self, groups: Integers, threads: int) -> list[tuple[Real, ...]]:
+        """S, its part of the gradient, C, O and their parts of it, for each group of lines.
+
+        The same bits with any number of threads.
+        """
+        _, n_out, n_in = self.root.shape
         step = max(1, _CHUNK // max(2 * n_out * n_in * int(self.plan.shared.sum()), 1))
-        spans = [slice(start, min(start + step, n_freq)) for start in range(0, n_freq, step)]
-        n_own = self.plan.own_at.shape[1]
-        sums = (
-            np.zeros((n_shared, n_shared)),
-            np.zeros(n_shared),
-            np.zeros((len(self.own), n_own, n_shared)),
-        )
+        spans = list(_spans(groups, step))
+        found: dict[int, tuple[Real, ...]] = {}
         self.forward.prepare()
         with ThreadPoolExecutor(threads) as pool:
-            for parts in pool.map(self._sum, spans):
-                for total, part in zip(sums, parts, strict=True):
-                    np.add(total, part, out=total)
-        return sums
+            for span, parts in zip(spans, pool.map(self._sum, spans), strict=True):
+                sums = found.setdefault(int(groups[span.start]), parts)
+                if sums is not parts:
+                    for total, part in zip(sums, parts, strict=True):
+                        np.add(total, part, out=total)
+        return [found[group] for group in range(int(groups.max()) + 1)]
 
-    def _sum(self, span: slice) -> tuple[Real, Real, Real]:
-        columns = self._columns(span)
-        flat = columns.reshape(int(np.prod(columns.shape[:-1])), columns.shape[-1])
-        cross = np.zeros((len(self.own), self.plan.own_at.shape[1], columns.shape[-1]))
-        for block, (rows, mine) in zip(cross, self.own, strict=True):
-            part, beside = mine[:, :, span], columns[rows]
-            count = part.shape[-1]
-            beside = beside.reshape(int(np.prod(beside.shape[:-1])), beside.shape[-1])
-            block[:count] = part.reshape(-1, count).T @ beside
-        return flat.T @ flat, flat.T @ self.aim[:, :, span].ravel(), cross
+    def _sum(self, span: slice) -> tuple[Real, ...]:
+        columns, aim = self._columns(span), self.aim[:, :, span]
+        flat = _flat(columns)
+        n_block, n_own = self.plan.own_at.shape
+        cross = np.zeros((n_block, n_own, columns.shape[-1]))
+        blocks, slopes = np.zeros((n_block, n_own, n_own)), np.zeros((n_block, n_own))
+        for number, (rows, mine) in enumerate(self.own):
+            part, count = _flat(mine[:, :, span]), mine.shape[-1]
+            cross[number, :count] = part.T @ _flat(columns[rows])
+            blocks[number, :count, :count] = part.T @ part
+            slopes[number, :count] = part.T @ aim[rows].ravel()
+        return flat.T @ flat, flat.T @ aim.ravel(), cross, blocks, slopes
 
     def _columns(self, span: slice) -> Real:
         """Weighted columns of the shared coordinates; (n_out, 2, n_line, n_in, n_s)."""
@@ -240,6 +257,33 @@ class _Runs:
         return columns if plan.joined is None else np.asarray(columns @ plan.joined)
 
 
+def _spans(groups: Integers, most: int) -> Iterator[slice]:
+    """Runs of lines of one group, of so many lines at most."""
+    ends = [0, *(np.flatnonzero(np.diff(groups)) + 1), len(groups)]
+    for first, last in pairwise(ends):
+        for start in range(int(first), int(last), most):
+            yield slice(start, min(start + most, int(last)))
+
+
+def _flat(columns: Real) -> Real:
+    """(.., n) to (rows, n)."""
+    return columns.reshape(int(np.prod(columns.shape[:-1])), columns.shape[-1])
+
+
+def _plus(one: Quadratic, other: Quadratic) -> Quadratic:
+    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
+
+
+def _minus(one: Quadratic, other: Quadratic) -> Quadratic:
+    return one[0] - other[0], one[1] - other[1], one[2] - other[2]
+
+
+def _power(one: Complex, other: Complex) -> Real:
+    """Real part of the sum of conj(one) other over each line; (n_freq,)."""
+    found: Real = np.einsum("fit,fit->f", one.conj(), other).real
+    return found
+
+
 def _split(values: Complex) -> Real:
     """(n_freq, n_out, ...) to real and imaginary parts (n_out, 2, n_freq, ...)."""
     parts = np.stack([values.real, values.imag])
@@ -253,7 +297,7 @@ def _run(rows: Integers) -> "slice | Integers":
     return rows
 
 
-def _weigh(batch: Batch, allowance: float, logarithmic: bool) -> _Weighted:
+def _weigh(batch: Batch, allowance: float, logarithmic: bool, counted: Mask) -> _Weighted:
     size = np.abs(batch.values)
     resting = batch.evaluator.question.factor == 0  # 0 Hz, where the model's accelerance is zero
     heard = (size > 0).any(axis=0)  # a silent channel is dead, not exactly zero
@@ -262,7 +306,7 @@ def _weigh(batch: Batch, allowance: float, logarithmic: bool) -> _Weighted:
         counts = counts & (size > 0) & _moving(batch)
     point = _point_power(batch)
     allowed = batch.variance + max(allowance, _FLOOR) ** 2 * point
-    counts = counts & (allowed > 0)
+    counts = counts & (allowed > 0) & counted[:, None, None]
     weight = np.where(counts, 1.0 / np.where(counts, allowed, 1.0), 0.0)
     return _Weighted(batch, np.log(np.where(size > 0, size, 1.0)), weight)
 

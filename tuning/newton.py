@@ -6,7 +6,9 @@ Each step minimises the quadratic model inside the bounds,
 
 by an active set: what would cross a bound is put on it, what a bound holds back against the slope
 is let go. D is the prior's precision, l the damping, which falls by ten when a step does what its
-model promises and rises by ten when it does not (Nocedal and Wright 2006, ch. 10.3 and 16.5).
+model promises and rises by ten when it does not (Nocedal and Wright 2006, ch. 10.3 and 16.5). As
+long as steps do what N promises to 3 %, N is kept and only the gradient computed anew, which
+costs a tenth of it: the end is as sharp, since the gradient alone says where it is.
 """
 
 from collections.abc import Callable
@@ -16,12 +18,13 @@ from typing import Protocol
 import numpy as np
 
 from identification.words import Mask, Real
-from tuning.normal import Arrow
+from tuning.normal import Arrow, Quadratic
 from tuning.solver import INTERRUPTED, Minimum, Outcome
 
 # Of a coordinate without a prior: a factor of 2 in stiffness. As a bound of each coordinate, not a
 # scale of the whole step, which one hardly visible damping would hold back.
 _LARGEST_STEP = 0.7
+_KEPT = 0.03  # by which a step may miss its promise for the normal equations to be kept
 _STUCK = 1e9  # damping at which no step helps any more
 _ROUNDS = 200
 _FLAT = 1e-12  # of the largest diagonal: keeps directions that nothing sees where they are
@@ -30,10 +33,13 @@ _FLAT = 1e-12  # of the largest diagonal: keeps directions that nothing sees whe
 class Problem(Protocol):
     """What is minimised."""
 
+    def __call__(self, x: Real) -> tuple[float, Real]:
+        """J and its gradient."""
+
     def value(self, x: Real) -> float:
         """J."""
 
-    def normal(self, x: Real) -> tuple[float, Real, Arrow]:
+    def normal(self, x: Real) -> Quadratic:
         """J, its gradient, the normal equations without the prior."""
 
 
@@ -60,11 +66,12 @@ class _State:
     evaluations: int = 0
 
 
-def gauss_newton(
+def gauss_newton(  # noqa: PLR0913  # one for each option
     problem: Problem,
     start: Real,
     box: Box,
     *,
+    known: Quadratic | None = None,
     damping: float = 1e-3,
     promise: float = 0.01,
     tolerance: float = 1e-7,
@@ -80,6 +87,7 @@ def gauss_newton(
         problem: with its normal equations.
         start: (n,); clipped to the box.
         box: bounds and prior.
+        known: J, its gradient and the normal equations at the start, where somebody has them.
         damping: l at first; next to none where the start is near the end.
         promise: it ends when the next step will promise less, in nats;
         tolerance: or less than this part of J.
@@ -87,21 +95,32 @@ def gauss_newton(
         report: told the evaluation's number and the best value so far.
     """
     state = _State(np.clip(start, box.lower, box.upper), damping)
-    value, before = np.inf, 0.0
+    value, before = np.inf, {True: 0.0, False: 0.0}  # promised last, with N fresh or kept
+    current, fresh = known, True
     try:
         for _ in range(max_steps):
-            value, gradient, normal = problem.normal(state.x)
-            state.evaluations += 1
+            if current is None:
+                current, fresh = problem.normal(state.x), True
+                state.evaluations += 1
+            value, gradient, normal = current
             if report is not None:
                 report(state.evaluations, value)
             if not (np.isfinite(value) and np.isfinite(gradient).all()):
                 return _ended(state, value, "failed", "a value that is not finite")
+            old = value
             promised, value = _advance(problem, state, box, value, gradient, normal)
-            # Steps shrink at a steady rate: the next will promise less than this by as much again.
-            rate = min(promised / before, 1.0) if before > 0 else 1.0
+            # Steps that do what they promise shrink at a steady rate: the next of their kind will
+            # promise less than this by as much again.
+            steady = before[fresh] > 0 and old - value > 0.5 * promised
+            rate = min(promised / before[fresh], 1.0) if steady else 1.0
             if promised * rate < promise + tolerance * value:
                 return _ended(state, value, "converged", "")
-            before = promised
+            before[fresh] = promised
+            if abs(old - value - promised) < _KEPT * promised + promise:
+                current, fresh = (*problem(state.x), normal), False
+                state.evaluations += 1
+            else:
+                current, before[False] = None, 0.0
     except KeyboardInterrupt:
         return _ended(state, value, "interrupted", INTERRUPTED)
     return _ended(state, value, "out of evaluations", "allow more evaluations")

@@ -112,3 +112,6 @@ class Arrow:
         found[self.shared_at] = x_shared
         x: Real = found[:-1] * kept[:-1]
         return x
+
+
+Quadratic = tuple[float, Real, Arrow]  # a cost, its gradient and its normal equations somewhere

@@ -19,6 +19,7 @@ from tuning import (
     summarise,
 )
 from tuning.gap import block_shares
+from tuning.misfit import Misfit
 
 
 def test_the_gap_of_measurement_plus_noise_is_the_noise(model, true_theta):
@@ -112,6 +113,20 @@ def test_held_out_lines_come_from_fits_that_did_not_see_them(model, campaign, tr
     # The model is right: lines never seen are predicted at the level of the noise, but for what a
     # fifth less of the data leaves unknown of the 12 parameters.
     assert 0.9 < gap.excess < 1.3
+
+
+def test_held_out_fits_are_the_minima_of_their_own_lines(model, campaign):
+    found = fit(model, campaign)
+    held = fit_held_out(model, found, campaign)
+    for fold, theta in enumerate(held.thetas):
+        kept = Misfit(model, campaign, found.freedom, allowance=0.0, counted=held.folds != fold)
+        alone = fit(model, campaign.lines(held.folds != fold), starts=(found.theta,))
+        begin, end, best = (
+            kept.value(found.freedom.coordinates(at)) for at in (found.theta, theta, alone.theta)
+        )
+        # Its own variance is smoothed without the neighbours: hence a little above zero at best.
+        assert end - best < 1.0
+        assert begin - end > 10 * (end - best)
 
 
 def test_held_out_fits_do_not_depend_on_the_number_of_processes(model, campaign):

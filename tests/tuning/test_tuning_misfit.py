@@ -182,6 +182,29 @@ def test_how_many_lines_are_held_at_once_does_not_matter(whole, mixed, wished, m
     close(piecewise[2].dense(), at_once[2].dense(), np.outer(size, size), 1e-13)
 
 
+@pytest.mark.parametrize("logarithmic", [True, False])
+def test_all_lines_but_a_fold_are_those_of_a_misfit_that_never_saw_it(
+    whole, mixed, wished, logarithmic
+):
+    _, varies = wished
+    x, n_freq = somewhere(varies), len(mixed.freq_hz)
+    folds = np.arange(n_freq) // 5 % 3
+    cost = Misfit(whole, mixed, varies, allowance=0.05, logarithmic=logarithmic)
+    all_lines, *without = cost.normals(x, folds)
+    assert len(without) == 3
+    assert all_lines[0] == pytest.approx(cost.normal(x)[0], rel=1e-12)
+    size = sizes(all_lines[2])
+    for fold, (value, gradient, arrow) in enumerate(without):
+        kept = Misfit(
+            whole, mixed, varies, allowance=0.05, logarithmic=logarithmic, counted=folds != fold
+        )
+        assert kept.values < cost.values
+        expected = kept.normal(x)
+        assert value == pytest.approx(expected[0], rel=1e-10)
+        close(gradient, expected[1], size * np.sqrt(value), 1e-12)
+        close(arrow.dense(), expected[2].dense(), np.outer(size, size), 1e-12)
+
+
 def test_a_prior_counts_half_its_square_and_stays_out_of_the_normal_equations(whole, mixed):
     wishes = Wishes(free=["head.mass", "acc3.position_y"])
     priors, none = (freedom(whole, mixed.tolerance, w) for w in (None, wishes))

@@ -44,6 +44,9 @@ class Squares:
             r = self.residual(x)
         return float(r @ r + 0.5 * self.precision @ x**2)
 
+    def __call__(self, x):
+        return self.normal(x)[:2]
+
     def normal(self, x):
         value = self.value(x)
         with np.errstate(all="ignore"):
