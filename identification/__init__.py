@@ -7,6 +7,7 @@ from identification.settings import CampaignSettings, read_settings
 from identification.solid import (
     BodyCheck,
     Fault,
+    body_inverse,
     check_bodies,
     reconstruct,
     reduce_to_bodies,
@@ -18,6 +19,7 @@ __all__ = [
     "CampaignSettings",
     "Fault",
     "band_lines",
+    "body_inverse",
     "check_bodies",
     "coherence_variance",
     "correct_layout",

@@ -216,6 +216,13 @@ def tune(  # noqa: PLR0913  # one for each option
         Path | None,
         typer.Option(metavar="DIR", help="Modes that mbw identify wrote, not identified anew."),
     ] = None,
+    at_bodies: Annotated[
+        bool,
+        typer.Option(
+            "--at-bodies",
+            help="FRFs count at the centres of mass, with the covariance of their reduction.",
+        ),
+    ] = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on where an interrupted run of this call ended.")
     ] = False,
@@ -238,7 +245,9 @@ def tune(  # noqa: PLR0913  # one for each option
         starts=starts,
         seed=seed,
         jobs=jobs,
-        search=tune_verb.Search(parse_residuals(residual), algorithm, from_modes),
+        search=tune_verb.Search(
+            parse_residuals(residual), algorithm, "bodies" if at_bodies else "sensors", from_modes
+        ),
         resume=resume,
         inform=information,
     )

@@ -17,6 +17,7 @@ from tuning import (
     GAUSS_NEWTON,
     Freedom,
     Journal,
+    Place,
     Residual,
     ShareRow,
     Tuned,
@@ -41,11 +42,13 @@ class Search:
     Args:
         residuals: what to minimise, in order.
         algorithm: of NLopt, by name, for the first stages; Gauss-Newton by default.
+        at: where FRFs count: at the channels or at the centres of mass.
         modes: folder that ``mbw identify`` wrote; None to identify anew where modes are needed.
     """
 
     residuals: tuple[Residual, ...] = ("log",)
     algorithm: str = GAUSS_NEWTON
+    at: Place = "sensors"
     modes: Path | None = None
 
 
@@ -107,6 +110,7 @@ def run(  # noqa: PLR0913  # one for each option
             residuals=search.residuals,
             measured=measured,
             algorithm=search.algorithm,
+            at=search.at,
             starts=starts,
             seed=seed,
             jobs=jobs,

@@ -18,7 +18,7 @@ from tuning.modal import (
     some_modes,
 )
 from tuning.result import Level, Result, check_folder, files_of, read_result, write_result
-from tuning.schema import PairRow, PartnerRow, Residual, ShareRow, TunedFile
+from tuning.schema import PairRow, PartnerRow, Place, Residual, ShareRow, TunedFile
 from tuning.session import Session, open_campaign, open_session, with_tolerances
 from tuning.solver import Minimum, minimise
 from tuning.tuned import Comparison, Tuned, Watch, at_bodies, stages_of, tune
@@ -45,6 +45,7 @@ __all__ = [
     "PairRow",
     "Pairs",
     "PartnerRow",
+    "Place",
     "Progress",
     "Residual",
     "Result",

@@ -24,7 +24,6 @@ from identification.words import Campaign, Mask, Real
 from mbmodel import Model
 from tuning.fit import LAST, Fit
 from tuning.freedom import Freedom
-from tuning.misfit import Misfit
 from tuning.normal import Arrow
 from tuning.schema import CorrelationRow, UnseenRow
 
@@ -146,14 +145,7 @@ def confidence(model: Model, campaign: Campaign, found: Fit, jobs: int = 1) -> C
         found: the fit.
         jobs: threads; the result does not depend on it.
     """
-    problem = Misfit(
-        model,
-        campaign,
-        found.freedom,
-        allowance=LAST.allowance,
-        logarithmic=LAST.logarithmic,
-        threads=jobs,
-    )
+    problem = (found.last or LAST).misfit(model, campaign, found.freedom, threads=jobs)
     value, _, normal = problem.normal(found.x)
     data = value - problem.prior(found.x)
     return Confidence(found.freedom, found.x, normal, data / max(problem.values, 1))

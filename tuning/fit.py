@@ -35,6 +35,7 @@ class Stage:
         stride: only every so manyth line counts.
         logarithmic: whether the residual is the logarithm of the ratio.
         everything: whether tolerances vary too, or only what has no prior.
+        at_bodies: whether differences count at the centres of mass instead of the channels.
     """
 
     allowance: float
@@ -42,6 +43,28 @@ class Stage:
     stride: int = 1
     logarithmic: bool = True
     everything: bool = False
+    at_bodies: bool = False
+
+    def misfit(
+        self,
+        model: Model,
+        campaign: Campaign,
+        varies: Freedom,
+        *,
+        counted: Mask | None = None,
+        threads: int = 1,
+    ) -> Misfit:
+        """The misfit of this stage."""
+        return Misfit(
+            model,
+            campaign,
+            varies,
+            allowance=self.allowance,
+            logarithmic=self.logarithmic,
+            at_bodies=self.at_bodies,
+            counted=counted,
+            threads=threads,
+        )
 
 
 STAGES = (
@@ -80,6 +103,7 @@ class Fit:
         costs: of the last stage that every start went through, one a start.
         agreed: the cost up to which a start agrees with the best of these: 2 % above it.
         ends: theta of each start there; (n_start, n_parameter).
+        last: the stage that it ended with; None if that was one of modes.
     """
 
     freedom: Freedom
@@ -91,6 +115,7 @@ class Fit:
     costs: tuple[float, ...]
     agreed: float
     ends: Real
+    last: Stage | None
 
     @property
     def theta(self) -> Real:
@@ -159,14 +184,8 @@ class _Search:
         if isinstance(stage, ModalStage):
             end = self._by_modes(stage, chosen, x[varies], tell)
         else:
-            problem = Misfit(
-                self.model,
-                thinned(self.campaign, stage.stride),
-                chosen,
-                allowance=stage.allowance,
-                logarithmic=stage.logarithmic,
-                threads=self.threads,
-            )
+            thin = thinned(self.campaign, stage.stride)
+            problem = stage.misfit(self.model, thin, chosen, threads=self.threads)
             if everything or self.algorithm == GAUSS_NEWTON:
                 end = descend(problem, x[varies], stage, report=tell)
             else:
@@ -294,6 +313,7 @@ def fit(  # noqa: PLR0913  # one for each option
         costs=tuple(one.value for one in ends),
         agreed=ends[best].value * (1 + _AGREE) + slack,
         ends=np.array([varies.theta(one.x) for one in ends]),
+        last=stages[-1] if stages and isinstance(stages[-1], Stage) else None,
     )
 
 

@@ -12,7 +12,6 @@ from mbmodel import Model, modes
 from tuning.batch import predict
 from tuning.fit import LAST, Fit, descend
 from tuning.journal import Journal
-from tuning.misfit import Misfit
 from tuning.normal import Quadratic
 from tuning.solver import Minimum, Outcome
 
@@ -116,7 +115,7 @@ def fit_held_out(
     if not folds.any():
         return None
     journal = Journal() if journal is None else journal
-    whole = Misfit(model, campaign, varies, allowance=LAST.allowance, threads=jobs)
+    whole = (found.last or LAST).misfit(model, campaign, varies, threads=jobs)
     ends = {fold: journal.recall(f"fold {fold}") for fold in range(int(folds.max()) + 1)}
     missing = [fold for fold, end in ends.items() if end is None]
     normals = whole.normals(found.x, folds)[1:] if missing else []
@@ -140,8 +139,9 @@ def _fit_without(
     model: Model, campaign: Campaign, found: Fit, kept: Mask, normal: Quadratic
 ) -> Minimum:
     """The fit to the lines that are kept, from the one to all: mostly a single step."""
-    problem = Misfit(model, campaign, found.freedom, allowance=LAST.allowance, counted=kept)
-    end = descend(problem, found.x, LAST, known=normal, promise=_PROMISE)
+    stage = found.last or LAST
+    problem = stage.misfit(model, campaign, found.freedom, counted=kept)
+    end = descend(problem, found.x, stage, known=normal, promise=_PROMISE)
     if end.outcome == "interrupted":
         raise KeyboardInterrupt
     return end

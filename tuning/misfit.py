@@ -22,17 +22,18 @@ The normal equations take d r = g dH with g = 1, or |H_measured| / H_model of th
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import pairwise
 
 import numpy as np
 
-from identification.words import Campaign, Complex, Integers, Mask, Real
+from identification.words import Campaign, Complex, Integers, Layout, Mask, Real
 from mbmodel import Forward, Linearised, Model
 from tuning.batch import Batch, batches
 from tuning.freedom import Freedom
 from tuning.normal import Arrow, Quadratic
+from tuning.reduction import Mixing, Root, mixings, roots, weighed
 from tuning.shares import Shares, shares
 
 _STILL = 1e-10
@@ -43,11 +44,19 @@ _CHUNK = 2**21  # numbers of the Jacobian that are held at once
 
 @dataclass(frozen=True, eq=False)
 class _Weighted:
-    """One batch and its weights w; (n_freq, n_out, n_test)."""
+    """One batch and its weights w (n_freq, n_out, n_test), or M of each body beside them."""
 
     batch: Batch
     log_size: Real
     weight: Real
+    mixed: tuple[Mixing, ...] | None = None
+
+    @property
+    def values(self) -> int:
+        """How many numbers count."""
+        if self.mixed is None:
+            return int((self.weight > 0).sum())
+        return sum(one.values for one in self.mixed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +65,15 @@ class _Side:
 
     Args:
         lines: the model at theta.
-        curvature: sum w |g|^2; (n_freq, n_out, n_in).
+        curvature: sum w |g|^2, 1/2 where bodies are weighted; (n_freq, n_out, n_in).
         pull: sum w conj(g) r, complex; the same shape.
+        roots: of the weights of bodies, if these count.
     """
 
     lines: Linearised
     curvature: Real
     pull: Complex
+    roots: tuple[Root, ...]
 
 
 class Misfit:
@@ -74,6 +85,8 @@ class Misfit:
         freedom: coordinates of the parameters.
         allowance: a, relative to the motion of each point.
         logarithmic: whether r is the logarithm of the ratio.
+        at_bodies: whether the difference counts at the centres of mass, with the covariance of
+            their reduction.
         counted: lines that count, all if None; (n_freq,).
         threads: that form the normal equations; the result does not depend on it.
     """
@@ -86,6 +99,7 @@ class Misfit:
         *,
         allowance: float,
         logarithmic: bool = False,
+        at_bodies: bool = False,
         counted: Mask | None = None,
         threads: int = 1,
     ) -> None:
@@ -95,8 +109,10 @@ class Misfit:
         self._terms = [
             _weigh(batch, allowance, logarithmic, lines) for batch in batches(model, campaign)
         ]
-        self.values = sum(int((term.weight > 0).sum()) for term in self._terms)
-        self._plan = shares(model, freedom)
+        if at_bodies and not logarithmic:
+            self._terms = [_mixed(term, campaign.layout) for term in self._terms]
+        self.values = sum(term.values for term in self._terms)
+        self._plan = shares(model, freedom, apart=not at_bodies)
 
     def prior(self, x: Real) -> float:
         """1/2 sum x_prior^2."""
@@ -154,7 +170,7 @@ class Misfit:
         model = batch.pick(lines.values)
         if not self._logarithmic:
             off = model - batch.values
-            pull = weight * off
+            pull = weight * off if term.mixed is None else weighed(term.mixed, off)
             return _power(off, pull), pull, weight
         model = np.where(weight > 0, model, 1.0)
         product = model * np.where(weight > 0, batch.values, 1.0).conj()
@@ -169,7 +185,14 @@ class Misfit:
         """J, gradient and normal equations of the data of one batch, for each group of lines."""
         plan, freedom, spread = self._plan, self.freedom, term.batch.spread
         values, pull, curvature = self._residual(term, lines)
-        side = _Side(lines, spread(curvature.astype(complex)).real, spread(pull))
+        side = _Side(lines, spread(curvature.astype(complex)).real, spread(pull), ())
+        if term.mixed is not None:
+            n_in = side.pull.shape[2]
+            mixing = roots(term.mixed, term.batch.columns, n_in)
+            half = np.zeros(side.pull.shape)
+            for one in mixing:
+                half[:, one.rows] = 0.5
+            side = replace(side, curvature=half, roots=mixing)
         root = np.sqrt(2 * side.curvature)
         aim = 2 * np.divide(
             side.pull, root, out=np.zeros(root.shape, complex), where=side.curvature > 0
@@ -180,7 +203,9 @@ class Misfit:
             (_run(rows), np.ascontiguousarray(_split(values * root[:, rows][..., None])))
             for rows, values, _ in plan.own_columns(forward, rates)
         ]
-        runs = _Runs(plan, forward, rates, root, _split(aim), own)
+        for one in side.roots:
+            aim[:, one.rows] = np.einsum("ftij,fjt->fit", one.inverse, aim[:, one.rows])
+        runs = _Runs(plan, forward, rates, root, _split(aim), own, side.roots)
         found: list[Quadratic] = []
         for group, sums in enumerate(runs.sums(groups, self._threads)):
             shared, slope, cross, blocks, own_slopes = sums
@@ -203,6 +228,7 @@ class _Runs:
         root: square root of the weights; (n_freq, n_out, n_in).
         aim: weighted residual; (n_out, 2, n_freq, n_in).
         own: rows of each sensor, and its weighted columns.
+        mixing: roots of the weights of bodies, if these count.
     """
 
     plan: Shares
@@ -211,6 +237,7 @@ class _Runs:
     root: Real
     aim: Real
     own: list[tuple[slice | Integers, Real]]
+    mixing: tuple[Root, ...]
 
     def sums(self, groups: Integers, threads: int) -> list[tuple[Real, ...]]:
         """S, its part of the gradient, C, O and their parts of it, for each group of lines.
@@ -254,6 +281,10 @@ class _Runs:
             values = block.transpose(1, 0, 2, 3)
             np.multiply(values.real, scale, out=columns[:, 0, ..., places])
             np.multiply(values.imag, scale, out=columns[:, 1, ..., places])
+        for one in self.mixing:
+            columns[one.rows] = np.einsum(
+                "ftij,jpfts->ipfts", one.root[span], columns[one.rows], optimize=True
+            )
         return columns if plan.joined is None else np.asarray(columns @ plan.joined)
 
 
@@ -309,6 +340,14 @@ def _weigh(batch: Batch, allowance: float, logarithmic: bool, counted: Mask) -> 
     counts = counts & (allowed > 0) & counted[:, None, None]
     weight = np.where(counts, 1.0 / np.where(counts, allowed, 1.0), 0.0)
     return _Weighted(batch, np.log(np.where(size > 0, size, 1.0)), weight)
+
+
+def _mixed(term: _Weighted, layout: Layout) -> _Weighted:
+    """Weights at the centres of mass; channels whose body they do not determine count no more."""
+    counts = term.weight > 0
+    variance = 1 / np.where(counts, term.weight, 1.0)
+    outputs = term.batch.evaluator.question.outputs
+    return replace(term, mixed=mixings(layout, outputs, variance, counts))
 
 
 def _moving(batch: Batch) -> Mask:

@@ -98,7 +98,7 @@ def summarise_tuning(
             )
             for test in campaign.tests
         ],
-        fit=fit_row(tuned, gap.sensors),
+        fit=fit_row(tuned, gap.bodies if tuned.at == "bodies" else gap.sensors),
         gap=gap,
         parameters=parameter_rows(tuned),
         correlations=[] if sure is None else list(sure.correlations()[:_MOST]),
@@ -107,6 +107,7 @@ def summarise_tuning(
         inputs=inputs(session),
         modes=own,
         residuals=list(tuned.residuals),
+        at=tuned.at,
         pairs=pairs,
         unpaired_modes=unpaired,
         remaining_gap=list(remaining),

@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict
 from identification.words import Quantity
 
 Residual = Literal["modal", "log"]
+Place = Literal["sensors", "bodies"]
 
 
 class _Row(BaseModel):
@@ -201,9 +202,9 @@ class ShareRow(_Row):
 class TunedFile(_Row):
     """tuned.json.
 
-    ``residuals`` are those that were minimised, in order; ``pairs`` holds every measured mode and
-    ``unpaired_modes`` the tuned model's modes in the band that belong to none, where modes were
-    measured.
+    ``residuals`` are those that were minimised, in order, FRFs ``at`` sensors or bodies; ``pairs``
+    holds every measured mode and ``unpaired_modes`` the tuned model's modes in the band that belong
+    to none, where modes were measured.
     """
 
     campaign: str
@@ -224,6 +225,7 @@ class TunedFile(_Row):
     inputs: list[InputRow] = []
     modes: dict[str, list[ModeRow]]
     residuals: list[Residual] = ["log"]
+    at: Place = "sensors"
     pairs: list[PairRow] = []
     unpaired_modes: list[ModeRow] = []
     remaining_gap: list[ShareRow]

@@ -68,8 +68,14 @@ class Shares:
             yield rows, values * rates_of[part], at[at >= 0]
 
 
-def shares(model: Model, freedom: Freedom) -> Shares:
-    """Sensors whose coordinates are all their own, if they touch their own rows alone."""
+def shares(model: Model, freedom: Freedom, *, apart: bool = True) -> Shares:
+    """Sensors whose coordinates are all their own, if they touch their own rows alone.
+
+    Args:
+        model: machine and Parts.
+        freedom: coordinates of the parameters.
+        apart: whether rows count one by one; else sensors share those of their body.
+    """
     slopes = model.slopes(model.drawn, None, freedom.free)
     frees, members = model.pieces(freedom.free), model.pieces(freedom.member)
     shared = freedom.free.copy()
@@ -79,7 +85,7 @@ def shares(model: Model, freedom: Freedom) -> Shares:
     for number, (changes, free, member) in enumerate(zip(slopes, frees, members, strict=True)):
         mine = member[free]
         alone = np.isin(freedom.member, mine).sum() == len(np.unique(mine)) == len(mine)
-        if len(mine) and alone and [change.slot for change in changes] == ["sensor"]:
+        if apart and len(mine) and alone and [change.slot for change in changes] == ["sensor"]:
             own.append(number)
             at.append(mine)
             shared[spans[number] : spans[number + 1]] = False

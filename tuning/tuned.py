@@ -17,7 +17,7 @@ from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
 from tuning.information import information
 from tuning.journal import Journal
 from tuning.modal import MODAL_STAGES, ModalStage
-from tuning.schema import GainRow, Residual
+from tuning.schema import GainRow, Place, Residual
 from tuning.session import Session
 
 
@@ -67,6 +67,7 @@ class Tuned:
         residuals: what was minimised, in order.
         measured: modes inside the band, if any were asked for.
         algorithm: of the first stages.
+        at: where FRFs counted.
         gains: what further measurements would tell, if that was asked for.
     """
 
@@ -81,6 +82,7 @@ class Tuned:
     residuals: tuple[Residual, ...] = ("log",)
     measured: ModalModel | None = None
     algorithm: str = GAUSS_NEWTON
+    at: Place = "sensors"
     gains: tuple[GainRow, ...] = ()
 
     @property
@@ -114,11 +116,21 @@ class Watch:
     folded: Callable[[int], None] | None = None
 
 
-def stages_of(residuals: tuple[Residual, ...]) -> tuple[Stage | ModalStage, ...]:
-    """The stages of some residuals, in their order; after modes, FRFs need no first one."""
+def stages_of(
+    residuals: tuple[Residual, ...], at: Place = "sensors"
+) -> tuple[Stage | ModalStage, ...]:
+    """The stages of some residuals, in their order; after modes, FRFs need no first one.
+
+    Args:
+        residuals: what to minimise.
+        at: where FRFs count; logarithms of the first stages always at the channels.
+    """
+    stages = tuple(
+        replace(stage, at_bodies=at == "bodies" and not stage.logarithmic) for stage in STAGES
+    )
     if residuals == ("log",):
-        return STAGES
-    return (*MODAL_STAGES, *STAGES[1:]) if "log" in residuals else MODAL_STAGES
+        return stages
+    return (*MODAL_STAGES, *stages[1:]) if "log" in residuals else MODAL_STAGES
 
 
 def tune(  # noqa: PLR0913  # one for each option
@@ -127,6 +139,7 @@ def tune(  # noqa: PLR0913  # one for each option
     residuals: tuple[Residual, ...] = ("log",),
     measured: ModalModel | None = None,
     algorithm: str = GAUSS_NEWTON,
+    at: Place = "sensors",
     starts: int = 1,
     seed: int = 0,
     jobs: int = 1,
@@ -142,6 +155,8 @@ def tune(  # noqa: PLR0913  # one for each option
             ``log``, the logarithm of the FRFs' ratio.
         measured: modes inside the band; only reported where they are no residual.
         algorithm: of NLopt, by name, for the first stages; Gauss-Newton by default.
+        at: where FRFs count: at the channels, or at the centres of mass with the covariance of
+            their reduction.
         starts: how many starts: the drawing, then factors exp(N(0, 0.5)) on it.
         seed: of the random starts.
         jobs: processes for starts and held-out fits.
@@ -162,7 +177,7 @@ def tune(  # noqa: PLR0913  # one for each option
         campaign,
         varies=session.freedom,
         starts=random_starts(model, starts, seed),
-        stages=stages_of(residuals),
+        stages=stages_of(residuals, at),
         measured=measured,
         algorithm=algorithm,
         jobs=jobs,
@@ -204,6 +219,7 @@ def tune(  # noqa: PLR0913  # one for each option
         residuals=residuals,
         measured=measured,
         algorithm=algorithm,
+        at=at,
         gains=gains,
     )
 
@@ -224,7 +240,7 @@ def without_bounds(
         campaign,
         varies=varies.unbounded(),
         starts=(found.theta,),
-        stages=(LAST,),
+        stages=(found.last or LAST,),
         jobs=jobs,
         journal=journal,
         name="without bounds",

@@ -38,7 +38,7 @@ def reduce_to_bodies(estimate: FrfEstimate, layout: Layout) -> FrfEstimate:
         for body in range(len(layout.bodies)):
             block = slice(6 * body, 6 * body + 6)
             local = channels & rows[:, block].any(axis=1)
-            inverse, known = _inverse(rows[local, block])
+            inverse, known = body_inverse(rows[local, block])
             values[:, block, column] = frf.values[:, local, column] @ inverse.T
             variance[:, block, column] = estimate.variance[:, local, column] @ (inverse**2).T
             measured[block, column] = known
@@ -72,8 +72,15 @@ def reconstruct(reduced: Frf, outputs: tuple[Dof, ...], layout: Layout) -> Frf:
     return replace(motion, values=rows[:, columns] @ motion.values, outputs=tuple(outputs))
 
 
-def _inverse(rows: Real) -> tuple[Real, Mask]:
-    """Pseudo-inverse (6, n), zero for what is not determined, and which of the six are."""
+def body_inverse(rows: Real) -> tuple[Real, Mask]:
+    """Pseudo-inverse of a body's channels, lengths scaled by their distance from its centre.
+
+    Args:
+        rows: of the channels; (n, 6).
+
+    Returns:
+        (6, n), zero for what is not determined, and which of the six are; (6,).
+    """
     if not len(rows):
         return np.zeros((6, 0)), np.zeros(6, bool)
     arm = np.sqrt((rows[:, 3:] ** 2).sum() / max((rows[:, :3] ** 2).sum(), 1e-300))

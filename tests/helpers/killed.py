@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import signal
 import subprocess
 import sys
 import time
@@ -47,21 +48,24 @@ def whole(campaign: Path, out: Path) -> tuple[dict[str, str], float]:
     return _bits(out), time.monotonic() - begin
 
 
-def killed_and_resumed(campaign: Path, out: Path, seconds: float) -> Killed:
-    """Kill a run after some seconds, if it still runs, and resume it to its end."""
+def killed_and_resumed(
+    campaign: Path, out: Path, seconds: float = np.inf, steps: float = np.inf
+) -> Killed:
+    """Kill a run after some seconds or finished steps, if it still runs; resume it to its end."""
     command = [*COMMAND, str(campaign), "--out", str(out)]
-    process = subprocess.Popen(command)
-    try:
-        process.wait(timeout=seconds)
-        killed = False
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-        killed = True
-    kept = out / CHECKPOINT
-    steps = len(json.loads(kept.read_text())["steps"]) if kept.is_file() else 0
+    begin, process = time.monotonic(), subprocess.Popen(command)
+    while process.poll() is None:
+        if time.monotonic() - begin >= seconds or _finished(out) >= steps:
+            process.kill()
+        time.sleep(0.002)
+    found = _finished(out)
     subprocess.run([*command, "--resume"], check=True)
-    return Killed(killed, steps, _bits(out))
+    return Killed(process.returncode == -signal.SIGKILL, found, _bits(out))
+
+
+def _finished(out: Path) -> int:
+    kept = out / CHECKPOINT
+    return len(json.loads(kept.read_text())["steps"]) if kept.is_file() else 0
 
 
 def _bits(out: Path) -> dict[str, str]:
