@@ -9,6 +9,7 @@ from mbmodel.mode_slopes import LinearisedModes, ModeEvaluator
 from mbmodel.model import Matrices, Model, as_drawn
 from mbmodel.modes import Modes, model_modes, modes, shapes_at
 from mbmodel.parts import (
+    AddedPart,
     Change,
     Parameter,
     Part,
@@ -28,6 +29,7 @@ from mbmodel.statespace import state_space
 from mbmodel.transient import respond
 
 __all__ = [
+    "AddedPart",
     "Change",
     "Edit",
     "Energy",

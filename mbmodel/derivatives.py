@@ -19,7 +19,7 @@ from functools import cache
 import numpy as np
 
 from identification.words import Complex, Real
-from mbmodel.forward import Slopes
+from mbmodel.forward import Forward, Slopes
 from mbmodel.gravity import gravity_adjoint
 from mbmodel.parts import Change, Slot
 from mbmodel.places import selection
@@ -37,6 +37,9 @@ def gradient(lines: Solved, slopes: Slopes, cotangent: Complex) -> Real:
     Returns:
         (n_parameter,).
     """
+    odd = [_is_odd(lines, own) for own in slopes]
+    if any(odd):
+        return _by_columns(lines, slopes, cotangent, odd)
     weights = np.ascontiguousarray(cotangent.conj().transpose(1, 2, 0))
     adjoint = lines.solver.solve(weights, transposed=True, through=lines.readout.T)
     powers = _powers(lines.motion, lines.question.laplace)
@@ -56,6 +59,24 @@ def gradient(lines: Solved, slopes: Slopes, cotangent: Complex) -> Real:
             total += change.core.reshape(len(total), projected.size) @ projected.ravel()
         totals.append(total)
     return np.concatenate([*totals, np.zeros(0)])
+
+
+def _is_odd(lines: Solved, slopes: tuple[Change, ...]) -> bool:
+    """Whether sums over powers of s do not hold all of these slopes."""
+    hung = any(term.change.slot == "body" for term in lines.assembly.shaped)
+    return any(change.shape is not None or (hung and change.slot == "path") for change in slopes)
+
+
+def _by_columns(lines: Solved, slopes: Slopes, cotangent: Complex, odd: list[bool]) -> Real:
+    """The same with the columns of some Parts, the adjoint method for the others."""
+    plain = [() if one else own for one, own in zip(odd, slopes, strict=True)]
+    total = gradient(lines, plain, cotangent)
+    places = np.repeat(odd, [len(part.parameters) for part in lines.model.parts])
+    found = np.zeros(int(places.sum()))
+    for span, block in Forward(lines, slopes, places).blocks(np.flatnonzero(odd), slice(None)):
+        found[span] = np.einsum("fio,fiop->p", cotangent.conj(), block).real
+    total[places] = found
+    return total
 
 
 def _powers(motion: Complex, laplace: Complex) -> Callable[[int], Complex]:

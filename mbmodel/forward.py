@@ -27,6 +27,7 @@ import numpy as np
 from identification.words import Complex, Integers, Mask, Real
 from mbmodel.gravity import gravity_slope
 from mbmodel.modal import real_times
+from mbmodel.model import shaped_core
 from mbmodel.parts import Change
 from mbmodel.places import selection
 from mbmodel.solved import Solved
@@ -82,7 +83,17 @@ class Forward:
         for power in np.flatnonzero(lines.assembly.body.any(axis=(1, 2))):
             pressed = real_times(lines.assembly.body[power], self._felt(int(power)))
             total -= pressed * lines.question.laplace**power
+        for change in self._shaped_bodies:
+            felt = real_times(change.right.T, self._relative).transpose(2, 0, 1)
+            pressed = shaped_core(change, lines.question.laplace) @ felt
+            total -= real_times(change.left, pressed.transpose(1, 2, 0))
         return total
+
+    @cached_property
+    def _shaped_bodies(self) -> list[Change]:
+        """What depends on frequency in its own way at bodies."""
+        shaped = self.lines.assembly.shaped
+        return [term.change for term in shaped if term.change.slot == "body"]
 
     def _read(self, frame: Real, span: slice) -> Complex:
         """(L - y' T' Zb) frame, how outputs read what moves the bodies; (n_line, n_out, r)."""
@@ -93,6 +104,10 @@ class Forward:
         for power in np.flatnonzero(lines.assembly.body.any(axis=(1, 2))):
             pressed = lines.assembly.jacobian.T @ (lines.assembly.body[power] @ frame)
             total -= laplace**power * _reading(pressed, self._readers, span)
+        for change in self._shaped_bodies:
+            core = shaped_core(change, lines.question.laplace[span])
+            pushed = lines.assembly.jacobian.T @ change.left
+            total -= _reading(pushed, self._readers, span) @ core @ (change.right.T @ frame)
         return total
 
     def prepare(self) -> None:
@@ -126,6 +141,8 @@ class Forward:
             for change in changes:
                 for reader, core, felt in self._terms(change, mask, span):
                     product = _product(reader, core, felt, laplace)
+                    if change.shape is not None:
+                        product *= change.shape(laplace)[:, None, None, None]
                     total = product if total is None else total + product
             if total is not None:
                 yield slice(start, end), total

@@ -8,11 +8,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.words import Condition, Mask, Real, UsageError
+from identification.words import Complex, Condition, Mask, Real, UsageError
 from mbmodel.edit import Edit, NotHeld
 from mbmodel.gravity import gravity_slope, gravity_stiffness
 from mbmodel.machine import Machine
-from mbmodel.parts import Change, Parameter, Part, Situation, spring_parts
+from mbmodel.parts import Change, Conditional, Parameter, Part, Situation, spring_parts
 
 T = TypeVar("T", bound=np.generic)
 
@@ -31,6 +31,34 @@ class Matrices:
 
 
 @dataclass(frozen=True, eq=False)
+class ShapedTerm:
+    """What is added to Z(s) and is no polynomial: f(s) left (core_0 + s core_1 + ..) right'.
+
+    Args:
+        left: (nv, r).
+        right: (nv, t).
+        change: at bodies or joints.
+    """
+
+    left: Real
+    right: Real
+    change: Change
+
+    def at(self, laplace: Complex) -> Complex:
+        """The core at each s; (n_freq, r, t)."""
+        return shaped_core(self.change, laplace)
+
+
+def shaped_core(change: Change, laplace: Complex) -> Complex:
+    """F(s) (core_0 + s core_1 + s^2 core_2); (n_freq, r, t)."""
+    powers = laplace[:, None] ** np.arange(3)
+    if change.shape is not None:
+        powers = powers * change.shape(laplace)[:, None]
+    found: Complex = np.einsum("fk,krt->frt", powers, change.core)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
 class Assembly:
     """All factors of the equation at one theta.
 
@@ -40,6 +68,7 @@ class Assembly:
         matrices: M, C, K in joint coordinates.
         body_changes: what Parts add to Zb.
         point_changes: what Parts add at sensors and hammer.
+        shaped: what Parts add to Zb and Zj that is no polynomial in s.
     """
 
     machine: Machine
@@ -47,6 +76,7 @@ class Assembly:
     matrices: Matrices
     body_changes: tuple[Change, ...]
     point_changes: tuple[Change, ...]
+    shaped: tuple[ShapedTerm, ...] = ()
 
     @cached_property
     def body(self) -> Real:
@@ -143,9 +173,13 @@ class Model:
         machine = self.machine
         situation = Situation(machine, condition)
         found: dict[str, list[Change]] = {"joint": [], "body": [], "path": [], "point": []}
+        shaped: list[Change] = []
         for part, piece in zip(self.parts, self.pieces(theta), strict=True):
             for change in part.changes(piece, situation):
-                found[change.slot if change.slot in found else "point"].append(change)
+                if change.shape is not None:
+                    shaped.append(change)
+                else:
+                    found[change.slot if change.slot in found else "point"].append(change)
         jacobian, total = self._moved(found["path"], found["body"])
         for change in found["joint"]:
             add_product(total, change.left, change.core, change.right)
@@ -156,6 +190,7 @@ class Model:
             Matrices(mass, damping, stiffness),
             tuple(found["body"]),
             tuple(found["point"]),
+            tuple(_shaped_term(change, jacobian) for change in shaped),
         )
 
     def _moved(self, path: Sequence[Change], body: Sequence[Change]) -> tuple[Real, Real]:
@@ -180,6 +215,10 @@ class Model:
                     inertia_change=machine.weighed[:, None] * added,
                 )
         return jacobian, total
+
+    def acting(self, condition: Condition | None) -> tuple[bool, ...]:
+        """Which of the Parts that act in some tests only act in this one, in their order."""
+        return tuple(part.acts(condition) for part in self.parts if isinstance(part, Conditional))
 
     def matrices(self, theta: Real, condition: Condition | None = None) -> Matrices:
         """Assemble M, C and K at theta; see ``assemble``."""
@@ -209,6 +248,16 @@ class Model:
 
 
 _MASS = np.array([0.0, 0.0, 1.0])[:, None, None]
+
+
+def _shaped_term(change: Change, jacobian: Real) -> ShapedTerm:
+    if change.slot == "joint":
+        return ShapedTerm(change.left, change.right, change)
+    if change.slot != "body":
+        raise ValueError(
+            f"a change of slot {change.slot} has no dependence on frequency of its own"
+        )
+    return ShapedTerm(jacobian.T @ change.left, jacobian.T @ change.right, change)
 
 
 def add_product(total: Real, left: Real, core: Real, right: Real) -> None:

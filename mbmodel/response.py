@@ -19,6 +19,7 @@ from mbmodel.modal import ModalForm, modal_form
 from mbmodel.model import Assembly, Model
 from mbmodel.places import Places, changed, places
 from mbmodel.question import Question
+from mbmodel.shaped import ShapedSolver
 from mbmodel.solved import Solved
 from mbmodel.solver import Solver
 
@@ -111,6 +112,12 @@ class Evaluator:
         if form is not None and not self._agrees(solver, form, drive, motion):
             solver = Solver(assembly.matrices, question.laplace, None)
             motion = solver.solve(drive, factor=question.factor)
+        if assembly.shaped:
+            shaped = ShapedSolver(solver, assembly.shaped)
+            motion = shaped.solve(drive, factor=question.factor)
+            return Linearised(
+                self.model, theta, question, self.condition, assembly, here, shaped, motion
+            )
         return Linearised(
             self.model, theta, question, self.condition, assembly, here, solver, motion
         )

@@ -8,6 +8,7 @@ from mbmodel.modal import real_times
 from mbmodel.model import Assembly, Model
 from mbmodel.places import Places
 from mbmodel.question import Question
+from mbmodel.shaped import ShapedSolver
 from mbmodel.solver import Solver
 
 
@@ -32,7 +33,7 @@ class Solved:
     condition: Condition | None
     assembly: Assembly
     places: Places
-    solver: Solver
+    solver: Solver | ShapedSolver
     motion: Complex
 
     @cached_property

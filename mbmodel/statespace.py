@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identification.words import Real
+from identification.words import Real, UsageError
 from mbmodel.model import Model
 from mbmodel.places import changed, places
 from mbmodel.question import Question
@@ -32,11 +32,19 @@ def state_space(model: Model, theta: Real, question: Question) -> control.StateS
     Returns:
         The system, 2 nv states named ``<coordinate>`` and ``<coordinate>'``, then those of the
         floor, ``floor_tx`` and ``floor_tx'``.
+
+    Raises:
+        UsageError: a Part that is no polynomial in s acts.
     """
     # With its matplotlib two thirds of a second of every start, which only this needs.
     import control  # noqa: PLC0415
 
     assembly = model.assemble(theta)
+    if assembly.shaped:
+        raise UsageError(
+            "a Part depends on frequency as no state space of this size does: take it out, or use "
+            "FRFs"
+        )
     here = places(model.machine, question.outputs, question.inputs)
     here = changed(here, assembly.point_changes, question.outputs, question.inputs)
     drive = assembly.jacobian.T @ (here.force - assembly.body[2] @ here.floor) + here.motor

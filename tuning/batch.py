@@ -12,7 +12,7 @@ from mbmodel import Evaluator, Linearised, Model, Question
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Tests of one window and quantity: their union of channels, and what was measured there.
+    """Tests of one window in which the same Parts act: their channels, and what was measured.
 
     Args:
         evaluator: of the union of their outputs and inputs.
@@ -49,23 +49,25 @@ class Batch:
 
 def batches(model: Model, campaign: Campaign, *, direct: bool = False) -> tuple[Batch, ...]:
     """Group the tests that one evaluation answers."""
-    groups: dict[float, list[int]] = {}
+    groups: dict[tuple[float, tuple[bool, ...]], list[int]] = {}
     for number, test in enumerate(campaign.tests):
-        groups.setdefault(test.estimate.window_tau, []).append(number)
-    return tuple(
-        _batch(model, campaign, tuple(numbers), tau, direct) for tau, numbers in groups.items()
-    )
+        key = test.estimate.window_tau, model.acting(test.condition)
+        groups.setdefault(key, []).append(number)
+    return tuple(_batch(model, campaign, tuple(numbers), direct) for numbers in groups.values())
 
 
-def _batch(
-    model: Model, campaign: Campaign, numbers: tuple[int, ...], tau: float, direct: bool
-) -> Batch:
+def _batch(model: Model, campaign: Campaign, numbers: tuple[int, ...], direct: bool) -> Batch:
     tests = [campaign.tests[number] for number in numbers]
     outputs = distinct(dof for test in tests for dof in test.estimate.frf.outputs)
     inputs = distinct(test.condition.reference for test in tests)
     question = Question(
-        campaign.freq_hz, outputs, inputs, tests[0].estimate.frf.quantity, window_tau=tau
+        campaign.freq_hz,
+        outputs,
+        inputs,
+        tests[0].estimate.frf.quantity,
+        window_tau=tests[0].estimate.window_tau,
     )
+    condition = tests[0].condition if any(model.acting(tests[0].condition)) else None
     shape = (len(outputs), len(tests), len(campaign.freq_hz))
     values, variance = np.zeros(shape, complex), np.zeros(shape)
     measured = np.zeros(shape[:2], bool)
@@ -76,7 +78,7 @@ def _batch(
         variance[rows, column] = smooth_variance(test.estimate)[:, :, 0].T
         measured[rows, column] = test.estimate.measured[:, 0]
     return Batch(
-        evaluator=Evaluator(model, question, direct=direct),
+        evaluator=Evaluator(model, question, condition=condition, direct=direct),
         tests=numbers,
         columns=np.array([inputs.index(t.condition.reference.positive) for t in tests], np.intp),
         values=values.transpose(2, 0, 1),

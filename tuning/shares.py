@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.words import Complex, Integers, Mask, Real
-from mbmodel import Forward, Model
+from mbmodel import Change, Forward, Model
 from tuning.freedom import Freedom
 
 
@@ -85,7 +85,7 @@ def shares(model: Model, freedom: Freedom, *, apart: bool = True) -> Shares:
     for number, (changes, free, member) in enumerate(zip(slopes, frees, members, strict=True)):
         mine = member[free]
         alone = np.isin(freedom.member, mine).sum() == len(np.unique(mine)) == len(mine)
-        if apart and len(mine) and alone and [change.slot for change in changes] == ["sensor"]:
+        if apart and len(mine) and alone and _is_plain(changes):
             own.append(number)
             at.append(mine)
             shared[spans[number] : spans[number + 1]] = False
@@ -104,3 +104,10 @@ def shares(model: Model, freedom: Freedom, *, apart: bool = True) -> Shares:
         own_at,
         freedom.free & ~shared,
     )
+
+
+def _is_plain(changes: tuple[Change, ...]) -> bool:
+    """Whether these are rows of one sensor, the same at all lines."""
+    if [change.slot for change in changes] != ["sensor"]:
+        return False
+    return changes[0].shape is None and not changes[0].core[:, 1:].any()

@@ -1,14 +1,25 @@
 """Parts: named, parametrised, low-rank changes of the equation of motion."""
 
+from mbmodel.parts.added import AddedPart
 from mbmodel.parts.bodies import BodyPart, body_parts
 from mbmodel.parts.joints import JointPart, joint_parts
-from mbmodel.parts.part import Change, Known, Parameter, Part, Situation, Slot
+from mbmodel.parts.part import (
+    Change,
+    Conditional,
+    Known,
+    Parameter,
+    Part,
+    Situation,
+    Slot,
+)
 from mbmodel.parts.points import HammerPart, SensorPart, hammer_parts, sensor_parts
 from mbmodel.parts.springs import SpringPart, spring_parts
 
 __all__ = [
+    "AddedPart",
     "BodyPart",
     "Change",
+    "Conditional",
     "HammerPart",
     "JointPart",
     "Known",

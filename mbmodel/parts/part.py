@@ -13,10 +13,11 @@ left core(s) right' in one of five slots:
     hammer   P', columns likewise 6 directions of it x 6 n_body        0
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
-from identification.words import Condition, Real
+from identification.words import Complex, Condition, Real
 from mbmodel.edit import Edit, NotHeld
 from mbmodel.machine import Machine
 
@@ -59,7 +60,7 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """What a Part adds in a slot: left (core_0 + s core_1 + s^2 core_2) right'.
+    """What a Part adds in a slot: f(s) left (core_0 + s core_1 + s^2 core_2) right'.
 
     Args:
         slot: which factor of the equation changes.
@@ -68,6 +69,8 @@ class Change:
         core: coefficients of s^0, s^1, s^2; (..., 3, r, t). As a slope, the first axis runs over
             the Part's parameters.
         point: the sensor or hammer point meant, in those slots.
+        shape: f(s) by which all is multiplied, for what is no polynomial; f(conj s) = conj f(s).
+            As a finite change of bodies and joints only.
     """
 
     slot: Slot
@@ -75,6 +78,7 @@ class Change:
     right: Real
     core: Real
     point: str = ""
+    shape: Callable[[Complex], Complex] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,3 +113,11 @@ class Part(Protocol):
 
     def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
         """What to write into the MJCF, and what it cannot hold."""
+
+
+@runtime_checkable
+class Conditional(Protocol):
+    """A Part that acts in some tests only: what it changes elsewhere is nothing."""
+
+    def acts(self, condition: Condition | None) -> bool:
+        """Whether it acts in a test."""
