@@ -1,5 +1,21 @@
-"""What the model lacks: so far, where the gap that remains after tuning shows most."""
+"""What the model lacks: where the gap lies, which effect causes it, how far it shrinks with it."""
 
+from diagnosis.diagnose import STEPS, Diagnosis, diagnose
+from diagnosis.effects import EFFECTS
+from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.report import verdict_of
 from diagnosis.residual import ResidualShare, residual_shares
+from diagnosis.verdict import Verdict
 
-__all__ = ["ResidualShare", "residual_shares"]
+__all__ = [
+    "EFFECTS",
+    "STEPS",
+    "Diagnosis",
+    "Hypothesis",
+    "ResidualShare",
+    "Scene",
+    "Verdict",
+    "diagnose",
+    "residual_shares",
+    "verdict_of",
+]

@@ -9,6 +9,8 @@ from identification.solid import (
     Fault,
     body_inverse,
     check_bodies,
+    delayed,
+    mount,
     reconstruct,
     reduce_to_bodies,
 )
@@ -23,7 +25,9 @@ __all__ = [
     "check_bodies",
     "coherence_variance",
     "correct_layout",
+    "delayed",
     "difference_variance",
+    "mount",
     "read_campaign",
     "read_layout",
     "read_settings",

@@ -24,6 +24,7 @@ from mbmodel.parts import (
 from mbmodel.places import parse_input
 from mbmodel.question import Question
 from mbmodel.response import Evaluator, Linearised, linearise
+from mbmodel.spatial import transport
 from mbmodel.springs import Spring
 from mbmodel.statespace import state_space
 from mbmodel.transient import respond
@@ -66,5 +67,6 @@ __all__ = [
     "shapes_at",
     "spring_parts",
     "state_space",
+    "transport",
     "write_mjcf",
 ]

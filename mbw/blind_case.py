@@ -7,13 +7,12 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from diagnosis import residual_shares
+from diagnosis import diagnose, verdict_of
 from truth import draw_case, read_station, write_answer, write_campaign
-from tuning import Tuned, open_session, tune
+from tuning import open_session
 
 TREES = "trees"
 HASHES = "hashes.txt"  # of the answers, each before its verdict
-_NOTHING = 1.1  # excess below which nothing is missing
 
 
 @dataclass(frozen=True)
@@ -133,44 +132,9 @@ def _judge(task: Task) -> None:
     """Write the verdict, and then the figures of a refit."""
     if task.verdict.is_file() and task.refit.is_file():
         return
-    tuned = tune(open_session(task.campaign, task.band))
-    _write(task.verdict, json.dumps(gap_alone(tuned), indent=1, allow_nan=False))
-    refit = tuned.sensors.gap(tuned.sensors.held_out or tuned.sensors.tuned)
-    _write(task.refit, json.dumps({"excess": refit.excess}, allow_nan=False))
-
-
-def gap_alone(tuned: Tuned) -> dict[str, object]:
-    """A verdict from the gap alone: whether something is missing, and where the gap shows.
-
-    It names no effect: what stands in until there is a diagnosis, and what that has to beat.
-    """
-    sensors = tuned.sensors
-    after = sensors.gap(sensors.held_out or sensors.tuned)
-    drawn = sensors.gap(sensors.as_drawn)
-    missing = after.excess is not None and after.excess >= _NOTHING
-    shares = residual_shares(
-        sensors.channels(sensors.held_out or sensors.tuned), tuned.session.campaign.layout
-    )
-    return {
-        "verdict": "unexplained" if missing else "none",
-        "probability": {"none": float(not missing), "unexplained": float(missing), "several": 0.0},
-        "gap": {
-            "as_drawn": {"error": drawn.error, "excess": drawn.excess},
-            "retuned": {"error": after.error, "excess": after.excess},
-            "after": {"error": None, "excess": None},
-            "noise": after.noise,
-            "closed": None,
-            "interval": {"closed": None, "after": None},
-        },
-        "where": [
-            {"location": f"body:{one.body}", "share": one.share if missing else None}
-            for one in shares
-        ],
-        "causes": [],
-        "twins": [],
-        "not_testable": [],
-        "next_experiment": "",
-    }
+    found = diagnose(open_session(task.campaign, task.band))
+    _write(task.verdict, verdict_of(found).model_dump_json(indent=1))
+    _write(task.refit, json.dumps({"excess": found.retuned.gap.excess}, allow_nan=False))
 
 
 def _write(path: Path, text: str) -> None:

@@ -12,6 +12,7 @@ from identification.modal import Tolerances, Wishes
 from identification.words import UsageError
 from mbw import blind as blind_verb
 from mbw import demo as demo_verb
+from mbw import diagnose as diagnose_verb
 from mbw import identify as identify_verb
 from mbw import predict as predict_verb
 from mbw import report as report_verb
@@ -251,6 +252,28 @@ def tune(  # noqa: PLR0913  # one for each option
         resume=resume,
         inform=information,
     )
+
+
+@app.command()
+@guarded
+def diagnose(  # one for each option
+    campaign: Annotated[Path, typer.Argument(help="Folder with a campaign.toml.")],
+    *,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Results; default: <campaign>-diagnosed.")
+    ] = None,
+    json: Json = None,
+    band: Band = None,
+    jobs: Jobs = 1,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Print what was tried, and why the rest fell.")
+    ] = False,
+    quiet: Quiet = False,
+) -> None:
+    """Say what the model lacks, where, and how far the gap shrinks with it."""
+    SCREEN.quiet = quiet
+    _ordered(band)
+    diagnose_verb.run(campaign, out=out, json=json, band=band, jobs=jobs, explain=explain)
 
 
 @app.command()

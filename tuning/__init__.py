@@ -2,13 +2,13 @@
 
 from tuning.batch import predict
 from tuning.confidence import Confidence, confidence, pulls
-from tuning.fit import GAUSS_NEWTON, STAGES, Fit, Progress, Stage, fit, random_starts
+from tuning.fit import GAUSS_NEWTON, STAGES, Fit, Progress, Stage, fit, random_starts, thinned
 from tuning.folds import FOLDS, HeldOut, block_width, fit_held_out, fold_of_lines
 from tuning.freedom import Freedom, Wishes, freedom
 from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
 from tuning.inputs import fingerprint
 from tuning.journal import CHECKPOINT, Journal
-from tuning.misfit import Misfit
+from tuning.misfit import Misfit, Probed
 from tuning.modal import (
     MODAL_STAGES,
     ModalCost,
@@ -46,6 +46,7 @@ __all__ = [
     "Pairs",
     "PartnerRow",
     "Place",
+    "Probed",
     "Progress",
     "Residual",
     "Result",
@@ -78,6 +79,7 @@ __all__ = [
     "some_modes",
     "stages_of",
     "summarise",
+    "thinned",
     "tune",
     "with_tolerances",
     "write_result",

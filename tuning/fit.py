@@ -14,7 +14,7 @@ from tuning.freedom import Freedom, freedom
 from tuning.journal import Journal
 from tuning.misfit import Misfit
 from tuning.modal import ModalCost, ModalStage
-from tuning.newton import Box, gauss_newton
+from tuning.newton import LARGEST_STEP, Box, gauss_newton
 from tuning.normal import Quadratic
 from tuning.solver import INTERRUPTED, Minimum, Outcome, minimise
 
@@ -36,6 +36,7 @@ class Stage:
         logarithmic: whether the residual is the logarithm of the ratio.
         everything: whether tolerances vary too, or only what has no prior.
         at_bodies: whether differences count at the centres of mass instead of the channels.
+        max_steps: of Gauss-Newton, at which it stops wherever it is.
     """
 
     allowance: float
@@ -44,6 +45,7 @@ class Stage:
     logarithmic: bool = True
     everything: bool = False
     at_bodies: bool = False
+    max_steps: int = 60
 
     def misfit(
         self,
@@ -238,11 +240,17 @@ def descend(
     return gauss_newton(
         problem,
         x,
-        Box(varies.lower, varies.upper, varies.has_prior.astype(float)),
+        Box(
+            varies.lower,
+            varies.upper,
+            varies.has_prior.astype(float),
+            np.where(varies.is_logarithm & ~varies.has_prior, LARGEST_STEP, np.inf),
+        ),
         known=known,
         promise=promise,
         damping=_FAR if stage.allowance > 0 else _NEAR,
         tolerance=stage.tolerance,
+        max_steps=stage.max_steps,
         report=report,
     )
 

@@ -151,6 +151,49 @@ class Freedom:
             upper=np.where(self.has_prior & (self.upper == BOUND), np.inf, self.upper),
         )
 
+    def released(self, names: Sequence[str]) -> "Freedom":
+        """The same, some tolerances without prior and bounds: what is off there may be any size.
+
+        Args:
+            names: of coordinates.
+        """
+        chosen = np.isin(np.array(self.names), list(names))
+        return replace(
+            self,
+            has_prior=self.has_prior & ~chosen,
+            lower=np.where(chosen, -np.inf, self.lower),
+            upper=np.where(chosen, np.inf, self.upper),
+        )
+
+    def extended(self, model: Model, tolerance: Tolerance) -> "Freedom":
+        """The coordinates there are, and after them those of Parts that a model has more.
+
+        Args:
+            model: with further Parts after those of this freedom's model.
+            tolerance: of the drawing.
+        """
+        whole = freedom(model, tolerance)
+        count = len(self.parameters)
+        own = whole.free[count:]
+        new = whole.member[count:][own]
+        member = np.where(own, self.size + np.cumsum(own) - 1, -1)
+        return Freedom(
+            model.parameters,
+            member=np.append(self.member, member),
+            scale=np.append(self.scale, whole.scale[count:]),
+            fixed=np.append(self.fixed, whole.fixed[count:]),
+            has_prior=np.append(self.has_prior, whole.has_prior[new]),
+            lower=np.append(self.lower, whole.lower[new]),
+            upper=np.append(self.upper, whole.upper[new]),
+        )
+
+    @cached_property
+    def is_logarithm(self) -> Mask:
+        """Which coordinates are logarithms of sizes; (n_x,)."""
+        found = np.zeros(self.size, bool)
+        found[self.member[self.free]] = self._logarithmic[self.free]
+        return found
+
     @property
     def is_stated(self) -> Mask:
         """Coordinates with bounds that are no default of tolerances; (n_x,)."""

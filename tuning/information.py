@@ -29,7 +29,6 @@ from identification.words import (
 from mbmodel import Evaluator, Model, Part, Question, hammer_parts, sensor_parts
 from tuning.confidence import WIDEST, Confidence
 from tuning.fit import thinned
-from tuning.freedom import Freedom, freedom
 from tuning.misfit import Misfit
 from tuning.schema import GainRow
 from tuning.session import Session
@@ -70,7 +69,7 @@ def information(session: Session, sure: Confidence) -> tuple[GainRow, ...]:
 
 def _added(session: Session, sure: Confidence, model: Model, campaign: Campaign) -> Real:
     """C' of the coordinates there are and those of the new measurement, which come last."""
-    varies = _extended(session, sure.freedom, model)
+    varies = sure.freedom.extended(model, session.campaign.tolerance)
     x = np.append(sure.x, np.zeros(varies.size - sure.freedom.size))
     problem = Misfit(model, campaign, varies, allowance=0.0)
     new = problem.normal(x)[2].dense() * _STRIDE
@@ -81,24 +80,6 @@ def _added(session: Session, sure: Confidence, model: Model, campaign: Campaign)
     scale = 1 / np.sqrt(np.diag(new))
     covariance: Real = np.linalg.inv(new * np.outer(scale, scale)) * np.outer(scale, scale)
     return covariance
-
-
-def _extended(session: Session, varies: Freedom, model: Model) -> Freedom:
-    """The coordinates there are, and after them those that further Parts bring."""
-    whole = freedom(model, session.campaign.tolerance)
-    count = len(varies.parameters)
-    own = whole.free[count:]
-    member = np.where(own, varies.size + np.cumsum(own) - 1, -1)
-    new = whole.member[count:][own]
-    return Freedom(
-        model.parameters,
-        member=np.append(varies.member, member),
-        scale=np.append(varies.scale, whole.scale[count:]),
-        fixed=np.append(varies.fixed, whole.fixed[count:]),
-        has_prior=np.append(varies.has_prior, whole.has_prior[new]),
-        lower=np.append(varies.lower, whole.lower[new]),
-        upper=np.append(varies.upper, whole.upper[new]),
-    )
 
 
 def _candidates(session: Session, sure: Confidence) -> Iterator[tuple[str, str, Model, Campaign]]:

@@ -40,6 +40,7 @@ _STILL = 1e-10
 # Linearity and noise of the force, relative to the motion of a point: no line is known better.
 _FLOOR = 3e-4
 _CHUNK = 2**21  # numbers of the Jacobian that are held at once
+_WIDE = 2**24  # the same of probes: many Parts of few columns, each with an overhead of its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,15 +66,36 @@ class _Side:
 
     Args:
         lines: the model at theta.
+        values: sum w |r|^2; (n_freq,).
         curvature: sum w |g|^2, 1/2 where bodies are weighted; (n_freq, n_out, n_in).
         pull: sum w conj(g) r, complex; the same shape.
         roots: of the weights of bodies, if these count.
     """
 
     lines: Linearised
+    values: Real
     curvature: Real
     pull: Complex
     roots: tuple[Root, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Probed:
+    """Normal equations, and how further coordinates bear on them.
+
+    Args:
+        gradient: of J, priors and all; (n_x,).
+        normal: N of the data.
+        cross: N between what varies and the probes; (n_x, n_probe).
+        blocks: N of the probes, of each Part alone; (n_probe, n_probe).
+        slope: gradient by the probes; (n_probe,).
+    """
+
+    gradient: Real
+    normal: Arrow
+    cross: Real
+    blocks: Real
+    slope: Real
 
 
 class Misfit:
@@ -159,6 +181,34 @@ class Misfit:
         whole = value + self.prior(x), gradient + self._pulled(x), normal
         return [whole] if folds is None else [whole, *(_minus(whole, fold) for fold in sums)]
 
+    def probed(self, x: Real, probes: Freedom) -> "Probed":
+        """How further coordinates bear on what varies; they are not asked about each other.
+
+        Args:
+            x: where; (n_x,).
+            probes: of the same model, with nothing that varies here.
+        """
+        theta = self.freedom.theta(x)
+        _, gradient, normal = self.normal(x)
+        size = probes.size
+        found = Probed(
+            gradient,
+            normal,
+            np.zeros((self.freedom.size, size)),
+            np.zeros((size, size)),
+            np.zeros(size),
+        )
+        plan = shares(self.model, probes, apart=False)
+        zero = np.zeros(size)
+        for term in self._terms:
+            side = self._side(term, term.batch.evaluator.at(theta))
+            runs = self._runs(side, x)
+            root, aim = runs.root, runs.aim
+            forward, rates = side.lines.forward(probes.free), probes.rates(zero)
+            more = _Runs(plan, forward, rates, root, aim, [], side.roots)
+            runs.probe(more, _blocks(self.model, probes), found)
+        return found
+
     def _pulled(self, x: Real) -> Real:
         """Gradient of the prior."""
         pulled: Real = np.where(self.freedom.has_prior, x, 0.0)
@@ -183,9 +233,23 @@ class Misfit:
         self, term: _Weighted, lines: Linearised, x: Real, groups: Integers
     ) -> list[Quadratic]:
         """J, gradient and normal equations of the data of one batch, for each group of lines."""
-        plan, freedom, spread = self._plan, self.freedom, term.batch.spread
+        plan, freedom = self._plan, self.freedom
+        side = self._side(term, lines)
+        runs = self._runs(side, x)
+        found: list[Quadratic] = []
+        for group, sums in enumerate(runs.sums(groups, self._threads)):
+            shared, slope, cross, blocks, own_slopes = sums
+            gradient = np.zeros(freedom.size + 1)
+            gradient[plan.own_at] = own_slopes
+            gradient[plan.shared_at] = slope
+            arrow = Arrow(shared, cross, blocks, plan.shared_at, plan.own_at)
+            found.append((float(side.values[groups == group].sum()), gradient[:-1], arrow))
+        return found
+
+    def _side(self, term: _Weighted, lines: Linearised) -> _Side:
+        spread = term.batch.spread
         values, pull, curvature = self._residual(term, lines)
-        side = _Side(lines, spread(curvature.astype(complex)).real, spread(pull), ())
+        side = _Side(lines, values, spread(curvature.astype(complex)).real, spread(pull), ())
         if term.mixed is not None:
             n_in = side.pull.shape[2]
             mixing = roots(term.mixed, term.batch.columns, n_in)
@@ -193,6 +257,11 @@ class Misfit:
             for one in mixing:
                 half[:, one.rows] = 0.5
             side = replace(side, curvature=half, roots=mixing)
+        return side
+
+    def _runs(self, side: _Side, x: Real) -> "_Runs":
+        """Weighted derivatives of one batch."""
+        plan, freedom = self._plan, self.freedom
         root = np.sqrt(2 * side.curvature)
         aim = 2 * np.divide(
             side.pull, root, out=np.zeros(root.shape, complex), where=side.curvature > 0
@@ -205,16 +274,7 @@ class Misfit:
         ]
         for one in side.roots:
             aim[:, one.rows] = np.einsum("ftij,fjt->fit", one.inverse, aim[:, one.rows])
-        runs = _Runs(plan, forward, rates, root, _split(aim), own, side.roots)
-        found: list[Quadratic] = []
-        for group, sums in enumerate(runs.sums(groups, self._threads)):
-            shared, slope, cross, blocks, own_slopes = sums
-            gradient = np.zeros(freedom.size + 1)
-            gradient[plan.own_at] = own_slopes
-            gradient[plan.shared_at] = slope
-            arrow = Arrow(shared, cross, blocks, plan.shared_at, plan.own_at)
-            found.append((float(values[groups == group].sum()), gradient[:-1], arrow))
-        return found
+        return _Runs(plan, forward, rates, root, _split(aim), own, side.roots)
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,6 +330,38 @@ class _Runs:
             slopes[number, :count] = part.T @ aim[rows].ravel()
         return flat.T @ flat, flat.T @ aim.ravel(), cross, blocks, slopes
 
+    def probe(self, more: "_Runs", blocks: list[slice], found: Probed) -> None:
+        """Add up what further columns have to do with these."""
+        n_freq, n_out, n_in = self.root.shape
+        count = len(more.plan.shared_at) + len(self.plan.shared_at)
+        step = max(1, _WIDE // max(2 * n_out * n_in * count, 1))
+        for span in _spans(np.zeros(n_freq, int), step):
+            columns, others, aim = self._columns(span), more._rows(span), self.aim[:, :, span]
+            flat = others.reshape(len(others), -1)
+            found.slope[:] += flat @ aim.ravel()
+            found.cross[self.plan.shared_at] += _flat(columns).T @ flat.T
+            for (rows, mine), at in zip(self.own, self.plan.own_at, strict=True):
+                part = _flat(mine[:, :, span])
+                found.cross[at[at >= 0]] += part.T @ others[:, rows].reshape(len(others), -1).T
+            for block in blocks:
+                found.blocks[block, block] += flat[block] @ flat[block].T
+
+    def _rows(self, span: slice) -> Real:
+        """Weighted columns one by one, (n_s, n_out, 2, n_line, n_in): quicker where Parts are many.
+
+        Each must have coordinates of its own.
+        """
+        root = self.root[span].transpose(1, 0, 2)
+        rates = self.rates[np.flatnonzero(self.plan.shared)]
+        n_out, n_line, n_in = root.shape
+        rows = np.zeros((len(rates), n_out, 2, n_line, n_in))
+        for places, block in self.forward.blocks(self.plan.parts, span):
+            scale = root * rates[places, None, None, None]
+            values = block.transpose(3, 1, 0, 2)
+            np.multiply(values.real, scale, out=rows[places, :, 0])
+            np.multiply(values.imag, scale, out=rows[places, :, 1])
+        return rows
+
     def _columns(self, span: slice) -> Real:
         """Weighted columns of the shared coordinates; (n_out, 2, n_line, n_in, n_s)."""
         plan, root = self.plan, self.root[span].transpose(1, 0, 2)[..., None]
@@ -286,6 +378,13 @@ class _Runs:
                 "ftij,jpfts->ipfts", one.root[span], columns[one.rows], optimize=True
             )
         return columns if plan.joined is None else np.asarray(columns @ plan.joined)
+
+
+def _blocks(model: Model, probes: Freedom) -> list[slice]:
+    """Coordinates of each Part among the probes."""
+    counts = [int(mask.sum()) for mask in model.pieces(probes.free)]
+    ends = np.cumsum([0, *(count for count in counts if count)])
+    return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
 def _spans(groups: Integers, most: int) -> Iterator[slice]:

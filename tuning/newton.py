@@ -23,7 +23,7 @@ from tuning.solver import INTERRUPTED, Minimum, Outcome
 
 # Of a coordinate without a prior: a factor of 2 in stiffness. As a bound of each coordinate, not a
 # scale of the whole step, which one hardly visible damping would hold back.
-_LARGEST_STEP = 0.7
+LARGEST_STEP = 0.7
 _KEPT = 0.03  # by which a step may miss its promise for the normal equations to be kept
 _STUCK = 1e9  # damping at which no step helps any more
 _ROUNDS = 200
@@ -50,11 +50,20 @@ class Box:
     Args:
         lower, upper: (n,).
         precision: 1 where a prior counts, else 0; (n,).
+        farthest: how far one step may go; by default 0.7 where no prior counts; (n,).
     """
 
     lower: Real
     upper: Real
     precision: Real
+    farthest: Real | None = None
+
+    @property
+    def limit(self) -> Real:
+        """How far one step may go; (n,)."""
+        if self.farthest is not None:
+            return self.farthest
+        return np.where(self.precision == 0, LARGEST_STEP, np.inf)
 
 
 @dataclass
@@ -132,7 +141,7 @@ def _advance(
     """Take one step that helps; what it promised, in nats, zero if none helps, and the new J."""
     diagonal = normal.diagonal() + box.precision
     least = _FLAT * float(diagonal.max(initial=1.0))
-    limit = np.where(box.precision == 0, _LARGEST_STEP, np.inf)
+    limit = box.limit
     while state.damping < _STUCK:
         added = box.precision + state.damping * diagonal + least
         lower = np.maximum(box.lower - state.x, -limit)

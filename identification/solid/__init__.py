@@ -1,6 +1,16 @@
 """Solid bodies: from sensors to motions and back, up to where that holds, and which sensor lies."""
 
 from identification.solid.check import BodyCheck, Fault, check_bodies
+from identification.solid.hypotheses import delayed, mount
 from identification.solid.reduce import body_inverse, reconstruct, reduce_to_bodies
 
-__all__ = ["BodyCheck", "Fault", "body_inverse", "check_bodies", "reconstruct", "reduce_to_bodies"]
+__all__ = [
+    "BodyCheck",
+    "Fault",
+    "body_inverse",
+    "check_bodies",
+    "delayed",
+    "mount",
+    "reconstruct",
+    "reduce_to_bodies",
+]

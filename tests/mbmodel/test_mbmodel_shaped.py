@@ -51,7 +51,7 @@ def on_head(machine, *axes, shape=None, power=0, name="cover"):
     core = np.zeros((1, 3, len(axes), len(axes)))
     core[0, power] = np.eye(len(axes))
     change = Change("body", frame, frame, core, shape=shape)
-    return AddedPart(
+    return AddedPart.linear(
         "body:head", (Parameter(f"{name}.mass", 0.0, "kg", positive=False),), (change,)
     )
 
@@ -62,15 +62,15 @@ def lossy(machine):
     nv = len(machine.coordinates)
     core = np.zeros((1, 3, nv, nv))
     core[0, 0] = np.diag([0, 0, 0, 8e6, 6e6, 3e5])
-    eta = AddedPart(
+    eta = AddedPart.linear(
         "joint:head",
         (Parameter("head.loss_factor", 0.0, "1", positive=False),),
         (Change("joint", np.eye(nv), np.eye(nv), core, shape=lambda s: 1j * np.sign(s.imag)),),
     )
-    late = AddedPart(
+    late = AddedPart.linear(
         "joint:base",
         (Parameter("base.delay", 0.0, "1", positive=False),),
-        (replace(eta.slopes_[0], shape=lambda s: np.exp(-0.002 * s) - 1),),
+        (replace(eta.derivatives(None)[0], shape=lambda s: np.exp(-0.002 * s) - 1),),
         when=lambda condition: condition.reference.direction == "+tx",
     )
     parts = (

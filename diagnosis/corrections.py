@@ -1,0 +1,90 @@
+"""A measurement as it would be without a fault: channels masked, exchanged, turned, divided."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from identification.words import Campaign, Complex, Dof, FrfEstimate, Mask, Real
+
+Reading = Callable[[Real], Complex]
+
+
+def channels_of(location: str, dof: str | None) -> Callable[[Dof], bool]:
+    """Tells which channels a fault concerns.
+
+    Args:
+        location: ``sensor:<site>`` or ``sensor:<site>+<site>``.
+        dof: such as ``tx`` or ``tx+ty``; None for all.
+    """
+    sites = location.partition(":")[2].split("+")
+    axes = None if dof is None else dof.split("+")
+
+    def concerned(channel: Dof) -> bool:
+        return channel.point in sites and (axes is None or channel.direction[1:] in axes)
+
+    return concerned
+
+
+def masked(campaign: Campaign, concerned: Callable[[Dof], bool]) -> Campaign:
+    """Without some channels: their cells count as not measured."""
+
+    def edit(estimate: FrfEstimate) -> FrfEstimate:
+        kept = np.array([not concerned(dof) for dof in estimate.frf.outputs])
+        return _only(estimate, kept)
+
+    return _edited(campaign, edit)
+
+
+def divided(campaign: Campaign, concerned: Callable[[Dof], bool], reading: Reading) -> Campaign:
+    """Channels divided by what they read per motion."""
+
+    def edit(estimate: FrfEstimate) -> FrfEstimate:
+        rows = np.array([concerned(dof) for dof in estimate.frf.outputs])
+        read = reading(estimate.frf.freq_hz)[:, None, None]
+        values, variance = estimate.frf.values.copy(), estimate.variance.copy()
+        values[:, rows] /= read
+        variance[:, rows] /= np.abs(read) ** 2
+        return replace(estimate, frf=replace(estimate.frf, values=values), variance=variance)
+
+    return _edited(campaign, edit)
+
+
+def exchanged(campaign: Campaign, pairs: tuple[tuple[Dof, Dof], ...]) -> Campaign:
+    """Channels that bear each other's labels; where one of two is missing both are masked."""
+    partner = {a.positive: b.positive for a, b in pairs} | {
+        b.positive: a.positive for a, b in pairs
+    }
+
+    def edit(estimate: FrfEstimate) -> FrfEstimate:
+        outputs = estimate.frf.outputs
+        place = {dof.positive: row for row, dof in enumerate(outputs)}
+        rows, signs = np.arange(len(outputs)), np.ones(len(outputs))
+        kept = np.ones(len(outputs), bool)
+        for row, dof in enumerate(outputs):
+            other = place.get(partner.get(dof.positive, dof.positive))
+            kept[row] = other is not None
+            if other is not None:
+                rows[row] = other
+                signs[row] = dof.sign * outputs[other].sign
+        values = estimate.frf.values[:, rows] * signs[:, None]
+        moved = replace(
+            estimate,
+            frf=replace(estimate.frf, values=values),
+            variance=estimate.variance[:, rows],
+            measured=estimate.measured[rows],
+            coherence=None if estimate.coherence is None else estimate.coherence[:, rows],
+        )
+        return _only(moved, kept)
+
+    return _edited(campaign, edit)
+
+
+def _only(estimate: FrfEstimate, kept: Mask) -> FrfEstimate:
+    frf = replace(estimate.frf, values=estimate.frf.values * kept[:, None])
+    return replace(estimate, frf=frf, measured=estimate.measured & kept[:, None])
+
+
+def _edited(campaign: Campaign, edit: Callable[[FrfEstimate], FrfEstimate]) -> Campaign:
+    tests = tuple(replace(test, estimate=edit(test.estimate)) for test in campaign.tests)
+    return replace(campaign, tests=tests)

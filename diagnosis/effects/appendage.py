@@ -1,0 +1,147 @@
+"""A small mass on a spring: a cable carrier, a loose cover.
+
+A mass m that moves along an axis on a spring of w0 and zeta adds to the body's dynamic stiffness
+
+    m s^2 S / (s^2 + S),   S = 2 zeta w0 s + w0^2
+
+along that axis: a mass below its frequency, next to nothing above. It may move along one axis or
+along all, so that each world axis has a mass of its own. The frequency is scanned; from there it is
+fitted, with the damping and the place: with R = s^2 S / (s^2 + S), dR/dS = s^4 / (s^2 + S)^2.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+
+from diagnosis.hypothesis import Hypothesis, Scene, Value
+from identification.words import Complex, Real
+from mbmodel import AddedPart, Change, Parameter, transport
+
+_SCANNED, _DAMPING = 48, 0.03
+_UNIT = 0.01  # of the body's mass per unit of the parameters
+_STEPS = 0.05, 0.5  # of the logarithms of frequency and damping per unit of theirs
+_FARTHEST = 20.0  # steps
+_ARM = 0.1  # m per unit of the place's parameters
+Shape = Callable[[Complex], Complex]
+
+
+def propose(scene: Scene) -> Iterator[Hypothesis]:
+    """One for each body and frequency."""
+    machine = scene.model.machine
+    bodies = machine.layout.bodies
+    band = scene.session.campaign.freq_hz
+    lowest = float(band[band > 0].min())
+    for number, body in enumerate(bodies):
+        unit = _UNIT * float(machine.body_mass[6 * number, 6 * number])
+        frame = np.zeros((6 * len(bodies), 6))
+        frame[6 * number : 6 * number + 6] = np.eye(6)
+        for at, frequency in enumerate(np.geomspace(lowest, 1.2 * float(band[-1]), _SCANNED)):
+            one = _Appendage(f"{body}.appendage{at}", frame, unit, float(frequency))
+            yield Hypothesis(
+                "appendage",
+                f"body:{body}",
+                parts=(one.part(f"body:{body}"),),
+                scored=one.masses,
+                signed=True,
+                state=one.state,
+            )
+
+
+class _Appendage:
+    """Masses along three axes at one point, on springs of one frequency and damping.
+
+    With G = [1, -[p]x] the motion of the point p, it adds G' diag(m) G R(s).
+    """
+
+    def __init__(self, name: str, frame: Real, unit: float, frequency: float) -> None:
+        self.name, self.frame, self.unit, self.frequency = name, frame, unit, frequency
+        self.masses = tuple(f"{name}.mass_{axis}" for axis in "xyz")
+        self.place = tuple(f"{name}.position_{axis}" for axis in "xyz")
+        self.tuned = (f"{name}.frequency", f"{name}.damping")
+
+    def part(self, location: str) -> AddedPart:
+        """As a Part."""
+        units = [f"{self.unit:g} kg"] * 3 + ["5 %", "50 %"] + [f"{_ARM:g} m"] * 3
+        names = (*self.masses, *self.tuned, *self.place)
+        parameters = tuple(
+            Parameter(name, 0.0, unit, positive=False)
+            for name, unit in zip(names, units, strict=True)
+        )
+        return AddedPart(location, parameters, self.finite, self.derivatives)
+
+    def _at(self, theta: Real) -> tuple[float, float]:
+        steps = np.clip(theta[3:5], -_FARTHEST, _FARTHEST)
+        omega = 2 * np.pi * self.frequency * float(np.exp(_STEPS[0] * steps[0]))
+        return omega, _DAMPING * float(np.exp(_STEPS[1] * steps[1]))
+
+    def _change(self, core: Real, shape: Shape) -> Change:
+        whole = np.zeros((*core.shape[:-2], 3, 6, 6))
+        whole[..., 0, :, :] = core
+        return Change("body", self.frame, self.frame, whole, shape=shape)
+
+    def finite(self, theta: Real) -> tuple[Change, ...]:
+        """All three masses on their spring."""
+        moved = transport(_ARM * theta[5:])[:3]
+        core = self.unit * moved.T @ (theta[:3, None] * moved)
+        return (self._change(core, _resonator(*self._at(theta))),)
+
+    def derivatives(self, theta: Real) -> tuple[Change, ...]:
+        """By the masses and the place, then by frequency and damping."""
+        omega, zeta = self._at(theta)
+        moved = transport(_ARM * theta[5:])[:3]
+        pushed = self.unit * theta[:3, None] * moved
+        core = np.zeros((8, 6, 6))
+        for k, row in enumerate(moved):
+            core[k] = self.unit * np.outer(row, row)
+        for k, unit in enumerate(np.eye(3)):
+            turned = transport(_ARM * unit)[:3] - np.eye(3, 6)
+            core[5 + k] = turned.T @ pushed + pushed.T @ turned
+        changes = [self._change(core, _resonator(omega, zeta))]
+        if theta[:3].any():
+            for place, shape in ((3, _by_frequency(omega, zeta)), (4, _by_damping(omega, zeta))):
+                own = np.zeros((8, 6, 6))
+                own[place] = moved.T @ pushed
+                changes.append(self._change(own, shape))
+        return tuple(changes)
+
+    def state(self, found: Mapping[str, float]) -> dict[str, Value]:
+        """What the verdict calls them."""
+        omega, zeta = self._at(np.array([0.0] * 3 + [found[name] for name in self.tuned]))
+        return {
+            "mass": self.unit * max(found[name] for name in self.masses),
+            "frequency": omega / (2 * np.pi),
+            "damping": zeta,
+            "position": tuple(_ARM * found[name] for name in self.place),
+        }
+
+
+def _resonator(omega: float, zeta: float) -> Shape:
+    """R(s): dynamic stiffness of a unit mass on its spring."""
+
+    def shape(laplace: Complex) -> Complex:
+        spring = 2 * zeta * omega * laplace + omega**2
+        return np.asarray(laplace**2 * spring / (laplace**2 + spring), complex)
+
+    return shape
+
+
+def _by_frequency(omega: float, zeta: float) -> Shape:
+    """DR per unit of the frequency's parameter."""
+
+    def shape(laplace: Complex) -> Complex:
+        spring = 2 * zeta * omega * laplace + omega**2
+        rate = _STEPS[0] * (2 * zeta * omega * laplace + 2 * omega**2)
+        return np.asarray(laplace**4 / (laplace**2 + spring) ** 2 * rate, complex)
+
+    return shape
+
+
+def _by_damping(omega: float, zeta: float) -> Shape:
+    """DR per unit of the damping's parameter."""
+
+    def shape(laplace: Complex) -> Complex:
+        spring = 2 * zeta * omega * laplace + omega**2
+        rate = _STEPS[1] * 2 * zeta * omega * laplace
+        return np.asarray(laplace**4 / (laplace**2 + spring) ** 2 * rate, complex)
+
+    return shape

@@ -1,0 +1,37 @@
+"""A joint whose stiffness differs in one test or set-up: the machine warmed up in between.
+
+All springs of the joint are multiplied by one factor there, K += (factor - 1) k, with k as fitted
+to all tests. A test is one reference of one file, a set-up all tests of that name.
+"""
+
+from collections.abc import Iterator, Mapping
+
+from diagnosis.effects.points import along, hits, jointed, springs_of
+from diagnosis.hypothesis import Hypothesis, Scene, Value
+from identification.words import Condition
+from mbmodel import AddedPart, Parameter
+
+
+def propose(scene: Scene) -> Iterator[Hypothesis]:
+    """One for each joint and each reference or set-up, where there are several."""
+    machine = scene.model.machine
+    conditions = [test.condition for test in scene.session.campaign.tests]
+    setups = sorted({one.setup for one in conditions if one.setup is not None})
+    references = [str(dof) for dof in hits(scene)]
+    whens = [*(references if len(references) > 1 else ()), *(setups if len(setups) > 1 else ())]
+    for stage in jointed(machine):
+        springs = springs_of(machine, stage)
+        slope = along(machine, springs, scene.stiffness(springs))
+        for when in whens:
+            name = f"{stage}.drift({when})"
+
+            def acts(condition: Condition, at: str = when) -> bool:
+                return at in (str(condition.reference.positive), condition.setup)
+
+            def state(found: Mapping[str, float], factor: str = name) -> dict[str, Value]:
+                return {"factor": 1 + found[factor]}
+
+            part = AddedPart.linear(
+                f"joint:{stage}", (Parameter(name, 0.0, "1", positive=False),), (slope,), acts
+            )
+            yield Hypothesis("drift", f"joint:{stage}", when, parts=(part,), state=state)

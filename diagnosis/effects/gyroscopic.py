@@ -1,0 +1,33 @@
+"""A rotor that spins inside a body: the moment on it is -H x omega, H its angular momentum.
+
+On the body's rotations this is Zb += s [H]x, skew, so that it neither stores nor loses energy.
+"""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from diagnosis.hypothesis import Hypothesis, Scene, Value
+from mbmodel import AddedPart, Change, Parameter
+
+_UNIT = 10.0  # kg m2/s per unit of the parameters
+
+
+def propose(scene: Scene) -> Iterator[Hypothesis]:
+    """One for each body."""
+    bodies = scene.model.machine.layout.bodies
+    for number, body in enumerate(bodies):
+        frame = np.zeros((6 * len(bodies), 3))
+        frame[6 * number + 3 : 6 * number + 6] = np.eye(3)
+        core = np.zeros((3, 3, 3, 3))
+        for k, unit in enumerate(np.eye(3)):
+            core[k, 1] = _UNIT * np.cross(np.eye(3), unit)
+        names = tuple(f"{body}.angular_momentum_{axis}" for axis in "xyz")
+        parameters = tuple(Parameter(name, 0.0, "10 kg m^2/s", positive=False) for name in names)
+        part = AddedPart.linear(f"body:{body}", parameters, (Change("body", frame, frame, core),))
+
+        def state(found: Mapping[str, float], spin: tuple[str, ...] = names) -> dict[str, Value]:
+            size = float(np.linalg.norm([found[name] for name in spin]))
+            return {"angular_momentum": _UNIT * size}
+
+        yield Hypothesis("gyroscopic", f"body:{body}", parts=(part,), state=state)

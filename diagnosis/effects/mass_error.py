@@ -1,0 +1,57 @@
+"""A body that is heavier or lighter than tolerance allows: a forgotten payload.
+
+A mass m at p from the drawn centre of mass adds [[m 1, -[m p]x], [[m p]x, I]] to the spatial
+inertia. All ten numbers are free, so that it may be spread; p = (m p) / m.
+"""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from diagnosis.hypothesis import Hypothesis, Scene, Value
+from mbmodel import AddedPart, Change, Parameter
+
+_UNIT = 0.01  # of the body's mass per unit of the parameters
+_AXES = "xyz"
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def propose(scene: Scene) -> Iterator[Hypothesis]:
+    """One for each body."""
+    machine = scene.model.machine
+    bodies = machine.layout.bodies
+    for number, body in enumerate(bodies):
+        own = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
+        mass = _UNIT * float(own[0, 0])
+        arm = float(np.sqrt(np.trace(own[3:, 3:]) / own[0, 0]))
+        frame = np.zeros((6 * len(bodies), 6))
+        frame[6 * number : 6 * number + 6] = np.eye(6)
+        core = np.zeros((10, 3, 6, 6))
+        core[0, 2, :3, :3] = mass * np.eye(3)
+        for k, unit in enumerate(np.eye(3)):
+            turned = mass * arm * np.cross(np.eye(3), unit)  # [e_k]x
+            core[1 + k, 2, :3, 3:] = -turned
+            core[1 + k, 2, 3:, :3] = turned
+        for k, (i, j) in enumerate(_PAIRS):
+            core[4 + k, 2, 3 + i, 3 + j] = core[4 + k, 2, 3 + j, 3 + i] = mass * arm**2
+        names = (
+            f"{body}.added_mass",
+            *(f"{body}.added_moment_{axis}" for axis in _AXES),
+            *(f"{body}.added_inertia_{_AXES[i]}{_AXES[j]}" for i, j in _PAIRS),
+        )
+        parameters = tuple(Parameter(name, 0.0, f"{mass:g} kg", positive=False) for name in names)
+        part = AddedPart.linear(f"body:{body}", parameters, (Change("body", frame, frame, core),))
+
+        def state(
+            found: Mapping[str, float],
+            moved: tuple[str, ...] = names[:4],
+            one: float = mass,
+            lever: float = arm,
+        ) -> dict[str, Value]:
+            size = found[moved[0]]
+            if not size:
+                return {"mass": 0.0}
+            place = tuple(lever * found[name] / size for name in moved[1:])
+            return {"mass": one * size, "position": place}
+
+        yield Hypothesis("mass_error", f"body:{body}", parts=(part,), state=state)

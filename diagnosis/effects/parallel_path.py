@@ -1,0 +1,48 @@
+"""A link that bypasses joints, between bodies that no joint joins: a hose, a cable, a bridge.
+
+Springs and dampers k + s c along each world axis at the point halfway between the centres of mass.
+"""
+
+from collections.abc import Iterator
+from itertools import combinations
+
+import numpy as np
+
+from diagnosis.effects.points import joined
+from diagnosis.hypothesis import Hypothesis, Scene
+from mbmodel import AddedPart, Change, Machine, Parameter, transport
+
+_PART = 0.01  # of the softer body's mass times the square of a frequency in the middle of the band
+
+
+def propose(scene: Scene) -> Iterator[Hypothesis]:
+    """One for each pair of bodies."""
+    machine = scene.model.machine
+    bodies = machine.layout.bodies
+    band = scene.session.campaign.freq_hz
+    omega = 2 * np.pi * float(np.sqrt(band[band > 0].min() * band[-1]))
+    for low, high in combinations(range(len(bodies)), 2):
+        if joined(machine, bodies[low], bodies[high]):
+            continue
+        mass = min(float(machine.body_mass[6 * k, 6 * k]) for k in (low, high))
+        unit = _PART * mass * omega**2
+        frame = _relative(machine, low, high)
+        core = np.zeros((6, 3, 3, 3))
+        for axis in range(3):
+            core[axis, 0, axis, axis] = unit
+            core[3 + axis, 1, axis, axis] = unit / omega
+        place = f"pair:{bodies[low]}-{bodies[high]}"
+        names = [f"{place[5:]}.{kind}_{a}" for kind in ("stiffness", "damping") for a in "xyz"]
+        parameters = tuple(Parameter(name, 0.0, f"{unit:g}", positive=False) for name in names)
+        part = AddedPart.linear(place, parameters, (Change("body", frame, frame, core),))
+        yield Hypothesis("parallel_path", place, parts=(part,), signed=True)
+
+
+def _relative(machine: Machine, low: int, high: int) -> np.ndarray:
+    """Motion of one body less that of the other at the point between; (6 n_body, 3)."""
+    centres = machine.layout.centres
+    middle = (centres[low] + centres[high]) / 2
+    rows = np.zeros((3, 6 * len(centres)))
+    for body, sign in ((high, 1.0), (low, -1.0)):
+        rows[:, 6 * body : 6 * body + 6] = sign * transport(middle - centres[body])[:3]
+    return rows.T

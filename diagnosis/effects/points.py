@@ -1,0 +1,78 @@
+"""Sensors, hits and joints of a scene, by name."""
+
+from itertools import groupby
+
+import numpy as np
+
+from diagnosis.hypothesis import Scene
+from identification.words import Dof, Real, distinct, is_hammer, node_of
+from mbmodel import Change, Machine
+
+
+def names_of(scene: Scene) -> set[str]:
+    """What varies."""
+    return set(scene.session.freedom.names)
+
+
+def sensors(scene: Scene) -> list[str]:
+    """Sites that some test reads, in the order of the layout."""
+    read = {dof.point for test in scene.session.campaign.tests for dof in test.estimate.frf.outputs}
+    points = scene.model.machine.layout.points
+    return [p for p in points if p in read and node_of(p) is not None and not is_hammer(p)]
+
+
+def hits(scene: Scene) -> tuple[Dof, ...]:
+    """Points and directions that were hit."""
+    return distinct(test.condition.reference.positive for test in scene.session.campaign.tests)
+
+
+def three(prefix: str) -> tuple[str, ...]:
+    """Names of a vector in world axes."""
+    return tuple(f"{prefix}{axis}" for axis in "xyz")
+
+
+def jointed(machine: Machine) -> list[str]:
+    """Stages with springs of their own joints."""
+    named = {spring.name for spring in machine.springs}
+    stages = groupby(machine.axles, key=lambda axle: axle.stage)
+    return [stage for stage, axles in stages if any(axle.joint in named for axle in axles)]
+
+
+def springs_of(machine: Machine, stage: str) -> tuple[str, ...]:
+    """Names of the springs of a stage's joints."""
+    named = {spring.name for spring in machine.springs}
+    return tuple(a.joint for a in machine.axles if a.stage == stage and a.joint in named)
+
+
+def along(machine: Machine, springs: tuple[str, ...], values: Real) -> Change:
+    """Stiffness along some springs, as the slope of one number; values (n_spring,)."""
+    directions = {spring.name: spring.direction for spring in machine.springs}
+    frame = np.array([directions[name] for name in springs]).T
+    core = np.zeros((1, 3, len(springs), len(springs)))
+    core[0, 0] = np.diag(values)
+    return Change("joint", frame, frame, core)
+
+
+def joined(machine: Machine, lower: str, upper: str) -> bool:
+    """Whether a joint joins two bodies."""
+    parents = parents_of(machine)
+    return parents.get(upper) == lower or parents.get(lower) == upper
+
+
+def parents_of(machine: Machine) -> dict[str, str | None]:
+    """The body that each body stands on; None for the ground.
+
+    A body moves with all coordinates of those below it: its parent is the one with most of them.
+    """
+    bodies = machine.layout.bodies
+    moving = [
+        frozenset(np.flatnonzero(machine.jacobian[6 * k : 6 * k + 6].any(axis=0)).tolist())
+        for k in range(len(bodies))
+    ]
+    found: dict[str, str | None] = {}
+    for body, own in zip(bodies, moving, strict=True):
+        below = [
+            (len(other), name) for name, other in zip(bodies, moving, strict=True) if other < own
+        ]
+        found[body] = max(below)[1] if below else None
+    return found

@@ -1,0 +1,21 @@
+"""A sensor whose axes are turned beyond tolerance: true axes = drawn axes turned by a vector."""
+
+from collections.abc import Iterator, Mapping
+
+from diagnosis.effects.points import names_of, sensors, three
+from diagnosis.hypothesis import Hypothesis, Scene, Value
+
+
+def propose(scene: Scene) -> Iterator[Hypothesis]:
+    """One for each sensor whose angles have a tolerance."""
+    known = names_of(scene)
+    for site in sensors(scene):
+        names = three(f"{site}.rotation_")
+        if known.issuperset(names):
+
+            def state(
+                found: Mapping[str, float], angles: tuple[str, ...] = names
+            ) -> dict[str, Value]:
+                return {"rotation": tuple(found[name] for name in angles)}
+
+            yield Hypothesis("sensor_misalignment", f"sensor:{site}", release=names, state=state)

@@ -1,0 +1,104 @@
+"""What may be the one thing that a model lacks: an effect at a place, ready to be fitted."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from identification.words import Campaign, Real
+from mbmodel import Model, Part
+from tuning import Freedom, Session
+
+Value = float | tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What hypotheses are made from.
+
+    Args:
+        session: campaign, drawn model, what varies.
+        theta: of a fit in which tolerances vary; (n_parameter,).
+    """
+
+    session: Session
+    theta: Real
+
+    @property
+    def model(self) -> Model:
+        """The model that was fitted."""
+        return self.session.model
+
+    def stiffness(self, springs: tuple[str, ...]) -> Real:
+        """Fitted stiffness of springs, the drawn one where it does not vary, in their order."""
+        fitted = dict(zip((one.name for one in self.model.parameters), self.theta, strict=True))
+        drawn = {spring.name: spring.stiffness for spring in self.model.machine.springs}
+        return np.array([fitted.get(f"{name}.stiffness", drawn[name]) for name in springs])
+
+
+def unsaid(found: Mapping[str, float]) -> dict[str, Value]:
+    """No parameter to state."""
+    del found
+    return {}
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """One effect at one place.
+
+    Args:
+        effect, location, dof: as the verdict calls them.
+        release: tolerances without prior and bounds.
+        parts: what is added.
+        begin: values at which released parameters begin, by name.
+        correct: makes the measurement what it would be without the fault; None for no change.
+        scored: coordinates that are scored; all if empty. Others shape what these add.
+        signed: whether those are sizes, none of which is less than zero.
+        state: parameters of the verdict from the fitted ones, by name.
+    """
+
+    effect: str
+    location: str
+    dof: str | None = None
+    release: tuple[str, ...] = ()
+    parts: tuple[Part, ...] = ()
+    begin: Mapping[str, float] = field(default_factory=dict)
+    correct: Callable[[Campaign], Campaign] | None = None
+    scored: tuple[str, ...] = ()
+    signed: bool = False
+    state: Callable[[Mapping[str, float]], dict[str, Value]] = unsaid
+
+    @property
+    def key(self) -> tuple[str, str, str | None]:
+        """Effect, place and direction."""
+        return self.effect, self.location, self.dof
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of what is scored."""
+        if self.scored:
+            return self.scored
+        return (*self.release, *(p.name for part in self.parts for p in part.parameters))
+
+    @property
+    def words(self) -> str:
+        """Such as ``sensor_gain@sensor:acc3 tx``."""
+        return f"{self.effect}@{self.location}{f' {self.dof}' if self.dof else ''}"
+
+
+def vector(*names: str) -> Callable[[Mapping[str, float]], tuple[float, ...]]:
+    """Picks parameters by name, as one value of a verdict."""
+    return lambda found: tuple(found[name] for name in names)
+
+
+def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> Freedom:
+    """What varies under a hypothesis.
+
+    Args:
+        varies: without it.
+        model: with its Parts.
+        session: whose tolerances hold.
+        one: the hypothesis.
+    """
+    extended = varies.extended(model, session.campaign.tolerance) if one.parts else varies
+    return extended.released(one.release)

@@ -1,0 +1,167 @@
+r"""How much each hypothesis would gain, all that is tuned and tolerated projected out.
+
+About a fit, with the normal equations A = N + D of everything that varies (D the priors) and
+gradient g of the cost, freeing the coordinates c of a hypothesis lowers the cost by
+
+    gain = 1/2 g_c' S^-1 g_c,   S = N_cc - N_ct A_tt^-1 N_tc,   g_c -> g_c - N_ct A_tt^-1 g_t,
+
+t what else varies and is not held by a bound, c without its prior. Values count with an allowance
+of some part of |H|: at the weights of the noise a fit that lacks a strong effect sits many standard
+deviations off, and a missing mass seems to explain anything.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+
+from diagnosis.hypothesis import Hypothesis, Scene
+from identification.words import Integers, Real
+from mbmodel import Model
+from tuning import Fit, Freedom, Misfit, Probed, thinned
+
+ALLOWANCE = 0.1
+_STRIDE = 4
+_RIDGE = 1e-9
+_SEEN = 1e-6  # of a coordinate's own curvature: what is left of it beside all that varies
+
+
+@dataclass(frozen=True, eq=False)
+class Score:
+    """What a hypothesis would gain.
+
+    Args:
+        hypothesis: which.
+        gain: of the cost, in nats at weights with the allowance.
+        step: of its coordinates.
+    """
+
+    hypothesis: Hypothesis
+    gain: float
+    step: Real
+
+
+def scores(scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis]) -> list[Score]:
+    """Score hypotheses about a fit made with the allowance, the most promising first.
+
+    Args:
+        scene: campaign and drawn model.
+        found: the fit about which all is linear.
+        hypotheses: what may be missing.
+    """
+    session = scene.session
+    parts = tuple(part for one in hypotheses for part in one.parts)
+    model = Model(session.model.machine, (*session.model.parts, *parts))
+    whole = found.freedom.extended(model, session.campaign.tolerance)
+    count = found.freedom.size
+    x = np.append(found.x, np.zeros(whole.size - count))
+    wanted = {name for one in hypotheses for name in one.coordinates}
+    asked = np.array([name in wanted for name in whole.names[count:]], bool)
+    varies = whole.only(np.arange(whole.size) < count, x)
+    probes = whole.only(np.append(np.zeros(count, bool), asked), x)
+    thin = thinned(session.campaign, _STRIDE)
+    probed = Misfit(model, thin, varies, allowance=ALLOWANCE).probed(found.x, probes)
+    fitted = _Fitted(found.freedom, found.x, probed)
+    place = {name: k for k, name in enumerate((*varies.names, *probes.names))}
+    rows = [
+        fitted.score(one, np.array([place[name] for name in one.coordinates], np.intp))
+        for one in hypotheses
+    ]
+    return sorted(rows, key=lambda row: -row.gain)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """A fit, linearised.
+
+    Args:
+        varies: what does.
+        x: where; (n_x,).
+        probed: normal equations, and those of what may be missing.
+    """
+
+    varies: Freedom
+    x: Real
+    probed: Probed
+
+    @cached_property
+    def _normal(self) -> Real:
+        return self.probed.normal.dense()
+
+    @cached_property
+    def _free(self) -> Integers:
+        """Coordinates that no bound holds."""
+        return np.flatnonzero(~self.varies.reached(self.x))
+
+    def _factor(self, others: Integers) -> "_Factor":
+        precision = np.diag(self.varies.has_prior[others].astype(float))
+        return _Factor.of(self._normal[np.ix_(others, others)] + precision)
+
+    @cached_property
+    def _usual(self) -> "_Factor":
+        return self._factor(self._free)
+
+    def score(self, one: Hypothesis, chosen: Integers) -> Score:
+        """What one hypothesis would gain; chosen are its coordinates, probes behind what varies."""
+        count, probed, normal = len(self.x), self.probed, self._normal
+        own, new = chosen[chosen < count], chosen[chosen >= count] - count
+        others = self._free[~np.isin(self._free, own)]
+        factor = self._usual if len(others) == len(self._free) else self._factor(others)
+        # The cost's gradient holds the pull of the priors; a released coordinate has none.
+        pulled = np.where(self.varies.has_prior, self.x, 0.0)[own]
+        slope = np.concatenate([probed.gradient[own] - pulled, probed.slope[new]])
+        cross = np.hstack([normal[np.ix_(others, own)], probed.cross[np.ix_(others, new)]])
+        square = np.zeros((len(chosen), len(chosen)))
+        square[: len(own), : len(own)] = normal[np.ix_(own, own)]
+        square[len(own) :, len(own) :] = probed.blocks[np.ix_(new, new)]
+        square[: len(own), len(own) :] = probed.cross[np.ix_(own, new)]
+        square[len(own) :, : len(own)] = square[: len(own), len(own) :].T
+        solved = factor.solve(np.column_stack([cross, probed.gradient[others]]))
+        schur = square - cross.T @ solved[:, :-1]
+        right = slope - cross.T @ solved[:, -1]
+        unit = 1 / np.sqrt(np.maximum(np.diag(square), 1e-300))
+        gain, step = _gained(schur * np.outer(unit, unit), right * unit, signed=one.signed)
+        return Score(one, gain, step * unit)
+
+
+@dataclass(frozen=True, eq=False)
+class _Factor:
+    """A positive definite matrix, scaled and factored."""
+
+    lower: Real
+    scale: Real
+
+    @classmethod
+    def of(cls, matrix: Real) -> "_Factor":
+        scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+        scaled = matrix * np.outer(scale, scale) + _RIDGE * np.eye(len(matrix))
+        lower: Real = np.asarray(np.linalg.cholesky(scaled), float)
+        return cls(lower, scale)
+
+    def solve(self, right: Real) -> Real:
+        """X of A x = right."""
+        halved = scipy.linalg.solve_triangular(
+            self.lower, right * self.scale[:, None], lower=True, check_finite=False
+        )
+        solved: Real = scipy.linalg.solve_triangular(
+            self.lower, halved, lower=True, trans=1, check_finite=False
+        )
+        return solved * self.scale[:, None]
+
+
+def _gained(square: Real, slope: Real, *, signed: bool) -> tuple[float, Real]:
+    """Gain and step of the quadratic model; of sizes none may be negative."""
+    chosen = np.arange(len(slope))
+    step = np.zeros(len(slope))
+    while len(chosen):
+        values, vectors = np.linalg.eigh(square[np.ix_(chosen, chosen)])
+        seen = values > _SEEN
+        along = vectors[:, seen].T @ slope[chosen]
+        own = -(vectors[:, seen] @ (along / values[seen]))
+        if not signed or (own >= 0).all():
+            step[chosen] = own
+            return 0.5 * float((along**2 / values[seen]).sum()), step
+        chosen = np.delete(chosen, np.argmin(own))
+    return 0.0, step

@@ -1,0 +1,142 @@
+"""``mbw diagnose``: what the model lacks, where, and how far the gap shrinks with it."""
+
+from pathlib import Path
+
+from rich.progress import Progress
+from rich.table import Table
+
+from diagnosis import STEPS, Diagnosis, Verdict, diagnose, verdict_of
+from mbw.messages import SCREEN, one_interrupt
+from mbw.tune import check_json, write_json
+from tuning import files_of, open_session
+
+VERDICT = "verdict.json"
+_FEW = 8
+
+
+def run(  # one for each option
+    campaign: Path,
+    *,
+    out: Path | None,
+    json: Path | None = None,
+    band: tuple[float, float] | None = None,
+    jobs: int = 1,
+    explain: bool = False,
+) -> Path:
+    """Diagnose, write the verdict, say it.
+
+    Args:
+        campaign: its folder.
+        out: folder of the result; <campaign>-diagnosed if None.
+        json: a file beside it, or ``-``.
+        band: [Hz]; the lines with coherence if None.
+        jobs: threads.
+        explain: print what was tried and why the rest fell.
+
+    Returns:
+        The folder of the result.
+    """
+    session = open_session(campaign, band)
+    folder = out or Path(f"{session.campaign.name}-diagnosed")
+    with files_of(folder):
+        pass  # refused now, not after the work
+    if json is not None:
+        check_json(json)
+    for text in session.campaign.remarks:
+        SCREEN.say(text)
+    with SCREEN.progress() as progress, one_interrupt() as ends:
+        found = diagnose(session, jobs=jobs, tell=_Teller(progress).tell)
+        ends()
+    verdict = verdict_of(found)
+    text = verdict.model_dump_json(indent=1)
+    with files_of(folder) as place:
+        (place / VERDICT).write_text(text + "\n", encoding="utf-8")
+    if json is not None:
+        write_json(text, json)
+    if explain:
+        _explain(found)
+    _say(verdict, found)
+    SCREEN.say(f"verdict in {folder / VERDICT}")
+    return folder
+
+
+class _Teller:
+    """Shows which step is under way."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._bar = progress.add_task("diagnosis", total=STEPS)
+
+    def tell(self, text: str) -> None:
+        """Another step begins."""
+        self._progress.update(self._bar, advance=1, description=text)
+
+
+def _say(verdict: Verdict, found: Diagnosis) -> None:
+    """The verdict in a few lines."""
+    named = found.session.campaign.name
+    gap = verdict.gap
+    words = {
+        "none": "nothing is missing beyond tolerances and noise",
+        "unexplained": "something is missing that no effect of the catalogue explains",
+        "several": "several things are missing",
+        "explained": "one thing is missing",
+    }
+    SCREEN.say(f"\n{named}: {words[verdict.verdict]}")
+    for name, at in (("as drawn", gap.as_drawn), ("re-tuned", gap.retuned), ("after", gap.after)):
+        if at.excess is not None:
+            SCREEN.say(f"  {name}: error {at.error:.3g}, excess {at.excess:.3g}")
+    if gap.closed is not None:
+        SCREEN.say(f"  {gap.closed:.1%} of the gap beyond noise is closed")
+    for row in verdict.causes[:_FEW]:
+        dof = f" {row.dof}" if row.dof else ""
+        SCREEN.say(f"  {row.probability:.0%} {row.effect} at {row.location}{dof}{_values(row)}")
+    if verdict.verdict == "unexplained" and verdict.where:
+        places = ", ".join(
+            f"{one.location} {one.share:.0%}" for one in verdict.where[:3] if one.share is not None
+        )
+        SCREEN.say(f"  where: {places}" if places else "  where: not to be told")
+    for check in found.gate.flexible:
+        SCREEN.say(f"  {check.words}")
+
+
+def _values(row: object) -> str:
+    parameters = getattr(row, "parameters", {})
+    said = [
+        f"{name} {value:.4g}"
+        if isinstance(value, float)
+        else f"{name} ({', '.join(f'{x:.3g}' for x in value)})"
+        for name, value in parameters.items()
+    ]
+    return f": {', '.join(said)}" if said else ""
+
+
+def _explain(found: Diagnosis) -> None:
+    """The funnel: gates, places, candidates, refits, and why the rest fell."""
+    for check in found.gate.checks:
+        SCREEN.say(check.words)
+    before = found.nothing.chi_square
+    SCREEN.say(f"refit without any effect: residual over noise {before**0.5:.3g}")
+    if not found.scores:
+        SCREEN.say("nothing is left to explain: no hypothesis was asked")
+        return
+    table = Table(title=f"{len(found.scores)} hypotheses, the best of each effect and place")
+    for name in ("hypothesis", "gain at 10 % [nats]", "residual over noise", "why it fell"):
+        table.add_column(name)
+    refits = {one.hypothesis: one for one in found.refits}
+    seen: set[tuple[str, str]] = set()
+    best = min((one.cost for one in found.refits), default=0.0)
+    for score in found.scores:
+        one = score.hypothesis
+        if (one.effect, one.location) in seen:
+            continue
+        seen.add((one.effect, one.location))
+        refit = refits.get(one)
+        left = f"{refit.chi_square**0.5:.3g}" if refit else ""
+        why = "its gain is small" if refit is None else f"{refit.cost - best:.4g} nats worse"
+        table.add_row(
+            one.words, f"{score.gain:.4g}", left, "" if refit and refit.cost == best else why
+        )
+        if len(seen) == 2 * _FEW:
+            break
+    SCREEN.console.print(table)

@@ -1,0 +1,121 @@
+"""Corrections of a campaign, and hypotheses of what the gate proves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.corrections import channels_of, divided, exchanged, masked
+from diagnosis.gate import hypothesis_of, sensor_gate
+from identification import Fault, mount
+from identification.words import Dof
+from tests.helpers.drawn import drawn
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    return drawn(tmp_path_factory.mktemp("drawn"), 72_002, lines=161)[0]
+
+
+def values(campaign):
+    return [test.estimate.frf.values for test in campaign.tests]
+
+
+def sites(session):
+    return sorted({dof.point for dof in session.campaign.outputs})
+
+
+def test_masked_channels_count_as_not_measured(session):
+    site = sites(session)[0]
+    one = masked(session.campaign, channels_of(f"sensor:{site}", "ty"))
+    for test in one.tests:
+        for row, dof in enumerate(test.estimate.frf.outputs):
+            off = dof.point == site and dof.direction[1:] == "ty"
+            assert test.estimate.measured[row, 0] != off
+            assert np.abs(test.estimate.frf.values[:, row]).max() == 0 if off else True
+
+
+def test_exchanging_twice_and_dividing_back_change_nothing(session):
+    first, second = sites(session)[:2]
+    pairs = tuple(
+        (Dof.parse(f"{first}:+t{axis}"), Dof.parse(f"{second}:+t{axis}")) for axis in "xyz"
+    )
+    once = exchanged(session.campaign, pairs)
+    twice = exchanged(once, pairs)
+    assert not np.array_equal(values(once)[0], values(session.campaign)[0])
+    for back, original in zip(values(twice), values(session.campaign), strict=True):
+        np.testing.assert_array_equal(back, original)
+    concerned = channels_of(f"sensor:{first}", None)
+    read = divided(session.campaign, concerned, lambda f: mount(f, 90.0, 0.05))
+    again = divided(read, concerned, lambda f: 1 / mount(f, 90.0, 0.05))
+    for back, original in zip(values(again), values(session.campaign), strict=True):
+        np.testing.assert_allclose(back, original, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("effect", "dof", "parameters"),
+    [
+        ("sensor_gain", "tx", {"gain": 1.3}),
+        ("sensor_misalignment", None, {"rotation": (0.1, 0.2, -0.3)}),
+        ("sensor_position", None, {"offset": (0.01, 0.0, 0.02)}),
+    ],
+)
+def test_what_a_fit_has_to_find_is_released(session, effect, dof, parameters):
+    site = sites(session)[0]
+    one = hypothesis_of(
+        Fault(effect, f"sensor:{site}", dof, 1.0, parameters, 1.0), session.campaign
+    )
+    assert set(one.release) <= set(session.freedom.names)
+    assert list(one.begin.values()) == list(np.ravel(list(parameters.values())))
+    said = one.state(one.begin)
+    assert said.keys() == parameters.keys()
+    assert [np.ravel(v).tolist() for v in said.values()] == [list(one.begin.values())]
+    assert one.correct is None
+
+
+def test_what_is_known_is_corrected(session):
+    first, second = sites(session)[:2]
+    where = f"sensor:{first}"
+    parameters = {"frequency": 300.0, "damping": 0.05}
+    faults = [
+        Fault("sensor_polarity", where, "tz", 1.0, {}, 1.0),
+        Fault("sensor_swap", where, "tx+ty", 1.0, {}, 1.0),
+        Fault("sensor_swap", f"{where}+{second}", None, 1.0, {}, 1.0),
+        Fault("sensor_delay", where, None, 1.0, {"delay": 1e-4}, 1.0),
+        Fault("mount_resonance", where, "tx", 1.0, parameters, 1.0),
+    ]
+    for fault in faults:
+        one = hypothesis_of(fault, session.campaign)
+        assert one.key == (fault.effect, fault.location, fault.dof)
+        assert not one.release
+        moved = one.correct(session.campaign)
+        concerned = channels_of(fault.location, fault.dof)
+        for test, before in zip(moved.tests, session.campaign.tests, strict=True):
+            for row, dof in enumerate(test.estimate.frf.outputs):
+                same = np.array_equal(
+                    test.estimate.frf.values[:, row], before.estimate.frf.values[:, row]
+                )
+                assert same != concerned(dof), (fault.effect, dof)
+    dead = Fault("dead_channel", where, "tx", 1.0, {}, 1.0)
+    assert hypothesis_of(dead, session.campaign) is None
+
+
+def test_a_turned_channel_is_proven_and_taken_out(session):
+    layout = session.campaign.layout
+    on = [layout.body_name(site) for site in sites(session)]
+    fullest = max(on, key=on.count)
+    assert on.count(fullest) > 3
+    site = sites(session)[on.index(fullest)]
+    tests = []
+    for test in session.campaign.tests:
+        frf = test.estimate.frf
+        signs = [-1.0 if d.point == site and d.direction[1:] == "tz" else 1.0 for d in frf.outputs]
+        turned = replace(frf, values=frf.values * np.array(signs)[:, None])
+        tests.append(replace(test, estimate=replace(test.estimate, frf=turned)))
+    gate = sensor_gate(replace(session.campaign, tests=tuple(tests)))
+    assert [(f.effect, f.location, f.dof) for f in gate.faults] == [
+        ("sensor_polarity", f"sensor:{site}", "tz")
+    ]
+    assert not sensor_gate(session.campaign).faults
+    off = [not test.estimate.measured.all() for test in gate.campaign.tests]
+    assert all(off)

@@ -1,0 +1,141 @@
+"""Effects as Parts: nothing at zero, exact slopes, and what they say of themselves."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis import EFFECTS, Scene
+from diagnosis.effects.points import joined, parents_of
+from identification.words import Condition, Dof
+from mbmodel import Situation
+from tests.helpers.drawn import drawn
+
+LAPLACE = 2j * np.pi * np.array([4.0, 23.0, 57.0, 140.0])
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    session, _ = drawn(tmp_path_factory.mktemp("drawn"), 72_001, lines=161)
+    return Scene(session, session.model.drawn * 1.1)
+
+
+def proposals(scene):
+    found = []
+    for propose in EFFECTS.values():
+        own = [one for one in propose(scene) if one.parts]
+        found += own[:: max(1, len(own) // 4)]  # a few of each effect
+    return found
+
+
+def situation(scene):
+    """The first test: drift of it acts there."""
+    return Situation(scene.model.machine, scene.session.campaign.tests[0].condition)
+
+
+def stiffness(changes, n_body, nv):
+    """All changes as dynamic stiffness at bodies and joints; (n_line, n, n) each."""
+    bodies = np.zeros((len(LAPLACE), 6 * n_body, 6 * n_body), complex)
+    joints = np.zeros((len(LAPLACE), nv, nv), complex)
+    for change in changes:
+        powers = LAPLACE[:, None] ** np.arange(3)
+        if change.shape is not None:
+            powers = powers * change.shape(LAPLACE)[:, None]
+        core = np.einsum("fk,krt->frt", powers, change.core)
+        total = bodies if change.slot == "body" else joints
+        total += change.left @ core @ change.right.T
+    return np.concatenate([bodies.ravel(), joints.ravel()])
+
+
+def test_every_effect_proposes_something_with_keys_of_its_own(scene):
+    for name, propose in EFFECTS.items():
+        made = list(propose(scene))
+        assert made, name
+        assert {one.effect for one in made} == {name}
+        assert all(one.coordinates for one in made)
+        keys = [one.coordinates for one in made]
+        assert len(set(keys)) == len(keys)
+
+
+def test_added_parts_are_nothing_at_zero_and_their_slopes_are_difference_quotients(scene):
+    machine = scene.model.machine
+    sizes = len(machine.layout.bodies), len(machine.coordinates)
+    rng = np.random.default_rng(5)
+    for one in proposals(scene):
+        (part,) = one.parts
+        count = len(part.parameters)
+        here = situation(scene)
+        assert part.changes(np.zeros(count), here) == ()
+        theta = rng.uniform(0.2, 0.8, count)
+        if one.effect == "drift" and not part.acts(here.condition):
+            assert part.changes(theta, here) == ()
+            assert part.slopes(theta, here) == ()
+            continue
+        slopes = part.slopes(theta, here)
+        for k in range(count):
+            step = 1e-5
+            ends = [
+                stiffness(part.changes(theta + sign * step * (np.arange(count) == k), here), *sizes)
+                for sign in (1, -1)
+            ]
+            quotient = (ends[0] - ends[1]) / (2 * step)
+            own = [_only(change, k) for change in slopes]
+            exact = stiffness(own, *sizes)
+            scale = np.abs(quotient).max()
+            assert scale > 0, (one.words, k)
+            assert np.abs(exact - quotient).max() < 1e-6 * scale, (one.words, k)
+
+
+def _only(change, k):
+    return replace(change, core=change.core[k])
+
+
+def test_responses_are_those_of_real_signals(scene):
+    # f(conj s) = conj f(s): else the impulse response would not be real.
+    for one in proposals(scene):
+        for change in one.parts[0].derivatives(np.full(len(one.parts[0].parameters), 0.4)):
+            if change.shape is not None:
+                mirrored = change.shape(LAPLACE.conj())
+                np.testing.assert_allclose(mirrored, change.shape(LAPLACE).conj(), rtol=1e-12)
+
+
+def test_a_point_mass_states_its_mass_and_place(scene):
+    one = next(EFFECTS["mass_error"](scene))
+    (part,) = one.parts
+    body = one.location.partition(":")[2]
+    machine = scene.model.machine
+    number = machine.layout.bodies.index(body)
+    own = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
+    mass, place = 0.07 * own[0, 0], np.array([0.1, -0.2, 0.05])
+    (slope,) = part.derivatives(np.zeros(10))
+    aim = np.zeros((6, 6))
+    arm = np.cross(np.eye(3), place)  # [p]x
+    aim[:3, :3], aim[:3, 3:], aim[3:, :3] = mass * np.eye(3), -mass * arm, mass * arm
+    aim[3:, 3:] = -mass * arm @ arm
+    theta, *_ = np.linalg.lstsq(slope.core[:, 2].reshape(10, -1).T, aim.ravel(), rcond=None)
+    np.testing.assert_allclose(np.tensordot(theta, slope.core[:, 2], 1), aim, atol=1e-9 * mass)
+    said = one.state(dict(zip((p.name for p in part.parameters), theta, strict=True)))
+    assert said["mass"] == pytest.approx(mass)
+    np.testing.assert_allclose(said["position"], place, rtol=1e-9)
+
+
+def test_a_drift_acts_in_its_test_alone(scene):
+    conditions = [test.condition for test in scene.session.campaign.tests]
+    for one in EFFECTS["drift"](scene):
+        acting = [c for c in conditions if one.parts[0].acts(c)]
+        assert 0 < len(acting) < len(conditions)
+        assert {str(c.reference.positive) for c in acting} == {one.dof}
+    assert not one.parts[0].acts(None)
+    assert not one.parts[0].acts(Condition("x", Dof.parse("acc99:+tx")))
+
+
+def test_the_tree_of_bodies_is_that_of_the_joints(scene):
+    machine = scene.model.machine
+    parents = parents_of(machine)
+    assert sum(parent is None for parent in parents.values()) >= 1
+    text = Path(machine.source).read_text(encoding="utf-8")
+    for body, parent in parents.items():
+        inside = text.index(f'name="{body}"')
+        assert parent is None or text.index(f'name="{parent}"') < inside
+        assert parent is None or joined(machine, parent, body)
