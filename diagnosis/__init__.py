@@ -3,6 +3,7 @@
 from diagnosis.diagnose import STEPS, Diagnosis, diagnose
 from diagnosis.effects import EFFECTS
 from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.oracle import oracle
 from diagnosis.report import verdict_of
 from diagnosis.residual import ResidualShare, residual_shares
 from diagnosis.verdict import Verdict
@@ -16,6 +17,7 @@ __all__ = [
     "Scene",
     "Verdict",
     "diagnose",
+    "oracle",
     "residual_shares",
     "verdict_of",
 ]

@@ -1,13 +1,13 @@
 """Diagnosis as a whole: gates, a fit, scores, refits, and the verdict that they come to."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from diagnosis.effects import EFFECTS
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.judge import NOTHING, Judged, judge
-from diagnosis.refit import FIRST, LAST, Refit, finish, go_on, refit
+from diagnosis.refit import FIRST, LAST, PATIENT, Refit, finish, go_on, refit
 from diagnosis.score import Score, scores
 from tuning import (
     STAGES,
@@ -50,8 +50,9 @@ class Diagnosis:
     """All that led to a verdict.
 
     Args:
-        session: what was opened.
+        session: what was opened, without dead channels.
         gate: what sensors alone say.
+        base: what was fitted without any effect, and where that ended.
         nothing: refit without any effect, on channels that no gate took out.
         scores: of all hypotheses, the most promising first; empty where nothing is missing.
         refits: of the few best.
@@ -63,6 +64,7 @@ class Diagnosis:
 
     session: Session
     gate: Gate
+    base: Scene
     nothing: Refit
     scores: tuple[Score, ...]
     refits: tuple[Refit, ...]
@@ -85,13 +87,14 @@ def diagnose(
     say = tell or (lambda _: None)
     say("sensors among each other")
     gate = sensor_gate(session.campaign)
+    session = replace(session, campaign=gate.alive)
     say("fit with an allowance")
     clean = replace(session, campaign=gate.campaign)
     early = fit(clean.model, clean.campaign, varies=clean.freedom, stages=STAGES[:3], jobs=jobs)
     scene = Scene(clean, early.theta)
     say("refit without any effect")
     first = refit(scene, None, clean.campaign, FIRST)
-    nothing = go_on(scene, first, LAST)
+    nothing = go_on(scene, first, PATIENT)
     made = [one for f in gate.faults if (one := hypothesis_of(f, session.campaign)) is not None]
     scored: list[Score] = []
     refits: list[Refit] = []
@@ -107,18 +110,15 @@ def diagnose(
     judged = judge(nothing, refits, made, scored)
     say("the gap on held-out lines")
     base = Scene(clean, nothing.fit.theta)
-    known = {} if gate.faults else {one.hypothesis: one for one in (nothing, *refits)}
-
-    def level(one: Hypothesis | None) -> Level:
-        made = known.get(one) or refit(base, one, session.campaign, (*FIRST, *LAST))
-        return _level(made, jobs)
-
-    retuned = level(None)
-    after = None if judged.best is None else level(judged.best)
+    known = {} if made else {one.hypothesis: one for one in (nothing, *refits)}
+    retuned = _level(base, None, session, known, jobs)
+    best = judged.best
+    after = None if best is None else _level(base, best, session, known, jobs)
     drawn = predict(session.model, session.model.drawn, session.campaign)
     return Diagnosis(
         session=session,
         gate=gate,
+        base=base,
         nothing=nothing,
         scores=tuple(scored),
         refits=tuple(refits),
@@ -147,9 +147,28 @@ def _leading(nothing: Refit, refits: Sequence[Refit]) -> list[Refit]:
     return [refits[k] for k in order if gains[k] >= least]
 
 
-def _level(refitted: Refit, jobs: int) -> Level:
-    session = refitted.session
-    found, held = finish(refitted, jobs)
+def level_of(found: Diagnosis, one: Hypothesis, jobs: int = 1) -> Level:
+    """The gap with a hypothesis, whether it was among the best or not.
+
+    Args:
+        found: the diagnosis.
+        one: the hypothesis.
+        jobs: threads.
+    """
+    return _level(found.base, one, found.session, {}, jobs)
+
+
+def _level(
+    base: Scene,
+    one: Hypothesis | None,
+    whole: Session,
+    known: Mapping[Hypothesis | None, Refit],
+    jobs: int,
+) -> Level:
+    """Fit to all that was measured, from a refit that is known or from the base."""
+    made = known.get(one) or refit(base, one, whole.campaign, (*FIRST, *LAST))
+    session = made.session
+    found, held = finish(made, jobs)
     predicted = (
         predict(session.model, found.theta, session.campaign)
         if held is None

@@ -5,17 +5,16 @@ and becomes a hypothesis: channels corrected where the correction is known (sign
 mount), tolerances released where the fit has to find it (gain, axes, place).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 
-import numpy as np
-
 from diagnosis.corrections import Reading, channels_of, divided, exchanged, masked
 from diagnosis.effects.points import three
+from diagnosis.effects.sensor_polarity import turned
 from diagnosis.hypothesis import Hypothesis, Value
 from identification import BodyCheck, Fault, check_bodies, delayed, mount
-from identification.words import Campaign, Complex, Dof, Real
+from identification.words import Campaign, Dof
 
 PROVEN = 0.9  # probability above which a fault is taken out
 _RELEASED = {"sensor_misalignment": "rotation", "sensor_position": "position"}
@@ -29,12 +28,14 @@ class Gate:
     Args:
         checks: of every body.
         faults: those that are proven.
-        campaign: without the channels that they concern.
+        alive: all that was measured but for dead channels.
+        campaign: without the channels that any proven fault concerns.
         flexible: bodies that are not solid in part of the band.
     """
 
     checks: tuple[BodyCheck, ...]
     faults: tuple[Fault, ...]
+    alive: Campaign
     campaign: Campaign
     flexible: tuple[BodyCheck, ...]
 
@@ -54,10 +55,14 @@ def sensor_gate(campaign: Campaign) -> Gate:
         if any(one.effect == "flexible_body" and one.probability >= PROVEN for one in check.faults)
     )
     faults = tuple(proven.values())
-    clean = reduce(
-        lambda c, fault: masked(c, channels_of(fault.location, fault.dof)), faults, campaign
-    )
-    return Gate(checks, faults, clean, flexible)
+    dead = [one for one in faults if one.effect == "dead_channel"]
+    alive, clean = _without(campaign, dead), _without(campaign, faults)
+    return Gate(checks, faults, alive, clean, flexible)
+
+
+def _without(campaign: Campaign, faults: Sequence[Fault]) -> Campaign:
+    """All channels but those that faults concern."""
+    return reduce(masked, (channels_of(one.location, one.dof) for one in faults), campaign)
 
 
 def hypothesis_of(fault: Fault, campaign: Campaign) -> Hypothesis | None:
@@ -82,7 +87,7 @@ def hypothesis_of(fault: Fault, campaign: Campaign) -> Hypothesis | None:
 
         return replace(base, release=names, begin=begin, state=state)
     if fault.effect == "sensor_polarity":
-        return replace(base, correct=lambda c: divided(c, concerned, _turned))
+        return replace(base, correct=lambda c: divided(c, concerned, turned))
     if fault.effect == "sensor_swap":
         pairs = _pairs(fault, campaign)
         return replace(base, correct=lambda c: exchanged(c, pairs))
@@ -104,10 +109,6 @@ def hypothesis_of(fault: Fault, campaign: Campaign) -> Hypothesis | None:
 
 def _number(value: Value) -> float:
     return value if isinstance(value, float) else value[0]
-
-
-def _turned(freq_hz: Real) -> Complex:
-    return np.full(len(freq_hz), -1.0 + 0.0j)
 
 
 def _pairs(fault: Fault, campaign: Campaign) -> tuple[tuple[Dof, Dof], ...]:

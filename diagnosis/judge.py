@@ -17,6 +17,11 @@ from diagnosis.refit import Refit
 from diagnosis.score import Score
 
 NOTHING = 1.03  # chi square up to which nothing is missing
+# Chi square above one that may be the noise's own variance, badly known; third differences along
+# frequency tell it worse than coherences do.
+_VISIBLE = {"coherence": 0.08, "differences": 0.2}
+_EXACT = 0.02  # no refit is believed to leave less
+_ROW = 0.01  # probability of a cause that is worth a row
 _SURE = 0.98  # probability of what leaves no doubt
 _LEFT, _WIDTH = 0.15, 0.4  # of the gap: as likely explained as not; and its logarithm's spread
 _TEMPER = 0.03  # of the whole gain: differences below it decide nothing
@@ -82,50 +87,53 @@ def judge(
         scored: of all hypotheses, for the places.
     """
     places = _places(scored, proven)
-    if nothing.chi_square <= NOTHING:
-        return _after_gate(proven, places)
     before = nothing.chi_square - 1
+    if nothing.chi_square <= NOTHING:
+        return _after_gate(proven, places, _SURE)
     costs = np.array([one.cost for one in refits])
     temper = _LEAST + _TEMPER * max(nothing.cost - costs.min(initial=nothing.cost), 0.0)
     weights = softmax(-costs / temper) if len(costs) else costs
-    left = max(min((one.chi_square for one in refits), default=np.inf) - 1, 1e-3) / before
+    left = max(min((one.chi_square for one in refits), default=np.inf) - 1, _EXACT) / before
     explained = float(expit((np.log(_LEFT) - np.log(left)) / _WIDTH))
-    if proven:
-        # What a gate proved is present; beside it another cause, or what nobody knows.
-        certain = [Cause(one, 0.99 * _SURE, None) for one in proven]
-        others = [
-            Cause(one.hypothesis, float(weight) * explained * _SURE, one)
-            for one, weight in zip(refits, weights, strict=True)
-            if one.hypothesis is not None
-        ]
-        causes = _sorted((*certain, *others))
-        several = _SURE * explained
-        return Judged(0.0, 1 - several, several, causes, places, proven[0])
+    sources = {t.estimate.variance_source for t in nothing.session.campaign.tests}
+    hidden = max(_VISIBLE[source] for source in sources)
+    visible = float(expit((np.log(before) - np.log(hidden)) / _WIDTH))
+    if (1 - explained) * (1 - visible) > 0.5:
+        return _after_gate(proven, places, _SURE * (1 - visible))
     single = [
         Cause(one.hypothesis, float(weight) * explained * _SURE, one)
         for one, weight in zip(refits, weights, strict=True)
         if one.hypothesis is not None
     ]
-    causes = _sorted(single)
-    none = 0.5 * (1 - _SURE)
+    if proven:
+        # What a gate proved is present; beside it another cause, or what nobody knows.
+        certain = [Cause(one, 0.99 * _SURE, None) for one in proven]
+        causes = _kept((*certain, *single))
+        several = _SURE * explained
+        return Judged(0.0, 1 - several, several, causes, places, proven[0])
+    causes = _kept(single)
+    none = _SURE * (1 - explained) * (1 - visible) + 0.5 * (1 - _SURE)
     unexplained = 1 - none - sum(cause.probability for cause in single)
     best = causes[0].hypothesis if causes and causes[0].probability > unexplained else None
-    kept = tuple(cause for cause in causes if cause.probability >= 0.01)
-    return Judged(none, unexplained, 0.0, kept, places, best)
+    return Judged(none, unexplained, 0.0, causes, places, best)
 
 
-def _after_gate(proven: Sequence[Hypothesis], places: tuple[tuple[str, float], ...]) -> Judged:
+def _after_gate(
+    proven: Sequence[Hypothesis], places: tuple[tuple[str, float], ...], sure: float
+) -> Judged:
     """Nothing is left once what the gate proved is taken out."""
     if not proven:
-        return Judged(_SURE, 1 - _SURE, 0.0, (), places, None)
-    rest = 1 - _SURE
-    several = _SURE if len(proven) > 1 else 0.0
-    causes = tuple(Cause(one, _SURE, None) for one in proven)
+        return Judged(sure, 1 - sure, 0.0, (), places, None)
+    rest = 1 - sure
+    several = sure if len(proven) > 1 else 0.0
+    causes = tuple(Cause(one, sure, None) for one in proven)
     return Judged(rest / 2, rest / 2, several, causes, places, proven[0])
 
 
-def _sorted(causes: Sequence[Cause]) -> tuple[Cause, ...]:
-    return tuple(sorted(causes, key=lambda cause: -cause.probability))
+def _kept(causes: Sequence[Cause]) -> tuple[Cause, ...]:
+    """Most probable first, none below one per cent."""
+    order = sorted(causes, key=lambda cause: -cause.probability)
+    return tuple(cause for cause in order if cause.probability >= _ROW)
 
 
 def _places(scored: Sequence[Score], proven: Sequence[Hypothesis]) -> tuple[tuple[str, float], ...]:
@@ -145,8 +153,3 @@ def _places(scored: Sequence[Score], proven: Sequence[Hypothesis]) -> tuple[tupl
         *((place, 1 / (1 + len(sure))) for place in sure),
         *((names[k], float(shares[k])) for k in order),
     )
-
-
-def best_of(refits: Sequence[Refit]) -> Refit | None:
-    """The refit that leaves least."""
-    return min(refits, key=lambda one: one.cost, default=None)

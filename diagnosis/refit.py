@@ -11,9 +11,11 @@ from mbmodel import Model
 from tuning import STAGES, Fit, HeldOut, Session, Stage, fit, fit_held_out, thinned
 
 # Allowances fall from where hypotheses were scored to the noise alone; one line in four. A wrong
-# hypothesis wanders for many steps; a right one needs few.
+# hypothesis wanders for many steps; a right one needs few. What is true of most campaigns, that
+# nothing is missing, gets more.
 FIRST = (replace(STAGES[3], max_steps=5),)
 LAST = (replace(STAGES[4], tolerance=3e-4, max_steps=10),)
+PATIENT = (STAGES[3], replace(STAGES[4], tolerance=3e-4, max_steps=30))
 _WHOLE = (replace(STAGES[5], tolerance=1e-4, max_steps=2),)
 
 

@@ -1,0 +1,31 @@
+"""A channel with a turned sign.
+
+No slope leads there: it is scored as a free gain, of which it is the value -1, and decided by a
+refit to the channel turned back. Where the spare channels of a body tell, the gate knows it before.
+"""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from diagnosis.corrections import channels_of, divided
+from diagnosis.effects.points import names_of, sensors
+from diagnosis.hypothesis import Hypothesis, Scene
+from identification.words import Complex, Real
+
+
+def turned(freq_hz: Real) -> Complex:
+    """What a turned channel reads per motion."""
+    return np.full(len(freq_hz), -1.0 + 0.0j)
+
+
+def propose(scene: Scene) -> Iterator[Hypothesis]:
+    """One for each channel."""
+    known = names_of(scene)
+    for site in sensors(scene):
+        for axis in "xyz":
+            gain, place, dof = f"{site}.gain_{axis}", f"sensor:{site}", f"t{axis}"
+            if gain in known:
+                correct = partial(divided, concerned=channels_of(place, dof), reading=turned)
+                yield Hypothesis("sensor_polarity", place, dof, scored=(gain,), correct=correct)

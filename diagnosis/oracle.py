@@ -1,0 +1,38 @@
+"""What a refit leaves that is told the effect and its place: the most that can be reached."""
+
+from diagnosis.diagnose import Diagnosis, Level, level_of
+from diagnosis.gate import hypothesis_of
+from diagnosis.hypothesis import Hypothesis
+from identification import Fault
+
+
+def oracle(found: Diagnosis, told: Fault, jobs: int = 1) -> Level | None:
+    """Fit with the effect that is there.
+
+    Args:
+        found: the diagnosis, made without knowing it.
+        told: effect, place and direction; what a fit cannot find by itself, its parameters too.
+        jobs: threads.
+
+    Returns:
+        The gap with it; None of an effect that is no Part yet.
+    """
+    best = found.judged.best
+    if best is not None and found.after is not None and _same(best, told):
+        return found.after
+    one = _hypothesis(found, told)
+    return None if one is None else level_of(found, one, jobs)
+
+
+def _same(one: Hypothesis, told: Fault) -> bool:
+    return (one.effect, one.location) == (told.effect, told.location) and (
+        told.dof is None or one.dof in (None, told.dof)
+    )
+
+
+def _hypothesis(found: Diagnosis, told: Fault) -> Hypothesis | None:
+    if told.location.startswith("sensor:"):
+        return hypothesis_of(told, found.session.campaign)
+    # Scores come the most promising first: of a scan, the shape that is nearest.
+    alike = (one.hypothesis for one in found.scores if _same(one.hypothesis, told))
+    return next(alike, None)

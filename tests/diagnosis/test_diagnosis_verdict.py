@@ -1,0 +1,111 @@
+"""Whole diagnoses of small machines, from files that truth wrote to a verdict that it grades."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from diagnosis import EFFECTS, Scene, diagnose, oracle, verdict_of
+from diagnosis.score import scores
+from identification import Fault
+from mbw.command import app
+from tests.helpers.drawn import drawn
+from truth.grade.read_verdict import read_verdict
+from tuning import STAGES, fit, open_session
+
+CASES = {
+    "none": (72_010, None, None),
+    "sensor_polarity": (72_011, "sensor_polarity", None),
+    "drift": (72_012, "drift", 6.0),
+    "gyroscopic": (72_013, "gyroscopic", 6.0),
+}
+
+
+@pytest.fixture(scope="module", params=CASES)
+def case(request, tmp_path_factory):
+    seed, effect, ratio = CASES[request.param]
+    folder = tmp_path_factory.mktemp("case")
+    session, answer = drawn(folder, seed, effect, ratio=ratio)
+    return folder, tomllib.loads(answer), diagnose(session)
+
+
+def test_effect_and_place_are_named_and_the_gap_closes(case, tmp_path):
+    _, answer, found = case
+    verdict = verdict_of(found)
+    file = tmp_path / "verdict.json"
+    file.write_text(verdict.model_dump_json())
+    read_verdict(file)  # as the judge reads it
+    if answer["effect"] == "none":
+        assert verdict.verdict == "none"
+        assert not verdict.causes
+        assert verdict.probability.none > 0.9
+        assert verdict.gap.retuned.excess == pytest.approx(1.0, abs=0.2)
+        assert verdict.gap.after.excess is None
+        return
+    assert verdict.verdict == "explained"
+    first = verdict.causes[0]
+    assert (first.effect, first.location) == (answer["effect"], answer["location"])
+    if first.dof is not None:
+        assert first.dof == answer["dof"]
+    assert verdict.where[0].location == answer["location"]
+    assert verdict.gap.retuned.excess > 1.2
+    assert verdict.gap.closed > 0.8
+    if answer["effect"] == "drift":
+        assert first.parameters["factor"] == pytest.approx(answer["parameters"]["factor"], rel=0.1)
+
+
+def test_who_is_told_the_effect_reaches_what_was_reached(case):
+    _, answer, found = case
+    if answer["effect"] == "none":
+        return
+    told = Fault(answer["effect"], answer["location"], answer.get("dof"), 1.0, {}, 1.0)
+    assert oracle(found, told) is found.after
+
+
+def test_the_verdict_is_the_same_with_more_threads_and_by_the_command(case):
+    folder, answer, found = case
+    if answer["effect"] != "drift":
+        return
+    out = folder / "out"
+    arguments = ["diagnose", str(folder / "campaign"), "--out", str(out), "--jobs", "2"]
+    run = CliRunner().invoke(app, [*arguments, "--json", "-", "--explain"])
+    assert run.exit_code == 0, run.stderr
+    told = json.loads(run.stdout)
+    assert told == json.loads((out / "verdict.json").read_text())
+    assert told == json.loads(verdict_of(found).model_dump_json())
+    assert "drift@joint:" in run.stderr  # the funnel
+    assert "closed" in run.stderr
+
+
+def test_a_score_is_what_a_refit_gains(tmp_path):
+    # Small enough for the quadratic model: an offset of a joint's centre of stiffness.
+    session, _ = drawn(tmp_path, 72_014, "joint_coupling", ratio=1.0)
+    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    scene = Scene(session, early.theta)
+    made = list(EFFECTS["joint_coupling"](scene)) + list(EFFECTS["drift"](scene))
+    scored = scores(scene, early, made)
+    assert [one.gain for one in scored] == sorted((one.gain for one in scored), reverse=True)
+    assert len(scored) == len(made)
+    assert all(one.gain >= 0 and np.isfinite(one.step).all() for one in scored)
+
+
+def test_without_a_model_there_is_one_sentence(tmp_path):
+    (tmp_path / "campaign.toml").write_text('layout = "layout.toml"\n')
+    run = CliRunner().invoke(app, ["diagnose", str(tmp_path)])
+    assert run.exit_code == 3
+    assert len(run.stderr.strip().splitlines()) == 1
+
+
+OPEN = Path(__file__).resolve().parents[3] / "shared" / "campaigns" / "open" / "drift"
+
+
+@pytest.mark.skipif(not OPEN.exists(), reason="the shared campaigns are not beside the clone")
+def test_a_campaign_of_another_make_is_diagnosed_right():
+
+    verdict = verdict_of(diagnose(open_session(OPEN)))
+    first = verdict.causes[0]
+    assert (first.effect, first.location, first.dof) == ("drift", "joint:tilt", "acc11:+ty")
+    assert verdict.gap.closed > 0.95
