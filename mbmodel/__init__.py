@@ -5,6 +5,7 @@ from mbmodel.energy import Energy, energy
 from mbmodel.forward import Forward
 from mbmodel.looks import Looks, looks
 from mbmodel.machine import Machine, load_machine
+from mbmodel.meshes import mesh_files
 from mbmodel.mode_slopes import LinearisedModes, ModeEvaluator
 from mbmodel.model import Matrices, Model, as_drawn
 from mbmodel.modes import Modes, model_modes, modes, shapes_at
@@ -59,6 +60,7 @@ __all__ = [
     "linearise",
     "load_machine",
     "looks",
+    "mesh_files",
     "model_modes",
     "modes",
     "parse_input",

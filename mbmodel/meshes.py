@@ -54,6 +54,14 @@ def compile_with_meshes(path: Path) -> mujoco.MjModel:
     return model
 
 
+def mesh_files(path: Path) -> tuple[Path, ...]:
+    """Files of the meshes that an MJCF names, where they are files of their own."""
+    spec = mujoco.MjSpec.from_file(str(path))
+    named = ((mesh, Path(mesh.file).name if spec.strippath else mesh.file) for mesh in spec.meshes)
+    files = {path.parent / mesh.compiler.meshdir / name for mesh, name in named if name}
+    return tuple(sorted(file for file in files if file.is_file()))
+
+
 def _weighs(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
     """Whether a mesh geom gives the mass of its volume to a body that can move."""
     compiler, body = spec.compiler, geom.parent

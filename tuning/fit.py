@@ -388,10 +388,23 @@ def thinned(campaign: Campaign, stride: int) -> Campaign:
     return campaign.lines(slice(stride // 2, None, stride))
 
 
-def random_starts(model: Model, count: int, seed: int, spread: float = 0.5) -> tuple[Real, ...]:
-    """The drawing, and ``count - 1`` starts: what it does not know times exp(N(0, spread))."""
+def random_starts(
+    model: Model, count: int, seed: int, spread: float = 0.5, varies: Freedom | None = None
+) -> tuple[Real, ...]:
+    """The drawing, and ``count - 1`` starts: sizes that it does not know times exp(N(0, spread)).
+
+    Args:
+        model: machine and Parts.
+        count: how many, the drawing among them.
+        seed: of the others.
+        spread: of the logarithms.
+        varies: what varies, and what of it has a prior; by default as the Parts say.
+    """
     random = np.random.default_rng(seed)
     free = np.array([one.positive and one.known == "free" for one in model.parameters], bool)
+    if varies is not None:
+        sizes = np.append(varies.is_logarithm & ~varies.has_prior, False)
+        free = sizes[varies.member]
     normal = random.normal(0.0, spread, (max(count - 1, 0), int(free.sum())))
     factors = np.ones((len(normal), len(free)))
     factors[:, free] = np.exp(normal)

@@ -5,6 +5,7 @@ import json
 import os
 from collections.abc import Mapping
 
+from mbmodel import mesh_files
 from tuning.schema import InputRow
 from tuning.session import Session
 
@@ -13,6 +14,7 @@ def inputs(session: Session) -> list[InputRow]:
     """Every file that was read, relative to campaign.toml, with its SHA-256."""
     folder = session.source.parent
     files = {session.source, session.model.machine.source}
+    files |= set(mesh_files(session.model.machine.source))
     files |= {folder / test.condition.test for test in session.campaign.tests}
     return [
         InputRow(

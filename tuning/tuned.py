@@ -176,7 +176,7 @@ def tune(  # noqa: PLR0913  # one for each option
         model,
         campaign,
         varies=session.freedom,
-        starts=random_starts(model, starts, seed),
+        starts=random_starts(model, starts, seed, varies=session.freedom),
         stages=stages_of(residuals, at),
         measured=measured,
         algorithm=algorithm,

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from identification.words import InputError, Tolerance
 from mbmodel import Model, body_parts
-from tuning import Wishes, freedom
+from tuning import Wishes, freedom, random_starts, with_tolerances
 from tuning.freedom import BOUND
 
 TOLERANCE = Tolerance(
@@ -335,3 +335,29 @@ def test_a_tie_of_unlike_things_is_refused_by_name(wish, tie, more):
     with pytest.raises(InputError, match="cannot be tied") as caught:
         wish(ties=[tie], **more)
     assert all(name in str(caught.value) for name in tie)
+
+
+def test_released_tolerances_have_no_prior_and_no_bound(model, campaign):
+    whole = with_tolerances(model.machine, campaign)
+    varies = freedom(whole, campaign.tolerance)
+    names = ("acc3.rotation_x", "acc3.rotation_y")
+    free = varies.released(names)
+    for k, name in enumerate(varies.names):
+        released = name in names
+        assert free.has_prior[k] == (varies.has_prior[k] and not released)
+        assert np.isinf(free.upper[k]) == released
+    assert np.array_equal(free.scale, varies.scale)
+
+
+def test_starts_vary_what_a_user_frees(model, campaign):
+    whole = with_tolerances(model.machine, campaign)
+    usual = freedom(whole, campaign.tolerance)
+    freed = freedom(whole, campaign.tolerance, Wishes(free=["head.mass"], fix=["base_tx.*"]))
+    names = [one.name for one in whole.parameters]
+    moved = [
+        {names[k] for k in np.flatnonzero(random_starts(whole, 2, 3, varies=one)[1] != whole.drawn)}
+        for one in (usual, freed)
+    ]
+    assert "head.mass" in moved[1] - moved[0]
+    assert "base_tx.stiffness" in moved[0] - moved[1]
+    assert moved[0] == {one.name for one in whole.parameters if one.known == "free"}
