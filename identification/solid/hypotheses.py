@@ -210,8 +210,12 @@ READINGS: dict[str, Callable[..., Complex]] = {"sensor_delay": delayed, "mount_r
 
 
 def _delays(top: float) -> tuple[tuple[float, ...], ...]:
-    """Late or early by a phase of 0.02 to 2 rad at the highest line."""
-    sizes = np.geomspace(0.02, 2.0, _DELAYS // 2) / (2 * np.pi * top)
+    """Late or early by a phase of 0.02 to 12 rad at the highest line.
+
+    Of more than 2 rad the phase turns along the band, so that steps must not be longer.
+    """
+    turns = np.concatenate([np.geomspace(0.02, 2.0, _DELAYS // 2), np.arange(2.4, 12.5, 0.4)])
+    sizes = turns / (2 * np.pi * top)
     return tuple((float(size),) for size in np.concatenate([-sizes, sizes]))
 
 

@@ -167,24 +167,32 @@ def shape_of(one: Hypothesis, state: State, moments: Moments, start: Real, steps
 
 
 def _scans(scanned: list[Hypothesis], look: Look) -> list[Found]:
-    """Readings that vary along lines: one step from the healthy fit for each of a grid."""
-    spectra = Spectra.of(look.state.data, look.state.reading)
-    freq, spread = look.state.data.freq_hz, look.state.spread
+    """Readings that vary along lines: one step from the healthy fit for each of a grid.
+
+    What is grossly wrong has driven that fit's errors away: then from where it began.
+    """
+    state = look.state
+    spectra = Spectra.of(state.data, state.reading)
+    freq, spread = state.data.freq_hz, state.spread
+    linear = look.linear
+    if not look.quiet:
+        linear = Linearised.of(state.model, look.moments, state.start)
     found = []
     for effect, whole in dict.fromkeys((one.effect, one.grid) for one in scanned):
         grid = whole[:: _COARSE if look.quiet else 1]
         divided = spectra.divided(np.array([READINGS[effect](freq, *at) for at in grid]))
-        without = look.linear.cost(divided.clean(0, []), spread, look.scale)
+        without = linear.cost(divided.clean(0, []), spread, look.scale)
+        base = look.base if look.quiet else without
         for one in scanned:
             if (one.effect, one.grid) == (effect, whole):
                 channels = list(one.channels)
                 costs = [
-                    look.linear.cost(divided.clean(k, channels), spread, look.scale)
+                    linear.cost(divided.clean(k, channels), spread, look.scale)
                     for k in range(len(grid))
                 ]
                 best = int(np.argmin(costs))
-                nats = look.base + costs[best] - without + one.cost
-                found.append(Found(nats, one, look.state, grid[best]))
+                nats = base + costs[best] - without + one.cost
+                found.append(Found(nats, one, state, grid[best]))
     return found
 
 

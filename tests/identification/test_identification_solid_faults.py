@@ -91,7 +91,22 @@ def test_an_offset_is_estimated_in_world_axes():
     np.testing.assert_allclose(found.faults[0].parameters["offset"], offset, atol=0.03)
 
 
-def test_delay_and_mount_are_estimated():
+@pytest.mark.parametrize("turns", [0.2, -0.9, 1.7])
+def test_a_delay_is_estimated_though_the_phase_turns_along_the_band(turns):
+    case = Case(14, lines=LINES)
+    delay = turns / float(draw(case).freq_hz[-1])
+
+    def late(freq, values):
+        values = values.copy()
+        values[:, 3:6] *= np.exp(-2j * np.pi * freq * delay)[:, None, None]
+        return values
+
+    (found,) = check_bodies(draw(replace(case, read=late)))
+    assert named(found) == [("sensor_delay", "sensor:p0_1", None)]
+    assert found.faults[0].parameters["delay"] == pytest.approx(delay, rel=0.03)
+
+
+def test_a_delay_and_a_mount_are_estimated():
     def late(freq, values):
         values = values.copy()
         values[:, 3:6] *= np.exp(-2j * np.pi * freq * 2.5e-4)[:, None, None]
