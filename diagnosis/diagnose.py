@@ -7,7 +7,7 @@ from diagnosis.effects import EFFECTS
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.judge import NOTHING, Judged, judge
-from diagnosis.refit import FIRST, LAST, PATIENT, Refit, finish, go_on, refit
+from diagnosis.refit import FIRST, LAST, PATIENT, Refit, finish, go_on, refit, uninterrupted
 from diagnosis.score import Score, scores
 from tuning import (
     STAGES,
@@ -44,6 +44,11 @@ class Level:
     gap: Gap
     channels: ChannelGaps
 
+    @property
+    def width(self) -> int | None:
+        """Lines in a block; None without held-out lines."""
+        return None if self.held_out is None else self.held_out.width
+
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
@@ -55,7 +60,8 @@ class Diagnosis:
         base: what was fitted without any effect, and where that ended.
         nothing: refit without any effect, on channels that no gate took out.
         scores: of all hypotheses, the most promising first; empty where nothing is missing.
-        refits: of the few best.
+        begun: first refits, with some allowance, of the most promising.
+        refits: in full, of the few best of these.
         judged: their probabilities.
         as_drawn: gap of the drawing.
         retuned: stiffness, damping and tolerances fitted to all that was measured.
@@ -67,6 +73,7 @@ class Diagnosis:
     base: Scene
     nothing: Refit
     scores: tuple[Score, ...]
+    begun: tuple[Refit, ...]
     refits: tuple[Refit, ...]
     judged: Judged
     as_drawn: Gap
@@ -90,7 +97,9 @@ def diagnose(
     session = replace(session, campaign=gate.alive)
     say("fit with an allowance")
     clean = replace(session, campaign=gate.campaign)
-    early = fit(clean.model, clean.campaign, varies=clean.freedom, stages=STAGES[:3], jobs=jobs)
+    early = uninterrupted(
+        fit(clean.model, clean.campaign, varies=clean.freedom, stages=STAGES[:3], jobs=jobs)
+    )
     scene = Scene(clean, early.theta)
     say("refit without any effect")
     first = refit(scene, None, clean.campaign, FIRST)
@@ -98,6 +107,7 @@ def diagnose(
     made = [one for f in gate.faults if (one := hypothesis_of(f, session.campaign)) is not None]
     scored: list[Score] = []
     refits: list[Refit] = []
+    begun: tuple[Refit, ...] = ()
     if nothing.chi_square > NOTHING:
         say("scores of all hypotheses")
         taken = {one.location for one in made}
@@ -106,14 +116,16 @@ def diagnose(
         for one in _promising(scored):
             say(f"refit: {one.words}")
             refits.append(refit(scene, one, clean.campaign, FIRST))
-        refits = [go_on(scene, one, LAST) for one in _leading(first, refits)]
+        begun = tuple(refits)
+        refits = [go_on(scene, one, LAST) for one in _leading(first, begun)]
     judged = judge(nothing, refits, made, scored)
     say("the gap on held-out lines")
     base = Scene(clean, nothing.fit.theta)
-    known = {} if made else {one.hypothesis: one for one in (nothing, *refits)}
+    proven = clean.campaign is not session.campaign
+    known = {} if proven else {one.hypothesis: one for one in (nothing, *refits)}
     retuned = _level(base, None, session, known, jobs)
-    best = judged.best
-    after = None if best is None else _level(base, best, session, known, jobs)
+    best, width = judged.best, retuned.width
+    after = None if best is None else _level(base, best, session, known, jobs, width)
     drawn = predict(session.model, session.model.drawn, session.campaign)
     return Diagnosis(
         session=session,
@@ -121,6 +133,7 @@ def diagnose(
         base=base,
         nothing=nothing,
         scores=tuple(scored),
+        begun=begun,
         refits=tuple(refits),
         judged=judged,
         as_drawn=summarise(channel_gaps(drawn, session.campaign)),
@@ -155,7 +168,7 @@ def level_of(found: Diagnosis, one: Hypothesis, jobs: int = 1) -> Level:
         one: the hypothesis.
         jobs: threads.
     """
-    return _level(found.base, one, found.session, {}, jobs)
+    return _level(found.base, one, found.session, {}, jobs, found.retuned.width)
 
 
 def _level(
@@ -164,11 +177,12 @@ def _level(
     whole: Session,
     known: Mapping[Hypothesis | None, Refit],
     jobs: int,
+    width: int | None = None,
 ) -> Level:
     """Fit to all that was measured, from a refit that is known or from the base."""
     made = known.get(one) or refit(base, one, whole.campaign, (*FIRST, *LAST))
     session = made.session
-    found, held = finish(made, jobs)
+    found, held = finish(made, jobs, width)
     predicted = (
         predict(session.model, found.theta, session.campaign)
         if held is None

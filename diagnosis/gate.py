@@ -45,7 +45,7 @@ def sensor_gate(campaign: Campaign) -> Gate:
     checks = check_bodies(campaign)
     found = [fault for check in checks for fault in check.faults]
     proven = {
-        fault.location + str(fault.dof): fault
+        (fault.effect, fault.location, fault.dof): fault
         for fault in found
         if fault.probability >= PROVEN and fault.location.startswith("sensor:")
     }

@@ -1,7 +1,7 @@
 """What may be the one thing that a model lacks: an effect at a place, ready to be fitted."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -101,4 +101,13 @@ def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> F
         one: the hypothesis.
     """
     extended = varies.extended(model, session.campaign.tolerance) if one.parts else varies
-    return extended.released(one.release)
+    free = extended.released(one.release)
+    fixed = free.fixed.copy()
+    for k, parameter in enumerate(free.parameters):
+        if parameter.name in one.begin and free.member[k] < 0:  # a user has fixed it: as was found
+            fixed[k] = one.begin[parameter.name]
+    free = replace(free, fixed=fixed)
+    if not one.signed:
+        return free
+    sizes = np.isin(np.array(free.names), one.coordinates)
+    return replace(free, lower=np.where(sizes, 0.0, free.lower))

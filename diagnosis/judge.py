@@ -106,11 +106,14 @@ def judge(
         if one.hypothesis is not None
     ]
     if proven:
-        # What a gate proved is present; beside it another cause, or what nobody knows.
-        certain = [Cause(one, 0.99 * _SURE, None) for one in proven]
-        causes = _kept((*certain, *single))
-        several = _SURE * explained
-        return Judged(0.0, 1 - several, several, causes, places, proven[0])
+        # What a gate proved is present: alone, with another cause, or with what nobody knows.
+        alone = _SURE * (1 - explained) * (1 - visible)
+        both = sum(cause.probability for cause in single)
+        sure = alone + both
+        unexplained = (1 - sure) * 0.9
+        certain = [Cause(one, sure, None) for one in proven]
+        several = both if len(proven) == 1 else sure
+        return Judged(0.0, unexplained, several, _kept((*certain, *single)), places, proven[0])
     causes = _kept(single)
     none = _SURE * (1 - explained) * (1 - visible) + 0.5 * (1 - _SURE)
     unexplained = 1 - none - sum(cause.probability for cause in single)

@@ -102,7 +102,9 @@ def _fitted(
     one: Hypothesis | None, session: Session, start: Real, stages: tuple[Stage, ...]
 ) -> Refit:
     varies, last = session.freedom, stages[-1]
-    found = fit(session.model, session.campaign, varies=varies, starts=(start,), stages=stages)
+    found = uninterrupted(
+        fit(session.model, session.campaign, varies=varies, starts=(start,), stages=stages)
+    )
     problem = last.misfit(session.model, thinned(session.campaign, last.stride), varies)
     data = found.cost - problem.prior(found.x)
     return Refit(one, session, found, data / max(problem.values, 1), problem.values)
@@ -118,15 +120,34 @@ def _start(scene: Scene, session: Session, one: Hypothesis | None) -> Real:
     return theta
 
 
-def finish(found: Refit, jobs: int = 1) -> tuple[Fit, HeldOut | None]:
-    """The same on all lines, and with each fold of lines left out."""
+def finish(found: Refit, jobs: int = 1, width: int | None = None) -> tuple[Fit, HeldOut | None]:
+    """The same on all lines, and with each fold of lines left out.
+
+    Args:
+        found: one line in four.
+        jobs: threads.
+        width: lines in a block; by the modes of this model if None.
+    """
     session = found.session
-    whole = fit(
-        session.model,
-        session.campaign,
-        varies=session.freedom,
-        starts=(found.fit.theta,),
-        stages=_WHOLE,
-        jobs=jobs,
+    whole = uninterrupted(
+        fit(
+            session.model,
+            session.campaign,
+            varies=session.freedom,
+            starts=(found.fit.theta,),
+            stages=_WHOLE,
+            jobs=jobs,
+        )
     )
-    return whole, fit_held_out(session.model, whole, session.campaign, jobs=jobs)
+    return whole, fit_held_out(session.model, whole, session.campaign, jobs=jobs, width=width)
+
+
+def uninterrupted(found: Fit) -> Fit:
+    """The fit, if nobody broke it off: half a fit would be a verdict on nothing.
+
+    Raises:
+        KeyboardInterrupt: it was.
+    """
+    if found.outcome == "interrupted":
+        raise KeyboardInterrupt
+    return found

@@ -121,9 +121,11 @@ def _explain(found: Diagnosis) -> None:
         SCREEN.say("nothing is left to explain: no hypothesis was asked")
         return
     table = Table(title=f"{len(found.scores)} hypotheses, the best of each effect and place")
-    for name in ("hypothesis", "gain at 10 % [nats]", "residual over noise", "why it fell"):
+    table.add_column("hypothesis", no_wrap=True)
+    for name in ("gain at 10 % [nats]", "residual over noise", "why it fell"):
         table.add_column(name)
-    refits = {one.hypothesis: one for one in found.refits}
+    ended = {one.hypothesis.coordinates: one for one in found.refits if one.hypothesis}
+    begun = {one.hypothesis.coordinates for one in found.begun if one.hypothesis}
     seen: set[tuple[str, str]] = set()
     best = min((one.cost for one in found.refits), default=0.0)
     for score in found.scores:
@@ -131,12 +133,14 @@ def _explain(found: Diagnosis) -> None:
         if (one.effect, one.location) in seen:
             continue
         seen.add((one.effect, one.location))
-        refit = refits.get(one)
-        left = f"{refit.chi_square**0.5:.3g}" if refit else ""
-        why = "its gain is small" if refit is None else f"{refit.cost - best:.4g} nats worse"
-        table.add_row(
-            one.words, f"{score.gain:.4g}", left, "" if refit and refit.cost == best else why
-        )
+        refit = ended.get(one.coordinates)
+        left, why = "", "its gain is small"
+        if refit is not None and refit.hypothesis and refit.hypothesis.effect == one.effect:
+            left = f"{refit.chi_square**0.5:.3g}"
+            why = f"{refit.cost - best:.4g} nats worse" if refit.cost > best else ""
+        elif one.coordinates in begun:
+            why = "a first refit gained much less than the best"
+        table.add_row(one.words, f"{score.gain:.4g}", left, why)
         if len(seen) == 2 * _FEW:
             break
     SCREEN.console.print(table)

@@ -90,6 +90,7 @@ def fit_held_out(
     campaign: Campaign,
     *,
     jobs: int = 1,
+    width: int | None = None,
     report: Callable[[int], None] | None = None,
     journal: Journal | None = None,
 ) -> HeldOut | None:
@@ -100,6 +101,7 @@ def fit_held_out(
         found: the fit to all lines.
         campaign: the lines of the band.
         jobs: threads; the result does not depend on it.
+        width: lines in a block; by the fitted model's modes if None.
         report: told the number of each fold that is done.
         journal: knows finished folds, which are not made again.
 
@@ -110,7 +112,7 @@ def fit_held_out(
         KeyboardInterrupt: interrupted; there is no held-out prediction then.
     """
     theta, varies = found.theta, found.freedom
-    width = block_width(model, theta, campaign.freq_hz)
+    width = block_width(model, theta, campaign.freq_hz) if width is None else width
     folds = fold_of_lines(len(campaign.freq_hz), width)
     if not folds.any():
         return None

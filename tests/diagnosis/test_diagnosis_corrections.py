@@ -7,9 +7,11 @@ import pytest
 
 from diagnosis.corrections import channels_of, divided, exchanged, masked
 from diagnosis.gate import hypothesis_of, sensor_gate
+from diagnosis.hypothesis import freed
 from identification import Fault, mount
 from identification.words import Dof
 from tests.helpers.drawn import drawn
+from tuning import Wishes, freedom
 
 
 @pytest.fixture(scope="module")
@@ -119,3 +121,16 @@ def test_a_turned_channel_is_proven_and_taken_out(session):
     assert not sensor_gate(session.campaign).faults
     off = [not test.estimate.measured.all() for test in gate.campaign.tests]
     assert all(off)
+
+
+def test_what_a_user_has_fixed_is_taken_as_the_gate_found_it(session):
+    site = sites(session)[0]
+    fault = Fault("sensor_gain", f"sensor:{site}", "tx", 1.0, {"gain": 1.3}, 1.0)
+    one = hypothesis_of(fault, session.campaign)
+    wishes = Wishes(fix=["*.gain_*"])
+    fixed = freedom(session.model, session.campaign.tolerance, wishes)
+    varies = freed(fixed, session.model, session, one)
+    theta = varies.theta(np.zeros(varies.size))
+    names = [parameter.name for parameter in session.model.parameters]
+    assert theta[names.index(f"{site}.gain_x")] == 1.3
+    assert theta[names.index(f"{site}.gain_y")] == 1.0

@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from diagnosis import EFFECTS, Scene, diagnose, oracle, verdict_of
+from diagnosis import refit as refit_module
 from diagnosis.score import scores
 from identification import Fault
 from mbw.command import app
@@ -81,8 +83,35 @@ def test_the_verdict_is_the_same_with_more_threads_and_by_the_command(case):
     told = json.loads(run.stdout)
     assert told == json.loads((out / "verdict.json").read_text())
     assert told == json.loads(verdict_of(found).model_dump_json())
-    assert "drift@joint:" in run.stderr  # the funnel
     assert "closed" in run.stderr
+    (row,) = [
+        line
+        for line in run.stderr.splitlines()
+        if f"drift@{answer['location']} {answer['dof']}" in line
+    ]  # of the funnel: the winner fell for no reason
+    assert "small" not in row
+
+
+def test_an_interrupt_ends_it_without_a_verdict(tmp_path, monkeypatch):
+    session, _ = drawn(tmp_path, 72_015, lines=121)
+    monkeypatch.setattr(
+        refit_module, "fit", lambda *a, **k: replace(fit(*a, **k), outcome="interrupted")
+    )
+    with pytest.raises(KeyboardInterrupt):
+        diagnose(session)
+    out = tmp_path / "out"
+    run = CliRunner().invoke(app, ["diagnose", str(tmp_path / "campaign"), "--out", str(out)])
+    assert run.exit_code == 130
+    assert not (out / "verdict.json").exists()
+
+
+def test_sizes_are_not_fitted_below_zero(case):
+    _, _, found = case
+    for one in found.refits:
+        if one.hypothesis.signed:
+            names = one.fit.freedom.names
+            x = [one.fit.x[names.index(name)] for name in one.hypothesis.coordinates]
+            assert min(x) >= 0
 
 
 def test_a_score_is_what_a_refit_gains(tmp_path):
