@@ -86,11 +86,6 @@ class Hypothesis:
         return f"{self.effect}@{self.location}{f' {self.dof}' if self.dof else ''}"
 
 
-def vector(*names: str) -> Callable[[Mapping[str, float]], tuple[float, ...]]:
-    """Picks parameters by name, as one value of a verdict."""
-    return lambda found: tuple(found[name] for name in names)
-
-
 def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> Freedom:
     """What varies under a hypothesis.
 
