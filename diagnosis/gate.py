@@ -5,20 +5,26 @@ and becomes a hypothesis: channels corrected where the correction is known (sign
 mount), tolerances released where the fit has to find it (gain, axes, place).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+
+import numpy as np
 
 from diagnosis.corrections import Reading, channels_of, divided, exchanged, masked
 from diagnosis.effects.points import three
 from diagnosis.effects.sensor_polarity import turned
-from diagnosis.hypothesis import Hypothesis, Value
+from diagnosis.hypothesis import Hypothesis, Value, released
 from identification import BodyCheck, Fault, check_bodies, delayed, mount
 from identification.words import Campaign, Dof
 
 PROVEN = 0.9  # probability above which a fault is taken out
-_RELEASED = {"sensor_misalignment": "rotation", "sensor_position": "position"}
-_STATED = {"sensor_misalignment": "rotation", "sensor_position": "offset"}
+# Tolerance that is released, and what the verdict calls its value.
+_RELEASED = {
+    "sensor_gain": ("gain", "gain"),
+    "sensor_misalignment": ("rotation", "rotation"),
+    "sensor_position": ("position", "offset"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,22 +76,13 @@ def hypothesis_of(fault: Fault, campaign: Campaign) -> Hypothesis | None:
     base = Hypothesis(fault.effect, fault.location, fault.dof)
     site = fault.location.partition(":")[2]
     concerned = channels_of(fault.location, fault.dof)
-    if fault.effect == "sensor_gain":
-        name = f"{site}.gain_{str(fault.dof)[1:]}"
-        begin = {name: float(_number(fault.parameters["gain"]))}
-        return replace(
-            base, release=(name,), begin=begin, state=lambda found: {"gain": found[name]}
-        )
     if fault.effect in _RELEASED:
-        names = three(f"{site}.{_RELEASED[fault.effect]}_")
-        stated = _STATED[fault.effect]
-        values = fault.parameters[stated]
-        begin = dict(zip(names, values, strict=True)) if isinstance(values, tuple) else {}
-
-        def state(found: Mapping[str, float]) -> dict[str, Value]:
-            return {stated: tuple(found[name] for name in names)}
-
-        return replace(base, release=names, begin=begin, state=state)
+        tolerance, stated = _RELEASED[fault.effect]
+        prefix = f"{site}.{tolerance}_"
+        names = three(prefix) if fault.dof is None else (f"{prefix}{fault.dof[1:]}",)
+        one = released(fault.effect, fault.location, fault.dof, names, stated)
+        values = np.ravel(fault.parameters[stated]).tolist()
+        return replace(one, begin=dict(zip(names, values, strict=True)))
     if fault.effect == "sensor_polarity":
         return replace(base, correct=lambda c: divided(c, concerned, turned))
     if fault.effect == "sensor_swap":

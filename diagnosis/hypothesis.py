@@ -86,6 +86,26 @@ class Hypothesis:
         return f"{self.effect}@{self.location}{f' {self.dof}' if self.dof else ''}"
 
 
+def released(
+    effect: str, location: str, dof: str | None, names: tuple[str, ...], stated: str
+) -> Hypothesis:
+    """A tolerance whose prior and bounds go, stated as one number or as a vector.
+
+    Args:
+        effect: as the verdict calls it.
+        location: likewise.
+        dof: likewise.
+        names: of the parameters.
+        stated: what the verdict calls their value.
+    """
+
+    def state(found: Mapping[str, float]) -> dict[str, Value]:
+        values = tuple(found[name] for name in names)
+        return {stated: values if len(values) > 1 else values[0]}
+
+    return Hypothesis(effect, location, dof, release=names, state=state)
+
+
 def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> Freedom:
     """What varies under a hypothesis.
 

@@ -2,13 +2,13 @@
 
 from tuning.batch import predict
 from tuning.confidence import Confidence, confidence, pulls
-from tuning.fit import GAUSS_NEWTON, STAGES, Fit, Progress, Stage, fit, random_starts, thinned
+from tuning.fit import GAUSS_NEWTON, Fit, Progress, fit, random_starts
 from tuning.folds import FOLDS, HeldOut, block_width, fit_held_out, fold_of_lines
 from tuning.freedom import Freedom, Wishes, freedom
 from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
 from tuning.inputs import fingerprint
 from tuning.journal import CHECKPOINT, Journal
-from tuning.misfit import Misfit, Probed
+from tuning.misfit import Misfit
 from tuning.modal import (
     MODAL_STAGES,
     ModalCost,
@@ -18,9 +18,11 @@ from tuning.modal import (
     some_modes,
 )
 from tuning.result import Level, Result, check_folder, files_of, read_result, write_result
+from tuning.runs import Probed
 from tuning.schema import PairRow, PartnerRow, Place, Residual, ShareRow, TunedFile
 from tuning.session import Session, open_campaign, open_session, with_tolerances
 from tuning.solver import Minimum, minimise
+from tuning.stages import STAGES, Stage, thinned
 from tuning.tuned import Comparison, Tuned, Watch, at_bodies, stages_of, tune
 
 __all__ = [

@@ -17,67 +17,14 @@ from tuning.modal import ModalCost, ModalStage
 from tuning.newton import LARGEST_STEP, Box, gauss_newton
 from tuning.normal import Quadratic
 from tuning.solver import INTERRUPTED, Minimum, Outcome, minimise
+from tuning.stages import STAGES, Stage, thinned
 
 GAUSS_NEWTON = "GAUSS_NEWTON"
 _AGREE = 0.02  # two starts agree if their costs differ by less
 _AGREE_MODES = 1e-3  # beside that, since the cost of modes can be as small as the modes are exact
-_FEWEST_LINES = 32
 _FAR, _NEAR = 1e-3, 1e-7  # damping at the beginning of a stage
 
 
-@dataclass(frozen=True)
-class Stage:
-    """One minimisation of the misfit of FRFs.
-
-    Args:
-        allowance: relative error that the model may have anyway.
-        tolerance: it ends when a step promises less than this part of the cost.
-        stride: only every so manyth line counts.
-        logarithmic: whether the residual is the logarithm of the ratio.
-        everything: whether tolerances vary too, or only what has no prior.
-        at_bodies: whether differences count at the centres of mass instead of the channels.
-        max_steps: of Gauss-Newton, at which it stops wherever it is.
-    """
-
-    allowance: float
-    tolerance: float = 1e-3
-    stride: int = 1
-    logarithmic: bool = True
-    everything: bool = False
-    at_bodies: bool = False
-    max_steps: int = 60
-
-    def misfit(
-        self,
-        model: Model,
-        campaign: Campaign,
-        varies: Freedom,
-        *,
-        counted: Mask | None = None,
-        threads: int = 1,
-    ) -> Misfit:
-        """The misfit of this stage."""
-        return Misfit(
-            model,
-            campaign,
-            varies,
-            allowance=self.allowance,
-            logarithmic=self.logarithmic,
-            at_bodies=self.at_bodies,
-            counted=counted,
-            threads=threads,
-        )
-
-
-STAGES = (
-    Stage(0.5, stride=8),
-    Stage(0.2, stride=8),
-    Stage(0.1, stride=4, everything=True),
-    Stage(0.03, stride=4, logarithmic=False, everything=True),
-    Stage(0.0, stride=4, logarithmic=False, everything=True),
-    Stage(0.0, tolerance=1e-8, logarithmic=False, everything=True),
-)
-LAST = STAGES[-1]
 _Numbered = tuple[tuple[int, Stage | ModalStage], ...]
 
 
@@ -380,12 +327,6 @@ def _side_by_side(
 def _alone(search: _Search, x: Real, stages: _Numbered) -> Minimum:
     with threadpool_limits(1):
         return replace(search, threads=1, journal=Journal()).run(x, stages, "")
-
-
-def thinned(campaign: Campaign, stride: int) -> Campaign:
-    """Every stride-th line, but no fewer than 32 of them as long as there are so many."""
-    stride = min(stride, max(1, len(campaign.freq_hz) // _FEWEST_LINES))
-    return campaign.lines(slice(stride // 2, None, stride))
 
 
 def random_starts(

@@ -10,10 +10,11 @@ from threadpoolctl import threadpool_limits
 from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Model, modes
 from tuning.batch import predict
-from tuning.fit import LAST, Fit, descend
+from tuning.fit import Fit, descend
 from tuning.journal import Journal
 from tuning.normal import Quadratic
 from tuning.solver import Minimum, Outcome
+from tuning.stages import LAST
 
 FOLDS = 5
 _LEAST = 8

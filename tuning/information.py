@@ -28,10 +28,10 @@ from identification.words import (
 )
 from mbmodel import Evaluator, Model, Part, Question, hammer_parts, sensor_parts
 from tuning.confidence import WIDEST, Confidence
-from tuning.fit import thinned
 from tuning.misfit import Misfit
 from tuning.schema import GainRow
 from tuning.session import Session
+from tuning.stages import thinned
 
 _STRIDE = 8  # of the lines: what they tell is counted as often
 _FURTHER = "further"

@@ -11,7 +11,7 @@ from mbmodel import Model
 from tuning.bands import magnitude_deviations
 from tuning.batch import predict
 from tuning.confidence import PLAUSIBLE, Confidence, confidence
-from tuning.fit import GAUSS_NEWTON, LAST, STAGES, Fit, Progress, Stage, fit, random_starts
+from tuning.fit import GAUSS_NEWTON, Fit, Progress, fit, random_starts
 from tuning.folds import HeldOut, fit_held_out
 from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
 from tuning.information import information
@@ -19,6 +19,7 @@ from tuning.journal import Journal
 from tuning.modal import MODAL_STAGES, ModalStage
 from tuning.schema import GainRow, Place, Residual
 from tuning.session import Session
+from tuning.stages import LAST, STAGES, Stage
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,9 @@
 """A channel whose gain is beyond its tolerance: a wrong calibration value."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from diagnosis.effects.points import names_of, sensors
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Hypothesis, Scene, released
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -12,12 +12,5 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     for site in sensors(scene):
         for axis in "xyz":
             name = f"{site}.gain_{axis}"
-            if name not in known:
-                continue
-
-            def state(found: Mapping[str, float], gain: str = name) -> dict[str, Value]:
-                return {"gain": found[gain]}
-
-            yield Hypothesis(
-                "sensor_gain", f"sensor:{site}", f"t{axis}", release=(name,), state=state
-            )
+            if name in known:
+                yield released("sensor_gain", f"sensor:{site}", f"t{axis}", (name,), "gain")

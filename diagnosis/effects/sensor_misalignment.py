@@ -1,9 +1,9 @@
 """A sensor whose axes are turned beyond tolerance: true axes = drawn axes turned by a vector."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from diagnosis.effects.points import names_of, sensors, three
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Hypothesis, Scene, released
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -12,10 +12,4 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     for site in sensors(scene):
         names = three(f"{site}.rotation_")
         if known.issuperset(names):
-
-            def state(
-                found: Mapping[str, float], angles: tuple[str, ...] = names
-            ) -> dict[str, Value]:
-                return {"rotation": tuple(found[name] for name in angles)}
-
-            yield Hypothesis("sensor_misalignment", f"sensor:{site}", release=names, state=state)
+            yield released("sensor_misalignment", f"sensor:{site}", None, names, "rotation")

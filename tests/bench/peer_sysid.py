@@ -16,7 +16,7 @@ from identification.words import Campaign
 from mbmodel import Model
 from tuning import Freedom, Stage
 from tuning.batch import Batch, batches
-from tuning.fit import thinned
+from tuning.stages import thinned
 
 SHORT_TOLERANCE = 1e-3  # of a stage that others follow
 _FLOOR = 3e-4  # as in tuning.misfit

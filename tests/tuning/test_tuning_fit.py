@@ -7,7 +7,7 @@ from small_machine import virtual_campaign
 from identification.words import UsageError
 from mbmodel import as_drawn
 from tuning import STAGES, Misfit, Stage, fit, freedom, random_starts, with_tolerances
-from tuning.fit import thinned
+from tuning.stages import thinned
 
 OPENING = STAGES[:2]
 

@@ -8,7 +8,7 @@ from small_machine import virtual_campaign
 
 from identification.words import Campaign
 from mbmodel import Evaluator, Question
-from tuning import Misfit, Wishes, freedom, misfit, predict
+from tuning import Misfit, Wishes, freedom, predict, runs
 
 # What varies: sensors have blocks of their own unless they are tied to others or within.
 WISHES = {
@@ -174,7 +174,7 @@ def test_how_many_lines_are_held_at_once_does_not_matter(whole, mixed, wished, m
     _, varies = wished
     cost, x = Misfit(whole, mixed, varies, allowance=0.1, logarithmic=True), somewhere(varies)
     at_once = cost.normal(x)
-    monkeypatch.setattr(misfit, "_CHUNK", chunk)
+    monkeypatch.setattr(runs, "_CHUNK", chunk)
     piecewise = cost.normal(x)
     size = sizes(at_once[2])
     assert piecewise[0] == at_once[0]
