@@ -2,13 +2,31 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
 
 from diagnosis.effects import EFFECTS
+from diagnosis.evidence import Evidence, Refitted
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.judge import NOTHING, Judged, judge
-from diagnosis.refit import FIRST, LAST, PATIENT, Refit, finish, go_on, refit, uninterrupted
-from diagnosis.score import Score, scores
+from diagnosis.refit import (
+    FIRST,
+    LAST,
+    PATIENT,
+    Refit,
+    go_on,
+    held_out,
+    paced,
+    refit,
+    unbounded,
+    uninterrupted,
+)
+from diagnosis.score import cosines
+from diagnosis.search import REFITTED, Search, search
+from identification.words import Campaign, Complex, Real
+from mbmodel import Held, loosened
 from tuning import (
     STAGES,
     ChannelGaps,
@@ -20,34 +38,62 @@ from tuning import (
     fit,
     predict,
     summarise,
+    with_tolerances,
 )
 
-_REFITTED = 6  # of the most promising, so many are fitted in full
-_LEADING = 0.5  # of the best refit's gain, what goes on to the weights of the noise
-STEPS = 5 + _REFITTED  # told at most
-_PROMISING = 0.03  # of the best score, what is worth a refit
+_SMALL = 3.0  # chi square up to which one tolerance of many may be all that is beyond its bound
+_ENOUGH = 180_000  # values: three hammer directions, 69 channels, 800 lines and some more
+_ALIKE, _NATS = 0.9, 3.0  # cosine of signatures, difference of costs: twins
+STEPS = 5 + 2 * REFITTED  # told at most
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """A fit to all lines, and how far it is from what was measured.
+    """A fit, and how far it is from what was measured.
 
     Args:
-        fit: to all lines.
+        refit: of all folds.
         held_out: with folds left out; None if the band is too narrow.
-        gap: on held-out lines, or on all if there are none.
-        channels: the same of each channel.
+        predicted: each line by a fit that did not see it, or by the fit if there are no folds.
+        campaign: what it is compared with.
     """
 
-    fit: Fit
+    refit: Refit
     held_out: HeldOut | None
-    gap: Gap
-    channels: ChannelGaps
+    predicted: tuple[Complex, ...]
+    campaign: Campaign
+
+    @cached_property
+    def channels(self) -> ChannelGaps:
+        """The gap of each channel."""
+        return channel_gaps(self.predicted, self.campaign)
+
+    @cached_property
+    def gap(self) -> Gap:
+        """On held-out lines, or on all if there are none."""
+        return summarise(self.channels)
 
     @property
     def width(self) -> int | None:
         """Lines in a block; None without held-out lines."""
         return None if self.held_out is None else self.held_out.width
+
+    @property
+    def theta(self) -> Real:
+        """The mean of the fits without a fold, for each saw most of the lines; (n_parameter,)."""
+        held = self.held_out
+        found: Real = self.refit.fit.theta if held is None else held.thetas.mean(axis=0)
+        return found
+
+    def without(self, fold: int) -> Gap:
+        """The gap on all lines but one fold."""
+        folds = (
+            np.zeros(len(self.campaign.freq_hz)) if self.held_out is None else self.held_out.folds
+        )
+        kept = np.asarray(folds != fold, bool)
+        return summarise(
+            channel_gaps([values[kept] for values in self.predicted], self.campaign.lines(kept))
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,23 +105,25 @@ class Diagnosis:
         gate: what sensors alone say.
         base: what was fitted without any effect, and where that ended.
         nothing: refit without any effect, on channels that no gate took out.
-        scores: of all hypotheses, the most promising first; empty where nothing is missing.
-        begun: first refits, with some allowance, of the most promising.
-        refits: in full, of the few best of these.
-        judged: their probabilities.
+        search: for what explains the gap; empty where there is none.
+        evidence: what was judged by.
+        judged: probabilities.
+        best: the most probable cause; None if none is.
+        twins: pairs of causes that leave the same, as the verdict calls them.
         as_drawn: gap of the drawing.
         retuned: stiffness, damping and tolerances fitted to all that was measured.
-        after: the same with the first cause; None without one.
+        after: the same with the first cause; None without one, and where no Part holds it.
     """
 
     session: Session
     gate: Gate
     base: Scene
     nothing: Refit
-    scores: tuple[Score, ...]
-    begun: tuple[Refit, ...]
-    refits: tuple[Refit, ...]
+    search: Search
+    evidence: Evidence
     judged: Judged
+    best: Hypothesis | None
+    twins: tuple[tuple[str, str], ...]
     as_drawn: Gap
     retuned: Level
     after: Level | None
@@ -94,70 +142,127 @@ def diagnose(
     say = tell or (lambda _: None)
     say("sensors among each other")
     gate = sensor_gate(session.campaign)
-    session = replace(session, campaign=gate.alive)
-    say("fit with an allowance")
+    session, held = _loosened(replace(session, campaign=gate.alive))
     clean = replace(session, campaign=gate.campaign)
+    made = [one for f in gate.faults if (one := hypothesis_of(f, session.campaign)) is not None]
+    say("fit with an allowance")
+    pace = _pace(clean.campaign)
     early = uninterrupted(
-        fit(clean.model, clean.campaign, varies=clean.freedom, stages=STAGES[:3], jobs=jobs)
+        fit(
+            clean.model,
+            clean.campaign,
+            varies=clean.freedom,
+            stages=paced(STAGES[:3], pace),
+            jobs=jobs,
+        )
     )
-    scene = Scene(clean, early.theta)
+    scene = Scene(clean, early.theta, held, pace)
     say("refit without any effect")
     first = refit(scene, None, clean.campaign, FIRST)
     nothing = go_on(scene, first, PATIENT)
-    made = [one for f in gate.faults if (one := hypothesis_of(f, session.campaign)) is not None]
-    scored: list[Score] = []
-    refits: list[Refit] = []
-    begun: tuple[Refit, ...] = ()
-    if nothing.chi_square > NOTHING:
-        say("scores of all hypotheses")
+    found = Search()
+    # A body that bends drives all others in ways that no Part holds: what it leaves tells nothing.
+    if nothing.chi_square > NOTHING and not gate.flexible:
         taken = {one.location for one in made}
         proposed = [one for propose in EFFECTS.values() for one in propose(scene)]
-        scored = scores(scene, early, [one for one in proposed if one.location not in taken])
-        for one in _promising(scored):
-            say(f"refit: {one.words}")
-            refits.append(refit(scene, one, clean.campaign, FIRST))
-        begun = tuple(refits)
-        refits = [go_on(scene, one, LAST) for one in _leading(first, begun)]
-    judged = judge(nothing, refits, made, scored)
+        asked = [one for one in proposed if one.location not in taken]
+        found = search(scene, (early, first, nothing), asked, say)
+    refits = found.refits
+    evidence = _evidence(scene, made, nothing, found)
+    judged = judge(evidence)
+    known_as = {one.hypothesis.key: one.hypothesis for one in refits if one.hypothesis is not None}
+    known_as |= {one.key: one for one in made}
+    best = None if judged.best is None else known_as[judged.best]
     say("the gap on held-out lines")
-    base = Scene(clean, nothing.fit.theta)
+    base = Scene(clean, nothing.fit.theta, held, pace)
+    # Of a large gap 0.5 % does not matter; that nothing is missing is told by the third digit.
+    exact = best is None
     proven = clean.campaign is not session.campaign
-    known = {} if proven else {one.hypothesis: one for one in (nothing, *refits)}
-    retuned = _level(base, None, session, known, jobs)
-    best, width = judged.best, retuned.width
-    after = None if best is None else _level(base, best, session, known, jobs, width)
+    made_before = {} if proven else {one.hypothesis: one for one in (nothing, *refits)}
+    retuned = _level(base, None, session, made_before, jobs, exact=exact)
+    after = None
+    if best is not None and best.is_held:
+        after = _level(base, best, session, made_before, jobs, retuned.width)
     drawn = predict(session.model, session.model.drawn, session.campaign)
     return Diagnosis(
         session=session,
         gate=gate,
         base=base,
         nothing=nothing,
-        scores=tuple(scored),
-        begun=begun,
-        refits=tuple(refits),
+        search=found,
+        evidence=evidence,
         judged=judged,
+        best=best,
+        twins=_twins(scene, first.fit, judged, found),
         as_drawn=summarise(channel_gaps(drawn, session.campaign)),
         retuned=retuned,
         after=after,
     )
 
 
-def _promising(scored: Sequence[Score]) -> list[Hypothesis]:
-    """The best hypothesis of each effect and place, of those with the highest scores."""
-    found: dict[tuple[str, str], Score] = {}
-    for score in scored:
-        key = score.hypothesis.effect, score.hypothesis.location
-        if key not in found and score.gain > _PROMISING * scored[0].gain:
-            found[key] = score
-    return [score.hypothesis for score in list(found.values())[:_REFITTED]]
+def _evidence(
+    scene: Scene, proven: Sequence[Hypothesis], nothing: Refit, found: Search
+) -> Evidence:
+    """What the judgement reads."""
+    sources = {test.estimate.variance_source for test in nothing.session.campaign.tests}
+    loose, pull = nothing.chi_square, 0.0
+    if NOTHING < loose < _SMALL:
+        loose, pull = unbounded(scene, nothing)
+    return Evidence(
+        proven=tuple(one.key for one in proven),
+        cost=nothing.cost,
+        chi_square=nothing.chi_square,
+        loose=loose,
+        pull=pull,
+        refits=tuple(
+            Refitted(
+                effect=one.hypothesis.effect,
+                location=one.hypothesis.location,
+                dof=one.hypothesis.dof,
+                cost=one.cost,
+                chi_square=one.chi_square,
+            )
+            for one in found.refits
+            if one.hypothesis is not None
+        ),
+        scored=found.rows,
+        variance="coherence" if sources == {"coherence"} else "differences",
+    )
 
 
-def _leading(nothing: Refit, refits: Sequence[Refit]) -> list[Refit]:
-    """Those that, with some allowance still, gain nearly as much as the best."""
-    gains = [nothing.cost - one.cost for one in refits]
-    least = _LEADING * max(gains, default=0.0)
-    order = sorted(range(len(refits)), key=lambda k: -gains[k])
-    return [refits[k] for k in order if gains[k] >= least]
+def _loosened(session: Session) -> tuple[Session, tuple[Held, ...]]:
+    """The session with a coordinate for each direction that the drawing holds rigid."""
+    highest = float(session.campaign.freq_hz.max())
+    machine, held = loosened(session.model.machine, highest)
+    return replace(session, model=with_tolerances(machine, session.campaign)), held
+
+
+def _pace(campaign: Campaign) -> int:
+    """How many times as much was measured as fits need."""
+    channels = sum(int(test.estimate.measured.sum()) for test in campaign.tests)
+    return max(1, round(channels * len(campaign.freq_hz) / _ENOUGH))
+
+
+def _twins(scene: Scene, found: Fit, judged: Judged, tried: Search) -> tuple[tuple[str, str], ...]:
+    """Pairs of causes whose signatures have a cosine of 0.9, or whose refits are as good."""
+    costs = {one.hypothesis.coordinates: one.cost for one in tried.refits if one.hypothesis}
+    named = {key for key, _ in judged.causes}
+    leading = [
+        one
+        for one in tried.scores
+        if one.hypothesis.key in named and one.hypothesis.coordinates in costs and one.step.any()
+    ]
+    if len(leading) < 2:
+        return ()
+    alike = cosines(scene, found, leading, FIRST[-1].allowance)
+    pairs = []
+    for i, one in enumerate(leading):
+        for j, other in enumerate(leading[:i]):
+            cost, less = (costs[x.hypothesis.coordinates] for x in (one, other))
+            same = one.hypothesis.site == other.hypothesis.site
+            if not same and (abs(alike[i, j]) >= _ALIKE or abs(cost - less) < _NATS):
+                pairs.append((other.hypothesis.site, one.hypothesis.site))
+    return tuple(pairs)
 
 
 def level_of(found: Diagnosis, one: Hypothesis, jobs: int = 1) -> Level:
@@ -178,15 +283,16 @@ def _level(
     known: Mapping[Hypothesis | None, Refit],
     jobs: int,
     width: int | None = None,
+    *,
+    exact: bool = True,
 ) -> Level:
     """Fit to all that was measured, from a refit that is known or from the base."""
     made = known.get(one) or refit(base, one, whole.campaign, (*FIRST, *LAST))
     session = made.session
-    found, held = finish(made, jobs, width)
+    held = held_out(base, made, jobs, width, exact=exact)
     predicted = (
-        predict(session.model, found.theta, session.campaign)
+        predict(session.model, made.fit.theta, session.campaign)
         if held is None
         else held.predict(session.model, session.campaign)
     )
-    channels = channel_gaps(predicted, session.campaign)
-    return Level(found, held, summarise(channels), channels)
+    return Level(made, held, predicted, session.campaign)

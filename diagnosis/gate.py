@@ -7,17 +7,21 @@ mount), tolerances released where the fit has to find it (gain, axes, place).
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import partial, reduce
 
 import numpy as np
 
-from diagnosis.corrections import Reading, channels_of, divided, exchanged, masked
+from diagnosis.corrections import Reading, channels_of, divided, doubted, exchanged, masked
 from diagnosis.effects.points import three
 from diagnosis.effects.sensor_polarity import turned
+from diagnosis.evidence import Key
 from diagnosis.hypothesis import Hypothesis, Value, released
 from identification import BodyCheck, Fault, check_bodies, delayed, mount
-from identification.words import Campaign, Dof
+from identification.words import Campaign, Dof, Real
 
+_BENDS = "flexible_body"
+_GROSS = ("dead_channel", "sensor_polarity", "sensor_swap")
+_TOO_MANY = 2  # sensors of one body that are wrong by some amount each
 PROVEN = 0.9  # probability above which a fault is taken out
 # Tolerance that is released, and what the verdict calls its value.
 _RELEASED = {
@@ -35,7 +39,8 @@ class Gate:
         checks: of every body.
         faults: those that are proven.
         alive: all that was measured but for dead channels.
-        campaign: without the channels that any proven fault concerns.
+        campaign: without the channels that any proven fault concerns; where a body bends, its
+            channels are doubted by as much.
         flexible: bodies that are not solid in part of the band.
     """
 
@@ -49,31 +54,55 @@ class Gate:
 def sensor_gate(campaign: Campaign) -> Gate:
     """Check every body, take out what is proven."""
     checks = check_bodies(campaign)
-    found = [fault for check in checks for fault in check.faults]
-    proven = {
-        (fault.effect, fault.location, fault.dof): fault
-        for fault in found
-        if fault.probability >= PROVEN and fault.location.startswith("sensor:")
-    }
-    flexible = tuple(
-        check
-        for check in checks
-        if any(one.effect == "flexible_body" and one.probability >= PROVEN for one in check.faults)
-    )
+    proven: dict[Key, Fault] = {}
+    flexible = []
+    for check in checks:
+        sure = _one_cause(check, [one for one in check.faults if one.probability >= PROVEN])
+        bends = any(fault.effect == _BENDS for fault in sure)
+        flexible += [check] if bends else []
+        # What a shape leaves looks like small faults of its sensors; gross ones stand out.
+        kept = [one for one in sure if not bends or one.effect in (_BENDS, *_GROSS)]
+        proven |= {(one.effect, one.location, one.dof): one for one in kept}
     faults = tuple(proven.values())
     dead = [one for one in faults if one.effect == "dead_channel"]
     alive, clean = _without(campaign, dead), _without(campaign, faults)
-    return Gate(checks, faults, alive, clean, flexible)
+    for check in flexible:
+        beyond = np.sqrt(np.maximum(check.reconstruction**2 - check.expected**2, 0.0))
+        clean = doubted(clean, check.channels, partial(_read_off, check.freq_hz, beyond))
+    return Gate(checks, faults, alive, clean, tuple(flexible))
+
+
+def _one_cause(check: BodyCheck, sure: list[Fault]) -> list[Fault]:
+    """Faults of several sensors of one body at once are one bending of it.
+
+    Below its resonance a mode's shape follows the acceleration: what each sensor reads too much is
+    then a gain, or a place, of its own, and a few of them explain a shape to the noise. But faults
+    are rare and do not come in pairs.
+    """
+    small = [one for one in sure if one.effect not in (_BENDS, *_GROSS)]
+    if len({one.location for one in small}) < _TOO_MANY:
+        return sure
+    after = min(one.excess_after for one in small)
+    bent = Fault(_BENDS, f"body:{check.body}", None, PROVEN, {}, after)
+    return [bent, *(one for one in sure if one not in small)]
+
+
+def _read_off(freq_hz: Real, values: Real, at: Real) -> Real:
+    """A curve between its lines."""
+    return np.asarray(np.interp(at, freq_hz, values), float)
 
 
 def _without(campaign: Campaign, faults: Sequence[Fault]) -> Campaign:
-    """All channels but those that faults concern."""
-    return reduce(masked, (channels_of(one.location, one.dof) for one in faults), campaign)
+    """All channels but those that faults of sensors concern."""
+    sensors = [one for one in faults if one.location.startswith("sensor:")]
+    return reduce(masked, (channels_of(one.location, one.dof) for one in sensors), campaign)
 
 
 def hypothesis_of(fault: Fault, campaign: Campaign) -> Hypothesis | None:
     """The hypothesis of a fault; None of one that is no effect of the catalogue."""
     base = Hypothesis(fault.effect, fault.location, fault.dof)
+    if fault.effect == _BENDS:  # not a Part yet: the gap with it is not known
+        return replace(base, is_held=False, state=lambda _: dict(fault.parameters))
     site = fault.location.partition(":")[2]
     concerned = channels_of(fault.location, fault.dof)
     if fault.effect in _RELEASED:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from identification.words import Campaign, Real
-from mbmodel import Model, Part
+from mbmodel import Held, Model, Part
 from tuning import Freedom, Session
 
 Value = float | tuple[float, ...]
@@ -19,10 +19,14 @@ class Scene:
     Args:
         session: campaign, drawn model, what varies.
         theta: of a fit in which tolerances vary; (n_parameter,).
+        held: directions that are rigid as drawn, each on a stiff spring in the session's model.
+        pace: of the lines that fits count otherwise, every so manyth: where there are many data.
     """
 
     session: Session
     theta: Real
+    held: tuple[Held, ...] = ()
+    pace: int = 1
 
     @property
     def model(self) -> Model:
@@ -31,9 +35,16 @@ class Scene:
 
     def stiffness(self, springs: tuple[str, ...]) -> Real:
         """Fitted stiffness of springs, the drawn one where it does not vary, in their order."""
+        return self._along(springs, "stiffness")
+
+    def damping(self, springs: tuple[str, ...]) -> Real:
+        """The same of their damping."""
+        return self._along(springs, "damping")
+
+    def _along(self, springs: tuple[str, ...], what: str) -> Real:
         fitted = dict(zip((one.name for one in self.model.parameters), self.theta, strict=True))
-        drawn = {spring.name: spring.stiffness for spring in self.model.machine.springs}
-        return np.array([fitted.get(f"{name}.stiffness", drawn[name]) for name in springs])
+        drawn = {spring.name: getattr(spring, what) for spring in self.model.machine.springs}
+        return np.array([fitted.get(f"{name}.{what}", drawn[name]) for name in springs])
 
 
 def unsaid(found: Mapping[str, float]) -> dict[str, Value]:
@@ -53,7 +64,10 @@ class Hypothesis:
         begin: values at which released parameters begin, by name.
         correct: makes the measurement what it would be without the fault; None for no change.
         scored: coordinates that are scored; all if empty. Others shape what these add.
+        follow: parameters of Parts that have the value of a parameter of the model, by name.
+        springs: whose fitted stiffness the Parts are made from: as that moves, they are made anew.
         signed: whether those are sizes, none of which is less than zero.
+        is_held: whether its Parts, or the corrected measurement, hold all of it.
         state: parameters of the verdict from the fitted ones, by name.
     """
 
@@ -65,7 +79,10 @@ class Hypothesis:
     begin: Mapping[str, float] = field(default_factory=dict)
     correct: Callable[[Campaign], Campaign] | None = None
     scored: tuple[str, ...] = ()
+    follow: Mapping[str, str] = field(default_factory=dict)
+    springs: tuple[str, ...] = ()
     signed: bool = False
+    is_held: bool = True
     state: Callable[[Mapping[str, float]], dict[str, Value]] = unsaid
 
     @property
@@ -74,16 +91,22 @@ class Hypothesis:
         return self.effect, self.location, self.dof
 
     @property
+    def site(self) -> str:
+        """Such as ``appendage@body:ty``."""
+        return f"{self.effect}@{self.location}"
+
+    @property
     def coordinates(self) -> tuple[str, ...]:
         """Names of what is scored."""
         if self.scored:
             return self.scored
-        return (*self.release, *(p.name for part in self.parts for p in part.parameters))
+        own = (p.name for part in self.parts for p in part.parameters)
+        return (*self.release, *(name for name in own if name not in self.follow))
 
     @property
     def words(self) -> str:
         """Such as ``sensor_gain@sensor:acc3 tx``."""
-        return f"{self.effect}@{self.location}{f' {self.dof}' if self.dof else ''}"
+        return f"{self.site}{f' {self.dof}' if self.dof else ''}"
 
 
 def released(
@@ -116,7 +139,7 @@ def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> F
         one: the hypothesis.
     """
     extended = varies.extended(model, session.campaign.tolerance) if one.parts else varies
-    free = extended.released(one.release)
+    free = extended.following(one.follow).released(one.release)
     fixed = free.fixed.copy()
     for k, parameter in enumerate(free.parameters):
         if parameter.name in one.begin and free.member[k] < 0:  # a user has fixed it: as was found

@@ -1,71 +1,110 @@
-"""From refits to probabilities: none, unexplained, each cause, several.
+r"""From evidence to probabilities: none, unexplained, each cause, several; and to places.
 
-What is left of the gap decides: the excess chi square - 1 of each refit beside that of the refit
-without any effect. A cause that leaves a tenth of it or less explains; what no cause explains is
-unexplained. Among causes, costs differ by thousands of nats where the noise alone counted, but a
-model is never so exact: their differences are divided by a part of the whole gain.
+What is left of the gap decides. With e = chi^2 - 1 of the refit without any effect and e1 that of
+the best refit with one,
+
+    visible   = expit((log e - log hidden) / width)       more than badly known noise,
+                e without bounds of tolerances if the largest is no more than an outlier
+    explained = expit((log left - log (e1 / e)) / width)   one effect takes nearly all of it
+
+and p(none) = (1 - explained)(1 - visible), p(unexplained) = (1 - explained) visible. Among causes,
+costs differ by thousands of nats where the noise alone counts, but a model is never so exact.
+Of n values, with cost0 without any effect:
+
+    p(cause) = explained softmax(-cost / (least + inexact n + temper (cost0 - best)))
+
+Places: of what a cause explains, the cause's; of what nothing explains, a softmax of what each
+place gains at the weights of the noise. All constants are calibrated on virtual campaigns whose
+seeds no reported figure uses; ``calibration.json`` says which.
 """
 
-from collections.abc import Sequence
+import json
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
 from scipy.special import expit, softmax
 
-from diagnosis.hypothesis import Hypothesis
-from diagnosis.refit import Refit
-from diagnosis.score import Score
+from diagnosis.evidence import Evidence, Key
+from identification.words import Real
+from tuning import BOUND
 
-NOTHING = 1.03  # chi square up to which nothing is missing
-# Chi square above one that may be the noise's own variance, badly known; third differences along
-# frequency tell it worse than coherences do.
-_VISIBLE = {"coherence": 0.08, "differences": 0.2}
+NOTHING = 1.03  # chi square up to which nothing is missing: no hypothesis is asked
+_BENDS = "flexible_body"
+_ALONE = 1  # which gain is at the weights of the noise alone
 _EXACT = 0.02  # no refit is believed to leave less
 _ROW = 0.01  # probability of a cause that is worth a row
-_SURE = 0.98  # probability of what leaves no doubt
-_LEFT, _WIDTH = 0.15, 0.4  # of the gap: as likely explained as not; and its logarithm's spread
-_TEMPER = 0.03  # of the whole gain: differences below it decide nothing
-_LEAST = 10.0  # nats
-_SHARE = 0.1  # of the best gain: places that gain less by this have 1/e of its share
 
 
-@dataclass(frozen=True, eq=False)
-class Cause:
-    """A cause with its probability.
+class Calibration(BaseModel):
+    """The judgement's constants.
 
     Args:
-        hypothesis: which.
-        probability: that it is present.
-        refit: its fit; None of what a gate proved.
+        hidden: e that may be the noise's own variance, badly known, by where that comes from;
+            third differences along frequency tell it worse than coherences do.
+        hidden_width: of its logarithm.
+        outlier: standard deviations that the largest of all tolerances may have.
+        left: part of the gap that is as likely explained as not.
+        left_width: of its logarithm.
+        least: nats that decide nothing.
+        inexact: nats a value that decide nothing.
+        temper: part of the whole gain that decides nothing.
+        share: part of the best place's gain that decides nothing.
+        sure: probability of what leaves no doubt.
+        campaigns: how many it was made from.
+        command: that makes it.
+        seeds: of the campaigns.
+        evidence: SHA-256 of what they gave.
     """
 
-    hypothesis: Hypothesis
-    probability: float
-    refit: Refit | None
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    hidden: Mapping[str, float]
+    hidden_width: float
+    outlier: float
+    left: float
+    left_width: float
+    least: float
+    inexact: float
+    temper: float
+    share: float
+    sure: float
+    campaigns: int = 0
+    command: str = ""
+    seeds: str = ""
+    evidence: str = ""
 
 
-@dataclass(frozen=True, eq=False)
+@cache
+def calibrated() -> Calibration:
+    """The committed calibration."""
+    text = (files("diagnosis") / "calibration.json").read_text("utf-8")
+    return Calibration.model_validate(json.loads(text))
+
+
+@dataclass(frozen=True)
 class Judged:
     """Probabilities.
 
     Args:
         none, unexplained, several: of what is no single cause.
-        causes: most probable first.
+        causes: with the probability that each is present, most probable first.
         where: places by their share.
-        best: the most probable cause; None if nothing or nothing known is missing.
     """
 
     none: float
     unexplained: float
     several: float
-    causes: tuple[Cause, ...]
+    causes: tuple[tuple[Key, float], ...]
     where: tuple[tuple[str, float], ...]
-    best: Hypothesis | None
 
     @property
     def word(self) -> str:
         """The verdict's word."""
-        single = max((cause.probability for cause in self.causes), default=0.0) - self.several
+        single = max((probability for _, probability in self.causes), default=0.0) - self.several
         options = {
             "none": self.none,
             "unexplained": self.unexplained,
@@ -74,85 +113,87 @@ class Judged:
         }
         return max(options, key=lambda name: options[name])
 
+    @property
+    def best(self) -> Key | None:
+        """The most probable cause, if causes are what is most probable."""
+        return self.causes[0][0] if self.word in ("explained", "several") else None
 
-def judge(
-    nothing: Refit, refits: Sequence[Refit], proven: Sequence[Hypothesis], scored: Sequence[Score]
-) -> Judged:
+
+def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     """Weigh what is left.
 
     Args:
-        nothing: the refit without any effect.
-        refits: with one each.
-        proven: what a gate took out before.
-        scored: of all hypotheses, for the places.
+        seen: the evidence.
+        by: the calibration; the committed one if None.
     """
-    places = _places(scored, proven)
-    before = nothing.chi_square - 1
-    if nothing.chi_square <= NOTHING:
-        return _after_gate(proven, places, _SURE)
-    costs = np.array([one.cost for one in refits])
-    temper = _LEAST + _TEMPER * max(nothing.cost - costs.min(initial=nothing.cost), 0.0)
-    weights = softmax(-costs / temper) if len(costs) else costs
-    left = max(min((one.chi_square for one in refits), default=np.inf) - 1, _EXACT) / before
-    explained = float(expit((np.log(_LEFT) - np.log(left)) / _WIDTH))
-    sources = {t.estimate.variance_source for t in nothing.session.campaign.tests}
-    hidden = max(_VISIBLE[source] for source in sources)
-    visible = float(expit((np.log(before) - np.log(hidden)) / _WIDTH))
-    if (1 - explained) * (1 - visible) > 0.5:
-        return _after_gate(proven, places, _SURE * (1 - visible))
-    single = [
-        Cause(one.hypothesis, float(weight) * explained * _SURE, one)
-        for one, weight in zip(refits, weights, strict=True)
-        if one.hypothesis is not None
-    ]
-    if proven:
-        # What a gate proved is present: alone, with another cause, or with what nobody knows.
-        alone = _SURE * (1 - explained) * (1 - visible)
-        both = sum(cause.probability for cause in single)
-        sure = alone + both
-        unexplained = (1 - sure) * 0.9
-        certain = [Cause(one, sure, None) for one in proven]
-        several = both if len(proven) == 1 else sure
-        return Judged(0.0, unexplained, several, _kept((*certain, *single)), places, proven[0])
-    causes = _kept(single)
-    none = _SURE * (1 - explained) * (1 - visible) + 0.5 * (1 - _SURE)
-    unexplained = 1 - none - sum(cause.probability for cause in single)
-    best = causes[0].hypothesis if causes and causes[0].probability > unexplained else None
-    return Judged(none, unexplained, 0.0, causes, places, best)
+    by = by or calibrated()
+    gap = seen.chi_square - 1
+    doubt = 1 - by.sure
+    if seen.chi_square <= NOTHING:
+        visible, explained, weights = 0.0, 0.0, np.zeros(len(seen.refits))
+    else:
+        likely = seen.pull <= by.outlier  # and all that is left is one tolerance in hundreds
+        beyond = max(seen.loose - 1, 1e-6) if likely else gap
+        hidden = by.hidden[seen.variance]
+        visible = float(expit((np.log(beyond) - np.log(hidden)) / by.hidden_width))
+        left = max(min((one.chi_square for one in seen.refits), default=np.inf) - 1, _EXACT) / gap
+        explained = float(expit((np.log(by.left) - np.log(left)) / by.left_width))
+        if likely and seen.pull > BOUND:  # whatever one released tolerance then explains
+            explained *= visible
+        weights = _weights(seen, by)
+    none, unknown = (1 - explained) * (1 - visible), (1 - explained) * visible
+    single = {
+        one.key: by.sure * explained * float(weight)
+        for one, weight in zip(seen.refits, weights, strict=True)
+    }
+    none, unknown = by.sure * none + doubt / 2, by.sure * unknown + doubt / 2
+    if not seen.proven:
+        causes = _kept(single)
+        return Judged(none, unknown, 0.0, causes, _places(seen, by, causes, unknown))
+    if any(effect == _BENDS for effect, _, _ in seen.proven):
+        unknown = doubt / 2  # it drives all bodies in ways that no Part holds: a gap is no surprise
+    # What a gate proved is present: alone, with another cause, or with what nobody knows.
+    sure = 1 - doubt
+    certain = dict.fromkeys(seen.proven, sure * (1 - unknown / 2))
+    both = {key: sure * value for key, value in single.items()}
+    several = sum(both.values()) if len(seen.proven) == 1 else max(certain.values())
+    rest = 1 - max(certain.values())
+    causes = _kept(certain | both)
+    return Judged(doubt / 2, rest - doubt / 2, several, causes, _places(seen, by, causes, rest))
 
 
-def _after_gate(
-    proven: Sequence[Hypothesis], places: tuple[tuple[str, float], ...], sure: float
-) -> Judged:
-    """Nothing is left once what the gate proved is taken out."""
-    if not proven:
-        return Judged(sure, 1 - sure, 0.0, (), places, None)
-    rest = 1 - sure
-    several = sure if len(proven) > 1 else 0.0
-    causes = tuple(Cause(one, sure, None) for one in proven)
-    return Judged(rest / 2, rest / 2, several, causes, places, proven[0])
+def _weights(seen: Evidence, by: Calibration) -> Real:
+    """Of the refits, beside each other."""
+    if not seen.refits:
+        return np.zeros(0)
+    costs = np.array([one.cost for one in seen.refits])
+    values = seen.cost / seen.chi_square
+    gain = max(seen.cost - costs.min(), 0.0)
+    weights: Real = softmax(-costs / (by.least + by.inexact * values + by.temper * gain))
+    return weights
 
 
-def _kept(causes: Sequence[Cause]) -> tuple[Cause, ...]:
+def _kept(causes: Mapping[Key, float]) -> tuple[tuple[Key, float], ...]:
     """Most probable first, none below one per cent."""
-    order = sorted(causes, key=lambda cause: -cause.probability)
-    return tuple(cause for cause in order if cause.probability >= _ROW)
+    order = sorted(causes.items(), key=lambda one: -one[1])
+    return tuple(one for one in order if one[1] >= _ROW)
 
 
-def _places(scored: Sequence[Score], proven: Sequence[Hypothesis]) -> tuple[tuple[str, float], ...]:
-    """Places by share: what freeing each alone gains."""
+def _places(
+    seen: Evidence, by: Calibration, causes: tuple[tuple[Key, float], ...], unknown: float
+) -> tuple[tuple[str, float], ...]:
+    """Places by their share, which sum to one."""
+    shares: dict[str, float] = {}
+    for (_, place, _), probability in causes:
+        shares[place] = shares.get(place, 0.0) + probability
     gains: dict[str, float] = {}
-    for score in scored:
-        place = score.hypothesis.location
-        gains[place] = max(gains.get(place, 0.0), score.gain)
-    sure = [one.location for one in proven]
-    if not gains:
-        return tuple((place, 1 / len(sure)) for place in sure)
-    names = list(gains)
-    values = np.array([gains[name] for name in names])
-    shares = softmax(values / max(_SHARE * values.max(), 1e-9)) / (1 + len(sure))
-    order = np.argsort(-shares, kind="stable")
-    return (
-        *((place, 1 / (1 + len(sure))) for place in sure),
-        *((names[k], float(shares[k])) for k in order),
-    )
+    for one in seen.scored:
+        gains[one.location] = max(gains.get(one.location, 0.0), one.gains[_ALONE])
+    if gains:
+        values = np.array(list(gains.values()))
+        own = softmax(values / max(by.share * values.max(), 1e-9))
+        for place, share in zip(gains, own.tolist(), strict=True):
+            shares[place] = shares.get(place, 0.0) + max(unknown, 1e-3) * share
+    total = sum(shares.values())
+    order = sorted(shares.items(), key=lambda one: -one[1])
+    return tuple((place, share / total) for place, share in order)

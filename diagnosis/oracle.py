@@ -17,7 +17,7 @@ def oracle(found: Diagnosis, told: Fault, jobs: int = 1) -> Level | None:
     Returns:
         The gap with it; None of an effect that is no Part yet.
     """
-    best = found.judged.best
+    best = found.best
     if best is not None and found.after is not None and _same(best, told):
         return found.after
     one = _hypothesis(found, told)
@@ -34,5 +34,5 @@ def _hypothesis(found: Diagnosis, told: Fault) -> Hypothesis | None:
     if told.location.startswith("sensor:"):
         return hypothesis_of(told, found.session.campaign)
     # Scores come the most promising first: of a scan, the shape that is nearest.
-    alike = (one.hypothesis for one in found.scores if _same(one.hypothesis, told))
+    alike = (one.hypothesis for one in found.search.scores if _same(one.hypothesis, told))
     return next(alike, None)

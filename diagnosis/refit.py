@@ -1,5 +1,6 @@
 """Refits: everything that varies fitted anew with one hypothesis added, from one common start."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,15 +9,28 @@ from diagnosis.effects import EFFECTS
 from diagnosis.hypothesis import Hypothesis, Scene, Value, freed
 from identification.words import Campaign, Real
 from mbmodel import Model
-from tuning import STAGES, Fit, HeldOut, Session, Stage, fit, fit_held_out, thinned
+from tuning import (
+    QUANTILE,
+    STAGES,
+    Confidence,
+    Fit,
+    HeldOut,
+    Session,
+    Stage,
+    fit,
+    fit_held_out,
+    thinned,
+)
 
-# Allowances fall from where hypotheses were scored to the noise alone; one line in four. A wrong
+# Allowances fall from where hypotheses were scored to the noise alone, lines grow more. A wrong
 # hypothesis wanders for many steps; a right one needs few. What is true of most campaigns, that
 # nothing is missing, gets more.
-FIRST = (replace(STAGES[3], max_steps=5),)
+FIRST = (replace(STAGES[3], stride=8, max_steps=5),)
+_ROUNDS, _SETTLED = 3, 0.01  # until the stiffness that Parts are made from stays
+_ALL = replace(STAGES[5], tolerance=1e-4, max_steps=2)
 LAST = (replace(STAGES[4], tolerance=3e-4, max_steps=10),)
+LONG = (replace(STAGES[4], tolerance=1e-4, max_steps=20),)
 PATIENT = (STAGES[3], replace(STAGES[4], tolerance=3e-4, max_steps=30))
-_WHOLE = (replace(STAGES[5], tolerance=1e-4, max_steps=2),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,13 +56,67 @@ class Refit:
         """In nats, priors and all."""
         return self.fit.cost
 
-    def parameters(self, at: Fit | None = None) -> dict[str, Value]:
-        """What the verdict states of it."""
+    def parameters(self, theta: Real | None = None) -> dict[str, Value]:
+        """What the verdict states of it, as fitted or at another theta."""
         if self.hypothesis is None:
             return {}
-        found = self.fit if at is None else at
-        names = (parameter.name for parameter in found.freedom.parameters)
-        return self.hypothesis.state(dict(zip(names, found.theta.tolist(), strict=True)))
+        values = (self.fit.theta if theta is None else theta).tolist()
+        names = (parameter.name for parameter in self.fit.freedom.parameters)
+        return self.hypothesis.state(dict(zip(names, values, strict=True)))
+
+    def intervals(self, theta: Real) -> dict[str, tuple[Value, Value]]:
+        """Of these parameters about theta, 95 %.
+
+        Coordinates have the covariance of a fit to all lines, about (N + D)^-1 with N of those that
+        counted times how many more there are; what is stated follows to first order.
+        """
+        if self.hypothesis is None:
+            return {}
+        stage = self.fit.last or STAGES[-1]
+        campaign, varies = self.session.campaign, self.fit.freedom
+        thin = thinned(campaign, stage.stride)
+        normal = stage.misfit(self.session.model, thin, varies).normal(self.fit.x)[2]
+        many = len(campaign.freq_hz) / len(thin.freq_hz)
+        whole = replace(
+            normal, shared=many * normal.shared, cross=many * normal.cross, own=many * normal.own
+        )
+        sure = Confidence(varies, self.fit.x, whole, self.chi_square)
+        x, middle = varies.coordinates(theta), self.parameters(theta)
+        flat = _flat(middle)
+        names = set(self.hypothesis.release) | set(self.hypothesis.begin)
+        names |= {p.name for part in self.hypothesis.parts for p in part.parameters}
+        own = [k for k, name in enumerate(varies.names) if name in names]
+        slopes = np.zeros((len(flat), len(own)))
+        for place, k in enumerate(own):
+            step = 0.1 * sure.deviation[k] * (np.arange(len(x)) == k)
+            slopes[:, place] = (_flat(self.parameters(varies.theta(x + step))) - flat) / step[k]
+        spread = QUANTILE * np.sqrt(
+            np.einsum("ij,jk,ik->i", slopes, sure.covariance[np.ix_(own, own)], slopes)
+        )
+        ends = _like(middle, flat - spread), _like(middle, flat + spread)
+        return {name: (ends[0][name], ends[1][name]) for name in middle}
+
+
+def paced(stages: tuple[Stage, ...], pace: int) -> tuple[Stage, ...]:
+    """Stages that count every so manyth of their lines."""
+    return tuple(replace(stage, stride=stage.stride * pace) for stage in stages)
+
+
+def _flat(stated: Mapping[str, Value]) -> Real:
+    """All numbers in a row."""
+    return np.concatenate([np.ravel(value) for value in stated.values()] or [np.zeros(0)])
+
+
+def _like(stated: Mapping[str, Value], flat: Real) -> dict[str, Value]:
+    """The numbers of a row, as they were stated."""
+    found: dict[str, Value] = {}
+    place = 0
+    for name, value in stated.items():
+        size = int(np.size(value))
+        own = tuple(flat[place : place + size].tolist())
+        found[name] = own if isinstance(value, tuple) else own[0]
+        place += size
+    return found
 
 
 def posed(scene: Scene, one: Hypothesis | None, campaign: Campaign) -> Session:
@@ -84,18 +152,50 @@ def refit(
         stages: to go through.
     """
     session = posed(scene, one, campaign)
-    return _fitted(one, session, _start(scene, session, one), stages)
+    return _fitted(one, session, _start(scene, session, one), paced(stages, scene.pace))
 
 
 def go_on(scene: Scene, found: Refit, stages: tuple[Stage, ...]) -> Refit:
-    """The same, further stages; what is proportional to a stiffness takes the fitted one."""
-    one, session = found.hypothesis, found.session
-    if one is not None and one.parts:
-        fitted = replace(scene, theta=found.fit.theta[: len(scene.theta)])
-        proposed = EFFECTS[one.effect](fitted)
-        one = next(other for other in proposed if other.coordinates == one.coordinates)
+    """The same, further stages; what is made from a stiffness takes the fitted one."""
+    one, session, theta = found.hypothesis, found.session, found.fit.theta
+    if one is not None and one.springs:
+        one = _again(scene, one, theta)
         session = posed(scene, one, scene.session.campaign)
-    return _fitted(one, session, found.fit.theta, stages)
+    return _fitted(one, session, theta, paced(stages, scene.pace))
+
+
+def unbounded(scene: Scene, nothing: Refit) -> tuple[float, float]:
+    """Chi square of the refit without any effect if tolerances have no bounds, and their largest.
+
+    Of 300 tolerances the largest is beyond three standard deviations in every second machine, and
+    what its bound then leaves is no effect.
+    """
+    session = replace(nothing.session, freedom=nothing.session.freedom.unbounded())
+    found = _fitted(None, session, nothing.fit.theta, paced(LONG, scene.pace))
+    pulls = np.abs(found.fit.x[found.fit.freedom.has_prior])
+    return found.chi_square, float(pulls.max(initial=0.0))
+
+
+def settled(scene: Scene, found: Refit) -> Refit:
+    """The same, gone on with until the stiffness that its Parts are made from stays."""
+    for _ in range(_ROUNDS):
+        before, found = found, go_on(scene, found, LONG)
+        moved = np.abs(_stiffness(scene, found) / _stiffness(scene, before) - 1)
+        if moved.max(initial=0.0) < _SETTLED:
+            break
+    return found
+
+
+def _stiffness(scene: Scene, found: Refit) -> Real:
+    """Of the springs that the Parts are made from."""
+    springs = () if found.hypothesis is None else found.hypothesis.springs
+    return replace(scene, theta=found.fit.theta[: len(scene.theta)]).stiffness(springs)
+
+
+def _again(scene: Scene, one: Hypothesis, theta: Real) -> Hypothesis:
+    """The hypothesis as made at theta."""
+    proposed = EFFECTS[one.effect](replace(scene, theta=theta[: len(scene.theta)]))
+    return next(other for other in proposed if other.coordinates == one.coordinates)
 
 
 def _fitted(
@@ -117,29 +217,26 @@ def _start(scene: Scene, session: Session, one: Hypothesis | None) -> Real:
         names = [parameter.name for parameter in session.model.parameters]
         for name, value in one.begin.items():
             theta[names.index(name)] = value
+        for name, other in one.follow.items():
+            theta[names.index(name)] = theta[names.index(other)]
     return theta
 
 
-def finish(found: Refit, jobs: int = 1, width: int | None = None) -> tuple[Fit, HeldOut | None]:
-    """The same on all lines, and with each fold of lines left out.
+def held_out(
+    scene: Scene, found: Refit, jobs: int = 1, width: int | None = None, *, exact: bool = True
+) -> HeldOut | None:
+    """The same to all lines but each fold of them.
 
     Args:
-        found: one line in four.
+        scene: that it was made in.
+        found: the refit.
         jobs: threads.
         width: lines in a block; by the modes of this model if None.
+        exact: whether all lines count, or one in four as before.
     """
     session = found.session
-    whole = uninterrupted(
-        fit(
-            session.model,
-            session.campaign,
-            varies=session.freedom,
-            starts=(found.fit.theta,),
-            stages=_WHOLE,
-            jobs=jobs,
-        )
-    )
-    return whole, fit_held_out(session.model, whole, session.campaign, jobs=jobs, width=width)
+    begun = replace(found.fit, last=paced((_ALL,), scene.pace)[0]) if exact else found.fit
+    return fit_held_out(session.model, begun, session.campaign, jobs=jobs, width=width)
 
 
 def uninterrupted(found: Fit) -> Fit:

@@ -1,10 +1,11 @@
 """A diagnosis as the verdict's file."""
 
 import numpy as np
+from scipy.stats import t as student
 
 from diagnosis.diagnose import Diagnosis, Level
 from diagnosis.effects import EFFECTS
-from diagnosis.judge import Cause
+from diagnosis.evidence import Key
 from diagnosis.verdict import (
     CauseRow,
     GapAt,
@@ -15,6 +16,7 @@ from diagnosis.verdict import (
     Where,
     Word,
 )
+from identification.words import Real
 from tuning import Gap
 
 _HIDDEN = 1.1  # excess below which no share and no closing exists
@@ -39,16 +41,16 @@ def verdict_of(found: Diagnosis) -> Verdict:
             retuned=_at(retuned),
             after=_at(after.gap) if after else GapAt(error=None, excess=None),
             noise=retuned.noise,
-            closed=_closed(retuned, after) if visible else None,
-            interval=Interval(),
+            closed=_closed(retuned, after.gap) if visible and after else None,
+            interval=_interval(found.retuned, after, visible=visible),
         ),
         where=[
             Where(location=place, share=share if visible else None)
             for place, share in judged.where
             if share >= _SMALLEST
         ],
-        causes=[_row(cause, found) for cause in judged.causes],
-        twins=_twins(found),
+        causes=[_row(key, probability, found) for key, probability in judged.causes],
+        twins=list(found.twins),
         not_testable=_not_testable(found),
         next_experiment=None,
     )
@@ -58,37 +60,58 @@ def _at(gap: Gap) -> GapAt:
     return GapAt(error=gap.error, excess=gap.excess)
 
 
-def _closed(retuned: Gap, after: Level | None) -> float | None:
-    if after is None or after.gap.excess is None or retuned.excess is None:
+def _closed(retuned: Gap, after: Gap) -> float | None:
+    if after.excess is None or retuned.excess is None:
         return None
-    return float((retuned.excess**2 - after.gap.excess**2) / (retuned.excess**2 - 1))
+    return float((retuned.excess**2 - after.excess**2) / (retuned.excess**2 - 1))
 
 
-def _row(cause: Cause, found: Diagnosis) -> CauseRow:
-    one = cause.hypothesis
-    parameters = {} if cause.refit is None else cause.refit.parameters()
-    excess = None if cause.refit is None else float(np.sqrt(cause.refit.chi_square))
-    if one is found.judged.best and found.after is not None:
-        at = found.after.fit
-        names = (parameter.name for parameter in at.freedom.parameters)
-        parameters = one.state(dict(zip(names, at.theta.tolist(), strict=True)))
-        excess = found.after.gap.excess
-    return CauseRow(
-        effect=one.effect,
-        location=one.location,
-        dof=one.dof,
-        probability=cause.probability,
-        parameters=parameters,
-        interval={},
-        excess_after=excess,
+def _interval(retuned: Level, after: Level | None, *, visible: bool) -> Interval:
+    """By leaving one fold of the blocks out (delete-group jackknife, Student with its folds)."""
+    if after is None or after.held_out is None or retuned.held_out is None:
+        return Interval()
+    if retuned.width != after.width:
+        return Interval()
+    count = int(after.held_out.folds.max()) + 1
+    gaps = [(retuned.without(fold), after.without(fold)) for fold in range(count)]
+    return Interval(
+        closed=_spread(_closed(retuned.gap, after.gap), [_closed(*one) for one in gaps])
+        if visible
+        else None,
+        after=_spread(after.gap.excess, [one[1].excess for one in gaps]),
     )
 
 
-def _twins(found: Diagnosis) -> list[tuple[str, str]]:
-    """Pairs of causes, both of some probability, that leave the same."""
-    rows = [cause for cause in found.judged.causes if cause.probability >= 0.05 and cause.refit]
-    names = [f"{cause.hypothesis.effect}@{cause.hypothesis.location}" for cause in rows]
-    return [(a, b) for k, a in enumerate(names) for b in names[k + 1 :]]
+def _spread(whole: float | None, without: list[float | None]) -> tuple[float, float] | None:
+    values: Real = np.array([one for one in without if one is not None])
+    count = len(without)
+    if whole is None or count < 2 or len(values) < count:
+        return None
+    deviation = np.sqrt((count - 1) / count * ((values - values.mean()) ** 2).sum())
+    half = float(student.ppf(0.975, count - 1) * deviation)
+    return whole - half, whole + half
+
+
+def _row(key: Key, probability: float, found: Diagnosis) -> CauseRow:
+    effect, location, dof = key
+    fitted = {one.hypothesis.key: one for one in found.search.refits if one.hypothesis is not None}
+    refit, after = fitted.get(key), found.after
+    row = CauseRow(
+        effect=effect,
+        location=location,
+        dof=dof,
+        probability=probability,
+        parameters={} if refit is None else refit.parameters(),
+        interval={},
+        excess_after=None if refit is None else float(np.sqrt(refit.chi_square)),
+    )
+    if found.best is None or key != found.best.key:
+        return row
+    if after is None:
+        return row.model_copy(update={"parameters": found.best.state({})})
+    stated, intervals = after.refit.parameters(after.theta), after.refit.intervals(after.theta)
+    update = {"parameters": stated, "interval": intervals, "excess_after": after.gap.excess}
+    return row.model_copy(update=update)
 
 
 def _not_testable(found: Diagnosis) -> list[str]:

@@ -23,7 +23,7 @@ from mbmodel import Model
 from tuning import Fit, Freedom, Misfit, Probed, thinned
 
 ALLOWANCE = 0.1
-_STRIDE = 4
+_STRIDE = 8
 _RIDGE = 1e-9
 _SEEN = 1e-6  # of a coordinate's own curvature: what is left of it beside all that varies
 
@@ -43,13 +43,16 @@ class Score:
     step: Real
 
 
-def scores(scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis]) -> list[Score]:
+def scores(
+    scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis], allowance: float
+) -> list[Score]:
     """Score hypotheses about a fit made with the allowance, the most promising first.
 
     Args:
         scene: campaign and drawn model.
         found: the fit about which all is linear.
         hypotheses: what may be missing.
+        allowance: of that fit.
     """
     session = scene.session
     parts = tuple(part for one in hypotheses for part in one.parts)
@@ -61,8 +64,8 @@ def scores(scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis]) -> list[S
     asked = np.array([name in wanted for name in whole.names[count:]], bool)
     varies = whole.only(np.arange(whole.size) < count, x)
     probes = whole.only(np.append(np.zeros(count, bool), asked), x)
-    thin = thinned(session.campaign, _STRIDE)
-    probed = Misfit(model, thin, varies, allowance=ALLOWANCE).probed(found.x, probes)
+    thin = thinned(session.campaign, _STRIDE * scene.pace)
+    probed = Misfit(model, thin, varies, allowance=allowance).probed(found.x, probes)
     fitted = _Fitted(found.freedom, found.x, probed)
     place = {name: k for k, name in enumerate((*varies.names, *probes.names))}
     rows = [
@@ -70,6 +73,46 @@ def scores(scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis]) -> list[S
         for one in hypotheses
     ]
     return sorted(rows, key=lambda row: -row.gain)
+
+
+def cosines(scene: Scene, found: Fit, leading: Sequence[Score], allowance: float) -> Real:
+    """How alike the changes of FRFs are that hypotheses make, all else projected out.
+
+    With d the change by a hypothesis' step at the weights of the allowance and P what takes from
+    it all that can be tuned, d_a' P d_b / (|P d_a| |P d_b|): twins have nearly 1.
+
+    Args:
+        scene: as of the scores.
+        found: the fit about which they were made.
+        leading: hypotheses, each with its step.
+        allowance: of that fit.
+
+    Returns:
+        (n_leading, n_leading).
+    """
+    session = scene.session
+    parts = {id(part): part for one in leading for part in one.hypothesis.parts}
+    added = tuple(parts.values())
+    model = Model(session.model.machine, (*session.model.parts, *added))
+    whole = found.freedom.extended(model, session.campaign.tolerance)
+    count = found.freedom.size
+    x = np.append(found.x, np.zeros(whole.size - count))
+    thin = thinned(session.campaign, _STRIDE * scene.pace)
+    normal = Misfit(model, thin, whole, allowance=allowance).normal(x)[2].dense()
+    place = {name: k for k, name in enumerate(whole.names)}
+    steps = np.zeros((whole.size, len(leading)))
+    for column, one in enumerate(leading):
+        for name, step in zip(one.hypothesis.coordinates, one.step, strict=True):
+            steps[place[name], column] = step
+    released = np.isin(np.arange(whole.size), np.flatnonzero(steps.any(axis=1)))
+    others = np.flatnonzero(~released & ~whole.reached(x) & (np.arange(whole.size) < count))
+    precision = np.diag(whole.has_prior[others].astype(float))
+    factor = _Factor.of(normal[np.ix_(others, others)] + precision)
+    cross = normal[others] @ steps
+    inner = steps.T @ normal @ steps - cross.T @ factor.solve(cross)
+    size = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    found_cosines: Real = inner / np.outer(size, size)
+    return found_cosines
 
 
 @dataclass(frozen=True, eq=False)

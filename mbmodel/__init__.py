@@ -4,6 +4,7 @@ from mbmodel.edit import Edit, NotHeld, write_mjcf
 from mbmodel.energy import Energy, energy
 from mbmodel.forward import Forward
 from mbmodel.looks import Looks, looks
+from mbmodel.loosened import Held, loosened
 from mbmodel.machine import Machine, load_machine
 from mbmodel.meshes import mesh_files
 from mbmodel.mode_slopes import LinearisedModes, ModeEvaluator
@@ -37,6 +38,7 @@ __all__ = [
     "Energy",
     "Evaluator",
     "Forward",
+    "Held",
     "Linearised",
     "LinearisedModes",
     "Looks",
@@ -60,6 +62,7 @@ __all__ = [
     "linearise",
     "load_machine",
     "looks",
+    "loosened",
     "mesh_files",
     "model_modes",
     "modes",

@@ -10,7 +10,7 @@ from mbw.messages import SCREEN, one_interrupt
 from mbw.tune import check_json, write_json
 from tuning import files_of, open_session
 
-VERDICT = "verdict.json"
+VERDICT, EVIDENCE = "verdict.json", "evidence.json"
 _FEW = 8
 
 
@@ -51,6 +51,8 @@ def run(  # one for each option
     text = verdict.model_dump_json(indent=1)
     with files_of(folder) as place:
         (place / VERDICT).write_text(text + "\n", encoding="utf-8")
+        kept = found.evidence.model_dump_json(indent=1)
+        (place / EVIDENCE).write_text(kept + "\n", encoding="utf-8")
     if json is not None:
         write_json(text, json)
     if explain:
@@ -117,18 +119,18 @@ def _explain(found: Diagnosis) -> None:
         SCREEN.say(check.words)
     before = found.nothing.chi_square
     SCREEN.say(f"refit without any effect: residual over noise {before**0.5:.3g}")
-    if not found.scores:
+    if not found.search.scores:
         SCREEN.say("nothing is left to explain: no hypothesis was asked")
         return
-    table = Table(title=f"{len(found.scores)} hypotheses, the best of each effect and place")
+    table = Table(title=f"{len(found.search.scores)} hypotheses, the best of each effect and place")
     table.add_column("hypothesis", no_wrap=True)
-    for name in ("gain at 10 % [nats]", "residual over noise", "why it fell"):
+    for name in ("gain at 3 % [nats]", "residual over noise", "why it fell"):
         table.add_column(name)
-    ended = {one.hypothesis.coordinates: one for one in found.refits if one.hypothesis}
-    begun = {one.hypothesis.coordinates for one in found.begun if one.hypothesis}
+    ended = {one.hypothesis.coordinates: one for one in found.search.refits if one.hypothesis}
+    begun = {one.hypothesis.coordinates for one in found.search.begun if one.hypothesis}
     seen: set[tuple[str, str]] = set()
-    best = min((one.cost for one in found.refits), default=0.0)
-    for score in found.scores:
+    best = min((one.cost for one in found.search.refits), default=0.0)
+    for score in found.search.scores:
         one = score.hypothesis
         if (one.effect, one.location) in seen:
             continue

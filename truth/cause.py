@@ -15,6 +15,7 @@ from truth.refit import Refit
 
 _DRAWS = 20  # of place and shape, for an effect as strong as is wanted
 _CLOSE = 0.04  # of the wanted ratio
+_MORE = 4.0  # times the ratio, what the first step may have to leave
 _TURNS = 12  # repetitions of the search for a size
 
 
@@ -124,22 +125,44 @@ def _drawn(
             continue
         if wanted.ratio is None or refit is None:
             return Drawn(effect, None), number
-        drawn = _strong(effect, machine, wanted.ratio, refit)
-        if effect.size is None or _off(drawn, wanted) <= 2 * _CLOSE:
+        drawn, near = _strong(effect, machine, wanted.ratio, refit)
+        if near:
             return drawn, number
-        if best is None or _off(drawn, wanted) < _off(best, wanted):
+        if best is None or _off(drawn, wanted.ratio) < _off(best, wanted.ratio):
             best = drawn
     if best is None:
         raise NoPlaceError(f"{wanted.effect}: every place of {machine.station.name} is taken")
     return best, _DRAWS
 
 
-def _off(drawn: Drawn, wanted: Wanted) -> float:
-    return abs(float(np.log(max(drawn.ratio or 0.0, 1e-9) / (wanted.ratio or 1.0))))
+def _off(drawn: Drawn, ratio: float) -> float:
+    return abs(float(np.log(max(drawn.ratio or 0.0, 1e-9) / ratio)))
 
 
-def _strong(effect: Effect, machine: Machine, ratio: float, refit: Refit) -> Drawn:
-    """Choose the size for a ratio: it grows nearly in proportion until it saturates."""
+def _strong(effect: Effect, machine: Machine, ratio: float, refit: Refit) -> tuple[Drawn, bool]:
+    """Choose the size for a ratio; whether the refit's first step leaves as much as was aimed at.
+
+    Further steps hide more, of some effects much more: once the size is chosen anew for that.
+    """
+    first = _first_step(effect, machine, ratio, refit)
+    near = effect.size is None or _off(first, ratio) <= 2 * _CLOSE
+    if not near:
+        return first, False
+    found = _whole(first, machine, refit)
+    if effect.size is not None and _off(found, ratio) > 2 * _CLOSE:
+        aim = ratio * min(ratio / max(found.ratio or 0.0, 1e-9), _MORE)
+        again = _whole(_first_step(effect, machine, aim, refit), machine, refit)
+        found = min((found, again), key=lambda one: _off(one, ratio))
+    return found, True
+
+
+def _whole(first: Drawn, machine: Machine, refit: Refit) -> Drawn:
+    """The same with the ratio that a whole refit leaves."""
+    return replace(first, ratio=refit.retuned(replace(machine, effects=(first.effect,))))
+
+
+def _first_step(effect: Effect, machine: Machine, ratio: float, refit: Refit) -> Drawn:
+    """Choose the size for a ratio to first order: it grows in proportion until it saturates."""
 
     def survives(one: Effect) -> float:
         return refit.ratio(replace(machine, effects=(one,)))

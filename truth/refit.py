@@ -12,6 +12,10 @@ standard deviation. What remains of r, against the noise as the excess of a camp
 
 the survival ratio sqrt(e1^2 - e0^2) / e0 of the excess e1 with the effect and e0 without it, since
 about the truth e0 = 1. J is in ``slopes``.
+
+That is the first step of a refit. Where stiffness and damping can follow an effect far (losses, a
+bypass, a delay), further steps hide much more of it: ``retuned`` takes them, each with J about the
+stiffness and damping that the step before came to, with falling allowance.
 """
 
 from dataclasses import dataclass, replace
@@ -36,6 +40,11 @@ from truth.rig import Occasion
 from truth.slopes import jacobian, stacked, unstacked
 from truth.station import Complex, Mask, Real
 
+# Relative errors that further steps may leave, one after the other: as the noise weighs lines,
+# peaks that have moved lead astray.
+_ALLOWANCES = (0.3, 0.1, 0.03, 0.0, 0.0)
+_LOGARITHMIC = 0.1  # above it the logarithm of the ratio is fitted
+_FARTHEST = 1.0  # logarithm of a stiffness or damping in one of them
 BOUND = 2.5  # standard deviations within which a tolerance is kept
 _LINES = 120  # lines of the refit
 _LOWEST_HZ = 5.0  # below, the building's noise drowns a hammer test
@@ -59,6 +68,7 @@ class Refit:
         own: the same of each sensor, its three rows alone; (n_sensor, 2 n_own, 9).
         normal: J^T J with the prior.
         bounded: which parameters are tolerances; (n_parameter,).
+        tolerance: standard deviations of the priors.
     """
 
     machine: Machine
@@ -71,11 +81,71 @@ class Refit:
     own: Real
     normal: Real
     bounded: Mask
+    tolerance: Tolerance
 
     def ratio(self, machine: Machine) -> float:
-        """Return the survival ratio of the effects of a machine."""
+        """Return the survival ratio of the effects of a machine, to first order."""
         change = self.change(machine)
-        left = change - self.fitted(change)
+        return self._left(change - self.fitted(change))
+
+    def retuned(self, machine: Machine) -> float:
+        """Return the same after further steps of the refit."""
+        change, base = self.change(machine), self._base()
+        best, about = self._left(change - self.fitted(change)), self
+        size = np.abs(base + change)
+        moved = np.zeros(int((~self.bounded).sum()))
+        for allowance in _ALLOWANCES:
+            deviation = np.sqrt(self.deviation**2 + (allowance * size) ** 2)
+            about = self.moved(moved, deviation)
+            now = about._base()
+            off = change + base - now
+            if allowance >= _LOGARITHMIC:  # of small errors the same, of large ones it leads back
+                off = now * np.log((base + change) / now)
+            solution, found = about._solution(off)
+            moved += np.clip(solution[~self.bounded], -_FARTHEST, _FARTHEST)
+            if allowance == 0:
+                best = min(best, self._left(off - found))
+        return best
+
+    def moved(self, logarithms: Real, deviation: Real) -> "Refit":
+        """Return the refit about a machine with other stiffness and damping.
+
+        Args:
+            logarithms: of the factors, of each joint's stiffness and damping in their order.
+            deviation: of each value, with what the refit may leave anyway.
+        """
+        factors = iter(np.exp(logarithms).tolist())
+        stages = tuple(
+            replace(
+                stage,
+                joints=tuple(
+                    replace(
+                        joint,
+                        stiffness=joint.stiffness * next(factors),
+                        damping=joint.damping * next(factors),
+                    )
+                    for joint in stage.joints
+                ),
+            )
+            for stage in self.machine.station.stages
+        )
+        machine = replace(self.machine, station=replace(self.machine.station, stages=stages))
+        known = Known(machine, self.known.freq_hz)
+        return _linearised(
+            machine,
+            known,
+            deviation,
+            self.used,
+            protocol=self.protocol,
+            takes=self.takes,
+            tolerance=self.tolerance,
+        )
+
+    def _base(self) -> Complex:
+        """Accelerances without effects; like deviation."""
+        return self.known.on(Occasion(node=self.protocol.nodes[0]))[1]
+
+    def _left(self, left: Complex) -> float:
         power = (np.abs(left) ** 2).sum(axis=0) / (self.deviation**2).sum(axis=0)
         return float(np.sqrt(power[self.used].mean()))
 
@@ -108,6 +178,10 @@ class Refit:
 
     def fitted(self, change: Complex) -> Complex:
         """What stiffness, damping and tolerances can follow of a change of the FRFs."""
+        return self._solution(change)[1]
+
+    def _solution(self, change: Complex) -> tuple[Real, Complex]:
+        """The parameters that follow a change, and what they follow of it."""
         weighted = stacked(change / self.deviation * self.used[:, None])
         right = self._adjoint(weighted)
         solution = _bounded(self.normal, right, self.bounded)
@@ -118,7 +192,7 @@ class Refit:
         for number, (columns, own) in enumerate(zip(self.own, sensors, strict=True)):
             rows = slice(3 * number, 3 * number + 3)
             found[:, rows] += unstacked(columns @ own, found[:, rows].shape)
-        return found * self.deviation
+        return solution, found * self.deviation
 
     def _adjoint(self, weighted: Real) -> Real:
         whole = unstacked(weighted, self.deviation.shape)
@@ -150,11 +224,38 @@ def refit_of(
     deviation = _deviation(base, lines, protocol, takes[0].level)
     points = [(sensor.node, axis) for _, sensor in plain.station.sensors() for axis in (1, 2, 3)]
     used = np.array([point != protocol.dead for point in points])
-    slopes = jacobian(plain, lines, tolerance, used[:, None] / deviation)
+    return _linearised(
+        plain, known, deviation, used, protocol=protocol, takes=takes, tolerance=tolerance
+    )
+
+
+def _linearised(
+    machine: Machine,
+    known: Known,
+    deviation: Real,
+    used: Mask,
+    *,
+    protocol: Protocol,
+    takes: tuple[Take, ...],
+    tolerance: Tolerance,
+) -> Refit:
+    slopes = jacobian(machine, known.freq_hz, tolerance, used[:, None] / deviation)
     shared, own = slopes.shared, slopes.own
     bounded = np.append(slopes.bounded, np.full(own.shape[0] * own.shape[2], True))
     normal = _normal(shared, own, deviation.shape) + np.diag(bounded.astype(float))
-    return Refit(plain, protocol, takes, known, deviation, used, shared, own, normal, bounded)
+    return Refit(
+        machine,
+        protocol,
+        takes,
+        known,
+        deviation,
+        used,
+        shared,
+        own,
+        normal,
+        bounded,
+        tolerance,
+    )
 
 
 def _normal(shared: Real, own: Real, shape: tuple[int, ...]) -> Real:

@@ -1,10 +1,10 @@
 """Where measurement and model meet: fits, gaps, held-out predictions."""
 
 from tuning.batch import predict
-from tuning.confidence import Confidence, confidence, pulls
+from tuning.confidence import QUANTILE, Confidence, confidence, pulls
 from tuning.fit import GAUSS_NEWTON, Fit, Progress, fit, random_starts
 from tuning.folds import FOLDS, HeldOut, block_width, fit_held_out, fold_of_lines
-from tuning.freedom import Freedom, Wishes, freedom
+from tuning.freedom import BOUND, Freedom, Wishes, freedom
 from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
 from tuning.inputs import fingerprint
 from tuning.journal import CHECKPOINT, Journal
@@ -26,10 +26,12 @@ from tuning.stages import STAGES, Stage, thinned
 from tuning.tuned import Comparison, Tuned, Watch, at_bodies, stages_of, tune
 
 __all__ = [
+    "BOUND",
     "CHECKPOINT",
     "FOLDS",
     "GAUSS_NEWTON",
     "MODAL_STAGES",
+    "QUANTILE",
     "STAGES",
     "ChannelGaps",
     "Comparison",

@@ -14,7 +14,7 @@ from tuning.fit import Fit, descend
 from tuning.journal import Journal
 from tuning.normal import Quadratic
 from tuning.solver import Minimum, Outcome
-from tuning.stages import LAST
+from tuning.stages import LAST, counted_lines, thinned
 
 FOLDS = 5
 _LEAST = 8
@@ -97,9 +97,12 @@ def fit_held_out(
 ) -> HeldOut | None:
     """Leave out one fold of the lines after the other and fit the rest, started at a fit to all.
 
+    A fit that counted every so manyth line leaves out folds of these; blocks are still those of
+    all lines.
+
     Args:
         model: machine and Parts.
-        found: the fit to all lines.
+        found: the fit to all folds.
         campaign: the lines of the band.
         jobs: threads; the result does not depend on it.
         width: lines in a block; by the fitted model's modes if None.
@@ -118,12 +121,14 @@ def fit_held_out(
     if not folds.any():
         return None
     journal = Journal() if journal is None else journal
-    whole = (found.last or LAST).misfit(model, campaign, varies, threads=jobs)
+    stage = found.last or LAST
+    campaign, seen = thinned(campaign, stage.stride), folds[counted_lines(len(folds), stage.stride)]
+    whole = stage.misfit(model, campaign, varies, threads=jobs)
     ends = {fold: journal.recall(f"fold {fold}") for fold in range(int(folds.max()) + 1)}
     missing = [fold for fold, end in ends.items() if end is None]
-    normals = whole.normals(found.x, folds)[1:] if missing else []
+    normals = whole.normals(found.x, seen)[1:] if missing else []
     work = (
-        delayed(_fit_without)(model, campaign, found, folds != fold, normals[fold])
+        delayed(_fit_without)(model, campaign, found, seen != fold, normals[fold])
         for fold in missing
     )
     with threadpool_limits(1):

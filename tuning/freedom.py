@@ -187,6 +187,31 @@ class Freedom:
             upper=np.append(self.upper, whole.upper[new]),
         )
 
+    def following(self, ties: Mapping[str, str]) -> "Freedom":
+        """The same, some parameters with the value of others, fixed where those are.
+
+        Args:
+            ties: name of the other parameter, of the same unit, by name.
+        """
+        place = {parameter.name: k for k, parameter in enumerate(self.parameters)}
+        member, scale, fixed = self.member.copy(), self.scale.copy(), self.fixed.copy()
+        for name, other in ties.items():
+            own, leader = place[name], place[other]
+            member[own], scale[own] = member[leader], scale[leader]
+            fixed[own] = fixed[leader]
+        kept = np.unique(member[member >= 0])
+        number = np.full(self.size + 1, -1)
+        number[kept] = np.arange(len(kept))
+        return replace(
+            self,
+            member=number[member],
+            scale=scale,
+            fixed=fixed,
+            has_prior=self.has_prior[kept],
+            lower=self.lower[kept],
+            upper=self.upper[kept],
+        )
+
     @cached_property
     def is_logarithm(self) -> Mask:
         """Which coordinates are logarithms of sizes; (n_x,)."""

@@ -67,5 +67,10 @@ LAST = STAGES[-1]
 
 def thinned(campaign: Campaign, stride: int) -> Campaign:
     """Every stride-th line, but no fewer than 32 of them as long as there are so many."""
-    stride = min(stride, max(1, len(campaign.freq_hz) // _FEWEST_LINES))
-    return campaign.lines(slice(stride // 2, None, stride))
+    return campaign.lines(counted_lines(len(campaign.freq_hz), stride))
+
+
+def counted_lines(n_freq: int, stride: int) -> slice:
+    """Which lines ``thinned`` keeps."""
+    stride = min(stride, max(1, n_freq // _FEWEST_LINES))
+    return slice(stride // 2, None, stride)

@@ -10,12 +10,14 @@ from diagnosis.effects import (
     hammer_misalignment,
     joint_coupling,
     mass_error,
+    missing_dof,
     parallel_path,
     sensor_gain,
     sensor_misalignment,
     sensor_polarity,
     sensor_position,
     structural_damping,
+    support_loss,
     viscoelastic,
 )
 from diagnosis.hypothesis import Hypothesis, Scene
@@ -30,12 +32,14 @@ EFFECTS: dict[str, Proposer] = {
     "hammer_misalignment": hammer_misalignment.propose,
     "joint_coupling": joint_coupling.propose,
     "mass_error": mass_error.propose,
+    "missing_dof": missing_dof.propose,
     "parallel_path": parallel_path.propose,
     "sensor_gain": sensor_gain.propose,
     "sensor_misalignment": sensor_misalignment.propose,
     "sensor_polarity": sensor_polarity.propose,
     "sensor_position": sensor_position.propose,
     "structural_damping": structural_damping.propose,
+    "support_loss": support_loss.propose,
     "viscoelastic": viscoelastic.propose,
 }
 

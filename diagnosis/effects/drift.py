@@ -34,4 +34,6 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             part = AddedPart.linear(
                 f"joint:{stage}", (Parameter(name, 0.0, "1", positive=False),), (slope,), acts
             )
-            yield Hypothesis("drift", f"joint:{stage}", when, parts=(part,), state=state)
+            yield Hypothesis(
+                "drift", f"joint:{stage}", when, parts=(part,), springs=springs, state=state
+            )

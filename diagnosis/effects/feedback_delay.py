@@ -44,6 +44,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 f"joint:{stage}",
                 spring.removeprefix(f"{stage}_"),
                 parts=(part,),
+                springs=(spring,),
                 signed=True,
                 state=state,
             )

@@ -31,5 +31,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             return {"loss_factor": found[loss]}
 
         yield Hypothesis(
-            "structural_damping", f"joint:{stage}", parts=(part,), signed=True, state=state
+            "structural_damping",
+            f"joint:{stage}",
+            parts=(part,),
+            springs=springs,
+            signed=True,
+            state=state,
         )

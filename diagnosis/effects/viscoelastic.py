@@ -34,6 +34,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 f"joint:{stage}",
                 parts=(branch.part(f"joint:{stage}"),),
                 scored=(branch.ratio,),
+                springs=springs,
                 signed=True,
                 state=branch.state,
             )

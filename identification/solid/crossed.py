@@ -9,7 +9,7 @@ from identification.solid.fit import Moments, fit
 from identification.solid.gather import Table, body_data
 from identification.solid.hypotheses import State
 from identification.solid.search import Search
-from identification.words import Campaign
+from identification.words import Campaign, node_of
 
 # Nats before the data are seen: one campaign in a hundred, one pair in some hundreds.
 _COST = 10.0
@@ -47,7 +47,8 @@ def crossed(table: Table, campaign: Campaign, found: list[Search]) -> Crossed | 
             gain = alone - _COST - sum(_nats(swapped, campaign, body) for body in bodies)
             if gain > _CLEARLY and (best is None or gain > best[0]):
                 probability = float(1 / (1 + np.exp(-gain)))
-                best = gain, Crossed(swapped, bodies, f"sensor:{a}+{b}", probability)
+                pair = "+".join(sorted((a, b), key=lambda name: (node_of(name) or 0, name)))
+                best = gain, Crossed(swapped, bodies, f"sensor:{pair}", probability)
     return None if best is None else best[1]
 
 

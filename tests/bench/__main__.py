@@ -14,7 +14,9 @@ from threadpoolctl import threadpool_limits
 
 from tests.bench import (
     algorithms,
+    calibrate,
     coverage,
+    diagnosis,
     frf,
     identify,
     intervals,
@@ -29,7 +31,9 @@ from tests.bench import (
 
 BENCHES = {
     "algorithms": algorithms.run,
+    "calibrate": calibrate.run,
     "coverage": coverage.run,
+    "diagnosis": diagnosis.run,
     "frf": frf.run,
     "identify": identify.run,
     "intervals": intervals.run,

@@ -9,7 +9,7 @@ import pytest
 from diagnosis import EFFECTS, Scene
 from diagnosis.effects.points import joined, parents_of
 from identification.words import Condition, Dof
-from mbmodel import Situation
+from mbmodel import Held, Situation
 from tests.helpers.drawn import drawn
 
 LAPLACE = 2j * np.pi * np.array([4.0, 23.0, 57.0, 140.0])
@@ -18,7 +18,13 @@ LAPLACE = 2j * np.pi * np.array([4.0, 23.0, 57.0, 140.0])
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory):
     session, _ = drawn(tmp_path_factory.mktemp("drawn"), 72_001, lines=161)
-    return Scene(session, session.model.drawn * 1.1)
+    return Scene(session, session.model.drawn * 1.1, rigid_direction(session))
+
+
+def rigid_direction(session):
+    """A machine of six springs a joint has none: the last coordinate stands in for one."""
+    machine = session.model.machine
+    return (Held("stage2", "ry", len(machine.coordinates) - 1, 1e12),)
 
 
 def proposals(scene):

@@ -66,7 +66,9 @@ def test_who_is_told_the_effect_reaches_what_was_reached(case):
     told = Fault(answer["effect"], answer["location"], answer.get("dof"), 1.0, {}, 1.0)
     assert oracle(found, told) is found.after
     if answer["effect"] == "gyroscopic":  # who is told something else fits that
-        other = next(one.hypothesis for one in found.scores if one.hypothesis.effect == "drift")
+        other = next(
+            one.hypothesis for one in found.search.scores if one.hypothesis.effect == "drift"
+        )
         level = oracle(found, Fault("drift", other.location, other.dof, 1.0, {}, 1.0))
         assert found.after.gap.excess < level.gap.excess < 1.1 * found.retuned.gap.excess
         assert oracle(found, Fault("backlash", other.location, None, 1.0, {}, 1.0)) is None

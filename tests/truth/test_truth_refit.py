@@ -162,6 +162,19 @@ def test_what_tuning_can_follow_leaves_nothing(machine, refit):
     assert refit.ratio(softer) < 1e-3 * refit_free(refit, change)
 
 
+def test_further_steps_follow_what_stiffness_and_damping_can_follow_far(machine, refit):
+    joints = [
+        replace(joint, stiffness=joint.stiffness * 1.05, damping=joint.damping * 0.9)
+        for joint in machine.station.stages[1].joints
+    ]
+    other = changed_stage(machine, 1, joints=tuple(joints))
+    first, after = refit.ratio(other), refit.retuned(other)
+    assert first > 5  # one step from the truth does not come there
+    assert after < 1e-3
+    back = refit.moved(np.zeros((~refit.bounded).sum()), refit.deviation)
+    np.testing.assert_allclose(back.shared, refit.shared)
+
+
 def refit_free(refit, change):
     """The same figure without a refit."""
     power = (np.abs(change) ** 2).sum(axis=0) / (refit.deviation**2).sum(axis=0)

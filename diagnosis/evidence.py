@@ -1,0 +1,71 @@
+"""What a verdict is judged by, as plain numbers: it can be kept, and judged again.
+
+Fits take half a minute, the judgement a millisecond. So the judgement's constants are calibrated
+on evidence that is kept, and a new calibration needs no fit.
+"""
+
+from pydantic import BaseModel, ConfigDict
+
+from identification.words import VarianceSource
+
+Key = tuple[str, str, str | None]  # effect, location, dof
+
+
+class _Row(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class _Named(_Row):
+    effect: str
+    location: str
+    dof: str | None
+
+    @property
+    def key(self) -> Key:
+        """Effect, place and direction."""
+        return self.effect, self.location, self.dof
+
+
+class Scored(_Named):
+    """The best hypothesis of an effect and place.
+
+    Args:
+        gains: in nats, with an allowance of 3 %, with none, with 10 %.
+    """
+
+    gains: tuple[float, ...]
+
+
+class Refitted(_Named):
+    """A hypothesis fitted at the weights of the noise.
+
+    Args:
+        cost: in nats, priors and all.
+        chi_square: mean square of residual over noise; 1 is noise alone.
+    """
+
+    cost: float
+    chi_square: float
+
+
+class Evidence(_Row):
+    """All that a verdict is judged by.
+
+    Args:
+        proven: what gates took out before.
+        cost, chi_square: of the refit without any effect, as of ``Refitted``.
+        loose: chi square if tolerances have no bounds; as above where that was not asked.
+        pull: the largest of them then, in standard deviations.
+        refits: with one effect each.
+        scored: the most promising first.
+        variance: where the noise's variance comes from; the worse source if there are two.
+    """
+
+    proven: tuple[Key, ...]
+    cost: float
+    chi_square: float
+    loose: float
+    pull: float
+    refits: tuple[Refitted, ...]
+    scored: tuple[Scored, ...]
+    variance: VarianceSource

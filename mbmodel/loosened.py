@@ -1,0 +1,123 @@
+"""A machine whose rigid directions may give way: each becomes a coordinate on a stiff spring.
+
+A joint that leaves a stage fewer than six directions holds the others rigid. What if one of them
+gave way? Then T has one column more: all that the stage carries moves along the direction, at the
+joint's point. Here each such direction along or about a world axis gets its coordinate, held by
+
+    k = m (300 w)^2,   m = t' Mb t
+
+w the highest frequency asked for: FRFs differ from those of rigid directions by some (w / 300 w)^2,
+1e-5. A Part that lowers k lets the direction go, and its slope exists while it is still held.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identification.words import Mask, Real
+from mbmodel.machine import Axle, Machine
+from mbmodel.spatial import transport
+from mbmodel.springs import Spring
+
+_HELD = 300.0
+_INDEPENDENT = 1e-6
+_DIRECTIONS = ("tx", "ty", "tz", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """A direction that is rigid as drawn.
+
+    Args:
+        stage: name of the body above the joint.
+        dof: such as ``rx``, a world axis.
+        coordinate: its number among the joint coordinates of the loosened machine.
+        stiffness: that holds it [N/m] or [N m/rad].
+    """
+
+    stage: str
+    dof: str
+    coordinate: int
+    stiffness: float
+
+
+def loosened(machine: Machine, highest_hz: float) -> tuple[Machine, tuple[Held, ...]]:
+    """Give every rigid direction of every joint a coordinate of its own.
+
+    Args:
+        machine: as drawn.
+        highest_hz: up to which frequency FRFs matter.
+
+    Returns:
+        The machine, and what is held; the same machine if nothing is.
+    """
+    columns: list[Real] = []
+    held: list[Held] = []
+    for stage, axles in _stages(machine):
+        point = axles[0].anchor
+        known = [_twist(axle, point) for axle in axles]
+        own = machine.jacobian[:, [axle.coordinate for axle in axles]]
+        carried = np.asarray(own.any(axis=1), bool)
+        for dof, direction in zip(_DIRECTIONS, np.eye(6), strict=True):
+            if np.linalg.matrix_rank([*known, direction], tol=_INDEPENDENT) == len(known):
+                continue
+            known.append(direction)
+            column = _column(machine, carried, point, direction)
+            mass = float(column @ machine.body_mass @ column)
+            stiffness = mass * (_HELD * 2 * np.pi * highest_hz) ** 2
+            number = len(machine.coordinates) + len(columns)
+            held.append(Held(stage, dof, number, stiffness))
+            columns.append(column)
+    if not held:
+        return machine, ()
+    more = len(held)
+    whole = _padded(machine.remaining_stiffness, more)
+    for one in held:
+        whole[one.coordinate, one.coordinate] = one.stiffness
+    order = _padded(machine.order, more)
+    order[:, -more:] = np.triu(np.ones((len(order), more)), 1 - len(machine.coordinates))
+    wider = replace(
+        machine,
+        coordinates=(*machine.coordinates, *(f"{one.stage}.held_{one.dof}" for one in held)),
+        jacobian=np.column_stack([machine.jacobian, *columns]),
+        armature=_padded(machine.armature, more),
+        remaining_stiffness=whole,
+        remaining_damping=_padded(machine.remaining_damping, more),
+        order=order,
+        springs=tuple(_wider(spring, more) for spring in machine.springs),
+    )
+    return wider, tuple(held)
+
+
+def _stages(machine: Machine) -> list[tuple[str, list[Axle]]]:
+    found: dict[str, list[Axle]] = {}
+    for axle in machine.axles:
+        found.setdefault(axle.stage, []).append(axle)
+    return list(found.items())
+
+
+def _twist(axle: Axle, point: Real) -> Real:
+    """Motion of a point per coordinate, translation and rotation; (6,)."""
+    if not axle.turns:
+        return np.concatenate([axle.axis, np.zeros(3)])
+    return np.concatenate([np.cross(axle.axis, point - axle.anchor), axle.axis])
+
+
+def _column(machine: Machine, carried: Mask, point: Real, direction: Real) -> Real:
+    """Motion of the centres of mass of all that moves with a stage; (6 n_body,)."""
+    found = np.zeros(len(machine.jacobian))
+    for number, centre in enumerate(machine.layout.centres):
+        rows = slice(6 * number, 6 * number + 6)
+        if carried[rows].any():
+            found[rows] = transport(centre - point) @ direction
+    return found
+
+
+def _padded(matrix: Real, more: int) -> Real:
+    wider: Real = np.pad(matrix, ((0, more), (0, more)))
+    return wider
+
+
+def _wider(spring: Spring, more: int) -> Spring:
+    geometric = None if spring.geometric is None else _padded(spring.geometric, more)
+    return replace(spring, direction=np.pad(spring.direction, (0, more)), geometric=geometric)

@@ -1,0 +1,105 @@
+"""The judgement's constants, by maximum likelihood on campaigns that no reported figure uses.
+
+Of each calibration campaign (``diagnosis``, seeds 80000 and up) the logarithm of the probability
+that its evidence gives the truth counts: none, unexplained, or the cause at its place; likewise the
+share of the true place. Effects that re-tuning hides entirely teach nothing and are left out. The
+constants go to ``diagnosis/calibration.json``, with the SHA-256 of the evidence.
+"""
+
+import hashlib
+import json
+import tomllib
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import minimize
+
+from diagnosis.evidence import Evidence
+from diagnosis.judge import NOTHING, Calibration, Judged, judge
+from identification.words import Real
+from tests.bench.diagnosis import JOBS, case
+from tests.bench.kept import cases
+
+CASES, FIRST = 80, 80_000
+FILE = Path(__file__).parents[2] / "diagnosis" / "calibration.json"
+_LEAST = 5e-3  # probability of the truth that a case counts at least: one outlier rules nothing
+_WIDE = 0.7  # standard deviation of a constant's logarithm about where it begins
+# Constants whose logarithms are fitted, and where they begin.
+BEGIN = {
+    "hidden.coherence": 0.08,
+    "hidden.differences": 0.2,
+    "hidden_width": 0.4,
+    "left": 0.15,
+    "left_width": 0.4,
+    "least": 10.0,
+    "inexact": 3e-3,
+    "temper": 3e-3,
+    "share": 0.1,
+}
+_OUTLIER, _SURE = 4.0, 0.98
+
+
+def run() -> list[dict[str, object]]:
+    """Make the campaigns, fit the constants, write them."""
+    rows, _ = cases("calibrate", range(CASES), partial(case, FIRST), JOBS)
+    given = [one for row in rows if (one := _given(row)) is not None]
+    start = np.log(list(BEGIN.values()))
+
+    def cost(logarithms: Real) -> float:
+        by = _calibration(logarithms)
+        prior = 0.5 * float((((logarithms - start) / _WIDE) ** 2).sum())
+        return prior + sum(_surprise(judge(seen, by), *truth) for seen, truth in given)
+
+    found = minimize(cost, start, method="Nelder-Mead", options={"maxfev": 4000, "xatol": 1e-3})
+    kept = [[row["seed"], row.get("evidence"), row.get("answer")] for row in rows]
+    by = _calibration(found.x).model_copy(
+        update={
+            "campaigns": len(given),
+            "command": "make bench ONLY=calibrate",
+            "seeds": f"{FIRST} to {FIRST + CASES - 1}",
+            "evidence": hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest(),
+        }
+    )
+    FILE.write_text(by.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    before, after = cost(start), cost(found.x)
+    fitted: list[dict[str, object]] = [
+        {"constant": name, "began": np.exp(a), "value": np.exp(b)}
+        for name, a, b in zip(BEGIN, start, found.x, strict=True)
+    ]
+    mean = {
+        "constant": f"nats a campaign, n = {len(given)}",
+        "began": before / len(given),
+        "value": after / len(given),
+    }
+    return [*fitted, mean]
+
+
+def _calibration(logarithms: Real) -> Calibration:
+    named = dict(zip(BEGIN, np.round(np.exp(logarithms), 6).tolist(), strict=True))
+    hidden = {key: named.pop(f"hidden.{key}") for key in ("coherence", "differences")}
+    return Calibration(hidden=hidden, outlier=_OUTLIER, sure=_SURE, **named)
+
+
+def _given(row: dict) -> tuple[Evidence, tuple[str, str, bool]] | None:
+    """Evidence, and the true effect, its place, and whether the catalogue of Parts has it."""
+    if row["verdict"] is None:
+        return None
+    answer = tomllib.loads(row["answer"])
+    seen = Evidence.model_validate(row["evidence"])
+    effect, place = answer["effect"], answer.get("location", "")
+    if effect != "none" and not seen.proven and seen.chi_square <= NOTHING:
+        return None
+    return seen, (effect, place, effect not in ("friction", "backlash", "hardening"))
+
+
+def _surprise(found: Judged, effect: str, place: str, known: bool) -> float:
+    """-ln of the probability of the truth, and of the share of its place."""
+    if effect == "none":
+        return -float(np.log(max(found.none, _LEAST)))
+    if known:
+        right = sum(p for key, p in found.causes if key[:2] == (effect, place))
+    else:
+        right = found.unexplained
+    share = dict(found.where).get(place, 0.0)
+    return -float(np.log(max(right, _LEAST))) - float(np.log(max(share, _LEAST)))

@@ -1,0 +1,117 @@
+"""From evidence to probabilities: what must hold of any evidence, and of plain ones."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+
+from diagnosis.evidence import Evidence, Refitted, Scored
+from diagnosis.judge import calibrated, judge
+
+PLACES = ("body:a", "joint:b", "sensor:acc1")
+
+
+def refit(effect, place, cost, left):
+    return Refitted(effect=effect, location=place, dof=None, cost=cost, chi_square=1 + left)
+
+
+def evidence(gap, refits=(), proven=(), gains=(5.0, 3.0, 1.0), loose=None, pull=0.0):
+    rows = [
+        Scored(effect="mass_error", location=place, dof=None, gains=(gain, gain, gain))
+        for place, gain in zip(PLACES, gains, strict=True)
+    ]
+    return Evidence(
+        proven=proven,
+        cost=1e4 * (1 + gap),
+        chi_square=1 + gap,
+        loose=1 + gap if loose is None else loose,
+        pull=pull,
+        refits=refits,
+        scored=tuple(rows),
+        variance="coherence",
+    )
+
+
+positive = some.floats(1e-4, 1e3)
+
+
+@given(
+    gap=positive,
+    lefts=some.lists(positive, max_size=4),
+    proven=some.integers(0, 2),
+)
+def test_probabilities_are_those_of_exclusive_hypotheses(gap, lefts, proven):
+    refits = tuple(
+        refit("mass_error", f"body:{k}", 1e4 * (1 + left), left) for k, left in enumerate(lefts)
+    )
+    sure = tuple(("sensor_gain", f"sensor:{k}", None) for k in range(proven))
+    found = judge(evidence(gap, refits, sure))
+    assert min(found.none, found.unexplained, found.several) >= 0
+    assert all(0 <= p <= 1 for _, p in found.causes)
+    assert [p for _, p in found.causes] == sorted((p for _, p in found.causes), reverse=True)
+    if not proven:
+        total = found.none + found.unexplained + sum(p for _, p in found.causes)
+        assert total <= 1 + 1e-12
+        assert total >= 1 - 0.02 * max(len(lefts), 1)  # rows below 1 % are left out
+    shares = [share for _, share in found.where]
+    assert sum(shares) == pytest.approx(1)
+    assert shares == sorted(shares, reverse=True)
+    assert found.word in ("none", "explained", "several", "unexplained")
+    assert (found.best is None) == (found.word in ("none", "unexplained"))
+
+
+def test_no_gap_is_none_and_a_gap_that_nothing_takes_is_unexplained():
+    assert judge(evidence(0.0)).word == "none"
+    assert judge(evidence(0.0)).none > 0.9
+    lost = judge(evidence(10.0, (refit("mass_error", "body:a", 1e5, 9.0),)))
+    assert lost.word == "unexplained"
+    assert lost.where[0][0] == "body:a"
+
+
+def test_one_tolerance_beyond_its_bound_is_no_effect_but_a_fault_is():
+    wrong = (refit("mass_error", "body:a", 1.2e4, 0.2),)
+    assert judge(evidence(0.25, wrong)).word == "unexplained"
+    assert judge(evidence(0.25, wrong, loose=1.0, pull=3.2)).word == "none"
+    assert judge(evidence(0.25, wrong, loose=1.0, pull=16.0)).word == "unexplained"
+
+
+def test_who_takes_the_gap_explains_it_and_equals_share():
+    gap = 10.0
+    right = refit("mass_error", "body:a", 1.01e4, 0.01)
+    wrong = refit("appendage", "body:c", 6e4, 5.0)
+    found = judge(evidence(gap, (right, wrong)))
+    assert found.word == "explained"
+    assert found.best == right.key
+    assert found.causes[0][1] > 0.9
+    twin = refit("joint_coupling", "joint:b", 1.01e4, 0.01)
+    both = judge(evidence(gap, (right, twin)))
+    assert both.causes[0][1] == pytest.approx(both.causes[1][1])
+    assert dict(both.where)["joint:b"] > 0.4
+
+
+def test_what_a_gate_proved_stays_and_comes_first():
+    proven = (("sensor_swap", "sensor:acc1", "tx+ty"),)
+    found = judge(evidence(0.0, (), proven))
+    assert found.word == "explained"
+    assert found.best == proven[0]
+    assert found.where[0][0] == "sensor:acc1"
+    with_more = judge(evidence(10.0, (refit("drift", "joint:b", 1.01e4, 0.0),), proven))
+    assert with_more.word == "several"
+    assert {key for key, _ in with_more.causes} == {proven[0], ("drift", "joint:b", None)}
+
+
+def test_a_body_that_bends_may_leave_a_gap():
+    bent = (("flexible_body", "body:a", None),)
+    assert judge(evidence(50.0, (), bent)).word == "explained"
+    assert judge(evidence(50.0, (), (("sensor_gain", "sensor:acc1", "tx"),))).causes[0][1] < 0.7
+
+
+def test_the_committed_calibration_says_where_it_comes_from():
+    by = calibrated()
+    assert by.campaigns >= 50
+    assert by.command
+    assert by.seeds.startswith("80000")
+    assert len(by.evidence) == 64
+    values = [by.hidden_width, by.left_width, by.left, by.least, by.temper, by.share, by.sure]
+    assert np.isfinite(values).all()
+    assert min(*values, *by.hidden.values()) > 0

@@ -1,0 +1,83 @@
+"""Rigid directions on stiff springs: FRFs stay, and one that gives way is the joint in an MJCF."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis import Scene
+from diagnosis.effects import missing_dof
+from mbmodel import Model, as_drawn, load_machine, loosened, spring_parts
+from mbmodel.parts import spring_parts as parts_of
+from tests.helpers.drawn import drawn
+from tuning import predict
+
+GONE = "stage2_ry"
+HIGHEST = 160.0
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A tree as drawn, and the same without one hinge."""
+    folder = tmp_path_factory.mktemp("loosened")
+    session, _ = drawn(folder, 72_001, lines=161)
+    path = folder / "campaign" / "model.xml"
+    lines = path.read_text().splitlines()
+    rigid = path.with_name("rigid.xml")
+    rigid.write_text("\n".join(line for line in lines if f'name="{GONE}"' not in line))
+    return session, load_machine(path), load_machine(rigid)
+
+
+def answers(model, theta, campaign):
+    return np.concatenate([values.ravel() for values in predict(model, theta, campaign)])
+
+
+def test_what_is_held_is_what_the_joint_lacks(files):
+    _, whole, rigid = files
+    same, none = loosened(whole, HIGHEST)
+    assert same is whole
+    assert none == ()
+    wider, held = loosened(rigid, HIGHEST)
+    assert [(one.stage, one.dof) for one in held] == [("stage2", "ry")]
+    assert len(wider.coordinates) == len(whole.coordinates)
+    column = whole.jacobian[:, whole.coordinates.index(GONE)]
+    assert wider.jacobian[:, held[0].coordinate] == pytest.approx(column, abs=1e-12)
+
+
+def test_frfs_stay_while_everything_is_held(files):
+    session, _, rigid = files
+    wider, _ = loosened(rigid, HIGHEST)
+    drawn_frf, held_frf = (
+        answers(model, model.drawn, session.campaign)
+        for model in (as_drawn(rigid), as_drawn(wider))
+    )
+    assert np.abs(held_frf - drawn_frf).max() < 1e-4 * np.abs(drawn_frf).max()
+    assert np.abs(held_frf - drawn_frf).max() > 0
+
+
+def test_a_direction_that_gives_way_is_the_hinge_of_the_mjcf(files):
+    session, whole, rigid = files
+    wider, held = loosened(rigid, HIGHEST)
+    model = Model(wider, spring_parts(wider))
+    scene = Scene(replace(session, model=model), model.drawn, held)
+    (one,) = missing_dof.propose(scene)
+    assert one.key == ("missing_dof", "joint:stage2", "ry")
+    (part,) = one.parts
+    spring = next(spring for spring in whole.springs if spring.name == GONE)
+    # Theta for this very spring, from what the hypothesis states of theta = (1, 0) and (1, 1).
+    names = [parameter.name for parameter in part.parameters]
+    at_one = one.state(dict(zip(names, (1.0, 0.0), strict=True)))
+    at_two = one.state(dict(zip(names, (1.0, 1.0), strict=True)))
+    unit = 1 / at_one["stiffness"] - 1 / held[0].stiffness
+    compliance = (1 / spring.stiffness - 1 / held[0].stiffness) / unit
+    step = np.log(at_two["damping"] / at_one["damping"])
+    tau = at_one["damping"] / at_one["stiffness"]
+    theta = np.array([compliance, np.log(spring.damping / spring.stiffness / tau) / step])
+    stated = one.state(dict(zip(names, theta.tolist(), strict=True)))
+    assert stated["stiffness"] == pytest.approx(spring.stiffness, rel=1e-9)
+    assert stated["damping"] == pytest.approx(spring.damping, rel=1e-9)
+    loose = Model(wider, (*parts_of(wider), part))
+    own = answers(loose, np.append(model.drawn, theta), session.campaign)
+    mjcf = as_drawn(whole)
+    truth = answers(mjcf, mjcf.drawn, session.campaign)
+    assert own == pytest.approx(truth, abs=1e-7 * np.abs(truth).max())
