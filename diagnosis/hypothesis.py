@@ -10,6 +10,7 @@ from mbmodel import Held, Model, Part
 from tuning import Freedom, Session
 
 Value = float | tuple[float, ...]
+Ends = tuple[float, float] | tuple[tuple[float, float], ...]  # of a vector one pair a component
 
 
 @dataclass(frozen=True, eq=False)

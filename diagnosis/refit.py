@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.effects import EFFECTS
-from diagnosis.hypothesis import Hypothesis, Scene, Value, freed
+from diagnosis.hypothesis import Ends, Hypothesis, Scene, Value, freed
 from identification.words import Campaign, Real
 from mbmodel import Model
 from tuning import (
@@ -64,7 +64,7 @@ class Refit:
         names = (parameter.name for parameter in self.fit.freedom.parameters)
         return self.hypothesis.state(dict(zip(names, values, strict=True)))
 
-    def intervals(self, theta: Real) -> dict[str, tuple[Value, Value]]:
+    def intervals(self, theta: Real) -> dict[str, Ends]:
         """Of these parameters about theta, 95 %.
 
         Coordinates have the covariance of a fit to all lines, about (N + D)^-1 with N of those that
@@ -93,8 +93,7 @@ class Refit:
         spread = QUANTILE * np.sqrt(
             np.einsum("ij,jk,ik->i", slopes, sure.covariance[np.ix_(own, own)], slopes)
         )
-        ends = _like(middle, flat - spread), _like(middle, flat + spread)
-        return {name: (ends[0][name], ends[1][name]) for name in middle}
+        return _paired(middle, flat - spread, flat + spread)
 
 
 def paced(stages: tuple[Stage, ...], pace: int) -> tuple[Stage, ...]:
@@ -107,14 +106,15 @@ def _flat(stated: Mapping[str, Value]) -> Real:
     return np.concatenate([np.ravel(value) for value in stated.values()] or [np.zeros(0)])
 
 
-def _like(stated: Mapping[str, Value], flat: Real) -> dict[str, Value]:
-    """The numbers of a row, as they were stated."""
-    found: dict[str, Value] = {}
+def _paired(stated: Mapping[str, Value], low: Real, high: Real) -> dict[str, Ends]:
+    """Low and high of each number, of a vector those of each component."""
+    found: dict[str, Ends] = {}
     place = 0
     for name, value in stated.items():
         size = int(np.size(value))
-        own = tuple(flat[place : place + size].tolist())
-        found[name] = own if isinstance(value, tuple) else own[0]
+        span = slice(place, place + size)
+        pairs = tuple(zip(low[span].tolist(), high[span].tolist(), strict=True))
+        found[name] = pairs if isinstance(value, tuple) else pairs[0]
         place += size
     return found
 

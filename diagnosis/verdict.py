@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from diagnosis.hypothesis import Value
+from diagnosis.hypothesis import Ends, Value
 
 Word = Literal["none", "explained", "several", "unexplained"]
 
@@ -61,7 +61,7 @@ class CauseRow(_Row):
     dof: str | None
     probability: float
     parameters: dict[str, Value]
-    interval: dict[str, tuple[Value, Value]]
+    interval: dict[str, Ends]
     excess_after: float | None
 
 

@@ -16,6 +16,8 @@ from mbmodel.modal import real_times
 from mbmodel.model import ShapedTerm
 from mbmodel.solver import Solver
 
+_NEARLY = 1e-13  # of the largest entry, beside a diagonal that is exactly singular
+
 
 @dataclass(frozen=True, eq=False)
 class ShapedSolver:
@@ -74,6 +76,16 @@ class ShapedSolver:
             core, moved, felt = core.swapaxes(1, 2), self._backward, left
         seen = real_times(felt.T, moved).transpose(2, 0, 1)
         pushed = core @ real_times(felt.T, y).transpose(2, 0, 1)
-        taken = np.linalg.solve(np.eye(core.shape[1]) + core @ seen, pushed)
+        taken = _solved(np.eye(core.shape[1]) + core @ seen, pushed)
         found: Complex = y - (moved.transpose(2, 0, 1) @ taken).transpose(1, 2, 0)
         return found
+
+
+def _solved(matrix: Complex, right: Complex) -> Complex:
+    """Solve at every line; a line exactly at an undamped resonance answers hugely, not never."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right), complex)
+    except np.linalg.LinAlgError:
+        size = np.abs(matrix).max(axis=(1, 2), keepdims=True)
+        moved = matrix + _NEARLY * size * np.eye(matrix.shape[1])
+        return np.asarray(np.linalg.solve(moved, right), complex)

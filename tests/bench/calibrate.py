@@ -83,7 +83,7 @@ def _calibration(logarithms: Real) -> Calibration:
 
 def _given(row: dict) -> tuple[Evidence, tuple[str, str, bool]] | None:
     """Evidence, and the true effect, its place, and whether the catalogue of Parts has it."""
-    if row["verdict"] is None:
+    if row.get("verdict") is None:
         return None
     answer = tomllib.loads(row["answer"])
     seen = Evidence.model_validate(row["evidence"])

@@ -21,6 +21,8 @@ from mbmodel import (
     spring_parts,
     state_space,
 )
+from mbmodel.model import ShapedTerm
+from mbmodel.shaped import ShapedSolver
 
 __all__ = ["drawing"]
 
@@ -164,3 +166,20 @@ def test_no_state_space_holds_them(lossy):
     theta = bent(lossy)
     with pytest.raises(UsageError, match="depends on frequency"):
         state_space(lossy, theta, QUESTION)
+
+
+def test_a_line_exactly_at_an_undamped_resonance_answers_hugely_not_never():
+    class Unit:
+        """Z0 = 1 of one coordinate."""
+
+        laplace = 2j * np.pi * np.array([1.0, 2.0])
+
+        def solve(self, force, **_):
+            return np.broadcast_to(force, (1, 1, 2)).astype(complex)
+
+    core = np.zeros((3, 1, 1))
+    core[0] = -1.0
+    whole = ShapedTerm(np.ones((1, 1)), np.ones((1, 1)), Change("joint", None, None, core))
+    answer = ShapedSolver(Unit(), (whole,)).solve(np.ones((1, 1, 1)))
+    assert np.isfinite(answer).all()
+    assert (np.abs(answer) > 1e10).all()
