@@ -16,7 +16,7 @@ from mbmodel.modal import real_times
 from mbmodel.model import ShapedTerm
 from mbmodel.solver import Solver
 
-_NEARLY = 1e-13  # of the largest entry, beside a diagonal that is exactly singular
+_NEARLY = 1e-13  # of the largest entry, what a singular matrix gets on its diagonal
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +86,6 @@ def _solved(matrix: Complex, right: Complex) -> Complex:
     try:
         return np.asarray(np.linalg.solve(matrix, right), complex)
     except np.linalg.LinAlgError:
-        size = np.abs(matrix).max(axis=(1, 2), keepdims=True)
+        size = 1 + np.abs(matrix).max(axis=(1, 2), keepdims=True)
         moved = matrix + _NEARLY * size * np.eye(matrix.shape[1])
         return np.asarray(np.linalg.solve(moved, right), complex)
