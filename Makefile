@@ -25,6 +25,7 @@ bench: $(VENV)/.installed-bench
 
 # Verdicts on campaigns whose answers nobody here knows: made once, committed, never tuned to.
 sealed: $(VENV)/.installed
+	mkdir -p tests/bench/results/sealed
 	for name in $(SEALED)/*; do $(BIN)/mbw diagnose $$name --out $(OUT)-sealed/$$(basename $$name) \
 		--json tests/bench/results/sealed/$$(basename $$name).json || exit 1; done
 

@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from diagnosis.effects import EFFECTS
-from diagnosis.evidence import Evidence, Refitted
+from diagnosis.evidence import Evidence, Key, Refitted
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
-from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.hypothesis import Hypothesis, Scene, together
 from diagnosis.judge import NOTHING, Judged, judge
 from diagnosis.refit import (
     FIRST,
@@ -43,6 +43,7 @@ from tuning import (
 
 _SMALL = 3.0  # chi square up to which one tolerance of many may be all that is beyond its bound
 _ENOUGH = 180_000  # values: three hammer directions, 69 channels, 800 lines and some more
+_LIKELY = 0.5
 _ALIKE, _NATS = 0.9, 3.0  # cosine of signatures, difference of costs: twins
 STEPS = 5 + 2 * REFITTED  # told at most
 
@@ -109,6 +110,7 @@ class Diagnosis:
         evidence: what was judged by.
         judged: probabilities.
         best: the most probable cause; None if none is.
+        present: the causes that the verdict says are there: the best, or the several.
         twins: pairs of causes that leave the same, as the verdict calls them.
         as_drawn: gap of the drawing.
         retuned: stiffness, damping and tolerances fitted to all that was measured.
@@ -123,6 +125,7 @@ class Diagnosis:
     evidence: Evidence
     judged: Judged
     best: Hypothesis | None
+    present: tuple[Hypothesis, ...]
     twins: tuple[tuple[str, str], ...]
     as_drawn: Gap
     retuned: Level
@@ -173,6 +176,7 @@ def diagnose(
     known_as = {one.hypothesis.key: one.hypothesis for one in refits if one.hypothesis is not None}
     known_as |= {one.key: one for one in made}
     best = None if judged.best is None else known_as[judged.best]
+    present = _present(judged, known_as)
     say("the gap on held-out lines")
     base = Scene(clean, nothing.fit.theta, held, pace)
     # Of a large gap 0.5 % does not matter; that nothing is missing is told by the third digit.
@@ -181,8 +185,9 @@ def diagnose(
     made_before = {} if proven else {one.hypothesis: one for one in (nothing, *refits)}
     retuned = _level(base, None, session, made_before, jobs, exact=exact)
     after = None
-    if best is not None and best.is_held:
-        after = _level(base, best, session, made_before, jobs, retuned.width)
+    if present and all(one.is_held for one in present):
+        whole = together(present)
+        after = _level(base, whole, session, made_before, jobs, retuned.width)
     drawn = predict(session.model, session.model.drawn, session.campaign)
     return Diagnosis(
         session=session,
@@ -193,6 +198,7 @@ def diagnose(
         evidence=evidence,
         judged=judged,
         best=best,
+        present=present,
         twins=_twins(scene, first.fit, judged, found),
         as_drawn=summarise(channel_gaps(drawn, session.campaign)),
         retuned=retuned,
@@ -241,6 +247,16 @@ def _pace(campaign: Campaign) -> int:
     """How many times as much was measured as fits need."""
     channels = sum(int(test.estimate.measured.sum()) for test in campaign.tests)
     return max(1, round(channels * len(campaign.freq_hz) / _ENOUGH))
+
+
+def _present(judged: Judged, known_as: Mapping[Key, Hypothesis]) -> tuple[Hypothesis, ...]:
+    """The best cause; where several are there, all that are more likely than not."""
+    if judged.best is None:
+        return ()
+    likely = [known_as[key] for key, probability in judged.causes if probability > _LIKELY]
+    if judged.word == "several" and likely:
+        return tuple(likely)
+    return (known_as[judged.best],)
 
 
 def _twins(scene: Scene, found: Fit, judged: Judged, tried: Search) -> tuple[tuple[str, str], ...]:

@@ -65,7 +65,8 @@ def sensor_gate(campaign: Campaign) -> Gate:
         proven |= {(one.effect, one.location, one.dof): one for one in kept}
     faults = tuple(proven.values())
     dead = [one for one in faults if one.effect == "dead_channel"]
-    alive, clean = _without(campaign, dead), _without(campaign, faults)
+    alive = _without(campaign, dead)
+    clean = alive if len(dead) == len(faults) else _without(campaign, faults)
     for check in flexible:
         beyond = np.sqrt(np.maximum(check.reconstruction**2 - check.expected**2, 0.0))
         clean = doubted(clean, check.channels, partial(_read_off, check.freq_hz, beyond))
@@ -79,6 +80,9 @@ def _one_cause(check: BodyCheck, sure: list[Fault]) -> list[Fault]:
     then a gain, or a place, of its own, and a few of them explain a shape to the noise. But faults
     are rare and do not come in pairs.
     """
+    beyond = check.deviation
+    if len(beyond) and beyond[-1] > 0.5 * beyond.max():  # no peak of a mode lies within the band
+        sure = [replace(one, parameters={}) if one.effect == _BENDS else one for one in sure]
     small = [one for one in sure if one.effect not in (_BENDS, *_GROSS)]
     if len({one.location for one in small}) < _TOO_MANY:
         return sure

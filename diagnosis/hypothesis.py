@@ -1,7 +1,8 @@
 """What may be the one thing that a model lacks: an effect at a place, ready to be fitted."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import reduce
 
 import numpy as np
 
@@ -68,6 +69,7 @@ class Hypothesis:
         follow: parameters of Parts that have the value of a parameter of the model, by name.
         springs: whose fitted stiffness the Parts are made from: as that moves, they are made anew.
         signed: whether those are sizes, none of which is less than zero.
+        at_most: upper bound of sizes.
         is_held: whether its Parts, or the corrected measurement, hold all of it.
         state: parameters of the verdict from the fitted ones, by name.
     """
@@ -83,6 +85,7 @@ class Hypothesis:
     follow: Mapping[str, str] = field(default_factory=dict)
     springs: tuple[str, ...] = ()
     signed: bool = False
+    at_most: float = np.inf
     is_held: bool = True
     state: Callable[[Mapping[str, float]], dict[str, Value]] = unsaid
 
@@ -130,6 +133,26 @@ def released(
     return Hypothesis(effect, location, dof, release=names, state=state)
 
 
+def together(several: Sequence[Hypothesis]) -> Hypothesis:
+    """Several at once, called by the name of the first."""
+    if len(several) == 1:
+        return several[0]
+    corrections = [one.correct for one in several if one.correct is not None]
+
+    def correct(campaign: Campaign) -> Campaign:
+        return reduce(lambda seen, own: own(seen), corrections, campaign)
+
+    return replace(
+        several[0],
+        release=tuple(name for one in several for name in one.release),
+        parts=tuple(part for one in several for part in one.parts),
+        begin={name: value for one in several for name, value in one.begin.items()},
+        follow={name: other for one in several for name, other in one.follow.items()},
+        correct=correct if corrections else None,
+        is_held=all(one.is_held for one in several),
+    )
+
+
 def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> Freedom:
     """What varies under a hypothesis.
 
@@ -149,4 +172,8 @@ def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> F
     if not one.signed:
         return free
     sizes = np.isin(np.array(free.names), one.coordinates)
-    return replace(free, lower=np.where(sizes, 0.0, free.lower))
+    return replace(
+        free,
+        lower=np.where(sizes, 0.0, free.lower),
+        upper=np.where(sizes, one.at_most, free.upper),
+    )

@@ -14,7 +14,7 @@ Of n values, with cost0 without any effect:
     p(cause) = explained softmax(-cost / (least + inexact n + temper (cost0 - best)))
 
 Places: of what a cause explains, the cause's; of what nothing explains, a softmax of what each
-place gains at the weights of the noise. All constants are calibrated on virtual campaigns whose
+place gains at the weights of the noise. Most constants are calibrated on virtual campaigns whose
 seeds no reported figure uses; ``calibration.json`` says which.
 """
 
@@ -104,7 +104,7 @@ class Judged:
     @property
     def word(self) -> str:
         """The verdict's word."""
-        single = max((probability for _, probability in self.causes), default=0.0) - self.several
+        single = 1 - self.none - self.unexplained - self.several
         options = {
             "none": self.none,
             "unexplained": self.unexplained,

@@ -14,6 +14,7 @@ from tuning import (
     STAGES,
     Confidence,
     Fit,
+    Freedom,
     HeldOut,
     Session,
     Stage,
@@ -27,9 +28,10 @@ from tuning import (
 # nothing is missing, gets more.
 FIRST = (replace(STAGES[3], stride=8, max_steps=5),)
 _ROUNDS, _SETTLED = 3, 0.01  # until the stiffness that Parts are made from stays
-_ALL = replace(STAGES[5], tolerance=1e-4, max_steps=2)
+_ALL = replace(STAGES[5], tolerance=1e-6, max_steps=6)
+_PROMISE = 0.1  # nats: of a fit whose parameters are stated
 LAST = (replace(STAGES[4], tolerance=3e-4, max_steps=10),)
-LONG = (replace(STAGES[4], tolerance=1e-4, max_steps=20),)
+LONG = (replace(STAGES[4], tolerance=1e-5, max_steps=20),)
 PATIENT = (STAGES[3], replace(STAGES[4], tolerance=3e-4, max_steps=30))
 
 
@@ -56,22 +58,20 @@ class Refit:
         """In nats, priors and all."""
         return self.fit.cost
 
-    def parameters(self, theta: Real | None = None) -> dict[str, Value]:
-        """What the verdict states of it, as fitted or at another theta."""
-        if self.hypothesis is None:
-            return {}
-        values = (self.fit.theta if theta is None else theta).tolist()
-        names = (parameter.name for parameter in self.fit.freedom.parameters)
-        return self.hypothesis.state(dict(zip(names, values, strict=True)))
+    def parameters(self) -> dict[str, Value]:
+        """What the verdict states of it, as fitted."""
+        return {} if self.hypothesis is None else self.stated(self.hypothesis, self.fit.theta)
 
-    def intervals(self, theta: Real) -> dict[str, Ends]:
-        """Of these parameters about theta, 95 %.
+    def stated(self, one: Hypothesis, theta: Real) -> dict[str, Value]:
+        """What the verdict states of a hypothesis at a theta."""
+        return one.state(_named(self.fit.freedom, theta))
+
+    def intervals(self, one: Hypothesis, theta: Real) -> dict[str, Ends]:
+        """Of a hypothesis' parameters about theta, 95 %; none of those that were not fitted.
 
         Coordinates have the covariance of a fit to all lines, about (N + D)^-1 with N of those that
         counted times how many more there are; what is stated follows to first order.
         """
-        if self.hypothesis is None:
-            return {}
         stage = self.fit.last or STAGES[-1]
         campaign, varies = self.session.campaign, self.fit.freedom
         thin = thinned(campaign, stage.stride)
@@ -81,15 +81,17 @@ class Refit:
             normal, shared=many * normal.shared, cross=many * normal.cross, own=many * normal.own
         )
         sure = Confidence(varies, self.fit.x, whole, self.chi_square)
-        x, middle = varies.coordinates(theta), self.parameters(theta)
+        x, middle = varies.coordinates(theta), one.state(_named(varies, theta))
         flat = _flat(middle)
-        names = set(self.hypothesis.release) | set(self.hypothesis.begin)
-        names |= {p.name for part in self.hypothesis.parts for p in part.parameters}
+        names = {*one.release, *one.begin}
+        names |= {p.name for part in one.parts for p in part.parameters}
         own = [k for k, name in enumerate(varies.names) if name in names]
         slopes = np.zeros((len(flat), len(own)))
         for place, k in enumerate(own):
             step = 0.1 * sure.deviation[k] * (np.arange(len(x)) == k)
-            slopes[:, place] = (_flat(self.parameters(varies.theta(x + step))) - flat) / step[k]
+            slopes[:, place] = (
+                _flat(one.state(_named(varies, varies.theta(x + step)))) - flat
+            ) / step[k]
         spread = QUANTILE * np.sqrt(
             np.einsum("ij,jk,ik->i", slopes, sure.covariance[np.ix_(own, own)], slopes)
         )
@@ -99,6 +101,12 @@ class Refit:
 def paced(stages: tuple[Stage, ...], pace: int) -> tuple[Stage, ...]:
     """Stages that count every so manyth of their lines."""
     return tuple(replace(stage, stride=stage.stride * pace) for stage in stages)
+
+
+def _named(varies: Freedom, theta: Real) -> dict[str, float]:
+    """Parameters in SI by name."""
+    names = (parameter.name for parameter in varies.parameters)
+    return dict(zip(names, theta.tolist(), strict=True))
 
 
 def _flat(stated: Mapping[str, Value]) -> Real:
@@ -114,7 +122,8 @@ def _paired(stated: Mapping[str, Value], low: Real, high: Real) -> dict[str, End
         size = int(np.size(value))
         span = slice(place, place + size)
         pairs = tuple(zip(low[span].tolist(), high[span].tolist(), strict=True))
-        found[name] = pairs if isinstance(value, tuple) else pairs[0]
+        if (high[span] > low[span]).any():
+            found[name] = pairs if isinstance(value, tuple) else pairs[0]
         place += size
     return found
 
@@ -236,7 +245,10 @@ def held_out(
     """
     session = found.session
     begun = replace(found.fit, last=paced((_ALL,), scene.pace)[0]) if exact else found.fit
-    return fit_held_out(session.model, begun, session.campaign, jobs=jobs, width=width)
+    promise = _PROMISE if exact else 1.0
+    return fit_held_out(
+        session.model, begun, session.campaign, jobs=jobs, width=width, promise=promise
+    )
 
 
 def uninterrupted(found: Fit) -> Fit:

@@ -95,22 +95,26 @@ def _spread(whole: float | None, without: list[float | None]) -> tuple[float, fl
 def _row(key: Key, probability: float, found: Diagnosis) -> CauseRow:
     effect, location, dof = key
     fitted = {one.hypothesis.key: one for one in found.search.refits if one.hypothesis is not None}
-    refit, after = fitted.get(key), found.after
     row = CauseRow(
         effect=effect,
         location=location,
         dof=dof,
         probability=probability,
-        parameters={} if refit is None else refit.parameters(),
+        parameters=fitted[key].parameters() if key in fitted else {},
         interval={},
-        excess_after=None if refit is None else float(np.sqrt(refit.chi_square)),
+        excess_after=None,
     )
-    if found.best is None or key != found.best.key:
+    one = next((one for one in found.present if one.key == key), None)
+    if one is None:
         return row
+    after = found.after
     if after is None:
-        return row.model_copy(update={"parameters": found.best.state({})})
-    stated, intervals = after.refit.parameters(after.theta), after.refit.intervals(after.theta)
-    update = {"parameters": stated, "interval": intervals, "excess_after": after.gap.excess}
+        return row if one.is_held else row.model_copy(update={"parameters": one.state({})})
+    update = {
+        "parameters": after.refit.stated(one, after.theta),
+        "interval": after.refit.intervals(one, after.theta),
+        "excess_after": after.gap.excess,
+    }
     return row.model_copy(update=update)
 
 

@@ -6,8 +6,9 @@ joint's point. Here each such direction along or about a world axis gets its coo
 
     k = m (300 w)^2,   m = t' Mb t
 
-w the highest frequency asked for: FRFs differ from those of rigid directions by some (w / 300 w)^2,
-1e-5. A Part that lowers k lets the direction go, and its slope exists while it is still held.
+w the highest frequency asked for, and a damper k tau: FRFs differ from those of rigid directions by
+some (w / 300 w)^2, 1e-5. A Part that lowers k lets the direction go, and its slope exists while it
+is still held. tau is the median c / k of the machine's springs.
 """
 
 from dataclasses import dataclass, replace
@@ -20,6 +21,7 @@ from mbmodel.spatial import transport
 from mbmodel.springs import Spring
 
 _HELD = 300.0
+_USUAL = 1e-4  # s: the time constant where no spring has a damper
 _INDEPENDENT = 1e-6
 _DIRECTIONS = ("tx", "ty", "tz", "rx", "ry", "rz")
 
@@ -32,13 +34,17 @@ class Held:
         stage: name of the body above the joint.
         dof: such as ``rx``, a world axis.
         coordinate: its number among the joint coordinates of the loosened machine.
+        reference: stiffness that would put all above it at the highest frequency [N/m, N m/rad].
         stiffness: that holds it [N/m] or [N m/rad].
+        time_constant: of the damper beside it, c / k [s].
     """
 
     stage: str
     dof: str
     coordinate: int
+    reference: float
     stiffness: float
+    time_constant: float
 
 
 def loosened(machine: Machine, highest_hz: float) -> tuple[Machine, tuple[Held, ...]]:
@@ -51,6 +57,7 @@ def loosened(machine: Machine, highest_hz: float) -> tuple[Machine, tuple[Held, 
     Returns:
         The machine, and what is held; the same machine if nothing is.
     """
+    tau = _time_constant(machine)
     columns: list[Real] = []
     held: list[Held] = []
     for stage, axles in _stages(machine):
@@ -64,16 +71,18 @@ def loosened(machine: Machine, highest_hz: float) -> tuple[Machine, tuple[Held, 
             known.append(direction)
             column = _column(machine, carried, point, direction)
             mass = float(column @ machine.body_mass @ column)
-            stiffness = mass * (_HELD * 2 * np.pi * highest_hz) ** 2
+            reference = mass * (2 * np.pi * highest_hz) ** 2
             number = len(machine.coordinates) + len(columns)
-            held.append(Held(stage, dof, number, stiffness))
+            held.append(Held(stage, dof, number, reference, _HELD**2 * reference, tau))
             columns.append(column)
     if not held:
         return machine, ()
     more = len(held)
     whole = _padded(machine.remaining_stiffness, more)
+    damping = _padded(machine.remaining_damping, more)
     for one in held:
         whole[one.coordinate, one.coordinate] = one.stiffness
+        damping[one.coordinate, one.coordinate] = one.stiffness * one.time_constant
     order = _padded(machine.order, more)
     order[:, -more:] = np.triu(np.ones((len(order), more)), 1 - len(machine.coordinates))
     wider = replace(
@@ -82,11 +91,21 @@ def loosened(machine: Machine, highest_hz: float) -> tuple[Machine, tuple[Held, 
         jacobian=np.column_stack([machine.jacobian, *columns]),
         armature=_padded(machine.armature, more),
         remaining_stiffness=whole,
-        remaining_damping=_padded(machine.remaining_damping, more),
+        remaining_damping=damping,
         order=order,
         springs=tuple(_wider(spring, more) for spring in machine.springs),
     )
     return wider, tuple(held)
+
+
+def _time_constant(machine: Machine) -> float:
+    """Median c / k of springs that have both [s]."""
+    known = [
+        one.damping / one.stiffness
+        for one in machine.springs
+        if one.stiffness > 0 and one.damping > 0
+    ]
+    return float(np.median(known)) if known else _USUAL
 
 
 def _stages(machine: Machine) -> list[tuple[str, list[Axle]]]:

@@ -92,6 +92,7 @@ def fit_held_out(
     *,
     jobs: int = 1,
     width: int | None = None,
+    promise: float = _PROMISE,
     report: Callable[[int], None] | None = None,
     journal: Journal | None = None,
 ) -> HeldOut | None:
@@ -106,6 +107,7 @@ def fit_held_out(
         campaign: the lines of the band.
         jobs: threads; the result does not depend on it.
         width: lines in a block; by the fitted model's modes if None.
+        promise: nats that a further step may promise and is not made.
         report: told the number of each fold that is done.
         journal: knows finished folds, which are not made again.
 
@@ -128,7 +130,7 @@ def fit_held_out(
     missing = [fold for fold, end in ends.items() if end is None]
     normals = whole.normals(found.x, seen)[1:] if missing else []
     work = (
-        delayed(_fit_without)(model, campaign, found, seen != fold, normals[fold])
+        delayed(_fit_without)(model, campaign, found, seen != fold, normals[fold], promise)
         for fold in missing
     )
     with threadpool_limits(1):
@@ -144,12 +146,12 @@ def fit_held_out(
 
 
 def _fit_without(
-    model: Model, campaign: Campaign, found: Fit, kept: Mask, normal: Quadratic
+    model: Model, campaign: Campaign, found: Fit, kept: Mask, normal: Quadratic, promise: float
 ) -> Minimum:
     """The fit to the lines that are kept, from the one to all: mostly a single step."""
     stage = found.last or LAST
     problem = stage.misfit(model, campaign, found.freedom, counted=kept)
-    end = descend(problem, found.x, stage, known=normal, promise=_PROMISE)
+    end = descend(problem, found.x, stage, known=normal, promise=promise)
     if end.outcome == "interrupted":
         raise KeyboardInterrupt
     return end

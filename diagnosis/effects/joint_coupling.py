@@ -21,6 +21,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each joint that both slides and turns on springs."""
     machine = scene.model.machine
     directions = {spring.name: spring.direction for spring in machine.springs}
+    tuned = {parameter.name for parameter in scene.model.parameters}
     for stage in jointed(machine):
         springs = springs_of(machine, stage)
         axles = {axle.joint: axle for axle in machine.axles if axle.stage == stage}
@@ -28,7 +29,8 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         for k, unit in enumerate(np.eye(3)):
             for i, slide in enumerate(springs):
                 for j, hinge in enumerate(springs):
-                    if axles[hinge].turns and not axles[slide].turns:
+                    stiff = f"{slide}.stiffness" in tuned  # drawn as zero it has none
+                    if stiff and axles[hinge].turns and not axles[slide].turns:
                         arm = np.cross(axles[hinge].axis, _UNIT * unit)
                         felt[k, i, j] = axles[slide].axis @ arm
         if not felt.any():

@@ -1,44 +1,33 @@
 r"""A direction that the drawing holds rigid gives way, along or about a world axis.
 
 The machine of the scene has a coordinate for each such direction, on a spring k0 far stiffer than
-anything in the band (``mbmodel.loosened``). In series with a compliance theta u, theta >= 0, and a
-damper of time constant tau, it becomes
+anything in the band and a damper k0 tau (``mbmodel.loosened``). In series with a compliance
+theta u, theta >= 0, they become
 
     k + s c,   k = 1 / (1 / k0 + theta u),   c = k tau.
 
 For small compliances FRFs change in proportion to theta: that is the score's slope,
-dk / dtheta = -u k^2.
+d(k + s c) / dtheta = -u k^2 (1 + s tau), a compliance u / (1 + s tau).
 """
 
 from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from diagnosis.effects.points import springs_of
 from diagnosis.hypothesis import Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import AddedPart, Change, Held, Parameter
 
-_FAR = 10.0  # times the stiffest spring of the machine: the stiffness at theta = 1
 _STEP = 0.5  # of the logarithm of tau per unit of its parameter
 _FARTHEST = 20.0  # steps
-_USUAL = 1e-4  # s: tau of machines without a damper
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each rigid direction of each joint."""
-    machine = scene.model.machine
     for held in scene.held:
-        alike = [s.name for s in machine.springs if s.angular == (held.dof[0] == "r")]
-        if not alike:
-            continue
-        reference = _FAR * float(scene.stiffness(tuple(alike)).max())
-        springs = springs_of(machine, held.stage) or tuple(s.name for s in machine.springs)
-        constants = scene.damping(springs) / scene.stiffness(springs)
-        tau = float(np.median(constants)) or _USUAL
-        frame = np.zeros((len(machine.coordinates), 1))
+        frame = np.zeros((len(scene.model.machine.coordinates), 1))
         frame[held.coordinate] = 1.0
-        way = _Way(f"{held.stage}.{held.dof}", held, 1 / reference, tau, frame)
+        way = _Way(f"{held.stage}.{held.dof}", held, frame)
         yield Hypothesis(
             "missing_dof",
             f"joint:{held.stage}",
@@ -53,8 +42,9 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 class _Way:
     """What a direction has lost of the stiffness that holds it."""
 
-    def __init__(self, name: str, held: Held, unit: float, tau: float, frame: Real) -> None:
-        self.held, self.unit, self.tau, self.frame = held, unit, tau, frame
+    def __init__(self, name: str, held: Held, frame: Real) -> None:
+        self.held, self.frame = held, frame
+        self.unit = 1 / held.reference
         self.names = f"{name}.compliance", f"{name}.time_constant"
 
     @property
@@ -68,7 +58,9 @@ class _Way:
 
     def _at(self, theta: Real) -> tuple[float, float]:
         stiffness = 1 / (1 / self.held.stiffness + max(float(theta[0]), 0.0) * self.unit)
-        return stiffness, self.tau * float(np.exp(_STEP * np.clip(theta[1], -_FARTHEST, _FARTHEST)))
+        return stiffness, self.held.time_constant * float(
+            np.exp(_STEP * np.clip(theta[1], -_FARTHEST, _FARTHEST))
+        )
 
     def _change(self, core: Real) -> Change:
         return Change("joint", self.frame, self.frame, core[..., None, None])
@@ -76,13 +68,15 @@ class _Way:
     def finite(self, theta: Real) -> tuple[Change, ...]:
         """What is left less what was there."""
         stiffness, tau = self._at(theta)
-        return (self._change(np.array([stiffness - self.held.stiffness, stiffness * tau, 0.0])),)
+        held = self.held.stiffness
+        damping = stiffness * tau - held * self.held.time_constant
+        return (self._change(np.array([stiffness - held, damping, 0.0])),)
 
     def derivatives(self, theta: Real) -> tuple[Change, ...]:
         """By the compliance and by the logarithm of the time constant."""
         stiffness, tau = self._at(theta)
         softer = -self.unit * stiffness**2
-        damping = _STEP * stiffness * tau if theta[0] > 0 else 0.0
+        damping = _STEP * stiffness * tau
         core = np.array([[softer, softer * tau, 0.0], [0.0, damping, 0.0]])
         return (self._change(core),)
 

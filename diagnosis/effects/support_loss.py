@@ -6,7 +6,7 @@ makes the hinges' stiffness,
 
     a^2 k_tz = k_ry,   b^2 k_tz = k_rx,   g^2 (b^2 k_tx + a^2 k_ty) <= k_rz,   g <= 1,
 
-z the direction of gravity. A support at p = (x, y) stretches slide i by q_i + a_i.(R x p), p
+z the world's third axis. A support at p = (x, y) stretches slide i by q_i + a_i.(R x p), p
 shrunk by g for the horizontal ones, and one that has lost theta takes
 
     theta / 4 (k_i g_i g_i' + s c_i g_i g_i')   summed over the slides
@@ -58,6 +58,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             f"joint:{stage}",
             parts=(AddedPart.linear(f"joint:{stage}", parameters, (slope,)),),
             signed=True,
+            at_most=1.0,
             springs=springs,
             state=state,
         )

@@ -1,5 +1,6 @@
 """Effects as Parts: nothing at zero, exact slopes, and what they say of themselves."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,9 +9,12 @@ import pytest
 
 from diagnosis import EFFECTS, Scene
 from diagnosis.effects.points import joined, parents_of
+from diagnosis.hypothesis import together
+from diagnosis.refit import posed
 from identification.words import Condition, Dof
 from mbmodel import Held, Situation
 from tests.helpers.drawn import drawn
+from tuning import open_session
 
 LAPLACE = 2j * np.pi * np.array([4.0, 23.0, 57.0, 140.0])
 
@@ -24,7 +28,7 @@ def scene(tmp_path_factory):
 def rigid_direction(session):
     """A machine of six springs a joint has none: the last coordinate stands in for one."""
     machine = session.model.machine
-    return (Held("stage2", "ry", len(machine.coordinates) - 1, 1e12),)
+    return (Held("stage2", "ry", len(machine.coordinates) - 1, 1e8, 9e12, 1e-4),)
 
 
 def proposals(scene):
@@ -145,3 +149,45 @@ def test_the_tree_of_bodies_is_that_of_the_joints(scene):
         inside = text.index(f'name="{body}"')
         assert parent is None or text.index(f'name="{parent}"') < inside
         assert parent is None or joined(machine, parent, body)
+
+
+def test_a_slide_without_stiffness_couples_nothing(tmp_path):
+    folder = tmp_path / "campaign"
+    drawn(tmp_path, 72_001, lines=61)
+    text = (folder / "model.xml").read_text()
+    at = text.index('name="stage3_tx"')
+    end = text.index("/>", at)
+    freed = re.sub(r'(stiffness|damping)="[^"]*"', r'\1="0"', text[at:end])
+    (folder / "model.xml").write_text(text[:at] + freed + text[end:])
+    session = open_session(folder)
+    scene = Scene(session, session.model.drawn)
+    made = {one.location: one for one in EFFECTS["joint_coupling"](scene)}
+    assert len(made["joint:stage2"].follow) == 3
+    assert sorted(made["joint:stage3"].follow.values()) == [
+        "stage3_ty.stiffness",
+        "stage3_tz.stiffness",
+    ]
+    for one in made.values():
+        posed(scene, one, session.campaign)
+
+
+def test_a_hit_turned_about_itself_stays_within_tolerance(scene):
+    for one in EFFECTS["hammer_misalignment"](scene):
+        assert len(one.release) == 2
+        assert all(name[-1] != one.dof[-1] for name in one.release)
+        theta = {p.name: 0.1 for p in scene.model.parameters}
+        assert one.state(theta) == {"rotation": (0.1, 0.1, 0.1)}
+
+
+def test_several_at_once_release_correct_and_add_what_each_does(scene):
+    polarity = next(iter(EFFECTS["sensor_polarity"](scene)))
+    others = [next(iter(EFFECTS[name](scene))) for name in ("sensor_gain", "gyroscopic")]
+    whole = together([polarity, *others])
+    assert whole.key == polarity.key
+    assert whole.release == others[0].release
+    assert whole.parts == others[1].parts
+    campaign = scene.session.campaign
+    one, other = whole.correct(campaign), polarity.correct(campaign)
+    for test, expected in zip(one.tests, other.tests, strict=True):
+        assert np.array_equal(test.estimate.frf.values, expected.estimate.frf.values)
+    assert together([polarity]) is polarity

@@ -87,6 +87,11 @@ def test_who_takes_the_gap_explains_it_and_equals_share():
     both = judge(evidence(gap, (right, twin)))
     assert both.causes[0][1] == pytest.approx(both.causes[1][1])
     assert dict(both.where)["joint:b"] > 0.4
+    # Three alike: none of them is likelier than not, but that one effect explains it is.
+    third = refit("support_loss", "joint:c", 1.01e4, 0.01)
+    three = judge(evidence(gap, (right, twin, third)))
+    assert max(p for _, p in three.causes) < 0.5
+    assert three.word == "explained"
 
 
 def test_what_a_gate_proved_stays_and_comes_first():

@@ -55,7 +55,7 @@ def test_intervals_hold_the_truth_and_the_gap_closes(scene):
     found = settled(scene, go_on(scene, begun, LAST))
     assert found.chi_square < 1.1
     assert found.parameters()["offset"] == pytest.approx(offset, abs=0.03)
-    low, high = np.array(found.intervals(found.fit.theta)["offset"]).T
+    low, high = np.array(found.intervals(one, found.fit.theta)["offset"]).T
     middle = np.array(found.parameters()["offset"])
     assert (low < middle).all()
     assert (middle < high).all()

@@ -129,8 +129,7 @@ def test_sizes_are_not_fitted_below_zero(case):
             assert min(x) >= 0
 
 
-def test_a_score_is_what_a_refit_gains(tmp_path):
-    # Small enough for the quadratic model: an offset of a joint's centre of stiffness.
+def test_scores_come_the_most_promising_first(tmp_path):
     session, _ = drawn(tmp_path, 72_014, "joint_coupling", ratio=1.0)
     early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
     scene = Scene(session, early.theta)

@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis import Scene
 from diagnosis.effects import missing_dof
-from mbmodel import Model, as_drawn, load_machine, loosened, spring_parts
+from mbmodel import AddedPart, Model, as_drawn, load_machine, loosened, spring_parts
 from mbmodel.parts import spring_parts as parts_of
 from tests.helpers.drawn import drawn
 from tuning import predict
@@ -30,6 +30,26 @@ def files(tmp_path_factory):
 
 def answers(model, theta, campaign):
     return np.concatenate([values.ravel() for values in predict(model, theta, campaign)])
+
+
+def at_slope_of_zero(machine, model, part, campaign):
+    """How far the derivative while all is held is from what a little of it changes."""
+    loose = Model(machine, (*model.parts, part))
+    theta = np.append(model.drawn, np.zeros(len(part.parameters)))
+    little = 1e-9
+    ends = [
+        answers(loose, theta + step * (np.arange(len(theta)) == len(model.drawn)), campaign)
+        for step in (0.0, little)
+    ]
+    change = AddedPart.linear(
+        part.location,
+        part.parameters[:1],
+        tuple(replace(one, core=one.core[:1]) for one in part.derivatives(np.zeros(2))),
+    )
+    straight = Model(machine, (*model.parts, change))
+    far = answers(straight, np.append(model.drawn, little), campaign)
+    quotient, slope = ends[1] - ends[0], far - ends[0]
+    return np.abs(quotient - slope).max() / np.abs(quotient).max()
 
 
 def test_what_is_held_is_what_the_joint_lacks(files):
@@ -63,15 +83,17 @@ def test_a_direction_that_gives_way_is_the_hinge_of_the_mjcf(files):
     (one,) = missing_dof.propose(scene)
     assert one.key == ("missing_dof", "joint:stage2", "ry")
     (part,) = one.parts
+    assert at_slope_of_zero(wider, model, part, session.campaign) < 1e-3
     spring = next(spring for spring in whole.springs if spring.name == GONE)
     # Theta for this very spring, from what the hypothesis states of theta = (1, 0) and (1, 1).
     names = [parameter.name for parameter in part.parameters]
+    tau = held[0].time_constant
     at_one = one.state(dict(zip(names, (1.0, 0.0), strict=True)))
     at_two = one.state(dict(zip(names, (1.0, 1.0), strict=True)))
     unit = 1 / at_one["stiffness"] - 1 / held[0].stiffness
     compliance = (1 / spring.stiffness - 1 / held[0].stiffness) / unit
     step = np.log(at_two["damping"] / at_one["damping"])
-    tau = at_one["damping"] / at_one["stiffness"]
+    assert at_one["damping"] == pytest.approx(tau * at_one["stiffness"])
     theta = np.array([compliance, np.log(spring.damping / spring.stiffness / tau) / step])
     stated = one.state(dict(zip(names, theta.tolist(), strict=True)))
     assert stated["stiffness"] == pytest.approx(spring.stiffness, rel=1e-9)

@@ -12,6 +12,7 @@ from truth.deck import RATIOS, Card, cards, draw_case
 from truth.effects import CATALOGUE
 from truth.effects.outside import OUTSIDE
 from truth.errors import TruthError
+from truth.refit import Refit
 
 
 def round_of(seed, turn=0):
@@ -115,6 +116,7 @@ def test_small_effects_behind_a_large_one_have_a_size():
 @pytest.mark.parametrize("pair", [("joint_coupling", "support_loss"), ("mass_error", "appendage")])
 def test_a_place_is_drawn_that_does_for_both_twins(pair, monkeypatch):
     # Random trees have stages without all six directions: no place for a support that is lost.
+    monkeypatch.setattr(Refit, "retuned", Refit.ratio)  # places are asked for, not sizes
     kind = "body" if pair[0] == "mass_error" else "joint"
     deck = [Card("twin", (name,), 1.0, number, kind, pair) for number in range(4) for name in pair]
     monkeypatch.setattr("truth.deck.cards", lambda seed: iter(deck))
