@@ -8,6 +8,7 @@ from identification.words import Complex, FrfEstimate, Real
 # Coherences are clipped here: 0 and 1 stand for "no" and "perfect" knowledge, which no data give.
 _LOWEST, _HIGHEST = 1e-4, 1 - 1e-7
 _WINDOW = 31  # lines
+_SHORTEST = 2  # lines on either side
 # A variance from n hits has 2 (n - 1) degrees of freedom a line. Noise changes slowly along
 # frequency: averaged over lines to this many, the variance scatters by 14 %, its mean over
 # channels by far less, and weights by it are not biased.
@@ -35,7 +36,9 @@ def difference_variance(values: Complex) -> Real:
 
     White noise of variance v gives third differences of variance 20 v (1 + 9 + 9 + 1), a smooth
     FRF none; |difference|^2 is exponential, so its running median over 31 lines is ln 2 of its
-    mean. Sharp resonances raise it: an upper bound where the lines are too few.
+    mean. Sharp resonances raise it: an upper bound where the lines are too few. Towards 0 Hz the
+    noise of buildings and sensors rises steeply: at the first lines, shorter windows, half as wide
+    as the frequency is high, count where they say more.
 
     Args:
         values: H; (n_freq, ...), at least 4 lines.
@@ -48,6 +51,10 @@ def difference_variance(values: Complex) -> Real:
     squares = np.abs(np.diff(values, 3, axis=0)) ** 2 / 20
     window = (min(_WINDOW, len(squares)),) + (1,) * (values.ndim - 1)
     smooth = median_filter(squares, size=window, mode="nearest") / np.log(2)
+    for line in range(min(_WINDOW, len(squares))):
+        half = max(_SHORTEST, line // 2)
+        near = squares[max(0, line - half) : line + half + 1]
+        smooth[line] = np.maximum(smooth[line], np.median(near, axis=0) / np.log(2))
     edges = np.clip(np.arange(len(values)) - 1, 0, len(squares) - 1)
     variance: Real = smooth[edges]
     return variance

@@ -35,6 +35,7 @@ from tuning.runs import Probed, Runs, blocks_of, run_of, split
 from tuning.shares import shares
 
 _STILL = 1e-10
+_AUDIBLE = 25.0  # times the variance: the logarithm of a value near the noise leads astray
 # Linearity and noise of the force, relative to the motion of a point: no line is known better.
 _FLOOR = 3e-4
 
@@ -274,7 +275,7 @@ def _weigh(batch: Batch, allowance: float, logarithmic: bool, counted: Mask) -> 
     heard = (size > 0).any(axis=0)  # a silent channel is dead, not exactly zero
     counts = batch.measured & heard & ~resting[:, None, None]
     if logarithmic:
-        counts = counts & (size > 0) & _moving(batch)
+        counts = counts & (size**2 > _AUDIBLE * batch.variance) & _moving(batch)
     point = _point_power(batch)
     allowed = batch.variance + max(allowance, _FLOOR) ** 2 * point
     counts = counts & (allowed > 0) & counted[:, None, None]

@@ -130,3 +130,16 @@ def test_short_tables_have_a_variance_at_every_line(lines):
 def test_fewer_than_four_lines_have_no_third_difference(lines):
     with pytest.raises(ValueError, match=f"{lines} lines are too few"):
         difference_variance(np.ones((lines, 2), complex))
+
+
+def test_noise_that_rises_towards_zero_is_known_at_the_first_lines():
+    rng = np.random.default_rng(12)
+    freq = np.arange(801) * 0.25
+    true = (1 + (3 / np.maximum(freq, 0.25)) ** 4)[:, None] * np.ones((801, 300))
+    found = difference_variance(white(rng, true.shape, true))
+    early = slice(1, 20)
+    ratio = np.median(found[early], axis=1) / true[early, 0]
+    assert (ratio > 0.3).all()
+    assert (ratio < 30).all()
+    late = np.median(found[40:], axis=1) / true[40:, 0]
+    assert late == pytest.approx(1, abs=0.2)

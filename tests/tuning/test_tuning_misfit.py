@@ -45,7 +45,8 @@ def weights(model, test, allowance, logarithmic):
         power = sum(abs(frf.values[line, k, 0]) ** 2 for k in same)
         variance = estimate.variance[line, row, 0] + max(allowance, 3e-4) ** 2 * power
         still = np.abs(drawn[:, row]).max() <= 1e-10 * np.abs(drawn).max()
-        if estimate.measured[row, 0] and not (logarithmic and still):
+        near = abs(frf.values[line, row, 0]) ** 2 <= 25 * estimate.variance[line, row, 0]
+        if estimate.measured[row, 0] and not (logarithmic and (still or near)):
             found[line, row, 0] = 1 / variance
     return found
 
@@ -367,3 +368,25 @@ def test_a_prediction_answers_in_the_labels_of_the_test(model, campaign, flip):
     assert turned[0][:, 0] == pytest.approx(straight[0][:, 0])  # channel and hammer both turned
     assert turned[0][:, 1:] == pytest.approx(-straight[0][:, 1:])
     assert turned[1] == pytest.approx(straight[1])
+
+
+def test_the_logarithm_of_values_near_the_noise_does_not_count(model, campaign):
+    varies = freedom(model, campaign.tolerance)
+
+    def at(first):
+        """The campaign with a signal to noise of 100 from some line on, of 4.5 before."""
+        tests = []
+        for test in campaign.tests:
+            estimate = test.estimate
+            variance = np.abs(estimate.frf.values) ** 2 / 1e4
+            variance[:first] *= 1e4 / 20
+            known = replace(estimate, variance=variance, variance_source="differences")
+            tests.append(replace(test, estimate=known))
+        return replace(campaign, tests=tuple(tests))
+
+    def values(tests, *, logarithmic):
+        return Misfit(model, tests, varies, allowance=0.1, logarithmic=logarithmic).values
+
+    assert values(at(20), logarithmic=False) == values(at(0), logarithmic=False)
+    heard = values(at(0).lines(slice(20, None)), logarithmic=True)
+    assert values(at(20), logarithmic=True) == heard < values(at(0), logarithmic=True)
