@@ -76,7 +76,8 @@ class _Way:
         """By the compliance and by the logarithm of the time constant."""
         stiffness, tau = self._at(theta)
         softer = -self.unit * stiffness**2
-        damping = _STEP * stiffness * tau
+        # While all is held nothing shows the time constant: next to no curvature, a wild step.
+        damping = _STEP * stiffness * tau if theta[0] > 0 else 0.0
         core = np.array([[softer, softer * tau, 0.0], [0.0, damping, 0.0]])
         return (self._change(core),)
 
