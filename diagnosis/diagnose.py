@@ -4,8 +4,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
-
 from diagnosis.effects import EFFECTS
 from diagnosis.evidence import Evidence, Key, Refitted
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
@@ -25,7 +23,7 @@ from diagnosis.refit import (
 )
 from diagnosis.score import cosines
 from diagnosis.search import REFITTED, Search, search
-from identification.words import Campaign, Complex, Real
+from identification.words import Campaign, Complex, Mask, Real
 from mbmodel import Held, loosened
 from tuning import (
     STAGES,
@@ -86,14 +84,10 @@ class Level:
         found: Real = self.refit.fit.theta if held is None else held.thetas.mean(axis=0)
         return found
 
-    def without(self, fold: int) -> Gap:
-        """The gap on all lines but one fold."""
-        folds = (
-            np.zeros(len(self.campaign.freq_hz)) if self.held_out is None else self.held_out.folds
-        )
-        kept = np.asarray(folds != fold, bool)
+    def on(self, lines: Mask) -> Gap:
+        """The gap on some lines; (n_freq,)."""
         return summarise(
-            channel_gaps([values[kept] for values in self.predicted], self.campaign.lines(kept))
+            channel_gaps([values[lines] for values in self.predicted], self.campaign.lines(lines))
         )
 
 
@@ -109,8 +103,7 @@ class Diagnosis:
         search: for what explains the gap; empty where there is none.
         evidence: what was judged by.
         judged: probabilities.
-        best: the most probable cause; None if none is.
-        present: the causes that the verdict says are there: the best, or the several.
+        present: the causes that the verdict says are there, the most probable first.
         twins: pairs of causes that leave the same, as the verdict calls them.
         as_drawn: gap of the drawing.
         retuned: stiffness, damping and tolerances fitted to all that was measured.
@@ -124,7 +117,6 @@ class Diagnosis:
     search: Search
     evidence: Evidence
     judged: Judged
-    best: Hypothesis | None
     present: tuple[Hypothesis, ...]
     twins: tuple[tuple[str, str], ...]
     as_drawn: Gap
@@ -175,19 +167,17 @@ def diagnose(
     judged = judge(evidence)
     known_as = {one.hypothesis.key: one.hypothesis for one in refits if one.hypothesis is not None}
     known_as |= {one.key: one for one in made}
-    best = None if judged.best is None else known_as[judged.best]
     present = _present(judged, known_as)
     say("the gap on held-out lines")
     base = Scene(clean, nothing.fit.theta, held, pace)
     # Of a large gap 0.5 % does not matter; that nothing is missing is told by the third digit.
-    exact = best is None
+    exact = not present
     proven = clean.campaign is not session.campaign
     made_before = {} if proven else {one.hypothesis: one for one in (nothing, *refits)}
     retuned = _level(base, None, session, made_before, jobs, exact=exact)
     after = None
     if present and all(one.is_held for one in present):
-        whole = together(present)
-        after = _level(base, whole, session, made_before, jobs, retuned.width)
+        after = _level(base, together(present), session, made_before, jobs, retuned.width)
     drawn = predict(session.model, session.model.drawn, session.campaign)
     return Diagnosis(
         session=session,
@@ -197,7 +187,6 @@ def diagnose(
         search=found,
         evidence=evidence,
         judged=judged,
-        best=best,
         present=present,
         twins=_twins(scene, first.fit, judged, found),
         as_drawn=summarise(channel_gaps(drawn, session.campaign)),

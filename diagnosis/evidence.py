@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict
 from identification.words import VarianceSource
 
 Key = tuple[str, str, str | None]  # effect, location, dof
+BENDS = "flexible_body"  # what a gate proves of a body, not of a sensor
 
 
 class _Row(BaseModel):

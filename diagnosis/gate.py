@@ -14,12 +14,11 @@ import numpy as np
 from diagnosis.corrections import Reading, channels_of, divided, doubted, exchanged, masked
 from diagnosis.effects.points import three
 from diagnosis.effects.sensor_polarity import turned
-from diagnosis.evidence import Key
+from diagnosis.evidence import BENDS, Key
 from diagnosis.hypothesis import Hypothesis, Value, released
 from identification import BodyCheck, Fault, check_bodies, delayed, mount
 from identification.words import Campaign, Dof, Real
 
-_BENDS = "flexible_body"
 _GROSS = ("dead_channel", "sensor_polarity", "sensor_swap")
 _TOO_MANY = 2  # sensors of one body that are wrong by some amount each
 PROVEN = 0.9  # probability above which a fault is taken out
@@ -57,11 +56,8 @@ def sensor_gate(campaign: Campaign) -> Gate:
     proven: dict[Key, Fault] = {}
     flexible = []
     for check in checks:
-        sure = _one_cause(check, [one for one in check.faults if one.probability >= PROVEN])
-        bends = any(fault.effect == _BENDS for fault in sure)
-        flexible += [check] if bends else []
-        # What a shape leaves looks like small faults of its sensors; gross ones stand out.
-        kept = [one for one in sure if not bends or one.effect in (_BENDS, *_GROSS)]
+        kept = _one_cause(check, [one for one in check.faults if one.probability >= PROVEN])
+        flexible += [check] if any(one.effect == BENDS for one in kept) else []
         proven |= {(one.effect, one.location, one.dof): one for one in kept}
     faults = tuple(proven.values())
     dead = [one for one in faults if one.effect == "dead_channel"]
@@ -74,21 +70,22 @@ def sensor_gate(campaign: Campaign) -> Gate:
 
 
 def _one_cause(check: BodyCheck, sure: list[Fault]) -> list[Fault]:
-    """Faults of several sensors of one body at once are one bending of it.
+    """Small faults of several sensors of one body at once are one bending of it.
 
     Below its resonance a mode's shape follows the acceleration: what each sensor reads too much is
     then a gain, or a place, of its own, and a few of them explain a shape to the noise. But faults
-    are rare and do not come in pairs.
+    are rare and do not come in pairs. Gross ones stand out beside a shape too.
     """
-    beyond = check.deviation
-    if len(beyond) and beyond[-1] > 0.5 * beyond.max():  # no peak of a mode lies within the band
-        sure = [replace(one, parameters={}) if one.effect == _BENDS else one for one in sure]
-    small = [one for one in sure if one.effect not in (_BENDS, *_GROSS)]
-    if len({one.location for one in small}) < _TOO_MANY:
-        return sure
-    after = min(one.excess_after for one in small)
-    bent = Fault(_BENDS, f"body:{check.body}", None, PROVEN, {}, after)
-    return [bent, *(one for one in sure if one not in small)]
+    small = [one for one in sure if one.effect not in (BENDS, *_GROSS)]
+    others = [one for one in sure if one not in small]
+    if not any(one.effect == BENDS for one in sure):
+        if len({one.location for one in small}) < _TOO_MANY:
+            return sure
+        after = min(one.excess_after for one in small)
+        return [Fault(BENDS, f"body:{check.body}", None, PROVEN, {}, after), *others]
+    if check.deviation[-1] > 0.5 * check.deviation.max():  # no peak of a mode lies in the band
+        others = [replace(one, parameters={}) if one.effect == BENDS else one for one in others]
+    return others
 
 
 def _read_off(freq_hz: Real, values: Real, at: Real) -> Real:
@@ -105,7 +102,7 @@ def _without(campaign: Campaign, faults: Sequence[Fault]) -> Campaign:
 def hypothesis_of(fault: Fault, campaign: Campaign) -> Hypothesis | None:
     """The hypothesis of a fault; None of one that is no effect of the catalogue."""
     base = Hypothesis(fault.effect, fault.location, fault.dof)
-    if fault.effect == _BENDS:  # not a Part yet: the gap with it is not known
+    if fault.effect == BENDS:  # not a Part yet: the gap with it is not known
         return replace(base, is_held=False, state=lambda _: dict(fault.parameters))
     site = fault.location.partition(":")[2]
     concerned = channels_of(fault.location, fault.dof)
@@ -121,20 +118,24 @@ def hypothesis_of(fault: Fault, campaign: Campaign) -> Hypothesis | None:
     if fault.effect == "sensor_swap":
         pairs = _pairs(fault, campaign)
         return replace(base, correct=lambda c: exchanged(c, pairs))
-    readings: dict[str, Reading] = {}
-    if fault.effect == "sensor_delay":
-        readings["sensor_delay"] = lambda f: delayed(f, _number(fault.parameters["delay"]))
-    if fault.effect == "mount_resonance":
-        at = _number(fault.parameters["frequency"]), _number(fault.parameters["damping"])
-        readings["mount_resonance"] = lambda f: mount(f, *at)
-    if fault.effect not in readings:
+    reading = _reading(fault)
+    if reading is None:
         return None
-    reading = readings[fault.effect]
     return replace(
         base,
         correct=lambda c: divided(c, concerned, reading),
         state=lambda _: dict(fault.parameters),
     )
+
+
+def _reading(fault: Fault) -> Reading | None:
+    """What a channel with the fault reads per motion; None of another kind of fault."""
+    if fault.effect == "sensor_delay":
+        return partial(delayed, delay=_number(fault.parameters["delay"]))
+    if fault.effect == "mount_resonance":
+        frequency, damping = (_number(fault.parameters[k]) for k in ("frequency", "damping"))
+        return lambda freq_hz: mount(freq_hz, frequency, damping)
+    return None
 
 
 def _number(value: Value) -> float:

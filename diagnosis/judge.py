@@ -28,12 +28,11 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 from scipy.special import expit, softmax
 
-from diagnosis.evidence import Evidence, Key
+from diagnosis.evidence import BENDS, Evidence, Key
 from identification.words import Real
 from tuning import BOUND
 
 NOTHING = 1.03  # chi square up to which nothing is missing: no hypothesis is asked
-_BENDS = "flexible_body"
 _ALONE = 1  # which gain is at the weights of the noise alone
 _EXACT = 0.02  # no refit is believed to leave less
 _ROW = 0.01  # probability of a cause that is worth a row
@@ -150,7 +149,7 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     if not seen.proven:
         causes = _kept(single)
         return Judged(none, unknown, 0.0, causes, _places(seen, by, causes, unknown))
-    if any(effect == _BENDS for effect, _, _ in seen.proven):
+    if any(effect == BENDS for effect, _, _ in seen.proven):
         unknown = doubt / 2  # it drives all bodies in ways that no Part holds: a gap is no surprise
     # What a gate proved is present: alone, with another cause, or with what nobody knows.
     sure = 1 - doubt

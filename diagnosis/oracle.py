@@ -17,8 +17,7 @@ def oracle(found: Diagnosis, told: Fault, jobs: int = 1) -> Level | None:
     Returns:
         The gap with it; None of an effect that is no Part yet.
     """
-    best = found.best
-    if best is not None and found.after is not None and _same(best, told):
+    if found.after is not None and _same(found.present[0], told):
         return found.after
     one = _hypothesis(found, told)
     return None if one is None else level_of(found, one, jobs)

@@ -44,14 +44,12 @@ class Refit:
         session: campaign as it would be without the fault, model with what is added.
         fit: at the weights of the last stage, one line in four.
         chi_square: mean square of residual over noise and allowance there; noise alone leaves one.
-        values: how many values that counts.
     """
 
     hypothesis: Hypothesis | None
     session: Session
     fit: Fit
     chi_square: float
-    values: int
 
     @property
     def cost(self) -> float:
@@ -77,10 +75,7 @@ class Refit:
         thin = thinned(campaign, stage.stride)
         normal = stage.misfit(self.session.model, thin, varies).normal(self.fit.x)[2]
         many = len(campaign.freq_hz) / len(thin.freq_hz)
-        whole = replace(
-            normal, shared=many * normal.shared, cross=many * normal.cross, own=many * normal.own
-        )
-        sure = Confidence(varies, self.fit.x, whole, self.chi_square)
+        sure = Confidence(varies, self.fit.x, normal * many, self.chi_square)
         x, middle = varies.coordinates(theta), one.state(_named(varies, theta))
         flat = _flat(middle)
         names = {*one.release, *one.begin}
@@ -216,7 +211,7 @@ def _fitted(
     )
     problem = last.misfit(session.model, thinned(session.campaign, last.stride), varies)
     data = found.cost - problem.prior(found.x)
-    return Refit(one, session, found, data / max(problem.values, 1), problem.values)
+    return Refit(one, session, found, data / max(problem.values, 1))
 
 
 def _start(scene: Scene, session: Session, one: Hypothesis | None) -> Real:

@@ -68,12 +68,11 @@ def _closed(retuned: Gap, after: Gap) -> float | None:
 
 def _interval(retuned: Level, after: Level | None, *, visible: bool) -> Interval:
     """By leaving one fold of the blocks out (delete-group jackknife, Student with its folds)."""
-    if after is None or after.held_out is None or retuned.held_out is None:
+    if after is None or after.held_out is None:
         return Interval()
-    if retuned.width != after.width:
-        return Interval()
-    count = int(after.held_out.folds.max()) + 1
-    gaps = [(retuned.without(fold), after.without(fold)) for fold in range(count)]
+    folds = after.held_out.folds
+    kept = [folds != fold for fold in range(int(folds.max()) + 1)]
+    gaps = [(retuned.on(lines), after.on(lines)) for lines in kept]
     return Interval(
         closed=_spread(_closed(retuned.gap, after.gap), [_closed(*one) for one in gaps])
         if visible

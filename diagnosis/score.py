@@ -54,17 +54,13 @@ def scores(
         hypotheses: what may be missing.
         allowance: of that fit.
     """
-    session = scene.session
-    parts = tuple(part for one in hypotheses for part in one.parts)
-    model = Model(session.model.machine, (*session.model.parts, *parts))
-    whole = found.freedom.extended(model, session.campaign.tolerance)
+    model, whole, x = _extended(scene, found, hypotheses)
     count = found.freedom.size
-    x = np.append(found.x, np.zeros(whole.size - count))
     wanted = {name for one in hypotheses for name in one.coordinates}
     asked = np.array([name in wanted for name in whole.names[count:]], bool)
     varies = whole.only(np.arange(whole.size) < count, x)
     probes = whole.only(np.append(np.zeros(count, bool), asked), x)
-    thin = thinned(session.campaign, _STRIDE * scene.pace)
+    thin = thinned(scene.session.campaign, _STRIDE * scene.pace)
     probed = Misfit(model, thin, varies, allowance=allowance).probed(found.x, probes)
     fitted = _Fitted(found.freedom, found.x, probed)
     place = {name: k for k, name in enumerate((*varies.names, *probes.names))}
@@ -90,14 +86,9 @@ def cosines(scene: Scene, found: Fit, leading: Sequence[Score], allowance: float
     Returns:
         (n_leading, n_leading).
     """
-    session = scene.session
-    parts = {id(part): part for one in leading for part in one.hypothesis.parts}
-    added = tuple(parts.values())
-    model = Model(session.model.machine, (*session.model.parts, *added))
-    whole = found.freedom.extended(model, session.campaign.tolerance)
+    model, whole, x = _extended(scene, found, [one.hypothesis for one in leading])
     count = found.freedom.size
-    x = np.append(found.x, np.zeros(whole.size - count))
-    thin = thinned(session.campaign, _STRIDE * scene.pace)
+    thin = thinned(scene.session.campaign, _STRIDE * scene.pace)
     normal = Misfit(model, thin, whole, allowance=allowance).normal(x)[2].dense()
     place = {name: k for k, name in enumerate(whole.names)}
     steps = np.zeros((whole.size, len(leading)))
@@ -113,6 +104,17 @@ def cosines(scene: Scene, found: Fit, leading: Sequence[Score], allowance: float
     size = np.sqrt(np.maximum(np.diag(inner), 1e-300))
     found_cosines: Real = inner / np.outer(size, size)
     return found_cosines
+
+
+def _extended(
+    scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis]
+) -> tuple[Model, Freedom, Real]:
+    """Model and coordinates with the Parts of hypotheses, and where the fit is in them."""
+    session = scene.session
+    parts = dict.fromkeys(part for one in hypotheses for part in one.parts)
+    model = Model(session.model.machine, (*session.model.parts, *parts))
+    whole = found.freedom.extended(model, session.campaign.tolerance)
+    return model, whole, np.append(found.x, np.zeros(whole.size - found.freedom.size))
 
 
 @dataclass(frozen=True, eq=False)

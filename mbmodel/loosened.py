@@ -12,12 +12,13 @@ is still held. tau is the median c / k of the machine's springs.
 """
 
 from dataclasses import dataclass, replace
+from itertools import groupby
 
 import numpy as np
 
-from identification.words import Mask, Real
-from mbmodel.machine import Axle, Machine
-from mbmodel.spatial import transport
+from identification.words import Real
+from mbmodel.machine import Machine
+from mbmodel.spatial import twist
 from mbmodel.springs import Spring
 
 _HELD = 300.0
@@ -60,16 +61,16 @@ def loosened(machine: Machine, highest_hz: float) -> tuple[Machine, tuple[Held, 
     tau = _time_constant(machine)
     columns: list[Real] = []
     held: list[Held] = []
-    for stage, axles in _stages(machine):
+    for stage, group in groupby(machine.axles, key=lambda axle: axle.stage):
+        axles = list(group)
         point = axles[0].anchor
-        known = [_twist(axle, point) for axle in axles]
-        own = machine.jacobian[:, [axle.coordinate for axle in axles]]
-        carried = np.asarray(own.any(axis=1), bool)
+        known = [twist(axle.turns, axle.anchor - point, axle.axis) for axle in axles]
+        reach = machine.reach(axles[0], point)
         for dof, direction in zip(_DIRECTIONS, np.eye(6), strict=True):
             if np.linalg.matrix_rank([*known, direction], tol=_INDEPENDENT) == len(known):
                 continue
             known.append(direction)
-            column = _column(machine, carried, point, direction)
+            column = reach @ direction
             mass = float(column @ machine.body_mass @ column)
             reference = mass * (2 * np.pi * highest_hz) ** 2
             number = len(machine.coordinates) + len(columns)
@@ -106,30 +107,6 @@ def _time_constant(machine: Machine) -> float:
         if one.stiffness > 0 and one.damping > 0
     ]
     return float(np.median(known)) if known else _USUAL
-
-
-def _stages(machine: Machine) -> list[tuple[str, list[Axle]]]:
-    found: dict[str, list[Axle]] = {}
-    for axle in machine.axles:
-        found.setdefault(axle.stage, []).append(axle)
-    return list(found.items())
-
-
-def _twist(axle: Axle, point: Real) -> Real:
-    """Motion of a point per coordinate, translation and rotation; (6,)."""
-    if not axle.turns:
-        return np.concatenate([axle.axis, np.zeros(3)])
-    return np.concatenate([np.cross(axle.axis, point - axle.anchor), axle.axis])
-
-
-def _column(machine: Machine, carried: Mask, point: Real, direction: Real) -> Real:
-    """Motion of the centres of mass of all that moves with a stage; (6 n_body,)."""
-    found = np.zeros(len(machine.jacobian))
-    for number, centre in enumerate(machine.layout.centres):
-        rows = slice(6 * number, 6 * number + 6)
-        if carried[rows].any():
-            found[rows] = transport(centre - point) @ direction
-    return found
 
 
 def _padded(matrix: Real, more: int) -> Real:

@@ -111,6 +111,21 @@ class Machine:
         mass: Real = self.jacobian.T @ self.body_mass @ self.jacobian + self.armature
         return mass
 
+    def reach(self, axle: Axle, origin: Real) -> Real:
+        """Motion of the centres of mass above a joint per twist at a point; (6 n_body, 6).
+
+        Args:
+            axle: of the joint.
+            origin: the point [m]; (3,).
+        """
+        moved = [bool(body.any()) for body in self.jacobian[:, axle.coordinate].reshape(-1, 6)]
+        return np.concatenate(
+            [
+                transport(centre - origin) if above else np.zeros((6, 6))
+                for centre, above in zip(self.layout.centres, moved, strict=True)
+            ]
+        )
+
     @property
     def floor(self) -> Real:
         """Motion of the centres of mass per motion of floor and machine as one; (6 n_body, 6)."""

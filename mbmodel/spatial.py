@@ -51,6 +51,16 @@ def transport(arm: Real) -> Real:
     return matrix
 
 
+def twist(turns: bool, arm: Real, axis: Real) -> Real:
+    """Motion of a body at the origin of ``arm`` per unit of a slide or hinge; (6,).
+
+    (a, 0) of a slide along a, (p x a, a) of a hinge through p.
+    """
+    if turns:
+        return np.concatenate([cross_matrix(arm) @ axis, axis])
+    return np.concatenate([axis, np.zeros(3)])
+
+
 def spatial_inertia(mass: float, offset: Real, inertia: Real) -> Real:
     """Momentum about a reference point per motion of it; (6, 6).
 

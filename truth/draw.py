@@ -186,8 +186,4 @@ def _with_joint_factors(
             damping=joint.damping * factor(*damping),
         )
 
-    stages = tuple(
-        replace(stage, joints=tuple(vary(joint) for joint in stage.joints))
-        for stage in station.stages
-    )
-    return replace(station, stages=stages)
+    return station.varied(vary)

@@ -38,7 +38,7 @@ from truth.nonlinear import Pulses
 from truth.protocol import Protocol, Take
 from truth.rig import Occasion
 from truth.slopes import jacobian, stacked, unstacked
-from truth.station import Complex, Mask, Real
+from truth.station import Complex, Joint, Mask, Real
 
 # Relative errors that further steps may leave, one after the other: as the noise weighs lines,
 # peaks that have moved lead astray.
@@ -115,21 +115,12 @@ class Refit:
             deviation: of each value, with what the refit may leave anyway.
         """
         factors = iter(np.exp(logarithms).tolist())
-        stages = tuple(
-            replace(
-                stage,
-                joints=tuple(
-                    replace(
-                        joint,
-                        stiffness=joint.stiffness * next(factors),
-                        damping=joint.damping * next(factors),
-                    )
-                    for joint in stage.joints
-                ),
-            )
-            for stage in self.machine.station.stages
-        )
-        machine = replace(self.machine, station=replace(self.machine.station, stages=stages))
+
+        def vary(joint: Joint) -> Joint:
+            stiffness, damping = joint.stiffness * next(factors), joint.damping * next(factors)
+            return replace(joint, stiffness=stiffness, damping=damping)
+
+        machine = replace(self.machine, station=self.machine.station.varied(vary))
         known = Known(machine, self.known.freq_hz)
         return _linearised(
             machine,

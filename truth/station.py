@@ -4,8 +4,8 @@ All positions and directions are in world axes, in SI units, at rest; a small mo
 change them. Nothing here is changed in place: a variation is made with ``dataclasses.replace``.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -219,6 +219,14 @@ class Station:
     def sensors(self) -> Iterator[tuple[int, Sensor]]:
         """Go through the sensors in the order of the stages, each with its stage's index."""
         return ((i, sensor) for i, stage in enumerate(self.stages) for sensor in stage.sensors)
+
+    def varied(self, vary: Callable[[Joint], Joint]) -> "Station":
+        """Return the station with every joint varied, in the order of the stages."""
+        stages = tuple(
+            replace(stage, joints=tuple(vary(joint) for joint in stage.joints))
+            for stage in self.stages
+        )
+        return replace(self, stages=stages)
 
     def first_aim(self) -> int:
         """Return the node that the hammer hits if nobody says: of a hit point, else of a sensor."""

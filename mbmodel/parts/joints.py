@@ -11,7 +11,7 @@ from mbmodel.drawing import Placed
 from mbmodel.edit import Edit, NotHeld
 from mbmodel.machine import Axle, Machine
 from mbmodel.parts.part import Change, Known, Parameter, Situation
-from mbmodel.spatial import cross_matrix, rotation_matrix, rotation_slopes, transport
+from mbmodel.spatial import cross_matrix, rotation_matrix, rotation_slopes, twist
 
 _AXES = "xyz"
 
@@ -73,8 +73,8 @@ class JointPart:
         core = np.zeros((3, 6, len(self.axles)))
         for k, axle in enumerate(self.axles):
             arm = axle.anchor - self.origin
-            core[0, :, k] = _twist(axle.turns, arm + offset, turn @ axle.axis)
-            core[0, :, k] -= _twist(axle.turns, arm, axle.axis)
+            core[0, :, k] = twist(axle.turns, arm + offset, turn @ axle.axis)
+            core[0, :, k] -= twist(axle.turns, arm, axle.axis)
         return (Change("path", self.reach, self._select, core),)
 
     def slopes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
@@ -88,7 +88,7 @@ class JointPart:
             arm, axis = axle.anchor - self.origin + offset, turn @ axle.axis
             for i in range(3):
                 slope = turns[i] @ axle.axis
-                core[count - 3 + i, 0, :, k] = _twist(axle.turns, arm, slope)
+                core[count - 3 + i, 0, :, k] = twist(axle.turns, arm, slope)
                 if count == 6 and axle.turns:
                     core[i, 0, :3, k] = cross_matrix(np.eye(3)[i]) @ axis
         return (Change("path", self.reach, self._select, core),)
@@ -114,26 +114,13 @@ class JointPart:
         )
 
 
-def _twist(turns: bool, arm: Real, axis: Real) -> Real:
-    if turns:
-        return np.concatenate([cross_matrix(arm) @ axis, axis])
-    return np.concatenate([axis, np.zeros(3)])
-
-
 def joint_parts(machine: Machine) -> tuple[JointPart, ...]:
     """One Part for each stage that moves on slides and hinges."""
     parts = []
     for stage, group in groupby(machine.axles, key=lambda axle: axle.stage):
         axles = tuple(group)
         origin = np.mean([axle.anchor for axle in axles], axis=0)
-        column = machine.jacobian[:, axles[0].coordinate].reshape(-1, 6)
-        moved = [bool(body.any()) for body in column]
-        reach = np.concatenate(
-            [
-                transport(centre - origin) if above else np.zeros((6, 6))
-                for centre, above in zip(machine.layout.centres, moved, strict=True)
-            ]
-        )
+        reach = machine.reach(axles[0], origin)
         placed = tuple(machine.drawing.joints[axle.joint] for axle in axles)
         parts.append(JointPart(stage, axles, placed, reach, origin, len(machine.coordinates)))
     return tuple(parts)
