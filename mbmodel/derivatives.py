@@ -72,10 +72,8 @@ def _by_columns(lines: Solved, slopes: Slopes, cotangent: Complex, odd: list[boo
     plain = [() if one else own for one, own in zip(odd, slopes, strict=True)]
     total = gradient(lines, plain, cotangent)
     places = np.repeat(odd, [len(part.parameters) for part in lines.model.parts])
-    found = np.zeros(int(places.sum()))
-    for span, block in Forward(lines, slopes, places).blocks(np.flatnonzero(odd), slice(None)):
-        found[span] = np.einsum("fio,fiop->p", cotangent.conj(), block).real
-    total[places] = found
+    columns = Forward(lines, slopes, places).columns()
+    total[places] = np.einsum("foi,foip->p", cotangent.conj(), columns).real
     return total
 
 

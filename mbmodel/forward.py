@@ -1,26 +1,27 @@
 r"""Derivatives of every FRF by every parameter, on any run of lines.
 
-Each slot's share of dH (see ``derivatives`` for the whole) is a short sum of products
+Whatever a parameter changes pushes the joints, moves the bodies, or is read off:
 
-    dH_p = sum_k s^k A(s) core_pk B(s),   A read by the outputs, B felt from the inputs,
+    dH_p = y' g_p + L d_p + c_p,    y = Z^-T T' L' the readers of the outputs,
 
-with r columns in A and t rows in B, the rank of the Part. So the small products core B of all
-parameters of a Part stand side by side, and one product with A per line gives all of them. With x
-the motion of the joints, y = Z^-T T' L' the readers, b = T x the motion of the bodies relative to
-the floor, a = b + U s^(q - 2) their absolute one:
+each a sum of s^k f(s) K_p v: a real matrix of the slope left core_pk right' times what it feels.
+With x the motion of the joints, b = T x that of the bodies relative to the floor, a = b + U s^(q-2)
+their absolute one, e the inputs' unit forces s^q:
 
-    joint    A = -y' left                    B = right' x
-    body     A = -y' T' left                 B = right' b, right' a for masses
-    path     A = (L - y' T' Zb) left         B = right' x,    and
-             A = y' right (with core')       B = left' (P s^q - Zb b or Mb a)
-    hammer   A = y' T' right (core')         B = left' (directions of the inputs) s^q
-    sensor   A = directions of the outputs   B = right' a
+    joint    g = -left core right' x
+    body     g = -T' left core right' b,  of a for masses
+    path     d = left core right' x,      g = -T' Zb d + right core' left' (P s^q - Zb b or Mb a)
+    hammer   g = T' right core' left' (directions of the inputs) e
+    sensor   c = (directions of the outputs) left core right' a
 
-Gravity's stiffness adds y' dK x of full rank where bodies or joints change.
+The matrices of all parameters with the same k, f and v stand side by side, so that one real product
+gives all their g. Gravity's stiffness adds -dK x to g where bodies or joints change.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -33,11 +34,40 @@ from mbmodel.places import selection
 from mbmodel.solved import Solved
 
 Slopes = Sequence[tuple[Change, ...]]
-_Term = tuple[
-    Complex, Real, Complex
-]  # A (n_line, n_out, r), core (p, 3, r, t), B (n_line, t, n_in)
+_Goal = Literal["push", "move", "read"]
+_Felt = Literal["joints", "relative", "absolute", "pressed", "inputs"]
+_Shape = Callable[[Complex], Complex] | None
+_Key = tuple[_Goal, _Felt, int, _Shape]  # with the power of s
 
 _MASS = 2  # the power of s of masses
+
+
+@dataclass(frozen=True, eq=False)
+class Share:
+    """What some parameters bring, real and imaginary parts one after the other.
+
+    Args:
+        places: numbers of the parameters among the chosen.
+        values: (n_line, n_in, 2, n, n_own).
+    """
+
+    places: Integers | slice
+    values: Real
+
+
+@dataclass(frozen=True, eq=False)
+class _Group:
+    """K of parameters that stand side by side.
+
+    Args:
+        places: numbers of the parameters among the chosen.
+        count: how many.
+        matrix: K; (m, n count).
+    """
+
+    places: Integers | slice
+    count: int
+    matrix: Real
 
 
 class Forward:
@@ -47,12 +77,78 @@ class Forward:
         lines: the model linearised at theta.
         slopes: of every Part that has parameters among the chosen.
         chosen: parameters asked for; (n_parameter,).
+        rates: by which each derivative is multiplied; one if None; (n_parameter,).
     """
 
-    def __init__(self, lines: Solved, slopes: Slopes, chosen: Mask) -> None:
+    def __init__(
+        self, lines: Solved, slopes: Slopes, chosen: Mask, rates: Real | None = None
+    ) -> None:
         self.lines = lines
+        self.count = int(chosen.sum())
         self._chosen = lines.model.pieces(chosen)
+        self._rates = np.ones(self.count) if rates is None else rates[chosen]
         self._slopes = slopes
+
+    @property
+    def reads(self) -> bool:
+        """Whether some parameter changes how outputs read, and not only how bodies move."""
+        return any(goal == "read" for goal, *_ in self._groups)
+
+    def prepare(self) -> None:
+        """Compute what all lines share, so that runs of lines can be asked for by threads."""
+        _ = self._readers, self._absolute, self._pressed, self._groups
+
+    def readers(self, span: slice) -> Real:
+        """Real and imaginary parts of y'; (n_line, n_out, 2, nv)."""
+        chosen = self._readers[..., span]
+        found = np.empty((chosen.shape[2], chosen.shape[1], 2, chosen.shape[0]))
+        found[:, :, 0] = chosen.real.transpose(2, 1, 0)
+        found[:, :, 1] = chosen.imag.transpose(2, 1, 0)
+        return found
+
+    def pushes(self, span: slice) -> Real:
+        """G of all chosen parameters; (n_line, n_in, 2, nv, n_chosen)."""
+        n_in = self.lines.values.shape[2]
+        n_line = len(self.lines.question.laplace[span])
+        total = np.zeros((n_line, n_in, 2, len(self.lines.motion), self.count))
+        for share in self._shares("push", span):
+            total[..., share.places] += share.values
+        return total
+
+    def moves(self, span: slice) -> Iterator[Share]:
+        """D of the parameters that move joints, n = 6 n_body; shares of one parameter add up."""
+        return self._shares("move", span)
+
+    def read_off(self, span: slice) -> Iterator[Share]:
+        """C of the parameters of sensors, n = n_out; shares of one parameter add up."""
+        return self._shares("read", span)
+
+    def columns(self, span: slice = slice(None)) -> Complex:
+        """Derivatives by the chosen parameters; (n_line, n_out, n_in, n_chosen)."""
+        pushes = self.pushes(span)
+        whole = pushes[:, :, 0] + 1j * pushes[:, :, 1]
+        readers = self.readers(span)
+        total = (readers[:, :, 0] + 1j * readers[:, :, 1])[:, None] @ whole
+        for share in self.moves(span):
+            moved = self.lines.places.readout @ share.values
+            total[..., share.places] += moved[:, :, 0] + 1j * moved[:, :, 1]
+        for share in self.read_off(span):
+            total[..., share.places] += share.values[:, :, 0] + 1j * share.values[:, :, 1]
+        return np.asarray(total.swapaxes(1, 2), complex)
+
+    def rows(self, part: int) -> tuple[Integers, Complex]:
+        """Which outputs a sensor's Part touches, and the derivatives of these alone.
+
+        Returns:
+            Numbers of the outputs (n_row,), and (n_freq, n_row, n_in, n_own).
+        """
+        (change,), mask = self._slopes[part], self._chosen[part]
+        directions = selection(self.lines.question.outputs, change.point)
+        places = np.flatnonzero(directions.any(axis=1))
+        left = directions[places] @ change.left @ change.core[mask, 0]
+        rows = np.flatnonzero(change.right.any(axis=1))
+        felt = real_times(change.right[rows].T, self._absolute[rows])
+        return places, np.einsum("prt,tif->frip", left, felt, optimize=True)
 
     @cached_property
     def _readers(self) -> Complex:
@@ -72,20 +168,17 @@ class Forward:
             return self._relative
         return self._relative + lines.places.floor[:, :, None] * lines.carrying
 
-    def _felt(self, power: int) -> Complex:
-        return self._absolute if power == _MASS else self._relative
-
     @cached_property
     def _pressed(self) -> Complex:
         """P s^q - Zb (..), what the joints carry of each body; (6 n_body, n_in, n_freq)."""
         lines = self.lines
         total: Complex = lines.places.force[:, :, None] * lines.question.factor
         for power in np.flatnonzero(lines.assembly.body.any(axis=(1, 2))):
-            pressed = real_times(lines.assembly.body[power], self._felt(int(power)))
-            total -= pressed * lines.question.laplace**power
+            felt = self._absolute if power == _MASS else self._relative
+            total -= real_times(lines.assembly.body[power], felt) * lines.question.laplace**power
         for change in self._shaped_bodies:
-            felt = real_times(change.right.T, self._relative).transpose(2, 0, 1)
-            pressed = shaped_core(change, lines.question.laplace) @ felt
+            moved = real_times(change.right.T, self._relative).transpose(2, 0, 1)
+            pressed = shaped_core(change, lines.question.laplace) @ moved
             total -= real_times(change.left, pressed.transpose(1, 2, 0))
         return total
 
@@ -95,161 +188,134 @@ class Forward:
         shaped = self.lines.assembly.shaped
         return [term.change for term in shaped if term.change.slot == "body"]
 
-    def _read(self, frame: Real, span: slice) -> Complex:
-        """(L - y' T' Zb) frame, how outputs read what moves the bodies; (n_line, n_out, r)."""
-        lines = self.lines
-        laplace = lines.question.laplace[span, None, None]
-        constant = lines.places.readout @ frame
-        total: Complex = np.tile(constant.astype(complex), (len(laplace), 1, 1))
-        for power in np.flatnonzero(lines.assembly.body.any(axis=(1, 2))):
-            pressed = lines.assembly.jacobian.T @ (lines.assembly.body[power] @ frame)
-            total -= laplace**power * _reading(pressed, self._readers, span)
-        for change in self._shaped_bodies:
-            core = shaped_core(change, lines.question.laplace[span])
-            pushed = lines.assembly.jacobian.T @ change.left
-            total -= _reading(pushed, self._readers, span) @ core @ (change.right.T @ frame)
-        return total
+    def _felt(self, what: _Felt, span: slice) -> Complex:
+        """What is felt; (m, n_in, n_line)."""
+        if what == "joints":
+            return self.lines.motion[..., span]
+        if what == "inputs":
+            n_in = self.lines.values.shape[2]
+            return np.eye(n_in)[:, :, None] * self.lines.question.factor[span]
+        known = {
+            "relative": self._relative,
+            "absolute": self._absolute,
+            "pressed": self._pressed,
+        }
+        return known[what][..., span]
 
-    def prepare(self) -> None:
-        """Compute what all lines share, so that runs of lines can be asked for by threads."""
-        _ = self._readers, self._absolute, self._pressed
-
-    def columns(self, span: slice = slice(None)) -> Complex:
-        """Derivatives by the chosen parameters; (n_line, n_out, n_in, n_chosen)."""
-        shape = (len(self.lines.question.laplace[span]), *self.lines.values.shape[1:])
-        total = np.zeros((*shape, sum(int(mask.sum()) for mask in self._chosen)), complex)
-        for places, block in self.blocks(range(len(self._chosen)), span):
-            total[..., places] = block
-        return total
-
-    def blocks(self, parts: Iterable[int], span: slice) -> Iterator[tuple[slice, Complex]]:
-        """The same for some Parts, one by one.
-
-        Args:
-            parts: their numbers.
-            span: lines.
-
-        Yields:
-            Places among the chosen parameters of these Parts, and (n_line, n_out, n_in, n_own).
-        """
+    def _shares(self, goal: _Goal, span: slice) -> Iterator[Share]:
+        """What reaches a goal, one product for all that feel the same in the same way."""
         laplace = self.lines.question.laplace[span]
+        for (own, what, power, shape), group in self._groups.items():
+            if own != goal:
+                continue
+            felt = self._felt(what, span)
+            if power or shape is not None:
+                factor = laplace**power
+                felt = felt * (factor if shape is None else factor * shape(laplace))
+            m, n_in, n_line = felt.shape
+            flat = np.empty((n_line, n_in, 2, m))
+            flat[:, :, 0] = felt.real.transpose(2, 1, 0)
+            flat[:, :, 1] = felt.imag.transpose(2, 1, 0)
+            values = flat.reshape(-1, m) @ group.matrix
+            yield Share(group.places, values.reshape(n_line, n_in, 2, -1, group.count))
+
+    @cached_property
+    def _groups(self) -> dict[_Key, _Group]:
+        """Parameters that push, move or read alike."""
+        found: dict[_Key, list[tuple[Integers, Real]]] = {}
         start = 0
-        for part in parts:
-            mask, changes = self._chosen[part], self._slopes[part]
-            end = start + int(mask.sum())
-            total: Complex | None = None
-            for change in changes:
-                for reader, core, felt in self._terms(change, mask, span):
-                    product = _product(reader, core, felt, laplace)
-                    if change.shape is not None:
-                        product *= change.shape(laplace)[:, None, None, None]
-                    total = product if total is None else total + product
-            if total is not None:
-                yield slice(start, end), total
-            start = end
+        for mask, changes in zip(self._chosen, self._slopes, strict=True):
+            own = np.arange(start, start + int(mask.sum()))
+            start += len(own)
+            for change in changes if len(own) else ():
+                core = change.core[mask] * self._rates[own][:, None, None, None]
+                for key, matrices in self._terms(change, core):
+                    acts = matrices.any(axis=(1, 2))
+                    if acts.any():
+                        found.setdefault(key, []).append((own[acts], matrices[acts]))
+        return {key: _side_by_side(terms) for key, terms in found.items()}
 
-    def rows(self, part: int) -> tuple[Integers, Complex]:
-        """Which outputs a sensor's Part touches, and the derivatives of these alone.
+    def _terms(self, change: Change, core: Real) -> Iterator[tuple[_Key, Real]]:
+        """K (n_own, n, m) of one slope."""
+        lines, shape = self.lines, change.shape
+        left, right, turned = change.left, change.right.T, lines.assembly.jacobian.T
+        for power in map(int, np.flatnonzero(core.any(axis=(0, 2, 3)))):
+            own, flipped = core[:, power], core[:, power].swapaxes(1, 2)
+            if change.slot == "joint":
+                yield ("push", "joints", power, shape), -left @ own @ right
+            elif change.slot == "body":
+                felt: _Felt = "absolute" if power == _MASS else "relative"
+                yield ("push", felt, power, shape), (-turned @ left) @ own @ right
+            elif change.slot == "path":
+                moved = left @ own @ right
+                yield ("move", "joints", power, shape), moved
+                yield from self._carried(moved, power, shape)
+                yield ("push", "pressed", power, shape), change.right @ flipped @ left.T
+            elif change.slot == "hammer":
+                directions = selection(lines.question.inputs, change.point) @ left
+                pushed = (turned @ change.right) @ flipped @ directions.T
+                yield ("push", "inputs", power, shape), pushed
+            else:
+                read = selection(lines.question.outputs, change.point) @ left
+                yield ("read", "absolute", power, shape), read @ own @ right
+        if change.slot in ("body", "path"):
+            yield from self._weight(change, core)
 
-        Returns:
-            Numbers of the outputs (n_row,), and (n_freq, n_row, n_in, n_own).
-        """
-        (change,), mask = self._slopes[part], self._chosen[part]
-        directions = selection(self.lines.question.outputs, change.point)
-        places = np.flatnonzero(directions.any(axis=1))
-        left = directions[places] @ change.left @ change.core[mask, 0]
-        felt = _feeling(change.right, self._absolute, slice(None))
-        return places, _side_by_side(left, felt)
+    def _carried(self, moved: Real, power: int, shape: _Shape) -> Iterator[tuple[_Key, Real]]:
+        """- T' Zb d of joints that move, d (n_own, 6 n_body, nv)."""
+        assembly = self.lines.assembly
+        turned = assembly.jacobian.T
+        for more in map(int, np.flatnonzero(assembly.body.any(axis=(1, 2)))):
+            pressed = turned @ assembly.body[more]
+            yield ("push", "joints", power + more, shape), -pressed @ moved
+        for change in self._shaped_bodies:
+            both = _product(shape, change.shape)
+            for more in map(int, np.flatnonzero(change.core.any(axis=(1, 2)))):
+                pressed = turned @ change.left @ change.core[more] @ change.right.T
+                yield ("push", "joints", power + more, both), -pressed @ moved
 
-    def _terms(self, change: Change, mask: Mask, span: slice) -> Iterator[_Term]:
-        """All products of one slope."""
-        lines, core = self.lines, change.core[mask]
-        jacobian = lines.assembly.jacobian
-        flipped = core.swapaxes(2, 3)
-        if change.slot == "joint":
-            reader = _reading(-change.left, self._readers, span)
-            yield reader, core, _feeling(change.right, lines.motion, span)
-        elif change.slot == "body":
-            reader = _reading(-jacobian.T @ change.left, self._readers, span)
-            yield reader, core, _feeling(change.right, self._relative, span)
-            if lines.places.has_floor and core[:, _MASS].any():
-                carried = self._absolute - self._relative
-                mass = core * (np.arange(3) == _MASS)[:, None, None]
-                yield reader, mass, _feeling(change.right, carried, span)
-            yield from self._weight(change, core, span)
-        elif change.slot == "path":
-            reader = self._read(change.left, span)
-            yield reader, core, _feeling(change.right, lines.motion, span)
-            reader = _reading(change.right, self._readers, span)
-            yield reader, flipped, _feeling(change.left, self._pressed, span)
-            yield from self._weight(change, core, span)
-        elif change.slot == "hammer":
-            pushed = (selection(lines.question.inputs, change.point) @ change.left).T
-            felt = lines.question.factor[span, None, None] * pushed
-            yield _reading(jacobian.T @ change.right, self._readers, span), flipped, felt
-        else:
-            read = selection(lines.question.outputs, change.point) @ change.left
-            felt = _feeling(change.right, self._absolute, span)
-            yield np.broadcast_to(read, (len(felt), *read.shape)).astype(complex), core, felt
-
-    def _weight(self, change: Change, core: Real, span: slice) -> Iterator[_Term]:
-        """- y' dK x of gravity."""
+    def _weight(self, change: Change, core: Real) -> Iterator[tuple[_Key, Real]]:
+        """- dK x of gravity."""
         assembly, machine = self.lines.assembly, self.lines.model.machine
         power = _MASS if change.slot == "body" else 0
         if not assembly.has_weight or not core[:, power].any():
             return
-        slopes = np.zeros((len(core), 3, *assembly.matrices.mass.shape))
+        slopes = np.zeros((len(core), *assembly.matrices.mass.shape))
         for slope, own in zip(slopes, core[:, power], strict=True):
             whole = change.left @ own @ change.right.T
             given = {"jacobian_change": whole}
             if change.slot == "body":
                 given = {"inertia_change": machine.weighed[:, None] * whole}
-            slope[0] = gravity_slope(
+            slope[:] = gravity_slope(
                 machine.gravity, machine.order, assembly.jacobian, assembly.heavy, **given
             )
-        unit = np.eye(len(slopes[0, 0]))
-        reader = _reading(-unit, self._readers, span)
-        yield reader, slopes, _feeling(unit, self.lines.motion, span)
+        yield ("push", "joints", 0, change.shape), -slopes
 
 
-def _product(reader: Complex, core: Real, felt: Complex, laplace: Complex) -> Complex:
-    """Sum over k of s^k A core_pk B; (n_line, n_out, n_in, p)."""
-    total = None
-    for power in np.flatnonzero(core.any(axis=(0, 2, 3))):
-        inner = _side_by_side(core[:, power], felt)
-        if power:
-            inner *= laplace[:, None, None, None] ** power
-        total = inner if total is None else total + inner
-    shape = (len(reader), reader.shape[1], felt.shape[2], len(core))
-    if total is None:
-        return np.zeros(shape, complex)
-    product: Complex = reader @ total.reshape(len(total), total.shape[1], -1)
-    return product.reshape(shape)
+def _side_by_side(terms: Sequence[tuple[Integers, Real]]) -> _Group:
+    """What several Parts bring, summed where a parameter brings it twice."""
+    places = np.concatenate([own for own, _ in terms])
+    matrices = np.concatenate([own for _, own in terms])
+    numbers, inverse = np.unique(places, return_inverse=True)
+    if len(numbers) < len(places):
+        summed = np.zeros((len(numbers), *matrices.shape[1:]))
+        np.add.at(summed, inverse, matrices)
+        places, matrices = numbers, summed
+    flat = np.ascontiguousarray(matrices.transpose(2, 1, 0))
+    return _Group(_run(places), len(places), flat.reshape(len(flat), -1))
 
 
-def _through(frame: Real, array: Complex, span: slice) -> Complex:
-    """Frame' times an array on some lines; (n, m, n_freq) to (r, m, n_line)."""
-    rows = np.flatnonzero(frame.any(axis=1))
-    chosen = array[..., span]
-    if not rows.size:
-        return np.zeros((frame.shape[1], *chosen.shape[1:]), complex)
-    return real_times(frame[rows].T, chosen[rows])
+def _product(one: _Shape, other: _Shape) -> _Shape:
+    """Of two shapes, either of which may be none."""
+    if one is None or other is None:
+        return other if one is None else one
+    return lambda laplace: one(laplace) * other(laplace)
 
 
-def _reading(frame: Real, readers: Complex, span: slice) -> Complex:
-    """Readers through a frame; (n_line, n_out, r)."""
-    return np.ascontiguousarray(_through(frame, readers, span).transpose(2, 1, 0))
-
-
-def _feeling(frame: Real, motion: Complex, span: slice) -> Complex:
-    """Motion through a frame; (n_line, t, n_in)."""
-    return np.ascontiguousarray(_through(frame, motion, span).transpose(2, 0, 1))
-
-
-def _side_by_side(cores: Real, felt: Complex) -> Complex:
-    """Each core times B; (p, r, t) and (n_line, t, n_in) to (n_line, r, n_in, p)."""
-    count, rank, _ = cores.shape
-    n_line, width, n_in = felt.shape
-    flat = np.ascontiguousarray(felt.transpose(1, 0, 2)).reshape(width, -1).view(float)
-    found = (cores.reshape(-1, width) @ flat).view(complex)
-    return np.ascontiguousarray(found.reshape(count, rank, n_line, n_in).transpose(2, 1, 3, 0))
+def _run(places: Integers) -> Integers | slice:
+    """A slice for places that follow each other in even steps: adding to them is quicker."""
+    steps = np.unique(np.diff(places))
+    if len(steps) > 1 or (len(steps) and steps[0] < 1) or not len(places):
+        return places
+    step = int(steps[0]) if len(steps) else 1
+    return slice(int(places[0]), int(places[-1]) + 1, step)

@@ -52,14 +52,16 @@ class Linearised(Solved):
         """Derivative of every FRF by every parameter; (n_freq, n_out, n_in, n_parameter)."""
         return self.forward().columns()
 
-    def forward(self, chosen: Mask | None = None) -> Forward:
+    def forward(self, chosen: Mask | None = None, rates: Real | None = None) -> Forward:
         """Derivatives by some parameters, for any run of lines.
 
         Args:
             chosen: which; all if None; (n_parameter,).
+            rates: by which each derivative is multiplied; one if None; (n_parameter,).
         """
         chosen = np.ones(len(self.theta), bool) if chosen is None else chosen
-        return Forward(self, self.model.slopes(self.theta, self.condition, chosen), chosen)
+        slopes = self.model.slopes(self.theta, self.condition, chosen)
+        return Forward(self, slopes, chosen, rates)
 
 
 class Evaluator:

@@ -130,9 +130,9 @@ def _drawn(
             return drawn, number
         if best is None or _off(drawn, wanted.ratio) < _off(best, wanted.ratio):
             best = drawn
-    if best is None:
+    if best is None or refit is None:
         raise NoPlaceError(f"{wanted.effect}: every place of {machine.station.name} is taken")
-    return best, _DRAWS
+    return _whole(best, machine, refit), _DRAWS
 
 
 def _off(drawn: Drawn, ratio: float) -> float:

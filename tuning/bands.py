@@ -36,13 +36,13 @@ def deviations(lines: Linearised, sure: Confidence, ways: Sequence[Complex]) -> 
     freedom, covariance = sure.freedom, sure.covariance
     plan = shares(lines.model, freedom)
     rates = freedom.rates(sure.x)
-    forward = lines.forward(freedom.free)
-    own = list(plan.own_columns(forward, rates))
+    forward = lines.forward(plan.shared, rates)
+    own = list(plan.own_columns(lines.forward(plan.of_sensors), rates))
     whole = covariance[np.ix_(plan.shared_at, plan.shared_at)]
     found = [np.zeros(lines.values.shape) for _ in ways]
     for start in range(0, len(lines.values), _RUN):
         span = slice(start, start + _RUN)
-        columns = plan.gather(forward, rates, span)
+        columns = plan.gather(forward, span)
         for total, way in zip(found, ways, strict=True):
             a = _along(way[span], columns)
             variance = np.einsum("foms,foms->fom", a @ whole, a)

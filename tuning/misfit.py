@@ -31,8 +31,9 @@ from tuning.batch import Batch, batches
 from tuning.freedom import Freedom
 from tuning.normal import Arrow, Quadratic
 from tuning.reduction import Mixing, Root, mixings, roots, weighed
-from tuning.runs import Probed, Runs, blocks_of, run_of, split
+from tuning.runs import Own, Probed, Runs, blocks_of
 from tuning.shares import shares
+from tuning.views import View, views
 
 _STILL = 1e-10
 _AUDIBLE = 25.0  # times the variance: the logarithm of a value near the noise leads astray
@@ -180,11 +181,9 @@ class Misfit:
         zero = np.zeros(size)
         for term in self._terms:
             side = self._side(term, term.batch.evaluator.at(theta))
-            runs = self._runs(side, x)
-            root, aim = runs.root, runs.aim
-            forward, rates = side.lines.forward(probes.free), probes.rates(zero)
-            more = Runs(plan, forward, rates, root, aim, [], side.roots)
-            runs.probe(more, blocks_of(self.model, probes), found)
+            forward = side.lines.forward(plan.shared, probes.rates(zero))
+            runs = self._runs(side, x, whole=forward.reads)
+            runs.probe(Runs(plan, forward, runs.views), blocks_of(self.model, probes), found)
         return found
 
     def _pulled(self, x: Real) -> Real:
@@ -237,22 +236,38 @@ class Misfit:
             side = replace(side, curvature=half, roots=mixing)
         return side
 
-    def _runs(self, side: _Side, x: Real) -> Runs:
-        """Weighted derivatives of one batch."""
-        plan, freedom = self._plan, self.freedom
+    def _runs(self, side: _Side, x: Real, *, whole: bool = False) -> Runs:
+        """Weighted derivatives of one batch; whether all channels count one by one."""
+        plan, rates = self._plan, self.freedom.rates(x)
         root = np.sqrt(2 * side.curvature)
         aim = 2 * np.divide(
             side.pull, root, out=np.zeros(root.shape, complex), where=side.curvature > 0
         )
-        forward = side.lines.forward(freedom.free)
-        rates = freedom.rates(x)
-        own = [
-            (run_of(rows), np.ascontiguousarray(split(values * root[:, rows][..., None])))
-            for rows, values, _ in plan.own_columns(forward, rates)
-        ]
         for one in side.roots:
             aim[:, one.rows] = np.einsum("ftij,fjt->fit", one.inverse, aim[:, one.rows])
-        return Runs(plan, forward, rates, root, split(aim), own, side.roots)
+        forward = side.lines.forward(plan.shared, rates)
+        seen = views(side.lines.places.readout, root, aim, side.roots, whole=whole or forward.reads)
+        sensors = side.lines.forward(plan.of_sensors)
+        own = (
+            _own(rows, values, root, aim, seen)
+            for rows, values, _ in plan.own_columns(sensors, rates)
+        )
+        return Runs(plan, forward, seen, tuple(own))
+
+
+def _own(rows: Integers, values: Complex, root: Real, aim: Complex, seen: tuple[View, ...]) -> Own:
+    """What a sensor's own coordinates move, its derivatives (n_freq, n_row, n_in, n_own)."""
+    number = next(k for k, view in enumerate(seen) if np.isin(rows, view.rows).all())
+    view = seen[number]
+    bare = _split(values)
+    matrix = view.matrix[..., np.searchsorted(view.rows, rows)][:, :, None]
+    weight = root[:, rows].transpose(0, 2, 1)[:, :, None, :, None]
+    return Own(number, matrix @ bare, weight * bare, _split(aim[:, rows, :, None])[..., 0])
+
+
+def _split(values: Complex) -> Real:
+    """Real and imaginary parts, (n_freq, n_row, n_in, n) to (n_freq, n_in, 2, n_row, n)."""
+    return np.stack([values.real, values.imag]).transpose(1, 3, 0, 2, 4)
 
 
 def _plus(one: Quadratic, other: Quadratic) -> Quadratic:

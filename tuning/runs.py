@@ -7,15 +7,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from identification.words import Complex, Integers, Real
+from identification.words import Integers, Real
 from mbmodel import Forward, Model
 from tuning.freedom import Freedom
 from tuning.normal import Arrow
-from tuning.reduction import Root
 from tuning.shares import Shares
+from tuning.views import View
 
-_CHUNK = 2**21  # numbers of the Jacobian that are held at once
-_WIDE = 2**24  # the same of probes: many Parts of few columns, each with an overhead of its own
+_CHUNK = 2**20  # numbers of the Jacobian that are held at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,35 +37,55 @@ class Probed:
 
 
 @dataclass(frozen=True, eq=False)
+class Own:
+    """What a sensor's own coordinates move, its own rows alone.
+
+    Args:
+        view: number of its body's view.
+        seen: what the view sees of it; (n_freq, n_in, 2, m, n_own).
+        weighted: all of it; (n_freq, n_in, 2, n_row, n_own).
+        aim: weighted residual of its rows; (n_freq, n_in, 2, n_row).
+    """
+
+    view: int
+    seen: Real
+    weighted: Real
+    aim: Real
+
+
+@dataclass(frozen=True, eq=False)
 class Runs:
     """Sums over lines, run by run: the shared columns of all lines at once would fill memory.
 
     Args:
         plan: how coordinates divide.
-        forward: derivatives by all parameters that vary.
-        rates: d theta / dx; (n_parameter,).
-        root: square root of the weights; (n_freq, n_out, n_in).
-        aim: weighted residual; (n_out, 2, n_freq, n_in).
-        own: rows of each sensor, and its weighted columns.
-        mixing: roots of the weights of bodies, if these count.
+        forward: derivatives by the shared parameters, times d theta / dx.
+        views: what counts of the channels of each body.
+        own: of each sensor.
     """
 
     plan: Shares
     forward: Forward
-    rates: Real
-    root: Real
-    aim: Real
-    own: list[tuple[slice | Integers, Real]]
-    mixing: tuple[Root, ...]
+    views: tuple[View, ...]
+    own: tuple[Own, ...] = ()
+
+    @property
+    def _numbers(self) -> int:
+        """How many the shared columns have on one line."""
+        n_in = self.views[0].aim.shape[1] if self.views else 1
+        return max(2 * n_in * self._seen * self.forward.count, 1)
+
+    @property
+    def _seen(self) -> int:
+        """How many numbers count, of all bodies."""
+        return self.views[-1].at.stop if self.views else 0
 
     def sums(self, groups: Integers, threads: int) -> list[tuple[Real, ...]]:
         """S, its part of the gradient, C, O and their parts of it, for each group of lines.
 
         The same bits with any number of threads.
         """
-        _, n_out, n_in = self.root.shape
-        step = max(1, _CHUNK // max(2 * n_out * n_in * int(self.plan.shared.sum()), 1))
-        spans = list(_spans(groups, step))
+        spans = list(_spans(groups, max(1, _CHUNK // self._numbers)))
         found: dict[int, tuple[Real, ...]] = {}
         self.forward.prepare()
         with ThreadPoolExecutor(threads) as pool:
@@ -78,66 +97,62 @@ class Runs:
         return [found[group] for group in range(int(groups.max()) + 1)]
 
     def _sum(self, span: slice) -> tuple[Real, ...]:
-        columns, aim = self._columns(span), self.aim[:, :, span]
+        columns = self._columns(span)
         flat = _flat(columns)
         n_block, n_own = self.plan.own_at.shape
         cross = np.zeros((n_block, n_own, columns.shape[-1]))
         blocks, slopes = np.zeros((n_block, n_own, n_own)), np.zeros((n_block, n_own))
-        for number, (rows, mine) in enumerate(self.own):
-            part, count = _flat(mine[:, :, span]), mine.shape[-1]
-            cross[number, :count] = part.T @ _flat(columns[rows])
+        of_views = [_flat(columns[..., view.at, :]) for view in self.views]
+        for number, one in enumerate(self.own):
+            part, count = _flat(one.weighted[span]), one.seen.shape[-1]
+            cross[number, :count] = _flat(one.seen[span]).T @ of_views[one.view]
             blocks[number, :count, :count] = part.T @ part
-            slopes[number, :count] = part.T @ aim[rows].ravel()
-        return flat.T @ flat, flat.T @ aim.ravel(), cross, blocks, slopes
+            slopes[number, :count] = part.T @ one.aim[span].ravel()
+        return flat.T @ flat, flat.T @ self._aim(span), cross, blocks, slopes
 
     def probe(self, more: "Runs", blocks: list[slice], found: Probed) -> None:
-        """Add up what further columns have to do with these."""
-        n_freq, n_out, n_in = self.root.shape
-        count = len(more.plan.shared_at) + len(self.plan.shared_at)
-        step = max(1, _WIDE // max(2 * n_out * n_in * count, 1))
+        """Add up what further columns, seen alike, have to do with these."""
+        n_freq = len(self.forward.lines.values)
+        step = max(1, _CHUNK // (self._numbers + more._numbers))  # of one kind
         for span in _spans(np.zeros(n_freq, int), step):
-            columns, others, aim = self._columns(span), more._rows(span), self.aim[:, :, span]
-            flat = others.reshape(len(others), -1)
-            found.slope[:] += flat @ aim.ravel()
-            found.cross[self.plan.shared_at] += _flat(columns).T @ flat.T
-            for (rows, mine), at in zip(self.own, self.plan.own_at, strict=True):
-                part = _flat(mine[:, :, span])
-                found.cross[at[at >= 0]] += part.T @ others[:, rows].reshape(len(others), -1).T
+            columns, others = self._columns(span), more._columns(span)
+            flat = _flat(others)
+            found.slope[:] += flat.T @ self._aim(span)
+            found.cross[self.plan.shared_at] += _flat(columns).T @ flat
+            of_views = [_flat(others[..., view.at, :]) for view in self.views]
+            for one, at in zip(self.own, self.plan.own_at, strict=True):
+                found.cross[at[at >= 0]] += _flat(one.seen[span]).T @ of_views[one.view]
             for block in blocks:
-                found.blocks[block, block] += flat[block] @ flat[block].T
+                found.blocks[block, block] += flat[:, block].T @ flat[:, block]
 
-    def _rows(self, span: slice) -> Real:
-        """Weighted columns one by one, (n_s, n_out, 2, n_line, n_in): quicker where Parts are many.
-
-        Each must have coordinates of its own.
-        """
-        root = self.root[span].transpose(1, 0, 2)
-        rates = self.rates[np.flatnonzero(self.plan.shared)]
-        n_out, n_line, n_in = root.shape
-        rows = np.zeros((len(rates), n_out, 2, n_line, n_in))
-        for places, block in self.forward.blocks(self.plan.parts, span):
-            scale = root * rates[places, None, None, None]
-            values = block.transpose(3, 1, 0, 2)
-            np.multiply(values.real, scale, out=rows[places, :, 0])
-            np.multiply(values.imag, scale, out=rows[places, :, 1])
-        return rows
+    def _aim(self, span: slice) -> Real:
+        """What the shared columns aim at, flat as they are."""
+        return np.concatenate([view.aim[span] for view in self.views], axis=-1).ravel()
 
     def _columns(self, span: slice) -> Real:
-        """Weighted columns of the shared coordinates; (n_out, 2, n_line, n_in, n_s)."""
-        plan, root = self.plan, self.root[span].transpose(1, 0, 2)[..., None]
-        chosen = np.flatnonzero(plan.shared)
-        n_out, n_line, n_in, _ = root.shape
-        columns = np.zeros((n_out, 2, n_line, n_in, len(chosen)))
-        for places, block in self.forward.blocks(plan.parts, span):
-            scale = root * self.rates[chosen[places]]
-            values = block.transpose(1, 0, 2, 3)
-            np.multiply(values.real, scale, out=columns[:, 0, ..., places])
-            np.multiply(values.imag, scale, out=columns[:, 1, ..., places])
-        for one in self.mixing:
-            columns[one.rows] = np.einsum(
-                "ftij,jpfts->ipfts", one.root[span], columns[one.rows], optimize=True
-            )
-        return columns if plan.joined is None else np.asarray(columns @ plan.joined)
+        """Weighted columns of the shared coordinates; (n_line, n_in, 2, m, n_s)."""
+        forward = self.forward
+        readers, pushes = forward.readers(span), forward.pushes(span)
+        n_line, n_in, _, nv, count = pushes.shape
+        bare = readers.reshape(n_line, 1, -1, 2 * nv)
+        read = np.empty((n_line, n_in, 2, self._seen, 2, nv))
+        for view in self.views:
+            seen = (view.matrix[span] @ bare[:, :, view.rows]).reshape(n_line, n_in, -1, 2, nv)
+            read[:, :, 0, view.at, 0] = read[:, :, 1, view.at, 1] = seen[..., 0, :]
+            read[:, :, 1, view.at, 0] = seen[..., 1, :]
+            np.negative(seen[..., 1, :], out=read[:, :, 0, view.at, 1])
+        columns = (
+            read.reshape(n_line, n_in, -1, 2 * nv) @ pushes.reshape(n_line, n_in, 2 * nv, count)
+        ).reshape(n_line, n_in, 2, self._seen, count)
+        for share in forward.moves(span):
+            for view in self.views:
+                frame = (view.matrix[span] @ view.frame)[:, :, None]
+                columns[..., view.at, share.places] += frame @ share.values[..., view.body, :]
+        for share in forward.read_off(span):
+            for view in self.views:
+                seen = view.matrix[span][:, :, None] @ share.values[..., view.rows, :]
+                columns[..., view.at, share.places] += seen
+        return columns if self.plan.joined is None else np.asarray(columns @ self.plan.joined)
 
 
 def blocks_of(model: Model, probes: Freedom) -> list[slice]:
@@ -158,16 +173,3 @@ def _spans(groups: Integers, most: int) -> Iterator[slice]:
 def _flat(columns: Real) -> Real:
     """(.., n) to (rows, n)."""
     return columns.reshape(int(np.prod(columns.shape[:-1])), columns.shape[-1])
-
-
-def split(values: Complex) -> Real:
-    """(n_freq, n_out, ...) to real and imaginary parts (n_out, 2, n_freq, ...)."""
-    parts = np.stack([values.real, values.imag])
-    return np.moveaxis(parts, 2, 0)
-
-
-def run_of(rows: Integers) -> "slice | Integers":
-    """A slice for rows that follow each other: nothing is copied then."""
-    if len(rows) and np.array_equal(rows, np.arange(rows[0], rows[0] + len(rows))):
-        return slice(int(rows[0]), int(rows[0]) + len(rows))
-    return rows

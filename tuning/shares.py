@@ -19,7 +19,6 @@ class Shares:
         shared_at: their coordinates, without doubles; (n_s,).
         joined: which of them each shared parameter moves, None where each has its own;
             (n_shared_parameter, n_s).
-        parts: numbers of their Parts.
         own: numbers of the Parts with coordinates of their own.
         own_at: those coordinates; (n_block, n_own), -1 where a block has fewer.
         of_sensors: parameters that belong to one sensor; (n_parameter,).
@@ -28,24 +27,18 @@ class Shares:
     shared: Mask
     shared_at: Integers
     joined: Real | None
-    parts: tuple[int, ...]
     own: tuple[int, ...]
     own_at: Integers
     of_sensors: Mask
 
-    def gather(self, forward: Forward, rates: Real, span: slice) -> Complex:
+    def gather(self, forward: Forward, span: slice) -> Complex:
         """Derivatives by the shared coordinates; (n_line, n_out, n_in, n_s).
 
         Args:
-            forward: derivatives by all parameters that vary.
-            rates: d theta / dx; (n_parameter,).
+            forward: derivatives by the shared parameters, times d theta / dx.
             span: lines.
         """
-        chosen = np.flatnonzero(self.shared)
-        shape = (len(forward.lines.question.laplace[span]), *forward.lines.values.shape[1:])
-        columns = np.zeros((*shape, len(chosen)), complex)
-        for places, block in forward.blocks(self.parts, span):
-            np.multiply(block, rates[chosen[places]], out=columns[..., places])
+        columns = forward.columns(span)
         return columns if self.joined is None else np.asarray(columns @ self.joined, complex)
 
     def own_columns(
@@ -54,7 +47,7 @@ class Shares:
         """Derivatives by each sensor's own coordinates.
 
         Args:
-            forward: derivatives by all parameters that vary.
+            forward: derivatives by the parameters of sensors.
             rates: d theta / dx; (n_parameter,).
 
         Yields:
@@ -94,12 +87,10 @@ def shares(model: Model, freedom: Freedom, *, apart: bool = True) -> Shares:
         row[: len(mine)] = mine
     shared_at = np.unique(freedom.member[shared])
     joined = (freedom.member[shared][:, None] == shared_at).astype(float)
-    parts = tuple(k for k, mask in enumerate(model.pieces(shared)) if mask.any())
     return Shares(
         shared,
         shared_at,
         None if len(joined) == len(shared_at) else joined,
-        parts,
         tuple(own),
         own_at,
         freedom.free & ~shared,
