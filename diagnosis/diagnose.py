@@ -221,6 +221,7 @@ def _evidence(
             if one.hypothesis is not None
         ),
         scored=found.rows,
+        pushed=found.pushed,
         variance="coherence" if sources == {"coherence"} else "differences",
     )
 

@@ -49,6 +49,20 @@ class Refitted(_Named):
     chi_square: float
 
 
+class Pushed(_Row):
+    """What a force of any spectrum would explain at one place, in its best direction.
+
+    Args:
+        location: a joint or body.
+        dof: about or along which world axis; None of a joint's axis that is askew.
+        gain: in nats, less what it would gain by chance.
+    """
+
+    location: str
+    dof: str | None
+    gain: float
+
+
 class Evidence(_Row):
     """All that a verdict is judged by.
 
@@ -59,6 +73,7 @@ class Evidence(_Row):
         pull: the largest of them then, in standard deviations.
         refits: with one effect each.
         scored: the most promising first.
+        pushed: places, the one first whose free force explains most.
         variance: where the noise's variance comes from; the worse source if there are two.
     """
 
@@ -69,4 +84,5 @@ class Evidence(_Row):
     pull: float
     refits: tuple[Refitted, ...]
     scored: tuple[Scored, ...]
+    pushed: tuple[Pushed, ...]
     variance: VarianceSource

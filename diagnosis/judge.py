@@ -33,7 +33,6 @@ from identification.words import Real
 from tuning import BOUND
 
 NOTHING = 1.03  # chi square up to which nothing is missing: no hypothesis is asked
-_ALONE = 1  # which gain is at the weights of the noise alone
 _EXACT = 0.02  # no refit is believed to leave less
 _ROW = 0.01  # probability of a cause that is worth a row
 
@@ -185,14 +184,11 @@ def _places(
     shares: dict[str, float] = {}
     for (_, place, _), probability in causes:
         shares[place] = shares.get(place, 0.0) + probability
-    gains: dict[str, float] = {}
-    for one in seen.scored:
-        gains[one.location] = max(gains.get(one.location, 0.0), one.gains[_ALONE])
-    if gains:
-        values = np.array(list(gains.values()))
-        own = softmax(values / max(by.share * values.max(), 1e-9))
-        for place, share in zip(gains, own.tolist(), strict=True):
-            shares[place] = shares.get(place, 0.0) + max(unknown, 1e-3) * share
+    if seen.pushed:
+        gains = np.array([max(one.gain, 0.0) for one in seen.pushed])
+        own = softmax(gains / (by.share * gains.max() + by.least))
+        for one, share in zip(seen.pushed, own.tolist(), strict=True):
+            shares[one.location] = shares.get(one.location, 0.0) + max(unknown, 1e-3) * share
     total = sum(shares.values())
     order = sorted(shares.items(), key=lambda one: -one[1])
     return tuple((place, share / total) for place, share in order)

@@ -28,8 +28,9 @@ from tuning import (
 # nothing is missing, gets more.
 FIRST = (replace(STAGES[3], stride=8, max_steps=5),)
 _ROUNDS, _SETTLED = 3, 0.01  # until the stiffness that Parts are made from stays
-_ALL = replace(STAGES[5], stride=2, tolerance=1e-6, max_steps=6)
+_ALL = replace(STAGES[5], tolerance=1e-6, max_steps=6)
 _PROMISE = 0.1  # nats: of a fit whose parameters are stated
+CLOSE = (*FIRST, replace(STAGES[4], stride=8, tolerance=1e-3, max_steps=6))
 LAST = (replace(STAGES[4], tolerance=3e-4, max_steps=10),)
 LONG = (replace(STAGES[4], tolerance=1e-5, max_steps=20),)
 PATIENT = (STAGES[3], replace(STAGES[4], tolerance=3e-4, max_steps=30))
@@ -236,7 +237,7 @@ def held_out(
         found: the refit.
         jobs: threads.
         width: lines in a block; by the modes of this model if None.
-        exact: whether every second line counts, or one in four as before.
+        exact: whether all lines count, or one in four as before.
     """
     session = found.session
     begun = replace(found.fit, last=paced((_ALL,), scene.pace)[0]) if exact else found.fit

@@ -98,7 +98,7 @@ def cosines(scene: Scene, found: Fit, leading: Sequence[Score], allowance: float
     released = np.isin(np.arange(whole.size), np.flatnonzero(steps.any(axis=1)))
     others = np.flatnonzero(~released & ~whole.reached(x) & (np.arange(whole.size) < count))
     precision = np.diag(whole.has_prior[others].astype(float))
-    factor = _Factor.of(normal[np.ix_(others, others)] + precision)
+    factor = Factor.of(normal[np.ix_(others, others)] + precision)
     cross = normal[others] @ steps
     inner = steps.T @ normal @ steps - cross.T @ factor.solve(cross)
     size = np.sqrt(np.maximum(np.diag(inner), 1e-300))
@@ -140,12 +140,12 @@ class _Fitted:
         """Coordinates that no bound holds."""
         return np.flatnonzero(~self.varies.reached(self.x))
 
-    def _factor(self, others: Integers) -> "_Factor":
+    def _factor(self, others: Integers) -> "Factor":
         precision = np.diag(self.varies.has_prior[others].astype(float))
-        return _Factor.of(self._normal[np.ix_(others, others)] + precision)
+        return Factor.of(self._normal[np.ix_(others, others)] + precision)
 
     @cached_property
-    def _usual(self) -> "_Factor":
+    def _usual(self) -> "Factor":
         return self._factor(self._free)
 
     def score(self, one: Hypothesis, chosen: Integers) -> Score:
@@ -172,15 +172,17 @@ class _Fitted:
 
 
 @dataclass(frozen=True, eq=False)
-class _Factor:
+class Factor:
     """A positive definite matrix, scaled and factored."""
 
     lower: Real
     scale: Real
 
     @classmethod
-    def of(cls, matrix: Real) -> "_Factor":
-        scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
+    def of(cls, matrix: Real, scale: Real | None = None) -> "Factor":
+        """Scaled by its own diagonal if nothing else is given."""
+        if scale is None:
+            scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
         scaled = matrix * np.outer(scale, scale) + _RIDGE * np.eye(len(matrix))
         lower: Real = np.asarray(np.linalg.cholesky(scaled), float)
         return cls(lower, scale)

@@ -1,19 +1,24 @@
 """The search for what explains a gap: scores of all, refits of the most promising."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from diagnosis.evidence import Key, Scored
+from diagnosis.evidence import Key, Pushed, Scored
+from diagnosis.forces import pushes
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.refit import FIRST, LAST, LONG, PATIENT, Refit, go_on, refit, settled
+from diagnosis.refit import CLOSE, FIRST, LAST, LONG, PATIENT, Refit, go_on, refit, settled
 from diagnosis.score import ALLOWANCE, Score, scores
-from tuning import Fit
+from tuning import Fit, Stage
 
 REFITTED = 6  # of the most promising, so many are fitted, as many again if none explains
+_THERE = 4  # of effects where free forces explain most, so many are fitted beside
+_OTHERS = 3  # of the best, so many other shapes are fitted
+_PLACES = 2  # where free forces explain most, whose effects are tried
 _VARIANTS = 4  # of each effect, place and direction, so many shapes are scored again
 _PROMISING = 0.03  # of the best score, what is worth a refit
 _LEADING = 0.5  # of the best refit's gain, what goes on to the weights of the noise
 _ROUNDS = 3  # of further steps
+_CLEAR = 0.7  # of the cost without any effect: who leaves less needs no closer look
 _LITTLE = 0.1  # of the gap: who leaves less explains it
 
 
@@ -24,12 +29,14 @@ class Search:
     Args:
         scores: of all hypotheses at the first refit's allowance, the most promising first.
         rows: gains of each effect and place at every allowance.
+        pushed: what free forces explain at each place.
         begun: first refits, with some allowance, of the most promising.
         refits: at the weights of the noise, of those of them that lead; the best first.
     """
 
     scores: tuple[Score, ...] = ()
     rows: tuple[Scored, ...] = ()
+    pushed: tuple[Pushed, ...] = ()
     begun: tuple[Refit, ...] = ()
     refits: tuple[Refit, ...] = ()
 
@@ -43,7 +50,8 @@ def search(
     """Score all hypotheses, refit the most promising.
 
     Scores count with three allowances, each about a fit made with it: 3 % tells best, the noise
-    alone tells weak effects, 10 % very strong ones.
+    alone tells weak effects, 10 % very strong ones. Where a free force explains most, effects are
+    tried whatever their scores.
 
     Args:
         scene: campaign and drawn model.
@@ -54,27 +62,121 @@ def search(
     early, first, nothing = without
     say("scores of all hypotheses")
     scored = scores(scene, first.fit, asked, FIRST[-1].allowance)
+    say("free forces at every place")
+    pushed = pushes(scene, nothing.fit)
+    places = [one.location for one in pushed[:_PLACES] if one.gain > 0]
+    some = _variants(scored)
+    there = [one for one in asked if one.location in places and one not in some]
     finer = [
-        scores(scene, one, _variants(scored), allowance)
-        for one, allowance in ((nothing.fit, PATIENT[-1].allowance), (early, ALLOWANCE))
+        scores(scene, nothing.fit, [*some, *there], PATIENT[-1].allowance),
+        scores(scene, early, some, ALLOWANCE),
     ]
-    promising = _promising([scored, *finer])
-    begun: list[Refit] = []
+    far = _Screen(scene, first, FIRST, [scored, *finer], say)
+    close = _Screen(scene, nothing, CLOSE, [finer[0]], say)
+    promising = far.best()
     ended: dict[tuple[str, ...], Refit] = {}
     refits: list[Refit] = []
-    for turn in (promising[:REFITTED], promising[REFITTED:]):
-        for one in turn:
-            say(f"refit: {one.words}")
-            begun.append(refit(scene, one, scene.session.campaign, FIRST))
-        for made in _leading(first, begun):
-            if made.hypothesis is not None and made.hypothesis.coordinates not in ended:
-                ended[made.hypothesis.coordinates] = go_on(scene, made, LAST)
-        refits = _patient(scene, list(ended.values()))
+    for turn in range(2):
+        far.try_all(promising[turn * REFITTED : (turn + 1) * REFITTED])
+        if not far.is_clear(places) and not turn:
+            close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
+            close.try_all(close.best(places)[:_THERE])
+        for made in (*far.leading(), *close.leading()):
+            coordinates = made.hypothesis.coordinates if made.hypothesis else ()
+            if coordinates not in ended:
+                ended[coordinates] = go_on(scene, made, LAST)
+        refits = _patient(scene, _one_each(list(ended.values())))
         ended = {one.hypothesis.coordinates: one for one in refits if one.hypothesis}
         if refits and refits[0].chi_square - 1 < _LITTLE * (nothing.chi_square - 1):
             break
     refits[:1] = [settled(scene, one) for one in refits[:1]]
-    return Search(tuple(scored), _rows([scored, *finer]), tuple(begun), tuple(refits))
+    rows = _rows([scored, *finer])
+    begun = (*far.begun, *close.begun)
+    return Search(tuple(scored), rows, pushed, begun, tuple(refits))
+
+
+@dataclass
+class _Screen:
+    """First refits with one allowance, which tell who is worth more.
+
+    Args:
+        scene: from where they start.
+        nothing: the fit without any effect there.
+        stages: of the refits.
+        rounds: scores, that choose who is tried.
+        say: told what is being done.
+        begun: those that were made.
+    """
+
+    scene: Scene
+    nothing: Refit
+    stages: tuple[Stage, ...]
+    rounds: Sequence[Sequence[Score]]
+    say: Callable[[str], None]
+    begun: list[Refit] = field(default_factory=list)
+
+    def best(self, places: Sequence[str] | None = None) -> list[Hypothesis]:
+        """The best of each effect and place, taken in turn from the rounds of scores.
+
+        Args:
+            places: where; if given, effects are worth a try there whatever their scores.
+        """
+        orders = []
+        for scored in self.rounds:
+            least = _PROMISING * scored[0].gain if scored and places is None else 0.0
+            orders.append([score for score in _best(scored).values() if score.gain > least])
+        if places is not None:
+            orders = [
+                [score for score in order if score.hypothesis.location == place]
+                for place in places
+                for order in orders
+            ]
+        found: dict[tuple[str, str], Hypothesis] = {}
+        for number in range(2 * REFITTED):
+            for order in orders:
+                if number < len(order) and len(found) < 2 * REFITTED:
+                    one = order[number].hypothesis
+                    found.setdefault((one.effect, one.location), one)
+        return list(found.values())
+
+    def try_all(self, several: Sequence[Hypothesis]) -> None:
+        """Refit several, then other shapes of the best, which may end elsewhere."""
+        for one in several:
+            self._try(one)
+        best = min(self.begun, key=lambda made: made.cost, default=None)
+        if best is None or best.hypothesis is None:
+            return
+        tried = {made.hypothesis.coordinates for made in self.begun if made.hypothesis}
+        own = [s.hypothesis for s in self.rounds[0] if s.hypothesis.key == best.hypothesis.key]
+        for one in [one for one in own if one.coordinates not in tried][:_OTHERS]:
+            self._try(one)
+
+    def _try(self, one: Hypothesis) -> None:
+        self.say(f"refit: {one.words}")
+        self.begun.append(refit(self.scene, one, self.scene.session.campaign, self.stages))
+
+    def is_clear(self, places: Sequence[str]) -> bool:
+        """Whether most of the gap is explained where free forces are."""
+        best = min(self.begun, key=lambda made: made.cost, default=None)
+        if best is None or best.hypothesis is None:
+            return False
+        return best.hypothesis.location in places and best.cost < _CLEAR * self.nothing.cost
+
+    def leading(self) -> list[Refit]:
+        """Those that gain nearly as much as the best."""
+        gains = [self.nothing.cost - one.cost for one in self.begun]
+        least = _LEADING * max(gains, default=0.0)
+        order = sorted(range(len(gains)), key=lambda k: -gains[k])
+        return [self.begun[k] for k in order if gains[k] >= least > 0]
+
+
+def _one_each(refits: Sequence[Refit]) -> list[Refit]:
+    """The best shape of each effect, place and direction."""
+    found: dict[Key, Refit] = {}
+    for made in sorted(refits, key=lambda one: one.cost):
+        if made.hypothesis is not None:
+            found.setdefault(made.hypothesis.key, made)
+    return list(found.values())
 
 
 def _patient(scene: Scene, refits: Sequence[Refit]) -> list[Refit]:
@@ -120,26 +222,3 @@ def _rows(rounds: Sequence[Sequence[Score]]) -> tuple[Scored, ...]:
         )
         for (effect, location), score in found[0].items()
     )
-
-
-def _promising(rounds: Sequence[Sequence[Score]]) -> list[Hypothesis]:
-    """The best of each effect and place, taken in turn from the rounds of scores."""
-    orders = [
-        [score for score in _best(scored).values() if score.gain > _PROMISING * scored[0].gain]
-        for scored in rounds
-    ]
-    found: dict[tuple[str, str], Hypothesis] = {}
-    for place in range(2 * REFITTED):
-        for order in orders:
-            if place < len(order) and len(found) < 2 * REFITTED:
-                one = order[place].hypothesis
-                found.setdefault((one.effect, one.location), one)
-    return list(found.values())
-
-
-def _leading(nothing: Refit, refits: Sequence[Refit]) -> list[Refit]:
-    """Those that, with some allowance still, gain nearly as much as the best."""
-    gains = [nothing.cost - one.cost for one in refits]
-    least = _LEADING * max(gains, default=0.0)
-    order = sorted(range(len(refits)), key=lambda k: -gains[k])
-    return [refits[k] for k in order if gains[k] >= least]

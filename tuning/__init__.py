@@ -18,7 +18,7 @@ from tuning.modal import (
     some_modes,
 )
 from tuning.result import Level, Result, check_folder, files_of, read_result, write_result
-from tuning.runs import Probed
+from tuning.runs import Freed, Probed
 from tuning.schema import PairRow, PartnerRow, Place, Residual, ShareRow, TunedFile
 from tuning.session import Session, open_campaign, open_session, with_tolerances
 from tuning.solver import Minimum, minimise
@@ -37,6 +37,7 @@ __all__ = [
     "Comparison",
     "Confidence",
     "Fit",
+    "Freed",
     "Freedom",
     "Gap",
     "HeldOut",

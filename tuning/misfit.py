@@ -31,7 +31,7 @@ from tuning.batch import Batch, batches
 from tuning.freedom import Freedom
 from tuning.normal import Arrow, Quadratic
 from tuning.reduction import Mixing, Root, mixings, roots, weighed
-from tuning.runs import Own, Probed, Runs, blocks_of
+from tuning.runs import Freed, Own, Probed, Runs, blocks_of
 from tuning.shares import shares
 from tuning.views import View, views
 
@@ -185,6 +185,20 @@ class Misfit:
             runs = self._runs(side, x, whole=forward.reads)
             runs.probe(Runs(plan, forward, runs.views), blocks_of(self.model, probes), found)
         return found
+
+    def freed(self, x: Real, forces: Real, power: float, found: Freed) -> None:
+        """Add up what forces of free spectra take from the normal equations, each alone.
+
+        Args:
+            x: where; (n_x,).
+            forces: at the joints' coordinates; (nv, n_force).
+            power: variance of each, relative to the answer of the median line.
+            found: sums.
+        """
+        theta = self.freedom.theta(x)
+        for term in self._terms:
+            side = self._side(term, term.batch.evaluator.at(theta))
+            self._runs(side, x).freed(forces, power, found)
 
     def _pulled(self, x: Real) -> Real:
         """Gradient of the prior."""

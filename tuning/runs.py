@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from identification.words import Integers, Real
+from identification.words import Complex, Integers, Real
 from mbmodel import Forward, Model
 from tuning.freedom import Freedom
 from tuning.normal import Arrow
@@ -34,6 +34,33 @@ class Probed:
     cross: Real
     blocks: Real
     slope: Real
+
+
+@dataclass(frozen=True, eq=False)
+class Freed:
+    """What forces of free spectra take from the normal equations, each alone.
+
+    Args:
+        normal: from N; (n_force, n_x, n_x).
+        gradient: from the gradient; (n_force, n_x).
+        value: from J; (n_force,).
+        chance: ln(1 + p |u|^2), what a force of any shape gains anyway; (n_force,).
+    """
+
+    normal: Real
+    gradient: Real
+    value: Real
+    chance: Real
+
+    @classmethod
+    def nothing(cls, forces: int, size: int) -> "Freed":
+        """To which to add."""
+        return cls(
+            np.zeros((forces, size, size)),
+            np.zeros((forces, size)),
+            np.zeros(forces),
+            np.zeros(forces),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +151,57 @@ class Runs:
                 found.cross[at[at >= 0]] += _flat(one.seen[span]).T @ of_views[one.view]
             for block in blocks:
                 found.blocks[block, block] += flat[:, block].T @ flat[:, block]
+
+    def freed(self, forces: Real, power: float, found: Freed) -> None:
+        """Add up what forces of free spectra take.
+
+        Args:
+            forces: at the joints' coordinates; (nv, n_force).
+            power: p |u|^2 of the median line.
+            found: sums.
+        """
+        self.forward.prepare()
+        n_freq = len(self.forward.lines.values)
+        spans = list(_spans(np.zeros(n_freq, int), max(1, _CHUNK // self._numbers)))
+        answers = [self._answers(forces, span) for span in spans]
+        sizes = [(np.abs(answer) ** 2).sum(axis=2) for answer in answers]
+        middle = np.median(np.concatenate(sizes), axis=(0, 1))
+        variance = power / np.where(middle > 0, middle, 1.0)
+        for span, answer, size in zip(spans, answers, sizes, strict=True):
+            root = np.sqrt(variance / (1 + variance * size))
+            shares = (root[:, :, None] * answer).conj().swapaxes(2, 3)
+            columns = self._everything(span)
+            aim = self._aim(span).reshape(*columns.shape[:2], 2, -1)
+            taken = shares @ columns  # (n_line, n_in, n_force, n_x)
+            pulled = (shares @ (aim[:, :, 0] + 1j * aim[:, :, 1])[..., None])[..., 0]
+            flat = taken.transpose(2, 0, 1, 3).reshape(len(found.value), -1, taken.shape[-1])
+            parts = np.concatenate([flat.real, flat.imag], axis=1)
+            own = pulled.transpose(2, 0, 1).reshape(len(found.value), -1)
+            pull = np.concatenate([own.real, own.imag], axis=1)
+            found.normal[:] += parts.swapaxes(1, 2) @ parts
+            found.gradient[:] += (pull[:, None] @ parts)[:, 0]
+            found.value[:] += 0.5 * (pull**2).sum(axis=1)
+            found.chance[:] += np.log1p(variance * size).sum(axis=(0, 1))
+
+    def _answers(self, forces: Real, span: slice) -> Complex:
+        """Weighted answers to unit forces at the joints; (n_line, n_in, m, n_force)."""
+        readers = self.forward.readers(span)
+        bare = (readers[:, :, 0] @ forces + 1j * (readers[:, :, 1] @ forces))[:, None]
+        return np.concatenate(
+            [view.matrix[span] @ bare[:, :, view.rows] for view in self.views], axis=2
+        )
+
+    def _everything(self, span: slice) -> Complex:
+        """Weighted columns of all coordinates; (n_line, n_in, m, n_x)."""
+        columns = self._columns(span)
+        plan = self.plan
+        size = len(plan.shared_at) + int((plan.own_at >= 0).sum())
+        found = np.zeros((*columns.shape[:2], columns.shape[3], size), complex)
+        found[..., plan.shared_at] = columns[:, :, 0] + 1j * columns[:, :, 1]
+        for one, at in zip(self.own, plan.own_at, strict=True):
+            seen = one.seen[span]
+            found[:, :, self.views[one.view].at, at[at >= 0]] = seen[:, :, 0] + 1j * seen[:, :, 1]
+        return found
 
     def _aim(self, span: slice) -> Real:
         """What the shared columns aim at, flat as they are."""

@@ -17,7 +17,8 @@ from diagnosis.hypothesis import Hypothesis, Scene, Value
 from identification.words import Complex, Real
 from mbmodel import AddedPart, Change, Parameter, transport
 
-_SCANNED, _DAMPING = 48, 0.03
+_SCANNED, _DAMPING = 80, 0.03  # in steps of 5 %, less than a resonance is wide
+_LOWEST = 1 / 40  # of the highest line: below, it holds on to nothing
 _UNIT = 0.01  # of the body's mass per unit of the parameters
 _STEPS = 0.05, 0.5  # of the logarithms of frequency and damping per unit of theirs
 _FARTHEST = 20.0  # steps
@@ -30,7 +31,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     machine = scene.model.machine
     bodies = machine.layout.bodies
     band = scene.session.campaign.freq_hz
-    lowest = float(band[band > 0].min())
+    lowest = max(float(band[band > 0].min()), _LOWEST * float(band[-1]))
     for number, body in enumerate(bodies):
         unit = _UNIT * float(machine.body_mass[6 * number, 6 * number])
         frame = np.zeros((6 * len(bodies), 6))

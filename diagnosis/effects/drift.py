@@ -6,10 +6,10 @@ to all tests. A test is one reference of one file, a set-up all tests of that na
 
 from collections.abc import Iterator, Mapping
 
-from diagnosis.effects.points import along, hits, jointed, springs_of
+from diagnosis.effects.laws import Law, constant
+from diagnosis.effects.points import hits, jointed, springs_of
 from diagnosis.hypothesis import Hypothesis, Scene, Value
 from identification.words import Condition
-from mbmodel import AddedPart, Parameter
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -20,20 +20,25 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     references = [str(dof) for dof in hits(scene)]
     whens = [*(references if len(references) > 1 else ()), *(setups if len(setups) > 1 else ())]
     for stage in jointed(machine):
-        springs = springs_of(machine, stage)
-        slope = along(machine, springs, scene.stiffness(springs))
+        springs, place = springs_of(machine, stage), f"joint:{stage}"
         for when in whens:
-            name = f"{stage}.drift({when})"
 
             def acts(condition: Condition, at: str = when) -> bool:
                 return at in (str(condition.reference.positive), condition.setup)
 
-            def state(found: Mapping[str, float], factor: str = name) -> dict[str, Value]:
-                return {"factor": 1 + found[factor]}
+            drift = Law(scene, place, springs, f"{stage}.drift({when})", constant, acts)
+            if not drift.follow:
+                continue
 
-            part = AddedPart.linear(
-                f"joint:{stage}", (Parameter(name, 0.0, "1", positive=False),), (slope,), acts
-            )
+            def state(found: Mapping[str, float], one: Law = drift) -> dict[str, Value]:
+                return {"factor": 1 + found[one.size]}
+
             yield Hypothesis(
-                "drift", f"joint:{stage}", when, parts=(part,), springs=springs, state=state
+                "drift",
+                place,
+                when,
+                parts=(drift.part,),
+                scored=(drift.size,),
+                follow=drift.follow,
+                state=state,
             )

@@ -1,50 +1,56 @@
 """A spring that is a control loop with a delay: k exp(-s tau) instead of k.
 
-The first power of tau is a damper, which is tuned anyway; what is left is taken with one delay
-that turns the phase by half a radian at the highest line, whose size says how long the true one is.
+The first power of tau is a damper, which is tuned anyway, so that nothing tells a short delay from
+it but its square. Delays are scanned, from half a radian at the highest line in even steps; what
+is added is a k (exp(-s tau) - 1), whose size a and delay are fitted from there. Of a short delay
+a tau^2 is all that shows, and sqrt(a) tau is what is stated: of a long one a is one.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.effects.points import along, jointed, springs_of
+from diagnosis.effects.laws import Law, Shape, Timed
+from diagnosis.effects.points import jointed, springs_of
 from diagnosis.hypothesis import Hypothesis, Scene, Value
-from identification.words import Complex
-from mbmodel import AddedPart, Parameter
 
-_TURN = 0.5  # rad at the highest line
+_TURN, _SCANNED = 0.6, 8  # rad at the highest line; so many times that
+_STEP = 0.1
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each spring of each joint."""
+    """One for each spring of each joint and delay."""
     machine = scene.model.machine
-    delay = _TURN / (2 * np.pi * float(scene.session.campaign.freq_hz[-1]))
-
-    def late(laplace: Complex) -> Complex:
-        return np.asarray(np.exp(-laplace * delay) - 1, complex)
-
+    unit = _TURN / (2 * np.pi * float(scene.session.campaign.freq_hz[-1]))
     for stage in jointed(machine):
         for spring in springs_of(machine, stage):
-            name = f"{spring}.delayed"
-            slope = along(machine, (spring,), scene.stiffness((spring,)))
-            part = AddedPart.linear(
-                f"joint:{stage}",
-                (Parameter(name, 0.0, "1", positive=False),),
-                (replace(slope, shape=late),),
-            )
+            for number in range(1, _SCANNED + 1):
+                law = Timed(number * unit, _STEP, _late, _by_time)
+                name, place = f"{spring}.delayed{number}", f"joint:{stage}"
+                loop = Law(scene, place, (spring,), name, law)
+                if not loop.follow:
+                    continue
 
-            def state(found: Mapping[str, float], size: str = name) -> dict[str, Value]:
-                # (s tau)^2 / 2 is what no damper is.
-                return {"delay": delay * float(np.sqrt(max(found[size], 0.0)))}
+                def state(found: Mapping[str, float], one: Law = loop) -> dict[str, Value]:
+                    return {"delay": one.tau(found) * float(np.sqrt(max(found[one.size], 0.0)))}
 
-            yield Hypothesis(
-                "feedback_delay",
-                f"joint:{stage}",
-                spring.removeprefix(f"{stage}_"),
-                parts=(part,),
-                springs=(spring,),
-                signed=True,
-                state=state,
-            )
+                yield Hypothesis(
+                    "feedback_delay",
+                    place,
+                    spring.removeprefix(f"{stage}_"),
+                    parts=(loop.part,),
+                    scored=(loop.size,),
+                    follow=loop.follow,
+                    signed=True,
+                    state=state,
+                )
+
+
+def _late(tau: float) -> Shape:
+    """Exp(-s tau) - 1."""
+    return lambda laplace: np.asarray(np.expm1(-laplace * tau), complex)
+
+
+def _by_time(tau: float) -> Shape:
+    """-s tau exp(-s tau)."""
+    return lambda laplace: np.asarray(-laplace * tau * np.exp(-laplace * tau), complex)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from diagnosis.evidence import Evidence, Refitted, Scored
+from diagnosis.evidence import Evidence, Pushed, Refitted, Scored
 from diagnosis.judge import calibrated, judge
 
 PLACES = ("body:a", "joint:b", "sensor:acc1")
@@ -28,6 +28,10 @@ def evidence(gap, refits=(), proven=(), gains=(5.0, 3.0, 1.0), loose=None, pull=
         pull=pull,
         refits=refits,
         scored=tuple(rows),
+        pushed=tuple(
+            Pushed(location=place, dof=None, gain=gain)
+            for place, gain in zip(PLACES, gains, strict=True)
+        ),
         variance="coherence",
     )
 
