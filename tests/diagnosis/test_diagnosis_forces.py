@@ -1,0 +1,97 @@
+"""Free forces: the gain is that of the dense covariance; whatever pushes is found where it does."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from diagnosis import Scene
+from diagnosis.forces import _Work, pushes
+from diagnosis.refit import FIRST, PATIENT, go_on, refit
+from identification import smooth_variance
+from mbmodel import Evaluator, Question
+from tests.helpers.drawn import drawn
+from tuning import STAGES, fit, thinned
+
+POWER = 30.0
+
+
+def begun(folder, seed, effect=None, **more):
+    session, answer = drawn(folder, seed, effect, **more)
+    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    return Scene(session, early.theta), early, tomllib.loads(answer)
+
+
+def dense(scene, found, force, power):
+    """The same gain with every covariance written out, test by test."""
+    model, varies, x = scene.session.model, found.freedom, found.x
+    campaign = thinned(scene.session.campaign, 16)
+    rates = np.zeros((len(varies.free), varies.size))
+    rates[varies.free, varies.member[varies.free]] = varies.rates(x)[varies.free]
+    parts = []
+    for test in campaign.tests:
+        estimate, frf = test.estimate, test.estimate.frf
+        question = Question(frf.freq_hz, frf.outputs, frf.inputs, frf.quantity)
+        lines = Evaluator(model, question).at(varies.theta(x))
+        power_of = {
+            d.point: sum(
+                np.abs(frf.values[:, k, 0]) ** 2
+                for k, e in enumerate(frf.outputs)
+                if e.point == d.point
+            )
+            for d in frf.outputs
+        }
+        floor = 3e-4**2 * np.stack([power_of[d.point] for d in frf.outputs], axis=1)
+        weight = np.where(
+            estimate.measured[:, 0], np.sqrt(2 / (smooth_variance(estimate)[:, :, 0] + floor)), 0.0
+        )
+        laplace = question.laplace[:, None, None]
+        m = lines.assembly.matrices
+        z = laplace**2 * m.mass + laplace * m.damping + m.stiffness
+        answers = lines.readout @ np.linalg.solve(z, np.tile(force[:, None], (len(z), 1, 1)))
+        off = weight * (lines.values - frf.values)[:, :, 0]
+        columns = weight[..., None] * (lines.columns() @ rates)[:, :, 0]
+        parts.append((off, columns, weight * answers[:, :, 0]))
+    middle = np.median(np.concatenate([(np.abs(u) ** 2).sum(axis=1) for _, _, u in parts]))
+
+    def cost(p):
+        value, gradient = 0.5 * (x[varies.has_prior] ** 2).sum(), varies.has_prior * x
+        normal, chance = np.diag(varies.has_prior.astype(float)), 0.0
+        for off, columns, answers in parts:
+            for r, d, u in zip(off, columns, answers, strict=True):
+                covariance = np.eye(len(r)) + p * np.outer(u, u.conj())
+                weighed = np.linalg.solve(covariance, np.column_stack([r, d]))
+                value += 0.5 * (r.conj() @ weighed[:, 0]).real
+                gradient = gradient + (d.conj().T @ weighed[:, 0]).real
+                normal = normal + (d.conj().T @ weighed[:, 1:]).real
+                chance += np.log(np.linalg.det(covariance).real)
+        free = ~varies.reached(x)
+        step = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
+        return value - 0.5 * gradient[free] @ step + chance
+
+    return cost(0.0) - cost(power / middle)
+
+
+def test_the_gain_is_that_of_the_dense_covariance(tmp_path):
+    scene, early, _ = begun(tmp_path, 72_031, lines=161)
+    size = len(scene.model.machine.coordinates)
+    forces = np.random.default_rng(3).standard_normal((size, 3))
+    found = _Work(scene, early).gains(forces, POWER)
+    for force, gain in zip(forces.T, found, strict=True):
+        assert gain == pytest.approx(dense(scene, early, force, POWER), rel=1e-5, abs=1e-3)
+
+
+@pytest.mark.parametrize(("effect", "seed"), [("hardening", 72_032), ("backlash", 72_033)])
+def test_what_no_linear_effect_explains_is_found_where_it_pushes(tmp_path, effect, seed):
+    scene, _, answer = begun(tmp_path, seed, effect, ratio=4.0, lines=161)
+    nothing = go_on(scene, refit(scene, None, scene.session.campaign, FIRST), PATIENT)
+    found = pushes(scene, nothing.fit)
+    assert (found[0].location, found[0].dof) == (answer["location"], answer["dof"])
+    gains = [one.gain for one in found]
+    assert gains == sorted(gains, reverse=True)
+    assert len({one.location for one in found}) == len(found)
+    # It explains nearly all that is left, and much more than one at any other place.
+    left = nothing.cost * len(range(0, 161, 16)) / len(range(0, 161, 4))
+    assert gains[0] > 0.5 * left
+    others = [one.gain for one in found if one.location != answer["location"]]
+    assert gains[0] > max(others) + 10
