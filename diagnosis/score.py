@@ -23,7 +23,7 @@ from mbmodel import Model
 from tuning import Fit, Freedom, Misfit, Probed, thinned
 
 ALLOWANCE = 0.1
-_STRIDE = 8
+_STRIDE = 12
 _RIDGE = 1e-9
 _SEEN = 1e-6  # of a coordinate's own curvature: what is left of it beside all that varies
 

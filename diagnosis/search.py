@@ -3,6 +3,8 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from diagnosis.evidence import Key, Pushed, Scored
 from diagnosis.forces import pushes
 from diagnosis.hypothesis import Hypothesis, Scene
@@ -18,8 +20,10 @@ _VARIANTS = 4  # of each effect, place and direction, so many shapes are scored 
 _PROMISING = 0.03  # of the best score, what is worth a refit
 _LEADING = 0.5  # of the best refit's gain, what goes on to the weights of the noise
 _ROUNDS = 3  # of further steps
-_CLEAR = 0.7  # of the cost without any effect: who leaves less needs no closer look
-_LITTLE = 0.1  # of the gap: who leaves less explains it
+_SURE = 10.0  # nats: of a free force that is there
+_EXACT = 0.01  # of chi square, that a refit may leave by chance
+_CLEAR = 0.02  # of the gap: who leaves less explains it
+_LITTLE = 0.1  # beyond, more are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +68,7 @@ def search(
     scored = scores(scene, first.fit, asked, FIRST[-1].allowance)
     say("free forces at every place")
     pushed = pushes(scene, nothing.fit)
-    places = [one.location for one in pushed[:_PLACES] if one.gain > 0]
+    places = [one.location for one in pushed[:_PLACES] if one.gain > _SURE]
     some = _variants(scored)
     there = [one for one in asked if one.location in places and one not in some]
     finer = [
@@ -76,18 +80,21 @@ def search(
     promising = far.best()
     ended: dict[tuple[str, ...], Refit] = {}
     refits: list[Refit] = []
-    for turn in range(2):
-        far.try_all(promising[turn * REFITTED : (turn + 1) * REFITTED])
-        if not far.is_clear(places) and not turn:
+    for turn, enough in enumerate((_CLEAR, _LITTLE, 1.0)):
+        if turn == 1:
             close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
             close.try_all(close.best(places)[:_THERE])
+        else:
+            far.try_all(promising[:REFITTED] if not turn else promising[REFITTED:])
         for made in (*far.leading(), *close.leading()):
             coordinates = made.hypothesis.coordinates if made.hypothesis else ()
             if coordinates not in ended:
                 ended[coordinates] = go_on(scene, made, LAST)
         refits = _patient(scene, _one_each(list(ended.values())))
         ended = {one.hypothesis.coordinates: one for one in refits if one.hypothesis}
-        if refits and refits[0].chi_square - 1 < _LITTLE * (nothing.chi_square - 1):
+        left = refits[0].chi_square - 1 if refits else np.inf
+        # Where no free force explains anything, nothing of the machine will.
+        if not places or left < enough * (nothing.chi_square - 1) + _EXACT:
             break
     refits[:1] = [settled(scene, one) for one in refits[:1]]
     rows = _rows([scored, *finer])
@@ -154,13 +161,6 @@ class _Screen:
     def _try(self, one: Hypothesis) -> None:
         self.say(f"refit: {one.words}")
         self.begun.append(refit(self.scene, one, self.scene.session.campaign, self.stages))
-
-    def is_clear(self, places: Sequence[str]) -> bool:
-        """Whether most of the gap is explained where free forces are."""
-        best = min(self.begun, key=lambda made: made.cost, default=None)
-        if best is None or best.hypothesis is None:
-            return False
-        return best.hypothesis.location in places and best.cost < _CLEAR * self.nothing.cost
 
     def leading(self) -> list[Refit]:
         """Those that gain nearly as much as the best."""

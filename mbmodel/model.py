@@ -1,5 +1,6 @@
 """A machine with its Parts, assembled at given parameters."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -114,7 +115,7 @@ class Model:
     def __post_init__(self) -> None:
         """Check that names are unique."""
         names = [parameter.name for parameter in self.parameters]
-        twice = sorted({name for name in names if names.count(name) > 1})
+        twice = sorted(name for name, many in Counter(names).items() if many > 1)
         if twice:
             raise ValueError(f"parameters named twice: {', '.join(twice)}")
 

@@ -10,6 +10,7 @@ fitted, with the damping and the place: with R = s^2 S / (s^2 + S), dR/dS = s^4 
 """
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -116,6 +117,7 @@ class _Appendage:
         }
 
 
+@lru_cache(1024)  # those of all bodies are one: their columns are formed together
 def _resonator(omega: float, zeta: float) -> Shape:
     """R(s): dynamic stiffness of a unit mass on its spring."""
 

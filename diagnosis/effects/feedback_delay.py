@@ -7,6 +7,7 @@ a tau^2 is all that shows, and sqrt(a) tau is what is stated: of a long one a is
 """
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -46,6 +47,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 )
 
 
+@lru_cache(1024)  # those of all springs are one: their columns are formed together
 def _late(tau: float) -> Shape:
     """Exp(-s tau) - 1."""
     return lambda laplace: np.asarray(np.expm1(-laplace * tau), complex)

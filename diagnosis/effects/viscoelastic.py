@@ -6,6 +6,7 @@ branch is a damper, to twice that of the lowest, below which it is a spring.
 """
 
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 
 import numpy as np
 
@@ -44,6 +45,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             )
 
 
+@lru_cache(1024)  # those of all joints are one: their columns are formed together
 def _maxwell(tau: float) -> Shape:
     """S tau / (1 + s tau)."""
     return lambda laplace: np.asarray(laplace * tau / (1 + laplace * tau), complex)
