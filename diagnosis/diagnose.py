@@ -10,9 +10,11 @@ from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.hypothesis import Hypothesis, Scene, together
 from diagnosis.judge import NOTHING, Judged, judge
 from diagnosis.refit import (
+    ALL,
     FIRST,
     LAST,
     PATIENT,
+    SOME,
     Refit,
     go_on,
     held_out,
@@ -44,7 +46,7 @@ _ENOUGH = 180_000  # values: three hammer directions, 69 channels, 800 lines and
 _NEAR = 1.5  # excess of a small gap
 _LIKELY = 0.5
 _ALIKE, _NATS = 0.9, 3.0  # cosine of signatures, difference of costs: twins
-STEPS = 5 + 2 * REFITTED  # told at most
+STEPS = 8 + 3 * REFITTED  # told at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +58,14 @@ class Level:
         held_out: with folds left out; None if the band is too narrow.
         predicted: each line by a fit that did not see it, or by the fit if there are no folds.
         campaign: what it is compared with.
+        stride: every so manyth line was fitted to.
     """
 
     refit: Refit
     held_out: HeldOut | None
     predicted: tuple[Complex, ...]
     campaign: Campaign
+    stride: int
 
     @cached_property
     def channels(self) -> ChannelGaps:
@@ -299,10 +303,11 @@ def _level(
     """Fit to all that was measured, from a refit that is known or from the base."""
     made = known.get(one) or refit(base, one, whole.campaign, (*FIRST, *LAST))
     session = made.session
-    held = held_out(base, made, jobs, width, exact=exact)
+    (stage,) = paced((ALL if exact else SOME,), base.pace)
+    held = held_out(made, stage, jobs, width)
     predicted = (
         predict(session.model, made.fit.theta, session.campaign)
         if held is None
         else held.predict(session.model, session.campaign)
     )
-    return Level(made, held, predicted, session.campaign)
+    return Level(made, held, predicted, session.campaign, stage.stride)

@@ -17,7 +17,7 @@ chosen to make it the most. What varies is projected out. An error in a single p
 stands out by thousands of nats from all others, though no effect has been thought of.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -26,7 +26,7 @@ from diagnosis.evidence import Pushed
 from diagnosis.hypothesis import Scene
 from diagnosis.score import Factor
 from identification.words import Campaign, Real
-from mbmodel import Held, Machine
+from mbmodel import Machine
 from tuning import Fit, Freed, Misfit, thinned
 
 _STRIDE = 16
@@ -43,7 +43,7 @@ def pushes(scene: Scene, found: Fit) -> tuple[Pushed, ...]:
         scene: campaign and drawn model.
         found: the fit with nothing missing, at the weights of the noise.
     """
-    directions = list(_directions(scene.model.machine, scene.held))
+    directions = list(_directions(scene.model.machine))
     forces = np.array([force for _, _, force in directions]).T
     work = _Work(scene, found)
     gains = work.gains(forces, _COMMON)
@@ -57,7 +57,7 @@ def pushes(scene: Scene, found: Fit) -> tuple[Pushed, ...]:
     return tuple(rows.values())
 
 
-def _directions(machine: Machine, held: Sequence[Held]) -> Iterator[tuple[str, str | None, Real]]:
+def _directions(machine: Machine) -> Iterator[tuple[str, str | None, Real]]:
     """Place, direction and force at the joints' coordinates; (nv,)."""
     unit = np.eye(len(machine.coordinates))
     for axle in machine.axles:
@@ -65,8 +65,6 @@ def _directions(machine: Machine, held: Sequence[Held]) -> Iterator[tuple[str, s
         kind = "r" if axle.turns else "t"
         dof = f"{kind}{'xyz'[along[0]]}" if along.size else None
         yield f"joint:{axle.stage}", dof, unit[axle.coordinate]
-    for one in held:
-        yield f"joint:{one.stage}", one.dof, unit[one.coordinate]
     for number, body in enumerate(machine.layout.bodies):
         for axis, dof in enumerate(("tx", "ty", "tz", "rx", "ry", "rz")):
             yield f"body:{body}", dof, machine.jacobian[6 * number + axis]

@@ -28,7 +28,9 @@ from tuning import (
 # nothing is missing, gets more.
 FIRST = (replace(STAGES[3], stride=8, max_steps=5),)
 _ROUNDS, _SETTLED = 3, 0.01  # until the stiffness that Parts are made from stays
-_ALL = replace(STAGES[5], tolerance=1e-6, max_steps=6)
+# Held-out fits, whose parameters are stated: to one line in four, or to all.
+SOME = replace(STAGES[4], tolerance=1e-6, max_steps=6)
+ALL = replace(STAGES[5], tolerance=1e-6, max_steps=6)
 _PROMISE = 0.1  # nats: of a fit whose parameters are stated
 CLOSE = (*FIRST, replace(STAGES[4], stride=8, tolerance=1e-3, max_steps=6))
 LAST = (replace(STAGES[4], tolerance=3e-4, max_steps=10),)
@@ -65,17 +67,22 @@ class Refit:
         """What the verdict states of a hypothesis at a theta."""
         return one.state(_named(self.fit.freedom, theta))
 
-    def intervals(self, one: Hypothesis, theta: Real) -> dict[str, Ends]:
+    def intervals(self, one: Hypothesis, theta: Real, stride: int) -> dict[str, Ends]:
         """Of a hypothesis' parameters about theta, 95 %; none of those that were not fitted.
 
-        Coordinates have the covariance of a fit to all lines, about (N + D)^-1 with N of those that
-        counted times how many more there are; what is stated follows to first order.
+        Coordinates have the covariance (N + D)^-1, N of the lines that theta was fitted to; what is
+        stated follows to first order.
+
+        Args:
+            one: the hypothesis.
+            theta: its parameters.
+            stride: of the lines that theta was fitted to.
         """
         stage = self.fit.last or STAGES[-1]
         campaign, varies = self.session.campaign, self.fit.freedom
         thin = thinned(campaign, stage.stride)
         normal = stage.misfit(self.session.model, thin, varies).normal(self.fit.x)[2]
-        many = len(campaign.freq_hz) / len(thin.freq_hz)
+        many = len(thinned(campaign, stride).freq_hz) / len(thin.freq_hz)
         sure = Confidence(varies, self.fit.x, normal * many, self.chi_square)
         x, middle = varies.coordinates(theta), one.state(_named(varies, theta))
         flat = _flat(middle)
@@ -227,23 +234,18 @@ def _start(scene: Scene, session: Session, one: Hypothesis | None) -> Real:
     return theta
 
 
-def held_out(
-    scene: Scene, found: Refit, jobs: int = 1, width: int | None = None, *, exact: bool = True
-) -> HeldOut | None:
-    """The same to all lines but each fold of them.
+def held_out(found: Refit, stage: Stage, jobs: int = 1, width: int | None = None) -> HeldOut | None:
+    """The same to all lines of a stage but each fold of them.
 
     Args:
-        scene: that it was made in.
         found: the refit.
+        stage: which lines count.
         jobs: threads.
         width: lines in a block; by the modes of this model if None.
-        exact: whether all lines count, or one in four as before.
     """
-    session = found.session
-    begun = replace(found.fit, last=paced((_ALL,), scene.pace)[0]) if exact else found.fit
-    promise = _PROMISE if exact else 1.0
+    session, begun = found.session, replace(found.fit, last=stage)
     return fit_held_out(
-        session.model, begun, session.campaign, jobs=jobs, width=width, promise=promise
+        session.model, begun, session.campaign, jobs=jobs, width=width, promise=_PROMISE
     )
 
 

@@ -111,7 +111,7 @@ def _row(key: Key, probability: float, found: Diagnosis) -> CauseRow:
         return row if one.is_held else row.model_copy(update={"parameters": one.state({})})
     update = {
         "parameters": after.refit.stated(one, after.theta),
-        "interval": after.refit.intervals(one, after.theta),
+        "interval": after.refit.intervals(one, after.theta, after.stride),
         "excess_after": after.gap.excess,
     }
     return row.model_copy(update=update)

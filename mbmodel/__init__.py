@@ -26,7 +26,7 @@ from mbmodel.parts import (
 from mbmodel.places import parse_input
 from mbmodel.question import Question
 from mbmodel.response import Evaluator, Linearised, linearise
-from mbmodel.spatial import transport
+from mbmodel.spatial import rotation_matrix, transport
 from mbmodel.springs import Spring
 from mbmodel.statespace import state_space
 from mbmodel.transient import respond
@@ -68,6 +68,7 @@ __all__ = [
     "modes",
     "parse_input",
     "respond",
+    "rotation_matrix",
     "sensor_parts",
     "shapes_at",
     "spring_parts",

@@ -2,7 +2,8 @@
 
 A joint that leaves a stage fewer than six directions holds the others rigid. What if one of them
 gave way? Then T has one column more: all that the stage carries moves along the direction, at the
-joint's point. Here each such direction along or about a world axis gets its coordinate, held by
+joint's point. Here each such direction along or about a world axis gets its coordinate and its
+axle, which moves with the joint, held by
 
     k = m (300 w)^2,   m = t' Mb t
 
@@ -17,7 +18,7 @@ from itertools import groupby
 import numpy as np
 
 from identification.words import Real
-from mbmodel.machine import Machine
+from mbmodel.machine import Axle, Machine
 from mbmodel.spatial import twist
 from mbmodel.springs import Spring
 
@@ -61,8 +62,10 @@ def loosened(machine: Machine, highest_hz: float) -> tuple[Machine, tuple[Held, 
     tau = _time_constant(machine)
     columns: list[Real] = []
     held: list[Held] = []
+    every: list[Axle] = []
     for stage, group in groupby(machine.axles, key=lambda axle: axle.stage):
         axles = list(group)
+        every += axles
         point = axles[0].anchor
         known = [twist(axle.turns, axle.anchor - point, axle.axis) for axle in axles]
         reach = machine.reach(axles[0], point)
@@ -76,6 +79,9 @@ def loosened(machine: Machine, highest_hz: float) -> tuple[Machine, tuple[Held, 
             number = len(machine.coordinates) + len(columns)
             held.append(Held(stage, dof, number, reference, _HELD**2 * reference, tau))
             columns.append(column)
+            axis = direction[:3] + direction[3:]
+            turns = dof.startswith("r")
+            every.append(Axle(_named(stage, dof), number, stage, turns, point, axis))
     if not held:
         return machine, ()
     more = len(held)
@@ -88,15 +94,20 @@ def loosened(machine: Machine, highest_hz: float) -> tuple[Machine, tuple[Held, 
     order[:, -more:] = np.triu(np.ones((len(order), more)), 1 - len(machine.coordinates))
     wider = replace(
         machine,
-        coordinates=(*machine.coordinates, *(f"{one.stage}.held_{one.dof}" for one in held)),
+        coordinates=(*machine.coordinates, *(_named(one.stage, one.dof) for one in held)),
         jacobian=np.column_stack([machine.jacobian, *columns]),
         armature=_padded(machine.armature, more),
         remaining_stiffness=whole,
         remaining_damping=damping,
         order=order,
         springs=tuple(_wider(spring, more) for spring in machine.springs),
+        axles=tuple(every),
     )
     return wider, tuple(held)
+
+
+def _named(stage: str, dof: str) -> str:
+    return f"{stage}.held_{dof}"
 
 
 def _time_constant(machine: Machine) -> float:

@@ -1,18 +1,25 @@
 """Hits of one direction that went another way than drawn, beyond tolerance.
 
-Turning a hit about its own direction changes nothing: that component keeps its tolerance.
+Turning a hit about its own direction changes nothing: that component keeps its tolerance, and the
+rotation that is stated is the shortest that brings the drawn direction a to the fitted one b,
+
+    r = (a x b) / |a x b| times the angle between them.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from diagnosis.effects.points import hits, names_of, three
-from diagnosis.hypothesis import Hypothesis, Scene, released
+from diagnosis.hypothesis import Hypothesis, Scene, Value, released
+from identification.words import Real
+from mbmodel import rotation_matrix
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each direction of each point that was hit."""
-    known = names_of(scene)
+    known, layout = names_of(scene), scene.model.machine.layout
     for dof in hits(scene):
         direction = dof.direction[1:]
         names = three(f"hammer({dof.point}:{direction}).rotation_")
@@ -20,4 +27,22 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             place = f"hammer:{dof.point}"
             whole = released("hammer_misalignment", place, direction, names, "rotation")
             across = tuple(name for name in names if name[-1] != direction[-1])
-            yield replace(whole, release=across)
+            drawn = layout.axes[layout.points.index(dof.point)][:, dof.axis]
+
+            def state(
+                found: Mapping[str, float],
+                own: tuple[str, ...] = names,
+                drawn: Real = drawn,
+            ) -> dict[str, Value]:
+                turn = rotation_matrix(np.array([found[name] for name in own]))
+                return {"rotation": tuple(_shortest(drawn, turn @ drawn).tolist())}
+
+            yield replace(whole, release=across, state=state)
+
+
+def _shortest(one: Real, other: Real) -> Real:
+    """Rotation vector that brings a unit vector to another; (3,)."""
+    axis = np.cross(one, other)
+    sine, cosine = float(np.linalg.norm(axis)), float(one @ other)
+    angle: Real = axis * (np.arctan2(sine, cosine) / sine if sine > 0 else 1.0)
+    return angle

@@ -28,7 +28,7 @@ class JointPart:
     Args:
         stage: name of the body that the joints carry.
         axles: its slides and hinges.
-        placed: the same in the MJCF.
+        placed: those of them that are in the MJCF: directions that it holds rigid are not.
         reach: motion of every body above per twist at ``origin``; (6 n_body, 6).
         origin: reference point of the twists [m]; (3,).
         n_coordinate: of the machine.
@@ -121,6 +121,7 @@ def joint_parts(machine: Machine) -> tuple[JointPart, ...]:
         axles = tuple(group)
         origin = np.mean([axle.anchor for axle in axles], axis=0)
         reach = machine.reach(axles[0], origin)
-        placed = tuple(machine.drawing.joints[axle.joint] for axle in axles)
+        drawn = machine.drawing.joints
+        placed = tuple(drawn[axle.joint] for axle in axles if axle.joint in drawn)
         parts.append(JointPart(stage, axles, placed, reach, origin, len(machine.coordinates)))
     return tuple(parts)

@@ -12,7 +12,7 @@ from diagnosis.effects.points import joined, parents_of
 from diagnosis.hypothesis import together
 from diagnosis.refit import posed
 from identification.words import Condition, Dof
-from mbmodel import Held, Situation
+from mbmodel import Held, Situation, rotation_matrix
 from tests.helpers.drawn import drawn
 from tuning import open_session
 
@@ -175,8 +175,18 @@ def test_a_hit_turned_about_itself_stays_within_tolerance(scene):
     for one in EFFECTS["hammer_misalignment"](scene):
         assert len(one.release) == 2
         assert all(name[-1] != one.dof[-1] for name in one.release)
-        theta = {p.name: 0.1 for p in scene.model.parameters}
-        assert one.state(theta) == {"rotation": (0.1, 0.1, 0.1)}
+        names = [
+            name for name in scene.session.freedom.names if name.startswith(one.release[0][:-1])
+        ]
+        turn = np.array([0.3, -0.2, 0.1])
+        rotation = np.array(one.state(dict(zip(names, turn, strict=True)))["rotation"])
+        own = "xyz".index(one.dof[-1])
+        hit = np.eye(3)[own]
+        np.testing.assert_allclose(
+            rotation_matrix(rotation) @ hit, rotation_matrix(turn) @ hit, atol=1e-12
+        )
+        assert rotation[own] == pytest.approx(0.0, abs=1e-12)
+        assert np.linalg.norm(rotation) <= np.linalg.norm(turn)
 
 
 def test_several_at_once_release_correct_and_add_what_each_does(scene):

@@ -55,10 +55,13 @@ def test_intervals_hold_the_truth_and_the_gap_closes(scene):
     found = settled(scene, go_on(scene, begun, LAST))
     assert found.chi_square < 1.1
     assert found.parameters()["offset"] == pytest.approx(offset, abs=0.03)
-    low, high = np.array(found.intervals(one, found.fit.theta)["offset"]).T
+    low, high = np.array(found.intervals(one, found.fit.theta, 2)["offset"]).T
     middle = np.array(found.parameters()["offset"])
     assert (low < middle).all()
     assert (middle < high).all()
+    # Twice as many lines as the fit counted.
+    coarse = np.array(found.intervals(one, found.fit.theta, 4)["offset"]).T
+    assert (coarse[1] - coarse[0] > 1.2 * (high - low)).all()
     # Six standard deviations: one case is no coverage, but an interval of another size is caught.
     assert (np.abs(offset - middle) < 3 * (high - low) / 2).all()
     # The linear twin: the posterior's covariance by numbers alone.
@@ -66,7 +69,7 @@ def test_intervals_hold_the_truth_and_the_gap_closes(scene):
     thin = thinned(found.session.campaign, stage.stride)
     varies = found.fit.freedom
     normal = Misfit(found.session.model, thin, varies, allowance=0.0).normal(found.fit.x)[2]
-    many = len(found.session.campaign.freq_hz) / len(thin.freq_hz)
+    many = len(thinned(found.session.campaign, 2).freq_hz) / len(thin.freq_hz)
     precision = np.where(varies.has_prior, 1.0, np.log(100.0) ** -2)
     whole = normal.dense() * many / max(1.0, found.chi_square) + np.diag(precision)
     own = [varies.names.index(name) for name in one.coordinates]
