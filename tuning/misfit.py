@@ -271,7 +271,7 @@ class Misfit:
 
 def _own(rows: Integers, values: Complex, root: Real, aim: Complex, seen: tuple[View, ...]) -> Own:
     """What a sensor's own coordinates move, its derivatives (n_freq, n_row, n_in, n_own)."""
-    number = next(k for k, view in enumerate(seen) if rows[0] in view.rows)
+    number = next(k for k, view in enumerate(seen) if np.isin(rows, view.rows).all())
     view = seen[number]
     bare = _split(values)
     matrix = view.matrix[..., np.searchsorted(view.rows, rows)][:, :, None]
