@@ -1,7 +1,7 @@
 """What the model lacks: where the gap lies, which effect causes it, how far it shrinks with it."""
 
 from diagnosis.diagnose import STEPS, Diagnosis, diagnose
-from diagnosis.effects import EFFECTS
+from diagnosis.effects import EFFECTS, PROVEN, Effect, catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.oracle import oracle
 from diagnosis.report import verdict_of
@@ -10,12 +10,15 @@ from diagnosis.verdict import Verdict
 
 __all__ = [
     "EFFECTS",
+    "PROVEN",
     "STEPS",
     "Diagnosis",
+    "Effect",
     "Hypothesis",
     "ResidualShare",
     "Scene",
     "Verdict",
+    "catalogue",
     "diagnose",
     "oracle",
     "residual_shares",

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from diagnosis.effects import EFFECTS
+from diagnosis.effects import catalogue
 from diagnosis.evidence import Evidence, Key, Refitted
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.hypothesis import Hypothesis, Scene, together
@@ -164,7 +164,7 @@ def diagnose(
     # A body that bends drives all others in ways that no Part holds: what it leaves tells nothing.
     if nothing.chi_square > NOTHING and not gate.flexible:
         taken = {one.location for one in made}
-        proposed = [one for propose in EFFECTS.values() for one in propose(scene)]
+        proposed = [one for effect in catalogue().values() for one in effect(scene)]
         asked = [one for one in proposed if one.location not in taken]
         found = search(scene, (early, first, nothing), asked, say)
     refits = found.refits

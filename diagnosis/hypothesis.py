@@ -1,6 +1,6 @@
 """What may be the one thing that a model lacks: an effect at a place, ready to be fitted."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import reduce
 
@@ -111,6 +111,29 @@ class Hypothesis:
     def words(self) -> str:
         """Such as ``sensor_gain@sensor:acc3 tx``."""
         return f"{self.site}{f' {self.dof}' if self.dof else ''}"
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect of the catalogue.
+
+    Args:
+        propose: its hypotheses for a scene.
+        means: what it is, in words; may name ``{place}`` and ``{dof}``.
+        confirm: what to do on the machine to confirm or refute it; likewise.
+    """
+
+    propose: Callable[["Scene"], Iterable[Hypothesis]]
+    means: str
+    confirm: str
+
+    def __call__(self, scene: "Scene") -> Iterable[Hypothesis]:
+        """Its hypotheses for a scene."""
+        return self.propose(scene)
+
+    def said(self, what: str, place: str, dof: str | None) -> str:
+        """A sentence about it at a place."""
+        return what.format(place=place.partition(":")[2], dof=dof or "this direction")
 
 
 def released(

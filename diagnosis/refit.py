@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.effects import EFFECTS
+from diagnosis.effects import catalogue
 from diagnosis.hypothesis import Ends, Hypothesis, Scene, Value, freed
 from identification.words import Campaign, Real
 from mbmodel import Model
@@ -206,7 +206,7 @@ def _stiffness(scene: Scene, found: Refit) -> Real:
 
 def _again(scene: Scene, one: Hypothesis, theta: Real) -> Hypothesis:
     """The hypothesis as made at theta."""
-    proposed = EFFECTS[one.effect](replace(scene, theta=theta[: len(scene.theta)]))
+    proposed = catalogue()[one.effect](replace(scene, theta=theta[: len(scene.theta)]))
     return next(other for other in proposed if other.coordinates == one.coordinates)
 
 

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.stats import t as student
 
 from diagnosis.diagnose import Diagnosis, Level
-from diagnosis.effects import EFFECTS
 from diagnosis.evidence import Key
+from diagnosis.experiment import next_experiment
 from diagnosis.verdict import (
     CauseRow,
     GapAt,
@@ -52,7 +52,7 @@ def verdict_of(found: Diagnosis) -> Verdict:
         causes=[_row(key, probability, found) for key, probability in judged.causes],
         twins=list(found.twins),
         not_testable=_not_testable(found),
-        next_experiment=None,
+        next_experiment=next_experiment(found),
     )
 
 
@@ -124,6 +124,6 @@ def _not_testable(found: Diagnosis) -> list[str]:
     missing = list(_NONLINEAR) if len(levels) < 2 else []
     references = {str(test.condition.reference) for test in tests}
     setups = {test.condition.setup for test in tests}
-    if len(references) < 2 and len(setups) < 2 and "drift" in EFFECTS:
+    if len(references) < 2 and len(setups) < 2:
         missing.append("drift")
     return missing

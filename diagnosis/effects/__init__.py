@@ -1,6 +1,12 @@
-"""The catalogue: one file for each effect, which proposes its hypotheses for a machine."""
+"""The catalogue: one file for each effect, which proposes its hypotheses for a machine.
 
-from collections.abc import Callable, Iterator
+A package of others adds to it by an entry point of the group ``mbw.effects`` whose name is the
+effect's and whose object is an ``Effect``.
+"""
+
+from collections.abc import Mapping
+from functools import cache
+from importlib.metadata import entry_points
 
 from diagnosis.effects import (
     appendage,
@@ -20,27 +26,50 @@ from diagnosis.effects import (
     support_loss,
     viscoelastic,
 )
-from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.effects.gates import PROVEN
+from diagnosis.hypothesis import Effect
+from identification.words import InputError
 
-Proposer = Callable[[Scene], Iterator[Hypothesis]]
-
-EFFECTS: dict[str, Proposer] = {
-    "appendage": appendage.propose,
-    "drift": drift.propose,
-    "feedback_delay": feedback_delay.propose,
-    "gyroscopic": gyroscopic.propose,
-    "hammer_misalignment": hammer_misalignment.propose,
-    "joint_coupling": joint_coupling.propose,
-    "mass_error": mass_error.propose,
-    "missing_dof": missing_dof.propose,
-    "parallel_path": parallel_path.propose,
-    "sensor_gain": sensor_gain.propose,
-    "sensor_misalignment": sensor_misalignment.propose,
-    "sensor_polarity": sensor_polarity.propose,
-    "sensor_position": sensor_position.propose,
-    "structural_damping": structural_damping.propose,
-    "support_loss": support_loss.propose,
-    "viscoelastic": viscoelastic.propose,
+GROUP = "mbw.effects"
+_OURS = (
+    appendage,
+    drift,
+    feedback_delay,
+    gyroscopic,
+    hammer_misalignment,
+    joint_coupling,
+    mass_error,
+    missing_dof,
+    parallel_path,
+    sensor_gain,
+    sensor_misalignment,
+    sensor_polarity,
+    sensor_position,
+    structural_damping,
+    support_loss,
+    viscoelastic,
+)
+EFFECTS: Mapping[str, Effect] = {
+    module.__name__.rpartition(".")[2]: module.EFFECT for module in _OURS
 }
 
-__all__ = ["EFFECTS", "Proposer"]
+
+@cache
+def catalogue() -> Mapping[str, Effect]:
+    """All effects by name: ours, and those of installed packages.
+
+    Raises:
+        InputError: an entry point is no Effect, or takes a name that is taken.
+    """
+    found = dict(EFFECTS)
+    for point in entry_points(group=GROUP):
+        effect = point.load()
+        if not isinstance(effect, Effect):
+            raise InputError(f"entry point {point.name} of {GROUP}: {point.value} is no Effect")
+        if point.name in found or point.name in PROVEN:
+            raise InputError(f"entry point {point.name} of {GROUP}: that effect is known already")
+        found[point.name] = effect
+    return found
+
+
+__all__ = ["EFFECTS", "PROVEN", "Effect", "catalogue"]

@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Complex, Real
 from mbmodel import AddedPart, Change, Parameter, transport
 
@@ -148,3 +148,10 @@ def _by_damping(omega: float, zeta: float) -> Shape:
         return np.asarray(laplace**4 / (laplace**2 + spring) ** 2 * rate, complex)
 
     return shape
+
+
+EFFECT = Effect(
+    propose,
+    means="a small mass on a spring of its own, such as a cable carrier or a loose cover",
+    confirm="hold or take off what hangs on {place} and repeat: the resonance goes with it",
+)

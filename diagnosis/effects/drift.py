@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 
 from diagnosis.effects.laws import Law, constant
 from diagnosis.effects.points import hits, jointed, springs_of
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Condition
 
 
@@ -42,3 +42,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 follow=drift.follow,
                 state=state,
             )
+
+
+EFFECT = Effect(
+    propose,
+    means="the joint's stiffness differed in {dof}: it warmed up or was clamped anew",
+    confirm="repeat {dof} directly before or after the other tests: the difference goes",
+)

@@ -13,7 +13,7 @@ import numpy as np
 
 from diagnosis.effects.laws import Law, Shape, Timed
 from diagnosis.effects.points import jointed, springs_of
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 
 _TURN, _SCANNED = 0.6, 8  # rad at the highest line; so many times that
 _STEP = 0.1
@@ -56,3 +56,10 @@ def _late(tau: float) -> Shape:
 def _by_time(tau: float) -> Shape:
     """-s tau exp(-s tau)."""
     return lambda laplace: np.asarray(-laplace * tau * np.exp(-laplace * tau), complex)
+
+
+EFFECT = Effect(
+    propose,
+    means="the spring is a control loop that acts late",
+    confirm="repeat with the loop open or its gain changed: the effect goes or changes with it",
+)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from mbmodel import AddedPart, Change, Parameter
 
 _UNIT = 10.0  # kg m2/s per unit of the parameters
@@ -31,3 +31,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             return {"angular_momentum": _UNIT * size}
 
         yield Hypothesis("gyroscopic", f"body:{body}", parts=(part,), state=state)
+
+
+EFFECT = Effect(
+    propose,
+    means="a rotor spins in the body",
+    confirm="repeat with the rotor at rest: the split of the modes goes",
+)

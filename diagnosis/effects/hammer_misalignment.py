@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.effects.points import hits, names_of, three
-from diagnosis.hypothesis import Hypothesis, Scene, Value, released
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value, released
 from identification.words import Real
 from mbmodel import rotation_matrix
 
@@ -46,3 +46,10 @@ def _shortest(one: Real, other: Real) -> Real:
     sine, cosine = float(np.linalg.norm(axis)), float(one @ other)
     angle: Real = axis * (np.arctan2(sine, cosine) / sine if sine > 0 else 1.0)
     return angle
+
+
+EFFECT = Effect(
+    propose,
+    means="the hits went another way than drawn",
+    confirm="hit {dof} again, guided or from the other side: the cross-talk changes",
+)

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from diagnosis.effects.points import jointed, springs_of
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import AddedPart, Change, Parameter
 
@@ -86,3 +86,10 @@ class _Coupling:
         half = self.felt[:, self.slides].swapaxes(1, 2) @ (theta[3:, None] * rows)
         by_stiffness = rows[:, :, None] * rows[:, None, :] - own[:, :, None] * own[:, None, :]
         return (self._change(np.concatenate([half + half.swapaxes(1, 2), by_stiffness])),)
+
+
+EFFECT = Effect(
+    propose,
+    means="the centre of stiffness is elsewhere than drawn",
+    confirm="measure where the springs or bearings of {place} act",
+)

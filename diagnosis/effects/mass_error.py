@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from mbmodel import AddedPart, Change, Parameter
 
 _UNIT = 0.01  # of the body's mass per unit of the parameters
@@ -55,3 +55,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             return {"mass": one * size, "position": place}
 
         yield Hypothesis("mass_error", f"body:{body}", parts=(part,), state=state)
+
+
+EFFECT = Effect(
+    propose,
+    means="a mass beyond tolerance: a payload or part that the drawing lacks",
+    confirm="weigh {place}, or add a known mass there and repeat",
+)

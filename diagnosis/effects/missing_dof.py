@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import AddedPart, Change, Held, Parameter
 
@@ -85,3 +85,10 @@ class _Way:
         """Stiffness and damping in SI."""
         stiffness, tau = self._at(np.array([found[name] for name in self.names]))
         return {"stiffness": stiffness, "damping": stiffness * tau}
+
+
+EFFECT = Effect(
+    propose,
+    means="a direction that the drawing holds rigid gives way",
+    confirm="put sensors on both sides of the joint of {place}: along {dof} they differ",
+)

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from diagnosis.effects.points import joined
-from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from mbmodel import AddedPart, Change, Machine, Parameter, transport
 
 _PART = 0.01  # of the softer body's mass times the square of a frequency in the middle of the band
@@ -46,3 +46,10 @@ def _relative(machine: Machine, low: int, high: int) -> np.ndarray:
     for body, sign in ((high, 1.0), (low, -1.0)):
         rows[:, 6 * body : 6 * body + 6] = sign * transport(middle - centres[body])[:3]
     return rows.T
+
+
+EFFECT = Effect(
+    propose,
+    means="a link bypasses the joints: a hose, a cable, a bridge",
+    confirm="take the cables and hoses of {place} off and repeat: the stiffness goes",
+)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from diagnosis.effects.points import names_of, sensors
-from diagnosis.hypothesis import Hypothesis, Scene, released
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -14,3 +14,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             name = f"{site}.gain_{axis}"
             if name in known:
                 yield released("sensor_gain", f"sensor:{site}", f"t{axis}", (name,), "gain")
+
+
+EFFECT = Effect(
+    propose,
+    means="the channel's calibration value is wrong",
+    confirm="exchange the sensor and repeat one hit: the gain goes with it",
+)

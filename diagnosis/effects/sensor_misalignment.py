@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from diagnosis.effects.points import names_of, sensors, three
-from diagnosis.hypothesis import Hypothesis, Scene, released
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -13,3 +13,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         names = three(f"{site}.rotation_")
         if known.issuperset(names):
             yield released("sensor_misalignment", f"sensor:{site}", None, names, "rotation")
+
+
+EFFECT = Effect(
+    propose,
+    means="the sensor's axes are turned beyond tolerance",
+    confirm="glue the sensor anew along the drawing's axes and repeat one hit",
+)

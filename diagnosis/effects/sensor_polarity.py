@@ -11,7 +11,7 @@ import numpy as np
 
 from diagnosis.corrections import channels_of, divided
 from diagnosis.effects.points import names_of, sensors
-from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from identification.words import Complex, Real
 
 
@@ -29,3 +29,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             if gain in known:
                 correct = partial(divided, concerned=channels_of(place, dof), reading=turned)
                 yield Hypothesis("sensor_polarity", place, dof, scored=(gain,), correct=correct)
+
+
+EFFECT = Effect(
+    propose,
+    means="the channel has the wrong sign",
+    confirm="turn the channel's sign back, or look how its axis points",
+)

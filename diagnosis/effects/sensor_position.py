@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from diagnosis.effects.points import names_of, sensors, three
-from diagnosis.hypothesis import Hypothesis, Scene, released
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -13,3 +13,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         names = three(f"{site}.position_")
         if known.issuperset(names):
             yield released("sensor_position", f"sensor:{site}", None, names, "offset")
+
+
+EFFECT = Effect(
+    propose,
+    means="the sensor sits elsewhere than drawn",
+    confirm="measure where the sensor sits, or glue it anew and repeat one hit",
+)

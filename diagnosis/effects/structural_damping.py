@@ -6,7 +6,7 @@ import numpy as np
 
 from diagnosis.effects.laws import Law
 from diagnosis.effects.points import jointed, springs_of
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Complex
 
 
@@ -36,3 +36,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             signed=True,
             state=state,
         )
+
+
+EFFECT = Effect(
+    propose,
+    means="the joint's loss does not grow with frequency: rubber, dry joints, cables",
+    confirm="repeat at another level: a loss by friction changes, that of a material stays",
+)

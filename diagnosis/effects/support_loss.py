@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from diagnosis.effects.points import jointed, springs_of
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import AddedPart, Change, Parameter
 
@@ -99,3 +99,10 @@ def _felt(corner: tuple[int, int], levers: Real) -> Real:
     rows[0, 5], rows[1, 5] = -flat * y, flat * x
     rows[2, 3], rows[2, 4] = y, -x
     return rows
+
+
+EFFECT = Effect(
+    propose,
+    means="a support of the joint carries nothing",
+    confirm="shim or adjust the support of {place} that has lost most and repeat",
+)

@@ -12,7 +12,7 @@ import numpy as np
 
 from diagnosis.effects.laws import Law, Shape, Timed
 from diagnosis.effects.points import jointed, springs_of
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 
 _SCANNED = 6
 _STEP = 0.3
@@ -54,3 +54,10 @@ def _maxwell(tau: float) -> Shape:
 def _by_time(tau: float) -> Shape:
     """S tau / (1 + s tau)^2."""
     return lambda laplace: np.asarray(laplace * tau / (1 + laplace * tau) ** 2, complex)
+
+
+EFFECT = Effect(
+    propose,
+    means="the joint's stiffness rises with frequency: rubber, a hydraulic or air damper",
+    confirm="repeat at another temperature: the time constant moves",
+)

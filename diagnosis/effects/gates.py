@@ -1,0 +1,37 @@
+"""Effects that gates prove from spare channels alone, without a hypothesis to be refitted."""
+
+from diagnosis.hypothesis import Effect
+
+
+def _nothing(_: object) -> tuple[()]:
+    """A gate proposes."""
+    return ()
+
+
+PROVEN = {
+    "dead_channel": Effect(
+        _nothing,
+        means="the channel holds no motion",
+        confirm="look at its cable and plug, and repeat one hit",
+    ),
+    "flexible_body": Effect(
+        _nothing,
+        means="the body bends: it moves with a mode of its own",
+        confirm="put more sensors on {place} and look at its shape at that frequency",
+    ),
+    "mount_resonance": Effect(
+        _nothing,
+        means="the sensor resonates on its mounting",
+        confirm="glue or screw the sensor on anew and repeat one hit: the resonance moves up",
+    ),
+    "sensor_delay": Effect(
+        _nothing,
+        means="the sensor's channels come late",
+        confirm="give the sensor another input of the analyser and repeat one hit",
+    ),
+    "sensor_swap": Effect(
+        _nothing,
+        means="channels are exchanged",
+        confirm="knock at each of them and see which channel answers",
+    ),
+}
