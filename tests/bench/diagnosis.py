@@ -8,7 +8,6 @@ makes others, seeds 80000 and up, and fits the judgement's constants to them, wh
 
 import json
 import time
-import tomllib
 from functools import partial
 from pathlib import Path
 
@@ -162,33 +161,8 @@ def graded(rows: list[dict], name: str) -> list[dict[str, object]]:
     (RESULTS / f"{name}.grades.json").write_text(to_json(report) + "\n", encoding="utf-8")
     (RESULTS / f"{name}.txt").write_text(tables(report), encoding="utf-8")
     seconds = np.array([row["seconds"] for row in rows if "seconds" in row])
-    held, errors = _sizes([row for row in rows if row.get("verdict")])
     found: list[dict[str, object]] = [
         {"figure": "core seconds, median", "value": float(np.median(seconds)), "n": len(seconds)},
         {"figure": "core seconds, 95 %", "value": float(np.quantile(seconds, 0.95)), "n": ""},
-        {"figure": "95 % intervals that hold", "value": float(np.mean(held)), "n": len(held)},
-        {"figure": "error of sizes, median", "value": float(np.median(errors)), "n": len(errors)},
     ]
     return found
-
-
-def _sizes(rows: list[dict]) -> tuple[list[bool], list[float]]:
-    """Whether intervals hold what is true, and relative errors, of causes rightly named."""
-    held: list[bool] = []
-    errors: list[float] = []
-    for row in rows:
-        truth, causes = tomllib.loads(row["answer"]), row["verdict"]["causes"]
-        key = truth["effect"], truth.get("location")
-        if not causes or (causes[0]["effect"], causes[0]["location"]) != key:
-            continue
-        for name, value in truth.get("parameters", {}).items():
-            found = causes[0]["parameters"].get(name)
-            if found is None or np.shape(found) != np.shape(value):
-                continue
-            away, size = np.linalg.norm(np.subtract(found, value)), np.linalg.norm(value)
-            errors.append(float(away / size))
-            if name in causes[0]["interval"]:
-                low, high = np.reshape(causes[0]["interval"][name], (-1, 2)).T
-                inside = (low <= np.ravel(value)) & (np.ravel(value) <= high)
-                held += inside.tolist()
-    return held, errors
