@@ -35,7 +35,7 @@ station: $(VENV)/.installed
 
 # Remakes assets/demo, byte for byte, from its seed.
 demo-campaign: $(VENV)/.installed
-	$(BIN)/python -m truth assets/microstation/station.xml assets/demo --seed 20261121 --node 11 --effect appendage --overwrite
+	$(BIN)/python -m truth assets/microstation/station.xml assets/demo --seed 20261121 --node 11 --effect appendage --ratio 4 --overwrite
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)

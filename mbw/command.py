@@ -305,7 +305,9 @@ def blind(  # one for each option
 @app.command()
 @guarded
 def report(
-    result: Annotated[Path, typer.Argument(help="Folder that mbw tune or mbw identify wrote.")],
+    result: Annotated[
+        Path, typer.Argument(help="Folder that mbw tune, identify or diagnose wrote.")
+    ],
     out: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Folder or .html; default: beside the result."),

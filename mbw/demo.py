@@ -1,14 +1,65 @@
-"""``mbw demo``: the whole line on the built-in station."""
+"""``mbw demo``: the whole line on the built-in station, whose test hides one effect."""
 
+import tomllib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from mbw import report, tune
+import numpy as np
+
+from diagnosis import Verdict
+from identification.modal import Tolerances, Wishes
+from mbw import diagnose, identify, report, tune
 from mbw.assets import asset
+from mbw.diagnose_files import PAGE, VERDICT
+from mbw.identify_files import PAGE as MODES_PAGE
 from mbw.messages import SCREEN
 
 
 def run(out: Path, jobs: int) -> None:
-    """Tune the built-in virtual campaign and write its report."""
-    folder = tune.run(asset("demo"), out=out, jobs=jobs)
-    target = report.run(folder, None)
-    SCREEN.say(f"open {target.resolve().as_uri()}")
+    """Identify, tune, diagnose, write the pages, and grade the diagnosis by the sealed answer."""
+    campaign = asset("demo")
+    SCREEN.say("1. the measured modes")
+    targets = identify.Targets(out / "modes", json=None, pictures=True, full=False)
+    choices = identify.Choices(Tolerances(), Wishes(), against=None)
+    modes = identify.run(campaign, targets, choices, None)
+    SCREEN.say("\n2. stiffness, damping and tolerances tuned")
+    tuned = report.run(tune.run(campaign, out=out, jobs=jobs), None)
+    SCREEN.say("\n3. what the model lacks")
+    found = diagnose.run(campaign, out=out / "diagnosis", jobs=jobs)
+    verdict = Verdict.model_validate_json((found / VERDICT).read_text(encoding="utf-8"))
+    answer = tomllib.loads((campaign / "answer.toml").read_text(encoding="utf-8"))
+    SCREEN.say("\n4. graded by the answer, which nobody has read so far")
+    for line in graded(verdict, answer):
+        SCREEN.say(f"  {line}")
+    SCREEN.say("")
+    for page in (modes / MODES_PAGE, tuned, found / PAGE):
+        SCREEN.say(f"open {page.resolve().as_uri()}")
+
+
+def graded(verdict: Verdict, answer: Mapping[str, Any]) -> list[str]:
+    """What was said beside what is true.
+
+    Args:
+        verdict: of the diagnosis.
+        answer: of the campaign, as ``answer.toml`` holds it.
+    """
+    if not verdict.causes:
+        return [f"said {verdict.verdict}; true is {answer['effect']} at {answer.get('location')}"]
+    first = verdict.causes[0]
+    pairs = (("effect", first.effect), ("location", first.location))
+    lines = [_line(name, said, str(answer.get(name))) for name, said in pairs]
+    for name, true in answer.get("parameters", {}).items():
+        said = first.parameters.get(name)
+        if said is not None:
+            off = np.linalg.norm(np.subtract(said, true)) / np.linalg.norm(true)
+            lines.append(f"{name}: {_number(said)}, true {_number(true)}, {off:.2%} off")
+    return lines
+
+
+def _line(name: str, said: str, true: str) -> str:
+    return f"{name}: {said}, right" if said == true else f"{name}: {said}, wrong: it is {true}"
+
+
+def _number(value: float | Sequence[float]) -> str:
+    return ", ".join(f"{one:.4g}" for one in np.ravel(value))

@@ -5,12 +5,18 @@ from pathlib import Path
 from rich.progress import Progress
 from rich.table import Table
 
-from diagnosis import STEPS, Diagnosis, Verdict, diagnose, verdict_of
+from diagnosis import STEPS, Diagnosis, Verdict, diagnose
+from mbw.diagnose_files import NAMES, PAGE, SHOWN, VERDICT, read_result, write_files
+from mbw.diagnose_page import render
+from mbw.diagnose_result import gather
+from mbw.diagnose_words import cause_parameters
+from mbw.identify_files import MODES_JSON
 from mbw.messages import SCREEN, one_interrupt
+from mbw.page import check_names, write_page
 from mbw.tune import check_json, write_json
 from tuning import files_of, open_session
+from tuning.result import TUNED_JSON
 
-VERDICT, EVIDENCE = "verdict.json", "evidence.json"
 _FEW = 8
 
 
@@ -23,7 +29,7 @@ def run(  # one for each option
     jobs: int = 1,
     explain: bool = False,
 ) -> Path:
-    """Diagnose, write the verdict, say it.
+    """Diagnose, write the verdict and its page, say it.
 
     Args:
         campaign: its folder.
@@ -38,8 +44,7 @@ def run(  # one for each option
     """
     session = open_session(campaign, band)
     folder = out or Path(f"{session.campaign.name}-diagnosed")
-    with files_of(folder):
-        pass  # refused now, not after the work
+    check_names(folder, NAMES)
     if json is not None:
         check_json(json)
     for text in session.campaign.remarks:
@@ -47,19 +52,48 @@ def run(  # one for each option
     with SCREEN.progress() as progress, one_interrupt() as ends:
         found = diagnose(session, jobs=jobs, tell=_Teller(progress).tell)
         ends()
-    verdict = verdict_of(found)
-    text = verdict.model_dump_json(indent=1)
+    result = gather(found)
     with files_of(folder) as place:
-        (place / VERDICT).write_text(text + "\n", encoding="utf-8")
-        kept = found.evidence.model_dump_json(indent=1)
-        (place / EVIDENCE).write_text(kept + "\n", encoding="utf-8")
+        write_files(result, place)
+        (place / PAGE).write_text(render(result), encoding="utf-8")
     if json is not None:
-        write_json(text, json)
+        write_json(result.verdict.model_dump_json(indent=1), json)
     if explain:
         _explain(found)
-    _say(verdict, found)
+    _say(result.verdict, found)
     SCREEN.say(f"verdict in {folder / VERDICT}")
+    SCREEN.say(f"report in {(folder / PAGE).absolute().as_uri()}")
     return folder
+
+
+def is_diagnosed(path: Path) -> bool:
+    """Whether a folder, or a file, is what ``mbw diagnose`` wrote, and no other verb."""
+    if not path.is_dir():
+        return path.name in (VERDICT, SHOWN)
+    others = any((path / name).is_file() for name in (MODES_JSON, TUNED_JSON))
+    return not others and any((path / name).is_file() for name in (VERDICT, SHOWN))
+
+
+def rewrite(path: Path, out: Path | None) -> Path:
+    """Write the page of a result folder again.
+
+    Args:
+        path: the folder, or its verdict.json.
+        out: an .html file or a folder; the result's own folder if None.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: the folder holds no result, or the file cannot be written.
+    """
+    result = read_result(path)
+    target = out or (path if path.is_dir() else path.parent)
+    if target.suffix != ".html":
+        target /= PAGE
+    write_page(render(result), target)
+    SCREEN.say(f"report in {target}")
+    return target
 
 
 class _Teller:
@@ -92,7 +126,9 @@ def _say(verdict: Verdict, found: Diagnosis) -> None:
         SCREEN.say(f"  {gap.closed:.1%} of the gap beyond noise is closed")
     for row in verdict.causes[:_FEW]:
         dof = f" {row.dof}" if row.dof else ""
-        SCREEN.say(f"  {row.probability:.0%} {row.effect} at {row.location}{dof}{_values(row)}")
+        sizes = cause_parameters(row)
+        sizes = f": {sizes}" if sizes else ""
+        SCREEN.say(f"  {row.probability:.0%} {row.effect} at {row.location}{dof}{sizes}")
     if verdict.verdict == "unexplained" and verdict.where:
         places = ", ".join(
             f"{one.location} {one.share:.0%}" for one in verdict.where[:3] if one.share is not None
@@ -100,17 +136,6 @@ def _say(verdict: Verdict, found: Diagnosis) -> None:
         SCREEN.say(f"  where: {places}" if places else "  where: not to be told")
     for check in found.gate.flexible:
         SCREEN.say(f"  {check.words}")
-
-
-def _values(row: object) -> str:
-    parameters = getattr(row, "parameters", {})
-    said = [
-        f"{name} {value:.4g}"
-        if isinstance(value, float)
-        else f"{name} ({', '.join(f'{x:.3g}' for x in value)})"
-        for name, value in parameters.items()
-    ]
-    return f": {', '.join(said)}" if said else ""
 
 
 def _explain(found: Diagnosis) -> None:

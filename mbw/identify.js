@@ -2,9 +2,7 @@
 const MODES = DATA.modes, FREQ = floats(DATA.frf.freq);
 const state = {mode: 0, amplitude: 5, playing: !matchMedia("(prefers-reduced-motion: reduce)").matches,
                out: 0, inp: 0, map: "error"};
-const PLOT = {font: FONT, paper_bgcolor: "white", plot_bgcolor: "white"};
-const BARE = {...CONFIG, displayModeBar: false};
-const GRID = "#eef1f5", DASH = {color: GREY, width: 1, dash: "dot"};
+const DASH = {color: GREY, width: 1, dash: "dot"};
 
 // ---- the table of modes --------------------------------------------------------------------
 

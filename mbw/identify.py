@@ -17,7 +17,7 @@ from identification import (
 from identification.modal import Tolerances, Wishes, identify
 from identification.roving import exchanged, is_roved, shape_points
 from identification.setups import consistency
-from identification.words import Campaign, InputError, UsageError, WorkbenchError
+from identification.words import Campaign, UsageError, WorkbenchError
 from mbmodel import Machine, load_machine, looks
 from mbw.identify_against import Other, drawn_model, nothing, of_file
 from mbw.identify_files import (
@@ -33,7 +33,7 @@ from mbw.identify_remarks import remarks
 from mbw.identify_result import Checks, Result, gather
 from mbw.identify_schema import ModesFile
 from mbw.messages import SCREEN
-from mbw.page import write_page
+from mbw.page import check_names, write_page
 from mbw.tune import check_json, write_json
 from tuning import files_of, open_campaign
 from tuning.result import TUNED_JSON
@@ -81,7 +81,7 @@ def run(
     """
     machine, chosen = _opened(campaign, band)
     folder = targets.out or Path(f"{chosen.name}-modes")
-    _check(folder)
+    check_names(folder, NAMES)
     if targets.json is not None:
         check_json(targets.json)
     other = _other(choices.against, machine, chosen)
@@ -188,16 +188,6 @@ def parse_forced(texts: list[str]) -> tuple[tuple[float, float], ...]:
             )
         found.append((frequency, percent / 100))
     return tuple(found)
-
-
-def _check(folder: Path) -> None:
-    """Refuse a folder that cannot be written before the work is done."""
-    with files_of(folder) as place:
-        for name in NAMES:
-            if (folder / name).is_dir():
-                raise InputError(f"{folder / name} is a folder: name another")
-        (place / ".probe").touch()
-        (place / ".probe").unlink()
 
 
 def _say(result: Result) -> None:

@@ -37,18 +37,8 @@ function synthesis(out, inp, alone) {
   return values;
 }
 
-function stored(values, cell) {
-  const start = 2 * LINES * cell;
-  return Array.from({length: LINES}, (_, k) => [values[start + 2 * k], values[start + 2 * k + 1]]);
-}
-
-function curves(values, name, line, extra = {}) {
-  const size = values.map(v => Math.hypot(...v) || null), angle = values.map((v, k) => size[k] === null ? null : Math.atan2(v[1], v[0]) * 180 / Math.PI);
-  for (let k = 1; k < angle.length; k++) if (angle[k] !== null && Math.abs(angle[k] - angle[k - 1]) > 180) angle[k - 1] = null;
-  const common = {type: "scatter", mode: "lines", x: FREQ, name, legendgroup: name, line, ...extra};
-  return [{...common, y: size, hovertemplate: "%{x:.5g} Hz: %{y:.4g}<extra>" + name + "</extra>"},
-          {...common, y: angle, yaxis: "y2", showlegend: false, hovertemplate: "%{x:.5g} Hz: %{y:.1f}°<extra>" + name + "</extra>"}];
-}
+const stored = (values, cell) => complexes(values, cell, LINES);
+const curves = (values, ...rest) => bodeTraces(FREQ, polar(values), ...rest);
 
 // ---- the chosen FRF ------------------------------------------------------------------------
 
@@ -79,8 +69,7 @@ function frf() {
   Plotly.react("frf", data, {...PLOT, height: COHERENCE.length ? 660 : 540, margin: {l: 76, r: 12, t: 54, b: 44}, shapes: marks(),
     xaxis: {title: {text: "frequency / Hz", standoff: 4}, gridcolor: GRID, zeroline: false, ticks: "outside", anchor: COHERENCE.length ? "y3" : "y2"},
     ...(COHERENCE.length ? {yaxis3: third} : {}),
-    yaxis: {type: "log", domain: [top, 1], gridcolor: GRID, exponentformat: "power", ...logAxis(sizes), title: {text: DATA.quantity + " / (" + DATA.unit + ")"}},
-    yaxis2: {domain: middle, range: [-190, 190], tickvals: [-180, -90, 0, 90, 180], gridcolor: GRID, zeroline: false, title: {text: "phase / °"}},
+    ...bodeAxes(sizes, DATA.quantity + " / (" + DATA.unit + ")", [top, middle]),
     legend: {orientation: "h", x: 0, y: 1.01, xanchor: "left", yanchor: "bottom", uirevision: "kept"}}, CONFIG);
   byId("frf-remark").textContent = remark(choice, cell, there);
   byId("out").value = out; byId("inp").value = state.inp;
@@ -127,7 +116,6 @@ function chooser() {
 
 // ---- the map of errors ---------------------------------------------------------------------
 
-const BLUES = [[0, "#f7f9fb"], [0.15, "#dbe8f5"], [0.5, "#7fb2e0"], [1, "#134b82"]];
 const MAPS = [["error", "error"], ["ratio", "error / noise"], ["frac", "1 − FRAC"]];
 const LEAST = {error: 10, ratio: 2, frac: 0.05};  // of the darkest blue: small errors shall look small
 const WIDE = OUTPUTS.length >= INPUTS.length;  // outputs along x

@@ -16,8 +16,7 @@ from mbw.identify_result import Result
 from mbw.identify_solid import solid_data
 from mbw.page import fill, packed, packed_complex, packed_integers, text_of, warnings
 from mbw.picture import picture
-
-_UNITS = {"accelerance": "m/s²/N", "mobility": "m/s/N", "receptance": "m/N"}
+from mbw.report_numbers import UNITS
 
 
 def render(result: Result, looks: Looks | None) -> str:
@@ -28,7 +27,8 @@ def render(result: Result, looks: Looks | None) -> str:
         looks: of the machine; None to show sensors and centres of mass alone.
     """
     summary = result.summary
-    names = ("picture", "modes", "identify", "identify_hits", "identify_solid", "identify_frf")
+    own = ("identify", "identify_hits", "identify_solid", "identify_frf")
+    names = ("picture", "modes", "bode", *own)
     return fill(
         "identify_template.html",
         _data(result, looks),
@@ -58,7 +58,7 @@ def _data(result: Result, looks: Looks | None) -> dict[str, object]:
         "inputs": summary.inputs,
         "bodies": [result.layout.body_name(Dof.parse(label).point) for label in summary.outputs],
         "quantity": summary.quantity,
-        "unit": _UNITS[summary.quantity],
+        "unit": UNITS[summary.quantity][0],
         "scaled": summary.normalisation == UNIT_MASS,
         "model": {
             "order": ORDER[cast(Quantity, summary.quantity)],

@@ -40,14 +40,15 @@ def solid_row(check: BodyCheck) -> SolidRow:
         words=check.words,
         frequency=check.freq_hz[kept].tolist(),
         deviation=check.deviation[kept].tolist(),
-        faults=[_fault(fault) for fault in check.faults],
+        faults=[fault_row(fault) for fault in check.faults],
         more=check.more,
         twins=list(check.twins),
         unseen=list(check.unseen),
     )
 
 
-def _fault(fault: Fault) -> FaultRow:
+def fault_row(fault: Fault) -> FaultRow:
+    """A fault as its row in a file."""
     parameters = {
         name: list(value) if isinstance(value, tuple) else float(value)
         for name, value in fault.parameters.items()

@@ -1,18 +1,23 @@
 // What all pages share: colours, plotly's settings, numbers packed as text.
-const BLUE = "#1f6fb8", ORANGE = "#d9822b", INK = "#30343b", GREY = "#98a2b3";
+const BLUE = "#1f6fb8", ORANGE = "#d9822b", INK = "#30343b", GREY = "#98a2b3", PURPLE = "#7b1fa2";
 const HUES = ["#1f6fb8", "#d9822b", "#2f8f4e", "#b0413e", "#7a5aa6", "#8a6d3b", "#c2569b", "#5d6673", "#9aa52c", "#22a0ae"];
 const CONFIG = {displaylogo: false, responsive: true, modeBarButtonsToRemove: ["select2d", "lasso2d"]};
 const FONT = {family: "system-ui, DejaVu Sans, sans-serif", size: 12, color: "#1d2430"};
+const PLOT = {font: FONT, paper_bgcolor: "white", plot_bgcolor: "white"};
+const BARE = {...CONFIG, displayModeBar: false};
+const GRID = "#eef1f5";
+const BLUES = [[0, "#f7f9fb"], [0.15, "#dbe8f5"], [0.5, "#7fb2e0"], [1, "#134b82"]];
 
-function floats(text) {
-  const raw = atob(text), bytes = new Uint8Array(raw.length);
-  for (let i = 0; i < raw.length; i++) bytes[i] = raw.charCodeAt(i);
-  return new Float32Array(bytes.buffer);
+function bytes(text) {
+  const raw = atob(text), found = new Uint8Array(raw.length);
+  for (let i = 0; i < raw.length; i++) found[i] = raw.charCodeAt(i);
+  return found.buffer;
 }
 
-function integers(text) {
-  return new Int32Array(floats(text).buffer);
-}
+const floats = text => new Float32Array(bytes(text));
+const integers = text => new Int32Array(bytes(text));
+const shorts = text => new Int16Array(bytes(text));
+const sizeOf = steps => steps === -32768 ? null : 10 ** (steps / 1500);  // of packed_sizes and packed_polar
 
 function element(tag, text, properties) {
   const made = Object.assign(document.createElement(tag), properties);

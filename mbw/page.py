@@ -1,4 +1,4 @@
-"""What all self-contained HTML pages share: plotly, style, script, numbers packed as text."""
+"""What all self-contained HTML pages share: plotly, style, script, numbers as text, their file."""
 
 import base64
 import json
@@ -13,6 +13,8 @@ from plotly.offline import get_plotlyjs
 
 from identification.words import InputError
 from tuning import files_of
+
+_DECADE, _HUNDREDTHS = 1500, 100  # as page.js reads them
 
 
 def fill(template: str, data: object, *, script: str, style: str = "", **fields: str) -> str:
@@ -51,6 +53,12 @@ def warnings(texts: Iterable[str]) -> str:
     return "".join(f'<div class="warn">{escape(text)}</div>' for text in texts)
 
 
+def badge(text: str, good: bool | None) -> str:
+    """A few words in a coloured pill: green or red, grey if neither."""
+    kind = "plain" if good is None else "good" if good else "trouble"
+    return f'<span class="badge {kind}">{escape(text)}</span>'
+
+
 def write_page(text: str, target: Path) -> None:
     """Write a page, whole or not at all, in the place of one of that name.
 
@@ -64,6 +72,20 @@ def write_page(text: str, target: Path) -> None:
         raise InputError(f"{target} cannot be written ({error.strerror}): name another") from error
 
 
+def check_names(folder: Path, names: Iterable[str]) -> None:
+    """Refuse a folder into which a result cannot be written, before the work is done.
+
+    Raises:
+        InputError: it cannot be made or written, or holds folders in the places of the files.
+    """
+    with files_of(folder) as place:
+        for name in names:
+            if (folder / name).is_dir():
+                raise InputError(f"{folder / name} is a folder: name another")
+        (place / ".probe").touch()
+        (place / ".probe").unlink()
+
+
 def packed(values: np.ndarray) -> str:
     """Real numbers in single precision."""
     return _base64(values, "<f4")
@@ -72,6 +94,24 @@ def packed(values: np.ndarray) -> str:
 def packed_complex(values: np.ndarray) -> str:
     """Complex numbers in single precision, real and imaginary part in turn."""
     return _base64(values, "<c8")
+
+
+def packed_sizes(values: np.ndarray) -> str:
+    """Sizes as 16 bits: steps of their logarithm, less than 0.1 % off; zero and nan as none."""
+    return _base64(_steps(values), "<i2")
+
+
+def packed_polar(values: np.ndarray) -> str:
+    """Complex numbers, steps of the logarithm and hundredths of a degree in turn."""
+    degrees = np.degrees(np.angle(np.nan_to_num(values)))
+    turns = np.round(_HUNDREDTHS * degrees)
+    return _base64(np.stack([_steps(np.abs(values)), turns], axis=-1), "<i2")
+
+
+def _steps(values: np.ndarray) -> np.ndarray:
+    known = np.isfinite(values) & (values > 0)
+    steps = np.round(_DECADE * np.log10(np.where(known, values, 1.0)))
+    return np.where(known, np.clip(steps, 1 - 2**15, 2**15 - 1), -(2**15))
 
 
 def packed_integers(values: np.ndarray) -> str:

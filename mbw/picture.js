@@ -144,9 +144,9 @@ function traces() {
   lines(sharp, {line: {color: "rgba(120,130,145,0.7)", width: 1}}, false);
   const legs = tendons();
   if (legs.stages.length) lines(legs, {line: {color: PICTURE.lines[0].colour, width: 6}, text: legs.names, hoverinfo: "text"}, true);
-  for (const [kind, color, symbol, size] of [["site", "#8d95a3", "circle", 2], ["sensor", "#c8201d", "circle", 4], ["hammer", "#111827", "diamond", 5]]) {
+  for (const [kind, color, symbol, size] of [["site", "#8d95a3", "circle", 2], ["sensor", "#c8201d", "circle", 4], ["hammer", "#111827", "diamond", 5], ["place", PURPLE, "diamond", 11]]) {
     const set = sites(kind);
-    if (set.names.length) add({type: "scatter3d", mode: "markers", marker: {color, symbol, size, line: {width: 0}},
+    if (set.names.length) add({type: "scatter3d", mode: "markers", name: kind, marker: {color, symbol, size, line: {width: 0}},
       text: set.names, hovertemplate: kind + " %{text}<extra></extra>", hoverinfo: undefined}, set.places, k => set.stages[k], true);
   }
   if (SENSORS) for (const lines of [true, false]) {

@@ -80,34 +80,19 @@ const tick = mode => mode.name || (mode.frequency < 10 ? mode.frequency.toFixed(
 
 const BODE = DATA.bode, FREQ = floats(BODE.freq), FRFS = floats(BODE.values), MANY = 10;
 
-function parts(curve) {
-  const n = FREQ.length, magnitude = new Array(n), angle = new Array(n);
-  for (let k = 0; k < n; k++) {
-    const re = FRFS[2 * (curve * n + k)], im = FRFS[2 * (curve * n + k) + 1], size = Math.hypot(re, im);
-    magnitude[k] = size > 0 && Number.isFinite(size) ? size : null;
-    angle[k] = magnitude[k] === null ? null : Math.atan2(im, re) * 180 / Math.PI;
-    if (k && angle[k] !== null && Math.abs(angle[k] - angle[k - 1]) > 180) angle[k - 1] = null;
-  }
-  return {magnitude, angle};
-}
-
 function bode() {
   const chosen = BODE.labels.map((label, k) => k).filter(k => state.curves === "all" || BODE.groups[k] === state.curves);
   const units = [...new Set(chosen.map(k => BODE.units[k]))], data = [], sizes = [];
   chosen.forEach((k, n) => {
-    const {magnitude, angle} = parts(k), color = HUES[n % HUES.length], hidden = n >= MANY;
+    const values = polar(complexes(FRFS, k, FREQ.length)), hidden = n >= MANY;
     const name = BODE.labels[k] + (units.length > 1 ? " [" + BODE.units[k] + "]" : "");
-    const common = {x: FREQ, mode: "lines", name, legendgroup: name, line: {color, width: 1.4}, visible: hidden ? "legendonly" : true};
-    if (!hidden) sizes.push(magnitude);
-    data.push({...common, y: magnitude, hovertemplate: "%{x:.5g} Hz, %{y:.4g}<extra>" + escaped(name) + "</extra>"});
-    data.push({...common, y: angle, yaxis: "y2", showlegend: false, hovertemplate: "%{x:.5g} Hz, %{y:.1f}°<extra>" + escaped(name) + "</extra>"});
+    if (!hidden) sizes.push(values.size);
+    data.push(...bodeTraces(FREQ, values, name, {color: HUES[n % HUES.length], width: 1.4}, {visible: hidden ? "legendonly" : true}));
   });
-  const x = {gridcolor: "#eef1f5", zeroline: false, type: state.axis, ticks: "outside", anchor: "y2"};
-  const layout = {height: 560, margin: {l: 76, r: 12, t: 34, b: 46}, font: FONT, paper_bgcolor: "white", plot_bgcolor: "white",
+  const x = {gridcolor: GRID, zeroline: false, type: state.axis, ticks: "outside", anchor: "y2"};
+  const layout = {...PLOT, height: 560, margin: {l: 76, r: 12, t: 34, b: 46},
     xaxis: {...x, title: {text: "Hz", standoff: 4}},
-    yaxis: {type: "log", domain: [0.36, 1], gridcolor: "#eef1f5", exponentformat: "power", ...logAxis(sizes),
-      title: {text: BODE.quantity + " / (" + (units.length > 1 ? "unit in the legend" : units[0]) + ")"}},
-    yaxis2: {domain: [0, 0.3], range: [-190, 190], tickvals: [-180, -90, 0, 90, 180], gridcolor: "#eef1f5", zeroline: false, title: {text: "phase / °"}},
+    ...bodeAxes(sizes, BODE.quantity + " / (" + (units.length > 1 ? "unit in the legend" : units[0]) + ")"),
     legend: {x: 1.01, y: 1, xanchor: "left", tracegroupgap: 0}, showlegend: true};
   Plotly.react("bode", data, layout, CONFIG).then(mark);
   press(byId("curves"));

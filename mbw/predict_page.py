@@ -37,7 +37,7 @@ def render(prediction: Prediction, looks: Looks, curves: Curves, spin: str = "")
         title=escape(f"{machine.name}: what the model says"),
         subtitle=escape(", ".join(filter(None, (counts, gravity, spin)))),
         warnings=warnings(prediction.remarks),
-        script="".join(text_of(f"{name}.js") for name in ("picture", "modes", "predict")),
+        script="".join(text_of(f"{name}.js") for name in ("picture", "modes", "bode", "predict")),
     )
 
 

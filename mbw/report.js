@@ -4,13 +4,8 @@ const FRFS = {measured: floats(DATA.measured), drawn: floats(DATA.drawn), tuned:
 const NOISE = floats(DATA.noise), DEVIATION = DATA.deviation && floats(DATA.deviation);
 
 function curve(kind, channel, view) {
-  const out = new Array(LINES), start = 2 * LINES * channel, source = FRFS[kind];
-  for (let k = 0; k < LINES; k++) {
-    const re = source[start + 2 * k], im = source[start + 2 * k + 1];
-    const size = Math.hypot(re, im);
-    out[k] = view === "phase" ? Math.atan2(im, re) * 180 / Math.PI : (size > 0 ? size : null);
-  }
-  return out;
+  const {size, angle} = polar(complexes(FRFS[kind], channel, LINES));
+  return view === "phase" ? angle : size;
 }
 
 function band(channel) {  // 95 % of the tuned model's magnitude, as one outline

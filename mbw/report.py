@@ -6,22 +6,17 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import Dof
-from mbw.identify import is_identified, rewrite
+from mbw import diagnose, identify
 from mbw.messages import SCREEN
 from mbw.page import fill, packed, packed_complex, text_of, warnings, write_page
 from mbw.remarks import limits, not_held
-from mbw.report_numbers import percent
+from mbw.report_numbers import UNITS, percent
 from mbw.report_pairs import pairs_section
 from mbw.report_parameters import parameter_rows
 from mbw.report_pulls import pull_points, pulls_note, pulls_table
 from mbw.report_trust import badges, starts_section, unknown_section
 from tuning import Level, Result, TunedFile, read_result
 
-_UNITS = {
-    "accelerance": ("m/s²/N", "rad/s²/N"),
-    "mobility": ("m/s/N", "rad/s/N"),
-    "receptance": ("m/N", "rad/N"),
-}
 _COLOURS = {"as drawn": "#d9822b", "tuned": "#1f6fb8", "held out": "#7fb2e0", "noise": "#98a2b3"}
 
 
@@ -29,7 +24,7 @@ def run(path: Path, out: Path | None) -> Path:
     """Write the report of a result folder.
 
     Args:
-        path: the folder, or its tuned.json or modes.json.
+        path: the folder, or its tuned.json, modes.json or verdict.json.
         out: an .html file or a folder; the result's own folder if None.
 
     Returns:
@@ -38,8 +33,10 @@ def run(path: Path, out: Path | None) -> Path:
     Raises:
         InputError: the folder holds no result, or the file cannot be written.
     """
-    if is_identified(path):
-        return rewrite(path, out)
+    if identify.is_identified(path):
+        return identify.rewrite(path, out)
+    if diagnose.is_diagnosed(path):
+        return diagnose.rewrite(path, out)
     result = read_result(path)
     target = out or (path if path.is_dir() else path.parent)
     if target.suffix != ".html":
@@ -73,7 +70,7 @@ def render(result: Result) -> str:
         pairs=pairs_section(summary),
         tests=_tests_table(summary),
         provenance=_provenance(summary),
-        script=text_of("report.js") + text_of("report_pulls.js"),
+        script=text_of("bode.js") + text_of("report.js") + text_of("report_pulls.js"),
         style=text_of("report.css"),
     )
 
@@ -171,7 +168,7 @@ def _data(result: Result) -> dict[str, object]:
     level, summary = result.levels["bodies"], result.summary
     outputs = [Dof.parse(label) for label in level.outputs]
     places = [test.split(" in ", 1) for test in level.tests]
-    unit, unit_rotation = _UNITS[summary.quantity]
+    unit, unit_rotation = UNITS[summary.quantity]
     return {
         "freq": packed(result.freq_hz),
         "measured": _packed_complex(level, "measured"),

@@ -1,7 +1,12 @@
-"""Numbers as the report of a tuning writes them."""
+"""Numbers and units as reports write them."""
 
 import math
 
+UNITS = {  # of FRFs along and about an axis
+    "accelerance": ("m/s²/N", "rad/s²/N"),
+    "mobility": ("m/s/N", "rad/s/N"),
+    "receptance": ("m/N", "rad/N"),
+}
 _SHOWN = {"m": ("mm", 1e3), "rad": ("°", math.degrees(1.0))}
 
 

@@ -2,6 +2,7 @@
 
 from html import escape
 
+from mbw.page import badge
 from tuning import TunedFile
 from tuning.schema import StartRow
 
@@ -14,17 +15,13 @@ def badges(summary: TunedFile) -> str:
     doubts = list(fit.doubts)
     if not fit.converged and not summary.interrupted:
         doubts.insert(0, f"the search ended early ({fit.outcome}): {fit.advice}")
-    found = _badge("converged" if fit.converged else "not converged", good=fit.converged)
+    found = badge("converged" if fit.converged else "not converged", fit.converged)
     if fit.trusted or doubts:
-        found += _badge("to be trusted" if fit.trusted else "not to be trusted", good=fit.trusted)
+        found += badge("to be trusted" if fit.trusted else "not to be trusted", fit.trusted)
     if not doubts:
         return f'<p class="badges">{found}</p>'
     listed = "".join(f"<li>{escape(text)}</li>" for text in doubts)
     return f'<p class="badges">{found}</p><ul class="doubts">{listed}</ul>'
-
-
-def _badge(text: str, *, good: bool) -> str:
-    return f'<span class="badge {"good" if good else "trouble"}">{text}</span>'
 
 
 def unknown_section(summary: TunedFile) -> str:

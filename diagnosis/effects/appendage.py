@@ -109,11 +109,17 @@ class _Appendage:
     def state(self, found: Mapping[str, float]) -> dict[str, Value]:
         """What the verdict calls them."""
         omega, zeta = self._at(np.array([0.0] * 3 + [found[name] for name in self.tuned]))
+        masses = np.array([found[name] for name in self.masses])
+        place = np.array([_ARM * found[name] for name in self.place])
+        # What moves along one axis alone may sit anywhere on it: the nearest point is stated.
+        alone = masses > 0
+        if alone.sum() == 1:
+            place[alone] = 0.0
         return {
-            "mass": self.unit * max(found[name] for name in self.masses),
+            "mass": self.unit * float(masses.max()),
             "frequency": omega / (2 * np.pi),
             "damping": zeta,
-            "position": tuple(_ARM * found[name] for name in self.place),
+            "position": tuple(place.tolist()),
         }
 
 

@@ -19,7 +19,8 @@ def test_the_demo_campaign_comes_from_its_seed_and_station(tmp_path):
     seed, effect = words[words.index("--seed") + 1], words[words.index("--effect") + 1]
     node = int(words[words.index("--node") + 1])
     station = read_station(ASSETS.parent / words[words.index("truth") + 1])
-    plan = Plan(int(seed), Cause((Wanted(effect),)), Protocol((node,)))
+    ratio = float(words[words.index("--ratio") + 1])
+    plan = Plan(int(seed), Cause((Wanted(effect, None, ratio),)), Protocol((node,)))
     write_campaign(draw_campaign(station, plan), tmp_path / "demo")
     for name in ("answer.toml", "campaign.toml"):
         made = tomllib.loads((tmp_path / "demo" / name).read_text())

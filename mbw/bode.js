@@ -1,0 +1,36 @@
+// Magnitude over phase along one frequency axis: what all pages with frequency responses share.
+
+// The values of one channel, each a pair of real and imaginary part.
+function complexes(values, channel, count) {
+  const start = 2 * count * channel;
+  return Array.from({length: count}, (_, k) => [values[start + 2 * k], values[start + 2 * k + 1]]);
+}
+
+// Sizes, and angles in degrees with a gap where they wrap; null where there is nothing.
+function polar(values) {
+  const size = values.map(v => { const s = Math.hypot(...v); return s > 0 && Number.isFinite(s) ? s : null; });
+  return {size, angle: unwrapped(values.map((v, k) => size[k] === null ? null : Math.atan2(v[1], v[0]) * 180 / Math.PI))};
+}
+
+// The same of one channel that was packed as steps and hundredths of a degree.
+function unpackedPolar(values, channel, count) {
+  const start = 2 * count * channel, size = Array.from({length: count}, (_, k) => sizeOf(values[start + 2 * k]));
+  return {size, angle: unwrapped(size.map((v, k) => v === null ? null : values[start + 2 * k + 1] / 100))};
+}
+
+function unwrapped(angle) {
+  for (let k = 1; k < angle.length; k++) if (angle[k] !== null && Math.abs(angle[k] - angle[k - 1]) > 180) angle[k - 1] = null;
+  return angle;
+}
+
+// Of one response its magnitude, and its phase on the second axis.
+function bodeTraces(x, {size, angle}, name, line, extra = {}) {
+  const common = {type: "scatter", mode: "lines", x, name, legendgroup: name, line, ...extra}, tail = "<extra>" + escaped(name) + "</extra>";
+  return [{...common, y: size, hovertemplate: "%{x:.5g} Hz: %{y:.4g}" + tail},
+          {...common, y: angle, yaxis: "y2", showlegend: false, hovertemplate: "%{x:.5g} Hz: %{y:.1f}°" + tail}];
+}
+
+function bodeAxes(sizes, title, [top, middle] = [0.36, [0, 0.3]]) {
+  return {yaxis: {type: "log", domain: [top, 1], gridcolor: GRID, exponentformat: "power", ...logAxis(sizes), title: {text: title}},
+    yaxis2: {domain: middle, range: [-190, 190], tickvals: [-180, -90, 0, 90, 180], gridcolor: GRID, zeroline: false, title: {text: "phase / °"}}};
+}

@@ -1,0 +1,449 @@
+"""The page of ``mbw diagnose``: what it says of each verdict, and what it does in a browser."""
+
+import importlib
+import json
+import re
+import shutil
+from dataclasses import replace
+from html import unescape
+
+import numpy as np
+import pytest
+from browser import CHROMIUM, GL, browse, data_of, unpacked
+from drawn import drawn
+from typer.testing import CliRunner
+
+from diagnosis import EFFECTS
+from diagnosis.verdict import CauseRow
+from mbw.command import app
+from mbw.diagnose_files import NAMES, read_result, write_files
+from mbw.diagnose_page import render
+from mbw.diagnose_values import number, parameter_lines, parameter_words
+from mbw.diagnose_words import direction, gate_sentences, place, placed, site_words
+from mbw.identify_schema import FaultRow
+
+RUNNER = CliRunner()
+LINES = 161
+DIAGNOSE = importlib.import_module("diagnosis.diagnose")  # the package has a function of that name
+CASES = {  # seed, effect, survival ratio, what the catalogue knows
+    "none": (72_010, None, None, None),
+    "explained": (72_013, "gyroscopic", 6.0, None),
+    "unexplained": (72_013, "gyroscopic", 6.0, "drift"),
+    "sensor": (72_011, "sensor_polarity", None, "sensor_polarity"),
+}
+PROBE = """<script>
+const wait = ms => new Promise(done => setTimeout(done, ms));
+(async () => {
+  await wait(1500);
+  const found = {first: state.channel, drawn, chosen: byId("chosen").textContent};
+  found.curves = byId("frf").data.filter(t => t.showlegend !== false).map(t => t.name);
+  const of = name => Array.from(byId("frf").data.find(t => t.name === name).y).slice(0, 20);
+  found.measured = of("measured"); found.after = of("with the effect");
+  found.bars = byId("gap").data[0].y;
+  found.maps = byId("map").data.map(t => t.z.length);
+  byId("map").emit("plotly_click", {points: [{customdata: ["", "", "", 7]}]});
+  await wait(300);
+  found.clicked = [state.channel, byId("out").value, Number(byId("test").value)];
+  byId("worst").click(); found.worst = state.channel;
+  byId("most").click(); found.most = state.channel;
+  byId("test").value = "1"; byId("test").onchange(); found.switched = state.channel;
+  const colours = () => drawn ? MESHES.map((_, m) => byId("picture").data[m].color) : [];
+  found.before = colours();
+  byId("where").emit("plotly_click", {points: [{pointNumber: 1}]});
+  await wait(600);
+  found.later = colours(); found.second = byId("chosen").textContent;
+  found.wide = document.documentElement.scrollWidth <= document.documentElement.clientWidth;
+  found.faults = FAULTS;
+  document.body.append(element("pre", JSON.stringify(found), {id: "found"}));
+})();
+</script>"""
+
+
+def mbw(*arguments):
+    return RUNNER.invoke(app, [str(argument) for argument in arguments])
+
+
+def lead_of(text):
+    return unescape(re.search(r'<p class="lead">(.*?)</p>', text, re.DOTALL)[1])
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """A diagnosis of each kind; what nobody explains by a catalogue that knows too little."""
+    made = {}
+    for name, (seed, effect, ratio, known) in CASES.items():
+        folder = tmp_path_factory.mktemp(name)
+        drawn(folder, seed, effect, ratio=ratio, lines=LINES)
+        with pytest.MonkeyPatch.context() as patch:
+            if known is not None:
+                patch.setattr(DIAGNOSE, "catalogue", lambda k=known: {k: EFFECTS[k]})
+            outcome = mbw("diagnose", folder / "campaign", "--out", folder / "result")
+        assert outcome.exit_code == 0, outcome.stderr
+        assert (folder / "result" / "report.html").as_uri() in outcome.stderr
+        shutil.rmtree(folder / "campaign")  # all that follows needs the result alone
+        made[name] = folder / "result"
+    return made
+
+
+@pytest.fixture(scope="module")
+def texts(folders):
+    return {name: (path / "report.html").read_text("utf-8") for name, path in folders.items()}
+
+
+@pytest.fixture(scope="module")
+def explained(folders):
+    return read_result(folders["explained"])
+
+
+def test_the_verdict_is_told_in_plain_words_with_cause_place_size_and_gap(texts, explained):
+    lead, verdict = lead_of(texts["explained"]), explained.verdict
+    assert verdict.verdict == "explained"
+    assert lead.startswith("One thing is missing (98 %): a spinning rotor on body stage2 (angular ")
+    assert "kg m²/s" in lead
+    assert f"{verdict.gap.retuned.excess:.3g} times" in lead
+    assert f"{verdict.gap.after.excess:.3g} times" in lead
+    assert f"{100 * verdict.gap.closed:.3g} % of what lay beyond the noise is closed." in lead
+    assert '<span class="badge good">one cause 98 %</span>' in texts["explained"]
+    assert "<b>gyroscopic</b><br><small>a rotor spins in the body</small>" in texts["explained"]
+    assert f"<b>What to do next:</b> {verdict.next_experiment}" in texts["explained"]
+
+
+def test_nothing_missing_is_said_without_place_and_without_effect(texts):
+    assert lead_of(texts["none"]).startswith("Nothing is missing beyond tolerances and noise (99")
+    assert '<span class="badge good">nothing missing 99 %</span>' in texts["none"]
+    assert "No place stands out" in texts["none"]
+    assert "only hits of several levels can show" in texts["none"]  # not: excluded
+    data = data_of(texts["none"])
+    assert [bar["name"] for bar in data["gap"]] == ["as drawn", "re-tuned"]
+    assert data["places"] == []
+    assert "after" not in data["frf"]
+    assert "picture" not in data
+
+
+def test_what_nobody_explains_says_where_something_pushes(texts, folders):
+    result = read_result(folders["unexplained"])
+    assert result.verdict.verdict == "unexplained"
+    best = result.evidence.pushed[0]
+    lead = lead_of(texts["unexplained"])
+    assert lead.startswith("Something is missing that no effect of the catalogue explains (")
+    towards = f"{placed(best.location)}, {direction(best.dof)}"
+    assert f"It pushes most probably {towards}; next comes" in lead
+    assert '<span class="badge trouble">unexplained' in texts["unexplained"]
+    names = {row["name"]: row for row in data_of(texts["unexplained"])["places"]}
+    assert names[place(best.location)]["gain"] == best.gain
+
+
+def test_a_sensor_that_is_at_fault_is_shown_as_measured_and_as_it_would_be(texts, folders):
+    result = read_result(folders["sensor"])
+    lead = lead_of(texts["sensor"])
+    assert lead.startswith("One sensor is at fault (98 %): a turned sign at sensor acc32, along z")
+    outputs = [result.shown.channels[k].output for k in result.shown.corrected]
+    assert outputs == ["acc32:+tz"] * 3
+    measured = result.arrays["measured"][:, result.shown.corrected]
+    np.testing.assert_array_equal(result.arrays["corrected"], -measured)
+    assert data_of(texts["sensor"])["frf"]["corrected_channels"] == result.shown.corrected
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_report_makes_the_same_page_again_from_the_folder_alone(folders, texts, tmp_path, name):
+    shutil.copytree(folders[name], tmp_path / "moved")
+    (tmp_path / "moved" / "report.html").unlink()
+    outcome = mbw("report", tmp_path / "moved")
+    assert outcome.exit_code == 0, outcome.stderr
+    assert (tmp_path / "moved" / "report.html").read_text("utf-8") == texts[name]
+
+
+def test_the_page_lies_where_it_is_asked(folders, texts, tmp_path):
+    target = tmp_path / "mine.html"
+    assert mbw("report", folders["none"] / "verdict.json", "--out", target).exit_code == 0
+    assert target.read_text("utf-8") == texts["none"]
+
+
+@pytest.mark.parametrize("fault", ["missing", "broken", "cut", "empty"])
+@pytest.mark.parametrize("name", NAMES[:4])
+def test_a_file_that_is_missing_or_broken_is_told_in_one_sentence(folders, tmp_path, name, fault):
+    folder = tmp_path / "result"
+    shutil.copytree(folders["none"], folder, ignore=shutil.ignore_patterns("report.html"))
+    kept = (folder / name).read_bytes()
+    content = {"broken": b'{"campaign": 3}', "cut": kept[: len(kept) // 2], "empty": b""}
+    (folder / name).unlink()
+    if fault != "missing":
+        (folder / name).write_bytes(content[fault])
+    outcome = mbw("report", folder)
+    assert outcome.exit_code == 3
+    assert len(outcome.stderr.strip().splitlines()) == 1
+    assert name in outcome.stderr
+    assert "mbw diagnose" in outcome.stderr
+    assert not (folder / "report.html").exists()
+
+
+def test_files_of_two_diagnoses_are_not_mixed(folders, tmp_path):
+    shutil.copytree(folders["none"], tmp_path / "mixed")
+    shutil.copy(folders["explained"] / "diagnosis.npz", tmp_path / "mixed")
+    outcome = mbw("report", tmp_path / "mixed")
+    assert outcome.exit_code == 3
+    assert "do not belong together" in outcome.stderr
+
+
+def test_a_folder_that_cannot_take_the_files_is_refused_before_the_work(folders, tmp_path):
+    drawn(tmp_path, *CASES["none"][:2], lines=41)
+    (tmp_path / "out" / "diagnosis.npz").mkdir(parents=True)
+    outcome = mbw("diagnose", tmp_path / "campaign", "--out", tmp_path / "out")
+    assert outcome.exit_code == 3
+    assert "diagnosis.npz is a folder" in outcome.stderr
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_page_fetches_nothing(texts, name):
+    page = re.sub(r"<script>/\*\*.*?</script>", "", texts[name], flags=re.DOTALL)
+    assert len(page) < len(texts[name]) / 2  # plotly itself is inside
+    assert "src=" not in page
+    assert not re.search(r"<link|@import|url\(|https?://", page)
+
+
+def test_names_cannot_break_the_page(explained):
+    evil = "</script><b>&x"
+    verdict, shown = explained.verdict, explained.shown
+    row = verdict.causes[0].model_copy(update={"effect": evil, "location": f"body:{evil}"})
+    verdict = verdict.model_copy(
+        update={"causes": [row], "twins": [(evil, evil)], "next_experiment": evil}
+    )
+    channels = [one.model_copy(update={"body": evil}) for one in shown.channels]
+    shown = shown.model_copy(
+        update={"campaign": evil, "means": [evil], "remarks": [evil], "channels": channels}
+    )
+    page = render(replace(explained, verdict=verdict, shown=shown))
+    assert "<b>&x" not in page
+    assert page.count("</script>") == render(explained).count("</script>")
+
+
+def test_excess_of_channels_makes_up_that_of_the_verdict(explained):
+    gap, channels = explained.verdict.gap, data_of(render(explained))["channels"]
+    for key, at in (("retuned", gap.retuned), ("after", gap.after)):
+        found = np.array([channel[f"{key}_excess"] for channel in channels])
+        assert np.sqrt((found**2).mean()) == pytest.approx(at.excess, rel=1e-3)
+
+
+def test_responses_of_the_page_are_those_of_the_files(explained):
+    data, arrays = data_of(render(explained))["frf"], explained.arrays
+    lines, channels = arrays["measured"].shape
+    assert unpacked(data["freq"]) == pytest.approx(arrays["freq_hz"])
+    for name in ("measured", "retuned", "after"):
+        steps = unpacked(data[name], "<i2").reshape(channels, lines, 2).astype(float)
+        values = 10 ** (steps[..., 0] / 1500) * np.exp(1j * np.radians(steps[..., 1] / 100))
+        error = np.abs(values - arrays[name].T) / np.abs(arrays[name].T)
+        assert error.max() < 1e-3
+    noise = 10 ** (unpacked(data["noise"], "<i2").reshape(channels, lines) / 1500)
+    np.testing.assert_allclose(noise, arrays["noise"].T, rtol=1e-3)
+
+
+def test_places_lie_on_the_machine(explained):
+    machine, places = explained.shown.machine, explained.shown.places
+    centre = explained.arrays["centres"][machine.bodies.index("stage2")]
+    assert places["body:stage2"].bodies == ["stage2"]
+    assert places["body:stage2"].points == [pytest.approx(tuple(centre))]
+    assert places["joint:stage3"].bodies == ["stage3"]
+    assert len(places["joint:stage3"].points) == 1
+
+
+def test_a_campaign_of_full_size_leaves_less_than_fifteen_megabytes(explained, tmp_path):
+    count, lines = 207, 800
+    random = np.random.default_rng(72_001)
+    arrays, shown = dict(explained.arrays), explained.shown
+    for name in ("measured", "retuned", "after"):
+        arrays[name] = random.normal(size=(lines, 2 * count)).astype("<f4").view("<c8")
+    arrays["noise"] = random.random((lines, count)).astype("<f4")
+    arrays["corrected"] = arrays["corrected"][:0].reshape(lines, 0)
+    arrays["freq_hz"] = np.linspace(1, 200, lines)
+    for name in ("retuned_excess", "retuned_error", "after_excess", "after_error", "channel_noise"):
+        arrays[name] = random.random(count)
+    rows = [
+        shown.channels[0].model_copy(update={"output": f"acc{k // 3}:+t{'xyz'[k % 3]}", "test": t})
+        for t in range(3)
+        for k in range(69)
+    ]
+    shown = shown.model_copy(update={"channels": rows, "corrected": [], "lines": lines})
+    result = replace(explained, shown=shown, arrays=arrays)
+    write_files(result, tmp_path)
+    (tmp_path / "report.html").write_text(render(read_result(tmp_path)), encoding="utf-8")
+    assert sum(file.stat().st_size for file in tmp_path.iterdir()) < 15e6
+
+
+def fake(effect, location, dof, probability, **parameters):
+    return CauseRow(
+        effect=effect, location=location, dof=dof, probability=probability,
+        parameters=parameters, interval={}, excess_after=None,
+    )  # fmt: skip
+
+
+def test_several_causes_twins_and_taken_out_sensors_are_told_in_words(explained):
+    rows = [
+        fake("appendage", "body:stage2", None, 0.9, mass=31.24, frequency=109.04, damping=0.0113),
+        fake("joint_coupling", "joint:stage3", None, 0.8, offset=(-0.1224, 0.0031, 0.0)),
+        fake("drift", "joint:stage1", "hit29:+ty", 0.02, factor=0.726),
+    ]
+    verdict = explained.verdict.model_copy(
+        update={
+            "verdict": "several",
+            "causes": rows,
+            "twins": [("joint_coupling@joint:stage3", "appendage@body:stage2")],
+            "not_testable": ["friction", "drift"],
+        }
+    )
+    faults = [
+        ("sensor_polarity", "sensor:acc11", "ty"),
+        ("sensor_swap", "sensor:acc21+acc22", None),
+    ]
+    taken = [
+        FaultRow(effect=e, location=at, dof=d, probability=0.99, parameters={}, excess_after=1.0)
+        for e, at, d in faults
+    ]
+    shown = explained.shown.model_copy(
+        update={"means": ["", "", ""], "taken_out": taken, "doubted": ["stage1"]}
+    )
+    page = render(replace(explained, verdict=verdict, shown=shown))
+    assert lead_of(page).startswith(
+        "Several things are missing or wrong: a small mass on a spring on body stage2 (mass "
+        "31.2 kg, frequency 109 Hz, damping 1.13 %), 90 %; a centre of stiffness elsewhere than "
+        "drawn at joint stage3 (offset (-122, 3.1, 0) mm), 80 %. With them the gap falls"
+    )
+    assert "These data hardly tell a centre of stiffness elsewhere than drawn at joint st" in page
+    assert "Not tested, so not excluded: friction, which" in page
+    assert "another stiffness in one test; one direction of one set-up" in page
+    first, second, third = gate_sentences(shown)
+    assert first.startswith("Sensor acc11 along y: a turned sign")
+    assert "the channel took no part" in first
+    assert second.startswith("Sensors acc21 and acc22: exchanged channels")
+    assert third.startswith("Body stage1 bends")
+    out = [c["output"] for c in data_of(page)["channels"] if c["out"] and c["test"] == 0]
+    assert out == ["acc11:+ty", *(f"acc{n}:+t{axis}" for n in (21, 22) for axis in "xyz")]
+
+
+def test_a_second_cause_that_may_be_it_is_told_at_once(explained):
+    rows = [
+        fake("appendage", "body:stage2", None, 0.54, mass=32.7),
+        fake("appendage", "body:stage1", None, 0.44, mass=72.3),
+    ]
+    verdict = explained.verdict.model_copy(update={"causes": rows})
+    shown = explained.shown.model_copy(update={"means": ["", ""]})
+    assert lead_of(render(replace(explained, verdict=verdict, shown=shown))).startswith(
+        "One thing is missing: most probably (54 %) a small mass on a spring on body stage2 (mass "
+        "32.7 kg), else a small mass on a spring on body stage1 (44 %). With it the gap falls from"
+    )
+
+
+def test_a_cause_that_leaves_much_is_doubted(explained):
+    gap = explained.verdict.gap
+    gap = gap.model_copy(
+        update={"closed": 0.46, "after": gap.after.model_copy(update={"excess": 15.9})}
+    )
+    page = render(replace(explained, verdict=explained.verdict.model_copy(update={"gap": gap})))
+    assert "closes only 46 % of the gap and leaves 15.9 times the noise" in page
+
+
+def test_a_verdict_without_a_known_gap_still_has_its_page(explained):
+    """Where the noise is not known no excess exists; a bending body has no Part."""
+    gap = json.loads(explained.verdict.gap.model_dump_json())
+    for at in ("as_drawn", "retuned", "after"):
+        gap[at] = {"error": None, "excess": None}
+    gap |= {"closed": None, "noise": None, "interval": {"closed": None, "after": None}}
+    verdict = type(explained.verdict).model_validate(
+        json.loads(explained.verdict.model_dump_json()) | {"gap": gap}
+    )
+    arrays = explained.arrays | {
+        name: np.full_like(explained.arrays[name], np.nan)
+        for name in ("retuned_excess", "after_excess")
+    }
+    page = render(replace(explained, verdict=verdict, arrays=arrays))
+    assert data_of(page)["gap"] == []
+    assert "how far that shrinks with the cause is not known" in page
+
+
+@pytest.mark.parametrize(
+    ("effect", "dof", "name", "value", "words"),
+    [
+        ("appendage", None, "damping", 0.0113, "damping 1.13 %"),
+        ("missing_dof", "rx", "damping", 1830.0, "damping 1830 N m s/rad"),
+        ("missing_dof", "tx", "stiffness", 5.571e8, "stiffness 5.57e+08 N/m"),
+        ("sensor_misalignment", None, "rotation", (0.1, 0.0, -0.2), "rotation (5.73, 0, -11.5)°"),
+        ("feedback_delay", "tz", "delay", 0.0010054, "delay 1.01 ms"),
+        ("gyroscopic", None, "angular_momentum", 18115.3, "angular momentum 18100 kg m²/s"),
+        ("support_loss", None, "fraction", (0.02, 1.0), "fraction (2, 100) %"),
+        ("outside", None, "inertance", 13.18, "inertance 13.2"),
+    ],
+)
+def test_sizes_have_units_that_engineers_read(effect, dof, name, value, words):
+    assert parameter_words(effect, dof, name, value) == words
+
+
+def test_sizes_have_as_many_digits_as_their_interval_leaves():
+    (line,) = parameter_lines("appendage", None, "mass", 31.237, (29.81, 32.9))
+    assert (line.name, line.value, line.interval) == ("mass", "31.2 kg", "29.8 … 32.9")
+    x, y = parameter_lines("s", None, "offset", (0.1224, 0.0), ((0.1, 0.2), (-0.001, 0.001)))
+    assert (x.name, x.value, x.interval) == ("offset 1", "122 mm", "100 … 200")
+    assert (y.value, y.interval) == ("0.0 mm", "-1.0 … 1.0")
+    (bare,) = parameter_lines("drift", "b", "factor", 0.72618, None)
+    assert (bare.value, bare.interval) == ("0.726", "")
+    assert number(5.571e8, 1e6) == "5.571e8"
+    assert number(1096.0) == "1100"
+
+
+def test_places_and_directions_are_words():
+    assert placed("pair:ty-hexapod") == "between ty-hexapod"
+    assert placed("hammer:acc11") == "at hammer acc11"
+    assert place("sensor:acc1+acc2") == "sensors acc1 and acc2"
+    assert direction("rx") == "about x"
+    assert direction("tx+ty") == "x and y"
+    assert direction("acc11:+ty") == "hit at acc11:+ty"
+    assert direction("b") == "set-up b"
+    assert site_words("inerter@joint:ty") == "inerter at joint ty"
+
+
+@pytest.fixture(scope="module")
+def found(texts, tmp_path_factory):
+    if CHROMIUM is None:
+        pytest.skip("Chromium is not installed")
+    return browse(texts["explained"], tmp_path_factory.mktemp("browser"), *GL, probe=PROBE)
+
+
+def test_the_page_runs_without_faults(found, explained):
+    assert found["faults"] == []
+    assert found["drawn"]
+    assert found["wide"]
+    assert found["bars"] == ["as drawn", "re-tuned", "with the effect"]
+    rows = len({channel.output for channel in explained.shown.channels})
+    assert found["maps"] == [rows, rows]
+
+
+def test_the_channel_that_gains_most_is_shown_first(found, explained):
+    arrays = explained.arrays
+    best = int(np.argmax(arrays["retuned_excess"] ** 2 - arrays["after_excess"] ** 2))
+    assert found["first"] == found["most"] == best
+    assert set(found["curves"]) >= {"measured", "re-tuned", "with the effect"}
+    for name in ("measured", "after"):
+        np.testing.assert_allclose(found[name], np.abs(arrays[name][:20, best]), rtol=1e-3)
+    assert found["worst"] == int(np.argmax(arrays["after_excess"]))
+    channels = explained.shown.channels
+    assert channels[found["switched"]] == channels[best].model_copy(update={"test": 1})
+
+
+def test_a_click_on_the_map_chooses_the_channel(found, explained):
+    channel = explained.shown.channels[7]
+    assert found["clicked"] == [7, channel.output, channel.test]
+
+
+def test_a_click_on_a_place_shows_it_on_the_machine(found, texts):
+    first, second = data_of(texts["explained"])["places"][:2]
+    assert found["chosen"].startswith(first["name"])
+    assert found["second"].startswith(second["name"])
+    assert found["before"] != found["later"]
+
+
+def test_the_page_of_nothing_runs_without_faults(texts, tmp_path):
+    if CHROMIUM is None:
+        pytest.skip("Chromium is not installed")
+    probe = """<script>setTimeout(() => document.body.append(element("pre",
+      JSON.stringify({faults: FAULTS, maps: byId("map").data.length}), {id: "found"})), 1000);
+    </script>"""
+    seen = browse(texts["none"], tmp_path, probe=probe)
+    assert seen == {"faults": [], "maps": 1}
