@@ -5,7 +5,8 @@ the best refit with one,
 
     visible   = expit((log e - log hidden) / width)       more than badly known noise,
                 e without bounds of tolerances if the largest is no more than an outlier
-    explained = expit((log left - log (e1 / e)) / width)   one effect takes nearly all of it
+    explained = expit((log left - log (e1 / e^0.75)) / width)   one effect takes nearly all of it:
+                of a large gap the true one leaves a smaller part
 
 and p(none) = (1 - explained)(1 - visible), p(unexplained) = (1 - explained) visible. Among causes,
 costs differ by thousands of nats where the noise alone counts, but a model is never so exact.
@@ -13,8 +14,8 @@ Of n values, with cost0 without any effect:
 
     p(cause) = explained softmax(-cost / (least + inexact n + temper (cost0 - best)))
 
-Places: of what a cause explains, the cause's; of what nothing explains, a softmax of what each
-place gains at the weights of the noise. Most constants are calibrated on virtual campaigns whose
+Places: of what a cause explains, the cause's; of what nothing explains, a softmax of what a free
+force gains at each place. Most constants are calibrated on virtual campaigns whose
 seeds no reported figure uses; ``calibration.json`` says which.
 """
 
@@ -33,6 +34,7 @@ from identification.words import Real
 from tuning import BOUND
 
 NOTHING = 1.03  # chi square up to which nothing is missing: no hypothesis is asked
+_POWER = 0.75  # of the gap: with what is left of it compared
 _EXACT = 0.02  # no refit is believed to leave less
 _ROW = 0.01  # probability of a cause that is worth a row
 
@@ -45,7 +47,7 @@ class Calibration(BaseModel):
             third differences along frequency tell it worse than coherences do.
         hidden_width: of its logarithm.
         outlier: standard deviations that the largest of all tolerances may have.
-        left: part of the gap that is as likely explained as not.
+        left: part of the gap, to that power, that is as likely explained as not.
         left_width: of its logarithm.
         least: nats that decide nothing.
         inexact: nats a value that decide nothing.
@@ -134,7 +136,8 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
         beyond = max(seen.loose - 1, 1e-6) if likely else gap
         hidden = by.hidden[seen.variance]
         visible = float(expit((np.log(beyond) - np.log(hidden)) / by.hidden_width))
-        left = max(min((one.chi_square for one in seen.refits), default=np.inf) - 1, _EXACT) / gap
+        left = max(min((one.chi_square for one in seen.refits), default=np.inf) - 1, _EXACT)
+        left /= gap**_POWER
         explained = float(expit((np.log(by.left) - np.log(left)) / by.left_width))
         if likely and seen.pull > BOUND:  # whatever one released tolerance then explains
             explained *= visible
