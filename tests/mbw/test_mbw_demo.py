@@ -28,7 +28,7 @@ def installed(tmp_path_factory):
     return target
 
 
-def _run(installed, folder, *arguments, timeout=300):
+def _run(installed, folder, *arguments, timeout=900):
     environment = {**os.environ, "PYTHONPATH": str(installed), "PYTHONSAFEPATH": "1"}
     return subprocess.run(
         [sys.executable, *map(str, arguments)],
