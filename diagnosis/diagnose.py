@@ -43,7 +43,6 @@ from tuning import (
 
 _SMALL = 3.0  # chi square up to which one tolerance of many may be all that is beyond its bound
 _ENOUGH = 180_000  # values: three hammer directions, 69 channels, 800 lines and some more
-_NEAR = 1.5  # excess of a small gap
 _LIKELY = 0.5
 _ALIKE, _NATS = 0.9, 3.0  # cosine of signatures, difference of costs: twins
 STEPS = 8 + 3 * REFITTED  # told at most
@@ -175,17 +174,15 @@ def diagnose(
     present = _present(judged, known_as)
     say("the gap on held-out lines")
     base = Scene(clean, nothing.fit.theta, held, pace)
-    # Of a large gap 0.5 % does not matter; what is nearly nothing is told by the third digit.
+    # Of a large gap 5 % do not matter; what is nearly nothing is told by the third digit, and lines
+    # that were left out beside a sharp mode cost that much.
     exact = not present
     proven = clean.campaign is not session.campaign
     made_before = {} if proven else {one.hypothesis: one for one in (nothing, *refits)}
     retuned = _level(base, None, session, made_before, jobs, exact=exact)
     after = None
     if present and all(one.is_held for one in present):
-        small = (retuned.gap.excess or 0.0) < _NEAR
-        after = _level(
-            base, together(present), session, made_before, jobs, retuned.width, exact=small
-        )
+        after = _level(base, together(present), session, made_before, jobs, retuned.width)
     drawn = predict(session.model, session.model.drawn, session.campaign)
     return Diagnosis(
         session=session,
