@@ -119,11 +119,13 @@ class Effect:
 
     Args:
         propose: its hypotheses for a scene.
+        noun: what it is in a few words.
         means: what it is, in words; may name ``{place}`` and ``{dof}``.
         confirm: what to do on the machine to confirm or refute it; likewise.
     """
 
     propose: Callable[["Scene"], Iterable[Hypothesis]]
+    noun: str
     means: str
     confirm: str
 

@@ -5,6 +5,7 @@ from identification.campaign import correct_layout, read_campaign
 from identification.layout_in import read_layout
 from identification.settings import CampaignSettings, read_settings
 from identification.solid import (
+    FAULTS,
     BodyCheck,
     Fault,
     body_inverse,
@@ -17,6 +18,7 @@ from identification.solid import (
 from identification.variance import coherence_variance, difference_variance, smooth_variance
 
 __all__ = [
+    "FAULTS",
     "BodyCheck",
     "CampaignSettings",
     "Fault",

@@ -12,7 +12,7 @@ from mbw.diagnose_result import gather
 from mbw.diagnose_words import cause_parameters
 from mbw.identify_files import MODES_JSON
 from mbw.messages import SCREEN, one_interrupt
-from mbw.page import check_names, write_page
+from mbw.page import check_names, page_file, write_page
 from mbw.tune import check_json, write_json
 from tuning import files_of, open_session
 from tuning.result import TUNED_JSON
@@ -88,9 +88,7 @@ def rewrite(path: Path, out: Path | None) -> Path:
         InputError: the folder holds no result, or the file cannot be written.
     """
     result = read_result(path)
-    target = out or (path if path.is_dir() else path.parent)
-    if target.suffix != ".html":
-        target /= PAGE
+    target = page_file(path, out, PAGE)
     write_page(render(result), target)
     SCREEN.say(f"report in {target}")
     return target

@@ -2,45 +2,24 @@
 
 from collections.abc import Sequence
 
+from diagnosis import PROVEN, catalogue
 from diagnosis.verdict import CauseRow, Verdict
+from identification import FAULTS
 from identification.words import Dof, UsageError
 from mbw.diagnose_schema import ShownFile
 from mbw.diagnose_values import parameter_words
 
-_KINDS = {
-    "mass_error": "mass beyond tolerance",
-    "appendage": "a small mass on a spring",
-    "flexible_body": "bending of the body itself",
-    "gyroscopic": "a spinning rotor",
-    "joint_coupling": "a centre of stiffness elsewhere than drawn",
-    "missing_dof": "a direction drawn rigid that gives way",
-    "structural_damping": "a loss that does not grow with frequency",
-    "viscoelastic": "a stiffness that rises with frequency",
-    "feedback_delay": "a control loop with a delay",
-    "support_loss": "supports that do not carry",
-    "friction": "friction",
-    "backlash": "backlash",
-    "hardening": "a spring that hardens",
-    "parallel_path": "a link that bypasses joints",
-    "sensor_gain": "a wrong gain",
-    "sensor_polarity": "a turned sign",
-    "sensor_misalignment": "wrong axes",
-    "sensor_position": "a wrong place",
-    "sensor_swap": "exchanged channels",
-    "sensor_delay": "a delay",
-    "mount_resonance": "a resonance of its mount",
-    "hammer_misalignment": "hits along another direction than stated",
-    "drift": "another stiffness in one test",
-    "dead_channel": "no signal",
-    "sensor_unknown": "a fault of no known kind",
-}
+_OTHERS = {"hardening": "a spring that hardens", "sensor_unknown": FAULTS["sensor_unknown"]}
 _AT = {"joint": "at", "body": "on", "sensor": "at", "hammer": "at", "pair": "between"}
 _ONE_LEVEL = {"friction", "backlash", "hardening"}
 
 
 def kind(effect: str) -> str:
     """An effect as a noun."""
-    return _KINDS.get(effect, effect.replace("_", " "))
+    known = catalogue().get(effect) or PROVEN.get(effect)
+    if known is not None:
+        return known.noun
+    return _OTHERS.get(effect, effect.replace("_", " "))
 
 
 def place(location: str) -> str:

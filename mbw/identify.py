@@ -33,7 +33,7 @@ from mbw.identify_remarks import remarks
 from mbw.identify_result import Checks, Result, gather
 from mbw.identify_schema import ModesFile
 from mbw.messages import SCREEN
-from mbw.page import check_names, write_page
+from mbw.page import check_names, page_file, write_page
 from mbw.tune import check_json, write_json
 from tuning import files_of, open_campaign
 from tuning.result import TUNED_JSON
@@ -158,9 +158,7 @@ def rewrite(path: Path, out: Path | None) -> Path:
     except WorkbenchError:
         seen = None
         SCREEN.say(f"{result.summary.model} cannot be read: the page shows sensors alone")
-    target = out or (path if path.is_dir() else path.parent)
-    if target.suffix != ".html":
-        target /= PAGE
+    target = page_file(path, out, PAGE)
     write_page(render(result, seen), target)
     SCREEN.say(f"page in {target}")
     return target

@@ -59,6 +59,18 @@ def badge(text: str, good: bool | None) -> str:
     return f'<span class="badge {kind}">{escape(text)}</span>'
 
 
+def page_file(path: Path, out: Path | None, name: str) -> Path:
+    """Where the page of a result goes.
+
+    Args:
+        path: the result, a folder or a file in it.
+        out: an .html file or a folder; the result's own folder if None.
+        name: of the page in a folder.
+    """
+    target = out or (path if path.is_dir() else path.parent)
+    return target if target.suffix == ".html" else target / name
+
+
 def write_page(text: str, target: Path) -> None:
     """Write a page, whole or not at all, in the place of one of that name.
 

@@ -8,7 +8,7 @@ import numpy as np
 from identification.words import Dof
 from mbw import diagnose, identify
 from mbw.messages import SCREEN
-from mbw.page import fill, packed, packed_complex, text_of, warnings, write_page
+from mbw.page import fill, packed, packed_complex, page_file, text_of, warnings, write_page
 from mbw.remarks import limits, not_held
 from mbw.report_numbers import UNITS, percent
 from mbw.report_pairs import pairs_section
@@ -38,9 +38,7 @@ def run(path: Path, out: Path | None) -> Path:
     if diagnose.is_diagnosed(path):
         return diagnose.rewrite(path, out)
     result = read_result(path)
-    target = out or (path if path.is_dir() else path.parent)
-    if target.suffix != ".html":
-        target /= "report.html"
+    target = page_file(path, out, "report.html")
     write_page(render(result), target)
     SCREEN.say(f"report in {target}")
     return target

@@ -48,6 +48,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 EFFECT = Effect(
     propose,
+    noun="an inerter",
     means="a ball screw or flywheel turns as the bodies move apart",
     confirm="uncouple the drive of {place} along {dof} and repeat",
 )

@@ -6,51 +6,20 @@ effect's and whose object is an ``Effect``.
 
 from collections.abc import Mapping
 from functools import cache
+from importlib import import_module
 from importlib.metadata import entry_points
+from pkgutil import iter_modules
 
-from diagnosis.effects import (
-    appendage,
-    drift,
-    feedback_delay,
-    gyroscopic,
-    hammer_misalignment,
-    joint_coupling,
-    mass_error,
-    missing_dof,
-    parallel_path,
-    sensor_gain,
-    sensor_misalignment,
-    sensor_polarity,
-    sensor_position,
-    structural_damping,
-    support_loss,
-    viscoelastic,
-)
 from diagnosis.effects.gates import PROVEN
 from diagnosis.hypothesis import Effect
 from identification.words import InputError
 
 GROUP = "mbw.effects"
-_OURS = (
-    appendage,
-    drift,
-    feedback_delay,
-    gyroscopic,
-    hammer_misalignment,
-    joint_coupling,
-    mass_error,
-    missing_dof,
-    parallel_path,
-    sensor_gain,
-    sensor_misalignment,
-    sensor_polarity,
-    sensor_position,
-    structural_damping,
-    support_loss,
-    viscoelastic,
-)
+_MODULES = (import_module(f"{__name__}.{info.name}") for info in iter_modules(__path__))
 EFFECTS: Mapping[str, Effect] = {
-    module.__name__.rpartition(".")[2]: module.EFFECT for module in _OURS
+    module.__name__.rpartition(".")[2]: module.EFFECT
+    for module in _MODULES
+    if hasattr(module, "EFFECT")
 }
 
 

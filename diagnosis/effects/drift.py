@@ -27,25 +27,16 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 return at in (str(condition.reference.positive), condition.setup)
 
             drift = Law(scene, place, springs, f"{stage}.drift({when})", constant, acts)
-            if not drift.follow:
-                continue
 
             def state(found: Mapping[str, float], one: Law = drift) -> dict[str, Value]:
                 return {"factor": 1 + found[one.size]}
 
-            yield Hypothesis(
-                "drift",
-                place,
-                when,
-                parts=(drift.part,),
-                scored=(drift.size,),
-                follow=drift.follow,
-                state=state,
-            )
+            yield from drift.hypotheses("drift", when, state, signed=False)
 
 
 EFFECT = Effect(
     propose,
+    noun="another stiffness in one test",
     means="the joint's stiffness differed in {dof}: it warmed up or was clamped anew",
     confirm="repeat {dof} directly before or after the other tests: the difference goes",
 )

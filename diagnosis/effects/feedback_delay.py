@@ -29,21 +29,12 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 law = Timed(number * unit, _STEP, _late, _by_time)
                 name, place = f"{spring}.delayed{number}", f"joint:{stage}"
                 loop = Law(scene, place, (spring,), name, law)
-                if not loop.follow:
-                    continue
 
                 def state(found: Mapping[str, float], one: Law = loop) -> dict[str, Value]:
                     return {"delay": one.tau(found) * float(np.sqrt(max(found[one.size], 0.0)))}
 
-                yield Hypothesis(
-                    "feedback_delay",
-                    place,
-                    spring.removeprefix(f"{stage}_"),
-                    parts=(loop.part,),
-                    scored=(loop.size,),
-                    follow=loop.follow,
-                    signed=True,
-                    state=state,
+                yield from loop.hypotheses(
+                    "feedback_delay", spring.removeprefix(f"{stage}_"), state
                 )
 
 
@@ -60,6 +51,7 @@ def _by_time(tau: float) -> Shape:
 
 EFFECT = Effect(
     propose,
+    noun="a control loop with a delay",
     means="the spring is a control loop that acts late",
     confirm="repeat with the loop open or its gain changed: the effect goes or changes with it",
 )

@@ -1,6 +1,7 @@
 """Effects that gates prove from spare channels alone, without a hypothesis to be refitted."""
 
 from diagnosis.hypothesis import Effect
+from identification import FAULTS
 
 
 def _nothing(_: object) -> tuple[()]:
@@ -11,26 +12,31 @@ def _nothing(_: object) -> tuple[()]:
 PROVEN = {
     "dead_channel": Effect(
         _nothing,
+        noun=FAULTS["dead_channel"],
         means="the channel holds no motion",
         confirm="look at its cable and plug, and repeat one hit",
     ),
     "flexible_body": Effect(
         _nothing,
+        noun="bending of the body itself",
         means="the body bends: it moves with a mode of its own",
         confirm="put more sensors on {place} and look at its shape at that frequency",
     ),
     "mount_resonance": Effect(
         _nothing,
+        noun=FAULTS["mount_resonance"],
         means="the sensor resonates on its mounting",
         confirm="glue or screw the sensor on anew and repeat one hit: the resonance moves up",
     ),
     "sensor_delay": Effect(
         _nothing,
+        noun=FAULTS["sensor_delay"],
         means="the sensor's channels come late",
         confirm="give the sensor another input of the analyser and repeat one hit",
     ),
     "sensor_swap": Effect(
         _nothing,
+        noun=FAULTS["sensor_swap"],
         means="channels are exchanged",
         confirm="knock at each of them and see which channel answers",
     ),

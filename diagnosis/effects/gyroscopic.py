@@ -35,6 +35,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 EFFECT = Effect(
     propose,
+    noun="a spinning rotor",
     means="a rotor spins in the body",
     confirm="repeat with the rotor at rest: the split of the modes goes",
 )

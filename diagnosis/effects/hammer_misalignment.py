@@ -50,6 +50,7 @@ def _shortest(one: Real, other: Real) -> Real:
 
 EFFECT = Effect(
     propose,
+    noun="hits along another direction than stated",
     means="the hits went another way than drawn",
     confirm="hit {dof} again, guided or from the other side: the cross-talk changes",
 )

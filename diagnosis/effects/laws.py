@@ -4,17 +4,18 @@ Every spring of a law brings its own stiffness as a parameter that follows the j
 are fitted, the law stays one of the stiffness there is.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.hypothesis import Scene
+from diagnosis.hypothesis import Hypothesis, Scene, Value
 from identification.words import Complex, Condition, Real
 from mbmodel import AddedPart, Change, Parameter
 
 _FARTHEST = 6.0  # of the logarithm of a time, from where it was scanned
 Shape = Callable[[Complex], Complex]
+State = Callable[[Mapping[str, float]], dict[str, Value]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +87,29 @@ class Law:
             parameters.append(Parameter(name, value, "N/m or N m/rad"))
         finite, slopes = self._finite, self._derivatives
         return AddedPart(self._location, tuple(parameters), finite, slopes, self._when)
+
+    def hypotheses(
+        self, effect: str, dof: str | None, state: State, *, signed: bool = True
+    ) -> Iterator[Hypothesis]:
+        """The one that it holds; none where no spring has a stiffness.
+
+        Args:
+            effect: as the verdict calls it.
+            dof: likewise.
+            state: parameters of the verdict from the fitted ones.
+            signed: whether its size is none below zero.
+        """
+        if self.follow:
+            yield Hypothesis(
+                effect,
+                self._location,
+                dof,
+                parts=(self.part,),
+                scored=(self.size,),
+                follow=self.follow,
+                signed=signed,
+                state=state,
+            )
 
     def tau(self, found: Mapping[str, float]) -> float:
         """The fitted time [s].

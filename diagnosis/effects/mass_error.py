@@ -59,6 +59,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 EFFECT = Effect(
     propose,
+    noun="mass beyond tolerance",
     means="a mass beyond tolerance: a payload or part that the drawing lacks",
     confirm="weigh {place}, or add a known mass there and repeat",
 )

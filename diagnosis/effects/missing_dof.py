@@ -89,6 +89,7 @@ class _Way:
 
 EFFECT = Effect(
     propose,
+    noun="a direction drawn rigid that gives way",
     means="a direction that the drawing holds rigid gives way",
     confirm="put sensors on both sides of the joint of {place}: along {dof} they differ",
 )

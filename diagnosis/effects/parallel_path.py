@@ -50,6 +50,7 @@ def _relative(machine: Machine, low: int, high: int) -> np.ndarray:
 
 EFFECT = Effect(
     propose,
+    noun="a link that bypasses joints",
     means="a link bypasses the joints: a hose, a cable, a bridge",
     confirm="take the cables and hoses of {place} off and repeat: the stiffness goes",
 )

@@ -5,8 +5,8 @@ from itertools import groupby
 import numpy as np
 
 from diagnosis.hypothesis import Scene
-from identification.words import Dof, Real, distinct, is_hammer, node_of
-from mbmodel import Change, Machine
+from identification.words import Dof, distinct, is_hammer, node_of
+from mbmodel import Machine
 
 
 def names_of(scene: Scene) -> set[str]:
@@ -42,15 +42,6 @@ def springs_of(machine: Machine, stage: str) -> tuple[str, ...]:
     """Names of the springs of a stage's joints."""
     named = {spring.name for spring in machine.springs}
     return tuple(a.joint for a in machine.axles if a.stage == stage and a.joint in named)
-
-
-def along(machine: Machine, springs: tuple[str, ...], values: Real) -> Change:
-    """Stiffness along some springs, as the slope of one number; values (n_spring,)."""
-    directions = {spring.name: spring.direction for spring in machine.springs}
-    frame = np.array([directions[name] for name in springs]).T
-    core = np.zeros((1, 3, len(springs), len(springs)))
-    core[0, 0] = np.diag(values)
-    return Change("joint", frame, frame, core)
 
 
 def joined(machine: Machine, lower: str, upper: str) -> bool:

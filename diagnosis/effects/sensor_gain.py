@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from diagnosis.effects.points import names_of, sensors
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
+from identification import FAULTS
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -18,6 +19,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 EFFECT = Effect(
     propose,
+    noun=FAULTS["sensor_gain"],
     means="the channel's calibration value is wrong",
     confirm="exchange the sensor and repeat one hit: the gain goes with it",
 )

@@ -12,6 +12,7 @@ import numpy as np
 from diagnosis.corrections import channels_of, divided
 from diagnosis.effects.points import names_of, sensors
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from identification import FAULTS
 from identification.words import Complex, Real
 
 
@@ -33,6 +34,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 EFFECT = Effect(
     propose,
+    noun=FAULTS["sensor_polarity"],
     means="the channel has the wrong sign",
     confirm="turn the channel's sign back, or look how its axis points",
 )

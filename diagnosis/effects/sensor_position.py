@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 from diagnosis.effects.points import names_of, sensors, three
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
+from identification import FAULTS
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -17,6 +18,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 EFFECT = Effect(
     propose,
+    noun=FAULTS["sensor_position"],
     means="the sensor sits elsewhere than drawn",
     confirm="measure where the sensor sits, or glue it anew and repeat one hit",
 )

@@ -21,25 +21,16 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     for stage in jointed(machine):
         place = f"joint:{stage}"
         loss = Law(scene, place, springs_of(machine, stage), f"{stage}.loss", lossy)
-        if not loss.follow:
-            continue
 
         def state(found: Mapping[str, float], one: Law = loss) -> dict[str, Value]:
             return {"loss_factor": found[one.size]}
 
-        yield Hypothesis(
-            "structural_damping",
-            place,
-            parts=(loss.part,),
-            scored=(loss.size,),
-            follow=loss.follow,
-            signed=True,
-            state=state,
-        )
+        yield from loss.hypotheses("structural_damping", None, state)
 
 
 EFFECT = Effect(
     propose,
+    noun="a loss that does not grow with frequency",
     means="the joint's loss does not grow with frequency: rubber, dry joints, cables",
     confirm="repeat at another level: a loss by friction changes, that of a material stays",
 )

@@ -103,6 +103,7 @@ def _felt(corner: tuple[int, int], levers: Real) -> Real:
 
 EFFECT = Effect(
     propose,
+    noun="supports that do not carry",
     means="a support of the joint carries nothing",
     confirm="shim or adjust the support of {place} that has lost most and repeat",
 )

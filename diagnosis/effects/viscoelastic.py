@@ -28,21 +28,11 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         for number, tau in enumerate(np.geomspace(1 / float(omega[-1]), 2 / lowest, _SCANNED)):
             law = Timed(float(tau), _STEP, _maxwell, _by_time)
             branch = Law(scene, place, springs, f"{stage}.maxwell{number}", law)
-            if not branch.follow:
-                continue
 
             def state(found: Mapping[str, float], one: Law = branch) -> dict[str, Value]:
                 return {"ratio": found[one.size], "tau": one.tau(found)}
 
-            yield Hypothesis(
-                "viscoelastic",
-                place,
-                parts=(branch.part,),
-                scored=(branch.size,),
-                follow=branch.follow,
-                signed=True,
-                state=state,
-            )
+            yield from branch.hypotheses("viscoelastic", None, state)
 
 
 @lru_cache(1024)  # those of all joints are one: their columns are formed together
@@ -58,6 +48,7 @@ def _by_time(tau: float) -> Shape:
 
 EFFECT = Effect(
     propose,
+    noun="a stiffness that rises with frequency",
     means="the joint's stiffness rises with frequency: rubber, a hydraulic or air damper",
     confirm="repeat at another temperature: the time constant moves",
 )

@@ -3,8 +3,10 @@
 from identification.solid.check import BodyCheck, Fault, check_bodies
 from identification.solid.hypotheses import delayed, mount
 from identification.solid.reduce import body_inverse, reconstruct, reduce_to_bodies
+from identification.solid.words import FAULTS
 
 __all__ = [
+    "FAULTS",
     "BodyCheck",
     "Fault",
     "body_inverse",

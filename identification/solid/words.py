@@ -3,7 +3,7 @@
 from identification.solid.limit import SOLID_WITHIN, Spectrum, solid_to
 from identification.words import Real
 
-_KINDS = {
+FAULTS = {
     "sensor_gain": "a wrong gain",
     "sensor_polarity": "a turned sign",
     "sensor_misalignment": "wrong axes",
@@ -53,7 +53,7 @@ def phrase(effect: str, location: str, dof: str | None) -> str:
         return "what remains has a common shape: the body is flexible"
     place = location.split(":", 1)[1].replace("+", " and ")
     concerned = f" {dof.replace('+', ' and ')}" if dof else ""
-    return f"{place}{concerned}: {_KINDS[effect]}"
+    return f"{place}{concerned}: {FAULTS[effect]}"
 
 
 def alike(first: str, second: str, spare: int) -> str:

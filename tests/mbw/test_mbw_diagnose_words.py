@@ -1,0 +1,46 @@
+"""Effects, places and sizes of a diagnosis in words."""
+
+import pytest
+
+from mbw.diagnose_values import number, parameter_lines, parameter_words
+from mbw.diagnose_words import direction, place, placed, site_words
+
+
+@pytest.mark.parametrize(
+    ("effect", "dof", "name", "value", "words"),
+    [
+        ("appendage", None, "damping", 0.0113, "damping 1.13 %"),
+        ("missing_dof", "rx", "damping", 1830.0, "damping 1830 N m s/rad"),
+        ("missing_dof", "tx", "stiffness", 5.571e8, "stiffness 5.57e+08 N/m"),
+        ("sensor_misalignment", None, "rotation", (0.1, 0.0, -0.2), "rotation (5.73, 0, -11.5)°"),
+        ("feedback_delay", "tz", "delay", 0.0010054, "delay 1.01 ms"),
+        ("gyroscopic", None, "angular_momentum", 18115.3, "angular momentum 18100 kg m²/s"),
+        ("support_loss", None, "fraction", (0.02, 1.0), "fraction (2, 100) %"),
+        ("outside", None, "inertance", 13.18, "inertance 13.2"),
+    ],
+)
+def test_sizes_have_units_that_engineers_read(effect, dof, name, value, words):
+    assert parameter_words(effect, dof, name, value) == words
+
+
+def test_sizes_have_as_many_digits_as_their_interval_leaves():
+    (line,) = parameter_lines("appendage", None, "mass", 31.237, (29.81, 32.9))
+    assert (line.name, line.value, line.interval) == ("mass", "31.2 kg", "29.8 … 32.9")
+    x, y = parameter_lines("s", None, "offset", (0.1224, 0.0), ((0.1, 0.2), (-0.001, 0.001)))
+    assert (x.name, x.value, x.interval) == ("offset 1", "122 mm", "100 … 200")
+    assert (y.value, y.interval) == ("0.0 mm", "-1.0 … 1.0")
+    (bare,) = parameter_lines("drift", "b", "factor", 0.72618, None)
+    assert (bare.value, bare.interval) == ("0.726", "")
+    assert number(5.571e8, 1e6) == "5.571e8"
+    assert number(1096.0) == "1100"
+
+
+def test_places_and_directions_are_words():
+    assert placed("pair:ty-hexapod") == "between ty-hexapod"
+    assert placed("hammer:acc11") == "at hammer acc11"
+    assert place("sensor:acc1+acc2") == "sensors acc1 and acc2"
+    assert direction("rx") == "about x"
+    assert direction("tx+ty") == "x and y"
+    assert direction("acc11:+ty") == "hit at acc11:+ty"
+    assert direction("b") == "set-up b"
+    assert site_words("inerter@joint:ty") == "inerter at joint ty"
