@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from diagnosis.effects import catalogue
-from diagnosis.evidence import Evidence, Key, Refitted
+from diagnosis.evidence import Evidence, Paired, Refitted
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.hypothesis import Hypothesis, Scene, together
 from diagnosis.judge import NOTHING, Judged, judge
@@ -14,6 +14,7 @@ from diagnosis.refit import (
     FIRST,
     LAST,
     PATIENT,
+    SMALL,
     SOME,
     Refit,
     go_on,
@@ -25,6 +26,7 @@ from diagnosis.refit import (
 )
 from diagnosis.score import cosines
 from diagnosis.search import REFITTED, Search, search
+from diagnosis.second import with_second
 from identification.words import Campaign, Complex, Mask, Real
 from mbmodel import Held, loosened
 from tuning import (
@@ -41,11 +43,9 @@ from tuning import (
     with_tolerances,
 )
 
-_SMALL = 3.0  # chi square up to which one tolerance of many may be all that is beyond its bound
 _ENOUGH = 180_000  # values: three hammer directions, 69 channels, 800 lines and some more
-_LIKELY = 0.5
 _ALIKE, _NATS = 0.9, 3.0  # cosine of signatures, difference of costs: twins
-STEPS = 8 + 3 * REFITTED  # told at most
+STEPS = 12 + 6 * REFITTED  # told at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,23 +166,23 @@ def diagnose(
         proposed = [one for effect in catalogue().values() for one in effect(scene)]
         asked = [one for one in proposed if one.location not in taken]
         found = search(scene, (early, first, nothing), asked, say)
-    refits = found.refits
+        found = with_second(scene, nothing, found, asked, say)
     evidence = _evidence(scene, made, nothing, found)
     judged = judge(evidence)
-    known_as = {one.hypothesis.key: one.hypothesis for one in refits if one.hypothesis is not None}
-    known_as |= {one.key: one for one in made}
-    present = _present(judged, known_as)
+    present = _present(judged, made, found)
     say("the gap on held-out lines")
     base = Scene(clean, nothing.fit.theta, held, pace)
     # Of a large gap 5 % do not matter; what is nearly nothing is told by the third digit, and lines
     # that were left out beside a sharp mode cost that much.
     exact = not present
     proven = clean.campaign is not session.campaign
-    made_before = {} if proven else {one.hypothesis: one for one in (nothing, *refits)}
+    known = (nothing, *found.refits, *found.pairs)
+    made_before = {} if proven else {one.hypothesis: one for one in known}
     retuned = _level(base, None, session, made_before, jobs, exact=exact)
     after = None
     if present and all(one.is_held for one in present):
-        after = _level(base, together(present), session, made_before, jobs, retuned.width)
+        one = _together(present, found)
+        after = _level(base, one, session, made_before, jobs, retuned.width)
     drawn = predict(session.model, session.model.drawn, session.campaign)
     return Diagnosis(
         session=session,
@@ -206,7 +206,7 @@ def _evidence(
     """What the judgement reads."""
     sources = {test.estimate.variance_source for test in nothing.session.campaign.tests}
     loose, pull = nothing.chi_square, 0.0
-    if NOTHING < loose < _SMALL:
+    if NOTHING < loose < SMALL:
         loose, pull = unbounded(scene, nothing)
     return Evidence(
         proven=tuple(one.key for one in proven),
@@ -227,6 +227,16 @@ def _evidence(
         ),
         scored=found.rows,
         pushed=found.pushed,
+        pairs=tuple(
+            Paired(
+                keys=(first.key, second.key),
+                cost=one.cost,
+                chi_square=one.chi_square,
+            )
+            for one in found.pairs
+            if one.hypothesis
+            for first, second in [one.hypothesis.members]
+        ),
         variance="coherence" if sources == {"coherence"} else "differences",
     )
 
@@ -244,14 +254,22 @@ def _pace(campaign: Campaign) -> int:
     return max(1, round(channels * len(campaign.freq_hz) / _ENOUGH))
 
 
-def _present(judged: Judged, known_as: Mapping[Key, Hypothesis]) -> tuple[Hypothesis, ...]:
-    """The best cause; where several are there, all that are more likely than not."""
-    if judged.best is None:
-        return ()
-    likely = [known_as[key] for key, probability in judged.causes if probability > _LIKELY]
-    if judged.word == "several" and likely:
-        return tuple(likely)
-    return (known_as[judged.best],)
+def _present(judged: Judged, made: Sequence[Hypothesis], found: Search) -> tuple[Hypothesis, ...]:
+    """The hypotheses of the causes that are there: of a pair as they were fitted together."""
+    known_as = {one.hypothesis.key: one.hypothesis for one in found.refits if one.hypothesis}
+    known_as |= {one.key: one for one in made}
+    for pair in found.pairs:
+        members = pair.hypothesis.members if pair.hypothesis else ()
+        if set(judged.present) == {one.key for one in members}:
+            known_as |= {one.key: one for one in members}
+    return tuple(known_as[key] for key in judged.present)
+
+
+def _together(present: tuple[Hypothesis, ...], found: Search) -> Hypothesis:
+    """All that is present at once, as it was fitted if it was."""
+    fitted = (pair.hypothesis for pair in found.pairs if pair.hypothesis)
+    known = (one for one in fitted if set(one.members) == set(present))
+    return next(known, None) or together(present)
 
 
 def _twins(scene: Scene, found: Fit, judged: Judged, tried: Search) -> tuple[tuple[str, str], ...]:

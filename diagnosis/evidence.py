@@ -49,6 +49,19 @@ class Refitted(_Named):
     chi_square: float
 
 
+class Paired(_Row):
+    """Two hypotheses, fitted at once.
+
+    Args:
+        keys: of both.
+        cost, chi_square: as of one.
+    """
+
+    keys: tuple[Key, Key]
+    cost: float
+    chi_square: float
+
+
 class Pushed(_Row):
     """What a force of any spectrum would explain at one place, in its best direction.
 
@@ -72,9 +85,10 @@ class Evidence(_Row):
         loose: chi square if tolerances have no bounds; as above where that was not asked.
         pull: the largest of them then, in standard deviations.
         refits: with one effect each.
-        scored: the most promising first.
+        pairs: with two.
         pushed: places, the one first whose free force explains most.
         variance: where the noise's variance comes from; the worse source if there are two.
+        scored: the most promising first; for who reads on, no judgement needs them.
     """
 
     proven: tuple[Key, ...]
@@ -83,6 +97,7 @@ class Evidence(_Row):
     loose: float
     pull: float
     refits: tuple[Refitted, ...]
-    scored: tuple[Scored, ...]
+    pairs: tuple[Paired, ...] = ()
     pushed: tuple[Pushed, ...]
     variance: VarianceSource
+    scored: tuple[Scored, ...] = ()

@@ -71,6 +71,7 @@ class Hypothesis:
         signed: whether those are sizes, none of which is less than zero.
         at_most: upper bound of sizes.
         is_held: whether its Parts, or the corrected measurement, hold all of it.
+        members: of several at once, each; empty of a single one.
         state: parameters of the verdict from the fitted ones, by name.
     """
 
@@ -87,6 +88,7 @@ class Hypothesis:
     signed: bool = False
     at_most: float = np.inf
     is_held: bool = True
+    members: tuple["Hypothesis", ...] = ()
     state: Callable[[Mapping[str, float]], dict[str, Value]] = unsaid
 
     @property
@@ -175,6 +177,7 @@ def together(several: Sequence[Hypothesis]) -> Hypothesis:
         follow={name: other for one in several for name, other in one.follow.items()},
         correct=correct if corrections else None,
         is_held=all(one.is_held for one in several),
+        members=tuple(several),
     )
 
 
@@ -193,12 +196,9 @@ def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> F
     for k, parameter in enumerate(free.parameters):
         if parameter.name in one.begin and free.member[k] < 0:  # a user has fixed it: as was found
             fixed[k] = one.begin[parameter.name]
-    free = replace(free, fixed=fixed)
-    if not one.signed:
-        return free
-    sizes = np.isin(np.array(free.names), one.coordinates)
-    return replace(
-        free,
-        lower=np.where(sizes, 0.0, free.lower),
-        upper=np.where(sizes, one.at_most, free.upper),
-    )
+    lower, upper = free.lower, free.upper
+    for each in one.members or (one,):
+        if each.signed:
+            sizes = np.isin(np.array(free.names), each.coordinates)
+            lower, upper = np.where(sizes, 0.0, lower), np.where(sizes, each.at_most, upper)
+    return replace(free, fixed=fixed, lower=lower, upper=upper)

@@ -8,9 +8,11 @@ the best refit with one,
     explained = expit((log left - log (e1 / e^0.75)) / width)   one effect takes nearly all of it:
                 of a large gap the true one leaves a smaller part
 
-and p(none) = (1 - explained)(1 - visible), p(unexplained) = (1 - explained) visible. Among causes,
-costs differ by thousands of nats where the noise alone counts, but a model is never so exact.
-Of n values, with cost0 without any effect:
+and p(none) = (1 - explained)(1 - visible). What the best effect leaves is a gap of its own, of
+which two at once explain the part twofold, likewise: that part of what one explains, and of what
+none does, goes to several causes. Among causes, and among pairs, costs differ by thousands of nats
+where the noise alone counts, but a model is never so exact. Of n values, with cost0 without any
+effect,
 
     p(cause) = explained softmax(-cost / (least + inexact n + temper (cost0 - best)))
 
@@ -20,7 +22,7 @@ seeds no reported figure uses; ``calibration.json`` says which.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -29,7 +31,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict
 from scipy.special import expit, softmax
 
-from diagnosis.evidence import BENDS, Evidence, Key
+from diagnosis.evidence import BENDS, Evidence, Key, Paired, Refitted
 from identification.words import Real
 from tuning import BOUND
 
@@ -37,6 +39,8 @@ NOTHING = 1.03  # chi square up to which nothing is missing: no hypothesis is as
 _POWER = 0.75  # of the gap: with what is left of it compared
 _EXACT = 0.02  # no refit is believed to leave less
 _ROW = 0.01  # probability of a cause that is worth a row
+_LIKELY = 0.5
+Shares = tuple[tuple[Key, float], ...]
 
 
 class Calibration(BaseModel):
@@ -93,30 +97,31 @@ class Judged:
         none, unexplained, several: of what is no single cause.
         causes: with the probability that each is present, most probable first.
         where: places by their share.
+        present: the causes that the verdict says are there, the most probable first.
     """
 
     none: float
     unexplained: float
     several: float
-    causes: tuple[tuple[Key, float], ...]
+    causes: Shares
     where: tuple[tuple[str, float], ...]
+    present: tuple[Key, ...]
 
     @property
     def word(self) -> str:
         """The verdict's word."""
-        single = 1 - self.none - self.unexplained - self.several
-        options = {
-            "none": self.none,
-            "unexplained": self.unexplained,
-            "several": self.several,
-            "explained": single,
-        }
-        return max(options, key=lambda name: options[name])
+        return _word(self.none, self.unexplained, self.several)
 
-    @property
-    def best(self) -> Key | None:
-        """The most probable cause, if causes are what is most probable."""
-        return self.causes[0][0] if self.word in ("explained", "several") else None
+
+def _word(none: float, unexplained: float, several: float) -> str:
+    """The most probable of none, unexplained, several and a single cause."""
+    options = {
+        "none": none,
+        "unexplained": unexplained,
+        "several": several,
+        "explained": 1 - none - unexplained - several,
+    }
+    return max(options, key=lambda name: options[name])
 
 
 def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
@@ -127,61 +132,115 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
         by: the calibration; the committed one if None.
     """
     by = by or calibrated()
-    gap = seen.chi_square - 1
-    doubt = 1 - by.sure
-    if seen.chi_square <= NOTHING:
-        visible, explained, weights = 0.0, 0.0, np.zeros(len(seen.refits))
-    else:
-        likely = seen.pull <= by.outlier  # and all that is left is one tolerance in hundreds
-        beyond = max(seen.loose - 1, 1e-6) if likely else gap
-        hidden = by.hidden[seen.variance]
-        visible = float(expit((np.log(beyond) - np.log(hidden)) / by.hidden_width))
-        left = max(min((one.chi_square for one in seen.refits), default=np.inf) - 1, _EXACT)
-        left /= gap**_POWER
-        explained = float(expit((np.log(by.left) - np.log(left)) / by.left_width))
-        if likely and seen.pull > BOUND:  # whatever one released tolerance then explains
-            explained *= visible
-        weights = _weights(seen, by)
-    none, unknown = (1 - explained) * (1 - visible), (1 - explained) * visible
-    single = {
-        one.key: by.sure * explained * float(weight)
-        for one, weight in zip(seen.refits, weights, strict=True)
-    }
-    none, unknown = by.sure * none + doubt / 2, by.sure * unknown + doubt / 2
+    doubt, sure = 1 - by.sure, by.sure
+    visible, explained, twofold = _parts(seen, by)
+    seeming = (1 - explained) * visible
+    none = sure * (1 - explained) * (1 - visible) + doubt / 2
+    unknown = sure * seeming * (1 - twofold) + doubt / 2
+    alone, double = sure * explained * (1 - twofold), sure * (explained + seeming) * twofold
+    ones = [(one.key,) for one in seen.refits]
+    single = _shared(alone, ones, _weights(seen, by, seen.refits))
+    pairs = _shared(double, [one.keys for one in seen.pairs], _weights(seen, by, seen.pairs))
+    found = _present_in(single | pairs)
     if not seen.proven:
-        causes = _kept(single)
-        return Judged(none, unknown, 0.0, causes, _places(seen, by, causes, unknown))
+        causes = _kept(found)
+        leading = max(pairs, key=lambda keys: pairs[keys], default=())
+        return _judged(none, unknown, double, causes, leading, _places(seen, by, causes, unknown))
     if any(effect == BENDS for effect, _, _ in seen.proven):
         unknown = doubt / 2  # it drives all bodies in ways that no Part holds: a gap is no surprise
-    # What a gate proved is present: alone, with another cause, or with what nobody knows.
-    sure = 1 - doubt
+    # What a gate proved is present: alone, with other causes, or with what nobody knows.
     certain = dict.fromkeys(seen.proven, sure * (1 - unknown / 2))
-    both = {key: sure * value for key, value in single.items()}
-    several = sum(both.values()) if len(seen.proven) == 1 else max(certain.values())
+    both = {key: sure * value for key, value in found.items()}
+    several = sure * (alone + double)
+    if len(seen.proven) > 1:
+        several = max(certain.values())
     rest = 1 - max(certain.values())
     causes = _kept(certain | both)
-    return Judged(doubt / 2, rest - doubt / 2, several, causes, _places(seen, by, causes, rest))
+    leading = tuple(key for key, probability in causes if probability > _LIKELY)
+    where = _places(seen, by, causes, rest)
+    return _judged(doubt / 2, rest - doubt / 2, several, causes, leading, where)
 
 
-def _weights(seen: Evidence, by: Calibration) -> Real:
-    """Of the refits, beside each other."""
-    if not seen.refits:
+def _judged(
+    none: float,
+    unexplained: float,
+    several: float,
+    causes: Shares,
+    leading: tuple[Key, ...],
+    where: tuple[tuple[str, float], ...],
+) -> Judged:
+    """With what is there if several causes are; else the most probable is, if one is."""
+    word = _word(none, unexplained, several)
+    present: tuple[Key, ...] = ()
+    if word == "several" and leading:
+        present = tuple(key for key, _ in causes if key in leading)
+    elif word in ("explained", "several"):
+        present = (causes[0][0],)
+    return Judged(none, unexplained, several, causes, where, present)
+
+
+def _parts(seen: Evidence, by: Calibration) -> tuple[float, float, float]:
+    """Whether there is a gap, one effect explains it, two do."""
+    if seen.chi_square <= NOTHING:
+        return 0.0, 0.0, 0.0
+    gap = seen.chi_square - 1
+    likely = seen.pull <= by.outlier  # and all that is left is one tolerance in hundreds
+    beyond = max(seen.loose - 1, 1e-6) if likely else gap
+    hidden = by.hidden[seen.variance]
+    visible = float(expit((np.log(beyond) - np.log(hidden)) / by.hidden_width))
+
+    left = _left(seen.refits)
+    explained = _explains(left, gap, by)
+    if likely and seen.pull > BOUND:  # whatever one released tolerance then explains
+        explained *= visible
+    return visible, explained, _explains(_left(seen.pairs), left, by) if seen.pairs else 0.0
+
+
+def _left(fits: Sequence[Refitted] | Sequence[Paired]) -> float:
+    """Of the gap, by the best."""
+    return max(min((one.chi_square for one in fits), default=np.inf) - 1, _EXACT)
+
+
+def _explains(left: float, gap: float, by: Calibration) -> float:
+    part = left / gap**_POWER
+    return float(expit((np.log(by.left) - np.log(part)) / by.left_width))
+
+
+def _weights(seen: Evidence, by: Calibration, fits: Sequence[Refitted] | Sequence[Paired]) -> Real:
+    """Of refits, beside each other."""
+    if not fits:
         return np.zeros(0)
-    costs = np.array([one.cost for one in seen.refits])
+    costs = np.array([one.cost for one in fits])
     values = seen.cost / seen.chi_square
     gain = max(seen.cost - costs.min(), 0.0)
     weights: Real = softmax(-costs / (by.least + by.inexact * values + by.temper * gain))
     return weights
 
 
-def _kept(causes: Mapping[Key, float]) -> tuple[tuple[Key, float], ...]:
+def _shared(
+    whole: float, sets: Sequence[tuple[Key, ...]], weights: Real
+) -> dict[tuple[Key, ...], float]:
+    """A probability divided among sets of causes."""
+    return {keys: whole * float(weight) for keys, weight in zip(sets, weights, strict=True)}
+
+
+def _present_in(sets: Mapping[tuple[Key, ...], float]) -> dict[Key, float]:
+    """That each cause is present: of all sets that hold it."""
+    found: dict[Key, float] = {}
+    for keys, probability in sets.items():
+        for key in keys:
+            found[key] = found.get(key, 0.0) + probability
+    return found
+
+
+def _kept(causes: Mapping[Key, float]) -> Shares:
     """Most probable first, none below one per cent."""
     order = sorted(causes.items(), key=lambda one: -one[1])
     return tuple(one for one in order if one[1] >= _ROW)
 
 
 def _places(
-    seen: Evidence, by: Calibration, causes: tuple[tuple[Key, float], ...], unknown: float
+    seen: Evidence, by: Calibration, causes: Shares, unknown: float
 ) -> tuple[tuple[str, float], ...]:
     """Places by their share, which sum to one."""
     shares: dict[str, float] = {}

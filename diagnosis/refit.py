@@ -31,6 +31,7 @@ _ROUNDS, _SETTLED = 3, 0.01  # until the stiffness that Parts are made from stay
 # Held-out fits, whose parameters are stated: to one line in four, or to all.
 SOME = replace(STAGES[4], tolerance=1e-6, max_steps=6)
 ALL = replace(STAGES[5], tolerance=1e-6, max_steps=6)
+SMALL = 3.0  # chi square up to which one tolerance of many may be all that is beyond its bound
 _PROMISE = 0.1  # nats: of a fit whose parameters are stated
 CLOSE = (*FIRST, replace(STAGES[4], stride=8, tolerance=1e-3, max_steps=6))
 LAST = (replace(STAGES[4], tolerance=3e-4, max_steps=10),)
@@ -58,6 +59,11 @@ class Refit:
     def cost(self) -> float:
         """In nats, priors and all."""
         return self.fit.cost
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Of its hypothesis; none without one."""
+        return () if self.hypothesis is None else self.hypothesis.coordinates
 
     def parameters(self) -> dict[str, Value]:
         """What the verdict states of it, as fitted."""

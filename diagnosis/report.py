@@ -93,13 +93,18 @@ def _spread(whole: float | None, without: list[float | None]) -> tuple[float, fl
 
 def _row(key: Key, probability: float, found: Diagnosis) -> CauseRow:
     effect, location, dof = key
-    fitted = {one.hypothesis.key: one for one in found.search.refits if one.hypothesis is not None}
+    fitted = {
+        one.key: made.stated(one, made.fit.theta)
+        for made in (*found.search.pairs[::-1], *found.search.refits)
+        if made.hypothesis is not None
+        for one in made.hypothesis.members or (made.hypothesis,)
+    }
     row = CauseRow(
         effect=effect,
         location=location,
         dof=dof,
         probability=probability,
-        parameters=fitted[key].parameters() if key in fitted else {},
+        parameters=fitted.get(key, {}),
         interval={},
         excess_after=None,
     )

@@ -19,7 +19,7 @@ _PLACES = 2  # where free forces explain most, whose effects are tried
 _VARIANTS = 4  # of each effect, place and direction, so many shapes are scored again
 _PROMISING = 0.03  # of the best score, what is worth a refit
 _LEADING = 0.5  # of the best refit's gain, what goes on to the weights of the noise
-_ROUNDS = 3  # of further steps
+_NEAR = 0.2, 0.05, 0.05  # of the best gain, in rounds of further steps: who is no farther goes on
 _SURE = 10.0  # nats: of a free force that is there
 _EXACT = 0.01  # of chi square, that a refit may leave by chance
 _CLEAR = 0.02  # of the gap: who leaves less explains it
@@ -36,6 +36,7 @@ class Search:
         pushed: what free forces explain at each place.
         begun: first refits, with some allowance, of the most promising.
         refits: at the weights of the noise, of those of them that lead; the best first.
+        pairs: likewise, with two effects at once.
     """
 
     scores: tuple[Score, ...] = ()
@@ -43,6 +44,7 @@ class Search:
     pushed: tuple[Pushed, ...] = ()
     begun: tuple[Refit, ...] = ()
     refits: tuple[Refit, ...] = ()
+    pairs: tuple[Refit, ...] = ()
 
 
 def search(
@@ -50,6 +52,7 @@ def search(
     without: tuple[Fit, Refit, Refit],
     asked: Sequence[Hypothesis],
     say: Callable[[str], None],
+    turns: int = 3,
 ) -> Search:
     """Score all hypotheses, refit the most promising.
 
@@ -62,6 +65,7 @@ def search(
         without: fits without any effect at 10 %, 3 % and none.
         asked: hypotheses.
         say: told what is being done.
+        turns: at most, in which more are tried where little is explained.
     """
     early, first, nothing = without
     say("scores of all hypotheses")
@@ -80,18 +84,17 @@ def search(
     promising = far.best()
     ended: dict[tuple[str, ...], Refit] = {}
     refits: list[Refit] = []
-    for turn, enough in enumerate((_CLEAR, _LITTLE, 1.0)):
+    for turn, enough in enumerate((_CLEAR, _LITTLE, 1.0)[:turns]):
         if turn == 1:
             close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
             close.try_all(close.best(places)[:_THERE])
         else:
             far.try_all(promising[:REFITTED] if not turn else promising[REFITTED:])
         for made in (*far.leading(), *close.leading()):
-            coordinates = made.hypothesis.coordinates if made.hypothesis else ()
-            if coordinates not in ended:
-                ended[coordinates] = go_on(scene, made, LAST)
-        refits = _patient(scene, _one_each(list(ended.values())))
-        ended = {one.hypothesis.coordinates: one for one in refits if one.hypothesis}
+            if made.coordinates not in ended:
+                ended[made.coordinates] = go_on(scene, made, LAST)
+        refits = _patient(scene, nothing, _one_each(list(ended.values())))
+        ended |= {one.coordinates: one for one in refits}
         left = refits[0].chi_square - 1 if refits else np.inf
         # Where no free force explains anything, nothing of the machine will.
         if not places or left < enough * (nothing.chi_square - 1) + _EXACT:
@@ -153,7 +156,7 @@ class _Screen:
         best = min(self.begun, key=lambda made: made.cost, default=None)
         if best is None or best.hypothesis is None:
             return
-        tried = {made.hypothesis.coordinates for made in self.begun if made.hypothesis}
+        tried = {made.coordinates for made in self.begun}
         own = [s.hypothesis for s in self.rounds[0] if s.hypothesis.key == best.hypothesis.key]
         for one in [one for one in own if one.coordinates not in tried][:_OTHERS]:
             self._try(one)
@@ -179,16 +182,21 @@ def _one_each(refits: Sequence[Refit]) -> list[Refit]:
     return list(found.values())
 
 
-def _patient(scene: Scene, refits: Sequence[Refit]) -> list[Refit]:
-    """The best first, and the two best at their minima: strong effects are many steps away."""
+def _patient(scene: Scene, nothing: Refit, refits: Sequence[Refit]) -> list[Refit]:
+    """The best first, at its minimum, and the second if it may still come near.
+
+    Strong effects are many steps away; but a wrong hypothesis wanders for as many.
+    """
     found = sorted(refits, key=lambda one: one.cost)
-    for _ in range(_ROUNDS):
+    for near in _NEAR:
         away = [k for k, one in enumerate(found[:2]) if not one.fit.converged]
+        for k in away:
+            gained = nothing.cost - found[0].cost
+            if found[k].cost - found[0].cost <= near * gained:
+                found[k] = go_on(scene, found[k], LONG)
+        found.sort(key=lambda one: one.cost)
         if not away:
             break
-        for k in away:
-            found[k] = go_on(scene, found[k], LONG)
-        found.sort(key=lambda one: one.cost)
     return found
 
 

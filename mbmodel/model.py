@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import accumulate, pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -144,8 +145,17 @@ class Model:
             raise UsageError(
                 f"theta has shape {np.shape(theta)}, expected ({len(self.parameters)},)"
             )
-        ends = np.cumsum([len(part.parameters) for part in self.parts])
-        return tuple(np.split(theta, ends)[:-1])
+        return tuple(theta[span] for span in self._spans)
+
+    @cached_property
+    def _spans(self) -> tuple[slice, ...]:
+        """Where the parameters of each Part lie in theta."""
+        ends = accumulate((len(part.parameters) for part in self.parts), initial=0)
+        return tuple(slice(*both) for both in pairwise(ends))
+
+    @cached_property
+    def _conditional(self) -> tuple[Conditional, ...]:
+        return tuple(part for part in self.parts if isinstance(part, Conditional))
 
     @cached_property
     def _as_drawn(self) -> Real:
@@ -219,7 +229,7 @@ class Model:
 
     def acting(self, condition: Condition | None) -> tuple[bool, ...]:
         """Which of the Parts that act in some tests only act in this one, in their order."""
-        return tuple(part.acts(condition) for part in self.parts if isinstance(part, Conditional))
+        return tuple(part.acts(condition) for part in self._conditional)
 
     def matrices(self, theta: Real, condition: Condition | None = None) -> Matrices:
         """Assemble M, C and K at theta; see ``assemble``."""

@@ -23,7 +23,7 @@ from mbmodel.shaped import ShapedSolver
 from mbmodel.solved import Solved
 from mbmodel.solver import Solver
 
-_AGREEMENT = 1e-10  # modal form against direct solve, relative to each coordinate's peak
+_AGREEMENT = 1e-10
 _CONDITION = 1e6  # of an eigenvalue: beyond it poles all but coincide
 
 
@@ -72,6 +72,7 @@ class Evaluator:
         question: lines, outputs, inputs, quantity.
         condition: of the test meant, if any.
         direct: always solve line by line instead of by the modal form.
+        agreement: of the modal form with the direct solve, relative to each coordinate's peak.
 
     Raises:
         UsageError: a label that the machine does not have, a motion of the floor at 0 Hz.
@@ -84,10 +85,11 @@ class Evaluator:
         *,
         condition: Condition | None = None,
         direct: bool = False,
+        agreement: float = _AGREEMENT,
     ) -> None:
         self.model, self.question, self.condition = model, question, condition
         self.places = places(model.machine, question.outputs, question.inputs)
-        self.is_direct = direct
+        self.is_direct, self._agreement = direct, agreement
         if self.places.has_floor and question.order < 2 and not question.laplace.all():
             raise UsageError(
                 f"{question.quantity} per acceleration of the floor has no value at 0 Hz: start "
@@ -140,7 +142,7 @@ class Evaluator:
         factor = self.question.factor[lines]
         error = np.abs(motion[..., lines] - solver.direct(drive, lines) * factor)
         peak = np.abs(motion.view(np.float64)).max(axis=(1, 2), keepdims=True)
-        return bool((error <= _AGREEMENT * peak).all())
+        return bool((error <= self._agreement * peak).all())
 
     def _critical_lines(self, form: ModalForm) -> np.ndarray:
         omega = self.question.laplace.imag

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from diagnosis.evidence import Evidence, Pushed, Refitted, Scored
+from diagnosis.evidence import Evidence, Paired, Pushed, Refitted, Scored
 from diagnosis.judge import calibrated, judge
 
 PLACES = ("body:a", "joint:b", "sensor:acc1")
@@ -15,7 +15,11 @@ def refit(effect, place, cost, left):
     return Refitted(effect=effect, location=place, dof=None, cost=cost, chi_square=1 + left)
 
 
-def evidence(gap, refits=(), proven=(), gains=(5.0, 3.0, 1.0), loose=None, pull=0.0):
+def pair(first, second, cost, left):
+    return Paired(keys=(first.key, second.key), cost=cost, chi_square=1 + left)
+
+
+def evidence(gap, refits=(), proven=(), gains=(5.0, 3.0, 1.0), loose=None, pull=0.0, pairs=()):
     rows = [
         Scored(effect="mass_error", location=place, dof=None, gains=(gain, gain, gain))
         for place, gain in zip(PLACES, gains, strict=True)
@@ -27,6 +31,7 @@ def evidence(gap, refits=(), proven=(), gains=(5.0, 3.0, 1.0), loose=None, pull=
         loose=1 + gap if loose is None else loose,
         pull=pull,
         refits=refits,
+        pairs=pairs,
         scored=tuple(rows),
         pushed=tuple(
             Pushed(location=place, dof=None, gain=gain)
@@ -61,7 +66,7 @@ def test_probabilities_are_those_of_exclusive_hypotheses(gap, lefts, proven):
     assert sum(shares) == pytest.approx(1)
     assert shares == sorted(shares, reverse=True)
     assert found.word in ("none", "explained", "several", "unexplained")
-    assert (found.best is None) == (found.word in ("none", "unexplained"))
+    assert (found.present == ()) == (found.word in ("none", "unexplained"))
 
 
 def test_no_gap_is_none_and_a_gap_that_nothing_takes_is_unexplained():
@@ -85,7 +90,7 @@ def test_who_takes_the_gap_explains_it_and_equals_share():
     wrong = refit("appendage", "body:c", 6e4, 5.0)
     found = judge(evidence(gap, (right, wrong)))
     assert found.word == "explained"
-    assert found.best == right.key
+    assert found.present == (right.key,)
     assert found.causes[0][1] > 0.9
     twin = refit("joint_coupling", "joint:b", 1.01e4, 0.01)
     both = judge(evidence(gap, (right, twin)))
@@ -98,11 +103,44 @@ def test_who_takes_the_gap_explains_it_and_equals_share():
     assert three.word == "explained"
 
 
+@given(gap=positive, lefts=some.lists(positive, min_size=2, max_size=4), both=positive)
+def test_sets_of_causes_share_one_probability(gap, lefts, both):
+    refits = tuple(
+        refit("mass_error", f"body:{k}", 1e4 * (1 + left), left) for k, left in enumerate(lefts)
+    )
+    two = pair(refits[0], refits[1], 1e4 * (1 + both), both)
+    found = judge(evidence(gap, refits, pairs=(two,)))
+    single = 1 - found.none - found.unexplained - found.several
+    assert min(found.none, found.unexplained, found.several, single) >= -1e-12
+    # One cause or two: each counts once for every set that it is in.
+    total = sum(p for _, p in found.causes)
+    assert total == pytest.approx(single + 2 * found.several, abs=0.02 * len(lefts))
+    assert len(found.present) == {"explained": 1, "several": 2}.get(found.word, 0)
+
+
+def test_two_effects_that_take_what_one_leaves_are_several():
+    first, second = (
+        refit(n, f"body:{n}", c, left) for n, c, left in (("a", 2e4, 1.0), ("b", 8e4, 7))
+    )
+    lone = judge(evidence(10.0, (first, second)))
+    assert lone.word == "unexplained"
+    found = judge(evidence(10.0, (first, second), pairs=(pair(first, second, 1.01e4, 0.0),)))
+    assert found.word == "several"
+    assert set(found.present) == {first.key, second.key}
+    # What is outside the catalogue gives way to two effects in part only.
+    part = judge(evidence(10.0, (first, second), pairs=(pair(first, second, 1.4e4, 0.4),)))
+    assert part.word == "unexplained"
+    # A single effect that leaves nothing needs no other.
+    right = refit("a", "body:a", 1.01e4, 0.02)
+    more = judge(evidence(10.0, (right, second), pairs=(pair(right, second, 1.005e4, 0.01),)))
+    assert more.word == "explained"
+
+
 def test_what_a_gate_proved_stays_and_comes_first():
     proven = (("sensor_swap", "sensor:acc1", "tx+ty"),)
     found = judge(evidence(0.0, (), proven))
     assert found.word == "explained"
-    assert found.best == proven[0]
+    assert found.present == proven
     assert found.where[0][0] == "sensor:acc1"
     with_more = judge(evidence(10.0, (refit("drift", "joint:b", 1.01e4, 0.0),), proven))
     assert with_more.word == "several"

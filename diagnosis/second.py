@@ -1,0 +1,87 @@
+"""A second effect beside the first: forward selection, with a backward check.
+
+What the best single effect leaves is a gap like any other: with that effect in the model all
+hypotheses are scored again, the most promising refitted, both then fitted at once. If one of the
+two alone leaves as little, the other was not needed: so the second is fitted alone too. That also
+finds the right one where a wrong one came first.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from diagnosis.effects import catalogue
+from diagnosis.hypothesis import Hypothesis, Scene, together
+from diagnosis.judge import calibrated
+from diagnosis.refit import CLOSE, FIRST, LAST, SMALL, Refit, go_on, refit, unbounded
+from diagnosis.search import Search, search
+from tuning import STAGES
+
+_EARLY = (replace(STAGES[2], stride=8, max_steps=5),)
+_PARTNERS = 2  # of the first, so many are stated
+_EXACT = 0.05  # of chi square, that the one effect there is may leave
+_MOST = 0.5  # of what the first leaves
+_TURNS = 2  # of the search
+_WORTH = 0.7  # of the gap, what the first may leave at most
+
+
+def with_second(
+    scene: Scene,
+    nothing: Refit,
+    found: Search,
+    asked: Sequence[Hypothesis],
+    say: Callable[[str], None],
+) -> Search:
+    """What was found, with the pairs that its best effect is part of.
+
+    Args:
+        scene: campaign and drawn model.
+        nothing: the fit without any effect, at the weights of the noise.
+        found: the search for one effect.
+        asked: hypotheses of that.
+        say: told what is being done.
+    """
+    if not found.refits or found.refits[0].hypothesis is None:
+        return found
+    first, one = found.refits[0], found.refits[0].hypothesis
+    if not _EXACT < first.chi_square - 1 < _WORTH * (nothing.chi_square - 1):
+        return found
+    inner = Scene(first.session, first.fit.theta, scene.held, scene.pace)
+    if _is_outlier(inner, first):
+        return found
+    say("a second effect")
+    early = refit(inner, None, inner.session.campaign, _EARLY)
+    close = go_on(inner, early, FIRST)
+    allowed = {other.location for other in asked} - {one.location}
+    proposed = (other for effect in catalogue().values() for other in effect(inner))
+    others = [other for other in proposed if other.location in allowed]
+    left = replace(first, hypothesis=None)
+    beside = search(inner, (early.fit, close, left), others, say, _TURNS).refits[:_PARTNERS]
+    pairs = tuple(
+        replace(both, hypothesis=together((one, both.hypothesis)))
+        for both in beside
+        if both.hypothesis is not None and both.cost < first.cost
+    )
+    alone = _alone(scene, found, beside[0].hypothesis, asked) if pairs else []
+    refits = sorted([*found.refits, *alone], key=lambda made: made.cost)
+    return replace(found, refits=tuple(refits), pairs=pairs)
+
+
+def _is_outlier(scene: Scene, first: Refit) -> bool:
+    """Whether one tolerance of hundreds beyond its bound is most of what is left."""
+    if first.chi_square > SMALL:
+        return False
+    loose, pull = unbounded(scene, first)
+    left = first.chi_square - 1
+    return pull <= calibrated().outlier and loose - 1 < max(_EXACT, _MOST * left)
+
+
+def _alone(
+    scene: Scene, found: Search, second: Hypothesis | None, asked: Sequence[Hypothesis]
+) -> list[Refit]:
+    """The second effect without the first, if it was not fitted yet."""
+    if second is None or any(
+        made.hypothesis is not None and made.hypothesis.key == second.key for made in found.refits
+    ):
+        return []
+    same = next(one for one in asked if one.coordinates == second.coordinates)
+    return [go_on(scene, refit(scene, same, scene.session.campaign, CLOSE), LAST)]
