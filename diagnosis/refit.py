@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.effects import catalogue
+from diagnosis.evidence import Key
 from diagnosis.hypothesis import Ends, Hypothesis, Scene, Value, freed
 from identification.words import Campaign, Real
 from mbmodel import Model
@@ -59,6 +60,11 @@ class Refit:
     def cost(self) -> float:
         """In nats, priors and all."""
         return self.fit.cost
+
+    @property
+    def key(self) -> Key | None:
+        """Effect, place and direction of its hypothesis; None without one."""
+        return None if self.hypothesis is None else self.hypothesis.key
 
     @property
     def coordinates(self) -> tuple[str, ...]:

@@ -2,8 +2,8 @@
 
 What the best single effect leaves is a gap like any other: with that effect in the model all
 hypotheses are scored again, the most promising refitted, both then fitted at once. If one of the
-two alone leaves as little, the other was not needed: so the second is fitted alone too. That also
-finds the right one where a wrong one came first.
+two alone leaves as little, the other was not needed: so the second is fitted alone too. A wrong
+first may have taken the part of both: so others that led with it are fitted in its place.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,16 +12,17 @@ from dataclasses import replace
 from diagnosis.effects import catalogue
 from diagnosis.hypothesis import Hypothesis, Scene, together
 from diagnosis.judge import calibrated
-from diagnosis.refit import CLOSE, FIRST, LAST, SMALL, Refit, go_on, refit, unbounded
+from diagnosis.refit import CLOSE, FIRST, LAST, LONG, SMALL, Refit, go_on, refit, unbounded
 from diagnosis.search import Search, search
 from tuning import STAGES
 
 _EARLY = (replace(STAGES[2], stride=8, max_steps=5),)
 _PARTNERS = 2  # of the first, so many are stated
+_OTHERS = 2  # in its place, so many are fitted beside the second
 _EXACT = 0.05  # of chi square, that the one effect there is may leave
 _MOST = 0.5  # of what the first leaves
 _TURNS = 2  # of the search
-_WORTH = 0.7  # of the gap, what the first may leave at most
+_WORTH = 0.9  # of the gap, what the first may leave at most
 
 
 def with_second(
@@ -51,19 +52,50 @@ def with_second(
     say("a second effect")
     early = refit(inner, None, inner.session.campaign, _EARLY)
     close = go_on(inner, early, FIRST)
-    allowed = {other.location for other in asked} - {one.location}
+    allowed = {(other.effect, other.location) for other in asked if other.location != one.location}
     proposed = (other for effect in catalogue().values() for other in effect(inner))
-    others = [other for other in proposed if other.location in allowed]
+    others = [other for other in proposed if (other.effect, other.location) in allowed]
     left = replace(first, hypothesis=None)
     beside = search(inner, (early.fit, close, left), others, say, _TURNS).refits[:_PARTNERS]
-    pairs = tuple(
-        replace(both, hypothesis=together((one, both.hypothesis)))
-        for both in beside
-        if both.hypothesis is not None and both.cost < first.cost
+    pairs = [_pair(one, both) for both in beside if both.cost < first.cost]
+    if not pairs:
+        return found
+    alone = _alone(scene, found, beside[0], asked)
+    pairs += _exchanged(scene, found, alone)
+    refits = {made.key: made for made in (*found.refits, alone)}
+    return replace(
+        found,
+        refits=tuple(sorted(refits.values(), key=lambda made: made.cost)),
+        pairs=tuple(sorted(pairs, key=lambda both: both.cost)),
     )
-    alone = _alone(scene, found, beside[0].hypothesis, asked) if pairs else []
-    refits = sorted([*found.refits, *alone], key=lambda made: made.cost)
-    return replace(found, refits=tuple(refits), pairs=pairs)
+
+
+def _pair(one: Hypothesis, both: Refit) -> Refit:
+    """A refit about one hypothesis as that of two."""
+    if both.hypothesis is None:
+        raise ValueError("nothing was fitted beside the first")
+    return replace(both, hypothesis=together((one, both.hypothesis)))
+
+
+def _alone(scene: Scene, found: Search, second: Refit, asked: Sequence[Hypothesis]) -> Refit:
+    """The second effect without the first."""
+    known = next((made for made in found.refits if made.key == second.key), None)
+    if known is not None:
+        return known
+    same = next(one for one in asked if one.coordinates == second.coordinates)
+    return go_on(scene, refit(scene, same, scene.session.campaign, CLOSE), LAST)
+
+
+def _exchanged(scene: Scene, found: Search, second: Refit) -> list[Refit]:
+    """The second with others in the place of the first, which alone took the part of both."""
+    one = second.hypothesis
+    if one is None:
+        return []
+    inner = Scene(second.session, second.fit.theta, scene.held, scene.pace)
+    others = [made.hypothesis for made in found.refits[1:] if made.hypothesis]
+    chosen = [other for other in others if other.location != one.location][:_OTHERS]
+    made = [refit(inner, other, inner.session.campaign, (*FIRST, *LAST)) for other in chosen]
+    return [_pair(one, go_on(inner, both, LONG)) for both in made]
 
 
 def _is_outlier(scene: Scene, first: Refit) -> bool:
@@ -73,15 +105,3 @@ def _is_outlier(scene: Scene, first: Refit) -> bool:
     loose, pull = unbounded(scene, first)
     left = first.chi_square - 1
     return pull <= calibrated().outlier and loose - 1 < max(_EXACT, _MOST * left)
-
-
-def _alone(
-    scene: Scene, found: Search, second: Hypothesis | None, asked: Sequence[Hypothesis]
-) -> list[Refit]:
-    """The second effect without the first, if it was not fitted yet."""
-    if second is None or any(
-        made.hypothesis is not None and made.hypothesis.key == second.key for made in found.refits
-    ):
-        return []
-    same = next(one for one in asked if one.coordinates == second.coordinates)
-    return [go_on(scene, refit(scene, same, scene.session.campaign, CLOSE), LAST)]

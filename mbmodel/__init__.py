@@ -1,6 +1,7 @@
 """The modelled side: MJCF to machine, its equation of motion, and exact derivatives of it."""
 
-from mbmodel.edit import Edit, NotHeld, write_mjcf
+from mbmodel.additions import by_joints, freed, hung, linked
+from mbmodel.edit import Addition, Edit, NotHeld, write_mjcf
 from mbmodel.energy import Energy, energy
 from mbmodel.forward import Forward
 from mbmodel.looks import Looks, looks
@@ -33,6 +34,7 @@ from mbmodel.transient import respond
 
 __all__ = [
     "AddedPart",
+    "Addition",
     "Change",
     "Edit",
     "Energy",
@@ -56,10 +58,14 @@ __all__ = [
     "SpringPart",
     "as_drawn",
     "body_parts",
+    "by_joints",
     "energy",
+    "freed",
     "hammer_parts",
+    "hung",
     "joint_parts",
     "linearise",
+    "linked",
     "load_machine",
     "looks",
     "loosened",

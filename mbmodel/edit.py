@@ -1,4 +1,4 @@
-"""Tuned values back into the MJCF, every other word of it untouched."""
+"""Tuned values back into the MJCF, and what it lacks; every other word of it untouched."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from xml.parsers.expat import ExpatError
 from identification.words import InputError, node_of
 
 Kind = Literal["spring", "joint", "site", "inertial", "hit"]
+Values = Mapping[str, str | float | Sequence[float]]
 
 _FOLDERS = ("assetdir", "meshdir", "texturedir")
 _TAGS: dict[Kind, tuple[str, ...]] = {
@@ -49,6 +50,36 @@ class Edit:
 
 
 @dataclass(frozen=True)
+class Element:
+    """An element of an MJCF, with those inside it.
+
+    Args:
+        tag: such as ``site``.
+        values: its attributes.
+        children: inside.
+    """
+
+    tag: str
+    values: Values
+    children: tuple["Element", ...] = ()
+
+
+@dataclass(frozen=True)
+class Addition:
+    """An element that an MJCF has not.
+
+    Args:
+        name: what it holds, for a message.
+        parent: name of the body that it is put in; ``worldbody`` or ``tendon`` for the section.
+        element: what is added, its children and all.
+    """
+
+    name: str
+    parent: str
+    element: Element
+
+
+@dataclass(frozen=True)
 class NotHeld:
     """What an MJCF cannot hold, or not where it stands.
 
@@ -66,7 +97,7 @@ class NotHeld:
 
 
 def write_mjcf(
-    source: Path, target: Path, changes: Sequence[Edit | NotHeld]
+    source: Path, target: Path, changes: Sequence[Edit | Addition | NotHeld]
 ) -> tuple[NotHeld, ...]:
     """Write a copy of an MJCF with other numbers.
 
@@ -95,10 +126,44 @@ def write_mjcf(
     for edit in (one for one in edits if one.kind != "hit"):
         if (reason := _apply(document, edit)) is not None:
             not_held += [NotHeld(f"{edit.name}.{attribute}", reason) for attribute in edit.values]
+    for more in (change for change in changes if isinstance(change, Addition)):
+        if not _add(document, more):
+            not_held.append(NotHeld(more.name, f"no body {more.parent} in the file itself"))
     if source.resolve().parent != target.resolve().parent:
         _make_folders_absolute(document, source.resolve().parent)
     target.write_text(document.toxml() + "\n", encoding="utf-8")
     return tuple(not_held)
+
+
+def _add(document: minidom.Document, more: Addition) -> bool:
+    """Put an element in its parent; a section is made if there is none."""
+    parent = _section(document, more.parent) or _find(document, Edit("inertial", more.parent, {}))
+    if parent is None:
+        return False
+    parent.appendChild(_made(document, more.element))
+    return True
+
+
+def _section(document: minidom.Document, name: str) -> minidom.Element | None:
+    root = document.documentElement
+    if name not in ("worldbody", "tendon") or root is None:
+        return None
+    sections = document.getElementsByTagName(name)
+    return sections[0] if sections else root.appendChild(document.createElement(name))
+
+
+def _made(document: minidom.Document, one: Element) -> minidom.Element:
+    element = document.createElement(one.tag)
+    for attribute, value in one.values.items():
+        element.setAttribute(attribute, value if isinstance(value, str) else _numbers(value))
+    for child in one.children:
+        element.appendChild(_made(document, child))
+    return element
+
+
+def _numbers(value: float | Sequence[float]) -> str:
+    numbers = [value] if isinstance(value, float) else list(value)
+    return " ".join(f"{number:.17g}" for number in numbers)
 
 
 def _add_hit(document: minidom.Document, name: str) -> None:

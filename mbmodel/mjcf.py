@@ -9,6 +9,7 @@ import numpy as np
 
 from identification.words import InputError
 from mbmodel.meshes import compile_with_meshes
+from mbmodel.tendons import is_fixed
 
 _MASSLESS = "mass and inertia of moving bodies must be larger"
 _TEXTS = ("name", "class", "file", "childclass", "model", "joint", "body", "site", "mesh")
@@ -94,8 +95,9 @@ def _refuse_unlinearisable(path: Path, model: mujoco.MjModel) -> None:
             )
     for tendon in range(model.ntendon):
         name = f"tendon {model.tendon(tendon).name!r}"
-        _refuse_negative(path, name, "stiffness", model.tendon_stiffness[tendon])
-        _refuse_negative(path, name, "damping", model.tendon_damping[tendon])
+        if not _couples(model, tendon):
+            _refuse_negative(path, name, "stiffness", model.tendon_stiffness[tendon])
+            _refuse_negative(path, name, "damping", model.tendon_damping[tendon])
         if model.tendon_frictionloss[tendon] > 0:
             raise InputError(f"{path}: {name} has frictionloss, which has no linear model")
     _refuse_actuators(path, model)
@@ -131,6 +133,11 @@ def _refuse_actuators(path: Path, model: mujoco.MjModel) -> None:
         if model.actuator_armature[actuator]:
             name = model.actuator(actuator).name or f"number {actuator}"
             raise InputError(f"{path}: actuator {name!r} has armature: give it to its joint")
+
+
+def _couples(model: mujoco.MjModel, tendon: int) -> bool:
+    """Whether it is a term between joints, which may well be negative beside their own."""
+    return is_fixed(model, tendon) and model.tendon_num[tendon] > 1
 
 
 def _refuse_negative(path: Path, element: str, what: str, value: float) -> None:

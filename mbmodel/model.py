@@ -11,10 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.words import Complex, Condition, Mask, Real, UsageError
-from mbmodel.edit import Edit, NotHeld
+from mbmodel.edit import Addition, Edit, NotHeld
 from mbmodel.gravity import gravity_slope, gravity_stiffness
 from mbmodel.machine import Machine
-from mbmodel.parts import Change, Conditional, Parameter, Part, Situation, spring_parts
+from mbmodel.parts import (
+    AddedPart,
+    BodyPart,
+    Change,
+    Conditional,
+    Parameter,
+    Part,
+    Situation,
+    spring_parts,
+)
 
 T = TypeVar("T", bound=np.generic)
 
@@ -235,10 +244,21 @@ class Model:
         """Assemble M, C and K at theta; see ``assemble``."""
         return self.assemble(theta, condition).matrices
 
-    def edits(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
+    def edits(self, theta: Real) -> tuple[Edit | Addition | NotHeld, ...]:
         """What theta asks to be written into the MJCF, and what that cannot hold."""
-        pieces = zip(self.parts, self.pieces(theta), strict=True)
-        return tuple(edit for part, piece in pieces for edit in part.write(piece))
+        pieces = list(zip(self.parts, self.pieces(theta), strict=True))
+        more: dict[str, Real] = {}
+        for part, piece in pieces:
+            if isinstance(part, AddedPart) and part.weighs is not None and piece.any():
+                more[part.location] = part.weighs(piece) + more.get(part.location, 0.0)
+        found: list[Edit | Addition | NotHeld] = []
+        for part, piece in pieces:
+            if isinstance(part, BodyPart):
+                found += part.write(piece, more.pop(part.location, None))
+            else:
+                found += part.write(piece)
+        found += [NotHeld(place, "the model has no Part for its mass") for place in more]
+        return tuple(found)
 
     def slopes(
         self, theta: Real, condition: Condition | None = None, chosen: Mask | None = None

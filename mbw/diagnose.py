@@ -6,13 +6,23 @@ from rich.progress import Progress
 from rich.table import Table
 
 from diagnosis import STEPS, Diagnosis, Verdict, diagnose
-from mbw.diagnose_files import NAMES, PAGE, SHOWN, VERDICT, read_result, write_files
+from mbw.diagnose_files import (
+    AUGMENTED,
+    NAMES,
+    PAGE,
+    SHOWN,
+    VERDICT,
+    read_result,
+    write_augmented,
+    write_files,
+)
 from mbw.diagnose_page import render
 from mbw.diagnose_result import gather
 from mbw.diagnose_words import cause_parameters
 from mbw.identify_files import MODES_JSON
 from mbw.messages import SCREEN, one_interrupt
 from mbw.page import check_names, page_file, write_page
+from mbw.remarks import not_held
 from mbw.tune import check_json, write_json
 from tuning import files_of, open_session
 from tuning.result import TUNED_JSON
@@ -52,8 +62,8 @@ def run(  # one for each option
     with SCREEN.progress() as progress, one_interrupt() as ends:
         found = diagnose(session, jobs=jobs, tell=_Teller(progress).tell)
         ends()
-    result = gather(found)
     with files_of(folder) as place:
+        result = gather(found, write_augmented(found, place / AUGMENTED))
         write_files(result, place)
         (place / PAGE).write_text(render(result), encoding="utf-8")
     if json is not None:
@@ -62,6 +72,10 @@ def run(  # one for each option
         _explain(found)
     _say(result.verdict, found)
     SCREEN.say(f"verdict in {folder / VERDICT}")
+    what = ", with what it lacked" if found.after else ""
+    SCREEN.say(f"tuned model{what}, in {folder / AUGMENTED}")
+    if lacking := not_held(result.shown.not_held_by_mjcf, SHOWN):
+        SCREEN.say(f"  {lacking}")
     SCREEN.say(f"report in {(folder / PAGE).absolute().as_uri()}")
     return folder
 

@@ -1,4 +1,4 @@
-"""The files of ``mbw diagnose``, written and read: three of JSON, one of arrays, the page."""
+"""The files of ``mbw diagnose``, written and read: three of JSON, arrays, an MJCF, the page."""
 
 import zlib
 from pathlib import Path
@@ -8,16 +8,18 @@ from zipfile import BadZipFile
 import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from diagnosis import Verdict
+from diagnosis import Diagnosis, Verdict
 from diagnosis.evidence import Evidence
 from identification.words import InputError
+from mbmodel import NotHeld, write_mjcf
 from mbw.diagnose_machine import machine_of
 from mbw.diagnose_result import Result
 from mbw.diagnose_schema import ShownFile
 
 VERDICT, EVIDENCE = "verdict.json", "evidence.json"
 SHOWN, ARRAYS, PAGE = "diagnosis.json", "diagnosis.npz", "report.html"
-NAMES = (VERDICT, EVIDENCE, SHOWN, ARRAYS, PAGE)
+AUGMENTED = "augmented.xml"
+NAMES = (VERDICT, EVIDENCE, SHOWN, ARRAYS, AUGMENTED, PAGE)
 
 Row = TypeVar("Row", bound=BaseModel)
 
@@ -28,6 +30,13 @@ def write_files(result: Result, folder: Path) -> None:
     for name, row in rows.items():
         (folder / name).write_text(row.model_dump_json(indent=1) + "\n", encoding="utf-8")
     np.savez_compressed(folder / ARRAYS, allow_pickle=False, **result.arrays)
+
+
+def write_augmented(found: Diagnosis, target: Path) -> tuple[NotHeld, ...]:
+    """Write the MJCF, tuned, with what was found to be missing; return what it does not hold."""
+    level = found.after or found.retuned
+    model = level.refit.session.model
+    return write_mjcf(model.machine.source, target, model.edits(level.theta))
 
 
 def read_result(path: Path) -> Result:

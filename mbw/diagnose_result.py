@@ -11,7 +11,7 @@ from diagnosis.diagnose import Level
 from diagnosis.evidence import Evidence
 from diagnosis.verdict import CauseRow
 from identification.words import Campaign, Complex, Condition, Dof
-from mbmodel import looks
+from mbmodel import NotHeld, looks
 from mbw.diagnose_machine import machine_rows, place_row
 from mbw.diagnose_schema import ChannelRow, ShownFile, TestRow
 from mbw.identify_solid import fault_row
@@ -46,11 +46,12 @@ class Result:
         return bool(self.arrays["after"].size)
 
 
-def gather(found: Diagnosis) -> Result:
+def gather(found: Diagnosis, not_held: Sequence[NotHeld] = ()) -> Result:
     """Put together what a diagnosis found.
 
     Args:
         found: the diagnosis.
+        not_held: by the augmented MJCF.
     """
     verdict = verdict_of(found)
     campaign, machine = found.retuned.campaign, found.session.model.machine
@@ -83,6 +84,7 @@ def gather(found: Diagnosis) -> Result:
         machine=row,
         places={name: place_row(name, machine) for name in dict.fromkeys(locations)},
         inputs=inputs(found.session),
+        not_held_by_mjcf=[str(one) for one in not_held],
     )
     return Result(verdict, found.evidence, shown, {"freq_hz": freq, **frfs, **drawn})
 

@@ -103,6 +103,7 @@ class ShownFile(_Row):
         machine: to draw it.
         places: every location that the verdict or the evidence names.
         inputs: files that were read.
+        not_held_by_mjcf: what augmented.xml does not hold, and why.
     """
 
     campaign: str
@@ -122,3 +123,4 @@ class ShownFile(_Row):
     machine: MachineRow
     places: dict[str, PlaceRow]
     inputs: list[InputRow]
+    not_held_by_mjcf: list[str]

@@ -1,7 +1,10 @@
 """What a reader of a result must know beside its figures, on the screen as in the report."""
 
+from collections.abc import Sequence
+
 from tuning import TunedFile
 from tuning.freedom import BOUND
+from tuning.result import TUNED_JSON
 
 _FEW = 4
 
@@ -18,7 +21,7 @@ def remarks(summary: TunedFile) -> list[str]:
             f"{_count(at_bound, 'tolerance')} reached {BOUND:g} standard deviations, their bound; "
             f"the largest pulls without it: {_largest(summary)}."
         )
-    if lacking := not_held(summary):
+    if lacking := not_held(summary.not_held_by_mjcf, TUNED_JSON):
         found.append(lacking)
     return found + limits(summary)
 
@@ -43,9 +46,13 @@ def limits(summary: TunedFile) -> list[str]:
     return found
 
 
-def not_held(summary: TunedFile) -> str:
-    """What the tuned MJCF does not hold, gains and hits summed up; empty if it holds all."""
-    names = summary.not_held_by_mjcf
+def not_held(names: Sequence[str], listed: str) -> str:
+    """What a tuned MJCF does not hold, gains and hits summed up; empty if it holds all.
+
+    Args:
+        names: of what it does not hold, each with its reason.
+        listed: the file that lists them all.
+    """
     gains = {name.split(".gain_")[0] for name in names if ".gain_" in name}
     hits = {name.split(")")[0] for name in names if name.startswith("hammer(")}
     others = [name for name in names if ".gain_" not in name and not name.startswith("hammer(")]
@@ -54,7 +61,7 @@ def not_held(summary: TunedFile) -> str:
     found += [_some(others)] if others else []
     if not found:
         return ""
-    return f"The tuned MJCF does not hold: {', '.join(found)} (tuned.json lists them)."
+    return f"The tuned MJCF does not hold: {', '.join(found)} ({listed} lists them)."
 
 
 def _largest(summary: TunedFile) -> str:

@@ -16,6 +16,7 @@ from mbw.report_parameters import parameter_rows
 from mbw.report_pulls import pull_points, pulls_note, pulls_table
 from mbw.report_trust import badges, starts_section, unknown_section
 from tuning import Level, Result, TunedFile, read_result
+from tuning.result import TUNED_JSON
 
 _COLOURS = {"as drawn": "#d9822b", "tuned": "#1f6fb8", "held out": "#7fb2e0", "noise": "#98a2b3"}
 
@@ -151,7 +152,7 @@ def _provenance(summary: TunedFile) -> str:
     if blocks := summary.held_out_blocks:
         width = blocks[0].high - blocks[0].low
         text += f" Held-out blocks of {width:g} Hz in five folds."
-    text = escape(f"{text} {not_held(summary)}".strip())
+    text = escape(f"{text} {not_held(summary.not_held_by_mjcf, TUNED_JSON)}".strip())
     if not summary.inputs:
         return text
     files = ", ".join(

@@ -10,13 +10,13 @@ fitted, with the damping and the place: with R = s^2 S / (s^2 + S), dR/dS = s^4 
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Complex, Real
-from mbmodel import AddedPart, Change, Parameter, transport
+from mbmodel import AddedPart, Addition, Change, Machine, Parameter, hung, transport
 
 _SCANNED, _DAMPING = 80, 0.03  # in steps of 5 %, less than a resonance is wide
 _LOWEST = 1 / 40  # of the highest line: below, it holds on to nothing
@@ -25,6 +25,7 @@ _STEPS = 0.05, 0.5  # of the logarithms of frequency and damping per unit of the
 _FARTHEST = 20.0  # steps
 _ARM = 0.1  # m per unit of the place's parameters
 Shape = Callable[[Complex], Complex]
+Hung = Callable[[Real, float, float, Real], tuple[Addition, ...]]  # masses, omega, zeta, place
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -38,7 +39,13 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         frame = np.zeros((6 * len(bodies), 6))
         frame[6 * number : 6 * number + 6] = np.eye(6)
         for at, frequency in enumerate(np.geomspace(lowest, 1.2 * float(band[-1]), _SCANNED)):
-            one = _Appendage(f"{body}.appendage{at}", frame, unit, float(frequency))
+            one = _Appendage(
+                f"{body}.appendage{at}",
+                frame,
+                unit,
+                float(frequency),
+                partial(_hung, machine, number),
+            )
             yield Hypothesis(
                 "appendage",
                 f"body:{body}",
@@ -55,8 +62,9 @@ class _Appendage:
     With G = [1, -[p]x] the motion of the point p, it adds G' diag(m) G R(s).
     """
 
-    def __init__(self, name: str, frame: Real, unit: float, frequency: float) -> None:
+    def __init__(self, name: str, frame: Real, unit: float, frequency: float, hung: Hung) -> None:
         self.name, self.frame, self.unit, self.frequency = name, frame, unit, frequency
+        self.hung = hung
         self.masses = tuple(f"{name}.mass_{axis}" for axis in "xyz")
         self.place = tuple(f"{name}.position_{axis}" for axis in "xyz")
         self.tuned = (f"{name}.frequency", f"{name}.damping")
@@ -69,7 +77,7 @@ class _Appendage:
             Parameter(name, 0.0, unit, positive=False)
             for name, unit in zip(names, units, strict=True)
         )
-        return AddedPart(location, parameters, self.finite, self.derivatives)
+        return AddedPart(location, parameters, self.finite, self.derivatives, written=self.written)
 
     def _at(self, theta: Real) -> tuple[float, float]:
         steps = np.clip(theta[3:5], -_FARTHEST, _FARTHEST)
@@ -106,6 +114,11 @@ class _Appendage:
                 changes.append(self._change(own, shape))
         return tuple(changes)
 
+    def written(self, theta: Real) -> tuple[Addition, ...]:
+        """A body on a slide for each axis."""
+        omega, zeta = self._at(theta)
+        return self.hung(self.unit * theta[:3], omega, zeta, _ARM * theta[5:])
+
     def state(self, found: Mapping[str, float]) -> dict[str, Value]:
         """What the verdict calls them."""
         omega, zeta = self._at(np.array([0.0] * 3 + [found[name] for name in self.tuned]))
@@ -121,6 +134,18 @@ class _Appendage:
             "damping": zeta,
             "position": tuple(place.tolist()),
         }
+
+
+def _hung(
+    machine: Machine, number: int, masses: Real, omega: float, zeta: float, place: Real
+) -> tuple[Addition, ...]:
+    body, centre = machine.layout.bodies[number], machine.layout.centres[number]
+    found: list[Addition] = []
+    for axis in np.flatnonzero(masses):
+        sizes = masses[axis] * np.array([1.0, omega**2, 2 * zeta * omega])
+        along = centre + place, np.eye(3)[axis]
+        found += hung(f"{body}.appendage_{'xyz'[axis]}", machine, body, along, sizes)
+    return tuple(found)
 
 
 @lru_cache(1024)  # those of all bodies are one: their columns are formed together

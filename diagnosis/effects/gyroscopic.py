@@ -4,11 +4,14 @@ On the body's rotations this is Zb += s [H]x, skew, so that it neither stores no
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
-from mbmodel import AddedPart, Change, Parameter
+from identification.words import Real
+from mbmodel import AddedPart, Change, NotHeld, Parameter
 
 _UNIT = 10.0  # kg m2/s per unit of the parameters
 
@@ -25,12 +28,20 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         names = tuple(f"{body}.angular_momentum_{axis}" for axis in "xyz")
         parameters = tuple(Parameter(name, 0.0, "10 kg m^2/s", positive=False) for name in names)
         part = AddedPart.linear(f"body:{body}", parameters, (Change("body", frame, frame, core),))
+        part = replace(part, written=partial(_written, body))
 
         def state(found: Mapping[str, float], spin: tuple[str, ...] = names) -> dict[str, Value]:
             size = float(np.linalg.norm([found[name] for name in spin]))
             return {"angular_momentum": _UNIT * size}
 
         yield Hypothesis("gyroscopic", f"body:{body}", parts=(part,), state=state)
+
+
+def _written(body: str, theta: Real) -> tuple[NotHeld, ...]:
+    """MuJoCo holds it as a motion, not as an element."""
+    spin = ", ".join(f"{_UNIT * value:.4g}" for value in theta)
+    why = f"draw the rotor as a body on a hinge of {body} and let it spin"
+    return (NotHeld(f"{body}: angular momentum ({spin}) kg m2/s", why),)
 
 
 EFFECT = Effect(

@@ -12,7 +12,7 @@ import numpy as np
 from diagnosis.effects.points import jointed, springs_of
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
-from mbmodel import AddedPart, Change, Parameter
+from mbmodel import AddedPart, Change, Parameter, by_joints
 
 _UNIT = 0.01  # m per unit of the parameters
 
@@ -43,7 +43,13 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         follow = {f"{stage}.coupling({name})": f"{name}.stiffness" for name in slides}
         for name, value in zip(follow, scene.stiffness(tuple(slides)).tolist(), strict=True):
             parameters.append(Parameter(name, value, "N/m"))
-        part = AddedPart(f"joint:{stage}", tuple(parameters), coupling.finite, coupling.derivatives)
+        part = AddedPart(
+            f"joint:{stage}",
+            tuple(parameters),
+            coupling.finite,
+            coupling.derivatives,
+            written=by_joints(f"{stage}.coupling", machine, coupling.finite),
+        )
 
         def state(found: Mapping[str, float], offset: tuple[str, ...] = names) -> dict[str, Value]:
             return {"offset": tuple(_UNIT * found[name] for name in offset)}

@@ -5,6 +5,8 @@ inertia. All ten numbers are free, so that it may be spread; p = (m p) / m.
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -41,6 +43,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         )
         parameters = tuple(Parameter(name, 0.0, f"{mass:g} kg", positive=False) for name in names)
         part = AddedPart.linear(f"body:{body}", parameters, (Change("body", frame, frame, core),))
+        part = replace(part, weighs=partial(np.tensordot, b=core[:, 2], axes=1))
 
         def state(
             found: Mapping[str, float],

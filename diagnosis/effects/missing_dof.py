@@ -16,7 +16,7 @@ import numpy as np
 
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
-from mbmodel import AddedPart, Change, Held, Parameter
+from mbmodel import AddedPart, Addition, Change, Held, Machine, Parameter, freed
 
 _STEP = 0.5  # of the logarithm of tau per unit of its parameter
 _FARTHEST = 20.0  # steps
@@ -27,7 +27,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     for held in scene.held:
         frame = np.zeros((len(scene.model.machine.coordinates), 1))
         frame[held.coordinate] = 1.0
-        way = _Way(f"{held.stage}.{held.dof}", held, frame)
+        way = _Way(scene.model.machine, held, frame)
         yield Hypothesis(
             "missing_dof",
             f"joint:{held.stage}",
@@ -42,8 +42,9 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 class _Way:
     """What a direction has lost of the stiffness that holds it."""
 
-    def __init__(self, name: str, held: Held, frame: Real) -> None:
-        self.held, self.frame = held, frame
+    def __init__(self, machine: Machine, held: Held, frame: Real) -> None:
+        self.machine, self.held, self.frame = machine, held, frame
+        name = f"{held.stage}.{held.dof}"
         self.unit = 1 / held.reference
         self.names = f"{name}.compliance", f"{name}.time_constant"
 
@@ -54,7 +55,8 @@ class _Way:
             Parameter(self.names[0], 0.0, f"{self.unit:g} /k", positive=False),
             Parameter(self.names[1], 0.0, "50 %", positive=False),
         )
-        return AddedPart(f"joint:{self.held.stage}", parameters, self.finite, self.derivatives)
+        place = f"joint:{self.held.stage}"
+        return AddedPart(place, parameters, self.finite, self.derivatives, written=self.written)
 
     def _at(self, theta: Real) -> tuple[float, float]:
         stiffness = 1 / (1 / self.held.stiffness + max(float(theta[0]), 0.0) * self.unit)
@@ -80,6 +82,14 @@ class _Way:
         damping = _STEP * stiffness * tau if theta[0] > 0 else 0.0
         core = np.array([[softer, softer * tau, 0.0], [0.0, damping, 0.0]])
         return (self._change(core),)
+
+    def written(self, theta: Real) -> tuple[Addition, ...]:
+        """A joint."""
+        stiffness, tau = self._at(theta)
+        own = self.held.coordinate
+        axle = next(one for one in self.machine.axles if one.coordinate == own)
+        sizes = np.array([stiffness, stiffness * tau])
+        return freed(f"{self.held.stage}_{self.held.dof}", self.machine, axle, sizes)
 
     def state(self, found: Mapping[str, float]) -> dict[str, Value]:
         """Stiffness and damping in SI."""

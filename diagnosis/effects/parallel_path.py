@@ -4,13 +4,16 @@ Springs and dampers k + s c along each world axis at the point halfway between t
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
 
 from diagnosis.effects.points import joined
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
-from mbmodel import AddedPart, Change, Machine, Parameter, transport
+from identification.words import Real
+from mbmodel import AddedPart, Addition, Change, Machine, Parameter, linked, transport
 
 _PART = 0.01  # of the softer body's mass times the square of a frequency in the middle of the band
 
@@ -35,6 +38,8 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         names = [f"{place[5:]}.{kind}_{a}" for kind in ("stiffness", "damping") for a in "xyz"]
         parameters = tuple(Parameter(name, 0.0, f"{unit:g}", positive=False) for name in names)
         part = AddedPart.linear(place, parameters, (Change("body", frame, frame, core),))
+        link = partial(_written, machine, (low, high), np.array([unit, unit / omega]))
+        part = replace(part, written=link)
         yield Hypothesis("parallel_path", place, parts=(part,), signed=True)
 
 
@@ -46,6 +51,22 @@ def _relative(machine: Machine, low: int, high: int) -> np.ndarray:
     for body, sign in ((high, 1.0), (low, -1.0)):
         rows[:, 6 * body : 6 * body + 6] = sign * transport(middle - centres[body])[:3]
     return rows.T
+
+
+def _written(
+    machine: Machine, pair: tuple[int, int], unit: Real, theta: Real
+) -> tuple[Addition, ...]:
+    """A tendon along each axis that has a stiffness or damping."""
+    bodies = machine.layout.bodies
+    low, high = (bodies[k] for k in pair)
+    middle = machine.layout.centres[list(pair)].mean(axis=0)
+    found: list[Addition] = []
+    for axis, name in enumerate("xyz"):
+        sizes = unit * theta[[axis, 3 + axis]]
+        if sizes.any():
+            along = middle, np.eye(3)[axis]
+            found += linked(f"{low}-{high}.{name}", machine, (low, high), along, sizes)
+    return tuple(found)
 
 
 EFFECT = Effect(

@@ -15,13 +15,14 @@ from the joint; dampers stand no farther out than their hinges allow.
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.effects.points import jointed, springs_of
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
-from mbmodel import AddedPart, Change, Parameter
+from mbmodel import AddedPart, Change, Parameter, by_joints
 
 _CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 _ALONG = 1 - 1e-6  # cosine with a world axis
@@ -48,7 +49,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 core[number, power] = -(rows.T * values[:3]) @ rows / 4
         names = tuple(f"{stage}.lost{number}" for number in range(4))
         parameters = tuple(Parameter(name, 0.0, "1", positive=False) for name in names)
-        slope = Change("joint", frame, frame, core)
+        part = AddedPart.linear(
+            f"joint:{stage}", parameters, (Change("joint", frame, frame, core),)
+        )
+        part = replace(part, written=by_joints(f"{stage}.lost", machine, part.finite))
 
         def state(found: Mapping[str, float], lost: tuple[str, ...] = names) -> dict[str, Value]:
             return {"fraction": tuple(1 - found[name] for name in lost)}
@@ -56,7 +60,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         yield Hypothesis(
             "support_loss",
             f"joint:{stage}",
-            parts=(AddedPart.linear(f"joint:{stage}", parameters, (slope,)),),
+            parts=(part,),
             signed=True,
             at_most=1.0,
             springs=springs,

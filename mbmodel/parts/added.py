@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from identification.words import Condition, Real
-from mbmodel.edit import Edit, NotHeld
+from mbmodel.edit import Addition, Edit, NotHeld
 from mbmodel.parts.part import Change, Parameter, Situation
 
 Changes = Callable[[Real], tuple[Change, ...]]
@@ -23,6 +23,8 @@ class AddedPart:
         finite: the change at theta.
         derivatives: of it by each parameter; cores (n_parameter, 3, r, t).
         when: in which tests it acts; in all if None.
+        written: what an MJCF gets for it at theta; None if no MJCF holds it.
+        weighs: spatial inertia that its body has more at theta, (6, 6); None of what is no mass.
     """
 
     location: str
@@ -30,6 +32,8 @@ class AddedPart:
     finite: Changes
     derivatives: Changes
     when: Callable[[Condition], bool] | None = None
+    written: Callable[[Real], tuple[Addition | NotHeld, ...]] | None = None
+    weighs: Callable[[Real], Real] | None = None
 
     @classmethod
     def linear(
@@ -60,10 +64,22 @@ class AddedPart:
         """Derivatives at theta."""
         return self.derivatives(theta) if self.acts(situation.condition) else ()
 
-    def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
-        """No MJCF element holds it as it stands."""
-        return tuple(
-            NotHeld(parameter.name, "it is no element of an MJCF")
+    def write(self, theta: Real) -> tuple[Edit | Addition | NotHeld, ...]:
+        """Elements that hold it; what is weighed is written with its body."""
+        moved = [
+            parameter.name
             for parameter, value in zip(self.parameters, theta, strict=True)
             if value != parameter.drawn
-        )
+        ]
+        if not moved or self.weighs is not None:
+            return ()
+        if self.written is not None:
+            return self.written(theta)
+        return tuple(NotHeld(name, self._why(theta)) for name in moved)
+
+    def _why(self, theta: Real) -> str:
+        if self.when is not None:
+            return "it acts in some tests only"
+        if any(one.shape is not None for one in self.finite(theta)):
+            return "it depends on frequency as no element of an MJCF does"
+        return "it is no element of an MJCF"

@@ -101,12 +101,20 @@ class BodyPart:
             core[7 + k, 2, 3:, 3:] = -mass * (turn @ arm + arm @ turn)
         return (Change("body", self._frame, self._frame, core),)
 
-    def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
-        """The <inertial> of the stage's own MJCF body, which takes the whole change."""
-        if np.array_equal(theta, [parameter.drawn for parameter in self.parameters]):
+    def write(self, theta: Real, more: Real | None = None) -> tuple[Edit | NotHeld, ...]:
+        """The <inertial> of the stage's own MJCF body, which takes the whole change.
+
+        Args:
+            theta: as of the other methods.
+            more: spatial inertia that something else adds; (6, 6).
+        """
+        drawn = [parameter.drawn for parameter in self.parameters]
+        if np.array_equal(theta, drawn) and more is None:
             return ()
         heavy = self.heavy
         total = heavy.inertia + self._inertia(theta) - self.drawn
+        if more is not None:
+            total = total + more
         if total[0, 0] <= 0:
             return (NotHeld(f"{self.body}.mass", "its own MJCF body would weigh nothing"),)
         mass, offset, inertia = split_inertia(total)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
 from identification.words import Complex, Condition, Real
-from mbmodel.edit import Edit, NotHeld
+from mbmodel.edit import Addition, Edit, NotHeld
 from mbmodel.machine import Machine
 
 Slot = Literal["body", "joint", "path", "sensor", "hammer"]
@@ -111,7 +111,7 @@ class Part(Protocol):
     def slopes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
         """Its derivative by each parameter; cores (n_parameter, 3, r, t)."""
 
-    def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
+    def write(self, theta: Real) -> tuple[Edit | Addition | NotHeld, ...]:
         """What to write into the MJCF, and what it cannot hold."""
 
 

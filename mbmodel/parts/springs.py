@@ -30,12 +30,15 @@ class SpringPart:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Stiffness and damping of each spring where they are more than zero."""
+        """Stiffness and damping of each spring where they are not zero.
+
+        A coupling may be less than zero: its logarithm is of what it is relative to the drawing.
+        """
         return tuple(
             Parameter(f"{spring.name}.{what}", value, unit)
             for spring in self.springs
             for what, value, unit in _coefficients(spring)
-            if value > 0
+            if value != 0
         )
 
     @cached_property
@@ -54,7 +57,7 @@ class SpringPart:
             (power, index)
             for index, spring in enumerate(self.springs)
             for power, (_, value, _) in enumerate(_coefficients(spring))
-            if value > 0
+            if value != 0
         ]
         powers, springs = np.array(places, np.intp).reshape(-1, 2).T
         return powers, springs

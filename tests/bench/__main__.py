@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_limits
 from tests.bench import (
     algorithms,
     calibrate,
+    catalogue,
     coverage,
     diagnosis,
     frf,
@@ -32,6 +33,7 @@ from tests.bench import (
 BENCHES = {
     "algorithms": algorithms.run,
     "calibrate": calibrate.run,
+    "catalogue": catalogue.run,
     "coverage": coverage.run,
     "diagnosis": diagnosis.run,
     "frf": frf.run,

@@ -9,7 +9,6 @@ constants go to ``diagnosis/calibration.json``, with the SHA-256 of the evidence
 import hashlib
 import json
 import tomllib
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +17,7 @@ from scipy.optimize import minimize
 from diagnosis.evidence import Evidence
 from diagnosis.judge import NOTHING, Calibration, Judged, judge
 from identification.words import Real
-from tests.bench.diagnosis import JOBS, case
-from tests.bench.kept import cases
+from tests.bench.diagnosis import deck, made
 
 CASES, FIRST = 80, 80_000
 FILE = Path(__file__).parents[2] / "diagnosis" / "calibration.json"
@@ -42,7 +40,7 @@ _OUTLIER, _SURE = 4.0, 0.98
 
 def run() -> list[dict[str, object]]:
     """Make the campaigns, fit the constants, write them."""
-    rows, _ = cases("calibrate", range(CASES), partial(case, FIRST), JOBS)
+    rows = made(deck("calibrate", FIRST, CASES))
     given = [one for row in rows if (one := _given(row)) is not None]
     start = np.log(list(BEGIN.values()))
 

@@ -8,6 +8,8 @@ makes others, seeds 80000 and up, and fits the judgement's constants to them, wh
 
 import json
 import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
@@ -28,6 +30,7 @@ from truth import (
 )
 from truth.errors import NoPlaceError
 from truth.grade import Case, grade, tables, to_json
+from truth.trees import draw_tree
 from tuning import open_session
 
 STATION = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"
@@ -65,68 +68,103 @@ RATIOS = (2.0, 4.0, 8.0)
 RIGID = 2  # directions of every machine that are rigid, for one of them may be what is missing
 
 
-def deck() -> list[tuple[str, str, float]]:
-    """Kind, effect and ratio of every case, so mixed that any first part holds some of all."""
-    single = [("one", name, ratio) for ratio in RATIOS for name in MEASUREMENT] * 3
-    single += [("one", name, ratio) for ratio in RATIOS for name in MACHINE] * 2
-    order = np.random.default_rng(5).permutation(len(single))
-    piles = [
-        [("nothing", "none", 0.0)] * 100,
-        [("mistuned", "none", 0.0)] * 60,
-        [single[k] for k in order],
-    ]
-    mixed = [
-        (place / len(pile), n, card)
-        for n, pile in enumerate(piles)
+@dataclass(frozen=True)
+class Card:
+    """A case to be drawn.
+
+    Args:
+        kind: nothing, mistuned, one, two or outside.
+        effects: what is missing.
+        ratio: survival ratio of each.
+        tree: whether the machine is a random tree of stages instead of the station.
+    """
+
+    kind: str
+    effects: tuple[str, ...] = ()
+    ratio: float = 0.0
+    tree: bool = False
+
+
+@dataclass(frozen=True)
+class Deck:
+    """Cards of a bench; the first of them has the first seed."""
+
+    name: str
+    first: int
+    cards: tuple[Card, ...]
+
+
+def mixed(piles: Sequence[Sequence[Card]]) -> tuple[Card, ...]:
+    """Cards so mixed that any first part holds some of every pile."""
+    order = [
+        (place / len(pile), number, card)
+        for number, pile in enumerate(piles)
         for place, card in enumerate(pile)
     ]
-    return [card for _, _, card in sorted(mixed, key=lambda one: one[:2])]
+    return tuple(card for _, _, card in sorted(order, key=lambda one: one[:2]))
+
+
+def shuffled(cards: Sequence[Card], seed: int) -> list[Card]:
+    """The same in another order."""
+    return [cards[k] for k in np.random.default_rng(seed).permutation(len(cards))]
+
+
+def deck(name: str, first: int, count: int) -> Deck:
+    """Nothing missing 100, mis-tuned 60, and one effect each; so many of the first of them."""
+    single = [Card("one", (name,), ratio) for ratio in RATIOS for name in MEASUREMENT] * 3
+    single += [Card("one", (name,), ratio) for ratio in RATIOS for name in MACHINE] * 2
+    piles = [[Card("nothing")] * 100, [Card("mistuned")] * 60, shuffled(single, 5)]
+    return Deck(name, first, mixed(piles)[:count])
 
 
 def run() -> list[dict[str, object]]:
     """Draw, diagnose and grade the reported campaigns."""
-    rows, _ = cases("diagnosis", range(CASES), partial(case, FIRST), JOBS)
-    return graded(rows, "diagnosis")
+    return played(deck("diagnosis", FIRST, CASES))
 
 
-def case(first: int, number: int) -> dict[str, object]:
+def played(one: Deck) -> list[dict[str, object]]:
+    """Make what is missing of a deck, then its figures."""
+    return graded(one, made(one))
+
+
+def made(one: Deck) -> list[dict]:
+    """Rows of a deck, in the order of its cards."""
+    rows, _ = cases(one.name, range(len(one.cards)), partial(case, one), JOBS)
+    return rows
+
+
+def case(one: Deck, number: int) -> dict[str, object]:
     """Draw and diagnose one case.
 
     Args:
-        first: seed of case 0.
+        one: its deck.
         number: of the case.
     """
-    place = WORK / f"{first + number}"
+    seed, card = one.first + number, one.cards[number]
+    row: dict[str, object] = {"seed": seed, "card": asdict(card)}
     with threadpool_limits(1):
-        drawn = ensure(first, number)
+        drawn = ensure(seed, card)
         if drawn is None:
-            return {"seed": first + number, "card": deck()[number], "verdict": None}
+            return row | {"verdict": None}
         begun = time.process_time()
         try:
-            found = diagnose(open_session(place))
+            found = diagnose(open_session(WORK / f"{seed}"))
         except Exception as error:  # a failure is graded as one, the other cases go on
-            said = f"{type(error).__name__}: {error}"
-            return {"seed": first + number, "card": deck()[number], "answer": drawn, "error": said}
+            return row | {"answer": drawn, "error": f"{type(error).__name__}: {error}"}
         seconds = time.process_time() - begun
-    return {
-        "seed": first + number,
-        "card": deck()[number],
-        "seconds": seconds,
-        "evidence": found.evidence.model_dump(mode="json", exclude={"scored"}),  # judged without
-        "verdict": verdict_of(found).model_dump(mode="json"),
-        "answer": drawn,
-    }
+    # The judgement needs no scores.
+    evidence = found.evidence.model_dump(mode="json", exclude={"scored"})
+    verdict = verdict_of(found).model_dump(mode="json")
+    return row | {"seconds": seconds, "evidence": evidence, "verdict": verdict, "answer": drawn}
 
 
-def ensure(first: int, number: int) -> str | None:
+def ensure(seed: int, card: Card) -> str | None:
     """Draw a case unless it is there; its answer, None if the machine has no place for it."""
-    kind, effect, ratio = deck()[number]
-    seed = first + number
     place, answer = WORK / f"{seed}", WORK / f"{seed}.toml"
     if not answer.is_file():
-        station = read_station(STATION)
-        wanted = () if kind != "one" else (Wanted(effect, None, ratio),)
-        cause = Cause(wanted, mistuned=kind == "mistuned", kind=kind)
+        station = draw_tree(seed) if card.tree else read_station(STATION)
+        wanted = tuple(Wanted(effect, None, card.ratio) for effect in card.effects)
+        cause = Cause(wanted, mistuned=card.kind == "mistuned", kind=card.kind)
         try:
             drawn = draw_campaign(
                 station, Plan(seed, cause, draw_protocol(station, seed), rigid=RIGID)
@@ -138,28 +176,27 @@ def ensure(first: int, number: int) -> str | None:
     return answer.read_text("utf-8")
 
 
-def graded(rows: list[dict], name: str) -> list[dict[str, object]]:
+def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
     """Grade kept verdicts beside the baselines; grades and tables lie among the results."""
     given = []
     for row in rows:
         if "error" not in row and row["verdict"] is None:  # the machine has no place for it
             continue
-        seed = row["seed"]
-        ensure(seed - seed % 5_000, seed % 5_000)
+        seed, card = row["seed"], one.cards[row["seed"] - one.first]
+        ensure(seed, card)
         verdict, refit = WORK / f"{seed}.verdict.json", WORK / f"{seed}.refit.json"
         verdict.unlink(missing_ok=True)
         if "error" not in row:
             verdict.write_text(json.dumps(row["verdict"]), encoding="utf-8")
             excess = row["verdict"]["gap"]["retuned"]["excess"]
             refit.write_text(json.dumps({"excess": excess}), encoding="utf-8")
-        kind = row["card"][0]
-        kind = "measurement" if row["card"][1] in MEASUREMENT else kind
+        kind = "measurement" if set(card.effects) & set(MEASUREMENT) else card.kind
         given.append(
             Case(str(seed), WORK / f"{seed}", verdict, WORK / f"{seed}.toml", refit, tags=(kind,))
         )
     report = grade(given)
-    (RESULTS / f"{name}.grades.json").write_text(to_json(report) + "\n", encoding="utf-8")
-    (RESULTS / f"{name}.txt").write_text(tables(report), encoding="utf-8")
+    (RESULTS / f"{one.name}.grades.json").write_text(to_json(report) + "\n", encoding="utf-8")
+    (RESULTS / f"{one.name}.txt").write_text(tables(report), encoding="utf-8")
     seconds = np.array([row["seconds"] for row in rows if "seconds" in row])
     found: list[dict[str, object]] = [
         {"figure": "core seconds, median", "value": float(np.median(seconds)), "n": len(seconds)},

@@ -1,4 +1,4 @@
-"""Campaigns of truth, opened: a small random tree with one known effect."""
+"""Campaigns of truth, opened: a small random tree with known effects."""
 
 from pathlib import Path
 
@@ -10,8 +10,7 @@ from tuning import Session, open_session
 def drawn(
     folder: Path,
     seed: int,
-    effect: str | None = None,
-    *,
+    *effects: str | None,
     ratio: float | None = 4.0,
     place: str | None = None,
     lines: int = 241,
@@ -21,13 +20,13 @@ def drawn(
     Args:
         folder: where the campaign is written.
         seed: of machine, test and effect.
-        effect: what the drawing lacks; None for nothing.
-        ratio: survival ratio; None for a drawn size.
-        place: of the effect; drawn if None.
+        effects: what the drawing lacks; none, or None, for nothing.
+        ratio: survival ratio of each; None for a drawn size.
+        place: of the effects; drawn if None.
         lines: of 1 Hz.
     """
     tree = draw_tree(seed, 3)
-    cause = Cause() if effect is None else Cause((Wanted(effect, place, ratio),))
+    cause = Cause(tuple(Wanted(effect, place, ratio) for effect in effects if effect is not None))
     protocol = Protocol(nodes=(tree.first_aim(),), lines=lines, resolution_hz=1.0)
     campaign = draw_campaign(tree, Plan(seed, cause, protocol=protocol))
     write_campaign(campaign, folder / "campaign")

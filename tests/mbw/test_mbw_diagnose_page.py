@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 
 from diagnosis import EFFECTS
 from diagnosis.verdict import CauseRow
+from mbmodel import load_machine
 from mbw.command import app
 from mbw.diagnose_files import NAMES, read_result, write_files
 from mbw.diagnose_page import render
@@ -105,6 +106,14 @@ def test_the_verdict_is_told_in_plain_words_with_cause_place_size_and_gap(texts,
     assert '<span class="badge good">one cause 98 %</span>' in texts["explained"]
     assert "<b>gyroscopic</b><br><small>a rotor spins in the body</small>" in texts["explained"]
     assert f"<b>What to do next:</b> {verdict.next_experiment}" in texts["explained"]
+
+
+def test_the_tuned_model_is_an_mjcf_that_says_what_it_does_not_hold(folders, explained):
+    for folder in folders.values():
+        assert load_machine(folder / "augmented.xml").springs
+    said = explained.shown.not_held_by_mjcf
+    assert any("let it spin" in text for text in said)  # a rotor
+    assert any("gain" in text for text in said)
 
 
 def test_nothing_missing_is_said_without_place_and_without_effect(texts):

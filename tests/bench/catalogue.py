@@ -1,0 +1,46 @@
+"""Which effect, on withheld truth: every effect of the catalogue twenty times and more.
+
+Effects of the machine, two effects at once, effects that no catalogue has, and effects in random
+trees of stages. Seeds 110000 and up; cases that are done are kept: it goes on from where it was.
+"""
+
+from itertools import combinations
+
+from tests.bench.diagnosis import Card, Deck, mixed, played, shuffled
+from truth.effects.outside import OUTSIDE
+
+FIRST = 110_000
+LINEAR = (
+    "appendage",
+    "feedback_delay",
+    "flexible_body",
+    "gyroscopic",
+    "joint_coupling",
+    "mass_error",
+    "missing_dof",
+    "parallel_path",
+    "structural_damping",
+    "support_loss",
+    "viscoelastic",
+)
+RATIOS = (2.0, 4.0)
+EACH, OUT, PAIRS, TREES = 10, 4, 30, 3  # of every effect and ratio; of all pairs
+
+
+def run() -> list[dict[str, object]]:
+    """Draw, diagnose and grade them."""
+    return played(deck())
+
+
+def deck() -> Deck:
+    """All of them, mixed."""
+    one = [Card("one", (name,), ratio) for ratio in RATIOS for name in LINEAR] * EACH
+    outside = [Card("outside", (name,), 4.0) for name in OUTSIDE] * 2 * OUT
+    known = [name for name in LINEAR if name != "flexible_body"]  # it hides all others
+    both = [Card("two", pair, 4.0) for pair in combinations(known, 2)]
+    trees = [Card("one", (name,), ratio, tree=True) for ratio in RATIOS for name in LINEAR] * TREES
+    piles = [
+        shuffled(pile, 7 + number)
+        for number, pile in enumerate((one, outside, shuffled(both, 11)[:PAIRS], trees))
+    ]
+    return Deck("catalogue", FIRST, mixed(piles))

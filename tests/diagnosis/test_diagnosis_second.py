@@ -1,0 +1,49 @@
+"""A second effect: both are found, and one that is not needed falls."""
+
+import tomllib
+
+import pytest
+
+from diagnosis import diagnose, verdict_of
+from tests.helpers.drawn import drawn
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    session, text = drawn(
+        tmp_path_factory.mktemp("two"), 72_060, "gyroscopic", "structural_damping", ratio=6.0
+    )
+    return diagnose(session), tomllib.loads(text)
+
+
+def test_two_effects_are_both_found_with_their_sizes(found):
+    diagnosis, answer = found
+    verdict = verdict_of(diagnosis)
+    assert verdict.verdict == "several"
+    truth = {(one["effect"], one["location"]): one for one in answer["cause"]}
+    rows = {(row.effect, row.location): row for row in verdict.causes[:2]}
+    assert set(rows) == set(truth)
+    for key, row in rows.items():
+        for name, value in truth[key]["parameters"].items():
+            assert row.parameters[name] == pytest.approx(value, rel=0.15)
+        assert row.interval
+        assert row.probability > 0.8
+    assert verdict.gap.after.excess < 1.15
+    assert verdict.gap.closed > 0.99
+
+
+def test_what_both_explain_none_alone_does(found):
+    diagnosis, _ = found
+    evidence = diagnosis.evidence
+    best = min(one.chi_square for one in evidence.refits)
+    assert evidence.pairs[0].chi_square - 1 < 0.1 * (best - 1)
+
+
+def test_a_single_effect_needs_no_second(tmp_path):
+    session, text = drawn(tmp_path, 72_061, "structural_damping", ratio=6.0)
+    verdict = verdict_of(diagnose(session))
+    answer = tomllib.loads(text)
+    assert verdict.verdict == "explained"
+    first = verdict.causes[0]
+    assert (first.effect, first.location) == (answer["effect"], answer["location"])
+    assert verdict.probability.several < 0.1

@@ -1,0 +1,97 @@
+"""Effects written into an MJCF: MuJoCo reads them, and the machine answers as with the Part."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis import EFFECTS, Scene
+from identification.words import Condition
+from mbmodel import Evaluator, Model, Question, as_drawn, load_machine, loosened, write_mjcf
+from tests.helpers.drawn import drawn
+from tuning import with_tolerances
+
+FREQ = np.arange(4.0, 160.0, 1.0)
+WRITTEN = (
+    "appendage",
+    "joint_coupling",
+    "mass_error",
+    "missing_dof",
+    "parallel_path",
+    "support_loss",
+)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    """A tree without one of its hinges, what it holds rigid loosened."""
+    folder = tmp_path_factory.mktemp("written")
+    session, _ = drawn(folder, 72_001, lines=161)
+    path = folder / "campaign" / "model.xml"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(line for line in lines if 'name="stage2_ry"' not in line))
+    machine, held = loosened(load_machine(path), FREQ[-1])
+    session = replace(session, model=with_tolerances(machine, session.campaign))
+    return Scene(session, session.model.drawn * 1.0, held)
+
+
+def answers(model, theta, campaign):
+    estimate = campaign.tests[0].estimate
+    inputs = tuple(test.condition.reference for test in campaign.tests)
+    question = Question(FREQ, estimate.frf.outputs, inputs, estimate.frf.quantity)
+    return Evaluator(model, question, direct=True).at(theta).values
+
+
+def sized(scene, one):
+    """The model with a hypothesis, and theta with a size that shows."""
+    plain = scene.session.model
+    model = Model(plain.machine, (*plain.parts, *one.parts))
+    theta = model.drawn.copy()
+    own = {parameter.name: k for k, parameter in enumerate(model.parameters)}
+    random = np.random.default_rng(3)
+    for name in one.coordinates:
+        theta[own[name]] = random.uniform(0.2, 0.9) if one.signed else random.uniform(-3.0, 3.0)
+    for part in one.parts:
+        for parameter in part.parameters:  # place, frequency, damping
+            if parameter.name not in (*one.coordinates, *one.follow):
+                theta[own[parameter.name]] = random.uniform(0.2, 0.9)
+    if one.effect == "mass_error":
+        theta[own[one.coordinates[0]]] = 20.0
+    if one.effect == "missing_dof":
+        theta[own[one.coordinates[0]]] = 1e3
+    return model, theta
+
+
+@pytest.mark.parametrize("effect", WRITTEN)
+def test_the_augmented_mjcf_answers_as_the_model_with_the_part(scene, effect, tmp_path):
+    proposed = [one for one in EFFECTS[effect](scene) if one.parts]
+    assert proposed
+    for number, one in enumerate(proposed[:: max(1, len(proposed) // 3)]):
+        model, theta = sized(scene, one)
+        edits = model.edits(theta)
+        target = tmp_path / f"{effect}{number}.xml"
+        assert write_mjcf(model.machine.source, target, edits) == ()
+        rigid = load_machine(model.machine.source)
+        without = answers(as_drawn(rigid), as_drawn(rigid).drawn, scene.session.campaign)
+        expected = answers(model, theta, scene.session.campaign)
+        machine = as_drawn(load_machine(target))
+        found = answers(machine, machine.drawn, scene.session.campaign)
+        largest = np.abs(expected).max()
+        assert np.abs(found - expected).max() < 2e-3 * np.abs(without - expected).max()
+        assert np.abs(without - expected).max() > 1e-3 * largest
+
+
+def test_what_no_mjcf_holds_is_said_with_its_reason(scene):
+    condition = scene.session.campaign.tests[0].condition
+    assert isinstance(condition, Condition)
+    for effect, reason in (
+        ("gyroscopic", "let it spin"),
+        ("structural_damping", "depends on frequency"),
+        ("viscoelastic", "depends on frequency"),
+        ("feedback_delay", "depends on frequency"),
+        ("drift", "in some tests only"),
+    ):
+        one = next(one for one in EFFECTS[effect](scene) if one.parts)
+        model, theta = sized(scene, one)
+        said = [str(edit) for edit in model.edits(theta)]
+        assert any(reason in text for text in said), (effect, said)
