@@ -14,7 +14,6 @@ from diagnosis.refit import (
     FIRST,
     LAST,
     PATIENT,
-    SMALL,
     SOME,
     Refit,
     go_on,
@@ -206,8 +205,9 @@ def _evidence(
     """What the judgement reads."""
     sources = {test.estimate.variance_source for test in nothing.session.campaign.tests}
     loose, pull = nothing.chi_square, 0.0
-    if NOTHING < loose < SMALL:
-        loose, pull = unbounded(scene, nothing)
+    if loose > NOTHING:
+        freed = unbounded(scene, nothing)
+        loose, pull = freed.loose or loose, freed.pull or pull
     return Evidence(
         proven=tuple(one.key for one in proven),
         cost=nothing.cost,
@@ -221,6 +221,8 @@ def _evidence(
                 dof=one.hypothesis.dof,
                 cost=one.cost,
                 chi_square=one.chi_square,
+                loose=one.loose,
+                pull=one.pull,
             )
             for one in found.refits
             if one.hypothesis is not None
@@ -232,6 +234,8 @@ def _evidence(
                 keys=(first.key, second.key),
                 cost=one.cost,
                 chi_square=one.chi_square,
+                loose=one.loose,
+                pull=one.pull,
             )
             for one in found.pairs
             if one.hypothesis

@@ -37,29 +37,42 @@ class Scored(_Named):
     gains: tuple[float, ...]
 
 
-class Refitted(_Named):
+class _Fitted(_Row):
+    cost: float
+    chi_square: float
+    loose: float | None = None
+    pull: float | None = None
+
+    def left(self, outlier: float) -> float:
+        """Chi square less one; of tolerances none of which is more than an outlier, unbounded.
+
+        Args:
+            outlier: standard deviations.
+        """
+        beyond = self.loose is None or self.pull is None or self.pull > outlier
+        return self.chi_square - 1 if beyond else min(self.chi_square, self.loose or 0.0) - 1
+
+
+class Refitted(_Named, _Fitted):
     """A hypothesis fitted at the weights of the noise.
 
     Args:
         cost: in nats, priors and all.
         chi_square: mean square of residual over noise; 1 is noise alone.
+        loose: the same if tolerances have no bounds; None where that was not asked.
+        pull: the largest of them then, in standard deviations.
     """
 
-    cost: float
-    chi_square: float
 
-
-class Paired(_Row):
+class Paired(_Fitted):
     """Two hypotheses, fitted at once.
 
     Args:
         keys: of both.
-        cost, chi_square: as of one.
+        cost, chi_square, loose, pull: as of one.
     """
 
     keys: tuple[Key, Key]
-    cost: float
-    chi_square: float
 
 
 class Pushed(_Row):

@@ -16,7 +16,7 @@ from diagnosis.effects.points import three
 from diagnosis.effects.sensor_polarity import turned
 from diagnosis.evidence import BENDS, Key
 from diagnosis.hypothesis import Hypothesis, Value, released
-from identification import BodyCheck, Fault, check_bodies, delayed, mount
+from identification import BodyCheck, Fault, check_bodies, delayed, mount, silent
 from identification.words import Campaign, Dof, Real
 
 _GROSS = ("dead_channel", "sensor_polarity", "sensor_swap")
@@ -37,7 +37,7 @@ class Gate:
     Args:
         checks: of every body.
         faults: those that are proven.
-        alive: all that was measured but for dead channels.
+        alive: all that was measured but for channels that are dead or read noise alone.
         campaign: without the channels that any proven fault concerns; where a body bends, its
             channels are doubted by as much.
         flexible: bodies that are not solid in part of the band.
@@ -61,8 +61,11 @@ def sensor_gate(campaign: Campaign) -> Gate:
         proven |= {(one.effect, one.location, one.dof): one for one in kept}
     faults = tuple(proven.values())
     dead = [one for one in faults if one.effect == "dead_channel"]
-    alive = _without(campaign, dead)
-    clean = alive if len(dead) == len(faults) else _without(campaign, faults)
+    # What reads noise alone is dead, or still: either way it tells nothing.
+    none = silent(campaign)
+    heard = masked(campaign, lambda dof: dof.positive in none) if none else campaign
+    alive = _without(heard, dead)
+    clean = alive if len(dead) == len(faults) else _without(heard, faults)
     for check in flexible:
         beyond = np.sqrt(np.maximum(check.reconstruction**2 - check.expected**2, 0.0))
         clean = doubted(clean, check.channels, partial(_read_off, check.freq_hz, beyond))

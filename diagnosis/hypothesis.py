@@ -63,7 +63,9 @@ class Hypothesis:
         effect, location, dof: as the verdict calls them.
         release: tolerances without prior and bounds.
         parts: what is added.
-        begin: values at which released parameters begin, by name.
+        begin: values at which parameters begin, by name.
+        otherwise: values at which Parts begin where the score sees nothing in them: what is far
+            from the drawing may look wrong from there.
         correct: makes the measurement what it would be without the fault; None for no change.
         scored: coordinates that are scored; all if empty. Others shape what these add.
         follow: parameters of Parts that have the value of a parameter of the model, by name.
@@ -81,6 +83,7 @@ class Hypothesis:
     release: tuple[str, ...] = ()
     parts: tuple[Part, ...] = ()
     begin: Mapping[str, float] = field(default_factory=dict)
+    otherwise: Mapping[str, float] = field(default_factory=dict)
     correct: Callable[[Campaign], Campaign] | None = None
     scored: tuple[str, ...] = ()
     follow: Mapping[str, str] = field(default_factory=dict)

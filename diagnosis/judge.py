@@ -1,7 +1,7 @@
 r"""From evidence to probabilities: none, unexplained, each cause, several; and to places.
 
 What is left of the gap decides. With e = chi^2 - 1 of the refit without any effect and e1 that of
-the best refit with one,
+the best refit with one, without bounds of tolerances if the largest is no more than an outlier,
 
     visible   = expit((log e - log hidden) / width)       more than badly known noise,
                 e without bounds of tolerances if the largest is no more than an outlier
@@ -189,16 +189,16 @@ def _parts(seen: Evidence, by: Calibration) -> tuple[float, float, float]:
     hidden = by.hidden[seen.variance]
     visible = float(expit((np.log(beyond) - np.log(hidden)) / by.hidden_width))
 
-    left = _left(seen.refits)
+    left = _left(seen.refits, by)
     explained = _explains(left, gap, by)
     if likely and seen.pull > BOUND:  # whatever one released tolerance then explains
         explained *= visible
-    return visible, explained, _explains(_left(seen.pairs), left, by) if seen.pairs else 0.0
+    return visible, explained, _explains(_left(seen.pairs, by), left, by) if seen.pairs else 0.0
 
 
-def _left(fits: Sequence[Refitted] | Sequence[Paired]) -> float:
+def _left(fits: Sequence[Refitted] | Sequence[Paired], by: Calibration) -> float:
     """Of the gap, by the best."""
-    return max(min((one.chi_square for one in fits), default=np.inf) - 1, _EXACT)
+    return max(min((one.left(by.outlier) for one in fits), default=np.inf), _EXACT)
 
 
 def _explains(left: float, gap: float, by: Calibration) -> float:

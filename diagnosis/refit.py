@@ -32,7 +32,6 @@ _ROUNDS, _SETTLED = 3, 0.01  # until the stiffness that Parts are made from stay
 # Held-out fits, whose parameters are stated: to one line in four, or to all.
 SOME = replace(STAGES[4], tolerance=1e-6, max_steps=6)
 ALL = replace(STAGES[5], tolerance=1e-6, max_steps=6)
-SMALL = 3.0  # chi square up to which one tolerance of many may be all that is beyond its bound
 _PROMISE = 0.1  # nats: of a fit whose parameters are stated
 CLOSE = (*FIRST, replace(STAGES[4], stride=8, tolerance=1e-3, max_steps=6))
 LAST = (replace(STAGES[4], tolerance=3e-4, max_steps=10),)
@@ -49,12 +48,16 @@ class Refit:
         session: campaign as it would be without the fault, model with what is added.
         fit: at the weights of the last stage, one line in four.
         chi_square: mean square of residual over noise and allowance there; noise alone leaves one.
+        loose: the same if tolerances have no bounds; None where that was not asked.
+        pull: the largest of them then, in standard deviations.
     """
 
     hypothesis: Hypothesis | None
     session: Session
     fit: Fit
     chi_square: float
+    loose: float | None = None
+    pull: float | None = None
 
     @property
     def cost(self) -> float:
@@ -188,16 +191,16 @@ def go_on(scene: Scene, found: Refit, stages: tuple[Stage, ...]) -> Refit:
     return _fitted(one, session, theta, paced(stages, scene.pace))
 
 
-def unbounded(scene: Scene, nothing: Refit) -> tuple[float, float]:
-    """Chi square of the refit without any effect if tolerances have no bounds, and their largest.
+def unbounded(scene: Scene, made: Refit) -> Refit:
+    """The same, with what it leaves if tolerances have no bounds, and the largest of them then.
 
     Of 300 tolerances the largest is beyond three standard deviations in every second machine, and
     what its bound then leaves is no effect.
     """
-    session = replace(nothing.session, freedom=nothing.session.freedom.unbounded())
-    found = _fitted(None, session, nothing.fit.theta, paced(LONG, scene.pace))
+    session = replace(made.session, freedom=made.session.freedom.unbounded())
+    found = _fitted(None, session, made.fit.theta, paced(LONG, scene.pace))
     pulls = np.abs(found.fit.x[found.fit.freedom.has_prior])
-    return found.chi_square, float(pulls.max(initial=0.0))
+    return replace(made, loose=found.chi_square, pull=float(pulls.max(initial=0.0)))
 
 
 def settled(scene: Scene, found: Refit) -> Refit:

@@ -1,7 +1,7 @@
 """The search for what explains a gap: scores of all, refits of the most promising."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -73,6 +73,7 @@ def search(
     say("free forces at every place")
     pushed = pushes(scene, nothing.fit)
     places = [one.location for one in pushed[:_PLACES] if one.gain > _SURE]
+    pushing = {(one.location, one.dof) for one in pushed[:_PLACES]}
     some = _variants(scored)
     there = [one for one in asked if one.location in places and one not in some]
     finer = [
@@ -87,7 +88,8 @@ def search(
     for turn, enough in enumerate((_CLEAR, _LITTLE, 1.0)[:turns]):
         if turn == 1:
             close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
-            close.try_all(close.best(places)[:_THERE])
+            blind = _blind([*scored, *finer[0]], pushing)
+            close.try_all([*blind, *close.best(places)][:_THERE])
         else:
             far.try_all(promising[:REFITTED] if not turn else promising[REFITTED:])
         for made in (*far.leading(), *close.leading()):
@@ -103,6 +105,16 @@ def search(
     rows = _rows([scored, *finer])
     begun = (*far.begun, *close.begun)
     return Search(tuple(scored), rows, pushed, begun, tuple(refits))
+
+
+def _blind(scored: Sequence[Score], pushing: set[tuple[str, str | None]]) -> list[Hypothesis]:
+    """Where forces push most, what the score sees nothing in, but may begin elsewhere."""
+    found = {}
+    for score in scored:
+        one = score.hypothesis
+        if one.otherwise and score.gain <= 0 and (one.location, one.dof) in pushing:
+            found[one.key] = replace(one, begin=one.otherwise)
+    return list(found.values())
 
 
 @dataclass

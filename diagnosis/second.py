@@ -12,7 +12,7 @@ from dataclasses import replace
 from diagnosis.effects import catalogue
 from diagnosis.hypothesis import Hypothesis, Scene, together
 from diagnosis.judge import calibrated
-from diagnosis.refit import CLOSE, FIRST, LAST, LONG, SMALL, Refit, go_on, refit, unbounded
+from diagnosis.refit import CLOSE, FIRST, LAST, LONG, Refit, go_on, refit, unbounded
 from diagnosis.search import Search, search
 from tuning import STAGES
 
@@ -46,10 +46,12 @@ def with_second(
     first, one = found.refits[0], found.refits[0].hypothesis
     if not _EXACT < first.chi_square - 1 < _WORTH * (nothing.chi_square - 1):
         return found
-    inner = Scene(first.session, first.fit.theta, scene.held, scene.pace)
-    if _is_outlier(inner, first):
+    first = unbounded(scene, first)
+    found = replace(found, refits=(first, *found.refits[1:]))
+    if _is_outlier(first):
         return found
     say("a second effect")
+    inner = Scene(first.session, first.fit.theta, scene.held, scene.pace)
     early = refit(inner, None, inner.session.campaign, _EARLY)
     close = go_on(inner, early, FIRST)
     allowed = {(other.effect, other.location) for other in asked if other.location != one.location}
@@ -98,10 +100,9 @@ def _exchanged(scene: Scene, found: Search, second: Refit) -> list[Refit]:
     return [_pair(one, go_on(inner, both, LONG)) for both in made]
 
 
-def _is_outlier(scene: Scene, first: Refit) -> bool:
-    """Whether one tolerance of hundreds beyond its bound is most of what is left."""
-    if first.chi_square > SMALL:
+def _is_outlier(first: Refit) -> bool:
+    """Whether tolerances beyond their bounds, none by much, are most of what is left."""
+    if first.loose is None or first.pull is None:
         return False
-    loose, pull = unbounded(scene, first)
     left = first.chi_square - 1
-    return pull <= calibrated().outlier and loose - 1 < max(_EXACT, _MOST * left)
+    return first.pull <= calibrated().outlier and first.loose - 1 < max(_EXACT, _MOST * left)

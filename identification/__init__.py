@@ -2,6 +2,7 @@
 
 from identification.band import band_lines
 from identification.campaign import correct_layout, read_campaign
+from identification.channels import silent
 from identification.layout_in import read_layout
 from identification.settings import CampaignSettings, read_settings
 from identification.solid import (
@@ -35,5 +36,6 @@ __all__ = [
     "read_settings",
     "reconstruct",
     "reduce_to_bodies",
+    "silent",
     "smooth_variance",
 ]

@@ -5,6 +5,7 @@ import numpy as np
 from identification.words import Campaign, Dof, Test
 
 _DEAD = 0.1  # coherence below which a channel holds nothing of the hit
+_MARGIN = 1.25  # over that of noise alone
 _ALIVE = 0.5  # coherence of the others, which shows that the hit itself was good
 _SAME = 1e-6  # relative difference below which two channels hold the same numbers
 
@@ -30,25 +31,46 @@ def channel_remarks(campaign: Campaign) -> tuple[str, ...]:
     )
 
 
-def _silent(campaign: Campaign) -> list[str]:
-    """Channels that read noise alone whatever is hit."""
-    known: dict[Dof, list[tuple[float, float]]] = {}
+def silent(campaign: Campaign) -> dict[Dof, tuple[float, float]]:
+    """Channels that read noise alone whatever is hit.
+
+    Of noise alone n averages give a coherence with the median 1 - 2^(-1 / (n - 1)) (Bendat and
+    Piersol, ch. 9): with few averages that is not little.
+
+    Returns:
+        By channel: the largest of its median coherences, and what others have.
+    """
+    known: dict[Dof, list[tuple[float, float, float]]] = {}
     for test in campaign.tests:
-        coherence = test.estimate.coherence
-        if coherence is None:
+        estimate = test.estimate
+        if estimate.coherence is None:
             continue
-        each = np.median(coherence[:, :, 0], axis=0)
-        still = np.abs(test.estimate.frf.values[:, :, 0]).max(axis=0) == 0
-        others = float(np.median(each))
-        for dof, value, none in zip(test.estimate.frf.outputs, each, still, strict=True):
+        each = np.median(estimate.coherence[:, :, 0], axis=0)
+        still = np.abs(estimate.frf.values[:, :, 0]).max(axis=0) == 0
+        others, noise = float(np.median(each)), _coherence_of_noise(estimate.averages)
+        for dof, value, none in zip(estimate.frf.outputs, each, still, strict=True):
             if not none:
-                known.setdefault(dof.positive, []).append((float(value), others))
+                known.setdefault(dof.positive, []).append((float(value), others, noise))
+    return {
+        dof: (max(value for value, _, _ in found), found[0][1])
+        for dof, found in known.items()
+        if all(value < noise and others > _ALIVE for value, others, noise in found)
+    }
+
+
+def _coherence_of_noise(averages: int | None) -> float:
+    """Median coherence below which a channel holds nothing of the hit."""
+    if averages is None or averages < 2:
+        return _DEAD
+    median = 1 - float(np.exp2(-1 / (averages - 1)))
+    return max(_DEAD, min(_MARGIN * median, _ALIVE))
+
+
+def _silent(campaign: Campaign) -> list[str]:
     return [
-        f"{dof} reads noise alone in every test, with a coherence of at most "
-        f"{max(value for value, _ in pairs):.2g} where others have {pairs[0][1]:.2g}: its cable is "
-        "off, or nothing moves there"
-        for dof, pairs in known.items()
-        if all(value < _DEAD and others > _ALIVE for value, others in pairs)
+        f"{dof} reads noise alone in every test, with a coherence of at most {value:.2g} where "
+        f"others have {others:.2g}: its cable is off, or nothing moves there"
+        for dof, (value, others) in silent(campaign).items()
     ]
 
 

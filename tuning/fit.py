@@ -191,7 +191,7 @@ def descend(
             varies.lower,
             varies.upper,
             varies.has_prior.astype(float),
-            np.where(varies.is_logarithm & ~varies.has_prior, LARGEST_STEP, np.inf),
+            np.where(varies.is_logarithm & ~varies.has_prior, LARGEST_STEP / varies.scales, np.inf),
         ),
         known=known,
         promise=promise,

@@ -219,6 +219,13 @@ class Freedom:
         found[self.member[self.free]] = self._logarithmic[self.free]
         return found
 
+    @cached_property
+    def scales(self) -> Real:
+        """Scale of each coordinate; (n_x,)."""
+        found = np.ones(self.size)
+        found[self.member[self.free]] = self.scale[self.free]
+        return found
+
     @property
     def is_stated(self) -> Mask:
         """Coordinates with bounds that are no default of tolerances; (n_x,)."""

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from diagnosis.effects.points import springs_of
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import AddedPart, Addition, Change, Held, Machine, Parameter, freed
@@ -35,8 +36,19 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             parts=(way.part,),
             scored=(way.names[0],),
             signed=True,
+            otherwise={way.names[0]: way.compliance(_usual(scene, held))},
             state=way.state,
         )
+
+
+def _usual(scene: Scene, held: Held) -> float:
+    """Stiffness of the joint's own springs of the kind, else one that shows in the band."""
+    machine = scene.model.machine
+    kind = {axle.joint: axle.turns for axle in machine.axles if axle.stage == held.stage}
+    turns = held.dof.startswith("r")
+    alike = tuple(one for one in springs_of(machine, held.stage) if kind.get(one) is turns)
+    known = scene.stiffness(alike)
+    return float(np.median(known[known > 0])) if (known > 0).any() else held.reference
 
 
 class _Way:
@@ -63,6 +75,10 @@ class _Way:
         return stiffness, self.held.time_constant * float(
             np.exp(_STEP * np.clip(theta[1], -_FARTHEST, _FARTHEST))
         )
+
+    def compliance(self, stiffness: float) -> float:
+        """The parameter for a stiffness."""
+        return max(1 / stiffness - 1 / self.held.stiffness, 0.0) / self.unit
 
     def _change(self, core: Real) -> Change:
         return Change("joint", self.frame, self.frame, core[..., None, None])

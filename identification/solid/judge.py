@@ -15,6 +15,7 @@ from identification.words import Real, Tolerance
 _STEPS = 8
 _EVALUATIONS = 50
 _REACH = ((-1.0, 1.0), (-2.5, 2.0))  # logarithms, about the best of a coarse scan
+_INEXACT = 1e-3  # nats a value that decide as little as one: no body is so rigid, no noise so known
 _EVERY = 250  # lines of an evaluation while parameters of a reading are refined
 
 
@@ -76,7 +77,7 @@ def rank(state: State, tolerance: Tolerance, done: frozenset[Key]) -> Ranking:
         else:
             judged.append(_judge(one, found.state, look))
     miss = min(one.data for one in judged) / look.scale / look.values
-    temper = look.scale * (1.0 + max(0.0, miss))
+    temper = look.scale * (1.0 + max(0.0, miss)) + _INEXACT * look.values
     nats = np.array([one.data / temper + one.cost for one in judged])
     order = np.argsort(nats, kind="stable")
     nats = nats[order] - nats.min()

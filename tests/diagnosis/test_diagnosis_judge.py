@@ -84,6 +84,15 @@ def test_one_tolerance_beyond_its_bound_is_no_effect_but_a_fault_is():
     assert judge(evidence(0.25, wrong, loose=1.0, pull=16.0)).word == "unexplained"
 
 
+def test_what_outliers_of_tolerances_leave_beside_the_right_effect_is_no_gap():
+    right = refit("mass_error", "body:a", 2e4, 1.0)
+    assert judge(evidence(10.0, (right,))).word == "unexplained"
+    eased = right.model_copy(update={"loose": 1.01, "pull": 3.4})
+    assert judge(evidence(10.0, (eased,))).word == "explained"
+    pulled = right.model_copy(update={"loose": 1.01, "pull": 12.0})
+    assert judge(evidence(10.0, (pulled,))).word == "unexplained"
+
+
 def test_who_takes_the_gap_explains_it_and_equals_share():
     gap = 10.0
     right = refit("mass_error", "body:a", 1.01e4, 0.01)

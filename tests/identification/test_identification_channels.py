@@ -1,9 +1,11 @@
 """Channels that cannot be what they say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from identification.channels import channel_remarks
+from identification.channels import _coherence_of_noise, channel_remarks, silent
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 SITES = ("acc1", "acc2", "acc3", "acc4")
@@ -64,6 +66,28 @@ def test_a_channel_that_lost_its_coherence_alone_is_dead(campaign) -> None:
     (remark,) = channel_remarks(campaign(edit))
     assert remark.startswith("acc2:+tz reads noise alone in every test")
     assert "at most 0.02 where others have 0.9" in remark
+
+
+@pytest.mark.parametrize("averages", [3, 5, 10])
+def test_noise_has_the_coherence_of_few_averages(campaign, averages) -> None:
+    rng = np.random.default_rng(7)
+    shape = (averages, 20_000)
+    force = rng.normal(size=shape) + 1j * rng.normal(size=shape)
+    answer = rng.normal(size=shape) + 1j * rng.normal(size=shape)
+    both = np.abs((force.conj() * answer).sum(axis=0)) ** 2
+    coherence = both / (np.abs(force) ** 2).sum(axis=0) / (np.abs(answer) ** 2).sum(axis=0)
+    least = max(np.median(coherence), 0.1)
+    assert _coherence_of_noise(averages) == pytest.approx(least, rel=0.3)
+    assert _coherence_of_noise(averages) >= 1.2 * np.median(coherence)
+
+    def edit(values, seen):
+        seen[:, 1] = np.quantile(coherence, (np.arange(50) + 0.5) / 50)
+
+    made = campaign(edit)
+    tests = tuple(
+        replace(test, estimate=replace(test.estimate, averages=averages)) for test in made.tests
+    )
+    assert {str(dof) for dof in silent(replace(made, tests=tests))} == {"acc2:+tz"}
 
 
 def test_a_hit_that_was_poor_as_a_whole_makes_no_channel_dead(campaign) -> None:

@@ -9,6 +9,7 @@ from identification.words import InputError, Tolerance
 from mbmodel import Model, body_parts
 from tuning import Wishes, freedom, random_starts, with_tolerances
 from tuning.freedom import BOUND
+from tuning.newton import LARGEST_STEP
 
 TOLERANCE = Tolerance(
     mass=0.021, inertia=0.052, com=0.0031, joint_position=0.0032, sensor_gain=0.011,
@@ -361,3 +362,14 @@ def test_starts_vary_what_a_user_frees(model, campaign):
     assert "head.mass" in moved[1] - moved[0]
     assert "base_tx.stiffness" in moved[0] - moved[1]
     assert moved[0] == {one.name for one in whole.parameters if one.known == "free"}
+
+
+def test_a_released_gain_takes_steps_of_a_size_and_not_of_its_tolerance(made, place):
+    name = "acc1.gain_x"
+    free = made.released([name])
+    own = made.member[place(name)]
+    assert free.scales[own] == pytest.approx(TOLERANCE.sensor_gain)
+    x = np.zeros(free.size)
+    x[own] = LARGEST_STEP / free.scales[own]
+    assert free.theta(x)[place(name)] == pytest.approx(np.exp(LARGEST_STEP))
+    assert (free.scales[~free.has_prior & (np.arange(free.size) != own)] == 1).all()
