@@ -20,7 +20,7 @@ from identification import BodyCheck, Fault, check_bodies, delayed, mount, silen
 from identification.words import Campaign, Dof, Real
 
 _GROSS = ("dead_channel", "sensor_polarity", "sensor_swap")
-_TOO_MANY = 2  # sensors of one body that are wrong by some amount each
+_TOO_MANY = 2  # sensors of one body that are wrong by some amount each, bodies that bend
 PROVEN = 0.9  # probability above which a fault is taken out
 # Tolerance that is released, and what the verdict calls its value.
 _RELEASED = {
@@ -38,9 +38,9 @@ class Gate:
         checks: of every body.
         faults: those that are proven.
         alive: all that was measured but for channels that are dead or read noise alone.
-        campaign: without the channels that any proven fault concerns; where a body bends, its
-            channels are doubted by as much.
-        flexible: bodies that are not solid in part of the band.
+        campaign: without the channels that any proven fault concerns; where a body is not solid,
+            its channels are doubted by as much.
+        flexible: bodies that bend; none if most seem to, whose noise is then larger than stated.
     """
 
     checks: tuple[BodyCheck, ...]
@@ -59,6 +59,10 @@ def sensor_gate(campaign: Campaign) -> Gate:
         kept = _one_cause(check, [one for one in check.faults if one.probability >= PROVEN])
         flexible += [check] if any(one.effect == BENDS for one in kept) else []
         proven |= {(one.effect, one.location, one.dof): one for one in kept}
+    bending = flexible
+    if len(flexible) > _TOO_MANY:  # not all stages bend at once: the noise is not what is stated
+        bending = []
+        proven = {key: one for key, one in proven.items() if one.effect != BENDS}
     faults = tuple(proven.values())
     dead = [one for one in faults if one.effect == "dead_channel"]
     # What reads noise alone is dead, or still: either way it tells nothing.
@@ -69,7 +73,7 @@ def sensor_gate(campaign: Campaign) -> Gate:
     for check in flexible:
         beyond = np.sqrt(np.maximum(check.reconstruction**2 - check.expected**2, 0.0))
         clean = doubted(clean, check.channels, partial(_read_off, check.freq_hz, beyond))
-    return Gate(checks, faults, alive, clean, tuple(flexible))
+    return Gate(checks, faults, alive, clean, tuple(bending))
 
 
 def _one_cause(check: BodyCheck, sure: list[Fault]) -> list[Fault]:
