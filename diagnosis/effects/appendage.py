@@ -23,6 +23,7 @@ _LOWEST = 1 / 40  # of the highest line: below, it holds on to nothing
 _UNIT = 0.01  # of the body's mass per unit of the parameters
 _STEPS = 0.05, 0.5  # of the logarithms of frequency and damping per unit of theirs
 _FARTHEST = 20.0  # steps
+_SLIGHT = 0.02  # of the largest mass: what moves along no other axis to speak of
 _ARM = 0.1  # m per unit of the place's parameters
 Shape = Callable[[Complex], Complex]
 Hung = Callable[[Real, float, float, Real], tuple[Addition, ...]]  # masses, omega, zeta, place
@@ -125,7 +126,7 @@ class _Appendage:
         masses = np.array([found[name] for name in self.masses])
         place = np.array([_ARM * found[name] for name in self.place])
         # What moves along one axis alone may sit anywhere on it: the nearest point is stated.
-        alone = masses > 0
+        alone = masses > _SLIGHT * masses.max()
         if alone.sum() == 1:
             place[alone] = 0.0
         return {
