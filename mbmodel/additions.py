@@ -21,6 +21,7 @@ from mbmodel.parts import Change
 
 _LENGTH = 1.0  # m, of a tendon along its axis
 _LITTLE = 1e-9  # of the largest, what counts as no stiffness
+_BARE: Values = {"armature": "0", "frictionloss": "0", "limited": "false"}  # whatever the defaults
 _TURNING = 1e-3  # m, radius of inertia of a mass that only slides
 
 
@@ -141,9 +142,17 @@ def hung(
         "pos": tuple((point + _LENGTH * axis).tolist()),
         "gravcomp": "1",
     }
+    slide: Values = {
+        "name": f"{name}.slide",
+        "type": "slide",
+        "axis": tuple(axis.tolist()),
+        "stiffness": "0",
+        "damping": "0",
+        **_BARE,
+    }
     children = (
         Element("inertial", inertia),
-        Element("joint", {"name": f"{name}.slide", "type": "slide", "axis": tuple(axis.tolist())}),
+        Element("joint", slide),
         Element("site", {"name": f"{name}.b"}),
     )
     mass = Element("body", frame, children)
@@ -172,8 +181,7 @@ def freed(name: str, machine: Machine, axle: Axle, sizes: Real) -> tuple[Additio
         "axis": tuple((heavy.frame.T @ axle.axis).tolist()),
         "stiffness": float(sizes[0]),
         "damping": float(sizes[1]),
-        "armature": "0",
-        "limited": "false",
+        **_BARE,
     }
     return (Addition(name, axle.stage, Element("joint", values)),)
 
