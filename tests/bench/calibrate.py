@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from diagnosis.evidence import Evidence
 from diagnosis.judge import NOTHING, Calibration, Judged, judge
 from identification.words import Real
-from tests.bench.diagnosis import deck, made
+from tests.bench.diagnosis import NONLINEAR, deck, made
 
 CASES, FIRST = 80, 80_000
 FILE = Path(__file__).parents[2] / "diagnosis" / "calibration.json"
@@ -88,7 +88,7 @@ def _given(row: dict) -> tuple[Evidence, tuple[str, str, bool]] | None:
     effect, place = answer["effect"], answer.get("location", "")
     if effect != "none" and not seen.proven and seen.chi_square <= NOTHING:
         return None
-    return seen, (effect, place, effect not in ("friction", "backlash", "hardening"))
+    return seen, (effect, place, effect not in NONLINEAR)
 
 
 def _surprise(found: Judged, effect: str, place: str, known: bool) -> float:

@@ -6,23 +6,11 @@ trees of stages. Seeds 110000 and up; cases that are done are kept: it goes on f
 
 from itertools import combinations
 
-from tests.bench.diagnosis import Card, Deck, mixed, played, shuffled
+from tests.bench.diagnosis import MACHINE, NONLINEAR, Card, Deck, mixed, played, shuffled
 from truth.effects.outside import OUTSIDE
 
 FIRST = 110_000
-LINEAR = (
-    "appendage",
-    "feedback_delay",
-    "flexible_body",
-    "gyroscopic",
-    "joint_coupling",
-    "mass_error",
-    "missing_dof",
-    "parallel_path",
-    "structural_damping",
-    "support_loss",
-    "viscoelastic",
-)
+LINEAR = tuple(name for name in MACHINE if name not in NONLINEAR)
 RATIOS = (2.0, 4.0)
 EACH, OUT, PAIRS, TREES = 10, 4, 30, 3  # of every effect and ratio; of all pairs
 

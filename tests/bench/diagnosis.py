@@ -64,6 +64,7 @@ MACHINE = (
     "support_loss",
     "viscoelastic",
 )
+NONLINEAR = ("backlash", "friction", "hardening")
 RATIOS = (2.0, 4.0, 8.0)
 RIGID = 2  # directions of every machine that are rigid, for one of them may be what is missing
 

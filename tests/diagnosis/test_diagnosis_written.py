@@ -7,8 +7,8 @@ import pytest
 
 from diagnosis import EFFECTS, Scene
 from identification.words import Condition
-from mbmodel import Evaluator, Model, Question, as_drawn, load_machine, loosened, write_mjcf
-from tests.helpers.drawn import drawn
+from mbmodel import Model, as_drawn, load_machine, loosened, write_mjcf
+from tests.helpers.drawn import drawn, line_by_line
 from tuning import with_tolerances
 
 FREQ = np.arange(4.0, 160.0, 1.0)
@@ -33,13 +33,6 @@ def scene(tmp_path_factory):
     machine, held = loosened(load_machine(path), FREQ[-1])
     session = replace(session, model=with_tolerances(machine, session.campaign))
     return Scene(session, session.model.drawn * 1.0, held)
-
-
-def answers(model, theta, campaign):
-    estimate = campaign.tests[0].estimate
-    inputs = tuple(test.condition.reference for test in campaign.tests)
-    question = Question(FREQ, estimate.frf.outputs, inputs, estimate.frf.quantity)
-    return Evaluator(model, question, direct=True).at(theta).values
 
 
 def sized(scene, one):
@@ -72,10 +65,10 @@ def test_the_augmented_mjcf_answers_as_the_model_with_the_part(scene, effect, tm
         target = tmp_path / f"{effect}{number}.xml"
         assert write_mjcf(model.machine.source, target, edits) == ()
         rigid = load_machine(model.machine.source)
-        without = answers(as_drawn(rigid), as_drawn(rigid).drawn, scene.session.campaign)
-        expected = answers(model, theta, scene.session.campaign)
+        without = line_by_line(as_drawn(rigid), as_drawn(rigid).drawn, scene.session.campaign, FREQ)
+        expected = line_by_line(model, theta, scene.session.campaign, FREQ)
         machine = as_drawn(load_machine(target))
-        found = answers(machine, machine.drawn, scene.session.campaign)
+        found = line_by_line(machine, machine.drawn, scene.session.campaign, FREQ)
         largest = np.abs(expected).max()
         assert np.abs(found - expected).max() < 2e-3 * np.abs(without - expected).max()
         assert np.abs(without - expected).max() > 1e-3 * largest

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from identification.words import Campaign, Complex, Real
+from mbmodel import Evaluator, Model, Question
 from truth import Cause, Plan, Protocol, Wanted, draw_campaign, write_campaign
 from truth.trees import draw_tree
 from tuning import Session, open_session
@@ -31,3 +33,14 @@ def drawn(
     campaign = draw_campaign(tree, Plan(seed, cause, protocol=protocol))
     write_campaign(campaign, folder / "campaign")
     return open_session(folder / "campaign"), campaign.answer.decode()
+
+
+def line_by_line(
+    model: Model, theta: Real, campaign: Campaign, freq_hz: Real | None = None
+) -> Complex:
+    """FRFs without the modal form, (n_freq, n_out, n_in): differences of tiny steps stay exact."""
+    estimate = campaign.tests[0].estimate
+    inputs = tuple(test.condition.reference for test in campaign.tests)
+    lines = campaign.freq_hz if freq_hz is None else freq_hz
+    question = Question(lines, estimate.frf.outputs, inputs, estimate.frf.quantity)
+    return Evaluator(model, question, direct=True).at(theta).values

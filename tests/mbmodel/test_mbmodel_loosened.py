@@ -9,16 +9,14 @@ from diagnosis import Scene
 from diagnosis.effects import missing_dof
 from mbmodel import (
     AddedPart,
-    Evaluator,
     Model,
-    Question,
     as_drawn,
     load_machine,
     loosened,
     spring_parts,
 )
 from mbmodel.parts import spring_parts as parts_of
-from tests.helpers.drawn import drawn
+from tests.helpers.drawn import drawn, line_by_line
 
 GONE = "stage2_ry"
 HIGHEST = 160.0
@@ -36,21 +34,13 @@ def files(tmp_path_factory):
     return session, load_machine(path), load_machine(rigid)
 
 
-def answers(model, theta, campaign):
-    """All FRFs, solved line by line: differences of tiny steps are asked for."""
-    estimate = campaign.tests[0].estimate
-    inputs = tuple(test.condition.reference for test in campaign.tests)
-    question = Question(campaign.freq_hz, estimate.frf.outputs, inputs, estimate.frf.quantity)
-    return Evaluator(model, question, direct=True).at(theta).values.ravel()
-
-
 def at_slope_of_zero(machine, model, part, campaign):
     """How far the derivative while all is held is from what a little of it changes."""
     loose = Model(machine, (*model.parts, part))
     theta = np.append(model.drawn, np.zeros(len(part.parameters)))
     little = 1e-9
     ends = [
-        answers(loose, theta + step * (np.arange(len(theta)) == len(model.drawn)), campaign)
+        line_by_line(loose, theta + step * (np.arange(len(theta)) == len(model.drawn)), campaign)
         for step in (0.0, little)
     ]
     change = AddedPart.linear(
@@ -59,7 +49,7 @@ def at_slope_of_zero(machine, model, part, campaign):
         tuple(replace(one, core=one.core[:1]) for one in part.derivatives(np.zeros(2))),
     )
     straight = Model(machine, (*model.parts, change))
-    far = answers(straight, np.append(model.drawn, little), campaign)
+    far = line_by_line(straight, np.append(model.drawn, little), campaign)
     quotient, slope = ends[1] - ends[0], far - ends[0]
     return np.abs(quotient - slope).max() / np.abs(quotient).max()
 
@@ -80,7 +70,7 @@ def test_frfs_stay_while_everything_is_held(files):
     session, _, rigid = files
     wider, _ = loosened(rigid, HIGHEST)
     drawn_frf, held_frf = (
-        answers(model, model.drawn, session.campaign)
+        line_by_line(model, model.drawn, session.campaign)
         for model in (as_drawn(rigid), as_drawn(wider))
     )
     assert np.abs(held_frf - drawn_frf).max() < 1e-4 * np.abs(drawn_frf).max()
@@ -113,7 +103,7 @@ def test_a_direction_that_gives_way_is_the_hinge_of_the_mjcf(files):
     assert stated["stiffness"] == pytest.approx(spring.stiffness, rel=1e-9)
     assert stated["damping"] == pytest.approx(spring.damping, rel=1e-9)
     loose = Model(wider, (*parts_of(wider), part))
-    own = answers(loose, np.append(model.drawn, theta), session.campaign)
+    own = line_by_line(loose, np.append(model.drawn, theta), session.campaign)
     mjcf = as_drawn(whole)
-    truth = answers(mjcf, mjcf.drawn, session.campaign)
+    truth = line_by_line(mjcf, mjcf.drawn, session.campaign)
     assert own == pytest.approx(truth, abs=1e-7 * np.abs(truth).max())
