@@ -15,9 +15,11 @@ from diagnosis.refit import (
     LAST,
     PATIENT,
     SOME,
+    Known,
     Refit,
     go_on,
     held_out,
+    known,
     paced,
     refit,
     unbounded,
@@ -111,6 +113,7 @@ class Diagnosis:
         as_drawn: gap of the drawing.
         retuned: stiffness, damping and tolerances fitted to all that was measured.
         after: the same with the first cause; None without one, and where no Part holds it.
+        known: parameters of ``after`` and their confidence.
     """
 
     session: Session
@@ -125,6 +128,7 @@ class Diagnosis:
     as_drawn: Gap
     retuned: Level
     after: Level | None
+    known: Known | None = None
 
 
 def diagnose(
@@ -175,13 +179,15 @@ def diagnose(
     # that were left out beside a sharp mode cost that much.
     exact = not present
     proven = clean.campaign is not session.campaign
-    known = (nothing, *found.refits, *found.pairs)
-    made_before = {} if proven else {one.hypothesis: one for one in known}
+    tried = (nothing, *found.refits, *found.pairs)
+    made_before = {} if proven else {one.hypothesis: one for one in tried}
     retuned = _level(base, None, session, made_before, jobs, exact=exact)
-    after = None
+    after, worth = None, None
     if present and all(one.is_held for one in present):
         one = _together(present, found)
         after = _level(base, one, session, made_before, jobs, retuned.width)
+        say("parameters of what was found")
+        worth = known(after.refit, after.theta, after.stride, jobs)
     drawn = predict(session.model, session.model.drawn, session.campaign)
     return Diagnosis(
         session=session,
@@ -196,6 +202,7 @@ def diagnose(
         as_drawn=summarise(channel_gaps(drawn, session.campaign)),
         retuned=retuned,
         after=after,
+        known=worth,
     )
 
 

@@ -11,6 +11,7 @@ from diagnosis.hypothesis import Ends, Hypothesis, Scene, Value, freed
 from identification.words import Campaign, Real
 from mbmodel import Model
 from tuning import (
+    PLAUSIBLE,
     QUANTILE,
     STAGES,
     Confidence,
@@ -19,6 +20,7 @@ from tuning import (
     HeldOut,
     Session,
     Stage,
+    confidence,
     fit,
     fit_held_out,
     thinned,
@@ -33,6 +35,8 @@ _ROUNDS, _SETTLED = 3, 0.01  # until the stiffness that Parts are made from stay
 SOME = replace(STAGES[4], tolerance=1e-6, max_steps=6)
 ALL = replace(STAGES[5], tolerance=1e-6, max_steps=6)
 _PROMISE = 0.1  # nats: of a fit whose parameters are stated
+# Of 100000 values 0.03 nats: a quarter of a standard deviation.
+FINAL = replace(STAGES[5], tolerance=3e-7, max_steps=15)
 CLOSE = (*FIRST, replace(STAGES[4], stride=8, tolerance=1e-3, max_steps=6))
 LAST = (replace(STAGES[4], tolerance=3e-4, max_steps=10),)
 LONG = (replace(STAGES[4], tolerance=1e-5, max_steps=20),)
@@ -82,24 +86,32 @@ class Refit:
         """What the verdict states of a hypothesis at a theta."""
         return one.state(_named(self.fit.freedom, theta))
 
-    def intervals(self, one: Hypothesis, theta: Real, stride: int) -> dict[str, Ends]:
-        """Of a hypothesis' parameters about theta, 95 %; none of those that were not fitted.
 
-        Coordinates have the covariance (N + D)^-1, N of the lines that theta was fitted to; what is
-        stated follows to first order.
+@dataclass(frozen=True, eq=False)
+class Known:
+    """What is known of a refit's parameters.
 
-        Args:
-            one: the hypothesis.
-            theta: its parameters.
-            stride: of the lines that theta was fitted to.
+    Args:
+        freedom: its coordinates.
+        theta: the parameters; (n_parameter,).
+        sure: their confidence.
+    """
+
+    freedom: Freedom
+    theta: Real
+    sure: Confidence
+
+    def stated(self, one: Hypothesis) -> dict[str, Value]:
+        """What the verdict states of a hypothesis."""
+        return one.state(_named(self.freedom, self.theta))
+
+    def intervals(self, one: Hypothesis) -> dict[str, Ends]:
+        """Of a hypothesis' parameters, 95 %; none of those that were not fitted.
+
+        What is stated follows its coordinates to first order.
         """
-        stage = self.fit.last or STAGES[-1]
-        campaign, varies = self.session.campaign, self.fit.freedom
-        thin = thinned(campaign, stage.stride)
-        normal = stage.misfit(self.session.model, thin, varies).normal(self.fit.x)[2]
-        many = len(thinned(campaign, stride).freq_hz) / len(thin.freq_hz)
-        sure = Confidence(varies, self.fit.x, normal * many, self.chi_square)
-        x, middle = varies.coordinates(theta), one.state(_named(varies, theta))
+        varies, sure, x = self.freedom, self.sure, self.sure.x
+        middle = self.stated(one)
         flat = _flat(middle)
         names = {*one.release, *one.begin}
         names |= {p.name for part in one.parts for p in part.parameters}
@@ -114,6 +126,30 @@ class Refit:
             np.einsum("ij,jk,ik->i", slopes, sure.covariance[np.ix_(own, own)], slopes)
         )
         return _paired(middle, flat - spread, flat + spread)
+
+
+def known(found: Refit, theta: Real, stride: int, jobs: int = 1) -> Known:
+    """Parameters and their confidence, tolerances without bounds unless these hide a fault.
+
+    Of 300 tolerances some are beyond 2.5 standard deviations: their bounds, which the gap is
+    stated with, push what was found by up to five of its own.
+
+    Args:
+        found: the refit.
+        theta: where to begin, within the bounds; (n_parameter,).
+        stride: every so manyth line counts.
+        jobs: threads.
+    """
+    model, campaign, varies = found.session.model, found.session.campaign, found.fit.freedom
+    stage = replace(FINAL, stride=stride)
+    for own in (varies.unbounded(), varies):
+        best = uninterrupted(
+            fit(model, campaign, varies=own, starts=(theta,), stages=(stage,), jobs=jobs)
+        )
+        if np.abs(best.x[own.has_prior]).max(initial=0.0) <= PLAUSIBLE:
+            break
+    sure = confidence(model, thinned(campaign, stride), best, jobs)
+    return Known(best.freedom, best.theta, sure)
 
 
 def paced(stages: tuple[Stage, ...], pace: int) -> tuple[Stage, ...]:

@@ -112,11 +112,11 @@ def _row(key: Key, probability: float, found: Diagnosis) -> CauseRow:
     if one is None:
         return row
     after = found.after
-    if after is None:
+    if after is None or found.known is None:
         return row if one.is_held else row.model_copy(update={"parameters": one.state({})})
     update = {
-        "parameters": after.refit.stated(one, after.theta),
-        "interval": after.refit.intervals(one, after.theta, after.stride),
+        "parameters": found.known.stated(one),
+        "interval": found.known.intervals(one),
         "excess_after": after.gap.excess,
     }
     return row.model_copy(update=update)

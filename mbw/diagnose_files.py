@@ -35,8 +35,9 @@ def write_files(result: Result, folder: Path) -> None:
 def write_augmented(found: Diagnosis, target: Path) -> tuple[NotHeld, ...]:
     """Write the MJCF, tuned, with what was found to be missing; return what it does not hold."""
     level = found.after or found.retuned
+    theta = found.known.theta if found.known else level.theta
     model = level.refit.session.model
-    return write_mjcf(model.machine.source, target, model.edits(level.theta))
+    return write_mjcf(model.machine.source, target, model.edits(theta))
 
 
 def read_result(path: Path) -> Result:

@@ -1,7 +1,7 @@
 """Where measurement and model meet: fits, gaps, held-out predictions."""
 
 from tuning.batch import predict
-from tuning.confidence import QUANTILE, Confidence, confidence, pulls
+from tuning.confidence import PLAUSIBLE, QUANTILE, Confidence, confidence, pulls
 from tuning.fit import GAUSS_NEWTON, Fit, Progress, fit, random_starts
 from tuning.folds import FOLDS, HeldOut, block_width, fit_held_out, fold_of_lines
 from tuning.freedom import BOUND, Freedom, Wishes, freedom
@@ -31,6 +31,7 @@ __all__ = [
     "FOLDS",
     "GAUSS_NEWTON",
     "MODAL_STAGES",
+    "PLAUSIBLE",
     "QUANTILE",
     "STAGES",
     "ChannelGaps",

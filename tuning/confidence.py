@@ -7,7 +7,8 @@ At the minimum the posterior density is nearly normal, with the covariance
 N the normal equations of the data, D the precision of the priors; s^2 makes data count less where
 the model does not reach their noise, since what it lacks moves parameters too. What the drawing
 does not know has a standard deviation of log 100 for a prior here, its bound, so that C exists
-where data see nothing.
+where data see nothing; what is no logarithm as many of its units, or of its own size if that is
+more: an angular momentum of 8000 units is not known to 5 of them by that alone.
 
 A direction v of these coordinates whose deviation is above 1 (a factor of 7 up or down in 95 %)
 even with s = 1 is one that the data cannot see. If two stiffnesses make it, then dk1 = -dk2 leaves
@@ -70,7 +71,8 @@ class Confidence:
         return self.covariance if self.widened == 1 else self._posterior(1.0)
 
     def _posterior(self, widened: float) -> Real:
-        precision = np.where(self.freedom.has_prior, 1.0, WIDEST**-2)
+        unit = np.where(self.freedom.is_logarithm, 1.0, np.maximum(np.abs(self.x), 1.0))
+        precision = np.where(self.freedom.has_prior, 1.0, (WIDEST * unit) ** -2)
         whole = self.normal.dense() / widened + np.diag(precision)
         scale = 1 / np.sqrt(np.diag(whole))
         covariance: Real = np.linalg.inv(whole * np.outer(scale, scale)) * np.outer(scale, scale)

@@ -1,11 +1,13 @@
 """Refits: what follows a stiffness follows it, intervals, twins, blocks that were doubted."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
 from diagnosis.corrections import doubted
-from diagnosis.refit import FIRST, LAST, go_on, posed, refit, settled
+from diagnosis.refit import FIRST, LAST, go_on, known, posed, refit, settled
 from diagnosis.score import cosines, scores
 from tests.helpers.drawn import drawn
 from tuning import STAGES, Misfit, fit, thinned
@@ -55,26 +57,56 @@ def test_intervals_hold_the_truth_and_the_gap_closes(scene):
     found = settled(scene, go_on(scene, begun, LAST))
     assert found.chi_square < 1.1
     assert found.parameters()["offset"] == pytest.approx(offset, abs=0.03)
-    low, high = np.array(found.intervals(one, found.fit.theta, 2)["offset"]).T
-    middle = np.array(found.parameters()["offset"])
+    worth = known(found, found.fit.theta, 2)
+    low, high = np.array(worth.intervals(one)["offset"]).T
+    middle = np.array(worth.stated(one)["offset"])
     assert (low < middle).all()
     assert (middle < high).all()
-    # Twice as many lines as the fit counted.
-    coarse = np.array(found.intervals(one, found.fit.theta, 4)["offset"]).T
+    coarse = np.array(known(found, found.fit.theta, 4).intervals(one)["offset"]).T
     assert (coarse[1] - coarse[0] > 1.2 * (high - low)).all()
     # Six standard deviations: one case is no coverage, but an interval of another size is caught.
     assert (np.abs(offset - middle) < 3 * (high - low) / 2).all()
-    # The linear twin: the posterior's covariance by numbers alone.
-    stage = found.fit.last
-    thin = thinned(found.session.campaign, stage.stride)
-    varies = found.fit.freedom
-    normal = Misfit(found.session.model, thin, varies, allowance=0.0).normal(found.fit.x)[2]
-    many = len(thinned(found.session.campaign, 2).freq_hz) / len(thin.freq_hz)
-    precision = np.where(varies.has_prior, 1.0, np.log(100.0) ** -2)
-    whole = normal.dense() * many / max(1.0, found.chi_square) + np.diag(precision)
+    # It is the minimum of the density without bounds, and this its covariance by numbers alone.
+    varies, x = worth.freedom, worth.sure.x
+    thin = thinned(found.session.campaign, 2)
+    problem = Misfit(found.session.model, thin, varies, allowance=0.0)
+    value, gradient, normal = problem.normal(x)
+    assert value < problem.value(varies.coordinates(found.fit.theta))
+    chi_square = (value - problem.prior(x)) / problem.values
+    wide = np.log(100.0) * np.where(varies.is_logarithm, 1.0, np.maximum(np.abs(x), 1.0))
+    precision = np.where(varies.has_prior, 1.0, wide**-2)
+    covariance = np.linalg.inv(normal.dense() / max(1.0, chi_square) + np.diag(precision))
     own = [varies.names.index(name) for name in one.coordinates]
-    deviation = 0.01 * np.sqrt(np.diag(np.linalg.inv(whole)))[own]
-    assert (high - low) / 2 == pytest.approx(1.959964 * deviation, rel=1e-6)
+    deviation = np.sqrt(np.diag(covariance))
+    assert (np.abs(covariance @ gradient)[own] < 0.3 * deviation[own]).all()
+    assert (high - low) / 2 == pytest.approx(1.959964 * 0.01 * deviation[own], rel=1e-6)
+
+
+def test_what_was_found_does_not_depend_on_the_bounds_of_tolerances(scene):
+    scene, _, answer = scene
+    place = answer.partition('location = "')[2].partition('"')[0]
+    one = next(x for x in only(scene, "joint_coupling") if x.location == place)
+    found = go_on(scene, refit(scene, one, scene.session.campaign, FIRST), LAST)
+    free = known(found, found.fit.theta, 4)
+    varies = found.fit.freedom
+    narrow = np.where(varies.has_prior, 0.5, np.inf)
+    half = replace(
+        varies, lower=np.maximum(varies.lower, -narrow), upper=np.minimum(varies.upper, narrow)
+    )
+    stage = STAGES[4]
+    tight = fit(
+        found.session.model,
+        found.session.campaign,
+        varies=half,
+        starts=(found.fit.theta,),
+        stages=(stage,),
+    )
+    low, high = (np.array(ends) for ends in zip(*free.intervals(one)["offset"], strict=True))
+    middle, deviation = np.array(free.stated(one)["offset"]), (high - low) / 3.92
+    pushed = found.stated(one, tight.theta)["offset"]
+    assert (np.abs(pushed - middle) > 2 * deviation).any()  # bounds that truth is beyond push it
+    again = np.array(known(found, tight.theta, 4).stated(one)["offset"])
+    assert (np.abs(again - middle) < 0.3 * deviation).all()
 
 
 def test_a_hypothesis_is_its_own_twin_and_strangers_are_none(scene):
