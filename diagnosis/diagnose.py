@@ -14,6 +14,7 @@ from diagnosis.refit import (
     FIRST,
     LAST,
     PATIENT,
+    SHAPED,
     SOME,
     Known,
     Refit,
@@ -146,7 +147,8 @@ def diagnose(
     gate = sensor_gate(session.campaign)
     session, held = _loosened(replace(session, campaign=gate.alive))
     clean = replace(session, campaign=gate.campaign)
-    made = [one for f in gate.faults if (one := hypothesis_of(f, session.campaign)) is not None]
+    bending = [check.body for check in gate.flexible]
+    made = [one for f in gate.faults if (one := hypothesis_of(f, session, bending)) is not None]
     say("fit with an allowance")
     pace = _pace(clean.campaign)
     early = uninterrupted(
@@ -174,7 +176,9 @@ def diagnose(
     judged = judge(evidence)
     present = _present(judged, made, found)
     say("the gap on held-out lines")
-    base = Scene(clean, nothing.fit.theta, held, pace)
+    # Where a body bends the fit without it has wandered.
+    begin = early.theta if gate.flexible else nothing.fit.theta
+    base = Scene(clean, begin, held, pace)
     # Of a large gap 5 % do not matter; what is nearly nothing is told by the third digit, and lines
     # that were left out beside a sharp mode cost that much.
     exact = not present
@@ -327,7 +331,8 @@ def _level(
     exact: bool = True,
 ) -> Level:
     """Fit to all that was measured, from a refit that is known or from the base."""
-    made = known.get(one) or refit(base, one, whole.campaign, (*FIRST, *LAST))
+    stages = (*FIRST, *LAST) if one is None or one.reform is None else SHAPED
+    made = known.get(one) or refit(base, one, whole.campaign, stages)
     session = made.session
     (stage,) = paced((ALL if exact else SOME,), base.pace)
     held = held_out(made, stage, jobs, width)

@@ -12,12 +12,14 @@ from functools import partial, reduce
 import numpy as np
 
 from diagnosis.corrections import Reading, channels_of, divided, doubted, exchanged, masked
+from diagnosis.effects.flexible_body import bent
 from diagnosis.effects.points import three
 from diagnosis.effects.sensor_polarity import turned
 from diagnosis.evidence import BENDS, Key
 from diagnosis.hypothesis import Hypothesis, Value, released
 from identification import BodyCheck, Fault, check_bodies, delayed, mount, silent
 from identification.words import Campaign, Dof, Real
+from tuning import Session
 
 _GROSS = ("dead_channel", "sensor_polarity", "sensor_swap")
 _TOO_MANY = 2  # sensors of one body that are wrong by some amount each, bodies that bend
@@ -106,11 +108,17 @@ def _without(campaign: Campaign, faults: Sequence[Fault]) -> Campaign:
     return reduce(masked, (channels_of(one.location, one.dof) for one in sensors), campaign)
 
 
-def hypothesis_of(fault: Fault, campaign: Campaign) -> Hypothesis | None:
-    """The hypothesis of a fault; None of one that is no effect of the catalogue."""
+def hypothesis_of(fault: Fault, session: Session, bodies: Sequence[str] = ()) -> Hypothesis | None:
+    """The hypothesis of a fault; None of one that is no effect of the catalogue.
+
+    Args:
+        fault: proven by the gate, or told.
+        session: campaign and model.
+        bodies: all that bend, for one of them.
+    """
+    if fault.effect == BENDS:
+        return bent(fault, bodies, session)
     base = Hypothesis(fault.effect, fault.location, fault.dof)
-    if fault.effect == BENDS:  # not a Part yet: the gap with it is not known
-        return replace(base, is_held=False, state=lambda _: dict(fault.parameters))
     site = fault.location.partition(":")[2]
     concerned = channels_of(fault.location, fault.dof)
     if fault.effect in _RELEASED:
@@ -123,7 +131,7 @@ def hypothesis_of(fault: Fault, campaign: Campaign) -> Hypothesis | None:
     if fault.effect == "sensor_polarity":
         return replace(base, correct=lambda c: divided(c, concerned, turned))
     if fault.effect == "sensor_swap":
-        pairs = _pairs(fault, campaign)
+        pairs = _pairs(fault, session.campaign)
         return replace(base, correct=lambda c: exchanged(c, pairs))
     reading = _reading(fault)
     if reading is None:

@@ -7,7 +7,7 @@ from functools import reduce
 import numpy as np
 
 from identification.words import Campaign, Real
-from mbmodel import Held, Model, Part
+from mbmodel import Held, Machine, Model, Part
 from tuning import Freedom, Session
 
 Value = float | tuple[float, ...]
@@ -67,6 +67,7 @@ class Hypothesis:
         otherwise: values at which Parts begin where the score sees nothing in them: what is far
             from the drawing may look wrong from there.
         correct: makes the measurement what it would be without the fault; None for no change.
+        reform: makes the machine one that has coordinates for it; None for no change.
         scored: coordinates that are scored; all if empty. Others shape what these add.
         follow: parameters of Parts that have the value of a parameter of the model, by name.
         springs: whose fitted stiffness the Parts are made from: as that moves, they are made anew.
@@ -85,6 +86,7 @@ class Hypothesis:
     begin: Mapping[str, float] = field(default_factory=dict)
     otherwise: Mapping[str, float] = field(default_factory=dict)
     correct: Callable[[Campaign], Campaign] | None = None
+    reform: Callable[[Machine], Machine] | None = None
     scored: tuple[str, ...] = ()
     follow: Mapping[str, str] = field(default_factory=dict)
     springs: tuple[str, ...] = ()
@@ -164,7 +166,10 @@ def released(
 
 
 def together(several: Sequence[Hypothesis]) -> Hypothesis:
-    """Several at once, called by the name of the first."""
+    """Several at once, called by the name of the first; what reforms the machine is one of them.
+
+    Bodies that bend know of each other: each reforms the machine for all.
+    """
     if len(several) == 1:
         return several[0]
     corrections = [one.correct for one in several if one.correct is not None]
@@ -179,6 +184,7 @@ def together(several: Sequence[Hypothesis]) -> Hypothesis:
         begin={name: value for one in several for name, value in one.begin.items()},
         follow={name: other for one in several for name, other in one.follow.items()},
         correct=correct if corrections else None,
+        reform=next((one.reform for one in several if one.reform is not None), None),
         is_held=all(one.is_held for one in several),
         members=tuple(several),
     )

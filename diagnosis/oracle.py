@@ -1,6 +1,7 @@
 """What a refit leaves that is told the effect and its place: the most that can be reached."""
 
 from diagnosis.diagnose import Diagnosis, Level, level_of
+from diagnosis.evidence import BENDS
 from diagnosis.gate import hypothesis_of
 from diagnosis.hypothesis import Hypothesis
 from identification import Fault
@@ -30,8 +31,8 @@ def _same(one: Hypothesis, told: Fault) -> bool:
 
 
 def _hypothesis(found: Diagnosis, told: Fault) -> Hypothesis | None:
-    if told.location.startswith("sensor:"):
-        return hypothesis_of(told, found.session.campaign)
+    if told.location.startswith("sensor:") or told.effect == BENDS:
+        return hypothesis_of(told, found.session, (told.location.partition(":")[2],))
     # Scores come the most promising first: of a scan, the shape that is nearest.
     alike = (one.hypothesis for one in found.search.scores if _same(one.hypothesis, told))
     return next(alike, None)

@@ -23,6 +23,7 @@ from tuning import (
     confidence,
     fit,
     fit_held_out,
+    on_machine,
     thinned,
 )
 
@@ -40,6 +41,12 @@ FINAL = replace(STAGES[5], tolerance=3e-7, max_steps=15)
 CLOSE = (*FIRST, replace(STAGES[4], stride=8, tolerance=1e-3, max_steps=6))
 LAST = (replace(STAGES[4], tolerance=3e-4, max_steps=10),)
 LONG = (replace(STAGES[4], tolerance=1e-5, max_steps=20),)
+# A shape that begins as a guess, nothing pushing it, needs the logarithm and its large allowance.
+SHAPED = (
+    replace(STAGES[2], stride=8, max_steps=20),
+    replace(STAGES[3], stride=8, max_steps=20),
+    *LAST,
+)
 PATIENT = (STAGES[3], replace(STAGES[4], tolerance=3e-4, max_steps=30))
 
 
@@ -193,7 +200,10 @@ def posed(scene: Scene, one: Hypothesis | None, campaign: Campaign) -> Session:
     session = replace(scene.session, campaign=campaign)
     if one is None:
         return session
-    model = Model(session.model.machine, (*session.model.parts, *one.parts))
+    model = session.model
+    if one.reform is not None:
+        model = on_machine(model, one.reform(model.machine))
+    model = Model(model.machine, (*model.parts, *one.parts))
     corrected = campaign if one.correct is None else one.correct(campaign)
     return replace(
         session,

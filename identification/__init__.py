@@ -7,8 +7,10 @@ from identification.layout_in import read_layout
 from identification.settings import CampaignSettings, read_settings
 from identification.solid import (
     FAULTS,
+    BendingShape,
     BodyCheck,
     Fault,
+    bending_shape,
     body_inverse,
     check_bodies,
     delayed,
@@ -20,10 +22,12 @@ from identification.variance import coherence_variance, difference_variance, smo
 
 __all__ = [
     "FAULTS",
+    "BendingShape",
     "BodyCheck",
     "CampaignSettings",
     "Fault",
     "band_lines",
+    "bending_shape",
     "body_inverse",
     "check_bodies",
     "coherence_variance",

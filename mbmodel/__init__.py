@@ -1,6 +1,7 @@
 """The modelled side: MJCF to machine, its equation of motion, and exact derivatives of it."""
 
 from mbmodel.additions import by_joints, freed, hung, linked
+from mbmodel.bending import Bending, with_bending
 from mbmodel.edit import Addition, Edit, NotHeld, write_mjcf
 from mbmodel.energy import Energy, energy
 from mbmodel.forward import Forward
@@ -14,6 +15,7 @@ from mbmodel.modes import Modes, model_modes, modes, shapes_at
 from mbmodel.parts import (
     AddedPart,
     Change,
+    HammerPart,
     Parameter,
     Part,
     Situation,
@@ -35,11 +37,13 @@ from mbmodel.transient import respond
 __all__ = [
     "AddedPart",
     "Addition",
+    "Bending",
     "Change",
     "Edit",
     "Energy",
     "Evaluator",
     "Forward",
+    "HammerPart",
     "Held",
     "Linearised",
     "LinearisedModes",
@@ -80,5 +84,6 @@ __all__ = [
     "spring_parts",
     "state_space",
     "transport",
+    "with_bending",
     "write_mjcf",
 ]

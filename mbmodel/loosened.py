@@ -20,7 +20,7 @@ import numpy as np
 from identification.words import Real
 from mbmodel.machine import Axle, Machine
 from mbmodel.spatial import twist
-from mbmodel.springs import Spring
+from mbmodel.widened import widened
 
 _HELD = 300.0
 _USUAL = 1e-4  # s: the time constant where no spring has a damper
@@ -84,24 +84,14 @@ def loosened(machine: Machine, highest_hz: float) -> tuple[Machine, tuple[Held, 
             every.append(Axle(_named(stage, dof), number, stage, turns, point, axis))
     if not held:
         return machine, ()
-    more = len(held)
-    whole = _padded(machine.remaining_stiffness, more)
-    damping = _padded(machine.remaining_damping, more)
+    names = tuple(_named(one.stage, one.dof) for one in held)
+    wider = widened(machine, names, np.column_stack(columns))
+    stiffness, damping = wider.remaining_stiffness.copy(), wider.remaining_damping.copy()
     for one in held:
-        whole[one.coordinate, one.coordinate] = one.stiffness
+        stiffness[one.coordinate, one.coordinate] = one.stiffness
         damping[one.coordinate, one.coordinate] = one.stiffness * one.time_constant
-    order = _padded(machine.order, more)
-    order[:, -more:] = np.triu(np.ones((len(order), more)), 1 - len(machine.coordinates))
     wider = replace(
-        machine,
-        coordinates=(*machine.coordinates, *(_named(one.stage, one.dof) for one in held)),
-        jacobian=np.column_stack([machine.jacobian, *columns]),
-        armature=_padded(machine.armature, more),
-        remaining_stiffness=whole,
-        remaining_damping=damping,
-        order=order,
-        springs=tuple(_wider(spring, more) for spring in machine.springs),
-        axles=tuple(every),
+        wider, remaining_stiffness=stiffness, remaining_damping=damping, axles=tuple(every)
     )
     return wider, tuple(held)
 
@@ -118,13 +108,3 @@ def _time_constant(machine: Machine) -> float:
         if one.stiffness > 0 and one.damping > 0
     ]
     return float(np.median(known)) if known else _USUAL
-
-
-def _padded(matrix: Real, more: int) -> Real:
-    wider: Real = np.pad(matrix, ((0, more), (0, more)))
-    return wider
-
-
-def _wider(spring: Spring, more: int) -> Spring:
-    geometric = None if spring.geometric is None else _padded(spring.geometric, more)
-    return replace(spring, direction=np.pad(spring.direction, (0, more)), geometric=geometric)

@@ -129,7 +129,13 @@ class Machine:
     @property
     def floor(self) -> Real:
         """Motion of the centres of mass per motion of floor and machine as one; (6 n_body, 6)."""
-        return np.concatenate([transport(centre) for centre in self.layout.centres])
+        layout = self.layout
+        return np.concatenate(
+            [
+                transport(centre) if name in self.drawing.bodies else np.zeros((6, 6))
+                for name, centre in zip(layout.bodies, layout.centres, strict=True)
+            ]
+        )
 
 
 def load_machine(path: Path, spin: Mapping[str, float] | None = None) -> Machine:

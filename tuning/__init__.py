@@ -20,7 +20,7 @@ from tuning.modal import (
 from tuning.result import Level, Result, check_folder, files_of, read_result, write_result
 from tuning.runs import Freed, Probed
 from tuning.schema import PairRow, PartnerRow, Place, Residual, ShareRow, TunedFile
-from tuning.session import Session, open_campaign, open_session, with_tolerances
+from tuning.session import Session, on_machine, open_campaign, open_session, with_tolerances
 from tuning.solver import Minimum, minimise
 from tuning.stages import STAGES, Stage, thinned
 from tuning.tuned import Comparison, Tuned, Watch, at_bodies, stages_of, tune
@@ -76,6 +76,7 @@ __all__ = [
     "freedom",
     "minimise",
     "modes_in_band",
+    "on_machine",
     "open_campaign",
     "open_session",
     "predict",

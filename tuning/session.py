@@ -8,8 +8,10 @@ import numpy as np
 from identification import band_lines, correct_layout, read_campaign, read_settings
 from identification.words import Campaign, InputError, distinct
 from mbmodel import (
+    HammerPart,
     Machine,
     Model,
+    Part,
     as_drawn,
     body_parts,
     hammer_parts,
@@ -91,6 +93,25 @@ def with_tolerances(machine: Machine, campaign: Campaign) -> Model:
             *hammer_parts(machine, tuple(dof for dof in hit if dof.point in machine.layout.points)),
         ),
     )
+
+
+def on_machine(model: Model, machine: Machine) -> Model:
+    """The same Parts, made for a machine that has more coordinates and bodies.
+
+    Args:
+        model: of ``with_tolerances``.
+        machine: with all that its machine has.
+    """
+    hit = tuple(part.dof for part in model.parts if isinstance(part, HammerPart))
+    made: tuple[Part, ...] = (
+        *spring_parts(machine),
+        *body_parts(machine),
+        *joint_parts(machine),
+        *sensor_parts(machine),
+        *hammer_parts(machine, hit),
+    )
+    known = {part.parameters: part for part in made}
+    return Model(machine, tuple(known[part.parameters] for part in model.parts))
 
 
 def open_campaign(

@@ -16,12 +16,6 @@ PROVEN = {
         means="the channel holds no motion",
         confirm="look at its cable and plug, and repeat one hit",
     ),
-    "flexible_body": Effect(
-        _nothing,
-        noun="bending of the body itself",
-        means="the body bends: it moves with a mode of its own",
-        confirm="put more sensors on {place} and look at its shape at that frequency",
-    ),
     "mount_resonance": Effect(
         _nothing,
         noun=FAULTS["mount_resonance"],

@@ -1,5 +1,6 @@
 """Solid bodies: from sensors to motions and back, up to where that holds, and which sensor lies."""
 
+from identification.solid.bending import BendingShape, bending_shape
 from identification.solid.check import BodyCheck, Fault, check_bodies
 from identification.solid.hypotheses import delayed, mount
 from identification.solid.reduce import body_inverse, reconstruct, reduce_to_bodies
@@ -7,8 +8,10 @@ from identification.solid.words import FAULTS
 
 __all__ = [
     "FAULTS",
+    "BendingShape",
     "BodyCheck",
     "Fault",
+    "bending_shape",
     "body_inverse",
     "check_bodies",
     "delayed",

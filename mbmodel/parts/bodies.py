@@ -131,7 +131,7 @@ class BodyPart:
 
 
 def body_parts(machine: Machine) -> tuple[BodyPart, ...]:
-    """One Part for each body of the machine."""
+    """One Part for each body that the drawing knows."""
     bodies = machine.layout.bodies
     return tuple(
         BodyPart(
@@ -142,4 +142,5 @@ def body_parts(machine: Machine) -> tuple[BodyPart, ...]:
             len(bodies),
         )
         for k, name in enumerate(bodies)
+        if name in machine.drawing.bodies
     )

@@ -64,9 +64,7 @@ def test_exchanging_twice_and_dividing_back_change_nothing(session):
 )
 def test_what_a_fit_has_to_find_is_released(session, effect, dof, parameters):
     site = sites(session)[0]
-    one = hypothesis_of(
-        Fault(effect, f"sensor:{site}", dof, 1.0, parameters, 1.0), session.campaign
-    )
+    one = hypothesis_of(Fault(effect, f"sensor:{site}", dof, 1.0, parameters, 1.0), session)
     assert set(one.release) <= set(session.freedom.names)
     assert list(one.begin.values()) == list(np.ravel(list(parameters.values())))
     said = one.state(one.begin)
@@ -87,7 +85,7 @@ def test_what_is_known_is_corrected(session):
         Fault("mount_resonance", where, "tx", 1.0, parameters, 1.0),
     ]
     for fault in faults:
-        one = hypothesis_of(fault, session.campaign)
+        one = hypothesis_of(fault, session)
         assert one.key == (fault.effect, fault.location, fault.dof)
         assert not one.release
         moved = one.correct(session.campaign)
@@ -99,7 +97,7 @@ def test_what_is_known_is_corrected(session):
                 )
                 assert same != concerned(dof), (fault.effect, dof)
     dead = Fault("dead_channel", where, "tx", 1.0, {}, 1.0)
-    assert hypothesis_of(dead, session.campaign) is None
+    assert hypothesis_of(dead, session) is None
 
 
 def test_a_turned_channel_is_proven_and_taken_out(session):
@@ -126,7 +124,7 @@ def test_a_turned_channel_is_proven_and_taken_out(session):
 def test_what_a_user_has_fixed_is_taken_as_the_gate_found_it(session):
     site = sites(session)[0]
     fault = Fault("sensor_gain", f"sensor:{site}", "tx", 1.0, {"gain": 1.3}, 1.0)
-    one = hypothesis_of(fault, session.campaign)
+    one = hypothesis_of(fault, session)
     wishes = Wishes(fix=["*.gain_*"])
     fixed = freedom(session.model, session.campaign.tolerance, wishes)
     varies = freed(fixed, session.model, session, one)

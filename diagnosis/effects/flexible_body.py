@@ -1,0 +1,74 @@
+"""A body that bends in a mode of its own: a gate proves it, a fit finds how.
+
+Frequency and damping are those with the body's rigid motion held (``mbmodel.bending``). A mode
+whose peak lies above the band is seen as a compliance alone: its frequency is not stated.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial, reduce
+
+import numpy as np
+
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from identification import Fault, bending_shape
+from mbmodel import Bending, Machine, with_bending
+from tuning import Session
+
+_SHOWN = 0.5  # what the sensor that moves most begins with, per unit of the mode's coordinate
+
+
+def propose(scene: Scene) -> tuple[Hypothesis, ...]:
+    """None: spare channels of the body prove it before anything is fitted."""
+    del scene
+    return ()
+
+
+def bent(fault: Fault, bodies: Sequence[str], session: Session) -> Hypothesis:
+    """The hypothesis of a body that bends.
+
+    Args:
+        fault: what the gate has proven of it.
+        bodies: all that bend.
+        session: campaign and model as drawn.
+    """
+    body = fault.location.partition(":")[2]
+    base = Hypothesis(
+        fault.effect, fault.location, is_held=False, state=lambda _: dict(fault.parameters)
+    )
+    seen = bending_shape(session.campaign, body)
+    if seen is None:
+        return base
+
+    def reformed(machine: Machine) -> Machine:
+        return reduce(with_bending, bodies, machine)
+
+    machine = reformed(session.model.machine)
+    layout = machine.layout
+    read = tuple(dict.fromkeys(dof.point for dof in seen.readings))
+    points = dict.fromkeys(test.condition.reference.point for test in session.campaign.tests)
+    hit = tuple(point for point in points if layout.body_name(point) == body)
+    part = Bending(machine, body, seen.frequency, read, hit)
+    begin = {f"{d.point}_{d.direction[-1]}": _SHOWN * v for d, v in seen.readings.items()}
+    return replace(
+        base,
+        parts=(part.part(),),
+        begin=part.begin(begin),
+        reform=reformed,
+        is_held=True,
+        state=partial(_stated, part, float(session.campaign.freq_hz[-1])),
+    )
+
+
+def _stated(part: Bending, highest: float, found: Mapping[str, float]) -> dict[str, Value]:
+    steps = np.array([found.get(name, 0.0) for name in part.names[:2]])
+    frequency, damping = part.at(steps)
+    return {"frequency": frequency, "damping": damping} if frequency <= highest else {}
+
+
+EFFECT = Effect(
+    propose,
+    noun="bending of the body itself",
+    means="the body bends: it moves with a mode of its own",
+    confirm="put more sensors on {place} and look at its shape at that frequency",
+)

@@ -1,0 +1,68 @@
+"""A body that bends: proven by its spare channels, fitted, and the gap closed with it."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from diagnosis import diagnose, verdict_of
+from diagnosis.oracle import oracle
+from identification import Fault, bending_shape
+from tests.helpers.drawn import drawn
+from tuning import on_machine
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    session, answer = drawn(tmp_path_factory.mktemp("bent"), 72_070, "flexible_body", ratio=6.0)
+    return diagnose(session), tomllib.loads(answer)
+
+
+def test_the_mode_is_found_and_the_gap_closes(case):
+    found, answer = case
+    verdict = verdict_of(found)
+    (cause, *_) = verdict.causes
+    assert (cause.effect, cause.location) == (answer["effect"], answer["location"])
+    assert verdict.gap.retuned.excess > 2
+    assert verdict.gap.after.excess < 1.1
+    for name, true in answer["parameters"].items():
+        low, high = cause.interval[name]
+        assert cause.parameters[name] == pytest.approx(true, rel=0.1)
+        assert abs(true - (low + high) / 2) < 3 * (high - low) / 2
+
+
+def test_who_is_told_the_effect_does_no_better(case):
+    found, answer = case
+    told = Fault(answer["effect"], answer["location"], None, 1.0, {}, 1.0)
+    level = oracle(found, told)
+    assert level is not None
+    assert level.gap.excess == pytest.approx(verdict_of(found).gap.after.excess, rel=0.02)
+
+
+def test_a_first_guess_is_the_peak_and_no_rigid_motion(case):
+    found, answer = case
+    campaign = found.session.campaign
+    body = answer["location"].partition(":")[2]
+    seen = bending_shape(campaign, body)
+    channels, readings = list(seen.readings), np.array(list(seen.readings.values()))
+    number = campaign.layout.bodies.index(body)
+    rows = campaign.layout.rows(channels)[:, 6 * number : 6 * number + 6]
+    assert np.abs(readings).max() == pytest.approx(1.0)
+    assert rows.T @ readings == pytest.approx(np.zeros(6), abs=1e-9)
+    values = np.stack([t.estimate.frf.values[:, :, 0] for t in campaign.tests])
+    places = [campaign.outputs.index(dof) for dof in channels]
+    power = (np.abs(values[:, :, places] @ readings) ** 2).sum(axis=0)
+    assert campaign.freq_hz[power.argmax()] == pytest.approx(seen.frequency, abs=1.5)
+
+
+def test_the_same_parts_are_made_for_another_machine(case):
+    found, _ = case
+    model = found.base.session.model
+    (one,) = found.present
+    wider = on_machine(model, one.reform(model.machine))
+    assert wider.parameters == model.parameters
+    before, after = model.matrices(model.drawn), wider.matrices(wider.drawn)
+    nv = len(model.machine.coordinates)
+    assert after.stiffness[:nv, :nv] == pytest.approx(before.stiffness)
+    assert after.mass[:nv, :nv] == pytest.approx(before.mass)
+    assert not after.mass[:nv, nv:].any()
