@@ -29,6 +29,7 @@ from diagnosis.refit import (
 from diagnosis.score import cosines
 from diagnosis.search import REFITTED, Search, search
 from diagnosis.second import with_second
+from identification import steadied, unsteady
 from identification.words import Campaign, Complex, Mask, Real
 from mbmodel import Held, loosened
 from tuning import (
@@ -143,7 +144,9 @@ def diagnose(
         tell: told what is being done.
     """
     say = tell or (lambda _: None)
-    say("sensors among each other")
+    say("hits and sensors among each other")
+    changing = unsteady(session.campaign)
+    session = replace(session, campaign=steadied(session.campaign, changing))
     gate = sensor_gate(session.campaign)
     session, held = _loosened(replace(session, campaign=gate.alive))
     clean = replace(session, campaign=gate.campaign)
@@ -166,13 +169,13 @@ def diagnose(
     nothing = go_on(scene, first, PATIENT)
     found = Search()
     # A body that bends drives all others in ways that no Part holds: what it leaves tells nothing.
-    if nothing.chi_square > NOTHING and not gate.flexible:
+    if (nothing.chi_square > NOTHING or changing) and not gate.flexible:
         taken = {one.location for one in made}
         proposed = [one for effect in catalogue().values() for one in effect(scene)]
         asked = [one for one in proposed if one.location not in taken]
         found = search(scene, (early, first, nothing), asked, say)
         found = with_second(scene, nothing, found, asked, say)
-    evidence = _evidence(scene, made, nothing, found)
+    evidence = _evidence(scene, made, nothing, found, len(changing))
     judged = judge(evidence)
     present = _present(judged, made, found)
     say("the gap on held-out lines")
@@ -211,7 +214,7 @@ def diagnose(
 
 
 def _evidence(
-    scene: Scene, proven: Sequence[Hypothesis], nothing: Refit, found: Search
+    scene: Scene, proven: Sequence[Hypothesis], nothing: Refit, found: Search, changing: int
 ) -> Evidence:
     """What the judgement reads."""
     sources = {test.estimate.variance_source for test in nothing.session.campaign.tests}
@@ -253,6 +256,7 @@ def _evidence(
             for first, second in [one.hypothesis.members]
         ),
         variance="coherence" if sources == {"coherence"} else "differences",
+        unsteady=changing,
     )
 
 

@@ -101,6 +101,7 @@ class Evidence(_Row):
         pairs: with two.
         pushed: places, the one first whose free force explains most.
         variance: where the noise's variance comes from; the worse source if there are two.
+        unsteady: how many tests met different machines from hit to hit.
         scored: the most promising first; for who reads on, no judgement needs them.
     """
 
@@ -113,4 +114,5 @@ class Evidence(_Row):
     pairs: tuple[Paired, ...] = ()
     pushed: tuple[Pushed, ...]
     variance: VarianceSource
+    unsteady: int = 0
     scored: tuple[Scored, ...] = ()

@@ -3,7 +3,8 @@ r"""From evidence to probabilities: none, unexplained, each cause, several; and 
 What is left of the gap decides. With e = chi^2 - 1 of the refit without any effect and e1 that of
 the best refit with one, without bounds of tolerances if the largest is no more than an outlier,
 
-    visible   = expit((log e - log hidden) / width)       more than badly known noise,
+    visible   = expit((log e - log hidden) / width)       more than badly known noise, or hits
+                that met different machines, which none of these effects makes;
                 e without bounds of tolerances if the largest is no more than an outlier
     explained = expit((log left - log (e1 / e^0.75)) / width)   one effect takes nearly all of it:
                 of a large gap the true one leaves a smaller part
@@ -40,6 +41,7 @@ _POWER = 0.75  # of the gap: with what is left of it compared
 _EXACT = 0.02  # no refit is believed to leave less
 _ROW = 0.01  # probability of a cause that is worth a row
 _LIKELY = 0.5
+_STEADY = 0.05  # of the probability of none that is left where hits met different machines
 Shares = tuple[tuple[Key, float], ...]
 
 
@@ -134,6 +136,8 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     by = by or calibrated()
     doubt, sure = 1 - by.sure, by.sure
     visible, explained, twofold = _parts(seen, by)
+    if seen.unsteady:
+        visible = 1 - _STEADY * (1 - visible)
     seeming = (1 - explained) * visible
     none = sure * (1 - explained) * (1 - visible) + doubt / 2
     unknown = sure * seeming * (1 - twofold) + doubt / 2

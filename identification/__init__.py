@@ -18,6 +18,7 @@ from identification.solid import (
     reconstruct,
     reduce_to_bodies,
 )
+from identification.steady import Unsteady, steadied, unsteady
 from identification.variance import coherence_variance, difference_variance, smooth_variance
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "BodyCheck",
     "CampaignSettings",
     "Fault",
+    "Unsteady",
     "band_lines",
     "bending_shape",
     "body_inverse",
@@ -42,4 +44,6 @@ __all__ = [
     "reduce_to_bodies",
     "silent",
     "smooth_variance",
+    "steadied",
+    "unsteady",
 ]

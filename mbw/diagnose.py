@@ -62,6 +62,8 @@ def run(  # one for each option
     with SCREEN.progress() as progress, one_interrupt() as ends:
         found = diagnose(session, jobs=jobs, tell=_Teller(progress).tell)
         ends()
+    for text in found.session.campaign.remarks[len(session.campaign.remarks) :]:
+        SCREEN.say(text)
     with files_of(folder) as place:
         result = gather(found, write_augmented(found, place / AUGMENTED))
         write_files(result, place)

@@ -171,3 +171,15 @@ def test_the_committed_calibration_says_where_it_comes_from():
     values = [by.hidden_width, by.left_width, by.left, by.least, by.temper, by.share, by.sure]
     assert np.isfinite(values).all()
     assert min(*values, *by.hidden.values()) > 0
+
+
+def test_hits_that_met_different_machines_are_not_nothing():
+    steady, moving = (
+        judge(evidence(0.01).model_copy(update={"unsteady": tests})) for tests in (0, 2)
+    )
+    assert steady.word == "none"
+    assert moving.word == "unexplained"
+    # What one effect explains to the noise is believed as before.
+    one = (refit("mass_error", "body:a", 1.02e4, 0.02),)
+    both = [judge(evidence(0.9, one).model_copy(update={"unsteady": tests})) for tests in (0, 2)]
+    assert both[0].causes == both[1].causes
