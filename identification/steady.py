@@ -56,7 +56,8 @@ def unsteady(campaign: Campaign) -> tuple[Unsteady, ...]:
             continue
         windows, deviation = ratio
         usual = min(float(np.quantile(windows, _USUAL)), 0.0)
-        low = windows < usual + np.minimum(np.log(_AGREE), -_SURE * deviation)
+        low = windows < usual + min(float(np.log(_AGREE)), -_SURE * deviation)
+        low &= np.convolve(low, [1, 0, 1], "same") > 0  # one window alone is chance
         if low.sum() < max(_FEWEST, _PART * len(low)):
             continue
         middle = (np.arange(len(windows)) + 0.5) * _WINDOW + 1.5
@@ -87,8 +88,8 @@ def steadied(campaign: Campaign, found: tuple[Unsteady, ...]) -> Campaign:
     return replace(campaign, tests=tuple(tests), remarks=(*campaign.remarks, remark))
 
 
-def _agreement(test: Test) -> tuple[Real, Real] | None:
-    """R of each window and its standard deviation; None where it cannot be had."""
+def _agreement(test: Test) -> tuple[Real, float] | None:
+    """R of each window, and its standard deviation; None where it cannot be had."""
     estimate = test.estimate
     rows = np.flatnonzero(estimate.measured[:, 0])
     values, variance = estimate.frf.values[:, rows, 0], estimate.variance[:, rows, 0]
@@ -106,4 +107,5 @@ def _agreement(test: Test) -> tuple[Real, Real] | None:
     ratios = np.log(seen[:, known] / stated[:, known])
     middle = np.median(ratios, axis=1)
     scatter = 1.4826 * np.median(np.abs(ratios - middle[:, None]), axis=1)
-    return middle, 1.2533 * scatter / np.sqrt(known.sum())  # of a median
+    # Of a median of channels in the usual window: where only noise counts all scatter alike.
+    return middle, 1.2533 * float(np.median(scatter)) / float(np.sqrt(known.sum()))
