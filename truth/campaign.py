@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
 
-from truth.cause import Cause, draw_effects
+from truth.cause import Cause, Draws, draw_effects
 from truth.draw import (
     NO_TOLERANCE,
     Tolerance,
@@ -44,6 +44,8 @@ class Plan:
         protocol: how the machine is tested.
         tolerance: how far the true machine may be from its drawing.
         rigid: directions in which the machine, and its drawing, are made rigid.
+        sized_by: the test whose refit the sizes of effects are chosen for; this one if None. The
+            same seed then has the same machine and effects whatever else is measured.
     """
 
     seed: int
@@ -51,6 +53,7 @@ class Plan:
     protocol: Protocol = _PROTOCOL
     tolerance: Tolerance = _TOLERANCE
     rigid: int = 0
+    sized_by: Protocol | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +95,7 @@ def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
     files = takes(plan.protocol, drawing, seed)
     machine = Machine(true, hammers)
     scene = Scene(true, occasions(plan.protocol, files))
-    draws = draw_effects(machine, scene, plan.cause, partial(_refit, machine, plan, files), seed)
+    draws = _effects(drawing, true, replace(plan, protocol=plan.sized_by or plan.protocol))
     machine = replace(machine, effects=tuple(one.effect for one in draws.drawn))
     tests = hammer_tests(machine, plan.protocol, files, seed)
     contents = {
@@ -110,6 +113,16 @@ def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
         "utf-8"
     )
     return Campaign(MappingProxyType(contents), answer, draws.discarded)
+
+
+def _effects(drawing: Station, true: Station, plan: Plan) -> Draws:
+    """The effects, as strong as the refit of a plan's test leaves them."""
+    at_work = NO_TOLERANCE if plan.cause.mistuned else plan.tolerance
+    files = takes(plan.protocol, drawing, plan.seed)
+    machine = Machine(true, _hammers(drawing, plan.protocol, at_work, plan.seed))
+    scene = Scene(true, occasions(plan.protocol, files))
+    refit = partial(_refit, machine, plan, files)
+    return draw_effects(machine, scene, plan.cause, refit, plan.seed)
 
 
 def _refit(machine: Machine, plan: Plan, files: tuple[Take, ...]) -> Refit:

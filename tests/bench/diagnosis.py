@@ -11,7 +11,7 @@ import json
 import resource
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from tests.bench.kept import cases
 from truth import (
     Cause,
     Plan,
+    Protocol,
     Wanted,
     draw_campaign,
     draw_protocol,
@@ -32,6 +33,7 @@ from truth import (
 )
 from truth.errors import NoPlaceError
 from truth.grade import Case, grade, tables, to_json
+from truth.station import Station
 from truth.trees import draw_tree
 from tuning import open_session
 
@@ -81,12 +83,17 @@ class Card:
         effects: what is missing.
         ratio: survival ratio of each.
         tree: whether the machine is a random tree of stages instead of the station.
+        test: how it is measured: as drawn, or ``plain``, ``two points``, ``no coherence``; sizes
+            of effects are those for the plain test then.
+        twin: number of the card that has the same machine and effects; None for its own.
     """
 
     kind: str
     effects: tuple[str, ...] = ()
     ratio: float = 0.0
     tree: bool = False
+    test: str = "drawn"
+    twin: int | None = None
 
 
 @dataclass(frozen=True)
@@ -147,7 +154,7 @@ def case(one: Deck, number: int) -> dict[str, object]:
     seed, card = one.first + number, one.cards[number]
     row: dict[str, object] = {"seed": seed, "card": asdict(card)}
     with threadpool_limits(1):
-        drawn = ensure(seed, card)
+        drawn = ensure(one, seed)
         if drawn is None:
             return row | {"verdict": None}
         begun = time.process_time()
@@ -167,22 +174,37 @@ def case(one: Deck, number: int) -> dict[str, object]:
     return row | {"seconds": seconds, "gib": largest} | kept
 
 
-def ensure(seed: int, card: Card) -> str | None:
+def ensure(one: Deck, seed: int) -> str | None:
     """Draw a case unless it is there; its answer, None if the machine has no place for it."""
+    card = one.cards[seed - one.first]
     place, answer = WORK / f"{seed}", WORK / f"{seed}.toml"
     if not answer.is_file():
-        station = draw_tree(seed) if card.tree else read_station(STATION)
+        own = seed if card.twin is None else one.first + card.twin
+        station = draw_tree(own) if card.tree else read_station(STATION)
         wanted = tuple(Wanted(effect, None, card.ratio) for effect in card.effects)
         cause = Cause(wanted, mistuned=card.kind == "mistuned", kind=card.kind)
         try:
-            drawn = draw_campaign(
-                station, Plan(seed, cause, draw_protocol(station, seed), rigid=RIGID)
-            )
+            drawn = draw_campaign(station, planned(station, own, cause, card.test))
         except NoPlaceError:
             return None
         write_campaign(drawn, place, overwrite=True, sealed=True)
         write_answer(drawn, answer)
     return answer.read_text("utf-8")
+
+
+def planned(station: Station, seed: int, cause: Cause, test: str) -> Plan:
+    """What is drawn of a card."""
+    if test == "drawn":
+        return Plan(seed, cause, draw_protocol(station, seed), rigid=RIGID)
+    nodes = [node for stage in station.stages for node in sorted(s.node for s in stage.sensors)]
+    first, second = np.random.default_rng(seed).permutation(nodes)[:2].tolist()
+    plain = Protocol(nodes=(first,))
+    tests = {
+        "plain": plain,
+        "two points": replace(plain, nodes=(first, second)),
+        "no coherence": replace(plain, coherence=False),
+    }
+    return Plan(seed, cause, tests[test], rigid=RIGID, sized_by=plain)
 
 
 def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
@@ -192,7 +214,7 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
         if "error" not in row and row["verdict"] is None:  # the machine has no place for it
             continue
         seed, card = row["seed"], one.cards[row["seed"] - one.first]
-        ensure(seed, card)
+        ensure(one, seed)
         verdict, refit = WORK / f"{seed}.verdict.json", WORK / f"{seed}.refit.json"
         verdict.unlink(missing_ok=True)
         if "error" not in row:
@@ -200,8 +222,9 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
             excess = row["verdict"]["gap"]["retuned"]["excess"]
             refit.write_text(json.dumps({"excess": excess}), encoding="utf-8")
         kind = "measurement" if set(card.effects) & set(MEASUREMENT) else card.kind
+        tags = (kind,) if card.test == "drawn" else (kind, card.test)
         given.append(
-            Case(str(seed), WORK / f"{seed}", verdict, WORK / f"{seed}.toml", refit, tags=(kind,))
+            Case(str(seed), WORK / f"{seed}", verdict, WORK / f"{seed}.toml", refit, tags=tags)
         )
     report = grade(given)
     (RESULTS / f"{one.name}.grades.json").write_text(to_json(report) + "\n", encoding="utf-8")
