@@ -3,7 +3,7 @@
 from diagnosis.diagnose import STEPS, Diagnosis, diagnose
 from diagnosis.effects import EFFECTS, PROVEN, Effect, catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.oracle import oracle
+from diagnosis.oracle import oracle, told_of
 from diagnosis.report import verdict_of
 from diagnosis.residual import ResidualShare, residual_shares
 from diagnosis.verdict import Verdict
@@ -22,5 +22,6 @@ __all__ = [
     "diagnose",
     "oracle",
     "residual_shares",
+    "told_of",
     "verdict_of",
 ]

@@ -1,10 +1,24 @@
 """What a refit leaves that is told the effect and its place: the most that can be reached."""
 
+from collections.abc import Mapping
+from typing import Any
+
 from diagnosis.diagnose import Diagnosis, Level, level_of
 from diagnosis.evidence import BENDS
 from diagnosis.gate import hypothesis_of
 from diagnosis.hypothesis import Hypothesis
 from identification import Fault
+
+
+def told_of(answer: Mapping[str, Any]) -> Fault | None:
+    """The one effect of an answer as its TOML has it; None of nothing or several."""
+    if "location" not in answer or "cause" in answer:
+        return None
+    parameters = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in answer.get("parameters", {}).items()
+    }
+    return Fault(answer["effect"], answer["location"], answer.get("dof"), 1.0, parameters, 1.0)
 
 
 def oracle(found: Diagnosis, told: Fault, jobs: int = 1) -> Level | None:

@@ -8,8 +8,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from diagnosis import diagnose, oracle, verdict_of
-from identification import Fault
+from diagnosis import diagnose, oracle, told_of, verdict_of
 from truth import draw_case, read_station, write_answer, write_campaign
 from tuning import open_session
 
@@ -136,23 +135,11 @@ def _judge(task: Task) -> None:
         return
     found = diagnose(open_session(task.campaign, task.band))
     _write(task.verdict, verdict_of(found).model_dump_json(indent=1))
-    told = _told(task.sealed)
+    told = told_of(tomllib.loads(task.sealed.read_text("utf-8")))
     known = None if told is None else oracle(found, told)
     if known is not None:
         _write(task.oracle, json.dumps({"excess": known.gap.excess}, allow_nan=False))
     _write(task.refit, json.dumps({"excess": found.retuned.gap.excess}, allow_nan=False))
-
-
-def _told(sealed: Path) -> Fault | None:
-    """The one effect of an answer, read after the verdict; None of nothing or several."""
-    answer = tomllib.loads(sealed.read_text("utf-8"))
-    if "location" not in answer or "cause" in answer:
-        return None
-    parameters = {
-        name: tuple(value) if isinstance(value, list) else value
-        for name, value in answer.get("parameters", {}).items()
-    }
-    return Fault(answer["effect"], answer["location"], answer.get("dof"), 1.0, parameters, 1.0)
 
 
 def _write(path: Path, text: str) -> None:

@@ -10,6 +10,7 @@ tenth is diagnosed by two threads too, which must say the same to the last digit
 import json
 import resource
 import time
+import tomllib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -18,7 +19,10 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from diagnosis import diagnose, verdict_of
+from diagnosis import diagnose, oracle, told_of, verdict_of
+from diagnosis.evidence import Scored
+from diagnosis.search import REFITTED
+from identification import Fault
 from tests.bench.kept import cases
 from truth import (
     Cause,
@@ -164,6 +168,10 @@ def case(one: Deck, number: int) -> dict[str, object]:
         except Exception as error:  # a failure is graded as one, the other cases go on
             return row | {"answer": drawn, "error": f"{type(error).__name__}: {error}"}
         seconds = time.process_time() - begun
+        told = told_of(tomllib.loads(drawn))
+        known = None if told is None else oracle(found, told)
+        row["oracle"] = None if known is None else known.gap.excess
+        row["ranks"] = None if told is None else ranks(found.evidence.scored, told)
         if number % TWICE == 0:
             row["same"] = verdict_of(diagnose(open_session(WORK / f"{seed}"), jobs=2)) == verdict
     # The judgement needs no scores.
@@ -172,6 +180,14 @@ def case(one: Deck, number: int) -> dict[str, object]:
     # Of the process, which made other cases before: never less than what this one took.
     largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     return row | {"seconds": seconds, "gib": largest} | kept
+
+
+def ranks(scored: Sequence[Scored], told: Fault) -> list[int]:
+    """Places of an effect at its place among all, by the score with each allowance, from 1."""
+    gains = np.array([one.gains for one in scored]).reshape(len(scored), -1)
+    own = [(one.effect, one.location) == (told.effect, told.location) for one in scored]
+    best = gains[own].max(axis=0) if any(own) else np.full(gains.shape[1], -np.inf)
+    return (1 + (gains > best).sum(axis=0)).tolist()
 
 
 def ensure(one: Deck, seed: int) -> str | None:
@@ -215,21 +231,35 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
             continue
         seed, card = row["seed"], one.cards[row["seed"] - one.first]
         ensure(one, seed)
-        verdict, refit = WORK / f"{seed}.verdict.json", WORK / f"{seed}.refit.json"
-        verdict.unlink(missing_ok=True)
+        verdict, refit, known = (
+            WORK / f"{seed}.{what}.json" for what in ("verdict", "refit", "oracle")
+        )
+        for file in (verdict, known):
+            file.unlink(missing_ok=True)
         if "error" not in row:
             verdict.write_text(json.dumps(row["verdict"]), encoding="utf-8")
             excess = row["verdict"]["gap"]["retuned"]["excess"]
             refit.write_text(json.dumps({"excess": excess}), encoding="utf-8")
+            if row.get("oracle") is not None:
+                known.write_text(json.dumps({"excess": row["oracle"]}), encoding="utf-8")
         kind = "measurement" if set(card.effects) & set(MEASUREMENT) else card.kind
         tags = (kind,) if card.test == "drawn" else (kind, card.test)
         given.append(
-            Case(str(seed), WORK / f"{seed}", verdict, WORK / f"{seed}.toml", refit, tags=tags)
+            Case(
+                str(seed),
+                WORK / f"{seed}",
+                verdict,
+                WORK / f"{seed}.toml",
+                refit,
+                known if known.is_file() else None,
+                tags=tags,
+            )
         )
     report = grade(given)
     (RESULTS / f"{one.name}.grades.json").write_text(to_json(report) + "\n", encoding="utf-8")
     (RESULTS / f"{one.name}.txt").write_text(tables(report), encoding="utf-8")
     seconds = np.array([row["seconds"] for row in rows if "seconds" in row])
+    asked = [row["ranks"] for row in rows if row.get("ranks")]
     twice = [row["same"] for row in rows if "same" in row]
     return [
         {"figure": "core seconds, median", "value": float(np.median(seconds)), "n": len(seconds)},
@@ -241,4 +271,13 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
         },
         {"figure": "GiB at most", "value": max(row.get("gib", 0.0) for row in rows), "n": ""},
         {"figure": "same verdict with two threads", "value": sum(twice), "n": len(twice)},
+        *(
+            {
+                "figure": f"truth among {many} by score, {allowance}, %",
+                "value": 100 * float(np.mean([one[k] <= many for one in asked])) if asked else 0.0,
+                "n": len(asked),
+            }
+            for k, allowance in enumerate(("allowance 3 %", "none", "allowance 10 %"))
+            for many in (1, REFITTED)
+        ),
     ]
