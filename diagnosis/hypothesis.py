@@ -70,7 +70,6 @@ class Hypothesis:
         reform: makes the machine one that has coordinates for it; None for no change.
         scored: coordinates that are scored; all if empty. Others shape what these add.
         follow: parameters of Parts that have the value of a parameter of the model, by name.
-        springs: whose fitted stiffness the Parts are made from: as that moves, they are made anew.
         signed: whether those are sizes, none of which is less than zero.
         at_most: upper bound of sizes.
         is_held: whether its Parts, or the corrected measurement, hold all of it.
@@ -89,7 +88,6 @@ class Hypothesis:
     reform: Callable[[Machine], Machine] | None = None
     scored: tuple[str, ...] = ()
     follow: Mapping[str, str] = field(default_factory=dict)
-    springs: tuple[str, ...] = ()
     signed: bool = False
     at_most: float = np.inf
     is_held: bool = True

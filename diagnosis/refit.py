@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.effects import catalogue
 from diagnosis.evidence import Key
 from diagnosis.hypothesis import Ends, Hypothesis, Scene, Value, freed
 from identification.words import Campaign, Real
@@ -31,7 +30,6 @@ from tuning import (
 # hypothesis wanders for many steps; a right one needs few. What is true of most campaigns, that
 # nothing is missing, gets more.
 FIRST = (replace(STAGES[3], stride=8, max_steps=5),)
-_ROUNDS, _SETTLED = 3, 0.01  # until the stiffness that Parts are made from stays
 # Held-out fits, whose parameters are stated: to one line in four, or to all.
 SOME = replace(STAGES[4], tolerance=1e-6, max_steps=6)
 ALL = replace(STAGES[5], tolerance=1e-6, max_steps=6)
@@ -120,8 +118,9 @@ class Known:
         varies, sure, x = self.freedom, self.sure, self.sure.x
         middle = self.stated(one)
         flat = _flat(middle)
-        names = {*one.release, *one.begin}
-        names |= {p.name for part in one.parts for p in part.parameters}
+        read = _Read(_named(varies, self.theta))
+        one.state(read)
+        names = read.names
         own = [k for k, name in enumerate(varies.names) if name in names]
         slopes = np.zeros((len(flat), len(own)))
         for place, k in enumerate(own):
@@ -133,6 +132,24 @@ class Known:
             np.einsum("ij,jk,ik->i", slopes, sure.covariance[np.ix_(own, own)], slopes)
         )
         return _paired(middle, flat - spread, flat + spread)
+
+
+class _Read(dict[str, float]):
+    """Parameters by name, that knows which of them were asked for."""
+
+    def __init__(self, values: Mapping[str, float]) -> None:
+        super().__init__(values)
+        self.names: set[str] = set()
+
+    def __getitem__(self, name: str) -> float:
+        """A value."""
+        self.names.add(name)
+        return super().__getitem__(name)
+
+    def get(self, name: str, default: float = 0.0) -> float:  # type: ignore[override]
+        """A value, or the default."""
+        self.names.add(name)
+        return super().get(name, default)
 
 
 def known(found: Refit, theta: Real, stride: int, jobs: int = 1) -> Known:
@@ -229,12 +246,8 @@ def refit(
 
 
 def go_on(scene: Scene, found: Refit, stages: tuple[Stage, ...]) -> Refit:
-    """The same, further stages; what is made from a stiffness takes the fitted one."""
-    one, session, theta = found.hypothesis, found.session, found.fit.theta
-    if one is not None and one.springs:
-        one = _again(scene, one, theta)
-        session = posed(scene, one, scene.session.campaign)
-    return _fitted(one, session, theta, paced(stages, scene.pace))
+    """The same, further stages."""
+    return _fitted(found.hypothesis, found.session, found.fit.theta, paced(stages, scene.pace))
 
 
 def unbounded(scene: Scene, made: Refit) -> Refit:
@@ -247,28 +260,6 @@ def unbounded(scene: Scene, made: Refit) -> Refit:
     found = _fitted(None, session, made.fit.theta, paced(LONG, scene.pace))
     pulls = np.abs(found.fit.x[found.fit.freedom.has_prior])
     return replace(made, loose=found.chi_square, pull=float(pulls.max(initial=0.0)))
-
-
-def settled(scene: Scene, found: Refit) -> Refit:
-    """The same, gone on with until the stiffness that its Parts are made from stays."""
-    for _ in range(_ROUNDS):
-        before, found = found, go_on(scene, found, LONG)
-        moved = np.abs(_stiffness(scene, found) / _stiffness(scene, before) - 1)
-        if moved.max(initial=0.0) < _SETTLED:
-            break
-    return found
-
-
-def _stiffness(scene: Scene, found: Refit) -> Real:
-    """Of the springs that the Parts are made from."""
-    springs = () if found.hypothesis is None else found.hypothesis.springs
-    return replace(scene, theta=found.fit.theta[: len(scene.theta)]).stiffness(springs)
-
-
-def _again(scene: Scene, one: Hypothesis, theta: Real) -> Hypothesis:
-    """The hypothesis as made at theta."""
-    proposed = catalogue()[one.effect](replace(scene, theta=theta[: len(scene.theta)]))
-    return next(other for other in proposed if other.coordinates == one.coordinates)
 
 
 def _fitted(

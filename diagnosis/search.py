@@ -8,12 +8,12 @@ import numpy as np
 from diagnosis.evidence import Key, Pushed, Scored
 from diagnosis.forces import pushes
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.refit import CLOSE, FIRST, LAST, LONG, PATIENT, Refit, go_on, refit, settled
+from diagnosis.refit import CLOSE, FIRST, LAST, LONG, PATIENT, Refit, go_on, refit
 from diagnosis.score import ALLOWANCE, Score, scores
 from tuning import Fit, Stage
 
 REFITTED = 6  # of the most promising, so many are fitted, as many again if none explains
-_THERE = 4  # of effects where free forces explain most, so many are fitted beside
+_THERE = 9  # of effects where free forces explain most, so many are fitted beside
 _OTHERS = 3  # of the best, so many other shapes are fitted
 _PLACES = 2  # where free forces explain most, whose effects are tried
 _VARIANTS = 4  # of each effect, place and direction, so many shapes are scored again
@@ -101,7 +101,7 @@ def search(
         # Where no free force explains anything, nothing of the machine will.
         if not places or left < enough * (nothing.chi_square - 1) + _EXACT:
             break
-    refits[:1] = [settled(scene, one) for one in refits[:1]]
+    refits[:1] = [go_on(scene, one, LONG) for one in refits[:1]]
     rows = _rows([scored, *finer])
     begun = (*far.begun, *close.begun)
     return Search(tuple(scored), rows, pushed, begun, tuple(refits))

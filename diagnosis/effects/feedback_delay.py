@@ -1,9 +1,11 @@
-"""A spring that is a control loop with a delay: k exp(-s tau) instead of k.
+r"""A spring that is a control loop with a delay: k exp(-s tau) instead of k.
 
-The first power of tau is a damper, which is tuned anyway, so that nothing tells a short delay from
-it but its square. Delays are scanned, from half a radian at the highest line in even steps; what
-is added is a k (exp(-s tau) - 1), whose size a and delay are fitted from there. Of a short delay
-a tau^2 is all that shows, and sqrt(a) tau is what is stated: of a long one a is one.
+    Z += k (exp(-s tau u) - 1) on the spring, tau scanned, u fitted from 1
+
+The first power of the delay is a damper, which is tuned anyway, so that nothing tells a short delay
+from it but its square: at u = 0 there is no slope to be scored by. What is scored is the whole
+change from u = 0 to 1, for delays from half a radian at the highest line in even steps. A refit
+begins at u = 1, with a damper that makes up for the first power, c + k tau.
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,31 +13,81 @@ from functools import lru_cache
 
 import numpy as np
 
-from diagnosis.effects.laws import Law, Shape, Timed
-from diagnosis.effects.points import jointed, springs_of
+from diagnosis.effects.laws import Shape
+from diagnosis.effects.points import jointed, names_of, springs_of
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from identification.words import Real
+from mbmodel import AddedPart, Change, Parameter
 
 _TURN, _SCANNED = 0.6, 8  # rad at the highest line; so many times that
-_STEP = 0.1
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each spring of each joint and delay."""
     machine = scene.model.machine
+    tuned = {parameter.name for parameter in scene.model.parameters}
+    varies = names_of(scene)
+    directions = {spring.name: spring.direction for spring in machine.springs}
     unit = _TURN / (2 * np.pi * float(scene.session.campaign.freq_hz[-1]))
     for stage in jointed(machine):
         for spring in springs_of(machine, stage):
+            stiffness = f"{spring}.stiffness"
+            if stiffness not in tuned:
+                continue
+            (k,), (c,) = scene.stiffness((spring,)).tolist(), scene.damping((spring,)).tolist()
             for number in range(1, _SCANNED + 1):
-                law = Timed(number * unit, _STEP, _late, _by_time)
-                name, place = f"{spring}.delayed{number}", f"joint:{stage}"
-                loop = Law(scene, place, (spring,), name, law)
-
-                def state(found: Mapping[str, float], one: Law = loop) -> dict[str, Value]:
-                    return {"delay": one.tau(found) * float(np.sqrt(max(found[one.size], 0.0)))}
-
-                yield from loop.hypotheses(
-                    "feedback_delay", spring.removeprefix(f"{stage}_"), state
+                tau = number * unit
+                loop = _Loop(f"{spring}.delayed{number}", directions[spring][:, None], tau, k)
+                damping = f"{spring}.damping"
+                yield Hypothesis(
+                    "feedback_delay",
+                    f"joint:{stage}",
+                    spring.removeprefix(f"{stage}_"),
+                    parts=(loop.part(f"joint:{stage}"),),
+                    begin={loop.size: 1.0} | ({damping: c + k * tau} if damping in varies else {}),
+                    scored=(loop.size,),
+                    follow={loop.follows: stiffness},
+                    signed=True,
+                    state=loop.state,
                 )
+
+
+class _Loop:
+    """One spring that acts late; theta is u and the spring's stiffness."""
+
+    def __init__(self, name: str, frame: Real, tau: float, stiffness: float) -> None:
+        self._frame, self._tau, self._begin = frame, tau, stiffness
+        self.size, self.follows = f"{name}.size", f"{name}.stiffness"
+
+    def part(self, location: str) -> AddedPart:
+        """As a Part."""
+        parameters = (
+            Parameter(self.size, 0.0, f"{self._tau:g} s", positive=False),
+            Parameter(self.follows, self._begin, "N/m or N m/rad"),
+        )
+        return AddedPart(location, parameters, self.finite, self.derivatives)
+
+    def finite(self, theta: Real) -> tuple[Change, ...]:
+        """K (exp(-s tau u) - 1)."""
+        return (self._change(np.array(theta[1]), _late(self._tau * float(theta[0]))),)
+
+    def derivatives(self, theta: Real) -> tuple[Change, ...]:
+        """By u and k; by u at zero the whole change up to one."""
+        u, k = theta.tolist()
+        shape = _turning(self._tau, u) if u else _late(self._tau)
+        changes = [self._change(np.array([k, 0.0]), shape)]
+        if u:
+            changes.append(self._change(np.array([0.0, 1.0]), _late(self._tau * u)))
+        return tuple(changes)
+
+    def _change(self, core: Real, shape: Shape) -> Change:
+        whole = np.zeros((*core.shape, 3, 1, 1))
+        whole[..., 0, 0, 0] = core
+        return Change("joint", self._frame, self._frame, whole, shape=shape)
+
+    def state(self, found: Mapping[str, float]) -> dict[str, Value]:
+        """The delay [s]."""
+        return {"delay": self._tau * found[self.size]}
 
 
 @lru_cache(1024)  # those of all springs are one: their columns are formed together
@@ -44,9 +96,10 @@ def _late(tau: float) -> Shape:
     return lambda laplace: np.asarray(np.expm1(-laplace * tau), complex)
 
 
-def _by_time(tau: float) -> Shape:
-    """-s tau exp(-s tau)."""
-    return lambda laplace: np.asarray(-laplace * tau * np.exp(-laplace * tau), complex)
+@lru_cache(1024)
+def _turning(tau: float, u: float) -> Shape:
+    """-s tau exp(-s tau u)."""
+    return lambda laplace: np.asarray(-laplace * tau * np.exp(-laplace * tau * u), complex)
 
 
 EFFECT = Effect(

@@ -11,61 +11,106 @@ shrunk by g for the horizontal ones, and one that has lost theta takes
 
     theta / 4 (k_i g_i g_i' + s c_i g_i g_i')   summed over the slides
 
-from the joint; dampers stand no farther out than their hinges allow.
+from the joint; dampers stand no farther out than their hinges allow. Stiffness and damping are the
+joint's own, fitted with what is lost: of a loss of nine tenths no fit without it tells the levers.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from diagnosis.effects.points import jointed, springs_of
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
-from identification.words import Real
+from identification.words import Complex, Real
 from mbmodel import AddedPart, Change, Parameter, by_joints
 
 _CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 _ALONG = 1 - 1e-6  # cosine with a world axis
+_TINY = 1e-30  # complex step, of each parameter's size
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each joint that may stand on four supports."""
-    machine = scene.model.machine
-    for stage in jointed(machine):
+    for stage in jointed(scene.model.machine):
         springs = _six(scene, stage)
-        if springs is None:
-            continue
-        stiffness, damping = scene.stiffness(springs), scene.damping(springs)
-        if not (stiffness > 0).all():
-            continue
-        far = _levers(stiffness)
-        near = np.minimum(_levers(damping), far)
+        if springs is not None and (scene.stiffness(springs) > 0).all():
+            stand = _Stand(scene, stage, springs)
+            yield Hypothesis(
+                "support_loss",
+                f"joint:{stage}",
+                parts=(stand.part,),
+                scored=stand.lost,
+                follow=stand.follow,
+                signed=True,
+                at_most=1.0,
+                state=stand.state,
+            )
+
+
+class _Stand:
+    """What four supports have lost; the joint's own stiffness and damping say where they are."""
+
+    def __init__(self, scene: Scene, stage: str, springs: tuple[str, ...]) -> None:
+        machine = scene.model.machine
         directions = {spring.name: spring.direction for spring in machine.springs}
-        frame = np.array([directions[name] for name in springs]).T
-        core = np.zeros((4, 3, 6, 6))
-        for number, corner in enumerate(_CORNERS):
+        self._frame = np.array([directions[name] for name in springs]).T
+        self._machine, self._stage = machine, stage
+        self.lost = tuple(f"{stage}.lost{number}" for number in range(4))
+        # Those that are tuned follow the joint's, the others stay.
+        tuned = {parameter.name for parameter in scene.model.parameters}
+        names = [f"{name}.{what}" for what in ("stiffness", "damping") for name in springs]
+        self._own = np.array([name in tuned for name in names])
+        self._drawn = np.concatenate([scene.stiffness(springs), scene.damping(springs)])
+        self.follow = {
+            f"{stage}.lost({name})": name for name, own in zip(names, self._own, strict=True) if own
+        }
+
+    @property
+    def part(self) -> AddedPart:
+        """As a Part."""
+        follows = zip(self.follow, self._drawn[self._own].tolist(), strict=True)
+        parameters = (
+            *(Parameter(name, 0.0, "1", positive=False) for name in self.lost),
+            *(Parameter(name, value, "of the joint") for name, value in follows),
+        )
+        place = f"joint:{self._stage}"
+        written = by_joints(f"{self._stage}.lost", self._machine, self.finite)
+        return AddedPart(place, parameters, self.finite, self.derivatives, written=written)
+
+    def finite(self, theta: Real) -> tuple[Change, ...]:
+        """What is taken from the joint."""
+        return (self._change(self._taken(theta).real),)
+
+    def derivatives(self, theta: Real) -> tuple[Change, ...]:
+        """By complex steps, exact to rounding: f(x + ih) = f(x) + ih f'(x) for tiny h."""
+        core = np.zeros((len(theta), 3, 6, 6))
+        for place, value in enumerate(theta):
+            step = _TINY * max(abs(float(value)), 1.0)
+            moved = theta.astype(complex)
+            moved[place] += 1j * step
+            core[place] = self._taken(moved).imag / step
+        return (self._change(core),)
+
+    def _change(self, core: Real) -> Change:
+        return Change("joint", self._frame, self._frame, core)
+
+    def _taken(self, theta: Real | Complex) -> Complex:
+        """Cores of s^0 and s^1; (3, 6, 6)."""
+        sizes = self._drawn.astype(complex)
+        sizes[self._own] = theta[4:]
+        stiffness, damping = sizes[:6], sizes[6:]
+        far = _levers(stiffness)
+        near = _least(_levers(damping), far)
+        core = np.zeros((3, 6, 6), complex)
+        for lost, corner in zip(theta[:4], _CORNERS, strict=True):
             for power, values, levers in ((0, stiffness, far), (1, damping, near)):
                 rows = _felt(corner, levers)
-                core[number, power] = -(rows.T * values[:3]) @ rows / 4
-        names = tuple(f"{stage}.lost{number}" for number in range(4))
-        parameters = tuple(Parameter(name, 0.0, "1", positive=False) for name in names)
-        part = AddedPart.linear(
-            f"joint:{stage}", parameters, (Change("joint", frame, frame, core),)
-        )
-        part = replace(part, written=by_joints(f"{stage}.lost", machine, part.finite))
+                core[power] -= lost / 4 * (rows.T * values[:3]) @ rows
+        return core
 
-        def state(found: Mapping[str, float], lost: tuple[str, ...] = names) -> dict[str, Value]:
-            return {"fraction": tuple(1 - found[name] for name in lost)}
-
-        yield Hypothesis(
-            "support_loss",
-            f"joint:{stage}",
-            parts=(part,),
-            signed=True,
-            at_most=1.0,
-            springs=springs,
-            state=state,
-        )
+    def state(self, found: Mapping[str, float]) -> dict[str, Value]:
+        """What each support carries."""
+        return {"fraction": tuple(1 - found[name] for name in self.lost)}
 
 
 def _six(scene: Scene, stage: str) -> tuple[str, ...] | None:
@@ -87,19 +132,26 @@ def _six(scene: Scene, stage: str) -> tuple[str, ...] | None:
     return tuple(places[k] for k in range(6))
 
 
-def _levers(along: Real) -> Real:
+def _levers(along: Complex) -> Complex:
     """A, b [m] and g that the hinges allow; (3,)."""
     tx, ty, tz, rx, ry, rz = along
-    a, b = (np.sqrt(ry / tz), np.sqrt(rx / tz)) if tz > 0 else (0.0, 0.0)
+    zero = np.zeros((), complex)
+    a, b = (np.sqrt(ry / tz), np.sqrt(rx / tz)) if tz.real > 0 else (zero, zero)
     twist = b**2 * tx + a**2 * ty
-    return np.array([a, b, np.sqrt(min(1.0, rz / twist)) if twist > 0 else 1.0])
+    one = np.ones((), complex)
+    flat = np.sqrt(rz / twist) if twist.real > rz.real else one
+    return np.array([a, b, flat])
 
 
-def _felt(corner: tuple[int, int], levers: Real) -> Real:
+def _least(one: Complex, other: Complex) -> Complex:
+    return np.where(one.real <= other.real, one, other)
+
+
+def _felt(corner: tuple[int, int], levers: Complex) -> Complex:
     """Stretch of the three slides at a support per joint coordinate tx .. rz; (3, 6)."""
     a, b, flat = levers
     x, y = corner[0] * a, corner[1] * b
-    rows = np.eye(3, 6)
+    rows = np.eye(3, 6, dtype=complex)
     rows[0, 5], rows[1, 5] = -flat * y, flat * x
     rows[2, 3], rows[2, 4] = y, -x
     return rows

@@ -61,8 +61,8 @@ def stiffness(changes, n_body, nv):
 def test_every_effect_proposes_something_with_keys_of_its_own(scene):
     for name, propose in EFFECTS.items():
         made = list(propose(scene))
-        assert made, name
-        assert {one.effect for one in made} == {name}
+        gate = name == "flexible_body"  # proven, not proposed
+        assert {one.effect for one in made} == (set() if gate else {name})
         assert all(one.coordinates for one in made)
         keys = [one.coordinates for one in made]
         assert len(set(keys)) == len(keys)
@@ -93,6 +93,11 @@ def test_added_parts_are_nothing_at_zero_and_their_slopes_are_difference_quotien
             own = [_only(change, k) for change in slopes]
             exact = stiffness(own, *sizes)
             scale = np.abs(quotient).max()
+            if (
+                k >= len(one.scored or one.coordinates) and scale == 0
+            ):  # a damper too short to count
+                assert not exact.any()  # a damper too short to count
+                continue
             assert scale > 0, (one.words, k)
             assert np.abs(exact - quotient).max() < 1e-6 * scale, (one.words, k)
 

@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis import EFFECTS, Scene
 from diagnosis.corrections import doubted
-from diagnosis.refit import FIRST, LAST, go_on, known, posed, refit, settled
+from diagnosis.refit import FIRST, LAST, LONG, go_on, known, posed, refit
 from diagnosis.score import cosines, scores
 from tests.helpers.drawn import drawn
 from tuning import STAGES, Misfit, fit, thinned
@@ -54,7 +54,7 @@ def test_intervals_hold_the_truth_and_the_gap_closes(scene):
     place = answer.partition('location = "')[2].partition('"')[0]
     one = next(x for x in only(scene, "joint_coupling") if x.location == place)
     begun = refit(scene, one, scene.session.campaign, FIRST)
-    found = settled(scene, go_on(scene, begun, LAST))
+    found = go_on(scene, go_on(scene, begun, LAST), LONG)
     assert found.chi_square < 1.1
     assert found.parameters()["offset"] == pytest.approx(offset, abs=0.03)
     worth = known(found, found.fit.theta, 2)
