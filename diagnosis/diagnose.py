@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from diagnosis.effects import catalogue
-from diagnosis.evidence import Evidence, Paired, Refitted
+from diagnosis.evidence import BENDS, Evidence, Paired, Refitted
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.hypothesis import Hypothesis, Scene, together
 from diagnosis.judge import NOTHING, Judged, judge
@@ -46,6 +46,7 @@ from tuning import (
     with_tolerances,
 )
 
+_BENT = 0.3  # of the gap, what a body's mode may leave
 _ENOUGH = 180_000  # values: three hammer directions, 69 channels, 800 lines and some more
 _ALIKE, _NATS = 0.9, 3.0  # cosine of signatures, difference of costs: twins
 STEPS = 12 + 6 * REFITTED  # told at most
@@ -149,21 +150,15 @@ def diagnose(
     session = replace(session, campaign=steadied(session.campaign, changing))
     gate = sensor_gate(session.campaign)
     session, held = _loosened(replace(session, campaign=gate.alive))
-    clean = replace(session, campaign=gate.campaign)
-    bending = [check.body for check in gate.flexible]
-    made = [one for f in gate.faults if (one := hypothesis_of(f, session, bending)) is not None]
-    say("fit with an allowance")
-    pace = _pace(clean.campaign)
-    early = uninterrupted(
-        fit(
-            clean.model,
-            clean.campaign,
-            varies=clean.freedom,
-            stages=paced(STAGES[:3], pace),
-            jobs=jobs,
-        )
-    )
-    scene = Scene(clean, early.theta, held, pace)
+    scene, early = _begun(session, gate, held, jobs, say)
+    made = _made(gate, session)
+    bent = tuple(one for one in made if one.effect == BENDS and one.is_held)
+    shaped = _bending(scene, gate, bent, say) if bent else None
+    if bent and shaped is None:
+        gate = gate.solid()
+        made = _made(gate, session)
+        scene, early = _begun(session, gate, held, jobs, say)
+    clean, pace = scene.session, scene.pace
     say("refit without any effect")
     first = refit(scene, None, clean.campaign, FIRST)
     nothing = go_on(scene, first, PATIENT)
@@ -188,6 +183,8 @@ def diagnose(
     proven = clean.campaign is not session.campaign
     tried = (nothing, *found.refits, *found.pairs)
     made_before = {} if proven else {one.hypothesis: one for one in tried}
+    if shaped is not None and gate.undoubted is gate.alive:
+        made_before[shaped.hypothesis] = shaped
     retuned = _level(base, None, session, made_before, jobs, exact=exact)
     after, worth = None, None
     if present and all(one.is_held for one in present):
@@ -211,6 +208,46 @@ def diagnose(
         after=after,
         known=worth,
     )
+
+
+def _begun(
+    session: Session, gate: Gate, held: tuple[Held, ...], jobs: int, say: Callable[[str], None]
+) -> tuple[Scene, Fit]:
+    """The fit with an allowance, to what no gate took out."""
+    say("fit with an allowance")
+    clean = replace(session, campaign=gate.campaign)
+    pace = _pace(clean.campaign)
+    early = uninterrupted(
+        fit(
+            clean.model,
+            clean.campaign,
+            varies=clean.freedom,
+            stages=paced(STAGES[:3], pace),
+            jobs=jobs,
+        )
+    )
+    return Scene(clean, early.theta, held, pace), early
+
+
+def _made(gate: Gate, session: Session) -> list[Hypothesis]:
+    """Hypotheses of what the gate has proven."""
+    bending = [check.body for check in gate.flexible]
+    found = (hypothesis_of(fault, session, bending) for fault in gate.faults)
+    return [one for one in found if one is not None]
+
+
+def _bending(
+    scene: Scene, gate: Gate, bent: tuple[Hypothesis, ...], say: Callable[[str], None]
+) -> Refit | None:
+    """The refit with the modes of bodies that seem to bend; None where they do not explain it.
+
+    Where set-ups share a body's sensors, a machine that was another one in each of them looks like
+    bending too.
+    """
+    say("bodies that bend")
+    without = refit(scene, None, gate.undoubted, (*FIRST, *LAST))
+    found = refit(scene, together(bent), gate.undoubted, SHAPED)
+    return found if found.chi_square - 1 < _BENT * (without.chi_square - 1) else None
 
 
 def _evidence(

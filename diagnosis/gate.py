@@ -43,6 +43,7 @@ class Gate:
         campaign: without the channels that any proven fault concerns; where a body is not solid,
             its channels are doubted by as much.
         flexible: bodies that bend; none if most seem to, whose noise is then larger than stated.
+        undoubted: as ``campaign``, but that no channel is doubted.
     """
 
     checks: tuple[BodyCheck, ...]
@@ -50,6 +51,12 @@ class Gate:
     alive: Campaign
     campaign: Campaign
     flexible: tuple[BodyCheck, ...]
+    undoubted: Campaign
+
+    def solid(self) -> "Gate":
+        """The same if no body bends after all."""
+        faults = tuple(one for one in self.faults if one.effect != BENDS)
+        return replace(self, faults=faults, campaign=self.undoubted, flexible=())
 
 
 def sensor_gate(campaign: Campaign) -> Gate:
@@ -72,10 +79,11 @@ def sensor_gate(campaign: Campaign) -> Gate:
     heard = masked(campaign, lambda dof: dof.positive in none) if none else campaign
     alive = _without(heard, dead)
     clean = alive if len(dead) == len(faults) else _without(heard, faults)
+    undoubted = clean
     for check in flexible:
         beyond = np.sqrt(np.maximum(check.reconstruction**2 - check.expected**2, 0.0))
         clean = doubted(clean, check.channels, partial(_read_off, check.freq_hz, beyond))
-    return Gate(checks, faults, alive, clean, tuple(bending))
+    return Gate(checks, faults, alive, clean, tuple(bending), undoubted)
 
 
 def _one_cause(check: BodyCheck, sure: list[Fault]) -> list[Fault]:

@@ -22,7 +22,9 @@ _MOST_FAULTS = 3
 # Structures with more points than a stage has sensors are looked at as a whole: one sensor's fault
 # among so many is for the modal model to show.
 _MOST_SPARE = 30
-_DEAD = 0.1  # of its gain, below which a channel is called dead
+_DEAD = 0.1  # of its gain, below which a channel that holds no more than noise is called dead
+_HEARD = 1.5  # times the noise, in the best tenth of the blocks: it holds more
+_READINGS = ("mount_resonance", "sensor_delay")  # a sensor has one of them
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +104,7 @@ def search(data: BodyData, tolerance: Tolerance) -> Search:
         room = spare - state.extra.shape[1] > 1 and len(taken) < _MOST_FAULTS
         if best.hypothesis is None or not (found and room):
             break
-        dead = _is_dead(best)
+        dead = _is_dead(best, data)
         share = _present(ranking, best.hypothesis)
         taken.append(Taken(best.hypothesis, share, best.parameters, dead))
         state = without_channel(state, best.hypothesis.channels[0]) if dead else best.state
@@ -110,6 +112,8 @@ def search(data: BodyData, tolerance: Tolerance) -> Search:
             done |= {one.key for one in hypotheses(state) if _on(one, best.hypothesis)}
         if best.hypothesis.effect != "flexible_body":
             done.add(best.hypothesis.key)
+        if best.hypothesis.effect in _READINGS:
+            done |= {one.key for one in hypotheses(state) if _reads(one, best.hypothesis)}
     scale = ranking.look.scale
     nats = ranking.look.base + sum(one.hypothesis.cost for one in taken)
     return Search(
@@ -126,11 +130,23 @@ def search(data: BodyData, tolerance: Tolerance) -> Search:
     )
 
 
-def _is_dead(best: Judged) -> bool:
+def _is_dead(best: Judged, data: BodyData) -> bool:
+    """Whether a channel with hardly a gain holds nothing but noise; one that reads a tenth does."""
     one = best.hypothesis
     if one is None or one.effect != "sensor_gain":
         return False
-    return abs(1 + float(best.fitted.errors[one.channels[0]])) < _DEAD
+    (channel,) = one.channels
+    if abs(1 + float(best.fitted.errors[channel])) >= _DEAD:
+        return False
+    moments = Moments.of(data)
+    seen, noise = moments.gram[..., channel, channel], moments.noise[..., channel]
+    heard = seen[noise > 0] / noise[noise > 0]
+    return not len(heard) or float(np.quantile(heard, 0.9)) < _HEARD
+
+
+def _reads(one: Hypothesis, taken: Hypothesis) -> bool:
+    """Whether a hypothesis is of how the same sensor reads in time."""
+    return one.effect in _READINGS and one.location == taken.location
 
 
 def _on(one: Hypothesis, dead: Hypothesis) -> bool:

@@ -52,6 +52,25 @@ def test_a_solid_body_within_tolerance_has_no_fault_in_sixty_draws():
     assert len(named) <= 1, named
 
 
+def read_times(channel: int, gain: float):
+    def read(_: np.ndarray, values: np.ndarray) -> np.ndarray:
+        changed = values.copy()
+        changed[:, channel] *= gain
+        return changed
+
+    return read
+
+
+@pytest.mark.parametrize(("gain", "effect"), [(0.095, "sensor_gain"), (0.0, "dead_channel")])
+@pytest.mark.parametrize("seed", [1201, 1202, 1203])
+def test_a_channel_that_reads_a_tenth_is_not_dead(seed, gain, effect):
+    found = check(Case(seed, lines=LINES, read=read_times(4, gain)))
+    (fault,) = found.faults
+    assert (fault.effect, fault.location) == (effect, f"sensor:{found.channels[4].point}")
+    if gain:
+        assert fault.parameters["gain"] == pytest.approx(gain, rel=0.1)
+
+
 @pytest.mark.parametrize("stated", [0.83, 1.2], ids=["noise overstated", "noise understated"])
 def test_noise_misstated_by_a_fifth_makes_no_fault(stated):
     for seed in range(4):
