@@ -208,6 +208,16 @@ def ensure(one: Deck, seed: int) -> str | None:
     return answer.read_text("utf-8")
 
 
+def _group(card: Card) -> str:
+    """Which cases count together."""
+    if card.kind != "one":
+        return card.kind
+    (effect,) = card.effects
+    if effect in MEASUREMENT:
+        return "measurement"
+    return "nonlinear" if effect in NONLINEAR else "linear"
+
+
 def planned(station: Station, seed: int, cause: Cause, test: str) -> Plan:
     """What is drawn of a card."""
     if test == "drawn":
@@ -242,8 +252,7 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
             refit.write_text(json.dumps({"excess": excess}), encoding="utf-8")
             if row.get("oracle") is not None:
                 known.write_text(json.dumps({"excess": row["oracle"]}), encoding="utf-8")
-        kind = "measurement" if set(card.effects) & set(MEASUREMENT) else card.kind
-        tags = (kind,) if card.test == "drawn" else (kind, card.test)
+        tags = (_group(card),) if card.test == "drawn" else (_group(card), card.test)
         given.append(
             Case(
                 str(seed),
