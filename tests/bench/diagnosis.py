@@ -144,7 +144,8 @@ def played(one: Deck) -> list[dict[str, object]]:
 
 def made(one: Deck) -> list[dict]:
     """Rows of a deck, in the order of its cards."""
-    rows, _ = cases(one.name, range(len(one.cards)), partial(case, one), JOBS)
+    name = f"{one.name}.{one.first}"  # other seeds are other cases
+    rows, _ = cases(name, range(len(one.cards)), partial(case, one), JOBS)
     return rows
 
 
