@@ -116,16 +116,24 @@ def _without(campaign: Campaign, faults: Sequence[Fault]) -> Campaign:
     return reduce(masked, (channels_of(one.location, one.dof) for one in sensors), campaign)
 
 
-def hypothesis_of(fault: Fault, session: Session, bodies: Sequence[str] = ()) -> Hypothesis | None:
+def hypothesis_of(
+    fault: Fault,
+    session: Session,
+    bodies: Sequence[str] = (),
+    good: Campaign | None = None,
+    times: float = 1.0,
+) -> Hypothesis | None:
     """The hypothesis of a fault; None of one that is no effect of the catalogue.
 
     Args:
         fault: proven by the gate, or told.
         session: campaign and model.
         bodies: all that bend, for one of them.
+        good: the campaign without wrong channels; all of it if None.
+        times: where a mode's frequency begins, over that of its highest peak.
     """
     if fault.effect == BENDS:
-        return bent(fault, bodies, session)
+        return bent(fault, bodies, session, good or session.campaign, times)
     base = Hypothesis(fault.effect, fault.location, fault.dof)
     site = fault.location.partition(":")[2]
     concerned = channels_of(fault.location, fault.dof)

@@ -4,7 +4,7 @@ What is left of the gap decides. With e = chi^2 - 1 of the refit without any eff
 the best refit with one, without bounds of tolerances if the largest is no more than an outlier,
 
     visible   = expit((log e - log hidden) / width)       more than badly known noise, or hits
-                that met different machines, which none of these effects makes;
+                that differed and left a gap, which none of these effects makes;
                 e without bounds of tolerances if the largest is no more than an outlier
     explained = expit((log left - log (e1 / e^0.75)) / width)   one effect takes nearly all of it:
                 of a large gap the true one leaves a smaller part
@@ -41,7 +41,7 @@ _POWER = 0.75  # of the gap: with what is left of it compared
 _EXACT = 0.02  # no refit is believed to leave less
 _ROW = 0.01  # probability of a cause that is worth a row
 _LIKELY = 0.5
-_STEADY = 0.05  # of the probability of none that is left where hits met different machines
+_STEADY = 0.05  # of the probability of none that is left where hits differed and left a gap
 Shares = tuple[tuple[Key, float], ...]
 
 
@@ -136,7 +136,7 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     by = by or calibrated()
     doubt, sure = 1 - by.sure, by.sure
     visible, explained, twofold = _parts(seen, by)
-    if seen.unsteady:
+    if seen.unsteady and seen.chi_square > NOTHING:
         visible = 1 - _STEADY * (1 - visible)
     seeming = (1 - explained) * visible
     none = sure * (1 - explained) * (1 - visible) + doubt / 2

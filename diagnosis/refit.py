@@ -125,9 +125,8 @@ class Known:
         slopes = np.zeros((len(flat), len(own)))
         for place, k in enumerate(own):
             step = 0.1 * sure.deviation[k] * (np.arange(len(x)) == k)
-            slopes[:, place] = (
-                _flat(one.state(_named(varies, varies.theta(x + step)))) - flat
-            ) / step[k]
+            moved = middle | one.state(_named(varies, varies.theta(x + step)))
+            slopes[:, place] = (_flat({name: moved[name] for name in middle}) - flat) / step[k]
         spread = QUANTILE * np.sqrt(
             np.einsum("ij,jk,ik->i", slopes, sure.covariance[np.ix_(own, own)], slopes)
         )

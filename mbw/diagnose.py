@@ -159,7 +159,9 @@ def _explain(found: Diagnosis) -> None:
     before = found.nothing.chi_square
     SCREEN.say(f"refit without any effect: residual over noise {before**0.5:.3g}")
     if not found.search.scores:
-        SCREEN.say("nothing is left to explain: no hypothesis was asked")
+        bends = "what a body's bending drives is no gap of its own"
+        why = bends if found.gate.flexible else "nothing is left to explain"
+        SCREEN.say(f"{why}: no hypothesis was asked")
         return
     table = Table(title=f"{len(found.search.scores)} hypotheses, the best of each effect and place")
     table.add_column("hypothesis", no_wrap=True)

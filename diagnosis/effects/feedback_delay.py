@@ -20,6 +20,7 @@ from identification.words import Real
 from mbmodel import AddedPart, Change, Parameter
 
 _TURN, _SCANNED = 0.6, 8  # rad at the highest line; so many times that
+_MOST = 90.0  # times the joint's damping
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -37,8 +38,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             (k,), (c,) = scene.stiffness((spring,)).tolist(), scene.damping((spring,)).tolist()
             for number in range(1, _SCANNED + 1):
                 tau = number * unit
-                loop = _Loop(f"{spring}.delayed{number}", directions[spring][:, None], tau, k)
                 damping = f"{spring}.damping"
+                if damping in varies and k * tau > _MOST * c:
+                    break  # the damper that makes up for it is beyond its bound
+                loop = _Loop(f"{spring}.delayed{number}", directions[spring][:, None], tau, k)
                 yield Hypothesis(
                     "feedback_delay",
                     f"joint:{stage}",

@@ -12,6 +12,7 @@ import numpy as np
 
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification import Fault, bending_shape
+from identification.words import Campaign
 from mbmodel import Bending, Machine, with_bending
 from tuning import Session
 
@@ -24,19 +25,24 @@ def propose(scene: Scene) -> tuple[Hypothesis, ...]:
     return ()
 
 
-def bent(fault: Fault, bodies: Sequence[str], session: Session) -> Hypothesis:
+def bent(
+    fault: Fault, bodies: Sequence[str], session: Session, good: Campaign, times: float = 1.0
+) -> Hypothesis:
     """The hypothesis of a body that bends.
 
     Args:
         fault: what the gate has proven of it.
         bodies: all that bend.
         session: campaign and model as drawn.
+        good: the campaign without channels that are wrong, for a first guess.
+        times: the frequency of the highest peak, where that of the mode begins: what the body
+            stands on and carries moves the peak.
     """
     body = fault.location.partition(":")[2]
     base = Hypothesis(
         fault.effect, fault.location, is_held=False, state=lambda _: dict(fault.parameters)
     )
-    seen = bending_shape(session.campaign, body)
+    seen = bending_shape(good, body)
     if seen is None:
         return base
 
@@ -45,10 +51,12 @@ def bent(fault: Fault, bodies: Sequence[str], session: Session) -> Hypothesis:
 
     machine = reformed(session.model.machine)
     layout = machine.layout
-    read = tuple(dict.fromkeys(dof.point for dof in seen.readings))
+    sites = dict.fromkeys(dof.point for dof in session.campaign.outputs)
+    read = tuple(site for site in sites if layout.body_name(site) == body)
     points = dict.fromkeys(test.condition.reference.point for test in session.campaign.tests)
-    hit = tuple(point for point in points if layout.body_name(point) == body)
-    part = Bending(machine, body, seen.frequency, read, hit)
+    known = {*layout.points, *layout.bodies}
+    hit = tuple(p for p in points if p in known and layout.body_name(p) == body)
+    part = Bending(machine, body, times * seen.frequency, read, hit)
     begin = {f"{d.point}_{d.direction[-1]}": _SHOWN * v for d, v in seen.readings.items()}
     return replace(
         base,

@@ -1,8 +1,8 @@
 r"""A first guess of a body's mode: where the machine peaks with it, and what its channels read.
 
 With P the projector onto what no rigid motion of the body gives its channels, all columns h of the
-FRFs have P h = P shape b: near the mode's frequency the sum of Re(P h h^H P) over lines and columns
-has the shape for its leading eigenvector, real as modes of light damping are.
+accelerance have P h = P shape b: near the peak the sum of Re(P h h^H P) over lines and columns has
+the shape for its leading eigenvector, real as modes of light damping are.
 """
 
 from collections.abc import Mapping
@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.solid.gather import body_data, gather
-from identification.words import Campaign, Dof
+from identification.words import ORDER, Campaign, Dof
 
+_ACCELERANCE = 2  # the power of s
 _NEAR = 0.03  # of the frequency: what counts beside the peak
 
 
@@ -50,7 +51,9 @@ def bending_shape(campaign: Campaign, body: str) -> BendingShape | None:
     spare = np.eye(len(rows)) - rows @ np.linalg.pinv(rows)
     if not len(rows) or np.trace(spare) < 0.5:
         return None
-    bent = data.values[:, :, whole] @ spare
+    frf = campaign.tests[0].estimate.frf
+    rate = (2 * np.pi * freq) ** (_ACCELERANCE - ORDER[frf.quantity])
+    bent = data.values[:, :, whole] * rate[:, None] @ spare
     peak = float(freq[int((np.abs(bent) ** 2).sum(axis=(0, 2)).argmax())])
     chosen = np.abs(freq / peak - 1) <= _NEAR
     seen = bent[:, chosen].reshape(-1, len(rows))

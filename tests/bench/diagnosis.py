@@ -185,7 +185,9 @@ def case(one: Deck, number: int) -> dict[str, object]:
 
 def ranks(scored: Sequence[Scored], told: Fault) -> list[int]:
     """Places of an effect at its place among all, by the score with each allowance, from 1."""
-    gains = np.array([one.gains for one in scored]).reshape(len(scored), -1)
+    if not scored:
+        return []
+    gains = np.array([one.gains for one in scored])
     own = [(one.effect, one.location) == (told.effect, told.location) for one in scored]
     best = gains[own].max(axis=0) if any(own) else np.full(gains.shape[1], -np.inf)
     return (1 + (gains > best).sum(axis=0)).tolist()

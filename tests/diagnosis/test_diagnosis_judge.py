@@ -175,10 +175,12 @@ def test_the_committed_calibration_says_where_it_comes_from():
 
 def test_hits_that_met_different_machines_are_not_nothing():
     steady, moving = (
-        judge(evidence(0.01).model_copy(update={"unsteady": tests})) for tests in (0, 2)
+        judge(evidence(0.04).model_copy(update={"unsteady": tests})) for tests in (0, 2)
     )
     assert steady.word == "none"
     assert moving.word == "unexplained"
+    # An aim that scatters leaves no gap beside what scatters.
+    assert judge(evidence(0.0).model_copy(update={"unsteady": 9})).word == "none"
     # What one effect explains to the noise is believed as before.
     one = (refit("mass_error", "body:a", 1.02e4, 0.02),)
     both = [judge(evidence(0.9, one).model_copy(update={"unsteady": tests})) for tests in (0, 2)]
