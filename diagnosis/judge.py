@@ -1,11 +1,11 @@
 r"""From evidence to probabilities: none, unexplained, each cause, several; and to places.
 
 What is left of the gap decides. With e = chi^2 - 1 of the refit without any effect and e1 that of
-the best refit with one, without bounds of tolerances if the largest is no more than an outlier,
+the best refit with one, both without bounds of tolerances if the largest is no more than an
+outlier,
 
     visible   = expit((log e - log hidden) / width)       more than badly known noise, or hits
-                that differed and left a gap, which none of these effects makes;
-                e without bounds of tolerances if the largest is no more than an outlier
+                that differed and left a gap, which none of these effects makes
     explained = expit((log left - log (e1 / e^0.75)) / width)   one effect takes nearly all of it:
                 of a large gap the true one leaves a smaller part
 

@@ -7,7 +7,7 @@ from mbmodel.energy import Energy, energy
 from mbmodel.forward import Forward
 from mbmodel.looks import Looks, looks
 from mbmodel.loosened import Held, loosened
-from mbmodel.machine import Machine, load_machine
+from mbmodel.machine import Machine, load_machine, parents_of
 from mbmodel.meshes import mesh_files
 from mbmodel.mode_slopes import LinearisedModes, ModeEvaluator
 from mbmodel.model import Matrices, Model, as_drawn
@@ -76,6 +76,7 @@ __all__ = [
     "mesh_files",
     "model_modes",
     "modes",
+    "parents_of",
     "parse_input",
     "respond",
     "rotation_matrix",

@@ -11,7 +11,9 @@ carries as much momentum as the bending body does. With T_b the column of b in t
 
     T_b = d on the body, transport(joint) gamma above,    L += shape' b,    P' += shape' at the hit,
 
-shape' = shape less d at the point. Forces follow by T' and P', so that everything is reciprocal.
+shape' = shape less d at the point. Forces follow by T' and P': where a hit has the shape that a
+sensor there reads, the answer is reciprocal. A hit has a parameter of its own, whatever a sensor
+beside it reads. w0 is the frequency with the momentum of the body held, as of the free body.
 
 The coordinate b moves a body of its own, after all others, of mass m, along x alone. That is
 component mode synthesis (Craig and Kurdila 2006, ch. 17) with one mode, whose shape is fitted.
@@ -25,13 +27,13 @@ from itertools import groupby
 import numpy as np
 
 from identification.words import Real
-from mbmodel.machine import Axle, Machine
+from mbmodel.machine import Axle, Machine, parents_of
 from mbmodel.parts import AddedPart, Change, Parameter
 from mbmodel.widened import widened, with_body
 
 _STEPS = 0.05, 0.5  # of the logarithms of frequency and damping per unit of theirs
 _FARTHEST = 20.0  # steps
-_SHAPE, _TURN = 0.1, 0.1  # per unit of the shape's parameters; rad for each metre of the body
+_SHAPE = 0.1  # per unit of the shape's parameters; of rotations for each metre of the body
 _DAMPING = 0.01
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -39,14 +41,15 @@ _AXES = ("x", "y", "z", "rx", "ry", "rz")
 def with_bending(machine: Machine, body: str) -> Machine:
     """The machine with a coordinate in which a body bends, at the end; nothing pushes it yet."""
     number = machine.layout.bodies.index(body)
-    name, motion, mass = (
-        f"{body}.bending",
-        np.zeros((6, len(machine.coordinates) + 1)),
-        np.zeros((6, 6)),
-    )
+    name, mass = _named(body), np.zeros((6, 6))
+    motion = np.zeros((6, len(machine.coordinates) + 1))
     motion[0, -1], mass[0, 0] = 1.0, machine.body_mass[6 * number, 6 * number]
     wider = widened(machine, (name,), np.zeros((len(machine.body_mass), 1)))
     return with_body(wider, name, machine.layout.centres[number], motion, mass)
+
+
+def _stage(axle: Axle) -> str:
+    return axle.stage
 
 
 def _named(body: str) -> str:
@@ -83,18 +86,9 @@ class Bending:
     @property
     def above(self) -> dict[str, Axle]:
         """First axle of each joint that joins another stage to the body, by stage."""
-        machine = self.machine
-        number = machine.layout.bodies.index(self.body)
-        moved = machine.jacobian.reshape(-1, 6, len(machine.coordinates)) != 0
-        stages = {one: list(axles) for one, axles in groupby(machine.axles, lambda a: a.stage)}
-        found = {}
-        for stage, axles in stages.items():
-            own = {axle.coordinate for axle in axles}
-            other = machine.layout.bodies.index(stage)
-            below = set(np.flatnonzero(moved[other].any(axis=0)).tolist()) - own
-            if below == set(np.flatnonzero(moved[number].any(axis=0)).tolist()):
-                found[stage] = axles[0]
-        return found
+        parents = parents_of(self.machine)
+        first = {stage: next(axles) for stage, axles in groupby(self.machine.axles, _stage)}
+        return {stage: axle for stage, axle in first.items() if parents[stage] == self.body}
 
     def part(self) -> AddedPart:
         """As a Part."""

@@ -138,6 +138,25 @@ class Machine:
         )
 
 
+def parents_of(machine: Machine) -> dict[str, str | None]:
+    """The body that each body stands on; None for the ground.
+
+    A body moves with all coordinates of those below it: its parent is the one with most of them.
+    """
+    bodies = machine.layout.bodies
+    moving = [
+        frozenset(np.flatnonzero(machine.jacobian[6 * k : 6 * k + 6].any(axis=0)).tolist())
+        for k in range(len(bodies))
+    ]
+    found: dict[str, str | None] = {}
+    for body, own in zip(bodies, moving, strict=True):
+        below = [
+            (len(other), name) for name, other in zip(bodies, moving, strict=True) if other < own
+        ]
+        found[body] = max(below)[1] if below else None
+    return found
+
+
 def load_machine(path: Path, spin: Mapping[str, float] | None = None) -> Machine:
     """Read an MJCF, let it settle, and take from it what the equation of motion needs.
 

@@ -91,10 +91,7 @@ def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
     drawing = draw_drawing(basis, seed)
     at_work = NO_TOLERANCE if plan.cause.mistuned else plan.tolerance
     true = draw_mistuned(basis, seed) if plan.cause.mistuned else draw_true(basis, at_work, seed)
-    hammers = _hammers(drawing, plan.protocol, at_work, seed)
-    files = takes(plan.protocol, drawing, seed)
-    machine = Machine(true, hammers)
-    scene = Scene(true, occasions(plan.protocol, files))
+    files, machine, scene = _tested(drawing, true, plan)
     draws = _effects(drawing, true, replace(plan, protocol=plan.sized_by or plan.protocol))
     machine = replace(machine, effects=tuple(one.effect for one in draws.drawn))
     tests = hammer_tests(machine, plan.protocol, files, seed)
@@ -117,12 +114,17 @@ def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
 
 def _effects(drawing: Station, true: Station, plan: Plan) -> Draws:
     """The effects, as strong as the refit of a plan's test leaves them."""
+    files, machine, scene = _tested(drawing, true, plan)
+    refit = partial(_refit, machine, plan, files)
+    return draw_effects(machine, scene, plan.cause, refit, plan.seed)
+
+
+def _tested(drawing: Station, true: Station, plan: Plan) -> tuple[tuple[Take, ...], Machine, Scene]:
+    """The files of a plan's test, the machine with its hammers, and when it is hit."""
     at_work = NO_TOLERANCE if plan.cause.mistuned else plan.tolerance
     files = takes(plan.protocol, drawing, plan.seed)
     machine = Machine(true, _hammers(drawing, plan.protocol, at_work, plan.seed))
-    scene = Scene(true, occasions(plan.protocol, files))
-    refit = partial(_refit, machine, plan, files)
-    return draw_effects(machine, scene, plan.cause, refit, plan.seed)
+    return files, machine, Scene(true, occasions(plan.protocol, files))
 
 
 def _refit(machine: Machine, plan: Plan, files: tuple[Take, ...]) -> Refit:

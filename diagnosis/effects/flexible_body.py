@@ -1,6 +1,6 @@
 """A body that bends in a mode of its own: a gate proves it, a fit finds how.
 
-Frequency and damping are those with the body's rigid motion held (``mbmodel.bending``). A mode
+Frequency and damping are those of the free body (``mbmodel.bending``). A mode
 whose peak lies above the band is seen as a compliance alone: its frequency is not stated.
 """
 

@@ -2,11 +2,9 @@
 
 from itertools import groupby
 
-import numpy as np
-
 from diagnosis.hypothesis import Scene
 from identification.words import Dof, distinct, is_hammer, node_of
-from mbmodel import Machine
+from mbmodel import Machine, parents_of
 
 
 def names_of(scene: Scene) -> set[str]:
@@ -48,22 +46,3 @@ def joined(machine: Machine, lower: str, upper: str) -> bool:
     """Whether a joint joins two bodies."""
     parents = parents_of(machine)
     return parents.get(upper) == lower or parents.get(lower) == upper
-
-
-def parents_of(machine: Machine) -> dict[str, str | None]:
-    """The body that each body stands on; None for the ground.
-
-    A body moves with all coordinates of those below it: its parent is the one with most of them.
-    """
-    bodies = machine.layout.bodies
-    moving = [
-        frozenset(np.flatnonzero(machine.jacobian[6 * k : 6 * k + 6].any(axis=0)).tolist())
-        for k in range(len(bodies))
-    ]
-    found: dict[str, str | None] = {}
-    for body, own in zip(bodies, moving, strict=True):
-        below = [
-            (len(other), name) for name, other in zip(bodies, moving, strict=True) if other < own
-        ]
-        found[body] = max(below)[1] if below else None
-    return found

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.effects.points import joined, parents_of
+from diagnosis.effects.points import joined
 from diagnosis.hypothesis import together
 from diagnosis.refit import posed
 from identification.words import Condition, Dof
-from mbmodel import Held, Situation, rotation_matrix
+from mbmodel import Held, Situation, parents_of, rotation_matrix
 from tests.helpers.drawn import drawn
 from tuning import open_session
 
