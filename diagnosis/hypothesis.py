@@ -64,8 +64,8 @@ class Hypothesis:
         release: tolerances without prior and bounds.
         parts: what is added.
         begin: values at which parameters begin, by name.
-        otherwise: values at which Parts begin where the score sees nothing in them: what is far
-            from the drawing may look wrong from there.
+        otherwise: other values at which parameters may begin, by name: what is far from the
+            drawing may look wrong from there.
         correct: makes the measurement what it would be without the fault; None for no change.
         reform: makes the machine one that has coordinates for it; None for no change.
         scored: coordinates that are scored; all if empty. Others shape what these add.
@@ -83,7 +83,7 @@ class Hypothesis:
     release: tuple[str, ...] = ()
     parts: tuple[Part, ...] = ()
     begin: Mapping[str, float] = field(default_factory=dict)
-    otherwise: Mapping[str, float] = field(default_factory=dict)
+    otherwise: tuple[Mapping[str, float], ...] = ()
     correct: Callable[[Campaign], Campaign] | None = None
     reform: Callable[[Machine], Machine] | None = None
     scored: tuple[str, ...] = ()

@@ -1,6 +1,6 @@
 """The search for what explains a gap: scores of all, refits of the most promising."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -83,20 +83,20 @@ def search(
     far = _Screen(scene, first, FIRST, [scored, *finer], say)
     close = _Screen(scene, nothing, CLOSE, [finer[0]], say)
     promising = far.best()
-    ended: dict[tuple[str, ...], Refit] = {}
+    ended: dict[Hypothesis | None, Refit] = {}
     refits: list[Refit] = []
     for turn, enough in enumerate((_CLEAR, _LITTLE, 1.0)[:turns]):
         if turn == 1:
             close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
-            blind = _blind([*scored, *finer[0]], pushing)
-            close.try_all([*blind, *close.best(places)][:_THERE])
+            elsewhere = _elsewhere([*scored, *finer[0]], pushing, _drawn(scene))
+            close.try_all([*close.best(places)[:_THERE], *elsewhere])
         else:
             far.try_all(promising[:REFITTED] if not turn else promising[REFITTED:])
         for made in (*far.leading(), *close.leading()):
-            if made.coordinates not in ended:
-                ended[made.coordinates] = go_on(scene, made, LAST)
+            if made.hypothesis not in ended:
+                ended[made.hypothesis] = go_on(scene, made, LAST)
         refits = _patient(scene, nothing, _one_each(list(ended.values())))
-        ended |= {one.coordinates: one for one in refits}
+        ended |= {one.hypothesis: one for one in refits}
         left = refits[0].chi_square - 1 if refits else np.inf
         # Where no free force explains anything, nothing of the machine will.
         if not places or left < enough * (nothing.chi_square - 1) + _EXACT:
@@ -107,14 +107,29 @@ def search(
     return Search(tuple(scored), rows, pushed, begun, tuple(refits))
 
 
-def _blind(scored: Sequence[Score], pushing: set[tuple[str, str | None]]) -> list[Hypothesis]:
-    """Where forces push most, what the score sees nothing in, but may begin elsewhere."""
-    found = {}
-    for score in scored:
-        one = score.hypothesis
-        if one.otherwise and score.gain <= 0 and (one.location, one.dof) in pushing:
-            found[one.key] = replace(one, begin=one.otherwise)
-    return list(found.values())
+def _drawn(scene: Scene) -> dict[str, float]:
+    """What varies, as drawn: by name."""
+    varies = set(scene.session.freedom.names)
+    drawn = zip(scene.model.parameters, scene.model.drawn.tolist(), strict=True)
+    return {one.name: value for one, value in drawn if one.name in varies}
+
+
+def _elsewhere(
+    scored: Sequence[Score], pushing: set[tuple[str, str | None]], drawn: Mapping[str, float]
+) -> list[Hypothesis]:
+    """Where forces push most, what may begin elsewhere, from there.
+
+    All else begins as drawn: a fit without a strong effect has made springs a hundred times as
+    stiff. What concerns one direction does so if the score sees nothing in it.
+    """
+    places = {place for place, _ in pushing}
+    best = {score.hypothesis.key: score for score in reversed(scored)}
+    found = []
+    for one, gain in ((score.hypothesis, score.gain) for score in best.values()):
+        there = one.location in places if one.dof is None else (one.location, one.dof) in pushing
+        if there and (one.dof is None or gain <= 0):
+            found += [replace(one, begin={**drawn, **other}) for other in one.otherwise]
+    return found
 
 
 @dataclass

@@ -36,7 +36,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             parts=(way.part,),
             scored=(way.names[0],),
             signed=True,
-            otherwise={way.names[0]: way.compliance(_usual(scene, held))},
+            otherwise=({way.names[0]: way.compliance(_usual(scene, held))},),
             state=way.state,
         )
 

@@ -13,9 +13,11 @@ shrunk by g for the horizontal ones, and one that has lost theta takes
 
 from the joint; dampers stand no farther out than their hinges allow. Stiffness and damping are the
 joint's own, fitted with what is lost: of a loss of nine tenths no fit without it tells the levers.
+Nor does one from no loss at all find that two of four are gone: a fit may begin with those as well.
 """
 
 from collections.abc import Iterator, Mapping
+from itertools import combinations
 
 import numpy as np
 
@@ -26,6 +28,7 @@ from mbmodel import AddedPart, Change, Parameter, by_joints
 
 _CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 _ALONG = 1 - 1e-6  # cosine with a world axis
+_GONE = 0.8  # of what a support carries, where a fit begins with two that carry little
 _TINY = 1e-30  # complex step, of each parameter's size
 
 
@@ -43,6 +46,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 follow=stand.follow,
                 signed=True,
                 at_most=1.0,
+                otherwise=tuple(dict.fromkeys(two, _GONE) for two in combinations(stand.lost, 2)),
                 state=stand.state,
             )
 

@@ -196,9 +196,13 @@ def quarter_turns() -> tuple[Real, ...]:
 
 
 def mount(freq_hz: Real, frequency: float, damping: float) -> Complex:
-    """Reading per motion of a sensor on a spring: w0^2 / (w0^2 - w^2 + 2 i z w w0); (n_freq,)."""
+    """Reading per motion of a sensor on a spring and a damper: its transmissibility; (n_freq,).
+
+    (1 + 2 i z r) / (1 - r^2 + 2 i z r), r = f / f0: both carry it, so that both drive it.
+    """
     ratio = freq_hz / frequency
-    return np.asarray(1 / (1 - ratio**2 + 2j * damping * ratio), complex)
+    carried = 1 + 2j * damping * ratio
+    return np.asarray(carried / (carried - ratio**2), complex)
 
 
 def delayed(freq_hz: Real, delay: float) -> Complex:

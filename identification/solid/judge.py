@@ -16,6 +16,7 @@ _STEPS = 8
 _EVALUATIONS = 50
 _REACH = ((-1.0, 1.0), (-2.5, 2.0))  # logarithms, about the best of a coarse scan
 _INEXACT = 1e-3  # nats a value that decide as little as one: no body is so rigid, no noise so known
+_LAW = 2e-3  # of what faults have explained, likewise: no law of a fault is so exact
 _EVERY = 250  # lines of an evaluation while parameters of a reading are refined
 
 
@@ -62,8 +63,17 @@ class Ranking:
         return next(k for k, one in enumerate(self.judged) if one.hypothesis is None)
 
 
-def rank(state: State, tolerance: Tolerance, done: frozenset[Key]) -> Ranking:
-    """Judge a believed body against everything that may be wrong with it beside ``done``."""
+def rank(
+    state: State, tolerance: Tolerance, done: frozenset[Key], before: float | None = None
+) -> Ranking:
+    """Judge a believed body against everything that may be wrong with it beside ``done``.
+
+    Args:
+        state: what is believed.
+        tolerance: of the drawings.
+        done: what has been taken out.
+        before: the data's part before that; None if nothing has.
+    """
     look = Look.at(state, tolerance)
     judged = [_judge(None, state, look)]
     for found in promising(look, done):
@@ -78,6 +88,8 @@ def rank(state: State, tolerance: Tolerance, done: frozenset[Key]) -> Ranking:
             judged.append(_judge(one, found.state, look))
     miss = min(one.data for one in judged) / look.scale / look.values
     temper = look.scale * (1.0 + max(0.0, miss)) + _INEXACT * look.values
+    if before is not None:
+        temper += _LAW * max(before - next(one.data for one in judged if one.hypothesis is None), 0)
     nats = np.array([one.data / temper + one.cost for one in judged])
     order = np.argsort(nats, kind="stable")
     nats = nats[order] - nats.min()

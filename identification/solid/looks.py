@@ -23,6 +23,7 @@ from identification.words import Real, Tolerance
 HIGHEST_NOISE = 1.5
 _QUIET = 60.0  # nats of prior and of misfit up to which one step from the healthy fit is enough
 _FIRST_STEPS = 4
+_RELEASED_STEPS = 30
 _SHAPE_NATS = 2.0  # for each direction that a shape may take
 _FEW = 10
 _SCANS = 2
@@ -221,9 +222,10 @@ def _look_at(one: Hypothesis, look: Look) -> list[Found]:
         states = [states[k] for k in np.argsort(starts)[:2]] + states[:1]
     found = []
     for tried in states:
-        fitted = fit(tried.model, total, start=tried.start, steps=_FIRST_STEPS)
+        fitted = fit(tried.model, total, start=tried.start, steps=_RELEASED_STEPS)
         prior = fitted.prior + tried.penalty(fitted.errors, look.tolerance)
-        found.append(Found(fitted.data / look.scale + prior + one.cost, one, tried))
+        begun = replace(tried, start=fitted.errors)
+        found.append(Found(fitted.data / look.scale + prior + one.cost, one, begun))
     return [min(found, key=lambda x: x.nats)]
 
 

@@ -1,8 +1,9 @@
 """A mount's resonance from the other channels: they tell what a channel should have read.
 
 With x from all other channels and their errors, a channel on a mount reads y = h R x with
-h = w0^2 / (w0^2 - w^2 + 2 i z w w0), so that y (a f^2 - i b f) = y - R x is linear in a = 1 / f0^2
-and b = 2 z / f0. A coarse scan can miss a resonance in the band; this does not.
+h = (1 + i b f) / (1 + i b f - a f^2), a = 1 / f0^2, b = 2 z / f0, so that
+y a f^2 - i b f (y - R x) = y - R x is linear in a and b. A coarse scan can miss a resonance in the
+band; this does not.
 """
 
 import numpy as np
@@ -30,8 +31,9 @@ def mount_of(state: State, left_out: Shape, channel: int) -> tuple[float, float]
             white = state.data.white[column] / state.reading
             motion = white @ project(rows, mask).inverse[:6].T
             read = white[:, channel]
-            known.append(np.column_stack([read * freq**2, -1j * read * freq]))
-            wanted.append(read - motion @ rows[channel, :6])
+            beyond = read - motion @ rows[channel, :6]
+            known.append(np.column_stack([read * freq**2, -1j * beyond * freq]))
+            wanted.append(beyond)
     if not known:
         return None
     table, right = np.vstack(known), np.concatenate(wanted)

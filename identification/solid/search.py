@@ -97,7 +97,8 @@ def search(data: BodyData, tolerance: Tolerance) -> Search:
     rankings: list[Ranking] = []
     done: set[Key] = set()
     while True:
-        ranking = rank(state, tolerance, frozenset(done))
+        before = rankings[0].judged[rankings[0].none].data if rankings else None
+        ranking = rank(state, tolerance, frozenset(done), before)
         rankings.append(ranking)
         best, none = ranking.judged[0], ranking.judged[ranking.none]
         found = bool(ranking.probability[ranking.none] < _DOUBT)

@@ -9,7 +9,7 @@ import pytest
 from diagnosis import Scene, diagnose, verdict_of
 from diagnosis.effects import missing_dof
 from diagnosis.score import Score
-from diagnosis.search import _blind
+from diagnosis.search import _elsewhere
 from mbmodel import Held, loosened
 from tests.helpers.drawn import drawn
 
@@ -60,11 +60,11 @@ def test_a_direction_that_gives_way_by_far_is_found_though_its_slope_shows_nothi
     _, held = loosened(session.model.machine, float(session.campaign.freq_hz.max()))
     assert held == ()  # all six directions have springs
     rows = [Score(one, 0.0, np.zeros(1)) for one in _ways(session)]
-    (found,) = _blind(rows, {("joint:stage2", "ry")})
-    assert found.begin == found.otherwise
-    assert _blind(rows, {("joint:stage2", "rx")}) == []
+    (found,) = _elsewhere(rows, {("joint:stage2", "ry")}, {"drawn": 2.0})
+    assert found.begin == {"drawn": 2.0, **found.otherwise[0]}
+    assert _elsewhere(rows, {("joint:stage2", "rx")}, {}) == []
     sure = [replace(row, gain=5.0) for row in rows]
-    assert _blind(sure, {("joint:stage2", "ry")}) == []
+    assert _elsewhere(sure, {("joint:stage2", "ry")}, {}) == []
 
 
 def _ways(session):
@@ -73,7 +73,8 @@ def _ways(session):
     held = (Held("stage2", "ry", len(machine.coordinates) - 1, 1e8, 9e12, 1e-4),)
     (one,) = missing_dof.propose(Scene(session, session.model.drawn, held))
     name = one.coordinates[0]
-    stated = one.state({name: one.otherwise[name], name.replace("compliance", "time_constant"): 0})
+    (begun,) = one.otherwise
+    stated = one.state(begun | {name.replace("compliance", "time_constant"): 0})
     springs = [s.stiffness for s in machine.springs if s.location == "joint:stage2" and s.angular]
     assert stated["stiffness"] == pytest.approx(np.median(springs))
     return [one]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from identification_examples import random_layout, read_by_hand
@@ -223,24 +224,25 @@ def delay(rng, sensor, axis, count):
     return {"read": read}, _at(sensor, "sensor_delay")
 
 
+def _transmitted(pole, damping, f):
+    """Motion of a mass on a spring and a damper per motion of what they stand on."""
+    ratio = f / pole
+    return (1 + 2j * damping * ratio) / (1 - ratio**2 + 2j * damping * ratio)
+
+
 def mount(rng, sensor, axis, count):
     pole, damping = rng.uniform(300, 600), rng.uniform(0.01, 0.05)
 
-    def reading(f):
-        return 1 / (1 - (f / pole) ** 2 + 2j * damping * f / pole)
-
     channels = [3 * sensor, 3 * sensor + 1, 3 * sensor + 2]
+    reading = partial(_transmitted, pole, damping)
     return {"read": _read(channels, reading)}, _at(sensor, "mount_resonance")
 
 
 def mount_in_band(rng, sensor, axis, count):
     pole, damping = rng.uniform(110, 190), rng.uniform(0.02, 0.08)
 
-    def reading(f):
-        return 1 / (1 - (f / pole) ** 2 + 2j * damping * f / pole)
-
     truth = _at(sensor, "mount_resonance", _axis(axis))
-    return {"read": _read([3 * sensor + axis], reading)}, truth
+    return {"read": _read([3 * sensor + axis], partial(_transmitted, pole, damping))}, truth
 
 
 def flexible_mode(rng, sensor, axis, count):
