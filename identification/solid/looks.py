@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.solid.fit import Fitted, Moments, fit
+from identification.solid.fit import Fitted, Moments, fit, project
 from identification.solid.flexible import (
     Shape,
     amplitude_gain,
@@ -23,7 +23,7 @@ from identification.words import Real, Tolerance
 HIGHEST_NOISE = 1.5
 _QUIET = 60.0  # nats of prior and of misfit up to which one step from the healthy fit is enough
 _FIRST_STEPS = 4
-_RELEASED_STEPS = 30
+_RANK = 1e-6  # of the largest: what no motion shows of a place
 _SHAPE_NATS = 2.0  # for each direction that a shape may take
 _FEW = 10
 _SCANS = 2
@@ -217,16 +217,43 @@ def _look_at(one: Hypothesis, look: Look) -> list[Found]:
         return [Found(nats, one, replace(tried, start=look.healthy.errors))]
     states = one.states(look.state)
     total = Moments.of(states[0].data, states[0].reading, blocks=1)
-    if len(states) > 2:
+    if one.effect == "sensor_position":
+        states += [replace(states[0], start=_displaced(one, states[0], total))]
+    elif len(states) > 2:
         starts = [tried.model.data(total, tried.start) for tried in states]
         states = [states[k] for k in np.argsort(starts)[:2]] + states[:1]
     found = []
     for tried in states:
-        fitted = fit(tried.model, total, start=tried.start, steps=_RELEASED_STEPS)
+        fitted = fit(tried.model, total, start=tried.start, steps=_FIRST_STEPS)
         prior = fitted.prior + tried.penalty(fitted.errors, look.tolerance)
         begun = replace(tried, start=fitted.errors)
         found.append(Found(fitted.data / look.scale + prior + one.cost, one, begun))
     return [min(found, key=lambda x: x.nats)]
+
+
+def _displaced(one: Hypothesis, state: State, total: Moments) -> Real:
+    """Errors with one sensor where the others tell that it is, by least squares; (n_error,).
+
+    A far place is many steps away from the drawn one, and other errors follow on the way. But
+    readings are linear in it: with the motion x = W z by all other channels, those of this sensor
+    are rows x + sum_j d_j slope_j x, with offsets d_j.
+    """
+    model, start = state.model, state.start.copy()
+    errors = list(one.channels)
+    start[errors] = 0.0
+    rows = model.rows(start) * model.scale[:, None]
+    slopes = model.sensors.slopes(start)[errors] * model.scale[:, None]
+    own = slopes.any(axis=(0, 2))
+    square, linear = np.zeros((3, 3)), np.zeros(3)
+    for mask, gram, noise in zip(total.mask, total.gram, total.noise, strict=True):
+        clean = gram.sum(axis=0) - np.diag(noise.sum(axis=0))
+        others = project(rows, mask & ~own).inverse[:6]
+        read = np.eye(len(mask))[own] - rows[own, :6] @ others
+        by = slopes[:, own] @ others
+        square += np.einsum("jcp,pq,lcq->jl", by, clean, by)
+        linear += np.einsum("cp,pq,jcq->j", read, clean, by)
+    start[errors] = np.linalg.lstsq(square, linear, rcond=_RANK)[0]
+    return start
 
 
 def _look_at_shape(one: Hypothesis, look: Look) -> Found:
