@@ -113,24 +113,34 @@ class Known:
     def intervals(self, one: Hypothesis) -> dict[str, Ends]:
         """Of a hypothesis' parameters, 95 %; none of those that were not fitted.
 
-        What is stated follows its coordinates to first order.
+        With C the covariance of the coordinates x and g the slope of a stated number y, its ends
+        are y(x +- q C g / sqrt(g' C g)): of y linear in x those are y +- q sqrt(g' C g), of the
+        exponential of a coordinate those of its logarithm.
         """
         varies, sure, x = self.freedom, self.sure, self.sure.x
         middle = self.stated(one)
         flat = _flat(middle)
         read = _Read(_named(varies, self.theta))
         one.state(read)
-        names = read.names
-        own = [k for k, name in enumerate(varies.names) if name in names]
+        own = [k for k, name in enumerate(varies.names) if name in read.names]
+        covariance = sure.covariance[np.ix_(own, own)]
+
+        def moved(by: Real) -> Real:
+            change = np.zeros(len(x))
+            change[own] = by
+            stated = middle | one.state(_named(varies, varies.theta(x + change)))
+            return _flat({name: stated[name] for name in middle})
+
         slopes = np.zeros((len(flat), len(own)))
-        for place, k in enumerate(own):
-            step = 0.1 * sure.deviation[k] * (np.arange(len(x)) == k)
-            moved = middle | one.state(_named(varies, varies.theta(x + step)))
-            slopes[:, place] = (_flat({name: moved[name] for name in middle}) - flat) / step[k]
-        spread = QUANTILE * np.sqrt(
-            np.einsum("ij,jk,ik->i", slopes, sure.covariance[np.ix_(own, own)], slopes)
-        )
-        return _paired(middle, flat - spread, flat + spread)
+        for place, step in enumerate(0.1 * sure.deviation[own]):
+            slopes[:, place] = (moved(step * (np.arange(len(own)) == place)) - flat) / step
+        ends = np.tile(flat, (3, 1))
+        for place, slope in enumerate(slopes):
+            spread = np.sqrt(slope @ covariance @ slope)
+            if spread > 0:
+                farthest = QUANTILE * (covariance @ slope) / spread
+                ends[1:, place] = moved(-farthest)[place], moved(farthest)[place]
+        return _paired(middle, ends.min(axis=0), ends.max(axis=0))
 
 
 class _Read(dict[str, float]):

@@ -57,7 +57,8 @@ class _Stand:
     def __init__(self, scene: Scene, stage: str, springs: tuple[str, ...]) -> None:
         machine = scene.model.machine
         directions = {spring.name: spring.direction for spring in machine.springs}
-        self._frame = np.array([directions[name] for name in springs]).T
+        along = {axle.joint: np.sign(axle.axis.sum()) for axle in machine.axles}
+        self._frame = np.array([along[name] * directions[name] for name in springs]).T
         self._machine, self._stage = machine, stage
         self.lost = tuple(f"{stage}.lost{number}" for number in range(4))
         # Those that are tuned follow the joint's, the others stay.
@@ -128,7 +129,7 @@ def _six(scene: Scene, stage: str) -> tuple[str, ...] | None:
     for name in springs:
         axle = axles[name]
         axis = int(np.abs(axle.axis).argmax())
-        if axle.axis[axis] > _ALONG:
+        if abs(axle.axis[axis]) > _ALONG:
             places[axis + 3 * axle.turns] = name
     anchors = np.array([axle.anchor for axle in axles.values() if axle.turns])
     if len(places) != 6 or np.ptp(anchors, axis=0).max() > 1e-9:

@@ -12,8 +12,8 @@ from diagnosis.effects.points import joined
 from diagnosis.hypothesis import together
 from diagnosis.refit import posed
 from identification.words import Condition, Dof
-from mbmodel import Held, Situation, parents_of, rotation_matrix
-from tests.helpers.drawn import drawn
+from mbmodel import Held, Model, Situation, parents_of, rotation_matrix
+from tests.helpers.drawn import drawn, line_by_line
 from tuning import open_session
 
 LAPLACE = 2j * np.pi * np.array([4.0, 23.0, 57.0, 140.0])
@@ -174,6 +174,34 @@ def test_a_slide_without_stiffness_couples_nothing(tmp_path):
     ]
     for one in made.values():
         posed(scene, one, session.campaign)
+
+
+def test_supports_of_a_joint_drawn_along_minus_x_lose_the_same(tmp_path):
+    folder = tmp_path / "campaign"
+    drawn(tmp_path, 72_001, lines=61)
+    answers, lost = [], np.array([0.7, 0.2, 0.0, 0.4])
+    for turned in (False, True):
+        if turned:
+            text = (folder / "model.xml").read_text()
+            for joint in ("stage2_tx", "stage2_ry"):
+                at = text.index(f'name="{joint}"')
+                text = text[:at] + re.sub(
+                    r'axis="([^"]*)"', lambda found: minus(found[1]), text[at:], count=1
+                )
+            (folder / "model.xml").write_text(text)
+        session = open_session(folder)
+        scene = Scene(session, session.model.drawn)
+        one = next(o for o in EFFECTS["support_loss"](scene) if o.location == "joint:stage2")
+        model = Model(session.model.machine, (*session.model.parts, *one.parts))
+        theta = model.drawn.copy()
+        names = [parameter.name for parameter in model.parameters]
+        theta[[names.index(name) for name in one.coordinates]] = lost
+        answers.append(line_by_line(model, theta, session.campaign))
+    np.testing.assert_allclose(answers[1], answers[0], atol=1e-9 * np.abs(answers[0]).max())
+
+
+def minus(axis: str) -> str:
+    return 'axis="{} {} {}"'.format(*(-float(x) for x in axis.split()))
 
 
 def test_a_hit_turned_about_itself_stays_within_tolerance(scene):

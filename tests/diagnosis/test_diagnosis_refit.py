@@ -7,6 +7,7 @@ import pytest
 
 from diagnosis import EFFECTS, Scene
 from diagnosis.corrections import doubted
+from diagnosis.hypothesis import Hypothesis
 from diagnosis.refit import FIRST, LAST, LONG, go_on, known, posed, refit
 from diagnosis.score import cosines, scores
 from tests.helpers.drawn import drawn
@@ -80,6 +81,27 @@ def test_intervals_hold_the_truth_and_the_gap_closes(scene):
     deviation = np.sqrt(np.diag(covariance))
     assert (np.abs(covariance @ gradient)[own] < 0.3 * deviation[own]).all()
     assert (high - low) / 2 == pytest.approx(1.959964 * 0.01 * deviation[own], rel=1e-6)
+
+
+def test_ends_of_a_positive_number_are_those_of_its_logarithm(scene):
+    scene, _, _ = scene
+    found = refit(scene, None, scene.session.campaign, FIRST)
+    worth = known(found, found.fit.theta, 16)
+    name = next(n for n in worth.freedom.names if n.endswith(".damping"))
+    one = Hypothesis("missing_dof", "joint:a", state=lambda at: {"damping": at[name]})
+    place = worth.freedom.names.index(name)
+    width = 1.959964 * worth.sure.deviation[place]
+    (low, high), middle = worth.intervals(one)["damping"], worth.stated(one)["damping"]
+    logarithm = varied(worth.freedom, worth.sure.x, place, width)[name]
+    assert high == pytest.approx(logarithm, rel=1e-6)
+    assert 0 < low < middle < high
+    assert middle / low == pytest.approx(high / middle, rel=1e-6)
+
+
+def varied(varies, x, place, by):
+    """Parameters with one coordinate elsewhere."""
+    theta = varies.theta(x + by * (np.arange(len(x)) == place))
+    return dict(zip((p.name for p in varies.parameters), theta, strict=True))
 
 
 def test_what_was_found_does_not_depend_on_the_bounds_of_tolerances(scene):
