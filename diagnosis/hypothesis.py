@@ -71,7 +71,7 @@ class Hypothesis:
         scored: coordinates that are scored; all if empty. Others shape what these add.
         follow: parameters of Parts that have the value of a parameter of the model, by name.
         signed: whether those are sizes, none of which is less than zero.
-        at_most: upper bound of sizes.
+        bounds: lowest and highest value of parameters of Parts, by name.
         is_held: whether its Parts, or the corrected measurement, hold all of it.
         members: of several at once, each; empty of a single one.
         state: parameters of the verdict from the fitted ones, by name.
@@ -89,7 +89,7 @@ class Hypothesis:
     scored: tuple[str, ...] = ()
     follow: Mapping[str, str] = field(default_factory=dict)
     signed: bool = False
-    at_most: float = np.inf
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     is_held: bool = True
     members: tuple["Hypothesis", ...] = ()
     state: Callable[[Mapping[str, float]], dict[str, Value]] = unsaid
@@ -203,9 +203,12 @@ def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> F
     for k, parameter in enumerate(free.parameters):
         if parameter.name in one.begin and free.member[k] < 0:  # a user has fixed it: as was found
             fixed[k] = one.begin[parameter.name]
-    lower, upper = free.lower, free.upper
+    lower, upper = free.lower.copy(), free.upper.copy()
     for each in one.members or (one,):
         if each.signed:
             sizes = np.isin(np.array(free.names), each.coordinates)
-            lower, upper = np.where(sizes, 0.0, lower), np.where(sizes, each.at_most, upper)
+            lower = np.where(sizes, 0.0, lower)
+        for k, name in enumerate(free.names):
+            if name in each.bounds:
+                lower[k], upper[k] = each.bounds[name]
     return replace(free, fixed=fixed, lower=lower, upper=upper)

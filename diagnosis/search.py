@@ -24,6 +24,7 @@ _SURE = 10.0  # nats: of a free force that is there
 _EXACT = 0.01  # of chi square, that a refit may leave by chance
 _CLEAR = 0.02  # of the gap: who leaves less explains it
 _LITTLE = 0.1  # beyond, more are tried
+Direction = tuple[str, str | None]  # a place, and along or about which axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +74,7 @@ def search(
     say("free forces at every place")
     pushed = pushes(scene, nothing.fit)
     places = [one.location for one in pushed[:_PLACES] if one.gain > _SURE]
-    pushing = {(one.location, one.dof) for one in pushed[:_PLACES]}
+    pushing = [(one.location, one.dof) for one in pushed[:_PLACES] if one.gain > _SURE]
     some = _variants(scored)
     there = [one for one in asked if one.location in places and one not in some]
     finer = [
@@ -89,7 +90,7 @@ def search(
         if turn == 1:
             close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
             elsewhere = _elsewhere([*scored, *finer[0]], pushing, _drawn(scene))
-            close.try_all([*close.best(places)[:_THERE], *elsewhere])
+            close.try_all([*close.best(pushing)[:_THERE], *elsewhere])
         else:
             far.try_all(promising[:REFITTED] if not turn else promising[REFITTED:])
         for made in (*far.leading(), *close.leading()):
@@ -115,7 +116,7 @@ def _drawn(scene: Scene) -> dict[str, float]:
 
 
 def _elsewhere(
-    scored: Sequence[Score], pushing: set[tuple[str, str | None]], drawn: Mapping[str, float]
+    scored: Sequence[Score], pushing: Sequence[Direction], drawn: Mapping[str, float]
 ) -> list[Hypothesis]:
     """Where forces push most, what may begin elsewhere, from there.
 
@@ -152,28 +153,30 @@ class _Screen:
     say: Callable[[str], None]
     begun: list[Refit] = field(default_factory=list)
 
-    def best(self, places: Sequence[str] | None = None) -> list[Hypothesis]:
+    def best(self, pushing: Sequence[Direction] = ()) -> list[Hypothesis]:
         """The best of each effect and place, taken in turn from the rounds of scores.
 
         Args:
-            places: where; if given, effects are worth a try there whatever their scores.
+            pushing: places, each with a direction; if given, effects are worth a try there
+                whatever their scores, those of one direction in that one as well.
         """
         orders = []
         for scored in self.rounds:
-            least = _PROMISING * scored[0].gain if scored and places is None else 0.0
+            least = _PROMISING * scored[0].gain if scored and not pushing else 0.0
             orders.append([score for score in _best(scored).values() if score.gain > least])
-        if places is not None:
+        if pushing:
+            along = [_best(_along(scored, pushing)) for scored in self.rounds]
             orders = [
                 [score for score in order if score.hypothesis.location == place]
-                for place in places
-                for order in orders
+                for place, _ in pushing
+                for order in (*orders, *(list(one.values()) for one in along))
             ]
-        found: dict[tuple[str, str], Hypothesis] = {}
+        found: dict[Key, Hypothesis] = {}
         for number in range(2 * REFITTED):
             for order in orders:
                 if number < len(order) and len(found) < 2 * REFITTED:
                     one = order[number].hypothesis
-                    found.setdefault((one.effect, one.location), one)
+                    found.setdefault(one.key, one)
         return list(found.values())
 
     def try_all(self, several: Sequence[Hypothesis]) -> None:
@@ -235,6 +238,15 @@ def _variants(scored: Sequence[Score]) -> list[Hypothesis]:
         if len(own) < _VARIANTS:
             own.append(score.hypothesis)
     return [one for own in found.values() for one in own]
+
+
+def _along(scored: Sequence[Score], pushing: Sequence[Direction]) -> list[Score]:
+    """Those of one direction, along which a force pushes there."""
+    return [
+        score
+        for score in scored
+        if (score.hypothesis.location, score.hypothesis.dof) in pushing and score.gain > 0
+    ]
 
 
 def _best(scored: Sequence[Score]) -> dict[tuple[str, str], Score]:

@@ -32,7 +32,6 @@ from mbmodel.parts import AddedPart, Change, Parameter
 from mbmodel.widened import widened, with_body
 
 _STEPS = 0.05, 0.5  # of the logarithms of frequency and damping per unit of theirs
-_FARTHEST = 20.0  # steps
 _SHAPE = 0.1  # per unit of the shape's parameters; of rotations for each metre of the body
 _DAMPING = 0.01
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
@@ -101,8 +100,8 @@ class Bending:
 
     def at(self, theta: Real) -> tuple[float, float]:
         """Frequency [Hz] and damping ratio."""
-        steps = np.clip(theta[:2], -_FARTHEST, _FARTHEST) * _STEPS
-        return self.frequency * float(np.exp(steps[0])), _DAMPING * float(np.exp(steps[1]))
+        frequency, damping = np.exp(theta[:2] * _STEPS).tolist()
+        return self.frequency * frequency, _DAMPING * damping
 
     def begin(self, shape: Mapping[str, float]) -> dict[str, float]:
         """Parameters of a shape, by site and axis such as ``acc4_x``."""

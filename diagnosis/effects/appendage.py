@@ -19,10 +19,10 @@ from identification.words import Complex, Real
 from mbmodel import AddedPart, Addition, Change, Machine, Parameter, hung, transport
 
 _SCANNED, _DAMPING = 80, 0.03  # in steps of 5 %, less than a resonance is wide
-_LOWEST = 1 / 40  # of the highest line: below, it holds on to nothing
+_LOWEST, _HIGHEST = 1 / 40, 1.2  # of the highest line: it holds on to nothing, it is a mass
 _UNIT = 0.01  # of the body's mass per unit of the parameters
 _STEPS = 0.05, 0.5  # of the logarithms of frequency and damping per unit of theirs
-_FARTHEST = 20.0  # steps
+_DAMPINGS = 1e-3, 1.0  # beyond, nothing resonates: it is a mass, or nothing
 _SLIGHT = 0.02  # of the largest mass: what moves along no other axis to speak of
 _ARM = 0.1  # m per unit of the place's parameters
 Shape = Callable[[Complex], Complex]
@@ -35,11 +35,12 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     bodies = machine.layout.bodies
     band = scene.session.campaign.freq_hz
     lowest = max(float(band[band > 0].min()), _LOWEST * float(band[-1]))
+    highest = _HIGHEST * float(band[-1])
     for number, body in enumerate(bodies):
         unit = _UNIT * float(machine.body_mass[6 * number, 6 * number])
         frame = np.zeros((6 * len(bodies), 6))
         frame[6 * number : 6 * number + 6] = np.eye(6)
-        for at, frequency in enumerate(np.geomspace(lowest, 1.2 * float(band[-1]), _SCANNED)):
+        for at, frequency in enumerate(np.geomspace(lowest, highest, _SCANNED)):
             one = _Appendage(
                 f"{body}.appendage{at}",
                 frame,
@@ -53,6 +54,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 parts=(one.part(f"body:{body}"),),
                 scored=one.masses,
                 signed=True,
+                bounds=one.bounds(lowest, highest),
                 state=one.state,
             )
 
@@ -81,9 +83,15 @@ class _Appendage:
         return AddedPart(location, parameters, self.finite, self.derivatives, written=self.written)
 
     def _at(self, theta: Real) -> tuple[float, float]:
-        steps = np.clip(theta[3:5], -_FARTHEST, _FARTHEST)
-        omega = 2 * np.pi * self.frequency * float(np.exp(_STEPS[0] * steps[0]))
-        return omega, _DAMPING * float(np.exp(_STEPS[1] * steps[1]))
+        omega = 2 * np.pi * self.frequency * float(np.exp(_STEPS[0] * theta[3]))
+        return omega, _DAMPING * float(np.exp(_STEPS[1] * theta[4]))
+
+    def bounds(self, lowest: float, highest: float) -> dict[str, tuple[float, float]]:
+        """Where its parameters of frequency and damping end, for a range of frequencies [Hz]."""
+        ends = np.array([[lowest, highest], _DAMPINGS])
+        begun = np.array([[self.frequency], [_DAMPING]])
+        steps = np.log(ends / begun) / np.array(_STEPS)[:, None]
+        return {name: (low, high) for name, (low, high) in zip(self.tuned, steps, strict=True)}
 
     def _change(self, core: Real, shape: Shape) -> Change:
         whole = np.zeros((*core.shape[:-2], 3, 6, 6))

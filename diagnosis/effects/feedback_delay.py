@@ -20,7 +20,7 @@ from identification.words import Real
 from mbmodel import AddedPart, Change, Parameter
 
 _TURN, _SCANNED = 0.6, 8  # rad at the highest line; so many times that
-_MOST = 90.0  # times the joint's damping
+_MOST = 90.0  # times the joint's drawn damping
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -29,6 +29,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     tuned = {parameter.name for parameter in scene.model.parameters}
     varies = names_of(scene)
     directions = {spring.name: spring.direction for spring in machine.springs}
+    drawn = {spring.name: spring.damping for spring in machine.springs}
     unit = _TURN / (2 * np.pi * float(scene.session.campaign.freq_hz[-1]))
     for stage in jointed(machine):
         for spring in springs_of(machine, stage):
@@ -39,7 +40,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             for number in range(1, _SCANNED + 1):
                 tau = number * unit
                 damping = f"{spring}.damping"
-                if damping in varies and k * tau > _MOST * c:
+                if damping in varies and c + k * tau > _MOST * drawn[spring]:
                     break  # the damper that makes up for it is beyond its bound
                 loop = _Loop(f"{spring}.delayed{number}", directions[spring][:, None], tau, k)
                 yield Hypothesis(

@@ -16,6 +16,7 @@ from identification.words import Campaign
 from mbmodel import Bending, Machine, with_bending
 from tuning import Session
 
+_FARTHEST = 20.0  # units of the logarithms of frequency and damping
 _SHOWN = 0.5  # what the sensor that moves most begins with, per unit of the mode's coordinate
 
 
@@ -62,6 +63,7 @@ def bent(
         base,
         parts=(part.part(),),
         begin=part.begin(begin),
+        bounds=dict.fromkeys(part.names[:2], (-_FARTHEST, _FARTHEST)),
         reform=reformed,
         is_held=True,
         state=partial(_stated, part, float(session.campaign.freq_hz[-1])),

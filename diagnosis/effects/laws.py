@@ -36,7 +36,12 @@ class Timed:
 
     def at(self, theta: float) -> float:
         """Tau [s]."""
-        return self.tau * float(np.exp(np.clip(self.step * theta, -_FARTHEST, _FARTHEST)))
+        return self.tau * float(np.exp(self.step * theta))
+
+    @property
+    def farthest(self) -> float:
+        """The parameter, where it ends."""
+        return _FARTHEST / self.step
 
 
 def constant(laplace: Complex) -> Complex:
@@ -108,8 +113,14 @@ class Law:
                 scored=(self.size,),
                 follow=self.follow,
                 signed=signed,
+                bounds=self._bounds,
                 state=state,
             )
+
+    @property
+    def _bounds(self) -> dict[str, tuple[float, float]]:
+        law = self._law
+        return {self.time: (-law.farthest, law.farthest)} if isinstance(law, Timed) else {}
 
     def tau(self, found: Mapping[str, float]) -> float:
         """The fitted time [s].

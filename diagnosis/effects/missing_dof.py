@@ -36,6 +36,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             parts=(way.part,),
             scored=(way.names[0],),
             signed=True,
+            bounds={way.names[1]: (-_FARTHEST, _FARTHEST)},
             otherwise=({way.names[0]: way.compliance(_usual(scene, held))},),
             state=way.state,
         )
@@ -72,9 +73,7 @@ class _Way:
 
     def _at(self, theta: Real) -> tuple[float, float]:
         stiffness = 1 / (1 / self.held.stiffness + max(float(theta[0]), 0.0) * self.unit)
-        return stiffness, self.held.time_constant * float(
-            np.exp(_STEP * np.clip(theta[1], -_FARTHEST, _FARTHEST))
-        )
+        return stiffness, self.held.time_constant * float(np.exp(_STEP * theta[1]))
 
     def compliance(self, stiffness: float) -> float:
         """The parameter for a stiffness."""

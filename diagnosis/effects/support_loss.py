@@ -45,7 +45,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 scored=stand.lost,
                 follow=stand.follow,
                 signed=True,
-                at_most=1.0,
+                bounds=dict.fromkeys(stand.lost, (0.0, 1.0)),
                 otherwise=tuple(dict.fromkeys(two, _GONE) for two in combinations(stand.lost, 2)),
                 state=stand.state,
             )
