@@ -93,6 +93,8 @@ def search(
             close.try_all([*close.best(pushing)[:_THERE], *elsewhere])
         else:
             far.try_all(promising[:REFITTED] if not turn else promising[REFITTED:])
+        if turn:
+            far.try_other_directions()
         for made in (*far.leading(), *close.leading()):
             if made.hypothesis not in ended:
                 ended[made.hypothesis] = go_on(scene, made, LAST)
@@ -189,6 +191,23 @@ class _Screen:
         tried = {made.coordinates for made in self.begun}
         own = [s.hypothesis for s in self.rounds[0] if s.hypothesis.key == best.hypothesis.key]
         for one in [one for one in own if one.coordinates not in tried][:_OTHERS]:
+            self._try(one)
+
+    def try_other_directions(self) -> None:
+        """Refit what is best in the directions, or tests, that were not tried of it.
+
+        About a fit without a strong effect another direction may score higher than its own.
+        """
+        best = min(self.begun, key=lambda made: made.cost, default=None)
+        if best is None or best.hypothesis is None:
+            return
+        site = best.hypothesis.site
+        tried = {made.key for made in self.begun}
+        others: dict[Key, Hypothesis] = {}
+        for score in (score for scored in self.rounds for score in scored):
+            if score.hypothesis.site == site and score.hypothesis.key not in tried:
+                others.setdefault(score.hypothesis.key, score.hypothesis)
+        for one in others.values():
             self._try(one)
 
     def _try(self, one: Hypothesis) -> None:
