@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 OUT ?= mbw-demo
 SEALED ?= ../shared/campaigns/sealed
 
-.PHONY: demo test check bench sealed station demo-campaign clean
+.PHONY: demo test check bench sealed station gondola demo-campaign clean
 
 demo: $(VENV)/.installed
 	$(BIN)/mbw demo --out $(OUT)
@@ -32,6 +32,10 @@ sealed: $(VENV)/.installed
 # Remakes the station's meshes, byte for byte, and what they weigh in its MJCF.
 station: $(VENV)/.installed
 	$(BIN)/python assets/microstation/make_station.py
+
+# Remakes the gondola's shapes; needs CalculiX (Debian: calculix-ccx).
+gondola: $(VENV)/.installed
+	$(BIN)/python assets/gondola/make_gondola.py
 
 # Remakes assets/demo, byte for byte, from its seed.
 demo-campaign: $(VENV)/.installed

@@ -20,7 +20,7 @@ ONLY_BEHIND = {
     "mujoco": {"mbmodel"},
     "nlopt": {"tuning/solver.py"},
     "pyuff": {"identification/uff_file.py"},
-    "meshio": {"mbmodel/meshfile.py"},
+    "meshio": {"mbmodel/meshfile.py", "identification/shapes/fe_file.py"},
     "h5py": {"identification/matlab73.py"},
     "plotly": {"mbw/page.py"},
     "typer": {"mbw", "truth"},

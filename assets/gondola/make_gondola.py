@@ -1,0 +1,51 @@
+"""Make the gondola's shapes: ``make gondola``, which needs CalculiX (Debian: ``calculix-ccx``).
+
+``shapes.vtu`` holds the modes of the drawing, free in space, normalised by mass: what a
+finite-element model knows. The points are rounded to micrometres, the shapes to six digits.
+"""
+
+import sys
+from pathlib import Path
+
+import meshio
+import numpy as np
+from panels import Build, Panels, panels_of
+from solver import Modes, modes_of
+
+HERE = Path(__file__).resolve().parent
+COUNT = 20  # modes, the six rigid ones among them: up to twice the band that was measured
+_DIGITS = 6
+
+
+def main() -> None:
+    """Solve the drawing and write its shapes."""
+    build = Build()
+    panels = panels_of(build)
+    modes = modes_of(panels, build.bending, COUNT)
+    write(HERE / "shapes.vtu", panels, modes)
+    rows = "  ".join(f"{f:.2f}" for f in modes.frequencies[6:])
+    sys.stdout.write(f"{panels.mass:.1f} kg; {rows} Hz\n")
+
+
+def write(path: Path, panels: Panels, modes: Modes) -> None:
+    """Write modes as point data, the frequency in each one's name."""
+    data = {
+        f"mode {number} ({frequency:.4f} Hz)": rounded(shape).astype(np.float32)
+        for number, (frequency, shape) in enumerate(
+            zip(modes.frequencies, modes.shapes, strict=True), start=1
+        )
+    }
+    mesh = meshio.Mesh(panels.points, [("quad8", panels.elements)], point_data=data)
+    mesh.write(path, file_format="vtu", binary=True, compression="zlib")
+
+
+def rounded(shape: np.ndarray) -> np.ndarray:
+    """To so many digits of the largest, its sign by its largest value."""
+    largest = np.abs(shape).max()
+    signed = shape * np.sign(shape.ravel()[np.abs(shape).argmax()])
+    step = 10.0 ** (np.floor(np.log10(largest)) - _DIGITS + 1)
+    return np.round(signed / step) * step
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""Modes of a mesh of shells by CalculiX (Debian: ``calculix-ccx``), free in space."""
+
+import re
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from panels import Panels, Real
+
+MODULUS, POISSON = 69e9, 0.33  # of the face sheets, AL3003-H18
+_CLASSES = 6  # digits of thickness and density that tell sections apart
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Modes of a structure, shapes normalised by its mass.
+
+    Args:
+        frequencies: (n_mode,) [Hz].
+        shapes: (n_mode, n_node, 3) [kg^-1/2].
+    """
+
+    frequencies: Real
+    shapes: Real
+
+
+def modes_of(panels: Panels, bending: float, count: int) -> Modes:
+    """So many of the lowest modes, the six rigid ones among them.
+
+    Args:
+        panels: the mesh.
+        bending: factor of the modulus.
+        count: of modes.
+
+    Raises:
+        RuntimeError: CalculiX gave none.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        job = Path(folder) / "gondola"
+        job.with_suffix(".inp").write_text(_deck(panels, bending, count), encoding="ascii")
+        done = subprocess.run(
+            ["ccx", "-i", job.name],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if not job.with_suffix(".frd").is_file() or done.returncode:
+            raise RuntimeError(f"ccx failed: {done.stdout[-2000:]}")
+        frequencies = _frequencies(job.with_suffix(".dat").read_text("ascii"))
+        shapes = _shapes(job.with_suffix(".frd").read_text("ascii"), len(panels.points))
+    return Modes(frequencies[:count], shapes[:count])
+
+
+def _deck(panels: Panels, bending: float, count: int) -> str:
+    lines = ["*NODE, NSET=ALL"]
+    lines += [f"{k + 1}, {x:.9g}, {y:.9g}, {z:.9g}" for k, (x, y, z) in enumerate(panels.points)]
+    kinds: dict[tuple[float, float], list[int]] = {}
+    for k, kind in enumerate(zip(panels.thickness, panels.density, strict=True)):
+        key = (round(float(kind[0]), _CLASSES), round(float(kind[1]), _CLASSES - 3))
+        kinds.setdefault(key, []).append(k)
+    for number, own in enumerate(kinds.values()):
+        lines.append(f"*ELEMENT, TYPE=S8R, ELSET=E{number}")
+        for k in own:
+            lines.append(", ".join(str(one) for one in (k + 1, *(panels.elements[k] + 1))))
+    for number, (thickness, density) in enumerate(kinds):
+        lines += [f"*MATERIAL, NAME=M{number}", "*ELASTIC", f"{bending * MODULUS:.9g}, {POISSON}"]
+        lines += ["*DENSITY", f"{density:.9g}"]
+        lines += [f"*SHELL SECTION, ELSET=E{number}, MATERIAL=M{number}", f"{thickness:.9g}"]
+    lines += ["*STEP", "*FREQUENCY", str(count), "*NODE FILE, OUTPUT=2D", "U", "*END STEP", ""]
+    return "\n".join(lines)
+
+
+def _frequencies(text: str) -> Real:
+    """The second of the two columns of frequencies [Hz]; rigid modes may come out imaginary."""
+    table = text.partition("E I G E N V A L U E   O U T P U T")[2]
+    table = table.partition("P A R T I C I P A T I O N")[0]
+    rows = re.findall(r"^ +\d+ +(\S+) +(\S+) +(\S+) +(\S+) *$", table, re.MULTILINE)
+    return np.array([float(row[2]) for row in rows])
+
+
+def _shapes(text: str, count: int) -> Real:
+    """Displacements of every step, nodes in their order."""
+    found = []
+    for block in text.split(" -4  DISP")[1:]:
+        shape = np.zeros((count, 3))
+        for line in block.splitlines()[1:]:
+            if line.startswith(" -3"):
+                break
+            if line.startswith(" -1"):
+                values = [float(line[13 + 12 * k : 25 + 12 * k]) for k in range(3)]
+                shape[int(line[3:13]) - 1] = values
+        found.append(shape)
+    return np.array(found)

@@ -1,0 +1,287 @@
+"""Finite-element shapes: files, shapes at sensors, what they weigh, where sensors tell most."""
+
+from itertools import combinations
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from identification.shapes import (
+    antinodes,
+    check_mass,
+    closest,
+    effective_independence,
+    read_shapes,
+    rigid_modes,
+    shapes_at,
+    telling,
+)
+from identification.shapes.shapes import Shapes
+from identification.words import InputError, UsageError
+
+GONDOLA = Path(__file__).parents[2] / "assets" / "gondola" / "shapes.vtu"
+
+
+def plate(random, count=3):
+    """A bent plate of quadrilaterals and triangles with some modes."""
+    x, y = np.meshgrid(np.linspace(0, 2, 5), np.linspace(0, 1, 4), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), 0.2 * x.ravel() ** 2])
+    corner = np.array([4 * i + j for i in range(4) for j in range(3)])
+    quads = corner[:, None] + np.array([0, 4, 5, 1])
+    cells = [("quad", quads[:-2]), ("triangle", quads[-2:][:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3))]
+    vectors = random.standard_normal((count, len(points), 3))
+    return points, cells, vectors
+
+
+def written(path, points, cells, data, **kwargs):
+    meshio.Mesh(points, cells, point_data=data).write(path, **kwargs)
+    return path
+
+
+@pytest.mark.parametrize("ending", ["vtu", "xdmf", "med"])
+@pytest.mark.parametrize("named", ["mode {0} ({1} Hz)", "u{0} f={1}", "DEPL[{0}] - {1}"])
+def test_shapes_come_out_of_a_mesh_as_they_went_in(tmp_path, ending, named):
+    points, cells, vectors = plate(np.random.default_rng(1), 11)
+    frequencies = np.round(np.linspace(95.0, 12.5, 11), 3)  # falling: they come out rising
+    data = {
+        named.format(k + 1, f): v for k, (f, v) in enumerate(zip(frequencies, vectors, strict=True))
+    }
+    shapes = read_shapes(written(tmp_path / f"plate.{ending}", points, cells, data))
+    assert len(shapes) == 11
+    np.testing.assert_allclose(shapes.frequencies, frequencies[::-1])
+    np.testing.assert_allclose(shapes.vectors, vectors[::-1], rtol=1e-6)
+    np.testing.assert_allclose(shapes.points, points, atol=1e-12)
+    assert len(shapes.triangles) == 24
+    area = np.linalg.norm(
+        np.cross(*np.diff(points[shapes.triangles], axis=1).transpose(1, 0, 2)), axis=1
+    )
+    bent = np.hypot(np.diff(points[::4, 0]), np.diff(points[::4, 2])).sum()
+    assert area.sum() / 2 == pytest.approx(bent)
+
+
+def test_frequencies_stand_in_a_table_in_the_order_of_the_shapes(tmp_path):
+    points, cells, vectors = plate(np.random.default_rng(2), 12)
+    data = {f"mode{k + 1}": vector for k, vector in enumerate(vectors)}  # mode10 after mode9
+    mesh = written(tmp_path / "plate.vtu", points, cells, data)
+    table = tmp_path / "modes.csv"
+    table.write_text("mode;Hz\n" + "".join(f"{k + 1};{10.5 + k}\n" for k in range(12)))
+    shapes = read_shapes(mesh, table)
+    np.testing.assert_allclose(shapes.frequencies, 10.5 + np.arange(12))
+    np.testing.assert_allclose(shapes.vectors, vectors)
+    table.write_text("".join(f"{10.5 + k}\n" for k in range(11)))
+    with pytest.raises(InputError, match=r"11 frequencies for the 12 shapes .*mode1 \.\. mode12"):
+        read_shapes(mesh, table)
+
+
+def test_what_is_no_mesh_with_shapes_is_refused_by_name(tmp_path):
+    points, cells, vectors = plate(np.random.default_rng(3))
+    with pytest.raises(InputError, match="is not there"):
+        read_shapes(tmp_path / "none.vtu")
+    (tmp_path / "bad.vtu").write_text("<VTKFile>")
+    with pytest.raises(InputError, match="cannot be read as a mesh"):
+        read_shapes(tmp_path / "bad.vtu")
+    flat = written(tmp_path / "flat.vtu", points, cells, {"temperature": vectors[0][:, 0]})
+    with pytest.raises(InputError, match=r"no shapes.*temperature"):
+        read_shapes(flat)
+    unnamed = written(tmp_path / "unnamed.vtu", points, cells, {"mode1": vectors[0]})
+    with pytest.raises(InputError, match=r"name no frequencies.*--frequencies"):
+        read_shapes(unnamed)
+    broken = vectors[0].copy()
+    broken[3, 1] = np.nan
+    holed = written(tmp_path / "holed.vtu", points, cells, {"mode 1 (3 Hz)": broken})
+    with pytest.raises(InputError, match=r"mode 1 \(3 Hz\) holds values that are no numbers"):
+        read_shapes(holed)
+    lines = [("line", np.array([[0, 1], [1, 2]]))]
+    beams = written(tmp_path / "beams.vtu", points, lines, {"mode 1 (3 Hz)": vectors[0]})
+    with pytest.raises(InputError, match=r"no faces \(line\)"):
+        read_shapes(beams)
+
+
+@pytest.mark.parametrize("kind", ["tetra", "hexahedron"])
+def test_volumes_have_their_outside_alone(tmp_path, kind):
+    grid = np.array([[x, y, z] for x in range(3) for y in range(3) for z in range(3)], float)
+    corner = [(9 * x + 3 * y + z) for x in range(2) for y in range(2) for z in range(2)]
+    boxes = np.array([[c, c + 9, c + 12, c + 3, c + 1, c + 10, c + 13, c + 4] for c in corner])
+    cells = [("hexahedron", boxes)]
+    if kind == "tetra":
+        parts = [[0, 1, 2, 6], [0, 2, 3, 6], [0, 3, 7, 6], [0, 7, 4, 6], [0, 4, 5, 6], [0, 5, 1, 6]]
+        cells = [("tetra", np.concatenate([boxes[:, part] for part in parts]))]
+    data = {"mode 1 (3 Hz)": grid}
+    shapes = read_shapes(written(tmp_path / "box.vtu", grid, cells, data))
+    faces = shapes.points[shapes.triangles]
+    area = np.linalg.norm(np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]), axis=1)
+    assert area.sum() / 2 == pytest.approx(6 * 4.0)
+
+
+def test_the_closest_point_of_a_triangle_is_that_of_a_minimiser():
+    random = np.random.default_rng(4)
+    a, b, c = random.standard_normal((3, 40, 3))
+    c[0] = a[0] + 2 * (b[0] - a[0])  # one without area
+    for position in random.standard_normal((5, 3)):
+        share = closest(position, a, b, c)
+        assert (share >= -1e-12).all()
+        np.testing.assert_allclose(share.sum(axis=1), 1.0)
+        found = np.linalg.norm(
+            (share[:, :, None] * np.stack([a, b, c], axis=1)).sum(axis=1) - position, axis=1
+        )
+        for k in range(0, 40, 3):
+
+            def apart(v, k=k, position=position):
+                place = a[k] + v[0] * (b[k] - a[k]) + v[1] * (c[k] - a[k])
+                return float(np.sum((place - position) ** 2))
+
+            inside = {"type": "ineq", "fun": lambda v: 1 - v[0] - v[1]}
+            best = min(
+                minimize(
+                    apart, start, bounds=[(0, 1)] * 2, constraints=[inside], method="SLSQP"
+                ).fun
+                for start in ([0.1, 0.1], [0.8, 0.1], [0.1, 0.8])
+            )
+            assert found[k] == pytest.approx(np.sqrt(best), abs=1e-4)
+
+
+def test_a_field_that_is_linear_is_exact_between_points_and_stepped_at_the_nearest():
+    random = np.random.default_rng(5)
+    points, cells, _ = plate(random)
+    slope = random.standard_normal((2, 3, 3))
+    vectors = np.einsum("mij,pj->mpi", slope, points)
+    triangles = np.concatenate([cells[0][1][:, [0, 1, 2]], cells[0][1][:, [0, 2, 3]], cells[1][1]])
+    shapes = Shapes("plate", points, triangles, np.array([1.0, 2.0]), vectors)
+    corners = points[triangles[[3, 8, 15]]]
+    places = corners.mean(axis=1)
+    names = ["acc1", "acc2", "acc3"]
+    found = shapes_at(shapes, places, names)
+    np.testing.assert_allclose(found, np.einsum("mij,pj->mpi", slope, places), atol=1e-12)
+    nearest = shapes_at(shapes, places, names, how="nearest", far=1.0)
+    apart = np.linalg.norm(points[None] - places[:, None], axis=2).argmin(axis=1)
+    np.testing.assert_array_equal(nearest, vectors[:, apart])
+
+
+def test_a_sensor_off_the_mesh_is_named_with_its_distance():
+    points, cells, vectors = plate(np.random.default_rng(6))
+    shapes = Shapes("plate.vtu", points, cells[1][1], np.arange(1.0, 4.0), vectors)
+    places = np.array([points[18], points[18] + [0, 0, 0.7]])
+    with pytest.raises(InputError, match=r"acc9 at .* is 0\.\d+ m off the mesh of plate\.vtu"):
+        shapes_at(shapes, places, ["acc1", "acc9"])
+    millimetres = 1000 * places
+    with pytest.raises(InputError, match=r"2 sensors are off.*in metres"):
+        shapes_at(shapes, millimetres, ["acc1", "acc9"])
+
+
+def lumped(random, count=30):
+    """Points with masses, and the six rigid modes of them, normalised and mixed at random."""
+    points, masses = random.standard_normal((count, 3)), random.uniform(1, 5, count)
+    rows = np.zeros((count, 3, 6))
+    rows[:, :, :3] = np.eye(3)
+    for k, unit in enumerate(np.eye(3)):
+        rows[:, :, 3 + k] = np.cross(unit, points)
+    whole = np.einsum("pxi,p,pxj->ij", rows, masses, rows)
+    mixed = np.linalg.inv(np.linalg.cholesky(whole)).T
+    mixed = mixed @ np.linalg.qr(random.standard_normal((6, 6)))[0]
+    return points, masses, np.einsum("pxi,im->mpx", rows, mixed)
+
+
+def test_six_rigid_modes_weigh_a_body_however_they_mix():
+    random = np.random.default_rng(7)
+    points, masses, vectors = lumped(random)
+    bent = random.standard_normal((2, len(points), 3))
+    shapes = Shapes(
+        "body", points, np.array([[0, 1, 2]]), np.r_[np.zeros(6), 20, 30], np.r_[vectors, bent]
+    )
+    found = rigid_modes(shapes)
+    assert found.modes.tolist() == [True] * 6 + [False] * 2
+    assert found.mass == pytest.approx(masses.sum(), rel=1e-9)
+    assert found.normalised
+    centre = masses @ points / masses.sum()
+    np.testing.assert_allclose(found.centre, centre, atol=1e-9)
+    arms = points - centre
+    inertia = sum(
+        m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, arms, strict=True)
+    )
+    np.testing.assert_allclose(found.inertia, inertia, atol=1e-7)
+    check_mass(found, 1.005 * masses.sum(), 0.01, "body")
+    with pytest.raises(InputError, match=r"body weighs .* kg was stated"):
+        check_mass(found, 1.2 * masses.sum(), 0.01, "body")
+    other = Shapes("body", points, shapes.triangles, shapes.frequencies[:6], 3.0 * vectors)
+    assert rigid_modes(other).mass == pytest.approx(masses.sum() / 9)
+
+
+def test_a_single_translation_weighs_it_as_the_document_has_it():
+    points = np.random.default_rng(8).standard_normal((20, 3))
+    shape = np.tile([0.0, 0.05, 0.0], (20, 1))  # 1 / 0.05^2 = 400 kg
+    shapes = Shapes("body", points, np.array([[0, 1, 2]]), np.zeros(1), shape[None])
+    found = rigid_modes(shapes)
+    assert found.by_translation == pytest.approx((400.0,))
+    assert found.mass == pytest.approx(400.0)
+    turned = np.cross([0.0, 0.0, 1.0], points)
+    shapes = Shapes("body", points, np.array([[0, 1, 2]]), np.zeros(1), turned[None])
+    with pytest.raises(InputError, match="none is a translation alone"):
+        check_mass(rigid_modes(shapes), 400.0, 0.01, "body")
+
+
+def test_shapes_that_are_not_normalised_by_mass_are_noticed():
+    points, _, vectors = lumped(np.random.default_rng(9))
+    own = vectors / np.abs(vectors).max(axis=(1, 2), keepdims=True)
+    shapes = Shapes("body", points, np.array([[0, 1, 2]]), np.zeros(6), own)
+    assert not rigid_modes(shapes).normalised
+
+
+def test_the_gondolas_shapes_weigh_what_its_panels_do():
+    shapes = read_shapes(GONDOLA)
+    found = rigid_modes(shapes)
+    assert found.modes.tolist() == [True] * 6 + [False] * (len(shapes) - 6)
+    assert found.normalised
+    assert found.mass == pytest.approx(264.1, rel=1e-3)  # make_gondola.py prints what was drawn
+    assert abs(found.centre[1]) < 1e-4  # it is symmetric
+    assert 25 < shapes.frequencies[6] < 40
+    assert (shapes.frequencies[6:12] < 110).all()
+
+
+def test_antinodes_are_where_modes_move_most():
+    x = np.linspace(0, 1, 41)
+    beams = np.array([np.sin(np.pi * x), np.sin(2 * np.pi * x), np.sin(3 * np.pi * x)])
+    assert antinodes(beams).tolist() == [20, 10]  # the third moves most at 20, too
+    apart = np.abs(x[:, None] - x) / 0.15
+    chosen = antinodes(beams, 2, apart)
+    assert chosen[0] == 20
+    assert len(chosen) == 4  # what one mode has taken counts for the others
+    distances = np.abs(x[chosen][:, None] - x[chosen]) + np.eye(len(chosen))
+    assert distances.min() >= 0.15
+    vectors = np.zeros((1, 4, 3))
+    vectors[0, 2] = [0.3, 0.3, 0.3]
+    vectors[0, 1, 0] = 0.4
+    assert antinodes(vectors).tolist() == [2]
+
+
+def test_effective_independence_is_nearly_the_best_of_all_choices():
+    random = np.random.default_rng(10)
+    ranks = []
+    for _ in range(10):
+        candidates = random.standard_normal((3, 9))
+        chosen = effective_independence(candidates, 4)
+        worth = {
+            one: np.linalg.det(candidates[:, one] @ candidates[:, one].T)
+            for one in combinations(range(9), 4)
+        }
+        ranks.append(sorted(worth.values(), reverse=True).index(worth[tuple(chosen.tolist())]))
+    assert np.median(ranks) <= 3  # of 126
+    with pytest.raises(UsageError, match="2 channels of 9 candidates cannot tell 3 modes"):
+        effective_independence(candidates, 2)
+    with pytest.raises(UsageError, match="the same at all candidates"):
+        effective_independence(np.vstack([candidates, candidates[:1]]), 5)
+
+
+def test_modes_alike_but_out_of_phase_are_told_by_the_channels_that_differ():
+    same = np.array([1.0, 0.8, 0.6, 0.05, 0.05])
+    other = np.array([1.0, 0.8, 0.6, 0.05, -0.3])
+    third = np.array([0.0, 0.0, 1.0, -1.0, 0.5])
+    found = telling(np.array([same, other, third]), noise=0.1)
+    assert found.confused == ((0, 1),)
+    assert found.channels[0][0] == 4
+    np.testing.assert_allclose(np.diag(found.mac), 1.0)
+    expected = np.sqrt(1 - found.mac[0, 1]) / 0.1
+    assert found.deviations[0, 1] == pytest.approx(expected)
+    apart = np.sign(same) * np.abs(same), same * [1, 1, -1, 1, 1]
+    assert telling(np.array(apart)).confused == ()  # unsigned they would be the same
