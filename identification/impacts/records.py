@@ -1,0 +1,135 @@
+"""Records of one impact whose channels keep their own time: each sample has a stamp.
+
+A file holds, for every channel, its stamps [s] and its accelerations [m/s2]: ``time_acc1_x`` and
+``value_acc1_x`` in .npz or .mat, or rows of ``channel,time,value`` in .csv, such as
+``acc1_x,0.00079,-0.013``. ``acc1_x`` is site and axis; ``acc1_-x`` reads the other way round.
+"""
+
+import csv
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.io
+
+from identification.words import Dof, InputError, Real
+
+_CHANNEL = re.compile(r"(.+)_([-+]?)([xyz])$")
+_LEAST = 16  # samples of a channel
+
+
+@dataclass(frozen=True, eq=False)
+class Stamped:
+    """A channel with its own clock.
+
+    Args:
+        dof: site and direction.
+        time: stamps, rising [s]; (n,).
+        value: acceleration [m/s2]; (n,).
+    """
+
+    dof: Dof
+    time: Real
+    value: Real
+
+
+@dataclass(frozen=True, eq=False)
+class ImpactRecord:
+    """All channels of one impact.
+
+    Args:
+        source: the file.
+        channels: each once.
+    """
+
+    source: str
+    channels: tuple[Stamped, ...]
+
+
+def read_impact(path: Path) -> ImpactRecord:
+    """Read the channels of one impact.
+
+    Args:
+        path: .npz, .mat or .csv.
+
+    Raises:
+        InputError: no such file, a channel without stamps, a clock that runs backwards.
+    """
+    if not path.is_file():
+        raise InputError(f"{path} is not there. Give a record as .npz, .mat or .csv.")
+    found = _from_csv(path) if path.suffix.lower() == ".csv" else _from_arrays(path)
+    if not found:
+        raise InputError(
+            f"{path} has no channels. Name arrays time_acc1_x and value_acc1_x, or give rows of "
+            "channel,time,value."
+        )
+    channels = tuple(
+        _checked(path, name, np.asarray(time, float).ravel(), np.asarray(value, float).ravel())
+        for name, (time, value) in found.items()
+    )
+    positive = [one.dof.positive for one in channels]
+    twice = sorted({str(dof) for dof in positive if positive.count(dof) > 1})
+    if twice:
+        raise InputError(f"{path} has {', '.join(twice)} twice. Leave one of them out.")
+    return ImpactRecord(str(path), channels)
+
+
+def _from_arrays(path: Path) -> dict[str, tuple[Any, Any]]:
+    try:
+        if path.suffix.lower() == ".mat":
+            held = scipy.io.loadmat(path)
+        else:
+            with np.load(path) as file:
+                held = {name: file[name] for name in file.files}
+    except Exception as error:
+        raise InputError(f"{path} cannot be read as .npz or .mat. Write it again.") from error
+    names = [key.removeprefix("time_") for key in held if key.startswith("time_")]
+    values = [key.removeprefix("value_") for key in held if key.startswith("value_")]
+    alone = sorted(set(names) ^ set(values))
+    if alone:
+        raise InputError(
+            f"{path}: {alone[0]} has stamps or values alone. Give time_{alone[0]} and "
+            f"value_{alone[0]}."
+        )
+    return {name: (held[f"time_{name}"], held[f"value_{name}"]) for name in names}
+
+
+def _from_csv(path: Path) -> dict[str, tuple[Any, Any]]:
+    rows: dict[str, tuple[list[float], list[float]]] = {}
+    with path.open(encoding="utf-8", newline="") as file:
+        for number, row in enumerate(csv.reader(file), start=1):
+            if number == 1 and row[:1] == ["channel"]:
+                continue
+            try:
+                name, time, value = row
+                own = rows.setdefault(name.strip(), ([], []))
+                own[0].append(float(time))
+                own[1].append(float(value))
+            except ValueError as error:
+                raise InputError(
+                    f"{path}, row {number}: {','.join(row)!r} is not channel,time,value."
+                ) from error
+    return dict(rows)
+
+
+def _checked(path: Path, name: str, time: Real, value: Real) -> Stamped:
+    match = _CHANNEL.match(name)
+    if match is None:
+        raise InputError(f"{path}: {name!r} names no axis. Call it by site and axis, as acc1_x.")
+    if len(time) != len(value):
+        raise InputError(f"{path}: {name} has {len(time)} stamps for {len(value)} values.")
+    if len(time) < _LEAST:
+        raise InputError(f"{path}: {name} has {len(time)} samples; {_LEAST} are the least.")
+    if not (np.isfinite(time).all() and np.isfinite(value).all()):
+        raise InputError(f"{path}: {name} holds values that are no numbers. Leave these out.")
+    back = np.flatnonzero(np.diff(time) <= 0)
+    if len(back):
+        k = int(back[0])
+        raise InputError(
+            f"{path}: the clock of {name} does not go forward at sample {k + 2}: {time[k + 1]:.6g} "
+            f"s after {time[k]:.6g} s. Sort its samples, or mend the stamps where it was reset."
+        )
+    site, sign, axis = match.groups()
+    return Stamped(Dof.parse(f"{site}:{sign or '+'}t{axis}"), time, value)
