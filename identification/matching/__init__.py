@@ -1,0 +1,18 @@
+"""Measured modes matched with simulated ones: as printed, and with all that is known."""
+
+from identification.matching.assignment import best_matching, pair_probabilities
+from identification.matching.likelihood import Beliefs, odds
+from identification.matching.modes import ImpactModes, impact_modes, in_phase
+from identification.matching.printed import PrintedMatch, printed_match
+
+__all__ = [
+    "Beliefs",
+    "ImpactModes",
+    "PrintedMatch",
+    "best_matching",
+    "impact_modes",
+    "in_phase",
+    "odds",
+    "pair_probabilities",
+    "printed_match",
+]

@@ -1,0 +1,193 @@
+"""Measured modes and simulated ones: as printed, by shape and sign, one to one."""
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+
+from identification.impacts import ImpactSpectra
+from identification.matching import (
+    Beliefs,
+    ImpactModes,
+    best_matching,
+    impact_modes,
+    in_phase,
+    odds,
+    pair_probabilities,
+    printed_match,
+)
+from identification.words import ConvergenceError, Dof, UsageError
+
+FREQ = np.arange(20.0, 100.0, 0.2)
+HZ = np.array([31.0, 44.0, 62.0, 81.0])
+ZETA = np.array([0.03, 0.02, 0.025, 0.016])
+DOFS = tuple(Dof.parse(f"acc{k}:+t{a}") for k in (1, 2, 3) for a in "xyz") + tuple(
+    Dof.parse(f"acc{k}:+tz") for k in range(4, 10)
+)
+
+
+def rung(random, shapes, excited, noise=1e-3):
+    """Spectra of free decays, one column of ``excited`` each impact."""
+    omega = 2 * np.pi * HZ
+    poles = omega * (-ZETA + 1j * np.sqrt(1 - ZETA**2))
+    s = 2j * np.pi * FREQ[:, None]
+    phases = np.exp(1j * random.uniform(-np.pi, np.pi, excited.shape))
+    gain = excited * phases
+    values = np.einsum("fm,mc,mk->fck", 1 / (s - poles), shapes, gain)
+    values += np.einsum("fm,mc,mk->fck", 1 / (s - poles.conj()), shapes, gain.conj())
+    variance = np.full((shapes.shape[1], excited.shape[1]), (noise * np.abs(values).max()) ** 2)
+    error = random.standard_normal((2, *values.shape)) / np.sqrt(2)
+    values = values + np.sqrt(variance) * (error[0] + 1j * error[1])
+    names = tuple(f"impact{k}" for k in range(excited.shape[1]))
+    return ImpactSpectra(names, DOFS, FREQ, values, variance)
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    random = np.random.default_rng(1)
+    shapes = random.standard_normal((4, len(DOFS)))
+    shapes[3] = shapes[2] * np.where(np.arange(len(DOFS)) < 8, 1, -1)  # alike, out of phase
+    excited = random.uniform(0.5, 2, (4, 3))
+    excited[1, 0] = 0.0  # struck at a node of the second
+    return shapes, excited, rung(random, shapes, excited)
+
+
+def test_modes_of_impacts_have_their_poles_shapes_and_what_excites_them(drawn):
+    shapes, excited, spectra = drawn
+    found = impact_modes(spectra)
+    assert found.frequencies == pytest.approx(HZ, rel=1e-3)
+    assert found.dampings == pytest.approx(ZETA, rel=0.03)
+    unit = shapes / np.linalg.norm(shapes, axis=1)[:, None]
+    sign = np.sign((found.shapes * unit).sum(axis=1))[:, None]
+    away = found.shapes * sign - unit
+    assert np.abs(away).max() < 0.03
+    assert 0.5 < np.mean(away**2 / found.variance) < 2.0
+    assert (found.collinearity > 0.98).all()
+    assert found.excited[1, 0] < 0.05 * found.excited[1].max()
+    weaker = found.excited / found.excited.max(axis=1)[:, None]
+    expected = excited / excited.max(axis=1)[:, None]
+    np.testing.assert_allclose(weaker, expected, atol=0.05)
+
+
+def test_noise_alone_holds_no_mode():
+    random = np.random.default_rng(2)
+    spectra = rung(random, np.zeros((4, len(DOFS))), np.ones((4, 2)))
+    error = random.standard_normal((2, *spectra.values.shape))
+    noise = replace(
+        spectra, values=error[0] + 1j * error[1], variance=np.full(spectra.variance.shape, 2.0)
+    )
+    with pytest.raises(ConvergenceError, match="stands out of the noise"):
+        impact_modes(noise)
+
+
+def test_what_is_alike_but_out_of_phase_is_told_by_its_sign(drawn):
+    shapes, _, spectra = drawn
+    measured = impact_modes(spectra)
+    random = np.random.default_rng(3)
+    simulated = shapes[::-1] + 0.25 * random.standard_normal(shapes.shape)
+    same, band = np.full(4, 60.0), (20.0, 100.0)
+    blunt = Beliefs(frequency_error=2.0)  # frequencies tell nothing
+    pairs = pair_probabilities(odds(measured, simulated, same, band, blunt))
+    assert pairs.argmax(axis=1).tolist() == [3, 2, 1, 0]
+    assert (pairs.max(axis=1) > 0.9).all()
+    unsigned = np.abs(simulated)
+    blind = replace(measured, shapes=np.abs(measured.shapes))
+    assert pair_probabilities(odds(blind, unsigned, same, band, blunt))[2:].max() < 0.9
+
+
+def test_what_the_simulation_does_not_have_is_no_match(drawn):
+    shapes, _, spectra = drawn
+    measured = impact_modes(spectra)
+    without = shapes[[0, 1, 3]]
+    table = odds(measured, without, HZ[[0, 1, 3]], (20.0, 100.0))
+    pairs = pair_probabilities(table)
+    assert 1 - pairs[2].sum() > 0.9
+    assert best_matching(table) == {0: 0, 1: 1, 3: 2}
+
+
+def test_odds_are_the_ratio_of_two_densities():
+    random = np.random.default_rng(4)
+    shape, other = random.standard_normal((2, 6))
+    variance = random.uniform(0.01, 0.1, 6)
+    measured = ImpactModes(
+        *(np.array([50.0]), np.array([0.02]), np.array([0.1]), np.array([0.001])),
+        shape[None], variance[None], np.ones((1, 1)), np.ones(1),
+    )  # fmt: skip
+    own = Beliefs(shape_error=0.3, frequency_error=0.1, independent=6.0, none=0.25)
+    (found,) = odds(measured, other[None], np.array([54.0]), (20.0, 100.0), own)[0]
+    size = shape @ shape
+    base = np.diag(variance) + 0.09 * size / 6 * np.eye(6)
+
+    def density(matrix):
+        return np.exp(-0.5 * shape @ np.linalg.solve(matrix, shape)) / np.sqrt(
+            np.linalg.det(matrix)
+        )
+
+    shapes = density(base + size / (other @ other) * np.outer(other, other))
+    shapes /= density(base + size / 6 * np.eye(6))
+    near = np.exp(-0.5 * (np.log(50 / 54) / 0.1) ** 2) / np.sqrt(2 * np.pi) / 0.1 * np.log(5.0)
+    assert found == pytest.approx(3.0 * shapes * near)
+
+
+@pytest.mark.parametrize("size", [(3, 4), (4, 3), (4, 4)])
+def test_probabilities_of_pairs_are_those_of_all_matchings(size):
+    random = np.random.default_rng(5)
+    table = np.exp(random.normal(0.0, 2.0, size))
+    total, pairs, best = 0.0, np.zeros(size), (0.0, {})
+    count, others = size
+    seen = set()
+    for chosen in permutations([*range(others), *[None] * count], count):
+        if chosen in seen:
+            continue
+        seen.add(chosen)
+        matched = {m: a for m, a in enumerate(chosen) if a is not None}
+        weight = np.prod([table[m, a] for m, a in matched.items()])
+        total += weight
+        for m, a in matched.items():
+            pairs[m, a] += weight
+        best = max(best, (weight, matched), key=lambda one: one[0])
+    np.testing.assert_allclose(pair_probabilities(table), pairs / total, rtol=1e-9)
+    assert best_matching(table) == best[1]
+
+
+def test_odds_of_any_size_give_probabilities():
+    random = np.random.default_rng(6)
+    table = np.exp(random.normal(0, 120.0, (14, 14)))
+    found = pair_probabilities(table)
+    assert np.isfinite(found).all()
+    assert (found.sum(axis=1) <= 1 + 1e-9).all()
+    assert (found.sum(axis=0) <= 1 + 1e-9).all()
+    assert pair_probabilities(np.zeros((2, 3))).sum() == 0
+
+
+def test_a_shape_of_one_phase_is_real_and_keeps_its_signs():
+    random = np.random.default_rng(7)
+    shape = random.standard_normal(9)
+    found = in_phase(shape * np.exp(0.9j))
+    np.testing.assert_allclose(np.abs(found), np.abs(shape), atol=1e-12)
+    assert abs(found @ shape) == pytest.approx(np.linalg.norm(found) * np.linalg.norm(shape))
+
+
+def test_the_printed_match_peaks_where_ratios_are_the_simulated(drawn):
+    shapes, _, clean = drawn
+    for reading in ("largest", "reference"):
+        found = printed_match(clean, shapes, "acc2", reading=reading, width_hz=0.3)
+        assert found.places == tuple(f"acc{k}" for k in range(1, 10))
+        assert found.impacts.shape == (len(FREQ), 4, 3)
+    triaxial = np.linalg.norm(shapes[:, 3:6], axis=1)
+    np.testing.assert_allclose(found.simulated[:, 1], 1.0)
+    np.testing.assert_allclose(found.simulated[:, 3], np.abs(shapes[:, 9]) / triaxial)
+    line = 150
+    amplitude = np.abs(clean.values[line])
+    narrow = printed_match(clean, shapes, "acc2", reading="reference", width_hz=0.0)
+    own = [[dof.point == place for dof in DOFS] for place in narrow.places]
+    places = [np.linalg.norm(amplitude[one], axis=0) for one in own]
+    ratios = np.array(places) / places[1]
+    by_hand = 1 / ((ratios - narrow.simulated[0][:, None]) ** 2).sum(axis=0)
+    np.testing.assert_allclose(narrow.impacts[line, 0], by_hand)
+    peak = narrow.mean[:, 0]
+    assert FREQ[narrow.peaks[0]] == pytest.approx(HZ[0], abs=1.0)
+    assert peak.max() > 5 * np.median(peak)
+    with pytest.raises(UsageError, match="acc77 is not among acc1"):
+        printed_match(clean, shapes, "acc77")
