@@ -1,7 +1,8 @@
 """Make the gondola's shapes: ``make gondola``, which needs CalculiX (Debian: ``calculix-ccx``).
 
 ``shapes.vtu`` holds the modes of the drawing, free in space, normalised by mass: what a
-finite-element model knows. The points are rounded to micrometres, the shapes to six digits.
+finite-element model knows; shapes are rounded to six digits. ``layout.toml`` says where sensors sit
+and where it is struck, ``truths.npz`` what other structures do there that are tested instead of it.
 """
 
 import sys
@@ -10,10 +11,13 @@ from pathlib import Path
 import meshio
 import numpy as np
 from panels import Build, Panels, panels_of
+from places import layout, sensors, struck
 from solver import Modes, modes_of
+from truths import truth
 
 HERE = Path(__file__).resolve().parent
 COUNT = 20  # modes, the six rigid ones among them: up to twice the band that was measured
+SEEDS = range(12)  # the last two are for development
 _DIGITS = 6
 
 
@@ -23,6 +27,17 @@ def main() -> None:
     panels = panels_of(build)
     modes = modes_of(panels, build.bending, COUNT)
     write(HERE / "shapes.vtu", panels, modes)
+    places = [*sensors(panels, modes), *struck(panels)]
+    (HERE / "layout.toml").write_text(layout(places), encoding="utf-8")
+    kept = {"places": np.array([place.name for place in places])}
+    kept["axes"] = np.array([place.axes for place in places])
+    for seed in SEEDS:
+        one = truth(seed, panels, modes, places)
+        kept |= {f"{name}_{seed}": value for name, value in one.items()}
+        off = one["frequencies"][6:12] / modes.frequencies[6:12] - 1
+        sys.stdout.write(f"{seed}: {float(one['mass']):.1f} kg, off by {np.round(off, 3)}, ")
+        sys.stdout.write(f"modes {one['pairs'][6:14]}\n")
+    np.savez_compressed(HERE / "truths.npz", **kept)
     rows = "  ".join(f"{f:.2f}" for f in modes.frequencies[6:])
     sys.stdout.write(f"{panels.mass:.1f} kg; {rows} Hz\n")
 

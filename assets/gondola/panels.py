@@ -4,7 +4,7 @@ An open-fronted box after the seed document: bottom of two panels, stern, sides,
 on each side of the open bow. x points from stern to bow, y across, z up; the stern's foot is zero.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -32,6 +32,7 @@ class Build:
         density: factor of the panels' density.
         edges: factor of what the edges weigh.
         bottom: thickness of the bottom, in panels.
+        thickness: factors of panels by name, mass left as it is.
         lumps: further masses [kg] at points (x, y, z) [m], such as inner frames on their pins.
     """
 
@@ -39,6 +40,7 @@ class Build:
     density: float = 1.0
     edges: float = 1.0
     bottom: float = 2.0
+    thickness: Mapping[str, float] = field(default_factory=dict)
     lumps: tuple[tuple[float, tuple[float, float, float]], ...] = ()
 
 
@@ -52,6 +54,7 @@ class Panels:
         thickness: (n_element,) [m].
         density: (n_element,) [kg/m3].
         area: (n_element,) [m2].
+        names: of the panels; (n_element,).
     """
 
     points: Real
@@ -59,6 +62,7 @@ class Panels:
     thickness: Real
     density: Real
     area: Real
+    names: NDArray[np.str_]
 
     @property
     def mass(self) -> float:
@@ -124,11 +128,12 @@ def _weighed(
         mass += _spread(BATTERY, bottom & _near(centres, np.array([*place, 0.0]), 0.25))
     wheel = bottom & (np.hypot(*(centres[:, :2] - WHEEL_AT).T) < RADIUS + 1e-6)
     mass += _spread(WHEEL, wheel)
-    thickness = np.where(wheel, PLATE, thickness)
+    factors = [build.thickness.get(str(panel), 1.0) for panel in panels]
+    thickness = np.where(wheel, PLATE, thickness * np.array(factors))
     for lump, place in build.lumps:
         distance = np.linalg.norm(centres - np.array(place), axis=1)
         mass += _spread(lump, distance < distance.min() + 0.5 * SIDE)
-    return Panels(points, elements, thickness, mass / (area * thickness), area)
+    return Panels(points, elements, thickness, mass / (area * thickness), area, panels)
 
 
 def _near(centres: Real, place: Real, far: float) -> NDArray[np.bool_]:

@@ -2,16 +2,20 @@
 
 from identification.matching.assignment import best_matching, pair_probabilities
 from identification.matching.likelihood import Beliefs, odds
+from identification.matching.match import Match, at_channels, match
 from identification.matching.modes import ImpactModes, impact_modes, in_phase
 from identification.matching.printed import PrintedMatch, printed_match
 
 __all__ = [
     "Beliefs",
     "ImpactModes",
+    "Match",
     "PrintedMatch",
+    "at_channels",
     "best_matching",
     "impact_modes",
     "in_phase",
+    "match",
     "odds",
     "pair_probabilities",
     "printed_match",
