@@ -14,6 +14,7 @@ from mbw import blind as blind_verb
 from mbw import demo as demo_verb
 from mbw import diagnose as diagnose_verb
 from mbw import identify as identify_verb
+from mbw import match as match_verb
 from mbw import predict as predict_verb
 from mbw import report as report_verb
 from mbw import tune as tune_verb
@@ -135,6 +136,26 @@ def identify(  # noqa: PLR0913  # one for each option
     targets = identify_verb.Targets(out, json, pictures, full)
     choices = identify_verb.Choices(tolerances, wishes, against)
     identify_verb.run(campaign, targets, choices, band)
+
+
+@app.command()
+@guarded
+def match(
+    shapes: Annotated[Path, typer.Argument(help="Mesh with shapes as point data.")],
+    campaign: Annotated[Path, typer.Argument(help="Folder with a campaign.toml of impacts.")],
+    *,
+    frequencies: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Frequencies, one a row, of the shapes.")
+    ] = None,
+    mass: Annotated[
+        float | None, typer.Option(min=0, metavar="KG", help="What the structure weighs.")
+    ] = None,
+    json: Json = None,
+    quiet: Quiet = False,
+) -> None:
+    """Say which finite-element mode each measured one is: few sensors, no force."""
+    SCREEN.quiet = quiet
+    match_verb.run(match_verb.Simulated(shapes, frequencies, mass), campaign, json)
 
 
 @app.command()

@@ -19,6 +19,7 @@ from scipy.signal import cont2discrete, lfilter
 
 Real = NDArray[np.float64]
 RATE = 1260.0
+BAND = 15.0, 95.0  # Hz
 _FINE = 8  # steps of the force and the motion per sample
 _ROPES = 0.4  # Hz: the rigid modes, as it hangs
 _JITTER = 0.3  # of a sample
@@ -130,3 +131,27 @@ def _stamps(random: np.random.Generator, seconds: float) -> Real:
     even = (np.arange(count) + random.uniform(0.3, 0.7)) / RATE
     found: Real = even + random.uniform(-_JITTER, _JITTER, count) / RATE
     return found
+
+
+def write_impacts(
+    folder: Path, structure: Structure, trial: Trial, points: tuple[str, ...], layout: Path
+) -> None:
+    """A campaign of impacts: records, layout, campaign.toml.
+
+    Args:
+        folder: made if it is not there.
+        structure: what is struck.
+        trial: how.
+        points: where, one impact each.
+        layout: of the sensors, which is copied.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "layout.toml").write_text(layout.read_text("utf-8"), encoding="utf-8")
+    lines = ['layout = "layout.toml"', f"band = [{BAND[0]}, {BAND[1]}]"]
+    for point in points:
+        arrays: dict[str, Real] = {}
+        for name, (time, value) in strike(structure, trial, point).items():
+            arrays |= {f"time_{name}": time, f"value_{name}": value}
+        np.savez_compressed(folder / f"{point}.npz", **arrays)
+        lines += ["", "[[impact]]", f'file = "{point}.npz"']
+    (folder / "campaign.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,16 +1,19 @@
 """Impacts without a measured force: records with clocks of their own, spectra."""
 
+from identification.impacts.campaign import ImpactCampaign, read_impacts
 from identification.impacts.clock import Struck, struck
 from identification.impacts.records import ImpactRecord, Stamped, read_impact
 from identification.impacts.spectra import ImpactSpectra, impact_spectra, smoothed
 
 __all__ = [
+    "ImpactCampaign",
     "ImpactRecord",
     "ImpactSpectra",
     "Stamped",
     "Struck",
     "impact_spectra",
     "read_impact",
+    "read_impacts",
     "smoothed",
     "struck",
 ]

@@ -1,0 +1,103 @@
+"""A campaign of impacts without a force: a folder with a campaign.toml that names the records.
+
+layout = "layout.toml"      # places of the sensors
+band = [15.0, 95.0]         # Hz
+ignore = ["acc7_z"]         # channels to be left out, optional
+
+[[impact]]
+file = "bow1.npz"
+"""
+
+import tomllib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from identification.impacts.clock import struck
+from identification.impacts.records import ImpactRecord, read_impact
+from identification.impacts.spectra import ImpactSpectra, impact_spectra
+from identification.layout_in import read_layout
+from identification.settings import first_fault
+from identification.words import InputError, Layout
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class _Impact(_Strict):
+    file: str
+
+
+class _ImpactFile(_Strict):
+    layout: str
+    band: Annotated[list[float], Field(min_length=2, max_length=2)]
+    ignore: list[str] = []
+    impact: list[_Impact] = Field(min_length=1)
+
+
+@dataclass(frozen=True, eq=False)
+class ImpactCampaign:
+    """Records of impacts and where they were read.
+
+    Args:
+        path: of the campaign.toml.
+        layout: places of sensors.
+        records: one for each impact.
+        band: lowest and highest line [Hz].
+    """
+
+    path: Path
+    layout: Layout
+    records: tuple[ImpactRecord, ...]
+    band: tuple[float, float]
+
+    def spectra(self) -> ImpactSpectra:
+        """Of all impacts, on a common clock each."""
+        return impact_spectra([struck(record) for record in self.records], self.band)
+
+
+def read_impacts(folder: Path) -> ImpactCampaign:
+    """Read a campaign of impacts.
+
+    Raises:
+        InputError: a file or key that is missing or wrong.
+    """
+    path = folder if folder.suffix == ".toml" else folder / "campaign.toml"
+    if not path.is_file():
+        raise InputError(f"{path} does not exist: a campaign is a folder with a campaign.toml")
+    try:
+        settings = _ImpactFile.model_validate(tomllib.loads(path.read_text("utf-8-sig")))
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: TOML syntax: {error}; mend that line") from error
+    except ValidationError as error:
+        raise InputError(f"{path}: {first_fault(error)}") from error
+    low, high = settings.band
+    if not 0 < low < high:
+        raise InputError(
+            f"{path}: band = [{low:g}, {high:g}] is none: give two rising numbers [Hz]"
+        )
+    layout = read_layout(path.parent / settings.layout)
+    records = [read_impact(path.parent / one.file) for one in settings.impact]
+    return ImpactCampaign(path, layout, tuple(_left(records, settings.ignore, path)), (low, high))
+
+
+def _left(records: list[ImpactRecord], ignored: list[str], path: Path) -> list[ImpactRecord]:
+    """Records without the channels that are to be left out."""
+    names = {f"{one.dof.point}_{one.dof.direction[-1]}" for r in records for one in r.channels}
+    unknown = sorted(set(ignored) - names)
+    if unknown:
+        raise InputError(f"{path}: ignore names {unknown[0]}, which no record has.")
+    return [
+        replace(
+            record,
+            channels=tuple(
+                one
+                for one in record.channels
+                if f"{one.dof.point}_{one.dof.direction[-1]}" not in ignored
+            ),
+        )
+        for record in records
+    ]

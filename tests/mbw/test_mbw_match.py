@@ -1,0 +1,97 @@
+"""``mbw match``: a gondola's shapes and the campaign of another structure."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from mbw.command import app
+from mbw.match import MatchFile
+from truth.gondola import Trial, read_structure, write_impacts
+
+ASSETS = Path(__file__).parents[2] / "assets" / "gondola"
+SHAPES = str(ASSETS / "shapes.vtu")
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("gondola") / "campaign"
+    structure = read_structure(ASSETS / "truths.npz", 10)  # for development alone
+    trial = Trial(71_701, seconds=6.0)
+    write_impacts(folder, structure, trial, ("bow2", "bow3", "stern2"), ASSETS / "layout.toml")
+    return folder
+
+
+def called(*arguments):
+    return CliRunner().invoke(app, ["match", *map(str, arguments)])
+
+
+def test_a_campaign_is_matched_and_written(campaign, tmp_path):
+    target = tmp_path / "match.json"
+    done = called(SHAPES, campaign, "--mass", 264, "--json", target)
+    assert done.exit_code == 0, done.output
+    found = MatchFile.model_validate_json(target.read_text())
+    assert [row.simulated for row in found.modes] == [7, 8, 9, 10, 11, 12]
+    assert all(row.probability > 0.8 for row in found.modes)
+    assert found.mass == pytest.approx(264.1, rel=1e-3)
+    assert len(found.channels) == 21
+    assert len(found.impacts) == 3
+    assert found.unmatched == []
+    lines = [line for line in done.stdout.splitlines() if line.strip()]
+    assert lines[0].startswith("measured/Hz")
+    assert len(lines) >= 7
+    assert "weighs 264.1 kg" in done.output
+    alone = called(SHAPES, campaign, "--json", "-", "--quiet")
+    assert json.loads(alone.stdout) == json.loads(target.read_text())
+
+
+def test_what_cannot_be_matched_is_refused_in_a_sentence(campaign, tmp_path):
+    wrong = called(SHAPES, campaign, "--mass", 800)
+    assert wrong.exit_code == 3
+    assert "weighs 264.1 kg by its rigid modes, 800 kg was stated" in wrong.output
+    few = tmp_path / "few.txt"
+    few.write_text("28.1\n50.2\n")
+    unlike = called(SHAPES, campaign, "--frequencies", few)
+    assert unlike.exit_code == 3
+    assert "2 frequencies for the 20 shapes" in unlike.output
+    none = called(SHAPES, tmp_path)
+    assert none.exit_code == 3
+    assert "a campaign is a folder with a campaign.toml" in none.output
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("band = [15.0, 95.0]", "band = [95.0, 15.0]", r"band = \[95, 15\] is none"),
+        ("band = [15.0, 95.0]", "", "key band is missing"),
+        ('layout = "layout.toml"', 'layout = "none.toml"', "does not exist"),
+        ('file = "bow2.npz"', 'file = "bow9.npz"', "bow9.npz is not there"),
+        ("band =", 'ignore = ["acc77_x"]\nband =', "acc77_x, which no record has"),
+        ("band =", "colour = 3\nband =", "unknown key colour"),
+        ("band =", "band = =", "TOML syntax"),
+    ],
+)
+def test_a_campaign_that_is_wrong_is_named(campaign, tmp_path, old, new, said):
+    text = (campaign / "campaign.toml").read_text()
+    assert old in text
+    for file in campaign.iterdir():
+        (tmp_path / file.name).symlink_to(file)
+    (tmp_path / "campaign.toml").unlink()
+    (tmp_path / "campaign.toml").write_text(text.replace(old, new, 1))
+    done = called(SHAPES, tmp_path)
+    assert done.exit_code == 3
+    assert re.search(said, done.output.replace("\n", " ")), done.output
+
+
+def test_a_channel_that_is_ignored_is_not_matched(campaign, tmp_path):
+    text = (campaign / "campaign.toml").read_text()
+    for file in campaign.iterdir():
+        (tmp_path / file.name).symlink_to(file)
+    (tmp_path / "campaign.toml").unlink()
+    (tmp_path / "campaign.toml").write_text('ignore = ["acc3_z", "acc1_y"]\n' + text)
+    done = called(SHAPES, tmp_path, "--json", "-", "--quiet")
+    found = MatchFile.model_validate_json(done.stdout)
+    assert len(found.channels) == 19
+    assert [row.simulated for row in found.modes] == [7, 8, 9, 10, 11, 12]
