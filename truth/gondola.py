@@ -152,6 +152,6 @@ def write_impacts(
         arrays: dict[str, Real] = {}
         for name, (time, value) in strike(structure, trial, point).items():
             arrays |= {f"time_{name}": time, f"value_{name}": value}
-        np.savez_compressed(folder / f"{point}.npz", **arrays)
+        np.savez_compressed(folder / f"{point}.npz", allow_pickle=False, **arrays)
         lines += ["", "[[impact]]", f'file = "{point}.npz"']
     (folder / "campaign.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
