@@ -73,8 +73,8 @@ def search(
     scored = scores(scene, first.fit, asked, FIRST[-1].allowance)
     say("free forces at every place")
     pushed = pushes(scene, nothing.fit)
-    places = [one.location for one in pushed[:_PLACES] if one.gain > _SURE]
     pushing = [(one.location, one.dof) for one in pushed[:_PLACES] if one.gain > _SURE]
+    places = [place for place, _ in pushing]
     some = _variants(scored)
     there = [one for one in asked if one.location in places and one not in some]
     finer = [

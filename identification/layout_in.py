@@ -1,14 +1,13 @@
 """Bodies and sites without a model: layout.toml, or the nodes of a universal file."""
 
-import tomllib
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 from scipy.spatial.transform import Rotation
 
-from identification.settings import first_fault
+from identification.settings import read_toml
 from identification.stated import is_universal
 from identification.uff_file import nodes_of, read_records
 from identification.words import InputError, Layout
@@ -57,15 +56,7 @@ def read_layout(path: Path) -> Layout:
 
 
 def _from_toml(path: Path) -> Layout:
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-        file = _LayoutFile.model_validate(content)
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not UTF-8 text: save it as such") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: TOML syntax: {error}; mend that line") from error
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)}") from error
+    file = read_toml(path, _LayoutFile)
     bodies = tuple(file.body) or (_ONE,)
     body_of = []
     for name, site in file.site.items():

@@ -2,7 +2,7 @@
 
 import tomllib
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -10,6 +10,7 @@ from identification.words import Estimator, InputError, Quantity
 
 _FULL_TURN = 6.3  # rad
 _SHORTEST_WINDOW = 1e-4  # s
+Checked = TypeVar("Checked", bound=BaseModel)
 
 
 class _Strict(BaseModel):
@@ -107,19 +108,8 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
     Raises:
         InputError: missing file, TOML syntax (with the line), unknown or wrong keys.
     """
-    path = folder if folder.suffix == ".toml" else folder / "campaign.toml"
-    if not path.is_file():
-        raise InputError(f"{path} does not exist: a campaign is a folder with a campaign.toml")
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not UTF-8 text: save it as such") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: TOML syntax: {error}; mend that line") from error
-    try:
-        settings = CampaignSettings.model_validate(content)
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)}") from error
+    path = campaign_file(folder)
+    settings = read_toml(path, CampaignSettings)
     files = [(path.parent / test.file).resolve() for test in settings.test]
     for test, file in zip(settings.test, files, strict=True):
         if files.count(file) > 1:
@@ -135,7 +125,35 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
     return path, settings
 
 
-def first_fault(error: ValidationError) -> str:
+def campaign_file(folder: Path) -> Path:
+    """The campaign.toml of a folder, or the file itself.
+
+    Raises:
+        InputError: it is not there.
+    """
+    path = folder if folder.suffix == ".toml" else folder / "campaign.toml"
+    if not path.is_file():
+        raise InputError(f"{path} does not exist: a campaign is a folder with a campaign.toml")
+    return path
+
+
+def read_toml(path: Path, model: type[Checked]) -> Checked:
+    """A TOML file, checked key by key.
+
+    Raises:
+        InputError: no UTF-8, TOML syntax (with the line), unknown or wrong keys.
+    """
+    try:
+        return model.model_validate(tomllib.loads(path.read_text(encoding="utf-8-sig")))
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not UTF-8 text: save it as such") from error
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: TOML syntax: {error}; mend that line") from error
+    except ValidationError as error:
+        raise InputError(f"{path}: {_first_fault(error)}") from error
+
+
+def _first_fault(error: ValidationError) -> str:
     """The first thing that is wrong with a TOML file, in words."""
     fault = error.errors()[0]
     where = ".".join(str(step + 1) if isinstance(step, int) else step for step in fault["loc"])

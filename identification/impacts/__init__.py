@@ -2,7 +2,7 @@
 
 from identification.impacts.campaign import ImpactCampaign, read_impacts
 from identification.impacts.clock import Struck, struck
-from identification.impacts.records import ImpactRecord, Stamped, read_impact
+from identification.impacts.records import ImpactRecord, Stamped, impact_record, read_impact
 from identification.impacts.spectra import ImpactSpectra, impact_spectra, smoothed
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "ImpactSpectra",
     "Stamped",
     "Struck",
+    "impact_record",
     "impact_spectra",
     "read_impact",
     "read_impacts",

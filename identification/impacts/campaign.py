@@ -8,18 +8,17 @@ ignore = ["acc7_z"]         # channels to be left out, optional
 file = "bow1.npz"
 """
 
-import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from identification.impacts.clock import struck
 from identification.impacts.records import ImpactRecord, read_impact
 from identification.impacts.spectra import ImpactSpectra, impact_spectra
 from identification.layout_in import read_layout
-from identification.settings import first_fault
+from identification.settings import campaign_file, read_toml
 from identification.words import InputError, Layout
 
 
@@ -65,15 +64,8 @@ def read_impacts(folder: Path) -> ImpactCampaign:
     Raises:
         InputError: a file or key that is missing or wrong.
     """
-    path = folder if folder.suffix == ".toml" else folder / "campaign.toml"
-    if not path.is_file():
-        raise InputError(f"{path} does not exist: a campaign is a folder with a campaign.toml")
-    try:
-        settings = _ImpactFile.model_validate(tomllib.loads(path.read_text("utf-8-sig")))
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: TOML syntax: {error}; mend that line") from error
-    except ValidationError as error:
-        raise InputError(f"{path}: {first_fault(error)}") from error
+    path = campaign_file(folder)
+    settings = read_toml(path, _ImpactFile)
     low, high = settings.band
     if not 0 < low < high:
         raise InputError(
@@ -86,18 +78,10 @@ def read_impacts(folder: Path) -> ImpactCampaign:
 
 def _left(records: list[ImpactRecord], ignored: list[str], path: Path) -> list[ImpactRecord]:
     """Records without the channels that are to be left out."""
-    names = {f"{one.dof.point}_{one.dof.direction[-1]}" for r in records for one in r.channels}
-    unknown = sorted(set(ignored) - names)
+    unknown = sorted(set(ignored) - {one.name for record in records for one in record.channels})
     if unknown:
         raise InputError(f"{path}: ignore names {unknown[0]}, which no record has.")
     return [
-        replace(
-            record,
-            channels=tuple(
-                one
-                for one in record.channels
-                if f"{one.dof.point}_{one.dof.direction[-1]}" not in ignored
-            ),
-        )
+        replace(record, channels=tuple(one for one in record.channels if one.name not in ignored))
         for record in records
     ]

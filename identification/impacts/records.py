@@ -7,6 +7,7 @@ A file holds, for every channel, its stamps [s] and its accelerations [m/s2]: ``
 
 import csv
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,11 @@ class Stamped:
     time: Real
     value: Real
 
+    @property
+    def name(self) -> str:
+        """Site and axis, whichever way it reads: ``acc1_x``."""
+        return f"{self.dof.point}_{self.dof.direction[-1]}"
+
 
 @dataclass(frozen=True, eq=False)
 class ImpactRecord:
@@ -60,20 +66,33 @@ def read_impact(path: Path) -> ImpactRecord:
     if not path.is_file():
         raise InputError(f"{path} is not there. Give a record as .npz, .mat or .csv.")
     found = _from_csv(path) if path.suffix.lower() == ".csv" else _from_arrays(path)
+    return impact_record(str(path), found)
+
+
+def impact_record(source: str, found: Mapping[str, tuple[Any, Any]]) -> ImpactRecord:
+    """Check the channels of one impact.
+
+    Args:
+        source: where they are from, for messages.
+        found: stamps and values by site and axis.
+
+    Raises:
+        InputError: as of ``read_impact``.
+    """
     if not found:
         raise InputError(
-            f"{path} has no channels. Name arrays time_acc1_x and value_acc1_x, or give rows of "
+            f"{source} has no channels. Name arrays time_acc1_x and value_acc1_x, or give rows of "
             "channel,time,value."
         )
     channels = tuple(
-        _checked(path, name, np.asarray(time, float).ravel(), np.asarray(value, float).ravel())
+        _checked(source, name, np.asarray(time, float).ravel(), np.asarray(value, float).ravel())
         for name, (time, value) in found.items()
     )
     positive = [one.dof.positive for one in channels]
     twice = sorted({str(dof) for dof in positive if positive.count(dof) > 1})
     if twice:
-        raise InputError(f"{path} has {', '.join(twice)} twice. Leave one of them out.")
-    return ImpactRecord(str(path), channels)
+        raise InputError(f"{source} has {', '.join(twice)} twice. Leave one of them out.")
+    return ImpactRecord(source, channels)
 
 
 def _from_arrays(path: Path) -> dict[str, tuple[Any, Any]]:
@@ -114,22 +133,23 @@ def _from_csv(path: Path) -> dict[str, tuple[Any, Any]]:
     return dict(rows)
 
 
-def _checked(path: Path, name: str, time: Real, value: Real) -> Stamped:
+def _checked(source: str, name: str, time: Real, value: Real) -> Stamped:
     match = _CHANNEL.match(name)
     if match is None:
-        raise InputError(f"{path}: {name!r} names no axis. Call it by site and axis, as acc1_x.")
+        raise InputError(f"{source}: {name!r} names no axis. Call it by site and axis, as acc1_x.")
     if len(time) != len(value):
-        raise InputError(f"{path}: {name} has {len(time)} stamps for {len(value)} values.")
+        raise InputError(f"{source}: {name} has {len(time)} stamps for {len(value)} values.")
     if len(time) < _LEAST:
-        raise InputError(f"{path}: {name} has {len(time)} samples; {_LEAST} are the least.")
+        raise InputError(f"{source}: {name} has {len(time)} samples; {_LEAST} are the least.")
     if not (np.isfinite(time).all() and np.isfinite(value).all()):
-        raise InputError(f"{path}: {name} holds values that are no numbers. Leave these out.")
+        raise InputError(f"{source}: {name} holds values that are no numbers. Leave these out.")
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         k = int(back[0])
         raise InputError(
-            f"{path}: the clock of {name} does not go forward at sample {k + 2}: {time[k + 1]:.6g} "
-            f"s after {time[k]:.6g} s. Sort its samples, or mend the stamps where it was reset."
+            f"{source}: the clock of {name} does not go forward at sample {k + 2}: "
+            f"{time[k + 1]:.6g} s after {time[k]:.6g} s. Sort its samples, or mend the stamps "
+            "where it was reset."
         )
     site, sign, axis = match.groups()
     return Stamped(Dof.parse(f"{site}:{sign or '+'}t{axis}"), time, value)

@@ -119,10 +119,8 @@ def _moved(arms: Real, vectors: Real) -> tuple[Real, Real]:
     """
     rows = np.zeros((len(arms), 3, 6))
     rows[:, :, :3] = np.eye(3)
-    x, y, z = arms.T
-    rows[:, 0, 4], rows[:, 0, 5] = z, -y
-    rows[:, 1, 3], rows[:, 1, 5] = -z, x
-    rows[:, 2, 3], rows[:, 2, 4] = y, -x
+    for axis, unit in enumerate(np.eye(3), start=3):
+        rows[:, :, axis] = np.cross(unit, arms)
     table, flat = rows.reshape(-1, 6), vectors.reshape(len(vectors), -1).T
     motion = np.asarray(np.linalg.lstsq(table, flat, rcond=None)[0], float)
     size = np.linalg.norm(flat, axis=0)

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from identification import read_layout
-from identification.impacts import ImpactRecord, Stamped, impact_spectra, struck
+from identification.impacts import ImpactRecord, impact_record, impact_spectra, struck
 from identification.matching import at_channels, match, printed_match
 from identification.shapes import Shapes, read_shapes, rigid_modes
-from identification.words import Dof, Layout
+from identification.words import Layout
 from truth.gondola import Structure, Trial, read_structure, strike
 
 ASSETS = Path(__file__).parents[2] / "assets" / "gondola"
@@ -72,13 +72,4 @@ def one(seed: int, shapes: Shapes, layout: Layout) -> dict[str, object]:
 def tested(structure: Structure, trial: Trial) -> list[ImpactRecord]:
     """Records of all points that are struck."""
     points = [name for name in structure.places if not name.startswith("acc")]
-    return [
-        ImpactRecord(
-            point,
-            tuple(
-                Stamped(Dof.parse(f"{name[:-2]}:+t{name[-1]}"), *values)
-                for name, values in strike(structure, trial, point).items()
-            ),
-        )
-        for point in points
-    ]
+    return [impact_record(point, strike(structure, trial, point)) for point in points]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from identification import read_layout
-from identification.impacts import ImpactRecord, Stamped, impact_spectra, struck
+from identification.impacts import impact_record, impact_spectra, struck
 from identification.matching import at_channels, match
 from identification.shapes import read_shapes, rigid_modes
 from identification.words import Dof, InputError, UsageError
@@ -27,13 +27,9 @@ def test_all_six_modes_of_another_structure_are_those_of_the_drawing(drawn):
     structure = read_structure(ASSETS / "truths.npz", 11)  # for development alone
     impacts = []
     for point in ("bow2", "bow3", "stern2"):
-        found = strike(structure, Trial(71_700, seconds=6.0), point)
-        channels = tuple(
-            Stamped(Dof.parse(f"{name[:-2]}:+t{name[-1]}"), *values)
-            for name, values in found.items()
-        )
-        assert len(channels) == 21
-        impacts.append(struck(ImpactRecord(point, channels)))
+        record = impact_record(point, strike(structure, Trial(71_700, seconds=6.0), point))
+        assert len(record.channels) == 21
+        impacts.append(struck(record))
     result = match(shapes, layout, impact_spectra(impacts, (15.0, 95.0)))
     own = structure.frequencies[6:12]
     assert (np.abs(own / shapes.frequencies[:6] - 1) > 0.03).all()  # the drawing is off
