@@ -1,6 +1,6 @@
 """What the model lacks: where the gap lies, which effect causes it, how far it shrinks with it."""
 
-from diagnosis.diagnose import STEPS, Diagnosis, diagnose
+from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.effects import EFFECTS, PROVEN, Effect, catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.oracle import oracle, told_of
@@ -11,7 +11,6 @@ from diagnosis.verdict import Verdict
 __all__ = [
     "EFFECTS",
     "PROVEN",
-    "STEPS",
     "Diagnosis",
     "Effect",
     "Hypothesis",

@@ -27,7 +27,7 @@ from diagnosis.refit import (
     uninterrupted,
 )
 from diagnosis.score import cosines
-from diagnosis.search import REFITTED, Search, search
+from diagnosis.search import Search, search
 from diagnosis.second import with_second
 from identification import steadied, unsteady
 from identification.words import Campaign, Complex, Mask, Real
@@ -51,7 +51,6 @@ _NEARLY = 0.5  # of chi square: where it leaves more, its frequency may begin el
 _BEGINS = 1.0, 2.2, 1.5, 0.67, 3.3  # times that of the highest peak
 _ENOUGH = 180_000  # values: three hammer directions, 69 channels, 800 lines and some more
 _ALIKE, _NATS = 0.9, 3.0  # cosine of signatures, difference of costs: twins
-STEPS = 12 + 6 * REFITTED  # told at most
 
 
 @dataclass(frozen=True, eq=False)

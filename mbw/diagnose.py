@@ -5,7 +5,7 @@ from pathlib import Path
 from rich.progress import Progress
 from rich.table import Table
 
-from diagnosis import STEPS, Diagnosis, Verdict, diagnose
+from diagnosis import Diagnosis, Verdict, diagnose
 from mbw.diagnose_files import (
     AUGMENTED,
     NAMES,
@@ -115,7 +115,7 @@ class _Teller:
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
-        self._bar = progress.add_task("diagnosis", total=STEPS)
+        self._bar = progress.add_task("diagnosis", total=None)  # what is found decides
 
     def tell(self, text: str) -> None:
         """Another step begins."""

@@ -18,18 +18,20 @@ def without_still(data: BodyData, layout: Layout) -> BodyData:
 
     Of noise alone, which motion it is taken for differs from one hypothesis to the next, and so
     does, by chance and by many nats, what the motion leaves: such channels say nothing of a fault.
-    One that is dead is not still, since by the others it should move.
+    One that is dead is not still, since by the others it should move. Where the others do not
+    tell, a single one may be either: it is left out, and its motion stays free.
     """
     still = still_channels(data)
     if not still.any() or still.all():
         return data
     kept = np.flatnonzero(~still)
+    sensors = Sensors.of(layout, tuple(data.sensors.channels[k] for k in kept))
+    if still.sum() > 1:
+        rows = data.sensors.rows(np.zeros(data.sensors.count))
+        sensors = replace(sensors, moving=_moving(rows, kept))
     return whitened(
         data.body,
-        replace(
-            Sensors.of(layout, tuple(data.sensors.channels[k] for k in kept)),
-            moving=_moving(data.sensors.rows(np.zeros(data.sensors.count)), kept),
-        ),
+        sensors,
         data.freq_hz,
         data.values[:, :, kept],
         data.variance[:, :, kept],

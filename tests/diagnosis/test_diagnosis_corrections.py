@@ -8,7 +8,7 @@ import pytest
 from diagnosis.corrections import channels_of, divided, exchanged, masked
 from diagnosis.gate import hypothesis_of, sensor_gate
 from diagnosis.hypothesis import freed
-from identification import Fault, mount
+from identification import Fault, check_bodies, mount
 from identification.words import Dof
 from tests.helpers.drawn import drawn
 from tuning import Wishes, freedom
@@ -119,6 +119,28 @@ def test_a_turned_channel_is_proven_and_taken_out(session):
     assert not sensor_gate(session.campaign).faults
     off = [not test.estimate.measured.all() for test in gate.campaign.tests]
     assert all(off)
+
+
+def test_where_most_bodies_seem_to_bend_small_faults_of_sensors_are_no_more_believed(
+    session, monkeypatch
+):
+    checks = check_bodies(session.campaign)
+    assert len(checks) > 2
+    site = sites(session)[0]
+    gain = Fault("sensor_gain", f"sensor:{site}", "tx", 1.0, {"gain": 1.2}, 1.0)
+    turned = Fault("sensor_polarity", f"sensor:{site}", "ty", 1.0, {}, 1.0)
+    bent = [
+        replace(one, faults=(Fault("flexible_body", f"body:{one.body}", None, 1.0, {}, 1.0),))
+        for one in checks
+    ]
+    for many in (1, 3):
+        drawn = [*bent[:many], *checks[many:]]
+        drawn[-1] = replace(drawn[-1], faults=(*drawn[-1].faults, gain, turned))
+        monkeypatch.setattr("diagnosis.gate.check_bodies", lambda _, drawn=drawn: tuple(drawn))
+        gate = sensor_gate(session.campaign)
+        small = set() if many == 3 else {"flexible_body", "sensor_gain"}
+        assert {one.effect for one in gate.faults} == {"sensor_polarity", *small}
+        assert len(gate.flexible) == (0 if many == 3 else 1)
 
 
 def test_what_a_user_has_fixed_is_taken_as_the_gate_found_it(session):

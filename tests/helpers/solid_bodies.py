@@ -18,6 +18,7 @@ Readings = Callable[[np.ndarray, np.ndarray], np.ndarray]  # (freq, values) to v
 class Case:
     """What to draw; ``layout_change`` alters the true layout, ``read`` the clean readings.
 
+    ``level`` puts all sensors at one height, axes along those of the world.
     ``flex`` adds a mode (frequency, size against the rigid motion at its peak, number of shapes).
     """
 
@@ -32,6 +33,7 @@ class Case:
     layout_change: Callable[[Layout], Layout] | None = None
     read: Readings | None = None
     flex: tuple[float, float] | None = None
+    level: bool = False
 
 
 def motion(rng: np.random.Generator, freq: np.ndarray, bodies: int) -> np.ndarray:
@@ -79,6 +81,9 @@ def draw(case: Case) -> Campaign:
     rng = np.random.default_rng(case.seed)
     freq = np.linspace(10.0, 200.0, case.lines)
     layout = random_layout(case.seed, n_body=case.bodies, n_sensor=case.sensors)
+    if case.level:
+        flat = layout.positions * [1, 1, 0] + [0, 0, 0.1]
+        layout = replace(layout, positions=flat, axes=np.tile(np.eye(3), (len(flat), 1, 1)))
     outputs = triaxials(layout)
     true = tolerated(layout, case.tolerance, rng)
     if case.layout_change is not None:

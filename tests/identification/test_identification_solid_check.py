@@ -71,6 +71,16 @@ def test_a_channel_that_reads_a_tenth_is_not_dead(seed, gain, effect):
         assert fault.parameters["gain"] == pytest.approx(gain, rel=0.1)
 
 
+@pytest.mark.parametrize("seed", [1214, 1215, 1216])
+def test_a_dead_channel_that_no_other_could_contradict_is_no_proof_of_stillness(seed):
+    # Three heights make z and two turns: no spare tells whether the third reads or is off.
+    case = Case(seed, sensors=3, lines=LINES, noise=0.001, level=True, read=read_times(8, 0.0))
+    found = check(case)
+    assert len(found.channels) == 8
+    assert not found.faults, found.words
+    assert found.excess.mean() < 1.1
+
+
 @pytest.mark.parametrize("stated", [0.83, 1.2], ids=["noise overstated", "noise understated"])
 def test_noise_misstated_by_a_fifth_makes_no_fault(stated):
     for seed in range(4):
