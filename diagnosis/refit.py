@@ -259,6 +259,14 @@ def go_on(scene: Scene, found: Refit, stages: tuple[Stage, ...]) -> Refit:
     return _fitted(found.hypothesis, found.session, found.fit.theta, paced(stages, scene.pace))
 
 
+def from_where(scene: Scene, found: Refit, other: Refit, stages: tuple[Stage, ...]) -> Refit:
+    """The same, further stages, from where another ended in the parameters that both have."""
+    there = _named(other.fit.freedom, other.fit.theta)
+    here = _named(found.fit.freedom, found.fit.theta)
+    start = np.array([there.get(name, value) for name, value in here.items()])
+    return _fitted(found.hypothesis, found.session, start, paced(stages, scene.pace))
+
+
 def unbounded(scene: Scene, made: Refit) -> Refit:
     """The same, with what it leaves if tolerances have no bounds, and the largest of them then.
 

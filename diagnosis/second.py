@@ -3,7 +3,8 @@
 What the best single effect leaves is a gap like any other: with that effect in the model all
 hypotheses are scored again, the most promising refitted, both then fitted at once. If one of the
 two alone leaves as little, the other was not needed: so the second is fitted alone too. A wrong
-first may have taken the part of both: so others that led with it are fitted in its place.
+first may have taken the part of both: so others that led with it are fitted in its place. And the
+first may not have arrived: so it is fitted alone once more, from where both ended.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,7 +13,17 @@ from dataclasses import replace
 from diagnosis.effects import catalogue
 from diagnosis.hypothesis import Hypothesis, Scene, together
 from diagnosis.judge import calibrated
-from diagnosis.refit import CLOSE, FIRST, LAST, LONG, Refit, go_on, refit, unbounded
+from diagnosis.refit import (
+    CLOSE,
+    FIRST,
+    LAST,
+    LONG,
+    Refit,
+    from_where,
+    go_on,
+    refit,
+    unbounded,
+)
 from diagnosis.search import Search, search
 from tuning import STAGES
 
@@ -62,6 +73,9 @@ def with_second(
     pairs = [_pair(one, both) for both in beside if both.cost < first.cost]
     if not pairs:
         return found
+    again = from_where(scene, first, min(pairs, key=lambda both: both.cost), LONG)
+    if again.cost < first.cost:
+        found = replace(found, refits=(unbounded(scene, again), *found.refits[1:]))
     alone = _alone(scene, found, beside[0], asked)
     pairs += _exchanged(scene, found, alone)
     refits = {made.key: made for made in (*found.refits, alone)}

@@ -15,6 +15,7 @@ from truth.refit import Refit
 
 _DRAWS = 20  # of place and shape, for an effect as strong as is wanted
 _CLOSE = 0.04  # of the wanted ratio
+_HIDDEN = 1.1  # of the logarithm of the wanted ratio: a refit takes nearly all
 _MORE = 4.0  # times the ratio, what the first step may have to leave
 _TURNS = 12  # repetitions of the search for a size
 
@@ -130,9 +131,9 @@ def _drawn(
             return drawn, number
         if best is None or _off(drawn, wanted.ratio) < _off(best, wanted.ratio):
             best = drawn
-    if best is None or refit is None:
+    if best is None:
         raise NoPlaceError(f"{wanted.effect}: every place of {machine.station.name} is taken")
-    return _whole(best, machine, refit), _DRAWS
+    return best, _DRAWS
 
 
 def _off(drawn: Drawn, ratio: float) -> float:
@@ -140,20 +141,19 @@ def _off(drawn: Drawn, ratio: float) -> float:
 
 
 def _strong(effect: Effect, machine: Machine, ratio: float, refit: Refit) -> tuple[Drawn, bool]:
-    """Choose the size for a ratio; whether the refit's first step leaves as much as was aimed at.
+    """Choose the size for a ratio; whether a refit leaves about as much as was aimed at.
 
-    Further steps hide more, of some effects much more: once the size is chosen anew for that.
+    Its further steps hide more, of some effects much more: once the size is chosen anew for that.
     """
     first = _first_step(effect, machine, ratio, refit)
-    near = effect.size is None or _off(first, ratio) <= 2 * _CLOSE
-    if not near:
-        return first, False
     found = _whole(first, machine, refit)
+    if effect.size is not None and _off(first, ratio) > 2 * _CLOSE:
+        return found, False
     if effect.size is not None and _off(found, ratio) > 2 * _CLOSE:
         aim = ratio * min(ratio / max(found.ratio or 0.0, 1e-9), _MORE)
         again = _whole(_first_step(effect, machine, aim, refit), machine, refit)
         found = min((found, again), key=lambda one: _off(one, ratio))
-    return found, True
+    return found, effect.size is None or _off(found, ratio) <= _HIDDEN
 
 
 def _whole(first: Drawn, machine: Machine, refit: Refit) -> Drawn:
