@@ -1,9 +1,10 @@
 """The judgement's constants, by maximum likelihood on campaigns that no reported figure uses.
 
-Of each calibration campaign (``diagnosis``, seeds 80000 and up) the logarithm of the probability
-that its evidence gives the truth counts: none, unexplained, or the cause at its place; likewise the
-share of the true place. Effects that re-tuning hides entirely teach nothing and are left out. The
-constants go to ``diagnosis/calibration.json``, with the SHA-256 of the evidence.
+Of each calibration campaign (seeds 80000 and up: those of ``diagnosis``, effects that no catalogue
+has, pairs) the logarithm of the probability that its evidence gives the truth counts: none,
+unexplained, or each cause at its place; of single ones likewise the share of the true place.
+Effects that re-tuning hides entirely teach nothing and are left out. The constants go to
+``diagnosis/calibration.json``, with the SHA-256 of the evidence.
 """
 
 import hashlib
@@ -17,9 +18,11 @@ from scipy.optimize import minimize
 from diagnosis.evidence import Evidence
 from diagnosis.judge import NOTHING, Calibration, Judged, judge
 from identification.words import Real
-from tests.bench.diagnosis import NONLINEAR, deck, made
+from tests.bench.catalogue import outside, two
+from tests.bench.diagnosis import NONLINEAR, Deck, deck, made, mixed
+from truth.effects.outside import OUTSIDE
 
-CASES, FIRST = 80, 80_000
+CASES, OUT, PAIRS, FIRST = 80, 3, 15, 80_000
 FILE = Path(__file__).parents[2] / "diagnosis" / "calibration.json"
 _LEAST = 5e-3  # probability of the truth that a case counts at least: one outlier rules nothing
 _WIDE = 0.7  # standard deviation of a constant's logarithm about where it begins
@@ -36,18 +39,20 @@ BEGIN = {
     "share": 0.1,
 }
 _OUTLIER, _SURE = 4.0, 0.98
+_Cause = tuple[str, str]  # effect, place
 
 
 def run() -> list[dict[str, object]]:
     """Make the campaigns, fit the constants, write them."""
-    rows = made(deck("calibrate", FIRST, CASES))
+    one = cards()
+    rows = made(one)
     given = [one for row in rows if (one := _given(row)) is not None]
     start = np.log(list(BEGIN.values()))
 
     def cost(logarithms: Real) -> float:
         by = _calibration(logarithms)
         prior = 0.5 * float((((logarithms - start) / _WIDE) ** 2).sum())
-        return prior + sum(_surprise(judge(seen, by), *truth) for seen, truth in given)
+        return prior + sum(_surprise(judge(seen, by), truth) for seen, truth in given)
 
     found = minimize(cost, start, method="Nelder-Mead", options={"maxfev": 4000, "xatol": 1e-3})
     kept = [[row["seed"], row.get("evidence"), row.get("answer")] for row in rows]
@@ -55,7 +60,7 @@ def run() -> list[dict[str, object]]:
         update={
             "campaigns": len(given),
             "command": "make bench ONLY=calibrate",
-            "seeds": f"{FIRST} to {FIRST + CASES - 1}",
+            "seeds": f"{FIRST} to {FIRST + len(one.cards) - 1}",
             "evidence": hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest(),
         }
     )
@@ -73,31 +78,41 @@ def run() -> list[dict[str, object]]:
     return [*fitted, mean]
 
 
+def cards() -> Deck:
+    """Those of ``diagnosis`` and, beside them, outsiders and pairs."""
+    more = mixed([outside(OUT), two(13, PAIRS)])
+    return Deck("calibrate", FIRST, (*deck("calibrate", FIRST, CASES).cards, *more))
+
+
 def _calibration(logarithms: Real) -> Calibration:
     named = dict(zip(BEGIN, np.round(np.exp(logarithms), 6).tolist(), strict=True))
     hidden = {key: named.pop(f"hidden.{key}") for key in ("coherence", "differences")}
     return Calibration(hidden=hidden, outlier=_OUTLIER, sure=_SURE, **named)
 
 
-def _given(row: dict) -> tuple[Evidence, tuple[str, str, bool]] | None:
-    """Evidence, and the true effect, its place, and whether the catalogue of Parts has it."""
+def _given(row: dict) -> tuple[Evidence, tuple[_Cause, ...]] | None:
+    """Evidence, and what is true: effects and places, none where nothing is missing."""
     if row.get("verdict") is None:
         return None
     answer = tomllib.loads(row["answer"])
     seen = Evidence.model_validate(row["evidence"])
-    effect, place = answer["effect"], answer.get("location", "")
-    if effect != "none" and not seen.proven and seen.chi_square <= NOTHING:
+    causes = answer.get("cause", [] if answer["effect"] == "none" else [answer])
+    if causes and not seen.proven and seen.chi_square <= NOTHING:
         return None
-    return seen, (effect, place, effect not in NONLINEAR)
+    return seen, tuple((one["effect"], one["location"]) for one in causes)
 
 
-def _surprise(found: Judged, effect: str, place: str, known: bool) -> float:
-    """-ln of the probability of the truth, and of the share of its place."""
-    if effect == "none":
-        return -float(np.log(max(found.none, _LEAST)))
-    if known:
-        right = sum(p for key, p in found.causes if key[:2] == (effect, place))
-    else:
-        right = found.unexplained
-    share = dict(found.where).get(place, 0.0)
-    return -float(np.log(max(right, _LEAST))) - float(np.log(max(share, _LEAST)))
+def _surprise(found: Judged, causes: tuple[_Cause, ...]) -> float:
+    """-ln of the probability of the truth; of a single cause also of the share of its place."""
+    if not causes:
+        return _nats(found.none)
+    present = [sum(p for key, p in found.causes if key[:2] == one) for one in causes]
+    if len(causes) > 1:
+        return sum(map(_nats, present))
+    ((effect, place),) = causes
+    right = found.unexplained if effect in (*NONLINEAR, *OUTSIDE) else present[0]
+    return _nats(right) + _nats(dict(found.where).get(place, 0.0))
+
+
+def _nats(probability: float) -> float:
+    return -float(np.log(max(probability, _LEAST)))

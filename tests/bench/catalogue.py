@@ -12,7 +12,7 @@ from truth.effects.outside import OUTSIDE
 FIRST = 110_000
 LINEAR = tuple(name for name in MACHINE if name not in NONLINEAR)
 RATIOS = (2.0, 4.0)
-EACH, OUT, PAIRS, TREES = 10, 4, 30, 3  # of every effect and ratio; of all pairs
+EACH, OUT, PAIRS, TREES = 10, 8, 30, 3  # of every effect and ratio; of all pairs
 
 
 def run() -> list[dict[str, object]]:
@@ -23,12 +23,20 @@ def run() -> list[dict[str, object]]:
 def deck() -> Deck:
     """All of them, mixed."""
     one = [Card("one", (name,), ratio) for ratio in RATIOS for name in LINEAR] * EACH
-    outside = [Card("outside", (name,), 4.0) for name in OUTSIDE] * 2 * OUT
-    known = [name for name in LINEAR if name != "flexible_body"]  # it hides all others
-    both = [Card("two", pair, 4.0) for pair in combinations(known, 2)]
     trees = [Card("one", (name,), ratio, tree=True) for ratio in RATIOS for name in LINEAR] * TREES
     piles = [
         shuffled(pile, 7 + number)
-        for number, pile in enumerate((one, outside, shuffled(both, 11)[:PAIRS], trees))
+        for number, pile in enumerate((one, outside(OUT), two(11, PAIRS), trees))
     ]
     return Deck("catalogue", FIRST, mixed(piles))
+
+
+def outside(times: int) -> list[Card]:
+    """Every effect that no catalogue has, so many times."""
+    return [Card("outside", (name,), 4.0) for name in OUTSIDE] * times
+
+
+def two(seed: int, count: int) -> list[Card]:
+    """So many pairs of effects."""
+    known = [name for name in LINEAR if name != "flexible_body"]  # it hides all others
+    return shuffled([Card("two", pair, 4.0) for pair in combinations(known, 2)], seed)[:count]
