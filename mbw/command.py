@@ -144,6 +144,9 @@ def match(
     shapes: Annotated[Path, typer.Argument(help="Mesh with shapes as point data.")],
     campaign: Annotated[Path, typer.Argument(help="Folder with a campaign.toml of impacts.")],
     *,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Results; default: <campaign>-matched.")
+    ] = None,
     frequencies: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Frequencies, one a row, of the shapes.")
     ] = None,
@@ -155,7 +158,7 @@ def match(
 ) -> None:
     """Say which finite-element mode each measured one is: few sensors, no force."""
     SCREEN.quiet = quiet
-    match_verb.run(match_verb.Simulated(shapes, frequencies, mass), campaign, json)
+    match_verb.run(match_verb.Simulated(shapes, frequencies, mass), campaign, out, json)
 
 
 @app.command()
@@ -327,7 +330,7 @@ def blind(  # one for each option
 @guarded
 def report(
     result: Annotated[
-        Path, typer.Argument(help="Folder that mbw tune, identify or diagnose wrote.")
+        Path, typer.Argument(help="Folder that mbw tune, identify, diagnose or match wrote.")
     ],
     out: Annotated[
         Path | None,

@@ -3,71 +3,20 @@
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
 
-import numpy as np
 import typer
-from pydantic import BaseModel, Field
 
-from identification.impacts import ImpactCampaign, ImpactSpectra, read_impacts
-from identification.matching import Match, match
-from identification.shapes import RigidModes, Shapes, check_mass, read_shapes, rigid_modes, telling
+from identification.impacts import read_impacts
+from identification.matching import match
+from identification.shapes import RigidModes, check_mass, read_shapes, rigid_modes
 from identification.words import InputError
+from mbw.match_page import render
+from mbw.match_result import NAMES, PAGE, gather, read_result, write_result
+from mbw.match_schema import MatchFile
 from mbw.messages import SCREEN
+from mbw.page import check_names, page_file, write_page
 from mbw.tune import check_json, write_json
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-
-
-class MatchRow(BaseModel):
-    """A measured mode and the simulated one that it is.
-
-    Args:
-        frequency, frequency_sd: natural [Hz].
-        damping, damping_sd: ratio.
-        simulated: number of the simulated mode in its file, from 1; null for no match.
-        simulated_frequency: its frequency [Hz].
-        probability: that it is that one; of no match where that is likelier.
-        mac: of signed shapes at the channels.
-        telling: channels that tell it from the next candidate.
-        shape: real, at ``channels``, of unit size.
-    """
-
-    frequency: Finite
-    frequency_sd: Finite
-    damping: Finite
-    damping_sd: Finite
-    simulated: int | None
-    simulated_frequency: Finite | None
-    probability: Finite
-    mac: Finite | None
-    telling: list[str]
-    shape: list[Finite]
-
-
-class MatchFile(BaseModel):
-    """What ``mbw match --json`` writes.
-
-    Args:
-        shapes, campaign: what was read.
-        band: of the lines [Hz].
-        mass: of the simulated structure by its rigid modes [kg]; null if they do not tell.
-        channels: such as ``acc1:+tx``.
-        impacts: files of the records.
-        modes: measured, by rising frequency.
-        unmatched: numbers of simulated modes in the band that no measured mode is.
-        alike: pairs of simulated modes with a MAC above 0.8 at these channels.
-    """
-
-    shapes: str
-    campaign: str
-    band: list[Finite]
-    mass: Finite | None
-    channels: list[str]
-    impacts: list[str]
-    modes: list[MatchRow]
-    unmatched: list[int]
-    alike: list[list[int]]
+from tuning import files_of
 
 
 @dataclass(frozen=True)
@@ -88,15 +37,24 @@ class Simulated:
 _WITHIN = 0.05  # of a stated mass
 
 
-def run(simulated: Simulated, folder: Path, json: Path | None) -> MatchFile:
-    """Match, print, write.
+def run(simulated: Simulated, folder: Path, out: Path | None, json: Path | None) -> Path:
+    """Match, print, write the result and its page.
+
+    Args:
+        simulated: shapes.
+        folder: of the campaign.
+        out: folder of the result; <campaign>-matched if None.
+        json: a file beside it, or ``-``.
 
     Returns:
-        What was found.
+        The folder of the result.
 
     Raises:
         InputError: files that cannot be used, shapes of another mass, no elastic mode.
     """
+    campaign = read_impacts(folder)
+    target = out or Path(f"{campaign.path.parent.absolute().name}-matched")
+    check_names(target, NAMES)
     if json is not None:
         check_json(json)
     whole = read_shapes(simulated.path, simulated.frequencies)
@@ -105,61 +63,39 @@ def run(simulated: Simulated, folder: Path, json: Path | None) -> MatchFile:
         check_mass(rigid, simulated.mass, _WITHIN, str(simulated.path))
     if rigid.modes.all():
         raise InputError(f"{simulated.path} has rigid modes alone. Give elastic ones.")
-    campaign = read_impacts(folder)
     with SCREEN.console.status("clocks, spectra, modes") if not SCREEN.quiet else nullcontext():
-        spectra = campaign.spectra()
-        found = match(whole.only(~rigid.modes), campaign.layout, spectra)
-    result = _gathered(whole, rigid, campaign, spectra, found)
+        found = match(whole.only(~rigid.modes), campaign.layout, campaign.spectra())
+        result = gather(whole, rigid, campaign, found)
+    with files_of(target) as place:
+        write_result(result, place)
+        (place / PAGE).write_text(render(result), encoding="utf-8")
     if json is not None:
-        write_json(result.model_dump_json(indent=1), json)
+        write_json(result.summary.model_dump_json(indent=1), json)
     if json is None or str(json) != "-":
-        _print(result)
-    _say(result, rigid)
-    return result
+        _print(result.summary)
+    _say(result.summary, rigid)
+    SCREEN.say(f"match in {target}")
+    SCREEN.say(f"pictures in {(target / PAGE).absolute().as_uri()}")
+    return target
 
 
-def _gathered(
-    whole: Shapes,
-    rigid: RigidModes,
-    campaign: ImpactCampaign,
-    spectra: ImpactSpectra,
-    found: Match,
-) -> MatchFile:
-    number = np.flatnonzero(~rigid.modes) + 1
-    names = [str(dof) for dof in spectra.dofs]
-    rows = []
-    for mode, shape in enumerate(found.measured.shapes):
-        pair = found.pairs.get(mode)
-        none = 1 - float(found.probability[mode].sum())
-        rows.append(
-            MatchRow(
-                frequency=float(found.measured.frequencies[mode]),
-                frequency_sd=float(found.measured.frequency_sd[mode]),
-                damping=float(found.measured.dampings[mode]),
-                damping_sd=float(found.measured.damping_sd[mode]),
-                simulated=None if pair is None else int(number[pair]),
-                simulated_frequency=None if pair is None else float(found.simulated_hz[pair]),
-                probability=none if pair is None else float(found.probability[mode, pair]),
-                mac=None if pair is None else float(found.mac[mode, pair]),
-                telling=[names[channel] for channel in found.channels(mode)],
-                shape=shape.tolist(),
-            )
-        )
-    band = (found.simulated_hz >= campaign.band[0]) & (found.simulated_hz <= campaign.band[1])
-    left = [int(number[k]) for k in np.flatnonzero(band) if k not in found.pairs.values()]
-    alike = telling(found.at[band]).confused
-    own = number[band]
-    return MatchFile(
-        shapes=whole.source,
-        campaign=str(campaign.path),
-        band=list(campaign.band),
-        mass=rigid.mass if rigid.normalised else None,
-        channels=names,
-        impacts=list(spectra.sources),
-        modes=rows,
-        unmatched=left,
-        alike=[[int(own[i]), int(own[j])] for i, j in alike],
-    )
+def rewrite(path: Path, out: Path | None) -> Path:
+    """Write the page of a result folder again.
+
+    Args:
+        path: the folder, or its match.json.
+        out: an .html file or a folder; the result's own folder if None.
+
+    Returns:
+        The file.
+
+    Raises:
+        InputError: the folder holds no result, or the file cannot be written.
+    """
+    target = page_file(path, out, PAGE)
+    write_page(render(read_result(path)), target)
+    SCREEN.say(f"report in {target}")
+    return target
 
 
 def _print(result: MatchFile) -> None:

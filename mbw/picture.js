@@ -7,6 +7,9 @@ const PERIOD = 1800;  // ms of one swing
 // Measured sensors: their places and, mode after mode, the vectors of their motion.
 const SENSORS = PICTURE.sensors ? {...PICTURE.sensors, places: floats(PICTURE.sensors.places), vectors: floats(PICTURE.sensors.vectors)} : null;
 
+// A simulated surface: its points and, mode after mode, the vectors of their motion.
+const SURFACE = PICTURE.surface ? {points: floats(PICTURE.surface.points), triangles: integers(PICTURE.surface.triangles), vectors: floats(PICTURE.surface.vectors)} : null;
+
 // ---- the machine: points that move with stages ---------------------------------------------
 
 const MESHES = PICTURE.meshes.map(mesh => ({...mesh, vertices: floats(mesh.vertices),
@@ -62,6 +65,7 @@ function extent() {
   const take = list => list.forEach((v, i) => { const k = i % 3; low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); });
   take(CORNERS.places);
   if (SENSORS) take(SENSORS.places);
+  if (SURFACE) take(SURFACE.points);
   MESHES.filter(m => m.stage < 0).forEach(m => take(m.vertices));
   const size = Math.hypot(...low.map((v, k) => high[k] - v)) || 1;
   return {low, high, size};
@@ -99,6 +103,20 @@ function tips(mode, phase, factor, lines) {
   return {x, y, z};
 }
 
+// The surface in a phase, and how far each of its points moves over the farthest.
+function bent(mode, phase, factor) {
+  const x = [], y = [], z = [], {points, vectors} = SURFACE, start = points.length * mode, c = factor * Math.cos(phase);
+  for (let k = 0; k < points.length; k += 3) {
+    x.push(points[k] + c * vectors[start + k]); y.push(points[k + 1] + c * vectors[start + k + 1]); z.push(points[k + 2] + c * vectors[start + k + 2]);
+  }
+  return {x, y, z};
+}
+
+function reach(mode) {
+  const start = SURFACE.points.length * mode, count = SURFACE.points.length / 3;
+  return Array.from({length: count}, (_, k) => Math.hypot(...SURFACE.vectors.slice(start + 3 * k, start + 3 * k + 3)));
+}
+
 function largest(mode) {
   const re = motionOf(mode, 0), im = motionOf(mode, -Math.PI / 2);
   let most = 0;
@@ -106,6 +124,7 @@ function largest(mode) {
     const place = CORNERS.places.slice(3 * k, 3 * k + 3);
     most = Math.max(most, Math.hypot(...displacement(re, stage, ...place), ...displacement(im, stage, ...place)));
   });
+  if (SURFACE) most = reach(mode).reduce((a, b) => Math.max(a, b), most);
   if (SENSORS) SENSORS.names.forEach((_, k) => { most = Math.max(most, Math.hypot(...sensorMotion(mode, 0, k), ...sensorMotion(mode, -Math.PI / 2, k))); });
   return most || 1;
 }
@@ -132,6 +151,12 @@ function traces() {
     list.push({...moved(places, stageOf, null, 0), showlegend: false, hoverinfo: "skip", ...trace});
   };
   const lines = (set, trace, moves) => add({type: "scatter3d", mode: "lines", ...trace}, set.places, k => set.stages[k], moves);
+  if (SURFACE) {
+    const corner = k => Array.from({length: SURFACE.triangles.length / 3}, (_, t) => SURFACE.triangles[3 * t + k]);
+    MOVING.push({number: list.length, at: (_, factor) => ({...bent(state.mode, phase, factor), intensity: reach(state.mode)})});
+    list.push({...bent(0, 0, 0), type: "mesh3d", i: corner(0), j: corner(1), k: corner(2), intensity: reach(0), colorscale: [[0, "#e8eef5"], [1, "#3d78b4"]],
+      showscale: false, flatshading: true, hoverinfo: "skip", lighting: {ambient: 0.7, diffuse: 0.5, specular: 0.05, roughness: 0.9, facenormalsepsilon: 0, vertexnormalsepsilon: 0}});
+  }
   const sharp = edgesOf(MESHES.filter(m => m.stage >= 0));
   for (const mesh of MESHES) {
     const corner = k => Array.from({length: mesh.triangles.length / 3}, (_, t) => mesh.triangles[3 * t + k]);
@@ -219,11 +244,13 @@ function watch() {  // a picture that is being turned stands still, or plotly wo
 }
 
 function show() {
-  if (!drawn || busy || !SHAPES.length) return Promise.resolve();
+  if (!drawn || busy || !(SHAPES.length || SURFACE)) return Promise.resolve();
   const motion = motionOf(state.mode, phase), factor = state.amplitude / 100 * EXTENT.size / largest(state.mode);
   const sets = MOVING.map(set => set.at(motion, factor));
   busy = true;
-  return Plotly.restyle("picture", {x: sets.map(s => s.x), y: sets.map(s => s.y), z: sets.map(s => s.z)}, MOVING.map(s => s.number))
+  const change = {x: sets.map(s => s.x), y: sets.map(s => s.y), z: sets.map(s => s.z)};
+  if (SURFACE) change.intensity = sets.map(s => s.intensity ?? null);
+  return Plotly.restyle("picture", change, MOVING.map(s => s.number))
     .catch(absent).finally(() => { busy = false; });
 }
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import Dof
-from mbw import diagnose, identify
+from mbw import diagnose, identify, match
+from mbw.match_result import is_matched
 from mbw.messages import SCREEN
 from mbw.page import fill, packed, packed_complex, page_file, text_of, warnings, write_page
 from mbw.remarks import limits, not_held
@@ -25,7 +26,7 @@ def run(path: Path, out: Path | None) -> Path:
     """Write the report of a result folder.
 
     Args:
-        path: the folder, or its tuned.json, modes.json or verdict.json.
+        path: the folder, or its tuned.json, modes.json, verdict.json or match.json.
         out: an .html file or a folder; the result's own folder if None.
 
     Returns:
@@ -38,6 +39,8 @@ def run(path: Path, out: Path | None) -> Path:
         return identify.rewrite(path, out)
     if diagnose.is_diagnosed(path):
         return diagnose.rewrite(path, out)
+    if is_matched(path):
+        return match.rewrite(path, out)
     result = read_result(path)
     target = page_file(path, out, "report.html")
     write_page(render(result), target)

@@ -9,12 +9,13 @@ file = "bow1.npz"
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from identification.impacts.clock import struck
+from identification.impacts.clock import Struck, struck
 from identification.impacts.records import ImpactRecord, read_impact
 from identification.impacts.spectra import ImpactSpectra, impact_spectra
 from identification.layout_in import read_layout
@@ -53,9 +54,14 @@ class ImpactCampaign:
     records: tuple[ImpactRecord, ...]
     band: tuple[float, float]
 
-    def spectra(self) -> ImpactSpectra:
-        """Of all impacts, on a common clock each."""
-        return impact_spectra([struck(record) for record in self.records], self.band)
+    @cached_property
+    def struck(self) -> tuple[Struck, ...]:
+        """Each impact on a common clock."""
+        return tuple(struck(record) for record in self.records)
+
+    def spectra(self, finer: int = 1) -> ImpactSpectra:
+        """Of all impacts; ``finer`` as of ``impact_spectra``."""
+        return impact_spectra(self.struck, self.band, finer=finer)
 
 
 def read_impacts(folder: Path) -> ImpactCampaign:

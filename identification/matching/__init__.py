@@ -1,6 +1,7 @@
 """Measured modes matched with simulated ones: as printed, and with all that is known."""
 
 from identification.matching.assignment import best_matching, pair_probabilities
+from identification.matching.by_hand import ByHand, by_hand
 from identification.matching.likelihood import Beliefs, odds
 from identification.matching.match import Match, at_channels, match
 from identification.matching.modes import ImpactModes, impact_modes, in_phase
@@ -8,11 +9,13 @@ from identification.matching.printed import PrintedMatch, printed_match
 
 __all__ = [
     "Beliefs",
+    "ByHand",
     "ImpactModes",
     "Match",
     "PrintedMatch",
     "at_channels",
     "best_matching",
+    "by_hand",
     "impact_modes",
     "in_phase",
     "match",

@@ -29,6 +29,7 @@ class PrintedMatch:
     Args:
         places: names.
         freq_hz: lines; (n_freq,).
+        amplitude: smoothed, of each place; (n_freq, n_place, n_impact).
         measured: ratios; (n_freq, n_place, n_impact).
         simulated: ratios; (n_mode, n_place).
         impacts: 1 / norm^2 of each; (n_freq, n_mode, n_impact).
@@ -36,6 +37,7 @@ class PrintedMatch:
 
     places: tuple[str, ...]
     freq_hz: Real
+    amplitude: Real
     measured: Real
     simulated: Real
     impacts: Real
@@ -82,9 +84,8 @@ def printed_match(
     to = shapes.max(axis=1) if reading == "largest" else shapes[:, own]
     simulated = shapes / np.maximum(to, 1e-12 * shapes.max(axis=1))[:, None]
     apart = measured[:, None] - simulated[None, :, :, None]
-    return PrintedMatch(
-        places, spectra.freq_hz, measured, simulated, 1 / np.maximum((apart**2).sum(axis=2), 1e-300)
-    )
+    closeness = 1 / np.maximum((apart**2).sum(axis=2), 1e-300)
+    return PrintedMatch(places, spectra.freq_hz, amplitude, measured, simulated, closeness)
 
 
 def _norms(values: Real, dofs: Sequence[Dof], axis: int) -> Real:

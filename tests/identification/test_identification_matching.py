@@ -11,6 +11,7 @@ from identification.matching import (
     Beliefs,
     ImpactModes,
     best_matching,
+    by_hand,
     impact_modes,
     in_phase,
     odds,
@@ -191,3 +192,40 @@ def test_the_printed_match_peaks_where_ratios_are_the_simulated(drawn):
     assert peak.max() > 5 * np.median(peak)
     with pytest.raises(UsageError, match="acc77 is not among acc1"):
         printed_match(clean, shapes, "acc77")
+
+
+@pytest.mark.parametrize("late", [0.0, 2e-3], ids=["on time", "2 ms late"])
+def test_damping_and_amplitude_by_hand_are_those_of_a_single_mode(late):
+    hz, zeta, freq = 34.5, 0.02, np.arange(20.0, 60.0, 0.02)
+    amplitude = np.array([0.7832, -0.4002, 1.4137])
+    ratio = 1j * freq / hz
+    response = ratio**2 / (ratio**2 + 2 * zeta * ratio + 1) - 1
+    values = (response * np.exp(2j * np.pi * hz * late))[:, None, None] * amplitude[:, None]
+    spectra = ImpactSpectra(("one",), DOFS[:3], freq, values, np.full((3, 1), 1e-9))
+    unit = (amplitude / np.linalg.norm(amplitude))[None]
+    one = np.ones(1)
+    modes = ImpactModes(
+        hz * one, zeta * one, 0.1 * one, 0.1 * one, unit, 0 * unit, np.ones((1, 1)), one
+    )
+    rows = by_hand(spectra, modes, 0)
+    assert [row.dof for row in rows] == [DOFS[2], DOFS[0], DOFS[1]]
+    signs = {np.sign(row.least_squares / amplitude[DOFS.index(row.dof)]) for row in rows}
+    assert len(signs) == 1  # the channel that moves against the others has the other sign
+    for row in rows:
+        size = abs(amplitude[DOFS.index(row.dof)])
+        assert row.damping == pytest.approx(zeta, rel=2e-3)
+        assert row.peak == pytest.approx(hz, abs=0.03)
+        assert abs(row.least_squares) == pytest.approx(size, rel=5e-3)
+        assert abs(row.maximum) == pytest.approx(size, rel=5e-3)
+
+
+def test_a_mode_that_is_not_alone_has_no_row_by_hand(drawn):
+    _, _, spectra = drawn
+    modes = impact_modes(spectra)
+    rows = [by_hand(spectra, modes, mode) for mode in range(4)]
+    assert [max(len(row) for row in rows)] == [3]
+    for mode, row in enumerate(rows):
+        for one in row:
+            assert one.lower < one.peak < one.upper
+            assert abs(one.peak - HZ[mode]) < 2 * ZETA[mode] * HZ[mode]
+            assert 0.3 * ZETA[mode] < one.damping < 3 * ZETA[mode]

@@ -4,6 +4,7 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -24,11 +25,18 @@ def campaign(tmp_path_factory):
     return folder
 
 
-def called(*arguments):
-    return CliRunner().invoke(app, ["match", *map(str, arguments)])
+@pytest.fixture
+def called(tmp_path):
+    """The verb, its result in a folder of its own."""
+
+    def call(*arguments):
+        words = ["match", *map(str, arguments), "--out", str(tmp_path / "matched")]
+        return CliRunner().invoke(app, words)
+
+    return call
 
 
-def test_a_campaign_is_matched_and_written(campaign, tmp_path):
+def test_a_campaign_is_matched_and_written(campaign, tmp_path, called):
     target = tmp_path / "match.json"
     done = called(SHAPES, campaign, "--mass", 264, "--json", target)
     assert done.exit_code == 0, done.output
@@ -39,6 +47,15 @@ def test_a_campaign_is_matched_and_written(campaign, tmp_path):
     assert len(found.channels) == 21
     assert len(found.impacts) == 3
     assert found.unmatched == []
+    assert found.lines > 50
+    hands = [hand for row in found.modes for hand in row.by_hand]
+    assert len(hands) > 12
+    apart = [abs(hand.maximum / hand.least_squares - 1) for hand in hands]
+    assert np.median(apart) < 0.02  # table 3: 1.4 to 3.2 %
+    for row in found.modes:
+        widths = [hand.damping for hand in row.by_hand]
+        assert np.median(widths) == pytest.approx(row.damping, rel=0.5)
+        assert {hand.impact for hand in row.by_hand} <= set(found.impacts)
     lines = [line for line in done.stdout.splitlines() if line.strip()]
     assert lines[0].startswith("measured/Hz")
     assert len(lines) >= 7
@@ -47,7 +64,7 @@ def test_a_campaign_is_matched_and_written(campaign, tmp_path):
     assert json.loads(alone.stdout) == json.loads(target.read_text())
 
 
-def test_what_cannot_be_matched_is_refused_in_a_sentence(campaign, tmp_path):
+def test_what_cannot_be_matched_is_refused_in_a_sentence(campaign, tmp_path, called):
     wrong = called(SHAPES, campaign, "--mass", 800)
     assert wrong.exit_code == 3
     assert "weighs 264.1 kg by its rigid modes, 800 kg was stated" in wrong.output
@@ -73,7 +90,7 @@ def test_what_cannot_be_matched_is_refused_in_a_sentence(campaign, tmp_path):
         ("band =", "band = =", "TOML syntax"),
     ],
 )
-def test_a_campaign_that_is_wrong_is_named(campaign, tmp_path, old, new, said):
+def test_a_campaign_that_is_wrong_is_named(campaign, tmp_path, old, new, said, called):
     text = (campaign / "campaign.toml").read_text()
     assert old in text
     for file in campaign.iterdir():
@@ -85,7 +102,7 @@ def test_a_campaign_that_is_wrong_is_named(campaign, tmp_path, old, new, said):
     assert re.search(said, done.output.replace("\n", " ")), done.output
 
 
-def test_a_channel_that_is_ignored_is_not_matched(campaign, tmp_path):
+def test_a_channel_that_is_ignored_is_not_matched(campaign, tmp_path, called):
     text = (campaign / "campaign.toml").read_text()
     for file in campaign.iterdir():
         (tmp_path / file.name).symlink_to(file)

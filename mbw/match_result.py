@@ -1,0 +1,201 @@
+"""What ``mbw match`` found, gathered once for its files, its table and its page."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from pydantic import ValidationError
+
+from identification.impacts import ImpactCampaign, ImpactSpectra
+from identification.matching import ByHand, Match, by_hand, printed_match
+from identification.shapes import RigidModes, Shapes, telling
+from identification.words import InputError, Integers, Layout
+from mbw.match_schema import HandRow, MatchFile, MatchRow
+
+MATCH_JSON, MATCH_NPZ, PAGE = "match.json", "match.npz", "match.html"
+NAMES = MATCH_JSON, MATCH_NPZ, PAGE
+_FINER = 8  # lines to look at, and to measure widths by, for one that is independent
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """A match and what is shown beside it.
+
+    Args:
+        summary: names, modes, pairs.
+        arrays: numbers by name, as in match.npz.
+    """
+
+    summary: MatchFile
+    arrays: dict[str, Any]
+
+
+def gather(
+    whole: Shapes,
+    rigid: RigidModes,
+    campaign: ImpactCampaign,
+    found: Match,
+) -> Result:
+    """Put together what was found.
+
+    Args:
+        whole: shapes, rigid ones too.
+        rigid: which of them are.
+        campaign: of impacts.
+        found: the match with the elastic shapes.
+    """
+    spectra = campaign.spectra(_FINER)
+    number = np.flatnonzero(~rigid.modes) + 1
+    printed = printed_match(spectra, found.at, _reference(found, spectra), reading="reference")
+    summary = _summary(whole, rigid, campaign, spectra, found)
+    shown = _shown(summary)
+    own = [int(np.flatnonzero(number == one)[0]) for one in shown]
+    vectors = whole.vectors[np.array(shown, np.intp) - 1]
+    arrays = {
+        "freq_hz": spectra.freq_hz,
+        "numbers": number,
+        "simulated_hz": found.simulated_hz,
+        "at": found.at,
+        "probability": found.probability,
+        "mac": found.mac,
+        "shown": np.array(shown, np.intp),
+        "shown_hz": found.simulated_hz[own],
+        "places": np.array(printed.places),
+        "amplitude": printed.amplitude,
+        "ratios": printed.simulated[own],
+        "closeness": printed.impacts[:, own],
+        "points": whole.points.astype(np.float32),
+        "triangles": whole.triangles.astype(np.int32),
+        "vectors": vectors.astype(np.float32),
+        **_placed(campaign.layout, spectra),
+    }
+    return Result(summary, arrays)
+
+
+def _reference(found: Match, spectra: ImpactSpectra) -> str:
+    """The place whose simulated amplitude is nowhere near a node, as far as any is."""
+    places = tuple(dict.fromkeys(dof.point for dof in spectra.dofs))
+    inside = (found.simulated_hz >= spectra.freq_hz[0]) & (
+        found.simulated_hz <= spectra.freq_hz[-1]
+    )
+    shapes = np.abs(found.at[inside] if inside.any() else found.at)
+    own = np.array(
+        [
+            np.linalg.norm(shapes[:, [dof.point == place for dof in spectra.dofs]], axis=1)
+            for place in places
+        ]
+    )
+    return places[int(np.argmax((own / own.max(axis=0)).min(axis=1)))]
+
+
+def _shown(summary: MatchFile) -> list[int]:
+    """Simulated modes that the page shows: those that were measured, or might have been."""
+    matched = {row.simulated for row in summary.modes if row.simulated is not None}
+    return sorted(matched | set(summary.unmatched))
+
+
+def _placed(layout: Layout, spectra: ImpactSpectra) -> dict[str, Any]:
+    """Where channels are and along what they read; (n_channel, 3) each."""
+    own = [layout.points.index(dof.point) for dof in spectra.dofs]
+    along = [layout.axes[k][:, dof.axis % 3] for k, dof in zip(own, spectra.dofs, strict=True)]
+    return {"channel_places": layout.positions[own], "channel_axes": np.array(along)}
+
+
+def _summary(
+    whole: Shapes,
+    rigid: RigidModes,
+    campaign: ImpactCampaign,
+    spectra: ImpactSpectra,
+    found: Match,
+) -> MatchFile:
+    number = np.flatnonzero(~rigid.modes) + 1
+    names = [str(dof) for dof in spectra.dofs]
+    band = (found.simulated_hz >= campaign.band[0]) & (found.simulated_hz <= campaign.band[1])
+    left = [int(number[k]) for k in np.flatnonzero(band) if k not in found.pairs.values()]
+    own = number[band]
+    return MatchFile(
+        shapes=whole.source,
+        campaign=str(campaign.path),
+        band=list(campaign.band),
+        lines=len(spectra.freq_hz) // _FINER,
+        mass=rigid.mass if rigid.normalised else None,
+        channels=names,
+        impacts=list(spectra.sources),
+        modes=[
+            _row(found, spectra, mode, number, names)
+            for mode in range(len(found.measured.frequencies))
+        ],
+        unmatched=left,
+        alike=[[int(own[i]), int(own[j])] for i, j in telling(found.at[band]).confused],
+        reference=_reference(found, spectra),
+    )
+
+
+def _row(
+    found: Match, spectra: ImpactSpectra, mode: int, number: Integers, names: list[str]
+) -> MatchRow:
+    pair = found.pairs.get(mode)
+    none = 1 - float(found.probability[mode].sum())
+    return MatchRow(
+        frequency=float(found.measured.frequencies[mode]),
+        frequency_sd=float(found.measured.frequency_sd[mode]),
+        damping=float(found.measured.dampings[mode]),
+        damping_sd=float(found.measured.damping_sd[mode]),
+        simulated=None if pair is None else int(number[pair]),
+        simulated_frequency=None if pair is None else float(found.simulated_hz[pair]),
+        probability=none if pair is None else float(found.probability[mode, pair]),
+        mac=None if pair is None else float(found.mac[mode, pair]),
+        telling=[names[channel] for channel in found.channels(mode)],
+        shape=found.measured.shapes[mode].tolist(),
+        by_hand=[_hand(one, spectra) for one in by_hand(spectra, found.measured, mode)],
+    )
+
+
+def _hand(one: ByHand, spectra: ImpactSpectra) -> HandRow:
+    return HandRow(
+        channel=str(one.dof),
+        impact=spectra.sources[one.impact],
+        lower=one.lower,
+        peak=one.peak,
+        upper=one.upper,
+        damping=one.damping,
+        least_squares=one.least_squares,
+        maximum=one.maximum,
+    )
+
+
+def write_result(result: Result, folder: Path) -> None:
+    """Write all but the page into a folder that is there."""
+    (folder / MATCH_JSON).write_text(result.summary.model_dump_json(indent=1) + "\n", "utf-8")
+    np.savez_compressed(folder / MATCH_NPZ, allow_pickle=False, **result.arrays)
+
+
+def is_matched(path: Path) -> bool:
+    """Whether a folder, or a file, is what ``mbw match`` wrote."""
+    return (path / MATCH_JSON).is_file() if path.is_dir() else path.name == MATCH_JSON
+
+
+def read_result(path: Path) -> Result:
+    """Read a result back.
+
+    Args:
+        path: its folder, or the match.json in it.
+
+    Raises:
+        InputError: a file is missing or of another program.
+    """
+    folder = path if path.is_dir() else path.parent
+    file = folder / MATCH_JSON
+    try:
+        summary = MatchFile.model_validate_json(file.read_text("utf-8"))
+        with np.load(folder / MATCH_NPZ, allow_pickle=False) as kept:
+            arrays = dict(kept)
+    except OSError as error:
+        raise InputError(
+            f"{error.filename or folder} cannot be read: run mbw match again"
+        ) from error
+    except (ValidationError, ValueError, BadZipFile) as error:
+        raise InputError(f"{file} is not of this version: run mbw match again") from error
+    return Result(summary, arrays)

@@ -1,0 +1,93 @@
+"""The page of ``mbw match``: what it holds and what a browser makes of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from mbw.command import app
+from mbw.match_page import render
+from mbw.match_result import read_result
+from tests.helpers.browser import CHROMIUM, GL, browse, data_of, unpacked
+from truth.gondola import Trial, read_structure, write_impacts
+
+ASSETS = Path(__file__).parents[2] / "assets" / "gondola"
+PROBE = """<script>setTimeout(() => {
+  const found = {faults: FAULTS, rows: rowsOf().length};
+  found.hands = document.querySelectorAll("#hands tbody tr").length;
+  const vertices = () => byId("picture").data.find(t => t.type === "mesh3d");
+  found.kinds = byId("picture").data?.map(t => t.type);
+  choose(3);
+  setTimeout(() => {
+    found.chosen = byId("chosen").textContent;
+    found.told = byId("told").textContent;
+    found.moved = Math.max(...vertices().x.map((v, k) => Math.abs(v - SURFACE.points[3 * k])));
+    found.ratio = byId("ratio").data.map(t => t.name);
+    found.close = byId("closeness").data.length;
+    found.lines = byId("spectra").layout.shapes.length;
+    document.body.append(element("pre", JSON.stringify(found), {id: "found"}));
+  }, 1500);
+}, 2500);</script>"""
+
+
+@pytest.fixture(scope="module")
+def matched(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("gondola")
+    structure = read_structure(ASSETS / "truths.npz", 11)  # for development alone
+    trial = Trial(71_703, seconds=6.0)
+    points = ("bow2", "bow3", "stern2")
+    write_impacts(folder / "test", structure, trial, points, ASSETS / "layout.toml")
+    words = ["match", str(ASSETS / "shapes.vtu"), str(folder / "test"), "--quiet"]
+    done = CliRunner().invoke(app, [*words, "--out", str(folder / "out")])
+    assert done.exit_code == 0, done.output
+    return folder / "out"
+
+
+def test_sensors_are_drawn_in_the_size_of_the_simulated_shape(matched):
+    result = read_result(matched)
+    data = data_of((matched / "match.html").read_text("utf-8"))
+    arrays, rows = result.arrays, data["modes"]
+    assert len(rows) == len(result.summary.modes) + len(result.summary.unmatched)
+    names = data["picture"]["sensors"]["names"]
+    vectors = unpacked(data["picture"]["sensors"]["vectors"], "<c8")
+    vectors = vectors.reshape(len(rows), len(names), 3).real
+    for number, row in enumerate(result.summary.modes):
+        at = arrays["at"][list(arrays["numbers"]).index(row.simulated)]
+        sites = [names.index(label.partition(":")[0]) for label in result.summary.channels]
+        seen = np.einsum("cx,cx->c", vectors[number][sites], arrays["channel_axes"])
+        shape = np.array(row.shape)
+        assert seen == pytest.approx(shape * (at @ shape) / (shape @ shape), abs=1e-5)
+        assert (seen @ at) ** 2 / (seen @ seen) / (at @ at) == pytest.approx(row.mac, abs=1e-4)
+    assert data["reference"] in data["places"]
+    surface = unpacked(data["picture"]["surface"]["vectors"])
+    assert len(surface) == len(rows) * arrays["points"].size
+
+
+def test_a_report_of_a_match_is_its_page_again(matched, tmp_path):
+    target = str(tmp_path / "again.html")
+    done = CliRunner().invoke(app, ["report", str(matched), "--out", target])
+    assert done.exit_code == 0, done.output
+    assert (tmp_path / "again.html").read_text("utf-8") == render(read_result(matched))
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    (broken / "match.json").write_text("{}")
+    refused = CliRunner().invoke(app, ["report", str(broken)])
+    assert refused.exit_code == 3
+    assert "run mbw match again" in " ".join(refused.output.split())
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no browser")
+def test_the_page_works_in_a_browser(matched, tmp_path):
+    page = (matched / "match.html").read_text("utf-8")
+    found = browse(page, tmp_path, *GL, probe=PROBE)
+    assert found["faults"] == []
+    assert found["rows"] == 6
+    assert found["hands"] >= 10
+    assert "mesh3d" in found["kinds"]
+    assert found["chosen"].startswith("Mode 4")
+    assert found["told"].startswith("Told from the next candidate by acc")
+    assert found["moved"] > 0
+    assert found["ratio"][-1].startswith("simulated mode")
+    assert found["close"] == 4
+    assert found["lines"] >= 4 * 6
