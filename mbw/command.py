@@ -15,6 +15,7 @@ from mbw import demo as demo_verb
 from mbw import diagnose as diagnose_verb
 from mbw import identify as identify_verb
 from mbw import match as match_verb
+from mbw import place as place_verb
 from mbw import predict as predict_verb
 from mbw import report as report_verb
 from mbw import tune as tune_verb
@@ -159,6 +160,39 @@ def match(
     """Say which finite-element mode each measured one is: few sensors, no force."""
     SCREEN.quiet = quiet
     match_verb.run(match_verb.Simulated(shapes, frequencies, mass), campaign, out, json)
+
+
+@app.command()
+@guarded
+def place(
+    shapes: Annotated[Path, typer.Argument(help="Mesh with shapes as point data.")],
+    *,
+    frequencies: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Frequencies, one a row, of the shapes.")
+    ] = None,
+    channels: Annotated[
+        int | None, typer.Option(min=1, help="How many; default: three for each mode.")
+    ] = None,
+    apart: Annotated[
+        float | None, typer.Option(min=0, metavar="METRES", help="Of two places at least.")
+    ] = None,
+    check: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Table site,x,y,z,axes to look at instead.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Where the table goes; default: stdout.")
+    ] = None,
+    band: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="LOW HIGH", help="Modes to tell apart [Hz]; default: all elastic."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Say where few sensors tell finite-element modes apart, and which modes they confuse."""
+    SCREEN.quiet = quiet
+    _ordered(band)
+    wanted = place_verb.Wanted(channels, band, apart)
+    place_verb.run(match_verb.Simulated(shapes, frequencies), wanted, check, out)
 
 
 @app.command()

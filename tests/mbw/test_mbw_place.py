@@ -1,0 +1,93 @@
+"""``mbw place``: where sensors tell modes apart, and what a layout confuses."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from identification.matching import at_channels
+from identification.shapes import read_shapes, telling
+from mbw.command import app
+from mbw.place import Wanted, proposed, read_sites, written
+
+SHAPES = Path(__file__).parents[2] / "assets" / "gondola" / "shapes.vtu"
+BAND = ("--band", 15, 95)
+
+
+def called(*arguments):
+    return CliRunner().invoke(app, ["place", *map(str, arguments)])
+
+
+def test_proposed_channels_tell_all_modes_and_are_some_way_apart(tmp_path):
+    target = tmp_path / "places.csv"
+    done = called(SHAPES, *BAND, "--channels", 12, "--apart", 0.3, "--out", target)
+    assert done.exit_code == 0, done.output
+    assert "no two modes are confused" in done.output
+    layout, dofs = read_sites(target)
+    assert len(dofs) == 12
+    apart = np.linalg.norm(layout.positions[:, None] - layout.positions, axis=2)
+    assert apart[~np.eye(len(apart), dtype=bool)].min() > 0.3 - 1e-9
+    shapes = read_shapes(SHAPES).only(np.arange(6, 12))
+    assert telling(at_channels(shapes, layout, dofs)).mac[~np.eye(6, dtype=bool)].max() < 0.3
+    # No more is known of the amplitudes from twelve channels in random places.
+    at = at_channels(shapes, layout, dofs)
+    best = np.linalg.slogdet(at @ at.T)[1]
+    random = np.random.default_rng(1)
+    for _ in range(20):
+        points = random.choice(len(shapes.points), 12, replace=False)
+        some = shapes.vectors[:, points, random.integers(3, size=12)]
+        assert np.linalg.slogdet(some @ some.T)[1] < best
+    again = called(SHAPES, *BAND, "--check", target)
+    assert again.exit_code == 0
+    assert "12 channels at" in again.output
+
+
+def test_a_table_is_read_as_it_was_written(tmp_path):
+    shapes = read_shapes(SHAPES).only(np.arange(6, 10))
+    layout, dofs = proposed(shapes, Wanted(9, None, None))
+    (tmp_path / "t.csv").write_text(written(layout, dofs))
+    seen, channels = read_sites(tmp_path / "t.csv")
+    assert seen.points == layout.points
+    assert seen.positions == pytest.approx(layout.positions, rel=1e-5)
+    assert set(channels) == set(dofs)
+
+
+def test_a_layout_that_confuses_two_modes_is_told_which_and_by_what(tmp_path):
+    table = tmp_path / "few.csv"
+    table.write_text("site,x,y,z,axes\na,0.7,-0.8,1.2,y\nb,0.8,-0.8,1,y\nc,0,0,1.2,x\n")
+    done = called(SHAPES, *BAND, "--check", table)
+    assert done.exit_code == 0, done.output
+    assert "are confused; what tells them is" in done.output
+    table.write_text("site,x,y,z,axes\nlow,0.7,-0.8,0.02,z\n")
+    assert "hardly moves there" in called(SHAPES, *BAND, "--check", table).output
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("site,x,y\n", "the first row must be site,x,y,z,axes"),
+        ("site,x,y,z,axes\na,0,0,1,q\n", "row 2 is no site"),
+        ("site,x,y,z,axes\na,0,zero,1,x\n", "row 2 is no site"),
+        ("site,x,y,z,axes\na,0,0,1,x\na,0,0,1.2,x\n", "row 3: a is there twice"),
+        ("site,x,y,z,axes\na,0,0,1,\n", "reads no axis"),
+        ("site,x,y,z,axes\n", "has no site"),
+        ("site,x,y,z,axes\nfar,9,0,1,x\n", "far at (9, 0, 1) m is"),
+    ],
+)
+def test_a_table_that_is_wrong_is_refused(tmp_path, text, said):
+    table = tmp_path / "t.csv"
+    table.write_text(text)
+    done = called(SHAPES, *BAND, "--check", table)
+    assert done.exit_code == 3
+    assert said in " ".join(done.output.split())
+
+
+def test_too_few_channels_and_empty_bands_are_refused():
+    few = called(SHAPES, *BAND, "--channels", 4)
+    assert few.exit_code == 2
+    assert "cannot tell 6 modes apart" in " ".join(few.output.split())
+    none = called(SHAPES, "--band", 1, 5)
+    assert none.exit_code == 3
+    assert "no elastic mode between 1 and 5 Hz" in " ".join(none.output.split())
+    assert called(SHAPES, "--check", SHAPES.parent / "nothing.csv").exit_code == 3
