@@ -94,7 +94,13 @@ class Law:
         return AddedPart(self._location, tuple(parameters), finite, slopes, self._when)
 
     def hypotheses(
-        self, effect: str, dof: str | None, state: State, *, signed: bool = True
+        self,
+        effect: str,
+        dof: str | None,
+        state: State,
+        *,
+        signed: bool = True,
+        otherwise: tuple[float, ...] = (),
     ) -> Iterator[Hypothesis]:
         """The one that it holds; none where no spring has a stiffness.
 
@@ -103,6 +109,7 @@ class Law:
             dof: likewise.
             state: parameters of the verdict from the fitted ones.
             signed: whether its size is none below zero.
+            otherwise: sizes at which it may begin as well.
         """
         if self.follow:
             yield Hypothesis(
@@ -114,6 +121,7 @@ class Law:
                 follow=self.follow,
                 signed=signed,
                 bounds=self._bounds,
+                otherwise=tuple({self.size: size} for size in otherwise),
                 state=state,
             )
 

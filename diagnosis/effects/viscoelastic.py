@@ -32,7 +32,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             def state(found: Mapping[str, float], one: Law = branch) -> dict[str, Value]:
                 return {"ratio": found[one.size], "tau": one.tau(found)}
 
-            yield from branch.hypotheses("viscoelastic", None, state)
+            yield from branch.hypotheses("viscoelastic", None, state, otherwise=(1.0,))
 
 
 @lru_cache(1024)  # those of all joints are one: their columns are formed together

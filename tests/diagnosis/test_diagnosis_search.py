@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from diagnosis import Scene, diagnose, verdict_of
-from diagnosis.effects import missing_dof
+from diagnosis.effects import missing_dof, viscoelastic
 from diagnosis.score import Score
 from diagnosis.search import _elsewhere
 from mbmodel import Held, loosened
@@ -34,6 +34,19 @@ def test_a_direction_that_gives_way_by_far_is_found_though_its_slope_shows_nothi
     assert _elsewhere(rows, {("joint:stage2", "rx")}, {}) == []
     sure = [replace(row, gain=5.0) for row in rows]
     assert _elsewhere(sure, {("joint:stage2", "ry")}, {}) == []
+
+
+def test_a_branch_as_stiff_as_the_joint_is_sought_from_there_too(tmp_path):
+    # Begun from next to nothing, one on a station's tilt ended there, a loss factor in its place.
+    session, _ = drawn(tmp_path, 72_062, "gyroscopic", ratio=6.0)
+    scene = Scene(session, session.model.drawn, ())
+    rows = [Score(one, 1.0, np.zeros(1)) for one in viscoelastic.propose(scene)]
+    (found,) = _elsewhere(rows, {("joint:stage2", "ry")}, {"drawn": 2.0})
+    assert found.location == "joint:stage2"
+    begun = dict(found.begin)
+    assert begun.pop("drawn") == 2.0
+    assert list(begun.values()) == [1.0]
+    assert found.state(begun | {name.replace("size", "time"): 0.0 for name in begun})["ratio"] == 1
 
 
 def _ways(session):
