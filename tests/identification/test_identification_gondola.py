@@ -24,7 +24,7 @@ def drawn():
 
 def test_all_six_modes_of_another_structure_are_those_of_the_drawing(drawn):
     shapes, layout = drawn
-    structure = read_structure(ASSETS / "truths.npz", 11)  # for development alone
+    structure = read_structure(ASSETS / "truths.npz", 15)  # for development alone
     impacts = []
     for point in ("bow2", "bow3", "stern2"):
         record = impact_record(point, strike(structure, Trial(71_700, seconds=6.0), point))
@@ -32,7 +32,8 @@ def test_all_six_modes_of_another_structure_are_those_of_the_drawing(drawn):
         impacts.append(struck(record))
     result = match(shapes, layout, impact_spectra(impacts, (15.0, 95.0)))
     own = structure.frequencies[6:12]
-    assert (np.abs(own / shapes.frequencies[:6] - 1) > 0.03).all()  # the drawing is off
+    off = np.abs(shapes.frequencies[:6][structure.pairs[6:12] - 6] / own - 1)
+    assert ((off > 0.05) & (off < 0.15)).all()
     assert result.measured.frequencies == pytest.approx(own, rel=5e-3)
     assert result.pairs == dict(enumerate((structure.pairs[6:12] - 6).tolist()))
     for mode, simulated in result.pairs.items():
