@@ -24,6 +24,9 @@ _SURE = 10.0  # nats: of a free force that is there
 _EXACT = 0.01  # of chi square, that a refit may leave by chance
 _CLEAR = 0.02  # of the gap: who leaves less explains it
 _LITTLE = 0.1  # beyond, more are tried
+# Of the gap, what may be left after each turn: the most promising; where forces push; there from
+# elsewhere; from all other elsewheres, which takes long; all that is left.
+_ENOUGH = _CLEAR, _CLEAR, _LITTLE, _LITTLE, 1.0
 Direction = tuple[str, str | None]  # a place, and along or about which axis
 
 
@@ -53,7 +56,7 @@ def search(
     without: tuple[Fit, Refit, Refit],
     asked: Sequence[Hypothesis],
     say: Callable[[str], None],
-    turns: int = 3,
+    turns: int = len(_ENOUGH),
 ) -> Search:
     """Score all hypotheses, refit the most promising.
 
@@ -84,13 +87,18 @@ def search(
     far = _Screen(scene, first, FIRST, [scored, *finer], say)
     close = _Screen(scene, nothing, CLOSE, [finer[0]], say)
     promising = far.best()
+    elsewhere: list[list[Hypothesis]] = []
     ended: dict[Hypothesis | None, Refit] = {}
     refits: list[Refit] = []
-    for turn, enough in enumerate((_CLEAR, _LITTLE, 1.0)[:turns]):
+    for turn, enough in enumerate(_ENOUGH[:turns]):
         if turn == 1:
             close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
+            close.try_all(close.best(pushing)[:_THERE])
             elsewhere = _elsewhere([*scored, *finer[0]], pushing, _drawn(scene))
-            close.try_all([*close.best(pushing)[:_THERE], *elsewhere])
+        elif turn == 2:
+            close.try_all([own[0] for own in elsewhere])
+        elif turn == 3:
+            close.try_all([one for own in elsewhere for one in own[1:]])
         else:
             far.try_all(promising[:REFITTED] if not turn else promising[REFITTED:])
         if turn:
@@ -119,8 +127,8 @@ def _drawn(scene: Scene) -> dict[str, float]:
 
 def _elsewhere(
     scored: Sequence[Score], pushing: Sequence[Direction], drawn: Mapping[str, float]
-) -> list[Hypothesis]:
-    """Where forces push most, what may begin elsewhere, from there.
+) -> list[list[Hypothesis]]:
+    """Where forces push most, what may begin elsewhere, from there; of each all its beginnings.
 
     All else begins as drawn: a fit without a strong effect has made springs a hundred times as
     stiff. What concerns one direction does so if the score sees nothing in it.
@@ -130,8 +138,8 @@ def _elsewhere(
     found = []
     for one, gain in ((score.hypothesis, score.gain) for score in best.values()):
         there = one.location in places if one.dof is None else (one.location, one.dof) in pushing
-        if there and (one.dof is None or gain <= 0):
-            found += [replace(one, begin={**drawn, **other}) for other in one.otherwise]
+        if there and one.otherwise and (one.dof is None or gain <= 0):
+            found.append([replace(one, begin={**drawn, **other}) for other in one.otherwise])
     return found
 
 

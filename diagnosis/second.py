@@ -32,7 +32,7 @@ _PARTNERS = 2  # of the first, so many are stated
 _OTHERS = 2  # in its place, so many are fitted beside the second
 _EXACT = 0.05  # of chi square, that the one effect there is may leave
 _MOST = 0.5  # of what the first leaves
-_TURNS = 2  # of the search
+_TURNS = 4  # of the search
 _WORTH = 0.9  # of the gap, what the first may leave at most
 
 

@@ -29,7 +29,7 @@ def test_a_direction_that_gives_way_by_far_is_found_though_its_slope_shows_nothi
     _, held = loosened(session.model.machine, float(session.campaign.freq_hz.max()))
     assert held == ()  # all six directions have springs
     rows = [Score(one, 0.0, np.zeros(1)) for one in _ways(session)]
-    (found,) = _elsewhere(rows, {("joint:stage2", "ry")}, {"drawn": 2.0})
+    ((found,),) = _elsewhere(rows, {("joint:stage2", "ry")}, {"drawn": 2.0})
     assert found.begin == {"drawn": 2.0, **found.otherwise[0]}
     assert _elsewhere(rows, {("joint:stage2", "rx")}, {}) == []
     sure = [replace(row, gain=5.0) for row in rows]
@@ -41,7 +41,7 @@ def test_a_branch_as_stiff_as_the_joint_is_sought_from_there_too(tmp_path):
     session, _ = drawn(tmp_path, 72_062, "gyroscopic", ratio=6.0)
     scene = Scene(session, session.model.drawn, ())
     rows = [Score(one, 1.0, np.zeros(1)) for one in viscoelastic.propose(scene)]
-    (found,) = _elsewhere(rows, {("joint:stage2", "ry")}, {"drawn": 2.0})
+    ((found,),) = _elsewhere(rows, {("joint:stage2", "ry")}, {"drawn": 2.0})
     assert found.location == "joint:stage2"
     begun = dict(found.begin)
     assert begun.pop("drawn") == 2.0
