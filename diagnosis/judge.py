@@ -37,7 +37,7 @@ from identification.words import Real
 from tuning import BOUND
 
 NOTHING = 1.03  # chi square up to which nothing is missing: no hypothesis is asked
-_POWER = 0.75  # of the gap: with what is left of it compared
+POWER = 0.75  # of the gap: with what is left of it compared
 _EXACT = 0.02  # no refit is believed to leave less
 _ROW = 0.01  # probability of a cause that is worth a row
 _LIKELY = 0.5
@@ -206,7 +206,7 @@ def _left(fits: Sequence[Refitted] | Sequence[Paired], by: Calibration) -> float
 
 
 def _explains(left: float, gap: float, by: Calibration) -> float:
-    part = left / gap**_POWER
+    part = left / gap**POWER
     return float(expit((np.log(by.left) - np.log(part)) / by.left_width))
 
 

@@ -1,6 +1,6 @@
 """The search for what explains a gap: scores of all, refits of the most promising."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from diagnosis.evidence import Key, Pushed, Scored
 from diagnosis.forces import pushes
 from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.judge import POWER
 from diagnosis.refit import CLOSE, FIRST, LAST, LONG, PATIENT, Refit, go_on, refit
 from diagnosis.score import ALLOWANCE, Score, scores
 from tuning import Fit, Stage
@@ -24,8 +25,8 @@ _SURE = 10.0  # nats: of a free force that is there
 _EXACT = 0.01  # of chi square, that a refit may leave by chance
 _CLEAR = 0.02  # of the gap: who leaves less explains it
 _LITTLE = 0.1  # beyond, more are tried
-# Of the gap, what may be left after each turn: the most promising; where forces push; there from
-# elsewhere; from all other elsewheres, which takes long; all that is left.
+# Of the gap, as the judgement has it, what may be left after each turn: the most promising; where
+# forces push; there from elsewhere; from all other elsewheres, which takes long; all that is left.
 _ENOUGH = _CLEAR, _CLEAR, _LITTLE, _LITTLE, 1.0
 Direction = tuple[str, str | None]  # a place, and along or about which axis
 
@@ -87,6 +88,7 @@ def search(
     far = _Screen(scene, first, FIRST, [scored, *finer], say)
     close = _Screen(scene, nothing, CLOSE, [finer[0]], say)
     promising = far.best()
+    gap = max(nothing.chi_square - 1, 0.0)
     elsewhere: list[list[Hypothesis]] = []
     ended: dict[Hypothesis | None, Refit] = {}
     refits: list[Refit] = []
@@ -94,7 +96,7 @@ def search(
         if turn == 1:
             close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
             close.try_all(close.best(pushing)[:_THERE])
-            elsewhere = _elsewhere([*scored, *finer[0]], pushing, _drawn(scene))
+            elsewhere = _elsewhere([*scored, *finer[0]], pushing, scene)
         elif turn == 2:
             close.try_all([own[0] for own in elsewhere])
         elif turn == 3:
@@ -110,7 +112,7 @@ def search(
         ended |= {one.hypothesis: one for one in refits}
         left = refits[0].chi_square - 1 if refits else np.inf
         # Where no free force explains anything, nothing of the machine will.
-        if not places or left < enough * (nothing.chi_square - 1) + _EXACT:
+        if not places or left < enough * gap**POWER + _EXACT:
             break
     refits[:1] = [go_on(scene, one, LONG) for one in refits[:1]]
     rows = _rows([scored, *finer])
@@ -118,20 +120,23 @@ def search(
     return Search(tuple(scored), rows, pushed, begun, tuple(refits))
 
 
-def _drawn(scene: Scene) -> dict[str, float]:
-    """What varies, as drawn: by name."""
+def beginnings(one: Hypothesis, scene: Scene) -> list[Hypothesis]:
+    """The same, begun elsewhere, and all else as drawn.
+
+    A fit without a strong effect has made springs a hundred times as stiff.
+    """
     varies = set(scene.session.freedom.names)
-    drawn = zip(scene.model.parameters, scene.model.drawn.tolist(), strict=True)
-    return {one.name: value for one, value in drawn if one.name in varies}
+    names = zip(scene.model.parameters, scene.model.drawn.tolist(), strict=True)
+    drawn = {one.name: value for one, value in names if one.name in varies}
+    return [replace(one, begin={**drawn, **other}) for other in one.otherwise]
 
 
 def _elsewhere(
-    scored: Sequence[Score], pushing: Sequence[Direction], drawn: Mapping[str, float]
+    scored: Sequence[Score], pushing: Sequence[Direction], scene: Scene
 ) -> list[list[Hypothesis]]:
     """Where forces push most, what may begin elsewhere, from there; of each all its beginnings.
 
-    All else begins as drawn: a fit without a strong effect has made springs a hundred times as
-    stiff. What concerns one direction does so if the score sees nothing in it.
+    What concerns one direction does so if the score sees nothing in it.
     """
     places = {place for place, _ in pushing}
     best = {score.hypothesis.key: score for score in reversed(scored)}
@@ -139,7 +144,7 @@ def _elsewhere(
     for one, gain in ((score.hypothesis, score.gain) for score in best.values()):
         there = one.location in places if one.dof is None else (one.location, one.dof) in pushing
         if there and one.otherwise and (one.dof is None or gain <= 0):
-            found.append([replace(one, begin={**drawn, **other}) for other in one.otherwise])
+            found.append(beginnings(one, scene))
     return found
 
 

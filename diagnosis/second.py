@@ -4,7 +4,8 @@ What the best single effect leaves is a gap like any other: with that effect in 
 hypotheses are scored again, the most promising refitted, both then fitted at once. If one of the
 two alone leaves as little, the other was not needed: so the second is fitted alone too. A wrong
 first may have taken the part of both: so others that led with it are fitted in its place. And the
-first may not have arrived: so it is fitted alone once more, from where both ended.
+first may not have arrived: so it is begun elsewhere before, and fitted alone once more, from where
+both ended.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,7 +25,7 @@ from diagnosis.refit import (
     refit,
     unbounded,
 )
-from diagnosis.search import Search, search
+from diagnosis.search import Search, beginnings, search
 from tuning import STAGES
 
 _EARLY = (replace(STAGES[2], stride=8, max_steps=5),)
@@ -58,8 +59,10 @@ def with_second(
     if not _EXACT < first.chi_square - 1 < _WORTH * (nothing.chi_square - 1):
         return found
     first = unbounded(scene, first)
+    if not _is_outlier(first):
+        first = _from_elsewhere(scene, first, one)
     found = replace(found, refits=(first, *found.refits[1:]))
-    if _is_outlier(first):
+    if first.chi_square - 1 < _EXACT or _is_outlier(first):
         return found
     say("a second effect")
     inner = Scene(first.session, first.fit.theta, scene.held, scene.pace)
@@ -84,6 +87,17 @@ def with_second(
         refits=tuple(sorted(refits.values(), key=lambda made: made.cost)),
         pairs=tuple(sorted(pairs, key=lambda both: both.cost)),
     )
+
+
+def _from_elsewhere(scene: Scene, first: Refit, one: Hypothesis) -> Refit:
+    """The first, if it may begin far from nothing, from there, where that ends better."""
+    campaign = scene.session.campaign
+    begun = [refit(scene, other, campaign, CLOSE) for other in beginnings(one, scene)]
+    best = min(begun, key=lambda made: made.cost, default=None)
+    if best is None:
+        return first
+    again = go_on(scene, best, LONG)
+    return unbounded(scene, again) if again.cost < first.cost else first
 
 
 def _pair(one: Hypothesis, both: Refit) -> Refit:

@@ -29,6 +29,7 @@ from mbmodel import AddedPart, Change, Parameter, by_joints
 _CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 _ALONG = 1 - 1e-6  # cosine with a world axis
 _GONE = 0.8  # of what a support carries, where a fit begins with two that carry little
+_LEAST = 1e-6  # that the best carries
 _TINY = 1e-30  # complex step, of each parameter's size
 
 
@@ -114,8 +115,13 @@ class _Stand:
         return core
 
     def state(self, found: Mapping[str, float]) -> dict[str, Value]:
-        """What each support carries."""
-        return {"fraction": tuple(1 - found[name] for name in self.lost)}
+        """What each support carries of what the best of them does.
+
+        What all have lost alike is a softer joint, whose stiffness is fitted beside.
+        """
+        carried = [1 - found[name] for name in self.lost]
+        most = max(*carried, _LEAST)
+        return {"fraction": tuple(one / most for one in carried)}
 
 
 def _six(scene: Scene, stage: str) -> tuple[str, ...] | None:
