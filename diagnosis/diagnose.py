@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 from diagnosis.effects import catalogue
 from diagnosis.evidence import BENDS, Evidence, Paired, Refitted
@@ -244,16 +245,18 @@ def _bending(
 ) -> tuple[Refit, float] | None:
     """The refit with the modes of bodies that seem to bend, and where their frequencies began.
 
+    They begin about the fit without them and, since that may have wandered, about the drawing.
     None where they do not explain it: where set-ups share a body's sensors, a machine that was
     another one in each of them looks like bending too.
     """
     without = refit(scene, None, gate.undoubted, (*FIRST, *LAST))
     least = _BENT * (without.chi_square - 1)
     best: tuple[Refit, float] | None = None
-    for times in _BEGINS:
+    drawn = replace(scene, theta=scene.session.model.drawn)
+    for begun, times in product((scene, drawn), _BEGINS):
         say("bodies that bend")
         bent = [one for one in _made(gate, session, times) if one.effect == BENDS and one.is_held]
-        found = refit(scene, together(bent), gate.undoubted, SHAPED)
+        found = refit(begun, together(bent), gate.undoubted, SHAPED)
         if best is None or found.chi_square < best[0].chi_square:
             best = found, times
         if best[0].chi_square - 1 < min(least, _NEARLY):
