@@ -20,7 +20,6 @@ from diagnosis.judge import NOTHING, Calibration, Judged, judge
 from identification.words import Real
 from tests.bench.catalogue import outside, two
 from tests.bench.diagnosis import NONLINEAR, Deck, deck, made, mixed
-from truth.effects.outside import OUTSIDE
 
 CASES, OUT, PAIRS, FIRST = 80, 3, 15, 80_000
 FILE = Path(__file__).parents[2] / "diagnosis" / "calibration.json"
@@ -110,7 +109,7 @@ def _surprise(found: Judged, causes: tuple[_Cause, ...]) -> float:
     if len(causes) > 1:
         return sum(map(_nats, present))
     ((effect, place),) = causes
-    right = found.unexplained if effect in (*NONLINEAR, *OUTSIDE) else present[0]
+    right = found.unexplained if effect in ("unexplained", *NONLINEAR) else present[0]
     return _nats(right) + _nats(dict(found.where).get(place, 0.0))
 
 
