@@ -106,7 +106,11 @@ class _Search:
         name: str,
         report: Callable[[int, int, float], None] | None = None,
     ) -> Minimum:
-        """Go through some stages, each told by its number, from x; steps are kept by name."""
+        """Go through some stages, each told by its number, from x; steps are kept by name.
+
+        Raises:
+            KeyboardInterrupt: before anything was found.
+        """
         end, evaluations = Minimum(x, np.inf, 0, "converged", ""), 0
         for number, stage in stages:
 
@@ -115,7 +119,12 @@ class _Search:
                     report(at, count, value)
 
             make = partial(self._stage, stage, end.x, tell)
-            end = self.journal.step(f"{name}, stage {number}", make)
+            try:
+                end = self.journal.step(f"{name}, stage {number}", make)
+            except KeyboardInterrupt:  # while a stage is made ready, or its end is kept
+                if not np.isfinite(end.value):
+                    raise
+                end = replace(end, evaluations=0, outcome="interrupted", advice=INTERRUPTED)
             evaluations += end.evaluations
             if end.outcome == "interrupted":
                 break

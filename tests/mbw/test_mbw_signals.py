@@ -10,11 +10,13 @@ from pathlib import Path
 
 import pytest
 
+from tuning.journal import CHECKPOINT
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.parametrize(("wait", "presses"), [(3.0, 1), (3.0, 3)])
-def test_ctrl_c_keeps_the_best_however_often_it_is_pressed(tmp_path, wait, presses):
+@pytest.mark.parametrize("presses", [1, 3])
+def test_ctrl_c_keeps_the_best_however_often_it_is_pressed(tmp_path, presses):
     out = tmp_path / "out"
     command = [
         sys.executable,
@@ -29,8 +31,10 @@ def test_ctrl_c_keeps_the_best_however_often_it_is_pressed(tmp_path, wait, press
     with subprocess.Popen(
         command, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True
     ) as process:
-        process.stderr.readline()  # "demo: 3 tests ...": everything is read, the fit begins
-        time.sleep(wait)
+        for _ in range(600):  # until something was found, however slow the machine is
+            if (out / CHECKPOINT).is_file() or process.poll() is not None:
+                break
+            time.sleep(0.1)
         for _ in range(presses):
             os.killpg(process.pid, signal.SIGINT)
             time.sleep(0.3)

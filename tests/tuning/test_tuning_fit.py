@@ -148,6 +148,29 @@ def test_an_interrupt_in_the_middle_keeps_the_best_parameters(model, campaign, m
     assert misfit(found.theta) <= misfit(before.theta)
 
 
+def test_an_interrupt_between_two_stages_keeps_what_the_first_has_found(
+    model, campaign, monkeypatch
+):
+    made = Stage.misfit
+    seen = []
+
+    def ready(stage, *arguments, **named):
+        seen.append(stage)
+        if len(seen) == at:
+            raise KeyboardInterrupt
+        return made(stage, *arguments, **named)
+
+    monkeypatch.setattr(Stage, "misfit", ready)
+    at = 2
+    found = fit(model, campaign, stages=STAGES[:2])
+    assert found.outcome == "interrupted"
+    at, seen = 0, []
+    assert found.theta == pytest.approx(fit(model, campaign, stages=STAGES[:1]).theta, rel=1e-12)
+    at, seen = 1, []
+    with pytest.raises(KeyboardInterrupt):
+        fit(model, campaign, stages=STAGES[:2])
+
+
 def test_an_interrupted_second_start_leaves_the_first_to_be_kept(model, campaign, misfit):
     def interrupt(step):
         if step.start == 1:
