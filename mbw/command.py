@@ -37,6 +37,10 @@ Band = Annotated[
     typer.Option(metavar="LOW HIGH", help="Band [Hz]; default: the lines with coherence."),
 ]
 Json = Annotated[Path | None, typer.Option(metavar="FILE", help="Result as JSON; - is stdout.")]
+Mesh = Annotated[Path, typer.Argument(help="Mesh with shapes as point data.")]
+Frequencies = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Frequencies, one a row, of the shapes.")
+]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Errors only.")]
 Jobs = Annotated[int, typer.Option(min=1, help="Processes.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of the random starts.")]
@@ -142,15 +146,13 @@ def identify(  # noqa: PLR0913  # one for each option
 @app.command()
 @guarded
 def match(
-    shapes: Annotated[Path, typer.Argument(help="Mesh with shapes as point data.")],
+    shapes: Mesh,
     campaign: Annotated[Path, typer.Argument(help="Folder with a campaign.toml of impacts.")],
     *,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Results; default: <campaign>-matched.")
     ] = None,
-    frequencies: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Frequencies, one a row, of the shapes.")
-    ] = None,
+    frequencies: Frequencies = None,
     mass: Annotated[
         float | None, typer.Option(min=0, metavar="KG", help="What the structure weighs.")
     ] = None,
@@ -165,11 +167,9 @@ def match(
 @app.command()
 @guarded
 def place(
-    shapes: Annotated[Path, typer.Argument(help="Mesh with shapes as point data.")],
+    shapes: Mesh,
     *,
-    frequencies: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Frequencies, one a row, of the shapes.")
-    ] = None,
+    frequencies: Frequencies = None,
     channels: Annotated[
         int | None, typer.Option(min=1, help="How many; default: three for each mode.")
     ] = None,

@@ -6,8 +6,6 @@ const DASH = {color: GREY, width: 1, dash: "dot"};
 
 // ---- the table of modes --------------------------------------------------------------------
 
-const digits = value => value < 10 ? value.toFixed(3) : value.toFixed(2);
-const deviation = value => value === 0 ? "0" : value < 1e-4 ? value.toExponential(0) : value.toPrecision(2);
 
 function table() {
   const body = document.querySelector("#modes tbody");

@@ -5,8 +5,6 @@ const state = {mode: 0, amplitude: 5, playing: !matchMedia("(prefers-reduced-mot
 const AMPLITUDE = shorts(DATA.amplitude), CLOSENESS = shorts(DATA.closeness), RATIOS = floats(DATA.ratios);
 const SIMULATED = ORANGE;
 
-const digits = value => value < 10 ? value.toFixed(3) : value.toFixed(2);
-const deviation = value => value === 0 ? "0" : value < 1e-4 ? value.toExponential(0) : value.toPrecision(2);
 const isMeasured = mode => mode.frequency !== null;
 const label = text => text.replace(":+t", " ").replace(":-t", " −");
 

@@ -9,9 +9,16 @@ import numpy as np
 from pydantic import ValidationError
 
 from identification.impacts import ImpactCampaign, ImpactSpectra
-from identification.matching import ByHand, Match, by_hand, printed_match
+from identification.matching import (
+    ByHand,
+    Match,
+    by_hand,
+    channels_at,
+    printed_match,
+    steadiest,
+)
 from identification.shapes import RigidModes, Shapes, telling
-from identification.words import InputError, Integers, Layout
+from identification.words import InputError, Integers
 from mbw.match_schema import HandRow, MatchFile, MatchRow
 
 MATCH_JSON, MATCH_NPZ, PAGE = "match.json", "match.npz", "match.html"
@@ -48,8 +55,9 @@ def gather(
     """
     spectra = campaign.spectra(_FINER)
     number = np.flatnonzero(~rigid.modes) + 1
-    printed = printed_match(spectra, found.at, _reference(found, spectra), reading="reference")
     summary = _summary(whole, rigid, campaign, spectra, found)
+    printed = printed_match(spectra, found.at, summary.reference, reading="reference")
+    places, axes = channels_at(campaign.layout, spectra.dofs)
     shown = _shown(summary)
     own = [int(np.flatnonzero(number == one)[0]) for one in shown]
     vectors = whole.vectors[np.array(shown, np.intp) - 1]
@@ -69,38 +77,16 @@ def gather(
         "points": whole.points.astype(np.float32),
         "triangles": whole.triangles.astype(np.int32),
         "vectors": vectors.astype(np.float32),
-        **_placed(campaign.layout, spectra),
+        "channel_places": places,
+        "channel_axes": axes,
     }
     return Result(summary, arrays)
-
-
-def _reference(found: Match, spectra: ImpactSpectra) -> str:
-    """The place whose simulated amplitude is nowhere near a node, as far as any is."""
-    places = tuple(dict.fromkeys(dof.point for dof in spectra.dofs))
-    inside = (found.simulated_hz >= spectra.freq_hz[0]) & (
-        found.simulated_hz <= spectra.freq_hz[-1]
-    )
-    shapes = np.abs(found.at[inside] if inside.any() else found.at)
-    own = np.array(
-        [
-            np.linalg.norm(shapes[:, [dof.point == place for dof in spectra.dofs]], axis=1)
-            for place in places
-        ]
-    )
-    return places[int(np.argmax((own / own.max(axis=0)).min(axis=1)))]
 
 
 def _shown(summary: MatchFile) -> list[int]:
     """Simulated modes that the page shows: those that were measured, or might have been."""
     matched = {row.simulated for row in summary.modes if row.simulated is not None}
     return sorted(matched | set(summary.unmatched))
-
-
-def _placed(layout: Layout, spectra: ImpactSpectra) -> dict[str, Any]:
-    """Where channels are and along what they read; (n_channel, 3) each."""
-    own = [layout.points.index(dof.point) for dof in spectra.dofs]
-    along = [layout.axes[k][:, dof.axis % 3] for k, dof in zip(own, spectra.dofs, strict=True)]
-    return {"channel_places": layout.positions[own], "channel_axes": np.array(along)}
 
 
 def _summary(
@@ -129,7 +115,7 @@ def _summary(
         ],
         unmatched=left,
         alike=[[int(own[i]), int(own[j])] for i, j in telling(found.at[band]).confused],
-        reference=_reference(found, spectra),
+        reference=steadiest(found.at[band] if band.any() else found.at, spectra.dofs),
     )
 
 

@@ -1,6 +1,9 @@
 // The table of modes beside the picture: which row is chosen, by a click or the arrow keys.
 // The page's script gives ``state``, ``MODES`` and choose(k), which calls turn().
 
+const digits = value => value < 10 ? value.toFixed(3) : value.toFixed(2);
+const deviation = value => value === 0 ? "0" : value < 1e-4 ? value.toExponential(0) : value.toPrecision(2);
+
 const rowsOf = () => document.querySelector("#modes tbody").rows;
 
 // To mode k: its row, its title over the picture, its motion.

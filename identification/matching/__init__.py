@@ -3,9 +3,9 @@
 from identification.matching.assignment import best_matching, pair_probabilities
 from identification.matching.by_hand import ByHand, by_hand
 from identification.matching.likelihood import Beliefs, odds
-from identification.matching.match import Match, at_channels, match
+from identification.matching.match import Match, at_channels, channels_at, match
 from identification.matching.modes import ImpactModes, impact_modes, in_phase
-from identification.matching.printed import PrintedMatch, printed_match
+from identification.matching.printed import PrintedMatch, printed_match, steadiest
 
 __all__ = [
     "Beliefs",
@@ -16,10 +16,12 @@ __all__ = [
     "at_channels",
     "best_matching",
     "by_hand",
+    "channels_at",
     "impact_modes",
     "in_phase",
     "match",
     "odds",
     "pair_probabilities",
     "printed_match",
+    "steadiest",
 ]

@@ -76,17 +76,24 @@ def at_channels(
         UsageError: a channel at no site of the layout.
         InputError: a site off the mesh.
     """
+    places, axes = channels_at(layout, dofs)
+    vectors = shapes_at(shapes, places, [dof.point for dof in dofs], how=how)
+    found: Real = np.einsum("mcx,cx->mc", vectors, axes)
+    return found
+
+
+def channels_at(layout: Layout, dofs: Sequence[Dof]) -> tuple[Real, Real]:
+    """Where channels are [m], and along what they read; (n_channel, 3) each.
+
+    Raises:
+        UsageError: a channel at no site of the layout.
+    """
     unknown = [dof.point for dof in dofs if dof.point not in layout.points]
     if unknown:
         raise UsageError(f"{unknown[0]} has no place. Give [site.{unknown[0]}] in the layout.")
-    places = [layout.points.index(dof.point) for dof in dofs]
-    names = [dof.point for dof in dofs]
-    vectors = shapes_at(shapes, layout.positions[places], names, how=how)
-    along = np.array(
-        [layout.axes[place][:, dof.axis % 3] for place, dof in zip(places, dofs, strict=True)]
-    )
-    found: Real = np.einsum("mcx,cx->mc", vectors, along)
-    return found
+    own = [layout.points.index(dof.point) for dof in dofs]
+    axes = [layout.axes[k][:, dof.axis % 3] for k, dof in zip(own, dofs, strict=True)]
+    return layout.positions[own], np.array(axes)
 
 
 def match(

@@ -74,7 +74,7 @@ def printed_match(
     Raises:
         UsageError: a reference that no channel reads.
     """
-    places = tuple(dict.fromkeys(dof.point for dof in spectra.dofs))
+    places = _places(spectra.dofs)
     if reference not in places:
         raise UsageError(f"{reference} is not among {', '.join(places)}. Name one of these.")
     own = places.index(reference)
@@ -88,9 +88,24 @@ def printed_match(
     return PrintedMatch(places, spectra.freq_hz, amplitude, measured, simulated, closeness)
 
 
+def steadiest(at: Real, dofs: Sequence[Dof]) -> str:
+    """The place that is nowhere near a node, as far as any is: for ratios to be taken to.
+
+    Args:
+        at: modes at the channels; (n_mode, n_channel).
+        dofs: the channels.
+    """
+    own = _norms(np.abs(at), dofs, 1)
+    return _places(dofs)[int(np.argmax((own / own.max(axis=1, keepdims=True)).min(axis=0)))]
+
+
+def _places(dofs: Sequence[Dof]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(dof.point for dof in dofs))
+
+
 def _norms(values: Real, dofs: Sequence[Dof], axis: int) -> Real:
     """Over the channels of each place."""
-    places = tuple(dict.fromkeys(dof.point for dof in dofs))
+    places = _places(dofs)
     moved = np.moveaxis(values, axis, 0)
     rows = [
         np.sqrt((moved[[dof.point == place for dof in dofs]] ** 2).sum(axis=0)) for place in places

@@ -17,6 +17,7 @@ from identification.matching import (
     odds,
     pair_probabilities,
     printed_match,
+    steadiest,
 )
 from identification.words import ConvergenceError, Dof, UsageError
 
@@ -229,3 +230,11 @@ def test_a_mode_that_is_not_alone_has_no_row_by_hand(drawn):
             assert one.lower < one.peak < one.upper
             assert abs(one.peak - HZ[mode]) < 2 * ZETA[mode] * HZ[mode]
             assert 0.3 * ZETA[mode] < one.damping < 3 * ZETA[mode]
+
+
+def test_ratios_are_taken_to_the_place_that_no_mode_leaves_at_rest():
+    at = np.zeros((2, len(DOFS)))
+    at[0, [0, 3, 6]] = 1.0, 0.5, 0.01  # at acc1, acc2 and acc3
+    at[1, [0, 4, 7]] = 0.02, -0.6, 1.0
+    assert steadiest(at, DOFS) == "acc2"
+    assert steadiest(at * [[1000.0], [1.0]], DOFS) == "acc2"  # however modes are normalised
