@@ -37,11 +37,16 @@ def gradient(lines: Solved, slopes: Slopes, cotangent: Complex) -> Real:
     Returns:
         (n_parameter,).
     """
-    odd = [_is_odd(lines, own) for own in slopes]
-    if any(odd):
-        return _by_columns(lines, slopes, cotangent, odd)
     weights = np.ascontiguousarray(cotangent.conj().transpose(1, 2, 0))
     adjoint = lines.solver.solve(weights, transposed=True, through=lines.readout.T)
+    odd = [_is_odd(lines, own) for own in slopes]
+    if any(odd):
+        return _by_shapes(lines, slopes, weights, adjoint, odd)
+    return _gradient(lines, slopes, weights, adjoint)
+
+
+def _gradient(lines: Solved, slopes: Slopes, weights: Complex, adjoint: Complex) -> Real:
+    """The same of Parts without shapes of s."""
     powers = _powers(lines.motion, lines.question.laplace)
     slots = {change.slot for part in slopes for change in part}
     found = None
@@ -67,13 +72,14 @@ def _is_odd(lines: Solved, slopes: tuple[Change, ...]) -> bool:
     return any(change.shape is not None or (hung and change.slot == "path") for change in slopes)
 
 
-def _by_columns(lines: Solved, slopes: Slopes, cotangent: Complex, odd: list[bool]) -> Real:
-    """The same with the columns of some Parts, the adjoint method for the others."""
+def _by_shapes(
+    lines: Solved, slopes: Slopes, weights: Complex, adjoint: Complex, odd: list[bool]
+) -> Real:
+    """The same, shape by shape for some Parts."""
     plain = [() if one else own for one, own in zip(odd, slopes, strict=True)]
-    total = gradient(lines, plain, cotangent)
+    total = _gradient(lines, plain, weights, adjoint)
     places = np.repeat(odd, [len(part.parameters) for part in lines.model.parts])
-    columns = Forward(lines, slopes, places).columns()
-    total[places] = np.einsum("foi,foip->p", cotangent.conj(), columns).real
+    total[places] = Forward(lines, slopes, places).pulled(weights, adjoint)
     return total
 
 

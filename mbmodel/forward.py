@@ -136,6 +136,27 @@ class Forward:
             total[..., share.places] += share.values[:, :, 0] + 1j * share.values[:, :, 1]
         return np.asarray(total.swapaxes(1, 2), complex)
 
+    def pulled(self, weights: Complex, adjoint: Complex) -> Real:
+        """Re sum W H' over lines and inputs, without any column: a matrix for all that act alike.
+
+        Args:
+            weights: W, conjugate; (n_out, n_in, n_freq).
+            adjoint: a = Z^-T G' W; (nv, n_in, n_freq).
+
+        Returns:
+            (n_chosen,).
+        """
+        goals = {"push": adjoint, "read": weights}
+        if any(goal == "move" for goal, *_ in self._groups):
+            goals["move"] = real_times(self.lines.places.readout.T, weights)
+        flat = {goal: _flat(values.conj()) for goal, values in goals.items()}
+        total = np.zeros(self.count)
+        for (goal, what, power, shape), group in self._groups.items():
+            felt = self._shaken(what, power, shape, slice(None))
+            both = _flat(felt) @ flat[goal].T
+            total[group.places] += both.ravel() @ group.matrix.reshape(-1, group.count)
+        return total
+
     def rows(self, part: int) -> tuple[Integers, Complex]:
         """Which outputs a sensor's Part touches, and the derivatives of these alone.
 
@@ -202,16 +223,20 @@ class Forward:
         }
         return known[what][..., span]
 
+    def _shaken(self, what: _Felt, power: int, shape: _Shape, span: slice) -> Complex:
+        """What is felt, times s^power and a shape of s; (m, n_in, n_line)."""
+        felt, laplace = self._felt(what, span), self.lines.question.laplace[span]
+        if power or shape is not None:
+            factor = laplace**power
+            felt = felt * (factor if shape is None else factor * shape(laplace))
+        return felt
+
     def _shares(self, goal: _Goal, span: slice) -> Iterator[Share]:
         """What reaches a goal, one product for all that feel the same in the same way."""
-        laplace = self.lines.question.laplace[span]
         for (own, what, power, shape), group in self._groups.items():
             if own != goal:
                 continue
-            felt = self._felt(what, span)
-            if power or shape is not None:
-                factor = laplace**power
-                felt = felt * (factor if shape is None else factor * shape(laplace))
+            felt = self._shaken(what, power, shape, span)
             m, n_in, n_line = felt.shape
             flat = np.empty((n_line, n_in, 2, m))
             flat[:, :, 0] = felt.real.transpose(2, 1, 0)
@@ -303,6 +328,11 @@ def _side_by_side(terms: Sequence[tuple[Integers, Real]]) -> _Group:
         places, matrices = numbers, summed
     flat = np.ascontiguousarray(matrices.transpose(2, 1, 0))
     return _Group(_run(places), len(places), flat.reshape(len(flat), -1))
+
+
+def _flat(values: Complex) -> Real:
+    """(m, n_in, n_freq) as real numbers in m rows."""
+    return np.ascontiguousarray(values).reshape(len(values), -1).view(float)
 
 
 def _product(one: _Shape, other: _Shape) -> _Shape:

@@ -197,7 +197,7 @@ class Model:
         for part, piece in zip(self.parts, self.pieces(theta), strict=True):
             for change in part.changes(piece, situation):
                 if change.shape is not None:
-                    shaped.append(change)
+                    shaped += [change] if change.core.any() else []
                 else:
                     found[change.slot if change.slot in found else "point"].append(change)
         jacobian, total = self._moved(found["path"], found["body"])

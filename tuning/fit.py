@@ -12,10 +12,10 @@ from identification.words import Campaign, Mask, ModalModel, Real, UsageError
 from mbmodel import Model
 from tuning.freedom import Freedom, freedom
 from tuning.journal import Journal
-from tuning.misfit import Misfit
+from tuning.misfit import Misfit, Sparse
 from tuning.modal import ModalCost, ModalStage
 from tuning.newton import LARGEST_STEP, Box, gauss_newton
-from tuning.normal import Quadratic
+from tuning.normal import Arrow
 from tuning.solver import INTERRUPTED, Minimum, Outcome, minimise
 from tuning.stages import STAGES, Stage, thinned
 
@@ -143,9 +143,9 @@ class _Search:
             end = self._by_modes(stage, chosen, x[varies], tell)
         else:
             thin = thinned(self.campaign, stage.stride)
-            problem = stage.misfit(self.model, thin, chosen, threads=self.threads)
+            problem = stage.problem(self.model, thin, chosen, threads=self.threads)
             if everything or self.algorithm == GAUSS_NEWTON:
-                end = descend(problem, x[varies], stage, report=tell)
+                end = descend(problem, chosen, x[varies], stage, report=tell)
             else:
                 bounds = (chosen.lower, chosen.upper)
                 end = minimise(problem, x[varies], bounds, algorithm=self.algorithm, report=tell)
@@ -174,11 +174,12 @@ class _Search:
 
 
 def descend(
-    problem: Misfit,
+    problem: Misfit | Sparse,
+    varies: Freedom,
     x: Real,
     stage: Stage,
     *,
-    known: Quadratic | None = None,
+    known: Arrow | None = None,
     promise: float = 0.01,
     report: Callable[[int, float], None] | None = None,
 ) -> Minimum:
@@ -186,13 +187,13 @@ def descend(
 
     Args:
         problem: of this stage.
+        varies: its coordinates.
         x: where to begin; (n_x,).
         stage: how far to go.
-        known: J, its gradient and the normal equations at x, where somebody has them.
+        known: normal equations near x, where somebody has them.
         promise: it ends when the next step will promise less, in nats.
         report: told about every evaluation.
     """
-    varies = problem.freedom
     return gauss_newton(
         problem,
         x,

@@ -12,7 +12,7 @@ from mbmodel import Model, modes
 from tuning.batch import predict
 from tuning.fit import Fit, descend
 from tuning.journal import Journal
-from tuning.normal import Quadratic
+from tuning.normal import Arrow
 from tuning.solver import Minimum, Outcome
 from tuning.stages import LAST, counted_lines, thinned
 
@@ -125,10 +125,9 @@ def fit_held_out(
     journal = Journal() if journal is None else journal
     stage = found.last or LAST
     campaign, seen = thinned(campaign, stage.stride), folds[counted_lines(len(folds), stage.stride)]
-    whole = stage.misfit(model, campaign, varies, threads=jobs)
     ends = {fold: journal.recall(f"fold {fold}") for fold in range(int(folds.max()) + 1)}
     missing = [fold for fold, end in ends.items() if end is None]
-    normals = whole.normals(found.x, seen)[1:] if missing else []
+    normals = stage.normals(model, campaign, varies, found.x, seen, jobs) if missing else []
     work = (
         delayed(_fit_without)(model, campaign, found, seen != fold, normals[fold], promise)
         for fold in missing
@@ -146,12 +145,12 @@ def fit_held_out(
 
 
 def _fit_without(
-    model: Model, campaign: Campaign, found: Fit, kept: Mask, normal: Quadratic, promise: float
+    model: Model, campaign: Campaign, found: Fit, kept: Mask, normal: Arrow, promise: float
 ) -> Minimum:
     """The fit to the lines that are kept, from the one to all: mostly a single step."""
     stage = found.last or LAST
-    problem = stage.misfit(model, campaign, found.freedom, counted=kept)
-    end = descend(problem, found.x, stage, known=normal, promise=promise)
+    problem = stage.problem(model, campaign, found.freedom, counted=kept)
+    end = descend(problem, found.freedom, found.x, stage, known=normal, promise=promise)
     if end.outcome == "interrupted":
         raise KeyboardInterrupt
     return end

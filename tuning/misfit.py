@@ -269,6 +269,36 @@ class Misfit:
         return Runs(plan, forward, seen, tuple(own))
 
 
+@dataclass(frozen=True, eq=False)
+class Sparse:
+    """A misfit whose normal equations come from every so manyth of its lines.
+
+    Bandwidths are wider than a line: lines that are left out look like those that count, and the
+    gradient, which is that of all lines, alone says where the end is.
+
+    Args:
+        whole: the misfit.
+        few: of the lines that count for N.
+        ratio: how many times as many there are.
+    """
+
+    whole: Misfit
+    few: Misfit
+    ratio: float
+
+    def __call__(self, x: Real) -> tuple[float, Real]:
+        """J and dJ/dx."""
+        return self.whole(x)
+
+    def value(self, x: Real) -> float:
+        """J."""
+        return self.whole.value(x)
+
+    def normal(self, x: Real) -> Quadratic:
+        """J, dJ/dx, and the normal equations of few lines for all of them."""
+        return (*self.whole(x), self.few.normal(x)[2] * self.ratio)
+
+
 def _own(rows: Integers, values: Complex, root: Real, aim: Complex, seen: tuple[View, ...]) -> Own:
     """What a sensor's own coordinates move, its derivatives (n_freq, n_row, n_in, n_own)."""
     number = next(k for k, view in enumerate(seen) if np.isin(rows, view.rows).all())

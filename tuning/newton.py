@@ -9,6 +9,11 @@ is let go. D is the prior's precision, l the damping, which falls by ten when a 
 model promises and rises by ten when it does not (Nocedal and Wright 2006, ch. 10.3 and 16.5). As
 long as steps do what N promises to 3 %, N is kept and only the gradient computed anew, which
 costs a tenth of it: the end is as sharp, since the gradient alone says where it is.
+
+Where residuals are large N lacks their curvature, and each step goes too far by the same factor:
+errors shrink slowly, to and fro. A step of which a parabola through J, its slope and what was
+reached says that it should have been longer or shorter by 15 % is tried at that length too (ch.
+3.5), which costs one J.
 """
 
 from collections.abc import Callable
@@ -25,6 +30,8 @@ from tuning.solver import INTERRUPTED, Minimum, Outcome
 # scale of the whole step, which one hardly visible damping would hold back.
 LARGEST_STEP = 0.7
 _KEPT = 0.03  # by which a step may miss its promise for the normal equations to be kept
+_LONGEST = 2.0  # of what N says, that a step may become
+_OFF = 0.15  # by which a step's best length must miss it for another to be tried
 _STUCK = 1e9  # damping at which no step helps any more
 _ROUNDS = 200
 _FLAT = 1e-12  # of the largest diagonal: keeps directions that nothing sees where they are
@@ -80,7 +87,7 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
     start: Real,
     box: Box,
     *,
-    known: Quadratic | None = None,
+    known: Arrow | None = None,
     damping: float = 1e-3,
     promise: float = 0.01,
     tolerance: float = 1e-7,
@@ -96,7 +103,8 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
         problem: with its normal equations.
         start: (n,); clipped to the box.
         box: bounds and prior.
-        known: J, its gradient and the normal equations at the start, where somebody has them.
+        known: normal equations near the start, or of fewer lines, where somebody has them: kept
+            as long as steps do what they promise.
         damping: l at first; next to none where the start is near the end.
         promise: it ends when the next step will promise less, in nats;
         tolerance: or less than this part of J.
@@ -105,40 +113,49 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
     """
     state = _State(np.clip(start, box.lower, box.upper), damping)
     value, before = np.inf, {True: 0.0, False: 0.0}  # promised last, with N fresh or kept
-    current, fresh = known, True
+    kept = known  # None where N is to be made anew
     try:
         for _ in range(max_steps):
-            if current is None:
-                current, fresh = problem.normal(state.x), True
-                state.evaluations += 1
-            value, gradient, normal = current
+            fresh = kept is None
+            here = problem.normal(state.x) if kept is None else (*problem(state.x), kept)
+            state.evaluations += 1
+            old, gradient, normal = here
             if report is not None:
-                report(state.evaluations, value)
-            if not (np.isfinite(value) and np.isfinite(gradient).all()):
-                return _ended(state, value, "failed", "a value that is not finite")
-            old = value
-            promised, value = _advance(problem, state, box, value, gradient, normal)
+                report(state.evaluations, old)
+            if not (np.isfinite(old) and np.isfinite(gradient).all()):
+                return _ended(state, old, "failed", "a value that is not finite")
+            enough = promise + tolerance * old
+            promised, value = _advance(problem, state, box, here, enough, patient=fresh)
             # Steps that do what they promise shrink at a steady rate: the next of their kind will
             # promise less than this by as much again.
             steady = before[fresh] > 0 and old - value > 0.5 * promised
             rate = min(promised / before[fresh], 1.0) if steady else 1.0
-            if promised * rate < promise + tolerance * value:
+            if promised * rate < enough:
                 return _ended(state, value, "converged", "")
             before[fresh] = promised
             if abs(old - value - promised) < _KEPT * promised + promise:
-                current, fresh = (*problem(state.x), normal), False
-                state.evaluations += 1
+                kept = normal
             else:
-                current, before[False] = None, 0.0
+                kept, before[False] = None, 0.0
     except KeyboardInterrupt:
         return _ended(state, value, "interrupted", INTERRUPTED)
     return _ended(state, value, "out of evaluations", "allow more evaluations")
 
 
 def _advance(
-    problem: Problem, state: _State, box: Box, value: float, gradient: Real, normal: Arrow
+    problem: Problem,
+    state: _State,
+    box: Box,
+    here: Quadratic,
+    enough: float,
+    *,
+    patient: bool,
 ) -> tuple[float, float]:
-    """Take one step that helps; what it promised, in nats, zero if none helps, and the new J."""
+    """Take one step that helps; what it promised, in nats, zero if none helps, and the new J.
+
+    Without patience, for which N is too old, a step that does not help is not tried shorter.
+    """
+    value, gradient, normal = here
     diagonal = normal.diagonal() + box.precision
     least = _FLAT * float(diagonal.max(initial=1.0))
     limit = box.limit
@@ -148,19 +165,35 @@ def _advance(
         upper = np.minimum(box.upper - state.x, limit)
         step = bounded_step(normal, gradient, added, (lower, upper))
         pressed = normal.times(step) + box.precision * step
-        promised = -float(gradient @ step + 0.5 * step @ pressed)
+        slope = float(gradient @ step)
+        promised = -slope - 0.5 * float(step @ pressed)
         found = problem.value(state.x + step)
         state.evaluations += 1
         if np.isfinite(found) and value - found > 0.05 * promised > 0:
-            state.x = np.clip(state.x + step, box.lower, box.upper)
             if value - found > 0.5 * promised:
                 state.damping = max(state.damping / 10, 1e-9)
+            length = _best_length(slope, found - value)
+            if abs(length - 1) > _OFF and promised > enough:
+                other = np.clip(length * step, lower, upper)
+                reached = problem.value(state.x + other)
+                state.evaluations += 1
+                if reached < found:
+                    found, step = reached, other
+            state.x = np.clip(state.x + step, box.lower, box.upper)
             return promised, found
         if promised < 1e-9 * abs(value):  # rounding decides
             return 0.0, value
+        if not patient:
+            return promised, value
         state.damping *= 10
     state.damping = 1e-3
     return 0.0, value
+
+
+def _best_length(slope: float, change: float) -> float:
+    """Where a parabola has its minimum that begins with a slope and has changed so much at 1."""
+    bend = change - slope
+    return min(-slope / (2 * bend), _LONGEST) if bend > 0 else _LONGEST
 
 
 def bounded_step(normal: Arrow, gradient: Real, added: Real, bounds: tuple[Real, Real]) -> Real:

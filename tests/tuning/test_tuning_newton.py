@@ -327,3 +327,43 @@ def test_an_error_in_the_problem_comes_out_as_itself():
     problem.jacobian = broken
     with pytest.raises(ZeroDivisionError, match="mine"):
         gauss_newton(problem, np.zeros(2), box_of(2))
+
+
+def swinging(x):
+    """Madsen's: the residual's curvature, which N lacks, sends every step too far."""
+    return np.array([x[0] + 1, -0.8 * x[0] ** 2 + x[0] - 1 + 0.1 * x[1], x[1] - x[0]])
+
+
+def slopes_of_swinging(x):
+    return np.array([[1.0, 0.0], [-1.6 * x[0] + 1, 0.1], [-1.0, 1.0]])
+
+
+def normals_until_the_end(**more):
+    problem = Squares(swinging, slopes_of_swinging, np.zeros(2))
+    count = []
+    normal = problem.normal
+    problem.normal = lambda x: (count.append(x), normal(x))[1]
+    found = gauss_newton(
+        problem, np.array([0.8, 0.5]), box_of(2), promise=1e-14, tolerance=0.0, **more
+    )
+    return found, len(count)
+
+
+def test_steps_that_go_too_far_by_the_same_factor_are_cut_to_their_best_length(monkeypatch):
+    cut, few = normals_until_the_end()
+    monkeypatch.setattr("tuning.newton._OFF", np.inf)
+    swung, many = normals_until_the_end()
+    best = scipy.optimize.least_squares(swinging, [0.8, 0.5], xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    assert cut.x == pytest.approx(best.x, abs=1e-6)
+    assert cut.value <= swung.value + 1e-12
+    assert few < 0.7 * many
+
+
+@pytest.mark.parametrize("wrong", [0.05, 1.0, 30.0])
+def test_normal_equations_that_somebody_knew_may_be_wrong(wrong):
+    problem = Squares(swinging, slopes_of_swinging, np.zeros(2))
+    start = np.array([0.8, 0.5])
+    known = problem.normal(start)[2] * wrong
+    found = gauss_newton(problem, start, box_of(2), known=known, promise=1e-14, tolerance=0.0)
+    alone, _ = normals_until_the_end()
+    assert found.x == pytest.approx(alone.x, abs=1e-5)
