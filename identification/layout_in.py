@@ -1,4 +1,4 @@
-"""Bodies and sites without a model: layout.toml, or the nodes of a universal file."""
+"""Bodies and sites without a model: layout.toml, a table of sites, nodes of a universal file."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from scipy.spatial.transform import Rotation
 
 from identification.settings import read_toml
+from identification.sites_table import read_sites
 from identification.stated import is_universal
 from identification.uff_file import nodes_of, read_records
 from identification.words import InputError, Layout
@@ -45,13 +46,18 @@ def read_layout(path: Path) -> Layout:
 
     A layout.toml has ``[body.<name>]`` with ``centre`` [m] and ``[site.<name>]`` with
     ``position`` [m], ``body`` (where there are several) and ``turn`` [rad]. Of a universal file
-    the nodes (datasets 15, 2411) become sites ``acc<node>`` of one body.
+    the nodes (datasets 15, 2411) become sites ``acc<node>`` of one body. A .csv with the columns
+    site,x,y,z,axes has the sites of one body, their axes those of the world.
 
     Raises:
         InputError: missing file, unknown key, a site on a body that is not there.
     """
     if not path.is_file():
-        raise InputError(f"{path} does not exist: name the layout, a .toml or a universal file")
+        raise InputError(
+            f"{path} does not exist: name the layout, a .toml, a .csv or a universal file"
+        )
+    if path.suffix == ".csv":
+        return read_sites(path)[0]
     return _from_nodes(path) if is_universal(path) else _from_toml(path)
 
 

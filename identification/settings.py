@@ -109,6 +109,11 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
         InputError: missing file, TOML syntax (with the line), unknown or wrong keys.
     """
     path = campaign_file(folder)
+    if "impact" in plain_toml(path):
+        raise InputError(
+            f"{path} is a campaign of impacts whose force nobody measured: mbw match reads it; "
+            "FRFs need [[test]] blocks with files of both"
+        )
     settings = read_toml(path, CampaignSettings)
     files = [(path.parent / test.file).resolve() for test in settings.test]
     for test, file in zip(settings.test, files, strict=True):
@@ -144,13 +149,23 @@ def read_toml(path: Path, model: type[Checked]) -> Checked:
         InputError: no UTF-8, TOML syntax (with the line), unknown or wrong keys.
     """
     try:
-        return model.model_validate(tomllib.loads(path.read_text(encoding="utf-8-sig")))
+        return model.model_validate(plain_toml(path))
+    except ValidationError as error:
+        raise InputError(f"{path}: {_first_fault(error)}") from error
+
+
+def plain_toml(path: Path) -> dict[str, object]:
+    """A TOML file as it is.
+
+    Raises:
+        InputError: no UTF-8, TOML syntax (with the line).
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is not UTF-8 text: save it as such") from error
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: TOML syntax: {error}; mend that line") from error
-    except ValidationError as error:
-        raise InputError(f"{path}: {_first_fault(error)}") from error
 
 
 def _first_fault(error: ValidationError) -> str:

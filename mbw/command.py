@@ -9,6 +9,7 @@ import typer
 from threadpoolctl import threadpool_limits
 
 from identification.modal import Tolerances, Wishes
+from identification.shapes import How
 from identification.words import UsageError
 from mbw import blind as blind_verb
 from mbw import demo as demo_verb
@@ -145,7 +146,7 @@ def identify(  # noqa: PLR0913  # one for each option
 
 @app.command()
 @guarded
-def match(
+def match(  # noqa: PLR0913  # one for each option
     shapes: Mesh,
     campaign: Annotated[Path, typer.Argument(help="Folder with a campaign.toml of impacts.")],
     *,
@@ -154,14 +155,22 @@ def match(
     ] = None,
     frequencies: Frequencies = None,
     mass: Annotated[
-        float | None, typer.Option(min=0, metavar="KG", help="What the structure weighs.")
+        float | None, typer.Option(metavar="KG", help="What the structure weighs, within 5 %.")
     ] = None,
+    nearest: Annotated[
+        bool, typer.Option("--nearest", help="Shapes of the nearest node; default: interpolated.")
+    ] = False,
+    width: Annotated[
+        float, typer.Option(min=0, metavar="HZ", help="Of the sliding average of amplitudes.")
+    ] = 0.3,
     json: Json = None,
     quiet: Quiet = False,
 ) -> None:
     """Say which finite-element mode each measured one is: few sensors, no force."""
     SCREEN.quiet = quiet
-    match_verb.run(match_verb.Simulated(shapes, frequencies, mass), campaign, out, json)
+    how: How = "nearest" if nearest else "interpolated"
+    simulated = match_verb.Simulated(shapes, frequencies, mass, how)
+    match_verb.run(simulated, campaign, out, json, width)
 
 
 @app.command()
@@ -177,7 +186,8 @@ def place(
         float | None, typer.Option(min=0, metavar="METRES", help="Of two places at least.")
     ] = None,
     check: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Table site,x,y,z,axes to look at instead.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Table site,x,y,z,axes or layout.toml to look at."),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Where the table goes; default: stdout.")

@@ -1,8 +1,10 @@
 // Measured and simulated modes: the table, the spectra, who is who, ratios, amplitudes by hand.
 const MODES = DATA.modes, FREQ = floats(DATA.freq), PLACES = DATA.places, IMPACTS = DATA.impacts;
 const state = {mode: 0, amplitude: 5, playing: !matchMedia("(prefers-reduced-motion: reduce)").matches,
-               place: 0, above: 0, below: Math.max(0, PLACES.indexOf(DATA.reference))};
-const AMPLITUDE = shorts(DATA.amplitude), CLOSENESS = shorts(DATA.closeness), RATIOS = floats(DATA.ratios);
+               place: 0, above: 0, below: Math.max(0, PLACES.indexOf(DATA.reference)), reading: "reference"};
+state.above = Math.max(0, PLACES.findIndex((_, k) => k !== state.below));
+const AMPLITUDE = shorts(DATA.amplitude), RATIOS = floats(DATA.ratios);
+const CLOSENESS = {reference: shorts(DATA.closeness), largest: shorts(DATA.closeness_largest)};
 const SIMULATED = ORANGE;
 
 const isMeasured = mode => mode.frequency !== null;
@@ -57,7 +59,7 @@ function spectra() {
     if (isMeasured(mode)) shapes.push({type: "line", xref: "x", yref: "paper", x0: mode.frequency, x1: mode.simulated_frequency, y0: top + 0.06, y1: 0.92, line: {color: INK, width}});
   });
   const y = {type: "log", domain: [0, top], gridcolor: GRID, exponentformat: "power", title: {text: "amplitude at " + PLACES[state.place] + " / m/s"}, ...logAxis(found.map(t => t.y))};
-  Plotly.react("spectra", found, {...CLEAR, height: 420, shapes, annotations: notes, xaxis: XAXIS, yaxis: y, legend: {orientation: "h", y: -0.16}}, CONFIG);
+  Plotly.react("spectra", found, {...CLEAR, height: 430, margin: {...CLEAR.margin, t: 44}, shapes, annotations: notes, xaxis: XAXIS, yaxis: y, legend: {orientation: "h", y: -0.16}}, CONFIG);
 }
 
 function ratio() {
@@ -79,9 +81,9 @@ function ratio() {
 // Figs. 9 and 10.
 function closeness() {
   const mode = MODES[state.mode], place = byId("closeness");
-  place.hidden = mode.at === null;
+  place.hidden = byId("reading").hidden = mode.at === null;
   if (mode.at === null) return;
-  const lines = impacts(CLOSENESS, mode.at, {opacity: 0.55});
+  const lines = impacts(CLOSENESS[state.reading], mode.at, {opacity: 0.55});
   const mean = X.map((_, f) => lines.reduce((sum, t) => sum + (t.y[f] ?? 0), 0) / lines.length);
   lines.push({type: "scatter", mode: "lines", x: X, y: mean, name: "mean", line: {color: INK, width: 2.4}});
   const shapes = [upright(mode.simulated_frequency, 0, 1, SIMULATED, 1.5, "dash")];
@@ -97,6 +99,15 @@ function pick(place, key, text, redraw) {
   const box = element("label", text + " ", {className: "soft"});
   box.append(made);
   byId(place).append(box);
+}
+
+function readings() {
+  const made = element("select");
+  for (const [value, text] of [["reference", "that place"], ["largest", "the largest of each mode"]]) made.append(element("option", text, {value}));
+  made.onchange = () => { state.reading = made.value; closeness(); };
+  const box = element("label", "simulated ratios to ", {className: "soft"});
+  box.append(made);
+  byId("reading").append(box);
 }
 
 // ---- who is who ----------------------------------------------------------------------------
@@ -127,11 +138,13 @@ function hands() {
 }
 
 byId("reference").textContent = DATA.reference;
+readings();
 table();
 pick("place", "place", "place", spectra);
 pick("over", "above", "place", ratio);
 pick("over", "below", "over", ratio);
-if (DATA.measured) { heat("probability", DATA.probability, "Probability"); heat("mac", DATA.mac, "MAC of signed shapes"); }
+byId("who").hidden = !DATA.measured || !DATA.shown.length;
+if (!byId("who").hidden) { heat("probability", DATA.probability, "Probability"); heat("mac", DATA.mac, "MAC of signed shapes"); }
 hands();
 film();
 start();

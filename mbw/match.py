@@ -4,11 +4,12 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import typer
 
 from identification.impacts import read_impacts
 from identification.matching import match
-from identification.shapes import RigidModes, check_mass, read_shapes, rigid_modes
+from identification.shapes import How, RigidModes, check_mass, read_shapes, rigid_modes
 from identification.words import InputError
 from mbw.match_page import render
 from mbw.match_result import NAMES, PAGE, gather, read_result, write_result
@@ -27,17 +28,21 @@ class Simulated:
         path: the mesh.
         frequencies: a table beside it; None for names that tell them.
         mass: stated [kg]; None if nobody did.
+        how: shapes are read at sensors.
     """
 
     path: Path
     frequencies: Path | None = None
     mass: float | None = None
+    how: How = "interpolated"
 
 
 _WITHIN = 0.05  # of a stated mass
 
 
-def run(simulated: Simulated, folder: Path, out: Path | None, json: Path | None) -> Path:
+def run(
+    simulated: Simulated, folder: Path, out: Path | None, json: Path | None, width_hz: float
+) -> Path:
     """Match, print, write the result and its page.
 
     Args:
@@ -45,6 +50,7 @@ def run(simulated: Simulated, folder: Path, out: Path | None, json: Path | None)
         folder: of the campaign.
         out: folder of the result; <campaign>-matched if None.
         json: a file beside it, or ``-``.
+        width_hz: of the sliding average of amplitudes.
 
     Returns:
         The folder of the result.
@@ -60,12 +66,14 @@ def run(simulated: Simulated, folder: Path, out: Path | None, json: Path | None)
     whole = read_shapes(simulated.path, simulated.frequencies)
     rigid = rigid_modes(whole)
     if simulated.mass is not None:
+        if not 0 < simulated.mass < np.inf:
+            raise InputError(f"--mass {simulated.mass:g} is no mass. Give what it weighs in kg.")
         check_mass(rigid, simulated.mass, _WITHIN, str(simulated.path))
-    if rigid.modes.all():
-        raise InputError(f"{simulated.path} has rigid modes alone. Give elastic ones.")
+    if not rigid.held.any():
+        raise InputError(f"{simulated.path} has modes at rest alone. Give some that vibrate.")
     with SCREEN.console.status("clocks, spectra, modes") if not SCREEN.quiet else nullcontext():
-        found = match(whole.only(~rigid.modes), campaign.layout, campaign.spectra())
-        result = gather(whole, rigid, campaign, found)
+        found = match(whole.only(rigid.held), campaign.layout, campaign.spectra(), simulated.how)
+        result = gather(whole, rigid, campaign, found, width_hz)
     with files_of(target) as place:
         write_result(result, place)
         (place / PAGE).write_text(render(result), encoding="utf-8")
@@ -116,8 +124,18 @@ def _say(result: MatchFile, rigid: RigidModes) -> None:
         SCREEN.say(f"the simulated structure weighs {result.mass:.4g} kg by its rigid modes")
     elif rigid.modes.sum() == 6:
         SCREEN.say("the shapes are not normalised by mass: what they weigh cannot be told")
-    for first, second in result.alike:
-        SCREEN.say(f"modes {first} and {second} are alike at these channels")
+    loose = int((~rigid.held).sum())
+    if loose not in (0, 6):
+        SCREEN.say(f"{loose} simulated modes are at rest; a structure that nothing holds has six")
+    if not (rigid.held | rigid.modes).all():
+        SCREEN.say("one of them deforms: a mechanism, which is left out as rigid ones are")
+    for (first, second), channels in zip(result.alike, result.alike_told_by, strict=True):
+        SCREEN.say(
+            f"modes {first} and {second} are alike at these channels; what tells them is "
+            f"{', '.join(channels)}"
+        )
+    for number in result.unseen:
+        SCREEN.say(f"mode {number} does not move at these channels: nothing can be said of it")
     if result.unmatched:
         left = ", ".join(str(one) for one in result.unmatched)
         SCREEN.say(f"simulated in the band and not measured: {left}")

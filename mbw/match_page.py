@@ -48,6 +48,9 @@ def lead(summary: MatchFile) -> str:
     if summary.unmatched:
         left = ", ".join(map(str, summary.unmatched))
         words.append(f"Simulated in the band and not measured: {left}")
+    if summary.unseen:
+        unseen = ", ".join(map(str, summary.unseen))
+        words.append(f"These channels do not see simulated mode {unseen}")
     if summary.mass is not None:
         words.append(f"The simulated structure weighs {summary.mass:.4g} kg by its rigid modes")
     return ". ".join(words) + "."
@@ -56,8 +59,11 @@ def lead(summary: MatchFile) -> str:
 def _alike(summary: MatchFile) -> str:
     if not summary.alike:
         return "No two simulated modes in the band are alike at these channels (MAC above 0.8)."
-    pairs = "; ".join(f"{one} and {other}" for one, other in summary.alike)
-    return f"Alike at these channels (MAC above 0.8), for more of them to tell: {pairs}."
+    pairs = "; ".join(
+        f"{one} and {other}, which {', '.join(channels)} tell best"
+        for (one, other), channels in zip(summary.alike, summary.alike_told_by, strict=True)
+    )
+    return f"Alike at these channels (MAC above 0.8): {pairs}."
 
 
 def _data(result: Result) -> dict[str, object]:
@@ -86,6 +92,7 @@ def _data(result: Result) -> dict[str, object]:
         "amplitude": packed_sizes(arrays["amplitude"].transpose(1, 2, 0)),
         "ratios": packed(arrays["ratios"]),
         "closeness": packed_sizes(arrays["closeness"].transpose(1, 2, 0)),
+        "closeness_largest": packed_sizes(arrays["closeness_largest"].transpose(1, 2, 0)),
         "probability": packed(arrays["probability"][:, own]),
         "mac": packed(arrays["mac"][:, own]),
     }

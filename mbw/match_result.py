@@ -12,6 +12,7 @@ from identification.impacts import ImpactCampaign, ImpactSpectra
 from identification.matching import (
     ByHand,
     Match,
+    Reading,
     by_hand,
     channels_at,
     printed_match,
@@ -23,6 +24,8 @@ from mbw.match_schema import HandRow, MatchFile, MatchRow
 
 MATCH_JSON, MATCH_NPZ, PAGE = "match.json", "match.npz", "match.html"
 NAMES = MATCH_JSON, MATCH_NPZ, PAGE
+_TELLING = 3  # channels that tell modes that are alike
+_UNSEEN = 1e-3  # of a mode's largest motion, what no channel tells from none
 _FINER = 8  # lines to look at, and to measure widths by, for one that is independent
 
 
@@ -44,6 +47,7 @@ def gather(
     rigid: RigidModes,
     campaign: ImpactCampaign,
     found: Match,
+    width_hz: float,
 ) -> Result:
     """Put together what was found.
 
@@ -51,12 +55,17 @@ def gather(
         whole: shapes, rigid ones too.
         rigid: which of them are.
         campaign: of impacts.
-        found: the match with the elastic shapes.
+        found: the match with the shapes that are held.
+        width_hz: of the sliding average of amplitudes.
     """
     spectra = campaign.spectra(_FINER)
-    number = np.flatnonzero(~rigid.modes) + 1
+    number = np.flatnonzero(rigid.held) + 1
     summary = _summary(whole, rigid, campaign, spectra, found)
-    printed = printed_match(spectra, found.at, summary.reference, reading="reference")
+    readings: tuple[Reading, ...] = ("reference", "largest")
+    printed, largest = (
+        printed_match(spectra, found.at, summary.reference, reading=reading, width_hz=width_hz)
+        for reading in readings
+    )
     places, axes = channels_at(campaign.layout, spectra.dofs)
     shown = _shown(summary)
     own = [int(np.flatnonzero(number == one)[0]) for one in shown]
@@ -74,6 +83,7 @@ def gather(
         "amplitude": printed.amplitude,
         "ratios": printed.simulated[own],
         "closeness": printed.impacts[:, own],
+        "closeness_largest": largest.impacts[:, own],
         "points": whole.points.astype(np.float32),
         "triangles": whole.triangles.astype(np.int32),
         "vectors": vectors.astype(np.float32),
@@ -96,11 +106,13 @@ def _summary(
     spectra: ImpactSpectra,
     found: Match,
 ) -> MatchFile:
-    number = np.flatnonzero(~rigid.modes) + 1
+    number = np.flatnonzero(rigid.held) + 1
     names = [str(dof) for dof in spectra.dofs]
     band = (found.simulated_hz >= campaign.band[0]) & (found.simulated_hz <= campaign.band[1])
     left = [int(number[k]) for k in np.flatnonzero(band) if k not in found.pairs.values()]
-    own = number[band]
+    own, told = number[band], telling(found.at[band])
+    vectors = whole.vectors[own - 1]
+    moved = np.abs(found.at[band]).max(axis=1, initial=0.0) / np.abs(vectors).max(axis=(1, 2))
     return MatchFile(
         shapes=whole.source,
         campaign=str(campaign.path),
@@ -114,7 +126,9 @@ def _summary(
             for mode in range(len(found.measured.frequencies))
         ],
         unmatched=left,
-        alike=[[int(own[i]), int(own[j])] for i, j in telling(found.at[band]).confused],
+        alike=[[int(own[i]), int(own[j])] for i, j in told.confused],
+        alike_told_by=[[names[k] for k in best[:_TELLING]] for best in told.channels],
+        unseen=[int(n) for n, size in zip(own, moved, strict=True) if size < _UNSEEN],
         reference=steadiest(found.at[band] if band.any() else found.at, spectra.dofs),
     )
 

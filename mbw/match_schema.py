@@ -69,6 +69,8 @@ class MatchFile(BaseModel):
         modes: measured, by rising frequency.
         unmatched: numbers of simulated modes in the band that no measured mode is.
         alike: pairs of simulated modes with a MAC above 0.8 at these channels.
+        alike_told_by: for each of them the channels where they differ most.
+        unseen: numbers of simulated modes in the band that do not move at these channels.
         reference: place to which ratios of amplitudes are taken.
     """
 
@@ -82,4 +84,6 @@ class MatchFile(BaseModel):
     modes: list[MatchRow]
     unmatched: list[int]
     alike: list[list[int]]
+    alike_told_by: list[list[str]]
+    unseen: list[int]
     reference: str

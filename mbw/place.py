@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import typer
 
+from identification.layout_in import read_layout
 from identification.matching import at_channels
 from identification.shapes import (
     Shapes,
@@ -18,12 +19,12 @@ from identification.shapes import (
     rigid_modes,
     telling,
 )
-from identification.words import Dof, InputError, Integers, Layout, Real, UsageError
+from identification.sites_table import SITES_HEADER, read_sites, sites_layout
+from identification.words import Dof, InputError, Integers, Layout
 from mbw.match import Simulated
 from mbw.messages import SCREEN
 
 _APART = 0.05  # of the mesh's diagonal, between candidates
-_HEADER = ("site", "x", "y", "z", "axes")
 _FEW = 3  # channels that tell a pair
 
 
@@ -48,7 +49,7 @@ def run(simulated: Simulated, wanted: Wanted, check: Path | None, out: Path | No
     Args:
         simulated: shapes.
         wanted: what to place.
-        check: a table of sites to look at instead.
+        check: a table of sites, or a layout, to look at instead.
         out: where to write the proposal; stdout if None.
 
     Raises:
@@ -56,14 +57,14 @@ def run(simulated: Simulated, wanted: Wanted, check: Path | None, out: Path | No
         UsageError: too few channels for the modes.
     """
     whole = read_shapes(simulated.path, simulated.frequencies)
-    elastic = ~rigid_modes(whole).modes
+    held = rigid_modes(whole).held
     low, high = wanted.band or (0.0, np.inf)
-    chosen = np.flatnonzero(elastic & (whole.frequencies >= low) & (whole.frequencies <= high))
+    chosen = np.flatnonzero(held & (whole.frequencies >= low) & (whole.frequencies <= high))
     if not len(chosen):
-        raise InputError(f"{whole.source} has no elastic mode between {low:g} and {high:g} Hz.")
+        raise InputError(f"{whole.source} has no mode between {low:g} and {high:g} Hz.")
     shapes = whole.only(chosen)
     if check is not None:
-        layout, dofs = read_sites(check)
+        layout, dofs = _looked_at(check)
     else:
         layout, dofs = proposed(shapes, wanted)
         text = written(layout, dofs)
@@ -83,7 +84,7 @@ def proposed(shapes: Shapes, wanted: Wanted) -> tuple[Layout, tuple[Dof, ...]]:
     kept = effective_independence(at.reshape(len(shapes), -1), count)
     points, axes = places[kept // 3], kept % 3
     order = list(dict.fromkeys(points.tolist()))
-    layout = _layout([f"acc{k + 1}" for k in range(len(order))], shapes.points[order])
+    layout = sites_layout([f"acc{k + 1}" for k in range(len(order))], shapes.points[order])
     dofs = tuple(
         Dof.of(layout.points[order.index(point)], axis)
         for point, axis in zip(points.tolist(), axes.tolist(), strict=True)
@@ -106,58 +107,23 @@ def _candidates(shapes: Shapes, apart: float) -> Integers:
     return np.array(chosen, np.intp)
 
 
-def _layout(names: Sequence[str], positions: Real) -> Layout:
-    axes = np.tile(np.eye(3), (len(names), 1, 1))
-    body = np.zeros(len(names), np.intp)
-    return Layout(("structure",), np.zeros((1, 3)), tuple(names), body, positions, axes)
-
-
 def written(layout: Layout, dofs: Sequence[Dof]) -> str:
     """A table of sites, places [m] and axes."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
-    table.writerow(_HEADER)
+    table.writerow(SITES_HEADER)
     for site, place in zip(layout.points, layout.positions, strict=True):
         axes = "".join(sorted(dof.direction[-1] for dof in dofs if dof.point == site))
         table.writerow([site, *(f"{x:.6g}" for x in place), axes])
     return text.getvalue()
 
 
-def read_sites(path: Path) -> tuple[Layout, tuple[Dof, ...]]:
-    """Sites, places and axes of a table.
-
-    Raises:
-        InputError: no such file, other columns, a row that is none, a site twice.
-    """
-    try:
-        text = path.read_text("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read as text: give a table {','.join(_HEADER)}") from (
-            error
-        )
-    rows = list(csv.reader(text.splitlines()))
-    if not rows or tuple(rows[0]) != _HEADER:
-        raise InputError(f"{path}: the first row must be {','.join(_HEADER)}.")
-    names, places, dofs = [], [], []
-    for number, row in enumerate(rows[1:], start=2):
-        try:
-            site, *numbers, axes = row
-            place = [float(x) for x in numbers]
-            if len(place) != 3 or not np.isfinite(place).all() or not set(axes) <= set("xyz"):
-                raise ValueError(row)
-            own = [Dof.parse(f"{site}:+t{axis}") for axis in dict.fromkeys(axes)]
-        except (ValueError, UsageError) as error:
-            raise InputError(
-                f"{path}: row {number} is no site: give a name, three numbers [m], axes such as xz"
-            ) from error
-        if site in names or not own:
-            raise InputError(f"{path}: row {number}: {site} is there twice, or reads no axis.")
-        names.append(site)
-        places.append(place)
-        dofs += own
-    if not names:
-        raise InputError(f"{path} has no site. Give one a row.")
-    return _layout(names, np.array(places)), tuple(dofs)
+def _looked_at(path: Path) -> tuple[Layout, tuple[Dof, ...]]:
+    """A table of sites with its axes, or a layout with three axes at every site."""
+    if path.suffix == ".csv":
+        return read_sites(path)
+    layout = read_layout(path)
+    return layout, tuple(Dof.of(site, axis) for site in layout.points for axis in range(3))
 
 
 def _write(text: str, out: Path) -> None:

@@ -19,7 +19,7 @@ from identification.impacts.clock import Struck, struck
 from identification.impacts.records import ImpactRecord, read_impact
 from identification.impacts.spectra import ImpactSpectra, impact_spectra
 from identification.layout_in import read_layout
-from identification.settings import campaign_file, read_toml
+from identification.settings import campaign_file, plain_toml, read_toml
 from identification.words import InputError, Layout
 
 
@@ -32,6 +32,8 @@ class _Impact(_Strict):
 
 
 class _ImpactFile(_Strict):
+    """The campaign.toml."""
+
     layout: str
     band: Annotated[list[float], Field(min_length=2, max_length=2)]
     ignore: list[str] = []
@@ -71,6 +73,11 @@ def read_impacts(folder: Path) -> ImpactCampaign:
         InputError: a file or key that is missing or wrong.
     """
     path = campaign_file(folder)
+    if "test" in plain_toml(path):
+        raise InputError(
+            f"{path} is a campaign of FRFs, with a force; a match needs impacts that nobody "
+            'measured: layout = "layout.toml", band = [15.0, 95.0], [[impact]] file = "bow1.npz"'
+        )
     settings = read_toml(path, _ImpactFile)
     low, high = settings.band
     if not 0 < low < high:
@@ -78,7 +85,13 @@ def read_impacts(folder: Path) -> ImpactCampaign:
             f"{path}: band = [{low:g}, {high:g}] is none: give two rising numbers [Hz]"
         )
     layout = read_layout(path.parent / settings.layout)
-    records = [read_impact(path.parent / one.file) for one in settings.impact]
+    files = [one.file for one in settings.impact]
+    for file in files:
+        if files.count(file) > 1:
+            raise InputError(f"{path}: {file} is listed twice. Give every impact once.")
+    records = [read_impact(path.parent / file) for file in files]
+    if set(settings.ignore) >= {one.name for record in records for one in record.channels}:
+        raise InputError(f"{path}: ignore leaves no channel. Keep some.")
     return ImpactCampaign(path, layout, tuple(_left(records, settings.ignore, path)), (low, high))
 
 

@@ -16,7 +16,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.ndimage import uniform_filter1d
 
 from identification.impacts.records import ImpactRecord
-from identification.words import Dof, InputError, Real
+from identification.words import Dof, InputError, Mask, Real
 
 _ORDER = 5
 _GAP = 8.0  # times the median spacing: a channel that pauses for longer knows nothing there
@@ -25,6 +25,9 @@ _RISES = 0.02  # of the largest, where the impact begins
 _LOUD = 25.0  # times what is read before: less is no impact
 _BEFORE = 0.02  # of the record, its least quiet part
 _SILENT = 1e-3  # of the median channel, of what it reads after the impact
+_BLOCKS = 64  # samples, by whose variance a channel is heard
+_NOISE = 2.0  # times the variance before, where a channel never reads more after
+_HEARD = 400.0  # times that, what the others read: an impact that every channel must hear
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +77,7 @@ def struck(record: ImpactRecord) -> Struck:
     first = _onset(record.source, values, rate)
     # The force may begin a little before it is seen.
     before, after = values[:, : max(first - 3 * round(_SMOOTH * rate), 0)], values[:, first:]
-    _check_silent(record.source, dofs, after)
+    _check_silent(record.source, dofs, before, after)
     return Struck(record.source, dofs, rate, before, after, float(grid[first]))
 
 
@@ -113,12 +116,24 @@ def _onset(source: str, values: Real, rate: float) -> int:
     return min(first, int(values.shape[1]) - 2)
 
 
-def _check_silent(source: str, dofs: tuple[Dof, ...], after: Real) -> None:
+def _check_silent(source: str, dofs: tuple[Dof, ...], before: Real, after: Real) -> None:
+    """A channel that is still, or whose noise goes on as if nothing had happened."""
     size = np.ptp(after, axis=1)
-    dead = np.flatnonzero(size <= _SILENT * np.median(size))
+    dead = np.flatnonzero((size <= _SILENT * np.median(size)) | _deaf(before, after))
     if len(dead):
         names = ", ".join(str(dofs[k]) for k in dead)
         raise InputError(
             f"{source}: {names} {'is' if len(dead) == 1 else 'are'} silent after the impact. Check "
             "the cable, or leave the channel out with ignore."
         )
+
+
+def _deaf(before: Real, after: Real) -> Mask:
+    """Channels whose noise does not change where most of the others rise far out of theirs."""
+    count = after.shape[1] // _BLOCKS
+    if before.shape[1] < _BLOCKS or not count:
+        return np.zeros(len(after), bool)
+    parts = after[:, : count * _BLOCKS].reshape(len(after), count, _BLOCKS)
+    rise = parts.var(axis=2).max(axis=1) / np.maximum(before.var(axis=1), 1e-300)
+    deaf: Mask = (rise < _NOISE) & (np.median(rise) > _HEARD)
+    return deaf

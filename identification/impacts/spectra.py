@@ -6,17 +6,20 @@ From the impact on a structure decays freely, a sum of exponentials A exp(lambda
 
 has the shapes of its modes in the residues A = phi gamma, one factor gamma for each impact and mode
 (eq. 10 with f unknown): all that ratios of channels need. The noise of a line is that of the
-record before the impact, of the same length of time.
+record before the impact, of the same length of time. What sways below the band (ropes) decays for
+long and says nothing in it: the length is that of what is heard in the band.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import butter, czt, sosfiltfilt
 
 from identification.impacts.clock import Struck
 from identification.words import Complex, Dof, InputError, Real
 
+_LEAST_BEFORE = 32  # samples, for the noise to be known
 _ENDED = 1.5  # times the energy before the impact: it has died away
 
 
@@ -70,7 +73,7 @@ def impact_spectra(
         raise InputError(
             f"the band ends at {band[1]:g} Hz, above half of the {slowest:.4g} samples a second."
         )
-    length = min(max(_lasts(one) for one in impacts), *(_seconds(one) for one in impacts))
+    length = min(max(_lasts(one, band) for one in impacts), *(_seconds(one) for one in impacts))
     every = finer * length
     lines = np.arange(np.ceil(band[0] * every), np.floor(band[1] * every) + 1) / every
     if len(lines) < 8 * finer:
@@ -112,32 +115,35 @@ def _seconds(one: Struck) -> float:
     return int(one.after.shape[1]) / one.rate_hz
 
 
-def _lasts(one: Struck) -> float:
-    """How long it is heard [s]: until its energy is that of the noise."""
-    if one.before.shape[1] < 2:
+def _lasts(one: Struck, band: tuple[float, float]) -> float:
+    """How long it is heard in the band [s]: until its energy is that of the noise."""
+    if one.before.shape[1] < _LEAST_BEFORE:
         return _seconds(one)
-    noise = one.before.var(axis=1)
-    block = max(8, one.after.shape[1] // 200)
-    count = one.after.shape[1] // block
-    parts = one.after[:, : count * block].reshape(len(noise), count, block)
+    edges = (band[0], min(band[1], 0.45 * one.rate_hz))
+    only = butter(2, edges, "bandpass", fs=one.rate_hz, output="sos")
+    before, after = sosfiltfilt(only, one.before, axis=1), sosfiltfilt(only, one.after, axis=1)
+    noise = before.var(axis=1)
+    block = max(8, after.shape[1] // 200)
+    count = after.shape[1] // block
+    parts = after[:, : count * block].reshape(len(noise), count, block)
     energy = (parts.var(axis=2) / np.maximum(noise, 1e-300)[:, None]).mean(axis=0)
     heard = np.flatnonzero(energy > _ENDED)
     return (int(heard[-1]) + 1) * block / one.rate_hz if len(heard) else _seconds(one)
 
 
 def _transformed(values: Real, rate: float, lines: Real) -> Complex:
-    """Integral of y exp(-i w t) by the trapezoid rule; (n_freq, n_channel)."""
-    time = np.arange(values.shape[1]) / rate
+    """Integral of y exp(-i w t) by the trapezoid rule, a chirp z-transform; (n_freq, n_channel)."""
     weights = np.full(values.shape[1], 1 / rate)
     weights[0] /= 2
-    kernel = np.exp(-2j * np.pi * lines[:, None] * time)
-    found: Complex = (kernel * weights) @ values.T
+    step, first = lines[1] - lines[0], lines[0]
+    ratio, begin = np.exp(-2j * np.pi * np.array([step, -first]) / rate)
+    found: Complex = czt(values * weights, len(lines), ratio, begin, axis=1).T
     return found
 
 
 def _noise(before: Real, rate: float, lines: Real) -> Real:
     """Power of the noise per Hz in the band [.. s per s of record]; (n_channel,)."""
-    if before.shape[1] < 32:
+    if before.shape[1] < _LEAST_BEFORE:
         raise InputError(
             f"only {before.shape[1]} samples lie before the impact: begin to record earlier, so "
             "that the noise is known"

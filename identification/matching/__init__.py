@@ -5,7 +5,7 @@ from identification.matching.by_hand import ByHand, by_hand
 from identification.matching.likelihood import Beliefs, odds
 from identification.matching.match import Match, at_channels, channels_at, match
 from identification.matching.modes import ImpactModes, impact_modes, in_phase
-from identification.matching.printed import PrintedMatch, printed_match, steadiest
+from identification.matching.printed import PrintedMatch, Reading, printed_match, steadiest
 
 __all__ = [
     "Beliefs",
@@ -13,6 +13,7 @@ __all__ = [
     "ImpactModes",
     "Match",
     "PrintedMatch",
+    "Reading",
     "at_channels",
     "best_matching",
     "by_hand",

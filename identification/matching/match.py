@@ -49,11 +49,13 @@ class Match:
 
     def channels(self, mode: int, count: int = 3) -> tuple[int, ...]:
         """Those that tell a measured mode's best candidate from its second, the best first."""
-        first, second = np.argsort(-self.odds[mode], kind="stable")[:2]
+        best = np.argsort(-self.odds[mode], kind="stable")[:2]
+        if len(best) < 2:  # nothing to be told from
+            return ()
         shape = self.measured.shapes[mode]
         away = [
             np.abs(shape - other * float(shape @ other) / max(float(other @ other), 1e-300))
-            for other in self.at[[first, second]]
+            for other in self.at[best]
         ]
         return tuple(np.argsort(away[0] - away[1], kind="stable")[:count].tolist())
 
@@ -97,17 +99,22 @@ def channels_at(layout: Layout, dofs: Sequence[Dof]) -> tuple[Real, Real]:
 
 
 def match(
-    shapes: Shapes, layout: Layout, spectra: ImpactSpectra, beliefs: Beliefs | None = None
+    shapes: Shapes,
+    layout: Layout,
+    spectra: ImpactSpectra,
+    how: How = "interpolated",
+    beliefs: Beliefs | None = None,
 ) -> Match:
     """Identify the modes of impacts and say which simulated mode each is.
 
     Args:
-        shapes: elastic modes on a mesh.
+        shapes: modes on a mesh, without those at rest.
         layout: of the channels.
         spectra: of the impacts.
+        how: as of ``shapes_at``.
         beliefs: before the test.
     """
-    at = at_channels(shapes, layout, spectra.dofs)
+    at = at_channels(shapes, layout, spectra.dofs, how)
     measured = impact_modes(spectra)
     band = (float(spectra.freq_hz[0]), float(spectra.freq_hz[-1]))
     table = odds(measured, at, shapes.frequencies, band, beliefs)

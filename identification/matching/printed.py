@@ -82,7 +82,8 @@ def printed_match(
     measured = amplitude / amplitude[:, own : own + 1]
     shapes = _norms(np.abs(at), spectra.dofs, 1)
     to = shapes.max(axis=1) if reading == "largest" else shapes[:, own]
-    simulated = shapes / np.maximum(to, 1e-12 * shapes.max(axis=1))[:, None]
+    # What no channel sees has no ratios: zero everywhere.
+    simulated = shapes / np.maximum(np.maximum(to, 1e-12 * shapes.max(axis=1)), 1e-300)[:, None]
     apart = measured[:, None] - simulated[None, :, :, None]
     closeness = 1 / np.maximum((apart**2).sum(axis=2), 1e-300)
     return PrintedMatch(places, spectra.freq_hz, amplitude, measured, simulated, closeness)
@@ -96,7 +97,10 @@ def steadiest(at: Real, dofs: Sequence[Dof]) -> str:
         dofs: the channels.
     """
     own = _norms(np.abs(at), dofs, 1)
-    return _places(dofs)[int(np.argmax((own / own.max(axis=1, keepdims=True)).min(axis=0)))]
+    seen = own[own.max(axis=1) > 0]
+    if not len(seen):
+        return _places(dofs)[0]
+    return _places(dofs)[int(np.argmax((seen / seen.max(axis=1, keepdims=True)).min(axis=0)))]
 
 
 def _places(dofs: Sequence[Dof]) -> tuple[str, ...]:

@@ -16,7 +16,8 @@ import numpy as np
 from identification.shapes.shapes import Shapes
 from identification.words import InputError, Integers, Real
 
-_NUMBER = r"([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)"
+_NUMBER = r"(?<![\d.,])([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)"
+_HERTZ = re.compile(r"\bHz\b", re.IGNORECASE)
 _NAMED = (
     re.compile(_NUMBER + r"\s*Hz\b", re.IGNORECASE),
     re.compile(r"\bf(?:req(?:uency)?)?\s*[=:]\s*" + _NUMBER, re.IGNORECASE),
@@ -30,6 +31,7 @@ _CUT: dict[int, tuple[Face, ...]] = {
     6: ((0, 3, 5), (3, 1, 4), (4, 2, 5), (3, 4, 5)),
     8: ((0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 6), (4, 6, 7)),
 }
+_ROUNDING = 1e-3  # of the highest frequency: modes at rest come in any order
 _SHELLS = {"triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8, "quad9": 8}
 _TETRA: tuple[Face, ...] = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3))
 _BOX: tuple[Face, ...] = (
@@ -50,8 +52,8 @@ def read_shapes(path: Path, frequencies: Path | None = None) -> Shapes:
 
     Args:
         path: VTU, MED, XDMF and whatever else meshio reads; in metres.
-        frequencies: a text file with a frequency [Hz] in each row, its last number, in the order
-            of the shapes; None to find them in the names of the point data.
+        frequencies: a text file with a frequency [Hz] in each row, the mode's number before it or
+            not, in the order of the shapes; None to find them in the names of the point data.
 
     Returns:
         The modes, by rising frequency.
@@ -82,6 +84,7 @@ def read_shapes(path: Path, frequencies: Path | None = None) -> Shapes:
     if not np.isfinite(vectors).all():
         bad = names[int(np.flatnonzero(~np.isfinite(vectors).all(axis=(1, 2)))[0])]
         raise InputError(f"{path}: {bad} holds values that are no numbers. Write the mode again.")
+    _check(str(frequencies or path), values)
     order = np.argsort(values, kind="stable")
     return Shapes(str(path), points, _triangles(path, mesh), values[order], vectors[order])
 
@@ -119,6 +122,11 @@ def _from_names(path: Path, names: list[str]) -> tuple[Real, list[str]]:
         match = next((m for pattern in _NAMED if (m := pattern.search(name))), None)
         if match is not None:
             found[name] = float(match[1])
+        elif _HERTZ.search(name):
+            raise InputError(
+                f"{path}: the name {name!r} tells no frequency. Write it as 'mode 1 (34.5 Hz)', "
+                "with a point."
+            )
     if not found:
         raise InputError(
             f"{path}: the point data ({', '.join(names[:3])} ..) name no frequencies. Name them "
@@ -128,11 +136,56 @@ def _from_names(path: Path, names: list[str]) -> tuple[Real, list[str]]:
 
 
 def _table(path: Path) -> Real:
-    """The last number of each row."""
-    if not path.is_file():
-        raise InputError(f"{path} is not there. Give a text file with a frequency in each row.")
-    rows = [re.findall(_NUMBER, line) for line in path.read_text("utf-8").splitlines()]
-    return np.array([float(row[-1]) for row in rows if row])
+    """A frequency of each row, alone or after the mode's number; words and # comments are none."""
+    try:
+        text = path.read_text("utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{path} cannot be read as text. Give a file with a frequency in each row."
+        ) from error
+    rows: list[list[float]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        stated = line.partition("#")[0]
+        cells = [cell for cell in re.split(r"[\s;]+|,\s*", stated) if cell]
+        own = [value for cell in cells if (value := _number(cell)) is not None]
+        numbered = len(own) == 2 and own[0] % 1 == 0
+        if numbered and rows and "," in stated:  # or decimals have a comma
+            numbered = own[0] == rows[-1][0] + 1
+        if (len(own) > 1 and not numbered) or (not own and any(map(str.isdigit, stated))):
+            raise InputError(
+                f"{path}: row {number}, {line.strip()!r}, is not a frequency, nor a mode's number "
+                "and its frequency. Write decimals with a point, and nothing else in a row."
+            )
+        rows += [own] if own else []
+    values = np.array([row[-1] for row in rows])
+    falls = np.flatnonzero(np.diff(values) < -_ROUNDING * np.abs(values).max(initial=0.0))
+    if len(falls):
+        raise InputError(
+            f"{path}: frequencies fall from {values[falls[0]]:g} to {values[falls[0] + 1]:g} Hz, "
+            "where modes rise. Give them in the order of the shapes, or name each shape's own: "
+            "'mode 7 (34.5 Hz)'."
+        )
+    return values
+
+
+def _number(cell: str) -> float | None:
+    try:
+        return float(cell)
+    except ValueError:
+        return None
+
+
+def _check(source: str, values: Real) -> None:
+    """Frequencies that can be those of modes."""
+    if not np.isfinite(values).all():
+        raise InputError(
+            f"{source}: the frequency of shape {int(np.argmin(np.isfinite(values))) + 1} is no "
+            "number. Give one for each shape."
+        )
+    if len(values) > 2 and np.ptp(values) == 0:
+        raise InputError(
+            f"{source}: all {len(values)} frequencies are {values[0]:g} Hz. Give each its own."
+        )
 
 
 def _triangles(path: Path, mesh: meshio.Mesh) -> Integers:
@@ -143,13 +196,15 @@ def _triangles(path: Path, mesh: meshio.Mesh) -> Integers:
         data = np.asarray(block.data, np.intp)
         if block.type in _SHELLS:
             found += _cut(data[:, : _SHELLS[block.type]])
+        if block.type.rstrip("0123456789") == "line":
+            found.append(data[:, [0, 1, 1]])  # a beam: a face without width
         for face in _VOLUMES.get(block.type.rstrip("0123456789"), ()):
             sides.setdefault(len(face), []).append(data[:, face])
     for faces in sides.values():
         found += _cut(_outside(np.concatenate(faces)))
     if not found:
         kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "no cells"
-        raise InputError(f"{path} has no faces ({kinds}). Give shells or volumes.")
+        raise InputError(f"{path} has no faces ({kinds}). Give beams, shells or volumes.")
     return np.concatenate(found)
 
 

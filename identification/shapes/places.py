@@ -9,6 +9,7 @@ from identification.shapes.shapes import Shapes
 from identification.words import InputError, Integers, Real
 
 How = Literal["interpolated", "nearest"]
+_SEVERAL = 3  # sensors, of which not all lie in one spot
 _FAR = 0.02  # of the mesh's extent: a sensor's own height, a panel's thickness
 
 
@@ -34,7 +35,7 @@ def shapes_at(
         In world axes; (n_mode, n, 3).
 
     Raises:
-        InputError: a place off the mesh, by name, with the distance.
+        InputError: a place off the mesh, by name, with the distance; places in other units.
     """
     if how == "nearest":
         apart = np.linalg.norm(shapes.points[None] - positions[:, None], axis=2)
@@ -43,6 +44,7 @@ def shapes_at(
     else:
         corners, weights, distances = _nearest(shapes, positions)
     limit = _FAR * shapes.extent if far is None else far
+    _check_units(shapes, positions)
     off = np.flatnonzero(~(distances <= limit))
     if len(off):
         worst = int(off[distances[off].argmax()])
@@ -55,6 +57,17 @@ def shapes_at(
         )
     found: Real = np.einsum("pk,mpkx->mpx", weights, shapes.vectors[:, corners])
     return found
+
+
+def _check_units(shapes: Shapes, positions: Real) -> None:
+    """Places that all lie in one spot of the mesh are in another unit than it."""
+    apart = np.unique(positions, axis=0)
+    span = float(np.linalg.norm(np.ptp(apart, axis=0))) if len(apart) >= _SEVERAL else np.inf
+    if span < _FAR * shapes.extent:
+        raise InputError(
+            f"The sensors lie within {span:.3g} m of each other on the mesh of {shapes.source}, "
+            f"which is {shapes.extent:.3g} m long. Is it in millimetres? Give both in metres."
+        )
 
 
 def _nearest(shapes: Shapes, positions: Real) -> tuple[Integers, Real, Real]:

@@ -10,7 +10,12 @@ u(r) = t + w x (r - c), so that with A their six columns (t, w) about c, A' M_6 
     M_6 = (A A')^-1
 
 is the whole 6 x 6 mass of the body about c: mass, centre of mass, inertia, however they mix. With
-one free translation mode alone, eq. 23 holds as printed.
+one free translation mode alone, eq. 23 holds as printed. Shapes that are not normalised by mass
+give an M_6 that no body has: another mass along each axis, or turns as if all mass lay at the
+body's very ends (as it does if each shape's largest displacement is one).
+
+A rigid shape has a frequency of its own where mounts hold the body: it is a mode like any other.
+What nothing holds lies at zero, or at what rounding makes of it.
 """
 
 from dataclasses import dataclass
@@ -23,6 +28,9 @@ from identification.words import InputError, Mask, Real
 _RIGID = 0.01  # of its motion, what a rigid mode may deform
 _STILL = 0.05  # of a translation, what a mode may turn at the mesh's ends and still be one
 _DOUBTFUL = 0.02  # of its diagonal: products of rigid modes in a mass that is none
+_ENDS = 0.95  # of the body's ends, where no radius of gyration lies
+_ZERO = 1e-3  # of the highest frequency: below it no mode deforms that anything holds
+_LOOSE = 0.05  # of the lowest of these: what nothing holds
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,27 +38,31 @@ class RigidModes:
     """Rigid modes of a model, and what they say of its mass.
 
     Args:
-        modes: which are rigid; (n_mode,).
+        modes: which are rigid in shape; (n_mode,).
+        held: which have a frequency of their own; (n_mode,).
         deformation: of each mode, rms part of its motion that is not rigid; (n_mode,).
         mass: of the body [kg]; None if fewer than six modes are rigid and none is a translation.
         by_translation: by eq. 23 from each mode that is a translation [kg]; may be empty.
         centre: of mass [m]; None without six modes; (3,).
         inertia: about the centre of mass [kg m2]; None without six modes; (3, 3).
         asymmetry: of the mass block of M_6, which is m times 1 in a mass-normalised model; 0 there.
+        reach: largest radius of gyration, of the farthest point from its axis; 0 without six modes.
     """
 
     modes: Mask
+    held: Mask
     deformation: Real
     mass: float | None
     by_translation: tuple[float, ...]
     centre: Real | None
     inertia: Real | None
     asymmetry: float
+    reach: float
 
     @property
     def normalised(self) -> bool:
         """Whether the shapes are normalised by mass, as far as six modes tell."""
-        return self.asymmetry < _DOUBTFUL
+        return self.asymmetry < _DOUBTFUL and self.reach < _ENDS
 
 
 def rigid_modes(shapes: Shapes) -> RigidModes:
@@ -58,11 +70,16 @@ def rigid_modes(shapes: Shapes) -> RigidModes:
 
     Args:
         shapes: of an unconstrained model, normalised by mass.
+
+    Raises:
+        InputError: a shape that deforms at rest beside a rigid one that is held: the frequencies
+            are those of other shapes.
     """
     middle = shapes.points.mean(axis=0)
     arms = shapes.points - middle
     motions, left = _moved(arms, shapes.vectors)
     rigid = left < _RIGID
+    held = _held(shapes, rigid)
     scale = float(np.sqrt((arms**2).sum(axis=1).mean()))
     found = motions[:, rigid]
     translations = np.linalg.norm(found[:3], axis=0)
@@ -71,7 +88,7 @@ def rigid_modes(shapes: Shapes) -> RigidModes:
     by_translation = tuple((1 / translations[alone] ** 2).tolist())
     if rigid.sum() != 6:
         mass = float(np.mean(by_translation)) if by_translation else None
-        return RigidModes(rigid, left, mass, by_translation, None, None, 0.0)
+        return RigidModes(rigid, held, left, mass, by_translation, None, None, 0.0, 0.0)
     whole = np.linalg.inv(found @ found.T)
     block = whole[:3, :3]
     mass = float(np.trace(block) / 3)
@@ -80,7 +97,27 @@ def rigid_modes(shapes: Shapes) -> RigidModes:
     corner = (whole[3:, :3] - whole[3:, :3].T) / 2 / mass
     arm = np.array([corner[2, 1], corner[0, 2], corner[1, 0]])
     inertia = whole[3:, 3:] - mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
-    return RigidModes(rigid, left, mass, by_translation, middle + arm, inertia, asymmetry)
+    centre = middle + arm
+    moments, axes = np.linalg.eigh((inertia + inertia.T) / 2)
+    far = np.linalg.norm(np.cross(shapes.points[:, None] - centre, axes.T), axis=2).max(axis=0)
+    reach = float((np.sqrt(np.maximum(moments, 0.0) / mass) / np.maximum(far, 1e-300)).max())
+    return RigidModes(rigid, held, left, mass, by_translation, centre, inertia, asymmetry, reach)
+
+
+def _held(shapes: Shapes, rigid: Mask) -> Mask:
+    """Which modes have a frequency of their own."""
+    freq = shapes.frequencies
+    deforming = freq[~rigid & (freq > _ZERO * freq.max(initial=0.0))]
+    lowest = float(deforming.min()) if deforming.size else float(freq.max(initial=0.0))
+    held: Mask = freq > _LOOSE * lowest
+    loose, firm = np.flatnonzero(~held & ~rigid), np.flatnonzero(held & rigid)
+    if len(loose) and len(firm):
+        raise InputError(
+            f"{shapes.source}: a shape that deforms is at {freq[loose[0]]:.4g} Hz, one that is "
+            f"rigid at {freq[firm[0]]:.4g} Hz: the frequencies do not fit the shapes. Give them in "
+            "the order of the shapes."
+        )
+    return held
 
 
 def check_mass(found: RigidModes, stated: float, within: float, source: str) -> None:
@@ -99,6 +136,11 @@ def check_mass(found: RigidModes, stated: float, within: float, source: str) -> 
         raise InputError(
             f"{source}: {int(found.modes.sum())} modes are rigid and none is a translation alone, "
             "so that its mass cannot be told. Solve it unconstrained, with all six rigid modes."
+        )
+    if not found.normalised:
+        raise InputError(
+            f"{source}: the shapes are not normalised by mass, so that its mass cannot be told. "
+            "Write them with unit modal mass."
         )
     if abs(found.mass / stated - 1) > within:
         raise InputError(

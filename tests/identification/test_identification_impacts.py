@@ -156,6 +156,11 @@ def silent(arrays):
     arrays["value_acc2_z"][:] = 0.2
 
 
+def deaf(arrays):
+    value = arrays["value_acc2_z"]
+    value[:] = 1e-3 * np.random.default_rng(4).standard_normal(len(value))
+
+
 def quiet(arrays):
     for name in CHANNELS:
         random = np.random.default_rng(4)
@@ -178,6 +183,7 @@ def later(arrays):
     [
         (backwards, r"the clock of acc1_y does not go forward at sample 101"),
         (silent, r"acc2:\+tz is silent after the impact"),
+        (deaf, r"acc2:\+tz is silent after the impact"),
         (quiet, r"holds no impact"),
         (pausing, r"acc1:\+tx pauses from"),
         (later, r"no time in common"),
@@ -234,3 +240,31 @@ def test_a_sliding_average_is_that_of_its_lines():
         inside = np.abs(freq - freq[line]) <= 0.5
         np.testing.assert_allclose(found[line], values[inside].mean(axis=0))
     np.testing.assert_allclose(smoothed(values, freq, 0.1), values)
+
+
+def test_a_long_sway_below_the_band_does_not_make_the_spectra_long(tmp_path):
+    amplitudes, _ = residues()
+    one = Ringing(amplitudes, 1e-3, seconds=20.0)
+    arrays = {}
+    for name, (time, value) in one.records().items():
+        since = np.maximum(time - 5.4, 0.0)
+        sway = 0.5 * np.exp(-0.05 * since) * np.sin(2 * np.pi * 0.4 * since)
+        arrays |= {f"time_{name}": time, f"value_{name}": value + sway}
+    np.savez(tmp_path / "bow.npz", **arrays)
+    struck_once = struck(read_impact(tmp_path / "bow.npz"))
+    plain = struck(read_impact(one.write(tmp_path / "plain.npz")))
+    swaying, still = (impact_spectra([which], (20.0, 95.0)) for which in (struck_once, plain))
+    assert len(swaying.freq_hz) < 1.5 * len(still.freq_hz)
+
+
+def test_a_chirp_is_the_slow_sum(tmp_path):
+    amplitudes, _ = residues()
+    one = struck(read_impact(Ringing(amplitudes, 1e-3).write(tmp_path / "bow.npz")))
+    spectra = impact_spectra([one], (20.0, 95.0), finer=3)
+    spacing = spectra.freq_hz[1] - spectra.freq_hz[0]
+    count = int(1 / spacing / 3 * one.rate_hz)
+    value = one.after[:, :count] - one.before.mean(axis=1, keepdims=True)
+    weights = np.r_[0.5, np.ones(count - 1)] / one.rate_hz
+    kernel = np.exp(-2j * np.pi * np.outer(spectra.freq_hz, np.arange(count) / one.rate_hz))
+    slow = kernel @ (weights * value).T
+    np.testing.assert_allclose(spectra.values[:, :, 0], slow, atol=1e-9 * np.abs(slow).max())

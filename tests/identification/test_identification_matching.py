@@ -1,15 +1,18 @@
 """Measured modes and simulated ones: as printed, by shape and sign, one to one."""
 
+import time
 from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
 import pytest
+import scipy.stats
 
 from identification.impacts import ImpactSpectra
 from identification.matching import (
     Beliefs,
     ImpactModes,
+    Match,
     best_matching,
     by_hand,
     impact_modes,
@@ -19,6 +22,7 @@ from identification.matching import (
     printed_match,
     steadiest,
 )
+from identification.matching.likelihood import mixing
 from identification.words import ConvergenceError, Dof, UsageError
 
 FREQ = np.arange(20.0, 100.0, 0.2)
@@ -88,7 +92,7 @@ def test_what_is_alike_but_out_of_phase_is_told_by_its_sign(drawn):
     measured = impact_modes(spectra)
     random = np.random.default_rng(3)
     simulated = shapes[::-1] + 0.25 * random.standard_normal(shapes.shape)
-    same, band = np.full(4, 60.0), (20.0, 100.0)
+    same, band = np.array([30.0, 45.0, 65.0, 95.0]), (20.0, 100.0)
     blunt = Beliefs(frequency_error=2.0)  # frequencies tell nothing
     pairs = pair_probabilities(odds(measured, simulated, same, band, blunt))
     assert pairs.argmax(axis=1).tolist() == [3, 2, 1, 0]
@@ -132,6 +136,55 @@ def test_odds_are_the_ratio_of_two_densities():
     assert found == pytest.approx(3.0 * shapes * near)
 
 
+def test_a_mode_may_hold_what_lies_near_it():
+    """Closed form: (2 k)^2 / 2 over itself and the distance, half of all at one frequency."""
+    found = mixing(np.array([40.0, 40.0, 40.4, 80.0]), 0.005) ** 2
+    assert found[0, 1] == pytest.approx(0.5)
+    far = 2 * np.log(1.01)
+    assert found[0, 2] == pytest.approx(0.5 * 1e-4 / (1e-4 + far**2))
+    assert found[0, 3] < 1e-4
+    assert (np.diag(found) == 1).all()
+    np.testing.assert_array_equal(found, found.T)
+
+
+def test_two_modes_at_one_frequency_are_told_however_they_are_turned():
+    random = np.random.default_rng(14)
+    at = np.linalg.qr(random.standard_normal((12, 4)))[0].T
+    turned = np.array([0.6 * at[0] + 0.8 * at[1], -0.8 * at[0] + 0.6 * at[1], at[2], at[3]])
+    hz = np.array([36.0, 36.2, 50.0, 70.0])
+    measured = ImpactModes(
+        *(hz, 0.01 * np.ones(4), 0.02 * np.ones(4), 1e-3 * np.ones(4)),
+        turned, np.full((4, 12), 1e-5), np.ones((4, 1)), np.ones(4),
+    )  # fmt: skip
+    apart = pair_probabilities(odds(measured, at, np.array([40.0, 44.0, 55.0, 77.0]), (20, 100)))
+    same = pair_probabilities(odds(measured, at, np.array([40.0, 40.01, 55.0, 77.0]), (20, 100)))
+    assert (same[:2, :2].sum(axis=1) > 0.9).all()
+    assert (apart[:2, :2].sum(axis=1) < same[:2, :2].sum(axis=1)).all()
+
+
+def test_a_mixed_shapes_odds_are_the_ratio_of_two_densities():
+    random = np.random.default_rng(15)
+    shape, *at = random.standard_normal((4, 5))
+    at, hz = np.array(at), np.array([40.0, 40.5, 43.0])
+    measured = ImpactModes(
+        *(np.array([41.0]), np.array([0.02]), np.array([0.1]), np.array([0.001])),
+        shape[None], np.full((1, 5), 0.05), np.ones((1, 1)), np.ones(1),
+    )  # fmt: skip
+    own = Beliefs(shape_error=0.3, frequency_error=0.1, coupling=0.02, independent=5.0, none=0.5)
+    found = odds(measured, at, hz, (20.0, 100.0), own)[0]
+    size = shape @ shape
+    base = (0.05 + 0.09 * size / 5) * np.eye(5)
+    shares = mixing(hz, 0.02)
+    for a in range(3):
+        whole = sum(shares[a, b] ** 2 * np.outer(at[b], at[b]) for b in range(3))
+        whole *= size / np.trace(whole)
+        near = scipy.stats.norm.pdf(np.log(41.0 / hz[a]), scale=0.1) * np.log(5.0)
+        ratio = scipy.stats.multivariate_normal.logpdf(
+            shape, cov=base + whole
+        ) - scipy.stats.multivariate_normal.logpdf(shape, cov=base + size / 5 * np.eye(5))
+        assert found[a] == pytest.approx(np.exp(ratio) * near)
+
+
 @pytest.mark.parametrize("size", [(3, 4), (4, 3), (4, 4)])
 def test_probabilities_of_pairs_are_those_of_all_matchings(size):
     random = np.random.default_rng(5)
@@ -161,6 +214,50 @@ def test_odds_of_any_size_give_probabilities():
     assert (found.sum(axis=1) <= 1 + 1e-9).all()
     assert (found.sum(axis=0) <= 1 + 1e-9).all()
     assert pair_probabilities(np.zeros((2, 3))).sum() == 0
+
+
+def hardly_told(seed, count):
+    """Odds of so many measured modes, two simulated ones more."""
+    random = np.random.default_rng(seed)
+    measured, simulated = (np.sort(random.uniform(20, 95, n)) for n in (count, count + 2))
+    near = np.exp(-0.5 * (np.log(measured[:, None] / simulated) / 0.15) ** 2)
+    return 4 * near * np.exp(random.standard_normal(near.shape))
+
+
+def test_many_modes_that_few_channels_hardly_tell_take_seconds():
+    """A permanent has no short cut: of 18 modes by 20 not all sets are followed."""
+    begun = time.process_time()
+    found = pair_probabilities(hardly_told(16, 18))
+    assert time.process_time() - begun < 15
+    assert (found.sum(axis=1) <= 1 + 1e-9).all()
+    assert (found.sum(axis=0) <= 1 + 1e-3).all()
+
+
+def test_sets_that_are_left_out_move_probabilities_little(monkeypatch):
+    table = hardly_told(17, 12)
+    exact = pair_probabilities(table)
+    monkeypatch.setattr("identification.matching.assignment._MOST", 1000)  # of 4096
+    np.testing.assert_allclose(pair_probabilities(table), exact, atol=0.02)
+
+
+def test_a_mode_alone_has_nothing_to_be_told_from(drawn):
+    shapes, _, spectra = drawn
+    measured = impact_modes(spectra)
+    found = Match(measured, HZ[:1], shapes[:1], odds(measured, shapes[:1], HZ[:1], (20.0, 100.0)))
+    assert found.channels(0) == ()
+    assert found.pairs == {0: 0}
+
+
+def test_a_mode_that_no_channel_sees_has_no_ratios_and_no_say(drawn):
+    shapes, _, spectra = drawn
+    blind = np.vstack([shapes, np.zeros(shapes.shape[1])])
+    found = printed_match(spectra, blind, spectra.dofs[0].point)
+    assert np.isfinite(found.impacts).all()
+    assert not found.simulated[-1].any()
+    assert steadiest(blind, spectra.dofs) == steadiest(shapes, spectra.dofs)
+    assert steadiest(0 * shapes, spectra.dofs) == spectra.dofs[0].point
+    pairs = pair_probabilities(odds(impact_modes(spectra), blind, np.r_[HZ, 50.0], (20.0, 100.0)))
+    assert pairs[:, -1].max() < 0.5
 
 
 def test_a_shape_of_one_phase_is_real_and_keeps_its_signs():

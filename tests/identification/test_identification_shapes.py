@@ -93,10 +93,67 @@ def test_what_is_no_mesh_with_shapes_is_refused_by_name(tmp_path):
     holed = written(tmp_path / "holed.vtu", points, cells, {"mode 1 (3 Hz)": broken})
     with pytest.raises(InputError, match=r"mode 1 \(3 Hz\) holds values that are no numbers"):
         read_shapes(holed)
-    lines = [("line", np.array([[0, 1], [1, 2]]))]
-    beams = written(tmp_path / "beams.vtu", points, lines, {"mode 1 (3 Hz)": vectors[0]})
-    with pytest.raises(InputError, match=r"no faces \(line\)"):
-        read_shapes(beams)
+    dots = [("vertex", np.array([[0], [1]]))]
+    spots = written(tmp_path / "spots.vtu", points, dots, {"mode 1 (3 Hz)": vectors[0]})
+    with pytest.raises(InputError, match=r"no faces \(vertex\)"):
+        read_shapes(spots)
+    for name in ("mode 1 (34,50 Hz)", "mode 1 (x Hz)"):
+        comma = written(tmp_path / "comma.vtu", points, cells, {name: vectors[0]})
+        with pytest.raises(InputError, match=r"tells no frequency.* with a point"):
+            read_shapes(comma)
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("10,5\n20,5\n30,7", "row 2, '20,5', is not a frequency"),
+        ("1 10,5\n2 20,5\n3 30,7", "row 1, '1 10,5', is not a frequency"),
+        ("1,10.5,1.0\n2,20.5,1.0\n3,30.7,1.0", "row 1, '1,10.5,1.0', is not a frequency"),
+        ("10.5 1.5\n20.5 1.5\n30.7 1.5", "row 1, '10.5 1.5', is not a frequency"),
+        ("10.5\nf2=20.5\n30.7", "row 2, 'f2=20.5', is not a frequency"),
+        ("1 10.5\n2 nan\n3 30.7", "frequency of shape 2 is no number"),
+        ("10.5\n30.7\n20.5", r"fall from 30.7 to 20.5 Hz, where modes rise"),
+        ("30\n30\n30", "all 3 frequencies are 30 Hz"),
+        (b"fr\xe9quence\n10.5\n20.5\n30.7", "cannot be read as text"),
+    ],
+)
+def test_a_table_of_something_else_is_refused_by_its_row(tmp_path, rows, said):
+    points, cells, vectors = plate(np.random.default_rng(3))
+    data = {f"mode{k + 1}": vector for k, vector in enumerate(vectors)}
+    mesh = written(tmp_path / "plate.vtu", points, cells, data)
+    table = tmp_path / "modes.txt"
+    table.write_bytes(rows if isinstance(rows, bytes) else rows.encode())
+    with pytest.raises(InputError, match=said):
+        read_shapes(mesh, table)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        "7,10.5\n8,20.5\n9,30.75",
+        "# by hand\n10.5\n\n20.5 Hz\n30.75",
+        "mode 7: 10.5 Hz\nmode 8: 20.5 Hz\nmode 9: 30.75 Hz",
+        "mode\tf\n2\t10.5\n5\t20.5\n9\t30.75",
+        "\ufeff1.05e1\n.205e2\n30.75",
+    ],
+)
+def test_a_table_may_number_its_modes_and_say_what_it_is(tmp_path, rows):
+    points, cells, vectors = plate(np.random.default_rng(3))
+    data = {f"mode{k + 1}": vector for k, vector in enumerate(vectors)}
+    mesh = written(tmp_path / "plate.vtu", points, cells, data)
+    table = tmp_path / "modes.txt"
+    table.write_text(rows, encoding="utf-8")
+    assert read_shapes(mesh, table).frequencies.tolist() == [10.5, 20.5, 30.75]
+
+
+def test_beams_hold_sensors_too(tmp_path):
+    points = np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]])
+    shape = np.array([[0.0, 0, 1], [0, 0, 2], [0, 0, 6]])
+    cells = [("line", np.array([[0, 1], [1, 2]]))]
+    shapes = read_shapes(written(tmp_path / "beam.vtu", points, cells, {"mode 1 (.5 Hz)": shape}))
+    assert shapes.frequencies.tolist() == [0.5]
+    at = shapes_at(shapes, np.array([[0.5, 0.0, 0.01], [2.0, 0.02, 0.0]]), ["a", "b"])
+    np.testing.assert_allclose(at[0, :, 2], [1.5, 4.0])
 
 
 @pytest.mark.parametrize("kind", ["tetra", "hexahedron"])
@@ -226,6 +283,53 @@ def test_shapes_that_are_not_normalised_by_mass_are_noticed():
     own = vectors / np.abs(vectors).max(axis=(1, 2), keepdims=True)
     shapes = Shapes("body", points, np.array([[0, 1, 2]]), np.zeros(6), own)
     assert not rigid_modes(shapes).normalised
+
+
+def test_shapes_of_largest_displacement_one_weigh_nothing_that_could_be_told():
+    """Pure translations and turns, whose M_6 is that of a body with all mass at its ends."""
+    points, _, _ = lumped(np.random.default_rng(9))
+    arms = points - points.mean(axis=0)
+    pure = [np.tile(unit, (len(points), 1)) for unit in np.eye(3)]
+    pure += [np.cross(unit, arms) for unit in np.eye(3)]
+    own = np.array([one / np.linalg.norm(one, axis=1).max() for one in pure])
+    shapes = Shapes("body", points, np.array([[0, 1, 2]]), np.zeros(6), own)
+    found = rigid_modes(shapes)
+    assert not found.normalised
+    with pytest.raises(InputError, match="not normalised by mass"):
+        check_mass(found, found.mass, 0.05, "body")
+
+
+def plain(frequencies, rigid):
+    """Modes of some frequencies, rigid or not."""
+    random = np.random.default_rng(10)
+    points, _, vectors = lumped(random)
+    bent = random.standard_normal((len(frequencies), *points.shape))
+    shapes = [vectors[k % 6] if own else bent[k] for k, own in enumerate(rigid)]
+    return Shapes("s.vtu", points, np.array([[0, 1, 2]]), np.array(frequencies), np.array(shapes))
+
+
+def test_a_rigid_shape_that_mounts_hold_is_a_mode_like_any_other():
+    on_mounts = rigid_modes(plain([18.0, 24.0, 29.0, 38.0, 45.0], [True] * 3 + [False] * 2))
+    assert on_mounts.modes.tolist() == [True] * 3 + [False] * 2
+    assert on_mounts.held.all()
+    free = rigid_modes(plain([-1e-4, 0.0, 2e-3, 38.0, 45.0], [True] * 3 + [False] * 2))
+    assert free.held.tolist() == [False] * 3 + [True] * 2
+    # A mechanism is at rest, though it deforms.
+    hinged = rigid_modes(plain([-2e-3, 0.0, 1e-3, 38.0], [False, True, True, False]))
+    assert hinged.held.tolist() == [False] * 3 + [True]
+
+
+def test_frequencies_in_another_order_than_the_shapes_are_refused():
+    with pytest.raises(InputError, match=r"deforms is at 0 Hz, .* rigid at 38 Hz: .* do not fit"):
+        rigid_modes(plain([0.0, 0.0, 38.0, 45.0], [False, False, True, True]))
+
+
+def test_a_mesh_in_millimetres_is_refused():
+    points, cells, vectors = plate(np.random.default_rng(6))
+    triangles = cells[1][1]
+    shapes = Shapes("mm.vtu", 1000 * points, triangles, np.arange(3.0), vectors)
+    with pytest.raises(InputError, match=r"within 1.12 m of each other .* Is it in millimetres"):
+        shapes_at(shapes, points[[0, 3, 7]], ["a", "b", "c"])
 
 
 def test_the_gondolas_shapes_weigh_what_its_panels_do():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from identification import read_layout
 from mbw.command import app
 from mbw.match import MatchFile
 from truth.gondola import Trial, read_structure, write_impacts
@@ -88,27 +89,76 @@ def test_what_cannot_be_matched_is_refused_in_a_sentence(campaign, tmp_path, cal
         ("band =", 'ignore = ["acc77_x"]\nband =', "acc77_x, which no record has"),
         ("band =", "colour = 3\nband =", "unknown key colour"),
         ("band =", "band = =", "TOML syntax"),
+        ('file = "bow2.npz"', 'file = "bow3.npz"', "bow3.npz is listed twice"),
+        ("band =", 'test = "bow2.npz"\nband =', "is a campaign of FRFs, with a force"),
     ],
 )
 def test_a_campaign_that_is_wrong_is_named(campaign, tmp_path, old, new, said, called):
     text = (campaign / "campaign.toml").read_text()
     assert old in text
-    for file in campaign.iterdir():
-        (tmp_path / file.name).symlink_to(file)
-    (tmp_path / "campaign.toml").unlink()
-    (tmp_path / "campaign.toml").write_text(text.replace(old, new, 1))
-    done = called(SHAPES, tmp_path)
+    done = called(SHAPES, copied(campaign, tmp_path, text.replace(old, new, 1)))
     assert done.exit_code == 3
     assert re.search(said, done.output.replace("\n", " ")), done.output
 
 
-def test_a_channel_that_is_ignored_is_not_matched(campaign, tmp_path, called):
-    text = (campaign / "campaign.toml").read_text()
+def copied(campaign, target, text):
     for file in campaign.iterdir():
-        (tmp_path / file.name).symlink_to(file)
-    (tmp_path / "campaign.toml").unlink()
-    (tmp_path / "campaign.toml").write_text('ignore = ["acc3_z", "acc1_y"]\n' + text)
-    done = called(SHAPES, tmp_path, "--json", "-", "--quiet")
+        (target / file.name).symlink_to(file)
+    (target / "campaign.toml").unlink()
+    (target / "campaign.toml").write_text(text)
+    return target
+
+
+def test_a_campaign_without_channels_is_named(campaign, tmp_path, called):
+    text = (campaign / "campaign.toml").read_text()
+    with np.load(campaign / "bow2.npz") as file:
+        names = [name.removeprefix("time_") for name in file if name.startswith("time_")]
+    done = called(SHAPES, copied(campaign, tmp_path, f"ignore = {json.dumps(names)}\n{text}"))
+    assert done.exit_code == 3
+    assert "ignore leaves no channel" in " ".join(done.output.split())
+
+
+@pytest.mark.parametrize("mass", ["0", "-3", "inf", "nan"])
+def test_a_mass_that_is_none_is_refused(campaign, called, mass):
+    done = called(SHAPES, campaign, "--mass", mass)
+    assert done.exit_code == 3
+    assert "is no mass" in done.output
+
+
+def test_an_frf_campaign_and_one_of_impacts_are_told_apart(campaign, called):
+    done = called(SHAPES, ASSETS.parent / "demo")
+    assert done.exit_code == 3
+    assert "a match needs impacts that nobody measured" in " ".join(done.output.split())
+    done = CliRunner().invoke(app, ["identify", str(campaign)])
+    assert done.exit_code == 3
+    assert "mbw match reads it" in " ".join(done.output.split())
+
+
+def test_the_nearest_node_and_a_width_may_be_asked_for(campaign, tmp_path, called):
+    layout = read_layout(campaign / "layout.toml")  # whose sites are nodes
+    sites = zip(layout.points, np.add(layout.positions, [0.004, 0.003, 0.0]), strict=True)
+    rows = "".join(f"{name},{x},{y},{z},xyz\n" for name, (x, y, z) in sites)
+    text = (campaign / "campaign.toml").read_text().replace("layout.toml", "places.csv")
+    own = copied(campaign, tmp_path, text)
+    (own / "places.csv").write_text(f"site,x,y,z,axes\n{rows}")
+    done = called(SHAPES, own, "--nearest", "--width", 1.5)
+    assert done.exit_code == 0, done.output
+    with np.load(tmp_path / "matched" / "match.npz") as file:
+        near, wide = file["at"], file["amplitude"]
+        readings = file["closeness"], file["closeness_largest"]
+    assert readings[0].shape == readings[1].shape
+    assert not np.allclose(*readings)
+    assert called(SHAPES, own).exit_code == 0
+    with np.load(tmp_path / "matched" / "match.npz") as file:
+        plain, narrow = file["at"], file["amplitude"]
+    assert np.abs(near - plain).max() > 1e-6
+    assert near == pytest.approx(plain, abs=0.2 * np.abs(plain).max())
+    assert np.abs(np.diff(wide, axis=0)).max() < np.abs(np.diff(narrow, axis=0)).max()
+
+
+def test_a_channel_that_is_ignored_is_not_matched(campaign, tmp_path, called):
+    text = 'ignore = ["acc3_z", "acc1_y"]\n' + (campaign / "campaign.toml").read_text()
+    done = called(SHAPES, copied(campaign, tmp_path, text), "--json", "-", "--quiet")
     found = MatchFile.model_validate_json(done.stdout)
     assert len(found.channels) == 19
     assert [row.simulated for row in found.modes] == [7, 8, 9, 10, 11, 12]

@@ -1,15 +1,18 @@
 """``mbw place``: where sensors tell modes apart, and what a layout confuses."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from identification.layout_in import read_layout
 from identification.matching import at_channels
 from identification.shapes import read_shapes, telling
+from identification.sites_table import read_sites
 from mbw.command import app
-from mbw.place import Wanted, proposed, read_sites, written
+from mbw.place import Wanted, proposed, written
 
 SHAPES = Path(__file__).parents[2] / "assets" / "gondola" / "shapes.vtu"
 BAND = ("--band", 15, 95)
@@ -53,6 +56,14 @@ def test_a_table_is_read_as_it_was_written(tmp_path):
     assert set(channels) == set(dofs)
 
 
+def test_a_layout_is_looked_at_with_three_axes_at_every_site():
+    done = called(SHAPES, *BAND, "--check", SHAPES.parent / "layout.toml")
+    assert done.exit_code == 0, done.output
+    assert re.search(r"(\d+) channels at", done.output)[1] == str(
+        3 * len(read_layout(SHAPES.parent / "layout.toml").points)
+    )
+
+
 def test_a_layout_that_confuses_two_modes_is_told_which_and_by_what(tmp_path):
     table = tmp_path / "few.csv"
     table.write_text("site,x,y,z,axes\na,0.7,-0.8,1.2,y\nb,0.8,-0.8,1,y\nc,0,0,1.2,x\n")
@@ -89,5 +100,5 @@ def test_too_few_channels_and_empty_bands_are_refused():
     assert "cannot tell 6 modes apart" in " ".join(few.output.split())
     none = called(SHAPES, "--band", 1, 5)
     assert none.exit_code == 3
-    assert "no elastic mode between 1 and 5 Hz" in " ".join(none.output.split())
+    assert "no mode between 1 and 5 Hz" in " ".join(none.output.split())
     assert called(SHAPES, "--check", SHAPES.parent / "nothing.csv").exit_code == 3
