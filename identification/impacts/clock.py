@@ -4,9 +4,9 @@ Each channel is a band-limited signal y(t) known at its stamps t_i. A spline of 
 them has an error of (2 pi f d)^6 / 1000 or so of a tone f at spacings d: at 1260 samples a second
 1e-4 at 100 Hz, whatever the jitter. It is read on an even grid of the mean rate.
 
-The impact is where the channels together rise out of what they read before: e(t) the mean over
-channels of (y / rms before)^2, smoothed over some milliseconds; where it first is a set part of its
-largest value.
+The impact is where the channels together rise out of what they read before: e(t) what a quarter of
+the channels exceed of (y / rms before)^2, smoothed over some milliseconds, for a spike of one channel
+is no impact; where it first is a set part of its largest value.
 """
 
 from dataclasses import dataclass
@@ -21,6 +21,8 @@ from identification.words import Dof, InputError, Mask, Real
 _ORDER = 5
 _GAP = 8.0  # times the median spacing: a channel that pauses for longer knows nothing there
 _SMOOTH = 4e-3  # s
+_NORMAL = 1.4826  # standard deviations in the median of absolute deviations
+_HEAR = 0.25  # of the channels, that an impact rises in
 _RISES = 0.02  # of the largest, where the impact begins
 _LOUD = 25.0  # times what is read before: less is no impact
 _BEFORE = 0.02  # of the record, its least quiet part
@@ -103,9 +105,8 @@ def _onset(source: str, values: Real, rate: float) -> int:
     heard = power > 0
     if not heard.any():
         raise InputError(f"{source}: all channels are silent. Check cables and ranges.")
-    energy = uniform_filter1d(
-        (centred[heard] ** 2 / power[heard, None]).mean(axis=0), width, mode="nearest"
-    )
+    each = uniform_filter1d(centred[heard] ** 2 / power[heard, None], width, mode="nearest")
+    energy = np.quantile(each, 1 - _HEAR, axis=0, method="lower")
     if energy.max() < _LOUD:
         raise InputError(
             f"{source} holds no impact: its channels never rise {np.sqrt(_LOUD):.0f} times above "
@@ -134,6 +135,8 @@ def _deaf(before: Real, after: Real) -> Mask:
     if before.shape[1] < _BLOCKS or not count:
         return np.zeros(len(after), bool)
     parts = after[:, : count * _BLOCKS].reshape(len(after), count, _BLOCKS)
-    rise = parts.var(axis=2).max(axis=1) / np.maximum(before.var(axis=1), 1e-300)
+    level = np.median(before, axis=1, keepdims=True)  # a spike is no noise
+    noise = (_NORMAL * np.median(np.abs(before - level), axis=1)) ** 2
+    rise = parts.var(axis=2).max(axis=1) / np.maximum(noise, 1e-300)
     deaf: Mask = (rise < _NOISE) & (np.median(rise) > _HEARD)
     return deaf

@@ -62,6 +62,11 @@ def effective_independence(candidates: Real, count: int) -> Integers:
         UsageError: fewer channels than modes, or modes that no channels tell apart.
     """
     modes, left = len(candidates), np.arange(candidates.shape[1])
+    if modes > len(left):
+        raise UsageError(
+            f"{len(left)} candidates cannot tell {modes} modes apart. Let places be nearer to each "
+            "other, or ask for fewer modes."
+        )
     if not modes <= count <= len(left):
         raise UsageError(
             f"{count} channels of {len(left)} candidates cannot tell {modes} modes apart. Ask for "

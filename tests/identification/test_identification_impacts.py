@@ -268,3 +268,15 @@ def test_a_chirp_is_the_slow_sum(tmp_path):
     kernel = np.exp(-2j * np.pi * np.outer(spectra.freq_hz, np.arange(count) / one.rate_hz))
     slow = kernel @ (weights * value).T
     np.testing.assert_allclose(spectra.values[:, :, 0], slow, atol=1e-9 * np.abs(slow).max())
+
+
+def test_a_spike_of_one_channel_is_no_impact(tmp_path):
+    amplitudes, _ = residues()
+
+    def spike(arrays):
+        arrays["value_acc1_y"][200] += 500.0  # at 0.16 s, ahead of the impact
+
+    plain = struck(read_impact(Ringing(amplitudes, 1e-3).write(tmp_path / "plain.npz")))
+    assert struck(read_impact(spoiled(tmp_path, spike))).start == pytest.approx(
+        plain.start, abs=3e-3
+    )
