@@ -23,6 +23,7 @@ from diagnosis.refit import (
     from_where,
     go_on,
     refit,
+    side_by_side,
     unbounded,
 )
 from diagnosis.search import Search, beginnings, search
@@ -65,7 +66,7 @@ def with_second(
     if first.chi_square - 1 < _EXACT or _is_outlier(first):
         return found
     say("a second effect")
-    inner = Scene(first.session, first.fit.theta, scene.held, scene.pace)
+    inner = replace(scene, session=first.session, theta=first.fit.theta)
     early = refit(inner, None, inner.session.campaign, _EARLY)
     close = go_on(inner, early, FIRST)
     allowed = {(other.effect, other.location) for other in asked if other.location != one.location}
@@ -92,7 +93,9 @@ def with_second(
 def _from_elsewhere(scene: Scene, first: Refit, one: Hypothesis) -> Refit:
     """The first, if it may begin far from nothing, from there, where that ends better."""
     campaign = scene.session.campaign
-    begun = [refit(scene, other, campaign, CLOSE) for other in beginnings(one, scene)]
+    begun = side_by_side(
+        lambda other: refit(scene, other, campaign, CLOSE), beginnings(one, scene), scene.jobs
+    )
     best = min(begun, key=lambda made: made.cost, default=None)
     if best is None:
         return first
@@ -121,11 +124,15 @@ def _exchanged(scene: Scene, found: Search, second: Refit) -> list[Refit]:
     one = second.hypothesis
     if one is None:
         return []
-    inner = Scene(second.session, second.fit.theta, scene.held, scene.pace)
+    inner = replace(scene, session=second.session, theta=second.fit.theta)
     others = [made.hypothesis for made in found.refits[1:] if made.hypothesis]
     chosen = [other for other in others if other.location != one.location][:_OTHERS]
-    made = [refit(inner, other, inner.session.campaign, (*FIRST, *LAST)) for other in chosen]
-    return [_pair(one, go_on(inner, both, LONG)) for both in made]
+
+    def made(other: Hypothesis) -> Refit:
+        both = refit(inner, other, inner.session.campaign, (*FIRST, *LAST))
+        return _pair(one, go_on(inner, both, LONG))
+
+    return side_by_side(made, chosen, scene.jobs)
 
 
 def _is_outlier(first: Refit) -> bool:

@@ -24,6 +24,21 @@ WHEEL_AT = (0.9, 0.0)
 
 
 @dataclass(frozen=True)
+class Frame:
+    """An inner frame: a mass that yields on its pins, in each direction at a frequency of its own.
+
+    Args:
+        mass: [kg].
+        pins: where it hangs, (x, y, z) [m]; points of panels.
+        frequencies: of the mass on its pins, were these at rest; along x, y, z [Hz].
+    """
+
+    mass: float
+    pins: tuple[tuple[float, float, float], ...]
+    frequencies: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
 class Build:
     """What a gondola is made of.
 
@@ -33,7 +48,8 @@ class Build:
         edges: factor of what the edges weigh.
         bottom: thickness of the bottom, in panels.
         thickness: factors of panels by name, mass left as it is.
-        lumps: further masses [kg] at points (x, y, z) [m], such as inner frames on their pins.
+        lumps: further masses [kg] at points (x, y, z) [m].
+        frames: inner frames.
     """
 
     bending: float = 1.0
@@ -42,6 +58,7 @@ class Build:
     bottom: float = 2.0
     thickness: Mapping[str, float] = field(default_factory=dict)
     lumps: tuple[tuple[float, tuple[float, float, float]], ...] = ()
+    frames: tuple[Frame, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

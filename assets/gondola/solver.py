@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from panels import Panels, Real
+from panels import Frame, Panels, Real
 
 MODULUS, POISSON = 69e9, 0.33  # of the face sheets, AL3003-H18
 _CLASSES = 6  # digits of thickness and density that tell sections apart
@@ -26,20 +26,21 @@ class Modes:
     shapes: Real
 
 
-def modes_of(panels: Panels, bending: float, count: int) -> Modes:
-    """So many of the lowest modes, the six rigid ones among them.
+def modes_of(panels: Panels, bending: float, count: int, frames: tuple[Frame, ...] = ()) -> Modes:
+    """So many of the lowest modes, the six rigid ones among them; shapes of the panels alone.
 
     Args:
         panels: the mesh.
         bending: factor of the modulus.
         count: of modes.
+        frames: that hang on the panels.
 
     Raises:
         RuntimeError: CalculiX gave none.
     """
     with tempfile.TemporaryDirectory() as folder:
         job = Path(folder) / "gondola"
-        job.with_suffix(".inp").write_text(_deck(panels, bending, count), encoding="ascii")
+        job.with_suffix(".inp").write_text(_deck(panels, bending, count, frames), encoding="ascii")
         done = subprocess.run(
             ["ccx", "-i", job.name],
             cwd=folder,
@@ -54,7 +55,7 @@ def modes_of(panels: Panels, bending: float, count: int) -> Modes:
     return Modes(frequencies[:count], shapes[:count])
 
 
-def _deck(panels: Panels, bending: float, count: int) -> str:
+def _deck(panels: Panels, bending: float, count: int, frames: tuple[Frame, ...]) -> str:
     lines = ["*NODE, NSET=ALL"]
     lines += [f"{k + 1}, {x:.9g}, {y:.9g}, {z:.9g}" for k, (x, y, z) in enumerate(panels.points)]
     kinds: dict[tuple[float, float], list[int]] = {}
@@ -69,8 +70,29 @@ def _deck(panels: Panels, bending: float, count: int) -> str:
         lines += [f"*MATERIAL, NAME=M{number}", "*ELASTIC", f"{bending * MODULUS:.9g}, {POISSON}"]
         lines += ["*DENSITY", f"{density:.9g}"]
         lines += [f"*SHELL SECTION, ELSET=E{number}, MATERIAL=M{number}", f"{thickness:.9g}"]
+    lines += _hung(panels, frames)
     lines += ["*STEP", "*FREQUENCY", str(count), "*NODE FILE, OUTPUT=2D", "U", "*END STEP", ""]
     return "\n".join(lines)
+
+
+def _hung(panels: Panels, frames: tuple[Frame, ...]) -> list[str]:
+    """A node with a mass for each frame, and springs from it to its pins."""
+    lines, node, element = [], len(panels.points), len(panels.elements)
+    for frame in frames:
+        node, element = node + 1, element + 1
+        own = f"F{node}"
+        middle = np.mean(frame.pins, axis=0)
+        lines += ["*NODE", f"{node}, " + ", ".join(f"{x:.9g}" for x in middle)]
+        lines += [f"*ELEMENT, TYPE=MASS, ELSET={own}", f"{element}, {node}"]
+        lines += [f"*MASS, ELSET={own}", f"{frame.mass:.9g}"]
+        for pin in frame.pins:
+            near = int(np.linalg.norm(panels.points - pin, axis=1).argmin()) + 1
+            for axis, frequency in enumerate(frame.frequencies, start=1):
+                element += 1
+                stiffness = frame.mass * (2 * np.pi * frequency) ** 2 / len(frame.pins)
+                lines += [f"*ELEMENT, TYPE=SPRING2, ELSET=S{element}", f"{element}, {node}, {near}"]
+                lines += [f"*SPRING, ELSET=S{element}", f"{axis}, {axis}", f"{stiffness:.9g}"]
+    return lines
 
 
 def _frequencies(text: str) -> Real:
@@ -90,7 +112,8 @@ def _shapes(text: str, count: int) -> Real:
             if line.startswith(" -3"):
                 break
             if line.startswith(" -1"):
-                values = [float(line[13 + 12 * k : 25 + 12 * k]) for k in range(3)]
-                shape[int(line[3:13]) - 1] = values
+                number = int(line[3:13]) - 1
+                if number < count:  # the others are frames
+                    shape[number] = [float(line[13 + 12 * k : 25 + 12 * k]) for k in range(3)]
         found.append(shape)
     return np.array(found)

@@ -19,23 +19,26 @@ ASSETS = Path(__file__).parents[2] / "assets" / "gondola"
 @pytest.fixture(scope="module")
 def drawn():
     shapes = read_shapes(ASSETS / "shapes.vtu")
-    return shapes.only(~rigid_modes(shapes).modes), read_layout(ASSETS / "layout.toml")
+    return shapes.only(rigid_modes(shapes).held), read_layout(ASSETS / "layout.toml")
 
 
 def test_all_six_modes_of_another_structure_are_those_of_the_drawing(drawn):
     shapes, layout = drawn
-    structure = read_structure(ASSETS / "truths.npz", 15)  # for development alone
+    structure = read_structure(ASSETS / "truths.npz", 10)  # for development alone
     impacts = []
     for point in ("bow2", "bow3", "stern2"):
         record = impact_record(point, strike(structure, Trial(71_700, seconds=6.0), point))
         assert len(record.channels) == 21
         impacts.append(struck(record))
     result = match(shapes, layout, impact_spectra(impacts, (15.0, 95.0)))
-    own = structure.frequencies[6:12]
-    off = np.abs(shapes.frequencies[:6][structure.pairs[6:12] - 6] / own - 1)
+    # Modes of the inner frame are among them, which the panels hardly follow.
+    seen = (structure.pairs >= 6) & (structure.pairs < 12)
+    assert (structure.pairs[6:12] < 0).any()
+    own, pairs = structure.frequencies[seen], structure.pairs[seen] - 6
+    off = np.abs(shapes.frequencies[pairs] / own - 1)
     assert ((off > 0.05) & (off < 0.15)).all()
     assert result.measured.frequencies == pytest.approx(own, rel=5e-3)
-    assert result.pairs == dict(enumerate((structure.pairs[6:12] - 6).tolist()))
+    assert result.pairs == dict(enumerate(pairs.tolist()))
     for mode, simulated in result.pairs.items():
         assert result.probability[mode, simulated] > 0.8
     # Two modes of it are alike, and exchanged against the drawing: frequencies alone mislead.

@@ -82,7 +82,7 @@ def test_the_page_works_in_a_browser(matched, tmp_path):
     page = (matched / "match.html").read_text("utf-8")
     found = browse(page, tmp_path, *GL, probe=PROBE)
     assert found["faults"] == []
-    assert found["rows"] == 6
+    assert found["rows"] == 7
     assert found["hands"] >= 10
     assert "mesh3d" in found["kinds"]
     assert found["chosen"].startswith("Mode 4")
