@@ -179,7 +179,7 @@ def diagnose(
     say("the gap on held-out lines")
     # Where a body bends the fit without it has wandered.
     begin = early.theta if gate.flexible else nothing.fit.theta
-    base = Scene(clean, begin, held, pace, jobs)
+    base = Scene(clean, begin, held, pace)
     # Of a large gap 5 % do not matter; what is nearly nothing is told by the third digit, and lines
     # that were left out beside a sharp mode cost that much.
     exact = not present
@@ -229,7 +229,7 @@ def _begun(
             jobs=jobs,
         )
     )
-    return Scene(clean, early.theta, held, pace, jobs), early
+    return Scene(clean, early.theta, held, pace), early
 
 
 def _made(gate: Gate, session: Session, times: float = 1.0) -> list[Hypothesis]:

@@ -23,14 +23,12 @@ class Scene:
         theta: of a fit in which tolerances vary; (n_parameter,).
         held: directions that are rigid as drawn, each on a stiff spring in the session's model.
         pace: of the lines that fits count otherwise, every so manyth: where there are many data.
-        jobs: threads for fits that do not wait for each other; nothing else depends on it.
     """
 
     session: Session
     theta: Real
     held: tuple[Held, ...] = ()
     pace: int = 1
-    jobs: int = 1
 
     @property
     def model(self) -> Model:

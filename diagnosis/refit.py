@@ -1,11 +1,9 @@
 """Refits: everything that varies fitted anew with one hypothesis added, from one common start."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from diagnosis.evidence import Key
 from diagnosis.hypothesis import Ends, Hypothesis, Scene, Value, freed
@@ -48,9 +46,6 @@ SHAPED = (
     *LAST,
 )
 PATIENT = (STAGES[3], replace(STAGES[4], tolerance=3e-4, max_steps=30))
-
-
-Asked = TypeVar("Asked")
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,18 +183,6 @@ def known(found: Refit, theta: Real, stride: int, jobs: int = 1) -> Known:
             break
     sure = confidence(model, thinned(campaign, stride), best, jobs)
     return Known(best.freedom, best.theta, sure)
-
-
-def side_by_side(make: Callable[[Asked], Refit], asked: Iterable[Asked], jobs: int) -> list[Refit]:
-    """Fits that do not wait for each other, in the order of what is asked.
-
-    Args:
-        make: a fit of each.
-        asked: what to fit.
-        jobs: threads; the fits do not depend on it.
-    """
-    work = (delayed(make)(one) for one in asked)
-    return list(Parallel(n_jobs=jobs, prefer="threads")(work))
 
 
 def paced(stages: tuple[Stage, ...], pace: int) -> tuple[Stage, ...]:

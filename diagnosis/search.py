@@ -9,7 +9,7 @@ from diagnosis.evidence import Key, Pushed, Scored
 from diagnosis.forces import pushes
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.judge import POWER
-from diagnosis.refit import CLOSE, FIRST, LAST, LONG, PATIENT, Refit, go_on, refit, side_by_side
+from diagnosis.refit import CLOSE, FIRST, LAST, LONG, PATIENT, Refit, go_on, refit
 from diagnosis.score import ALLOWANCE, Score, scores
 from tuning import Fit, Stage
 
@@ -105,17 +105,14 @@ def search(
             far.try_all(promising[:REFITTED] if not turn else promising[REFITTED:])
         if turn:
             far.try_other_directions()
-        left: dict[Hypothesis | None, Refit] = {}
         for made in (*far.leading(), *close.leading()):
             if made.hypothesis not in ended:
-                left.setdefault(made.hypothesis, made)
-        further = side_by_side(lambda one: go_on(scene, one, LAST), left.values(), scene.jobs)
-        ended |= {made.hypothesis: made for made in further}
+                ended[made.hypothesis] = go_on(scene, made, LAST)
         refits = _patient(scene, nothing, _one_each(list(ended.values())))
         ended |= {one.hypothesis: one for one in refits}
-        leaves = refits[0].chi_square - 1 if refits else np.inf
+        left = refits[0].chi_square - 1 if refits else np.inf
         # Where no free force explains anything, nothing of the machine will.
-        if not places or leaves < enough * gap**POWER + _EXACT:
+        if not places or left < enough * gap**POWER + _EXACT:
             break
     refits[:1] = [go_on(scene, one, LONG) for one in refits[:1]]
     rows = _rows([scored, *finer])
@@ -199,13 +196,15 @@ class _Screen:
 
     def try_all(self, several: Sequence[Hypothesis]) -> None:
         """Refit several, then other shapes of the best, which may end elsewhere."""
-        self._try(several)
+        for one in several:
+            self._try(one)
         best = min(self.begun, key=lambda made: made.cost, default=None)
         if best is None or best.hypothesis is None:
             return
         tried = {made.coordinates for made in self.begun}
         own = [s.hypothesis for s in self.rounds[0] if s.hypothesis.key == best.hypothesis.key]
-        self._try([one for one in own if one.coordinates not in tried][:_OTHERS])
+        for one in [one for one in own if one.coordinates not in tried][:_OTHERS]:
+            self._try(one)
 
     def try_other_directions(self) -> None:
         """Refit what is best in the directions, or tests, that were not tried of it.
@@ -221,14 +220,12 @@ class _Screen:
         for score in (score for scored in self.rounds for score in scored):
             if score.hypothesis.site == site and score.hypothesis.key not in tried:
                 others.setdefault(score.hypothesis.key, score.hypothesis)
-        self._try(list(others.values()))
+        for one in others.values():
+            self._try(one)
 
-    def _try(self, several: Sequence[Hypothesis]) -> None:
-        def make(one: Hypothesis) -> Refit:
-            self.say(f"refit: {one.words}")
-            return refit(self.scene, one, self.scene.session.campaign, self.stages)
-
-        self.begun += side_by_side(make, several, self.scene.jobs)
+    def _try(self, one: Hypothesis) -> None:
+        self.say(f"refit: {one.words}")
+        self.begun.append(refit(self.scene, one, self.scene.session.campaign, self.stages))
 
     def leading(self) -> list[Refit]:
         """Those that gain nearly as much as the best."""

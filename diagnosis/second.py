@@ -23,7 +23,6 @@ from diagnosis.refit import (
     from_where,
     go_on,
     refit,
-    side_by_side,
     unbounded,
 )
 from diagnosis.search import Search, beginnings, search
@@ -66,7 +65,7 @@ def with_second(
     if first.chi_square - 1 < _EXACT or _is_outlier(first):
         return found
     say("a second effect")
-    inner = replace(scene, session=first.session, theta=first.fit.theta)
+    inner = Scene(first.session, first.fit.theta, scene.held, scene.pace)
     early = refit(inner, None, inner.session.campaign, _EARLY)
     close = go_on(inner, early, FIRST)
     allowed = {(other.effect, other.location) for other in asked if other.location != one.location}
@@ -93,9 +92,7 @@ def with_second(
 def _from_elsewhere(scene: Scene, first: Refit, one: Hypothesis) -> Refit:
     """The first, if it may begin far from nothing, from there, where that ends better."""
     campaign = scene.session.campaign
-    begun = side_by_side(
-        lambda other: refit(scene, other, campaign, CLOSE), beginnings(one, scene), scene.jobs
-    )
+    begun = [refit(scene, other, campaign, CLOSE) for other in beginnings(one, scene)]
     best = min(begun, key=lambda made: made.cost, default=None)
     if best is None:
         return first
@@ -124,15 +121,11 @@ def _exchanged(scene: Scene, found: Search, second: Refit) -> list[Refit]:
     one = second.hypothesis
     if one is None:
         return []
-    inner = replace(scene, session=second.session, theta=second.fit.theta)
+    inner = Scene(second.session, second.fit.theta, scene.held, scene.pace)
     others = [made.hypothesis for made in found.refits[1:] if made.hypothesis]
     chosen = [other for other in others if other.location != one.location][:_OTHERS]
-
-    def made(other: Hypothesis) -> Refit:
-        both = refit(inner, other, inner.session.campaign, (*FIRST, *LAST))
-        return _pair(one, go_on(inner, both, LONG))
-
-    return side_by_side(made, chosen, scene.jobs)
+    made = [refit(inner, other, inner.session.campaign, (*FIRST, *LAST)) for other in chosen]
+    return [_pair(one, go_on(inner, both, LONG)) for both in made]
 
 
 def _is_outlier(first: Refit) -> bool:

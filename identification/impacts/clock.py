@@ -5,8 +5,8 @@ them has an error of (2 pi f d)^6 / 1000 or so of a tone f at spacings d: at 126
 1e-4 at 100 Hz, whatever the jitter. It is read on an even grid of the mean rate.
 
 The impact is where the channels together rise out of what they read before: e(t) what a quarter of
-the channels exceed of (y / rms before)^2, smoothed over some milliseconds, for a spike of one channel
-is no impact; where it first is a set part of its largest value.
+the channels exceed of (y / rms before)^2, smoothed over some milliseconds, since a spike of one
+channel is no impact; where it first is a set part of its largest value.
 """
 
 from dataclasses import dataclass
