@@ -2,7 +2,7 @@
 
 Only here and in ``mbmodel.meshfile`` is meshio. Frequencies come from a table beside the mesh, or
 from the names of the point data: ``mode 7 (34.51 Hz)``, ``f=34.51``, or ``DEPL[6] - 34.51`` as MED
-files name steps by their value.
+files name steps by their value; so are the steps of an XDMF series named.
 """
 
 import contextlib
@@ -95,13 +95,32 @@ def _mesh(path: Path) -> meshio.Mesh:
         raise InputError(f"{path} is not there. Give a mesh file with shapes as point data.")
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            return meshio.read(path)
+            return _steps(path) if _is_series(path) else meshio.read(path)
     except (SystemExit, Exception) as error:
         reason = str(error) if isinstance(error, OSError | meshio.ReadError) else ""
         raise InputError(
             f"{path} cannot be read as a mesh{f' ({reason})' if reason else ''}. "
             "Give VTU, MED, XDMF or another format of meshio."
         ) from error
+
+
+def _is_series(path: Path) -> bool:
+    """Whether an XDMF file holds steps, each at a value."""
+    return path.suffix in {".xdmf", ".xmf"} and 'CollectionType="Temporal"' in path.read_text(
+        "utf-8", errors="replace"
+    )
+
+
+def _steps(path: Path) -> meshio.Mesh:
+    """The mesh of a series with the shape of each step, whose value is the mode's frequency."""
+    with meshio.xdmf.TimeSeriesReader(path) as reader:
+        points, cells = reader.read_points_cells()
+        shapes: dict[str, Real] = {}
+        for step in range(reader.num_steps):
+            value, data, _ = reader.read_data(step)
+            for name, one in data.items():
+                shapes[f"{name}[{step}] - {float(value)!r}"] = one
+    return meshio.Mesh(points, cells, point_data=shapes)
 
 
 def _is_shape(values: Real) -> bool:

@@ -61,6 +61,20 @@ def test_shapes_come_out_of_a_mesh_as_they_went_in(tmp_path, ending, named):
     assert area.sum() / 2 == pytest.approx(bent)
 
 
+def test_the_steps_of_a_series_are_modes_at_their_values(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # beside which the writer puts its numbers
+    points, cells, vectors = plate(np.random.default_rng(4), 12)
+    frequencies = np.linspace(12.5, 95.25, 12)
+    path = tmp_path / "plate.xdmf"
+    with meshio.xdmf.TimeSeriesWriter(path) as writer:
+        writer.write_points_cells(points, cells)
+        for frequency, vector in zip(frequencies, vectors, strict=True):
+            writer.write_data(frequency, point_data={"U": vector, "T": vector[:, 0]})
+    shapes = read_shapes(path)
+    np.testing.assert_allclose(shapes.frequencies, frequencies)
+    np.testing.assert_allclose(shapes.vectors, vectors)
+
+
 def test_frequencies_stand_in_a_table_in_the_order_of_the_shapes(tmp_path):
     points, cells, vectors = plate(np.random.default_rng(2), 12)
     data = {f"mode{k + 1}": vector for k, vector in enumerate(vectors)}  # mode10 after mode9
