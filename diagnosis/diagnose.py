@@ -1,8 +1,7 @@
 """Diagnosis as a whole: gates, a fit, scores, refits, and the verdict that they come to."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import product
 
 from diagnosis.effects import catalogue
@@ -10,18 +9,15 @@ from diagnosis.evidence import BENDS, Evidence, Paired, Refitted
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.hypothesis import Hypothesis, Scene, together
 from diagnosis.judge import NOTHING, Judged, judge
+from diagnosis.known import Known
+from diagnosis.level import Level, begun, level, levels
 from diagnosis.refit import (
-    ALL,
     FIRST,
     LAST,
     PATIENT,
     SHAPED,
-    SOME,
-    Known,
     Refit,
     go_on,
-    held_out,
-    known,
     paced,
     refit,
     unbounded,
@@ -31,14 +27,12 @@ from diagnosis.score import cosines
 from diagnosis.search import Search, search
 from diagnosis.second import with_second
 from identification import steadied, unsteady
-from identification.words import Campaign, Complex, Mask, Real
+from identification.words import Campaign
 from mbmodel import Held, loosened
 from tuning import (
     STAGES,
-    ChannelGaps,
     Fit,
     Gap,
-    HeldOut,
     Session,
     channel_gaps,
     fit,
@@ -52,53 +46,6 @@ _NEARLY = 0.5  # of chi square: where it leaves more, its frequency may begin el
 _BEGINS = 1.0, 2.2, 1.5, 0.67, 3.3  # times that of the highest peak
 _ENOUGH = 180_000  # values: three hammer directions, 69 channels, 800 lines and some more
 _ALIKE, _NATS = 0.9, 3.0  # cosine of signatures, difference of costs: twins
-
-
-@dataclass(frozen=True, eq=False)
-class Level:
-    """A fit, and how far it is from what was measured.
-
-    Args:
-        refit: of all folds.
-        held_out: with folds left out; None if the band is too narrow.
-        predicted: each line by a fit that did not see it, or by the fit if there are no folds.
-        campaign: what it is compared with.
-        stride: every so manyth line was fitted to.
-    """
-
-    refit: Refit
-    held_out: HeldOut | None
-    predicted: tuple[Complex, ...]
-    campaign: Campaign
-    stride: int
-
-    @cached_property
-    def channels(self) -> ChannelGaps:
-        """The gap of each channel."""
-        return channel_gaps(self.predicted, self.campaign)
-
-    @cached_property
-    def gap(self) -> Gap:
-        """On held-out lines, or on all if there are none."""
-        return summarise(self.channels)
-
-    @property
-    def width(self) -> int | None:
-        """Lines in a block; None without held-out lines."""
-        return None if self.held_out is None else self.held_out.width
-
-    @property
-    def theta(self) -> Real:
-        """The mean of the fits without a fold, for each saw most of the lines; (n_parameter,)."""
-        held = self.held_out
-        found: Real = self.refit.fit.theta if held is None else held.thetas.mean(axis=0)
-        return found
-
-    def on(self, lines: Mask) -> Gap:
-        """The gap on some lines; (n_freq,)."""
-        return summarise(
-            channel_gaps([values[lines] for values in self.predicted], self.campaign.lines(lines))
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +90,7 @@ def diagnose(
 
     Args:
         session: campaign and drawn model.
-        jobs: threads; the verdict does not depend on it.
+        jobs: processes and threads; the verdict does not depend on it.
         tell: told what is being done.
     """
     say = tell or (lambda _: None)
@@ -161,7 +108,7 @@ def diagnose(
             gate = gate.solid()
             scene, early = _begun(session, gate, held, jobs, say)
         made = _made(gate, session, 1.0 if shaped is None else shaped[1])
-    clean, pace = scene.session, scene.pace
+    clean = scene.session
     say("refit without any effect")
     first = refit(scene, None, clean.campaign, FIRST)
     nothing = go_on(scene, first, PATIENT)
@@ -179,7 +126,7 @@ def diagnose(
     say("the gap on held-out lines")
     # Where a body bends the fit without it has wandered.
     begin = early.theta if gate.flexible else nothing.fit.theta
-    base = Scene(clean, begin, held, pace)
+    base = replace(scene, theta=begin)
     # Of a large gap 5 % do not matter; what is nearly nothing is told by the third digit, and lines
     # that were left out beside a sharp mode cost that much.
     exact = not present
@@ -188,13 +135,9 @@ def diagnose(
     made_before = {} if proven else {one.hypothesis: one for one in tried}
     if shaped is not None and gate.undoubted is gate.alive and len(made) == 1:
         made_before[made[0]] = shaped[0]
-    retuned = _level(base, None, session, made_before, jobs, exact=exact)
-    after, worth = None, None
-    if present and all(one.is_held for one in present):
-        one = _together(present, found)
-        after = _level(base, one, session, made_before, jobs, retuned.width)
-        say("parameters of what was found")
-        worth = known(after.refit, after.theta, after.stride, jobs)
+    is_held = bool(present) and all(one.is_held for one in present)
+    one = _together(present, found) if is_held else None
+    retuned, after, worth = levels(base, one, session, made_before, exact=exact)
     drawn = predict(session.model, session.model.drawn, session.campaign)
     return Diagnosis(
         session=session,
@@ -229,7 +172,7 @@ def _begun(
             jobs=jobs,
         )
     )
-    return Scene(clean, early.theta, held, pace), early
+    return Scene(clean, early.theta, held, pace, jobs), early
 
 
 def _made(gate: Gate, session: Session, times: float = 1.0) -> list[Hypothesis]:
@@ -253,10 +196,10 @@ def _bending(
     least = _BENT * (without.chi_square - 1)
     best: tuple[Refit, float] | None = None
     drawn = replace(scene, theta=scene.session.model.drawn)
-    for begun, times in product((scene, drawn), _BEGINS):
+    for start, times in product((scene, drawn), _BEGINS):
         say("bodies that bend")
         bent = [one for one in _made(gate, session, times) if one.effect == BENDS and one.is_held]
-        found = refit(begun, together(bent), gate.undoubted, SHAPED)
+        found = refit(start, together(bent), gate.undoubted, SHAPED)
         if best is None or found.chi_square < best[0].chi_square:
             best = found, times
         if best[0].chi_square - 1 < min(least, _NEARLY):
@@ -370,30 +313,7 @@ def level_of(found: Diagnosis, one: Hypothesis, jobs: int = 1) -> Level:
     Args:
         found: the diagnosis.
         one: the hypothesis.
-        jobs: threads.
+        jobs: processes and threads.
     """
-    return _level(found.base, one, found.session, {}, jobs, found.retuned.width)
-
-
-def _level(
-    base: Scene,
-    one: Hypothesis | None,
-    whole: Session,
-    known: Mapping[Hypothesis | None, Refit],
-    jobs: int,
-    width: int | None = None,
-    *,
-    exact: bool = True,
-) -> Level:
-    """Fit to all that was measured, from a refit that is known or from the base."""
-    stages = (*FIRST, *LAST) if one is None or one.reform is None else SHAPED
-    made = known.get(one) or refit(base, one, whole.campaign, stages)
-    session = made.session
-    (stage,) = paced((ALL if exact else SOME,), base.pace)
-    held = held_out(made, stage, jobs, width)
-    predicted = (
-        predict(session.model, made.fit.theta, session.campaign)
-        if held is None
-        else held.predict(session.model, session.campaign)
-    )
-    return Level(made, held, predicted, session.campaign, stage.stride)
+    base = replace(found.base, jobs=jobs)
+    return level(base, begun(base, one, found.session), found.retuned.width)

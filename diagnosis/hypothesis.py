@@ -23,12 +23,14 @@ class Scene:
         theta: of a fit in which tolerances vary; (n_parameter,).
         held: directions that are rigid as drawn, each on a stiff spring in the session's model.
         pace: of the lines that fits count otherwise, every so manyth: where there are many data.
+        jobs: processes for fits that do not wait for each other, threads of a single one.
     """
 
     session: Session
     theta: Real
     held: tuple[Held, ...] = ()
     pace: int = 1
+    jobs: int = 1
 
     @property
     def model(self) -> Model:

@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 from typing import Any
 
-from diagnosis.diagnose import Diagnosis, Level, level_of
+from diagnosis.diagnose import Diagnosis, level_of
 from diagnosis.evidence import BENDS
 from diagnosis.gate import hypothesis_of
 from diagnosis.hypothesis import Hypothesis
+from diagnosis.level import Level
 from identification import Fault
 
 

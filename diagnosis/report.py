@@ -3,9 +3,10 @@
 import numpy as np
 from scipy.stats import t as student
 
-from diagnosis.diagnose import Diagnosis, Level
+from diagnosis.diagnose import Diagnosis
 from diagnosis.evidence import Key
 from diagnosis.experiment import next_experiment
+from diagnosis.level import Level
 from diagnosis.verdict import (
     CauseRow,
     GapAt,

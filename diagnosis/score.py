@@ -27,6 +27,8 @@ _STRIDE = 12
 _RIDGE = 1e-9
 _SEEN = 1e-6  # of a coordinate's own curvature: what is left of it beside all that varies
 
+Gained = tuple[float, Real]  # of the cost, in nats; step of the coordinates
+
 
 @dataclass(frozen=True, eq=False)
 class Score:
@@ -54,20 +56,34 @@ def scores(
         hypotheses: what may be missing.
         allowance: of that fit.
     """
+    return ranked(hypotheses, gains(scene, found, hypotheses, allowance))
+
+
+def ranked(hypotheses: Sequence[Hypothesis], gained: Sequence[Gained]) -> list[Score]:
+    """Hypotheses with their gains as scores, the most promising first."""
+    made = [Score(one, gain, step) for one, (gain, step) in zip(hypotheses, gained, strict=True)]
+    return sorted(made, key=lambda row: -row.gain)
+
+
+def gains(
+    scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis], allowance: float
+) -> list[Gained]:
+    """Of each hypothesis gain and step; arguments as of ``scores``."""
     # Parts that act in some tests only make every test an evaluation of its own.
     machine = scene.model.machine
     always = [all(Model(machine, one.parts).acting(None)) for one in hypotheses]
-    rows: list[Score] = []
+    made: dict[int, Gained] = {}
     for when in (True, False):
-        own = [one for one, acts in zip(hypotheses, always, strict=True) if acts is when]
-        rows += _scored(scene, found, own, allowance) if own else ()
-    return sorted(rows, key=lambda row: -row.gain)
+        own = [k for k, acts in enumerate(always) if acts is when]
+        some = [hypotheses[k] for k in own]
+        made |= zip(own, _scored(scene, found, some, allowance) if some else (), strict=True)
+    return [made[k] for k in range(len(hypotheses))]
 
 
 def _scored(
     scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis], allowance: float
-) -> Iterator[Score]:
-    """Scores in the order of the hypotheses."""
+) -> Iterator[Gained]:
+    """Gains and steps in the order of the hypotheses."""
     model, whole, x = _extended(scene, found, hypotheses)
     count = found.freedom.size
     wanted = {name for one in hypotheses for name in one.coordinates}
@@ -159,7 +175,7 @@ class _Fitted:
     def _usual(self) -> "Factor":
         return self._factor(self._free)
 
-    def score(self, one: Hypothesis, chosen: Integers) -> Score:
+    def score(self, one: Hypothesis, chosen: Integers) -> Gained:
         """What one hypothesis would gain; chosen are its coordinates, probes behind what varies."""
         count, probed, normal = len(self.x), self.probed, self._normal
         own, new = chosen[chosen < count], chosen[chosen >= count] - count
@@ -179,7 +195,7 @@ class _Fitted:
         right = slope - cross.T @ solved[:, -1]
         unit = 1 / np.sqrt(np.maximum(np.diag(square), 1e-300))
         gain, step = _gained(schur * np.outer(unit, unit), right * unit, signed=one.signed)
-        return Score(one, gain, step * unit)
+        return gain, step * unit
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,21 @@ from diagnosis.evidence import Key, Pushed, Scored
 from diagnosis.forces import pushes
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.judge import POWER
-from diagnosis.refit import CLOSE, FIRST, LAST, LONG, PATIENT, Refit, go_on, refit
-from diagnosis.score import ALLOWANCE, Score, scores
+from diagnosis.refit import (
+    CLOSE,
+    FIRST,
+    LAST,
+    LONG,
+    PATIENT,
+    Refit,
+    asked,
+    fitted,
+    further,
+    go_on,
+    refit,
+)
+from diagnosis.score import ALLOWANCE, Score, gains, ranked
+from diagnosis.side_by_side import Call, side_by_side
 from tuning import Fit, Stage
 
 REFITTED = 6  # of the most promising, so many are fitted, as many again if none explains
@@ -55,7 +68,7 @@ class Search:
 def search(
     scene: Scene,
     without: tuple[Fit, Refit, Refit],
-    asked: Sequence[Hypothesis],
+    proposed: Sequence[Hypothesis],
     say: Callable[[str], None],
     turns: int = len(_ENOUGH),
 ) -> Search:
@@ -68,22 +81,31 @@ def search(
     Args:
         scene: campaign and drawn model.
         without: fits without any effect at 10 %, 3 % and none.
-        asked: hypotheses.
+        proposed: hypotheses.
         say: told what is being done.
         turns: at most, in which more are tried where little is explained.
     """
     early, first, nothing = without
-    say("scores of all hypotheses")
-    scored = scores(scene, first.fit, asked, FIRST[-1].allowance)
-    say("free forces at every place")
-    pushed = pushes(scene, nothing.fit)
+    say("scores of all hypotheses, free forces at every place")
+    calls: list[Call] = [
+        (gains, (scene, first.fit, proposed, FIRST[-1].allowance)),
+        (pushes, (scene, nothing.fit)),
+    ]
+    gained, pushed = side_by_side(calls, scene.jobs)
+    scored = ranked(proposed, gained)
     pushing = [(one.location, one.dof) for one in pushed[:_PLACES] if one.gain > _SURE]
     places = [place for place, _ in pushing]
     some = _variants(scored)
-    there = [one for one in asked if one.location in places and one not in some]
+    there = [one for one in proposed if one.location in places and one not in some]
+    say("scores of the best with other allowances")
+    close_to = [*some, *there]
+    calls = [
+        (gains, (scene, nothing.fit, close_to, PATIENT[-1].allowance)),
+        (gains, (scene, early, some, ALLOWANCE)),
+    ]
     finer = [
-        scores(scene, nothing.fit, [*some, *there], PATIENT[-1].allowance),
-        scores(scene, early, some, ALLOWANCE),
+        ranked(own, gained)
+        for own, gained in zip((close_to, some), side_by_side(calls, scene.jobs), strict=True)
     ]
     far = _Screen(scene, first, FIRST, [scored, *finer], say)
     close = _Screen(scene, nothing, CLOSE, [finer[0]], say)
@@ -91,7 +113,7 @@ def search(
     gap = max(nothing.chi_square - 1, 0.0)
     elsewhere: list[list[Hypothesis]] = []
     ended: dict[Hypothesis | None, Refit] = {}
-    refits: list[Refit] = []
+    best: list[Refit] = []
     for turn, enough in enumerate(_ENOUGH[:turns]):
         if turn == 1:
             close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
@@ -105,19 +127,19 @@ def search(
             far.try_all(promising[:REFITTED] if not turn else promising[REFITTED:])
         if turn:
             far.try_other_directions()
-        for made in (*far.leading(), *close.leading()):
-            if made.hypothesis not in ended:
-                ended[made.hypothesis] = go_on(scene, made, LAST)
-        refits = _patient(scene, nothing, _one_each(list(ended.values())))
-        ended |= {one.hypothesis: one for one in refits}
-        left = refits[0].chi_square - 1 if refits else np.inf
+        leading = {made.hypothesis: made for made in (*close.leading(), *far.leading())}
+        begun = [further(made, LAST) for one, made in leading.items() if one not in ended]
+        ended |= {made.hypothesis: made for made in fitted(scene, begun)}
+        best = _patient(scene, nothing, _one_each(list(ended.values())))
+        ended |= {one.hypothesis: one for one in best}
+        left = best[0].chi_square - 1 if best else np.inf
         # Where no free force explains anything, nothing of the machine will.
         if not places or left < enough * gap**POWER + _EXACT:
             break
-    refits[:1] = [go_on(scene, one, LONG) for one in refits[:1]]
+    best[:1] = [go_on(scene, one, LONG) for one in best[:1]]
     rows = _rows([scored, *finer])
-    begun = (*far.begun, *close.begun)
-    return Search(tuple(scored), rows, pushed, begun, tuple(refits))
+    tried = (*far.begun, *close.begun)
+    return Search(tuple(scored), rows, pushed, tried, tuple(best))
 
 
 def beginnings(one: Hypothesis, scene: Scene) -> list[Hypothesis]:
@@ -196,15 +218,13 @@ class _Screen:
 
     def try_all(self, several: Sequence[Hypothesis]) -> None:
         """Refit several, then other shapes of the best, which may end elsewhere."""
-        for one in several:
-            self._try(one)
+        self._try(several)
         best = min(self.begun, key=lambda made: made.cost, default=None)
         if best is None or best.hypothesis is None:
             return
         tried = {made.coordinates for made in self.begun}
         own = [s.hypothesis for s in self.rounds[0] if s.hypothesis.key == best.hypothesis.key]
-        for one in [one for one in own if one.coordinates not in tried][:_OTHERS]:
-            self._try(one)
+        self._try([one for one in own if one.coordinates not in tried][:_OTHERS])
 
     def try_other_directions(self) -> None:
         """Refit what is best in the directions, or tests, that were not tried of it.
@@ -220,12 +240,15 @@ class _Screen:
         for score in (score for scored in self.rounds for score in scored):
             if score.hypothesis.site == site and score.hypothesis.key not in tried:
                 others.setdefault(score.hypothesis.key, score.hypothesis)
-        for one in others.values():
-            self._try(one)
+        self._try(list(others.values()))
 
-    def _try(self, one: Hypothesis) -> None:
-        self.say(f"refit: {one.words}")
-        self.begun.append(refit(self.scene, one, self.scene.session.campaign, self.stages))
+    def _try(self, several: Sequence[Hypothesis]) -> None:
+        campaign = self.scene.session.campaign
+        tasks = [asked(self.scene, one, campaign, self.stages) for one in several]
+        for made in fitted(self.scene, tasks):
+            if made.hypothesis is not None:
+                self.say(f"refitted: {made.hypothesis.words}")
+            self.begun.append(made)
 
     def leading(self) -> list[Refit]:
         """Those that gain nearly as much as the best."""
@@ -251,11 +274,11 @@ def _patient(scene: Scene, nothing: Refit, refits: Sequence[Refit]) -> list[Refi
     """
     found = sorted(refits, key=lambda one: one.cost)
     for near in _NEAR:
-        away = [k for k, one in enumerate(found[:2]) if not one.fit.converged]
-        for k in away:
-            gained = nothing.cost - found[0].cost
-            if found[k].cost - found[0].cost <= near * gained:
-                found[k] = go_on(scene, found[k], LONG)
+        least = found[0].cost + near * (nothing.cost - found[0].cost) if found else 0.0
+        away = [k for k, one in enumerate(found[:2]) if not one.fit.converged and one.cost <= least]
+        tasks = [further(found[k], LONG) for k in away]
+        for k, made in zip(away, fitted(scene, tasks), strict=True):
+            found[k] = made
         found.sort(key=lambda one: one.cost)
         if not away:
             break

@@ -20,7 +20,10 @@ from diagnosis.refit import (
     LAST,
     LONG,
     Refit,
-    from_where,
+    Task,
+    asked,
+    fitted,
+    further,
     go_on,
     refit,
     unbounded,
@@ -34,14 +37,15 @@ _OTHERS = 2  # in its place, so many are fitted beside the second
 _EXACT = 0.05  # of chi square, that the one effect there is may leave
 _MOST = 0.5  # of what the first leaves
 _TURNS = 4  # of the search
-_WORTH = 0.9  # of the gap, what the first may leave at most
+_WORTH = 0.75  # of the gap, what the first may leave at most
+_LEFT = 0.6  # of that, what a pair may leave that is worth a check
 
 
 def with_second(
     scene: Scene,
     nothing: Refit,
     found: Search,
-    asked: Sequence[Hypothesis],
+    proposed: Sequence[Hypothesis],
     say: Callable[[str], None],
 ) -> Search:
     """What was found, with the pairs that its best effect is part of.
@@ -50,7 +54,7 @@ def with_second(
         scene: campaign and drawn model.
         nothing: the fit without any effect, at the weights of the noise.
         found: the search for one effect.
-        asked: hypotheses of that.
+        proposed: hypotheses of that.
         say: told what is being done.
     """
     if not found.refits or found.refits[0].hypothesis is None:
@@ -65,34 +69,44 @@ def with_second(
     if first.chi_square - 1 < _EXACT or _is_outlier(first):
         return found
     say("a second effect")
-    inner = Scene(first.session, first.fit.theta, scene.held, scene.pace)
+    inner = replace(scene, session=first.session, theta=first.fit.theta)
     early = refit(inner, None, inner.session.campaign, _EARLY)
     close = go_on(inner, early, FIRST)
-    allowed = {(other.effect, other.location) for other in asked if other.location != one.location}
-    proposed = (other for effect in catalogue().values() for other in effect(inner))
-    others = [other for other in proposed if (other.effect, other.location) in allowed]
+    elsewhere = (other for other in proposed if other.location != one.location)
+    allowed = {(other.effect, other.location) for other in elsewhere}
+    possible = (other for effect in catalogue().values() for other in effect(inner))
+    others = [other for other in possible if (other.effect, other.location) in allowed]
     left = replace(first, hypothesis=None)
     beside = search(inner, (early.fit, close, left), others, say, _TURNS).refits[:_PARTNERS]
     pairs = [_pair(one, both) for both in beside if both.cost < first.cost]
     if not pairs:
         return found
-    again = from_where(scene, first, min(pairs, key=lambda both: both.cost), LONG)
+    best = min(pairs, key=lambda both: both.cost)
+    if best.chi_square - 1 > _LEFT * (first.chi_square - 1):
+        return replace(found, pairs=tuple(sorted(pairs, key=lambda both: both.cost)))
+    second = beside[0]
+    known = next((made for made in found.refits if made.key == second.key), None)
+    tasks = [further(first, LONG, best)]
+    if known is None:
+        tasks.append(_alone(scene, second, proposed))
+    again, *made = fitted(scene, tasks)
+    alone = known or made[0]
     if again.cost < first.cost:
         found = replace(found, refits=(unbounded(scene, again), *found.refits[1:]))
-    alone = _alone(scene, found, beside[0], asked)
-    pairs += _exchanged(scene, found, alone)
-    refits = {made.key: made for made in (*found.refits, alone)}
+    if best.chi_square - 1 > _EXACT:
+        pairs += _exchanged(scene, found, alone)
+    single = {made.key: made for made in (*found.refits, alone)}
     return replace(
         found,
-        refits=tuple(sorted(refits.values(), key=lambda made: made.cost)),
+        refits=tuple(sorted(single.values(), key=lambda made: made.cost)),
         pairs=tuple(sorted(pairs, key=lambda both: both.cost)),
     )
 
 
 def _from_elsewhere(scene: Scene, first: Refit, one: Hypothesis) -> Refit:
     """The first, if it may begin far from nothing, from there, where that ends better."""
-    campaign = scene.session.campaign
-    begun = [refit(scene, other, campaign, CLOSE) for other in beginnings(one, scene)]
+    campaign, others = scene.session.campaign, beginnings(one, scene)
+    begun = fitted(scene, [asked(scene, other, campaign, CLOSE) for other in others])
     best = min(begun, key=lambda made: made.cost, default=None)
     if best is None:
         return first
@@ -107,13 +121,11 @@ def _pair(one: Hypothesis, both: Refit) -> Refit:
     return replace(both, hypothesis=together((one, both.hypothesis)))
 
 
-def _alone(scene: Scene, found: Search, second: Refit, asked: Sequence[Hypothesis]) -> Refit:
-    """The second effect without the first."""
-    known = next((made for made in found.refits if made.key == second.key), None)
-    if known is not None:
-        return known
-    same = next(one for one in asked if one.coordinates == second.coordinates)
-    return go_on(scene, refit(scene, same, scene.session.campaign, CLOSE), LAST)
+def _alone(scene: Scene, second: Refit, proposed: Sequence[Hypothesis]) -> Task:
+    """The second effect without the first; beside it shapes may have been others."""
+    same = (one for one in proposed if one.coordinates == second.coordinates)
+    one = next(same, second.hypothesis)
+    return asked(scene, one, scene.session.campaign, (*CLOSE, *LAST))
 
 
 def _exchanged(scene: Scene, found: Search, second: Refit) -> list[Refit]:
@@ -121,11 +133,12 @@ def _exchanged(scene: Scene, found: Search, second: Refit) -> list[Refit]:
     one = second.hypothesis
     if one is None:
         return []
-    inner = Scene(second.session, second.fit.theta, scene.held, scene.pace)
+    inner = replace(scene, session=second.session, theta=second.fit.theta)
     others = [made.hypothesis for made in found.refits[1:] if made.hypothesis]
     chosen = [other for other in others if other.location != one.location][:_OTHERS]
-    made = [refit(inner, other, inner.session.campaign, (*FIRST, *LAST)) for other in chosen]
-    return [_pair(one, go_on(inner, both, LONG)) for both in made]
+    campaign = inner.session.campaign
+    tasks = [asked(inner, other, campaign, (*FIRST, *LAST, *LONG)) for other in chosen]
+    return [_pair(one, both) for both in fitted(inner, tasks)]
 
 
 def _is_outlier(first: Refit) -> bool:

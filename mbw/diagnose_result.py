@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from diagnosis import PROVEN, Diagnosis, Verdict, catalogue, verdict_of
-from diagnosis.diagnose import Level
 from diagnosis.evidence import Evidence
+from diagnosis.level import Level
 from diagnosis.verdict import CauseRow
 from identification.words import Campaign, Complex, Condition, Dof
 from mbmodel import NotHeld, looks

@@ -8,7 +8,8 @@ import pytest
 from diagnosis import EFFECTS, Scene
 from diagnosis.corrections import doubted
 from diagnosis.hypothesis import Hypothesis
-from diagnosis.refit import FIRST, LAST, LONG, go_on, known, posed, refit
+from diagnosis.known import known
+from diagnosis.refit import FIRST, LAST, LONG, go_on, posed, refit
 from diagnosis.score import cosines, scores
 from tests.helpers.drawn import drawn
 from tuning import STAGES, Misfit, fit, thinned
