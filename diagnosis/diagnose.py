@@ -24,8 +24,8 @@ from diagnosis.refit import (
     uninterrupted,
 )
 from diagnosis.score import cosines
-from diagnosis.search import Search, search
-from diagnosis.second import with_second
+from diagnosis.search import Search
+from diagnosis.second import searched
 from identification import steadied, unsteady
 from identification.words import Campaign
 from mbmodel import Held, loosened
@@ -118,8 +118,7 @@ def diagnose(
         taken = {one.location for one in made}
         proposed = [one for effect in catalogue().values() for one in effect(scene)]
         asked = [one for one in proposed if one.location not in taken]
-        found = search(scene, (early, first, nothing), asked, say)
-        found = with_second(scene, nothing, found, asked, say)
+        found = searched(scene, (early, first, nothing), asked, say)
     evidence = _evidence(scene, made, nothing, found, len(changing))
     judged = judge(evidence)
     present = _present(judged, made, found)

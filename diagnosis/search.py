@@ -34,6 +34,8 @@ _VARIANTS = 4  # of each effect, place and direction, so many shapes are scored 
 _PROMISING = 0.03  # of the best score, what is worth a refit
 _LEADING = 0.5  # of the best refit's gain, what goes on to the weights of the noise
 _NEAR = 0.2, 0.05, 0.05  # of the best gain, in rounds of further steps: who is no farther goes on
+_SHAPES = 2  # of what leads, of each effect, place and direction
+_WANDERS = 0.8  # of what was left before many steps: who leaves more will not arrive
 _SURE = 10.0  # nats: of a free force that is there
 _EXACT = 0.01  # of chi square, that a refit may leave by chance
 _CLEAR = 0.02  # of the gap: who leaves less explains it
@@ -65,14 +67,8 @@ class Search:
     pairs: tuple[Refit, ...] = ()
 
 
-def search(
-    scene: Scene,
-    without: tuple[Fit, Refit, Refit],
-    proposed: Sequence[Hypothesis],
-    say: Callable[[str], None],
-    turns: int = len(_ENOUGH),
-) -> Search:
-    """Score all hypotheses, refit the most promising.
+class Hunt:
+    """The search for one effect, turn by turn.
 
     Scores count with three allowances, each about a fit made with it: 3 % tells best, the noise
     alone tells weak effects, 10 % very strong ones. Where a free force explains most, effects are
@@ -83,63 +79,122 @@ def search(
         without: fits without any effect at 10 %, 3 % and none.
         proposed: hypotheses.
         say: told what is being done.
-        turns: at most, in which more are tried where little is explained.
     """
-    early, first, nothing = without
-    say("scores of all hypotheses, free forces at every place")
-    calls: list[Call] = [
-        (gains, (scene, first.fit, proposed, FIRST[-1].allowance)),
-        (pushes, (scene, nothing.fit)),
-    ]
-    gained, pushed = side_by_side(calls, scene.jobs)
-    scored = ranked(proposed, gained)
-    pushing = [(one.location, one.dof) for one in pushed[:_PLACES] if one.gain > _SURE]
-    places = [place for place, _ in pushing]
-    some = _variants(scored)
-    there = [one for one in proposed if one.location in places and one not in some]
-    say("scores of the best with other allowances")
-    close_to = [*some, *there]
-    calls = [
-        (gains, (scene, nothing.fit, close_to, PATIENT[-1].allowance)),
-        (gains, (scene, early, some, ALLOWANCE)),
-    ]
-    finer = [
-        ranked(own, gained)
-        for own, gained in zip((close_to, some), side_by_side(calls, scene.jobs), strict=True)
-    ]
-    far = _Screen(scene, first, FIRST, [scored, *finer], say)
-    close = _Screen(scene, nothing, CLOSE, [finer[0]], say)
-    promising = far.best()
-    gap = max(nothing.chi_square - 1, 0.0)
-    elsewhere: list[list[Hypothesis]] = []
-    ended: dict[Hypothesis | None, Refit] = {}
-    best: list[Refit] = []
-    for turn, enough in enumerate(_ENOUGH[:turns]):
+
+    def __init__(
+        self,
+        scene: Scene,
+        without: tuple[Fit, Refit, Refit],
+        proposed: Sequence[Hypothesis],
+        say: Callable[[str], None],
+    ) -> None:
+        early, first, nothing = without
+        say("scores of all hypotheses, free forces at every place")
+        calls: list[Call] = [
+            (gains, (scene, first.fit, proposed, FIRST[-1].allowance)),
+            (pushes, (scene, nothing.fit)),
+        ]
+        gained, self._pushed = side_by_side(calls, scene.jobs)
+        scored = ranked(proposed, gained)
+        forced = [(one.location, one.dof) for one in self._pushed[:_PLACES] if one.gain > _SURE]
+        places = [place for place, _ in forced]
+        some = _variants(scored)
+        there = [one for one in proposed if one.location in places and one not in some]
+        say("scores of the best with other allowances")
+        near = [*some, *there]
+        calls = [
+            (gains, (scene, nothing.fit, near, PATIENT[-1].allowance)),
+            (gains, (scene, early, some, ALLOWANCE)),
+        ]
+        near_gained, some_gained = side_by_side(calls, scene.jobs)
+        self._rounds = [scored, ranked(near, near_gained), ranked(some, some_gained)]
+        self._far = _Screen(scene, first, FIRST, self._rounds, say)
+        self._close = _Screen(scene, nothing, CLOSE, [self._rounds[1]], say)
+        self._scene, self._nothing, self._forced = scene, nothing, forced
+        self._promising = self._far.best()
+        self._elsewhere: list[list[Hypothesis]] = []
+        self._ended: dict[Hypothesis | None, Refit] = {}
+        self._wander: set[Hypothesis | None] = set()
+        self._best: list[Refit] = []
+        self._turn = 0
+        self.enough = False
+
+    def go(self, until: int = len(_ENOUGH)) -> Search:
+        """Take turns, in each of which more is tried, until enough is explained.
+
+        Args:
+            until: the number of turns, all in all.
+
+        Returns:
+            What was tried so far.
+        """
+        scene, gap = self._scene, max(self._nothing.chi_square - 1, 0.0)
+        while not self.enough and self._turn < until:
+            self._try_more(self._turn)
+            leading = {
+                made.hypothesis: made for made in (*self._close.leading(), *self._far.leading())
+            }
+            tasks = [further(made, LAST) for one, made in leading.items() if one not in self._ended]
+            self._ended |= {made.hypothesis: made for made in fitted(scene, tasks)}
+            self._best = self._patient(_one_each(list(self._ended.values())))
+            left = self._best[0].chi_square - 1 if self._best else np.inf
+            # Where no free force explains anything, nothing of the machine will.
+            least = _ENOUGH[self._turn] * gap**POWER + _EXACT
+            self.enough = not self._forced or left < least
+            self._turn += 1
+        if self._best:
+            self._best[0] = go_on(scene, self._best[0], LONG)
+            self._ended[self._best[0].hypothesis] = self._best[0]
+        return Search(
+            tuple(self._rounds[0]),
+            _rows(self._rounds),
+            self._pushed,
+            (*self._far.begun, *self._close.begun),
+            tuple(self._best),
+        )
+
+    def _try_more(self, turn: int) -> None:
+        close, far, scene = self._close, self._far, self._scene
         if turn == 1:
             close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
-            close.try_all(close.best(pushing)[:_THERE])
-            elsewhere = _elsewhere([*scored, *finer[0]], pushing, scene)
+            close.try_all(close.best(self._forced)[:_THERE])
+            known = [*self._rounds[0], *self._rounds[1]]
+            self._elsewhere = _elsewhere(known, self._forced, scene)
         elif turn == 2:
-            close.try_all([own[0] for own in elsewhere])
+            close.try_all([own[0] for own in self._elsewhere])
         elif turn == 3:
-            close.try_all([one for own in elsewhere for one in own[1:]])
+            close.try_all([one for own in self._elsewhere for one in own[1:]])
         else:
-            far.try_all(promising[:REFITTED] if not turn else promising[REFITTED:])
+            far.try_all(self._promising[:REFITTED] if not turn else self._promising[REFITTED:])
         if turn:
             far.try_other_directions()
-        leading = {made.hypothesis: made for made in (*close.leading(), *far.leading())}
-        begun = [further(made, LAST) for one, made in leading.items() if one not in ended]
-        ended |= {made.hypothesis: made for made in fitted(scene, begun)}
-        best = _patient(scene, nothing, _one_each(list(ended.values())))
-        ended |= {one.hypothesis: one for one in best}
-        left = best[0].chi_square - 1 if best else np.inf
-        # Where no free force explains anything, nothing of the machine will.
-        if not places or left < enough * gap**POWER + _EXACT:
-            break
-    best[:1] = [go_on(scene, one, LONG) for one in best[:1]]
-    rows = _rows([scored, *finer])
-    tried = (*far.begun, *close.begun)
-    return Search(tuple(scored), rows, pushed, tried, tuple(best))
+
+    def _patient(self, refits: Sequence[Refit]) -> list[Refit]:
+        """The best first, at its minimum, and the second if it may still come near.
+
+        Strong effects are many steps away; but a wrong hypothesis wanders for as many, and gains
+        little by it.
+        """
+        found = sorted(refits, key=lambda one: one.cost)
+        for near in _NEAR:
+            least = found[0].cost + near * (self._nothing.cost - found[0].cost) if found else 0.0
+            away = [
+                k
+                for k, one in enumerate(found[:2])
+                if not one.fit.converged
+                and one.hypothesis not in self._wander
+                and one.cost <= least
+            ]
+            tasks = [further(found[k], LONG) for k in away]
+            for k, made in zip(away, fitted(self._scene, tasks), strict=True):
+                if made.chi_square - 1 > _WANDERS * (found[k].chi_square - 1):
+                    self._wander.add(made.hypothesis)
+                found[k] = made
+            found.sort(key=lambda one: one.cost)
+            if not away:
+                break
+        self._ended |= {one.hypothesis: one for one in found}
+        return found
 
 
 def beginnings(one: Hypothesis, scene: Scene) -> list[Hypothesis]:
@@ -251,11 +306,15 @@ class _Screen:
             self.begun.append(made)
 
     def leading(self) -> list[Refit]:
-        """Those that gain nearly as much as the best."""
+        """Those that gain nearly as much as the best, of each key a few shapes."""
         gains = [self.nothing.cost - one.cost for one in self.begun]
         least = _LEADING * max(gains, default=0.0)
         order = sorted(range(len(gains)), key=lambda k: -gains[k])
-        return [self.begun[k] for k in order if gains[k] >= least > 0]
+        found: list[Refit] = []
+        for made in (self.begun[k] for k in order if gains[k] >= least > 0):
+            if sum(one.key == made.key for one in found) < _SHAPES:
+                found.append(made)
+        return found
 
 
 def _one_each(refits: Sequence[Refit]) -> list[Refit]:
@@ -265,24 +324,6 @@ def _one_each(refits: Sequence[Refit]) -> list[Refit]:
         if made.hypothesis is not None:
             found.setdefault(made.hypothesis.key, made)
     return list(found.values())
-
-
-def _patient(scene: Scene, nothing: Refit, refits: Sequence[Refit]) -> list[Refit]:
-    """The best first, at its minimum, and the second if it may still come near.
-
-    Strong effects are many steps away; but a wrong hypothesis wanders for as many.
-    """
-    found = sorted(refits, key=lambda one: one.cost)
-    for near in _NEAR:
-        least = found[0].cost + near * (nothing.cost - found[0].cost) if found else 0.0
-        away = [k for k, one in enumerate(found[:2]) if not one.fit.converged and one.cost <= least]
-        tasks = [further(found[k], LONG) for k in away]
-        for k, made in zip(away, fitted(scene, tasks), strict=True):
-            found[k] = made
-        found.sort(key=lambda one: one.cost)
-        if not away:
-            break
-    return found
 
 
 def _variants(scored: Sequence[Score]) -> list[Hypothesis]:

@@ -28,17 +28,55 @@ from diagnosis.refit import (
     refit,
     unbounded,
 )
-from diagnosis.search import Search, beginnings, search
-from tuning import STAGES
+from diagnosis.search import Hunt, Search, beginnings
+from tuning import STAGES, Fit
 
 _EARLY = (replace(STAGES[2], stride=8, max_steps=5),)
 _PARTNERS = 2  # of the first, so many are stated
 _OTHERS = 2  # in its place, so many are fitted beside the second
 _EXACT = 0.05  # of chi square, that the one effect there is may leave
 _MOST = 0.5  # of what the first leaves
-_TURNS = 4  # of the search
+TURNS = 2  # of the search: neither of two effects is one that nothing but a far beginning finds
+_FAR = 2.0  # times what the first leaves: who leaves more from elsewhere will not do better
+_SAME = 0.98  # of the cost: what was known of the first before
 _WORTH = 0.75  # of the gap, what the first may leave at most
-_LEFT = 0.6  # of that, what a pair may leave that is worth a check
+_LEFT = 0.4  # of that, what a pair may leave that is worth a check
+
+
+def searched(
+    scene: Scene,
+    without: tuple[Fit, Refit, Refit],
+    proposed: Sequence[Hypothesis],
+    say: Callable[[str], None],
+) -> Search:
+    """Search for one effect and, where it leaves much, for a second beside it.
+
+    Two at once are asked for before far beginnings of one, which take long: of two each is found
+    from near. Pairs that leave more than noise wait until all of one was tried.
+
+    Args:
+        scene: campaign and drawn model.
+        without: fits without any effect at 10 %, 3 % and none.
+        proposed: hypotheses.
+        say: told what is being done.
+    """
+    nothing = without[-1]
+    hunt = Hunt(scene, without, proposed, say)
+    found = with_second(scene, nothing, hunt.go(TURNS), proposed, say)
+    if hunt.enough or any(both.chi_square - 1 < _EXACT for both in found.pairs):
+        return found
+    more = hunt.go()
+    first, before = (next(iter(tried.refits), None) for tried in (more, found))
+    if (
+        first is None
+        or before is None
+        or first.coordinates != before.coordinates
+        or first.cost < _SAME * before.cost
+    ):
+        return with_second(scene, nothing, more, proposed, say)
+    single = {made.key: made for made in (*found.refits, *more.refits)} | {before.key: before}
+    refits = sorted(single.values(), key=lambda made: made.cost)
+    return replace(more, refits=tuple(refits), pairs=found.pairs)
 
 
 def with_second(
@@ -77,7 +115,7 @@ def with_second(
     possible = (other for effect in catalogue().values() for other in effect(inner))
     others = [other for other in possible if (other.effect, other.location) in allowed]
     left = replace(first, hypothesis=None)
-    beside = search(inner, (early.fit, close, left), others, say, _TURNS).refits[:_PARTNERS]
+    beside = Hunt(inner, (early.fit, close, left), others, say).go(TURNS).refits[:_PARTNERS]
     pairs = [_pair(one, both) for both in beside if both.cost < first.cost]
     if not pairs:
         return found
@@ -88,7 +126,7 @@ def with_second(
     known = next((made for made in found.refits if made.key == second.key), None)
     tasks = [further(first, LONG, best)]
     if known is None:
-        tasks.append(_alone(scene, second, proposed))
+        tasks.append(by_itself(scene, second, proposed))
     again, *made = fitted(scene, tasks)
     alone = known or made[0]
     if again.cost < first.cost:
@@ -108,7 +146,7 @@ def _from_elsewhere(scene: Scene, first: Refit, one: Hypothesis) -> Refit:
     campaign, others = scene.session.campaign, beginnings(one, scene)
     begun = fitted(scene, [asked(scene, other, campaign, CLOSE) for other in others])
     best = min(begun, key=lambda made: made.cost, default=None)
-    if best is None:
+    if best is None or best.chi_square - 1 > _FAR * (first.chi_square - 1):
         return first
     again = go_on(scene, best, LONG)
     return unbounded(scene, again) if again.cost < first.cost else first
@@ -121,7 +159,7 @@ def _pair(one: Hypothesis, both: Refit) -> Refit:
     return replace(both, hypothesis=together((one, both.hypothesis)))
 
 
-def _alone(scene: Scene, second: Refit, proposed: Sequence[Hypothesis]) -> Task:
+def by_itself(scene: Scene, second: Refit, proposed: Sequence[Hypothesis]) -> Task:
     """The second effect without the first; beside it shapes may have been others."""
     same = (one for one in proposed if one.coordinates == second.coordinates)
     one = next(same, second.hypothesis)

@@ -46,7 +46,7 @@ def run(  # one for each option
         out: folder of the result; <campaign>-diagnosed if None.
         json: a file beside it, or ``-``.
         band: [Hz]; the lines with coherence if None.
-        jobs: threads.
+        jobs: processes; the verdict does not depend on it.
         explain: print what was tried and why the rest fell.
 
     Returns:

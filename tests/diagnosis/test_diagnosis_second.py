@@ -1,10 +1,12 @@
 """A second effect: both are found, and one that is not needed falls."""
 
 import tomllib
+from dataclasses import replace
 
 import pytest
 
 from diagnosis import diagnose, verdict_of
+from diagnosis.second import by_itself
 from tests.helpers.drawn import drawn
 
 
@@ -47,3 +49,13 @@ def test_a_single_effect_needs_no_second(tmp_path):
     first = verdict.causes[0]
     assert (first.effect, first.location) == (answer["effect"], answer["location"])
     assert verdict.probability.several < 0.1
+
+
+def test_a_second_whose_shape_nobody_proposed_without_the_first_is_tried_as_it_is(found):
+    diagnosis, _ = found
+    second = next(one for one in diagnosis.search.refits if one.hypothesis.parts)
+    task = by_itself(diagnosis.base, second, [])
+    assert task.hypothesis is second.hypothesis
+    assert len(task.start) == len(task.session.model.parameters)
+    other = replace(second.hypothesis)
+    assert by_itself(diagnosis.base, second, [other]).hypothesis is other
