@@ -44,7 +44,7 @@ from tuning import open_session
 STATION = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"
 RESULTS = Path(__file__).parent / "results"
 WORK = Path(__file__).parent / "work"
-CASES, FIRST, JOBS = 325, 160_000, 2
+CASES, FIRST, JOBS = 325, 170_000, 2
 TWICE = 10  # every so manyth is diagnosed by two threads too
 MEASUREMENT = (
     "drift",
