@@ -9,11 +9,17 @@ outlier,
     explained = expit((log left - log (e1 / e^0.75)) / width)   one effect takes nearly all of it:
                 of a large gap the true one leaves a smaller part
 
-and p(none) = (1 - explained)(1 - visible). What the best effect leaves is a gap of its own, of
-which two at once explain the part twofold, likewise: that part of what one explains, and of what
-none does, goes to several causes. Among causes, and among pairs, costs differ by thousands of nats
-where the noise alone counts, but a model is never so exact. Of n values, with cost0 without any
-effect,
+and p(none) = (1 - explained)(1 - visible). No refit is believed to leave less than a fiftieth: the
+noise's variance is not known better. But badly known noise gains nothing by a mass at one body.
+What the best refit gains beyond free tolerances, in nats, tells a small gap too,
+
+    told = expit((log gain - log told) / width)
+
+makes it visible, and explained by what is left down to noise. What the best effect leaves is a gap
+of its own, of which two at once explain the part twofold, likewise: that part of what one explains,
+and of what none does, goes to several causes. Among causes, and among pairs, costs differ by
+thousands of nats where the noise alone counts, but a model is never so exact. Of n values, with
+cost0 without any effect,
 
     p(cause) = explained softmax(-cost / (least + inexact n + temper (cost0 - best)))
 
@@ -38,7 +44,8 @@ from tuning import BOUND
 
 NOTHING = 1.03  # chi square up to which nothing is missing: no hypothesis is asked
 POWER = 0.75  # of the gap: with what is left of it compared
-_EXACT = 0.02  # no refit is believed to leave less
+_EXACT = 0.02  # no refit is believed to leave less, by what it leaves alone
+_LEAST = 0.002  # if its gain tells of it
 _ROW = 0.01  # probability of a cause that is worth a row
 _LIKELY = 0.5
 _STEADY = 0.05  # of the probability of none that is left where hits differed and left a gap
@@ -53,6 +60,8 @@ class Calibration(BaseModel):
             third differences along frequency tell it worse than coherences do.
         hidden_width: of its logarithm.
         outlier: standard deviations that the largest of all tolerances may have.
+        told: nats that one of all hypotheses may gain where nothing is missing.
+        told_width: of their logarithm.
         left: part of the gap, to that power, that is as likely explained as not.
         left_width: of its logarithm.
         least: nats that decide nothing.
@@ -71,6 +80,8 @@ class Calibration(BaseModel):
     hidden: Mapping[str, float]
     hidden_width: float
     outlier: float
+    told: float
+    told_width: float
     left: float
     left_width: float
     least: float
@@ -189,14 +200,18 @@ def _parts(seen: Evidence, by: Calibration) -> tuple[float, float, float]:
         return 0.0, 0.0, 0.0
     gap = seen.chi_square - 1
     likely = seen.pull <= by.outlier  # and all that is left is one tolerance in hundreds
-    beyond = max(seen.loose - 1, 1e-6) if likely else gap
-    hidden = by.hidden[seen.variance]
+    without = seen.loose if likely else seen.chi_square
+    beyond, hidden = max(without - 1, 1e-6), by.hidden[seen.variance]
     visible = float(expit((np.log(beyond) - np.log(hidden)) / by.hidden_width))
-
     left = _left(seen.refits, by)
     explained = _explains(left, gap, by)
     if likely and seen.pull > BOUND:  # whatever one released tolerance then explains
         explained *= visible
+    best = min((one.chi_square for one in seen.refits), default=np.inf)
+    nats = max(without - best, 0.0) * seen.cost / seen.chi_square
+    told = float(expit((np.log(max(nats, 1.0)) - np.log(by.told)) / by.told_width))
+    explained = max(explained, told * _explains(max(best - 1, _LEAST), gap, by))
+    visible = max(visible, told)
     return visible, explained, _explains(_left(seen.pairs, by), left, by) if seen.pairs else 0.0
 
 

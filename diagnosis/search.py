@@ -110,7 +110,7 @@ class Hunt:
         self._rounds = [scored, ranked(near, near_gained), ranked(some, some_gained)]
         self._far = _Screen(scene, first, FIRST, self._rounds, say)
         self._close = _Screen(scene, nothing, CLOSE, [self._rounds[1]], say)
-        self._scene, self._nothing, self._forced = scene, nothing, forced
+        self._scene, self._nothing, self._forced, self._say = scene, nothing, forced, say
         self._promising = self._far.best()
         self._elsewhere: list[list[Hypothesis]] = []
         self._ended: dict[Hypothesis | None, Refit] = {}
@@ -135,6 +135,7 @@ class Hunt:
                 made.hypothesis: made for made in (*self._close.leading(), *self._far.leading())
             }
             tasks = [further(made, LAST) for one, made in leading.items() if one not in self._ended]
+            self._say("further steps of what leads")
             self._ended |= {made.hypothesis: made for made in fitted(scene, tasks)}
             self._best = self._patient(_one_each(list(self._ended.values())))
             left = self._best[0].chi_square - 1 if self._best else np.inf

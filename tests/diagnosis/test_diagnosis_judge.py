@@ -185,3 +185,28 @@ def test_hits_that_met_different_machines_are_not_nothing():
     one = (refit("mass_error", "body:a", 1.02e4, 0.02),)
     both = [judge(evidence(0.9, one).model_copy(update={"unsteady": tests})) for tests in (0, 2)]
     assert both[0].causes == both[1].causes
+
+
+def test_what_one_effect_gains_tells_a_gap_as_small_as_what_noise_may_hide():
+    values = 40_000
+
+    def seen(left, loose=None, pull=0.0):
+        one = refit("viscoelastic", "joint:b", values * (1 + left), left)
+        made = evidence(0.05, (one,), loose=loose, pull=pull)
+        return judge(made.model_copy(update={"cost": values * 1.05}))
+
+    by_chance = seen(0.048)  # 80 nats of the best among a thousand hypotheses
+    assert by_chance.word == "none"
+    assert by_chance.none > 0.7
+    for left in (0.0, -0.04):  # noise may be less than was thought
+        told = seen(left)
+        assert told.word == "explained"
+        assert told.causes[0][0] == ("viscoelastic", "joint:b", None)
+        assert told.causes[0][1] > 0.8
+        assert told.none < 0.05
+    # A part of it: something is there, but this is not all.
+    half = seen(0.025)
+    assert half.word == "unexplained"
+    # One tolerance of hundreds, free of its bound, gains as much: nothing is missing.
+    assert seen(0.0, loose=1.0, pull=3.5).word == "none"
+    assert seen(0.0, loose=1.0, pull=9.0).word == "explained"  # none of them is so far off
