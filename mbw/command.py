@@ -11,17 +11,17 @@ from threadpoolctl import threadpool_limits
 from identification.modal import Tolerances, Wishes
 from identification.shapes import How
 from identification.words import UsageError
-from mbw import blind as blind_verb
 from mbw import demo as demo_verb
-from mbw import diagnose as diagnose_verb
-from mbw import identify as identify_verb
-from mbw import match as match_verb
-from mbw import place as place_verb
-from mbw import predict as predict_verb
 from mbw import report as report_verb
-from mbw import tune as tune_verb
+from mbw.blind import verb as blind_verb
+from mbw.diagnose import verb as diagnose_verb
+from mbw.identify import verb as identify_verb
+from mbw.match import place as place_verb
+from mbw.match import verb as match_verb
 from mbw.messages import SCREEN, guarded
-from mbw.tune_modes import parse_residuals
+from mbw.predict import verb as predict_verb
+from mbw.tune import verb as tune_verb
+from mbw.tune.modes import parse_residuals
 from tuning import GAUSS_NEWTON
 
 app = typer.Typer(

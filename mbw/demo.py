@@ -9,11 +9,14 @@ import numpy as np
 
 from diagnosis import Verdict
 from identification.modal import Tolerances, Wishes
-from mbw import diagnose, identify, report, tune
+from mbw import report
 from mbw.assets import asset
-from mbw.diagnose_files import PAGE, VERDICT
-from mbw.identify_files import PAGE as MODES_PAGE
+from mbw.diagnose import verb as diagnose
+from mbw.diagnose.files import PAGE, VERDICT
+from mbw.identify import verb as identify
+from mbw.identify.files import PAGE as MODES_PAGE
 from mbw.messages import SCREEN
+from mbw.tune import verb as tune
 
 
 def run(out: Path, jobs: int) -> None:

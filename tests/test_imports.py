@@ -22,10 +22,10 @@ ONLY_BEHIND = {
     "pyuff": {"identification/uff_file.py"},
     "meshio": {"mbmodel/meshfile.py", "identification/shapes/fe_file.py"},
     "h5py": {"identification/matlab73.py"},
-    "plotly": {"mbw/page.py"},
+    "plotly": {"mbw/page/html.py"},
     "typer": {"mbw", "truth"},
     "rich": {"mbw"},
-    "truth": {"truth", "mbw/blind.py", "mbw/blind_case.py", "mbw/blind_page.py"},
+    "truth": {"truth", "mbw/blind"},
 }
 WORDS_MAY_IMPORT = {"numpy", "identification"}
 

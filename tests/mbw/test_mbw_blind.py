@@ -8,7 +8,7 @@ import pytest
 from browser import CHROMIUM, browse, data_of
 from typer.testing import CliRunner
 
-from mbw import blind_case
+from mbw.blind import case as blind_case
 from mbw.command import app
 from truth.texts import model_xml
 from truth.trees import draw_tree

@@ -18,10 +18,10 @@ from diagnosis import EFFECTS
 from diagnosis.verdict import CauseRow
 from mbmodel import load_machine
 from mbw.command import app
-from mbw.diagnose_files import NAMES, read_result, write_files
-from mbw.diagnose_page import render
-from mbw.diagnose_words import direction, gate_sentences, place, placed
-from mbw.identify_schema import FaultRow
+from mbw.diagnose.files import NAMES, read_result, write_files
+from mbw.diagnose.page import render
+from mbw.diagnose.words import direction, gate_sentences, place, placed
+from mbw.identify.schema import FaultRow
 
 RUNNER = CliRunner()
 LINES = 161

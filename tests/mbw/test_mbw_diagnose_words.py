@@ -2,8 +2,8 @@
 
 import pytest
 
-from mbw.diagnose_values import number, parameter_lines, parameter_words
-from mbw.diagnose_words import direction, place, placed, site_words
+from mbw.diagnose.values import number, parameter_lines, parameter_words
+from mbw.diagnose.words import direction, place, placed, site_words
 
 
 @pytest.mark.parametrize(

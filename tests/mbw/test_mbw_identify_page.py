@@ -14,10 +14,10 @@ from typer.testing import CliRunner
 from identification.modal import Scaled, full_matrix
 from mbmodel import load_machine, looks
 from mbw.command import app
-from mbw.identify_files import _modal_model, read_result
-from mbw.identify_page import render
-from mbw.identify_result import Result
-from mbw.identify_schema import FaultRow, SolidRow
+from mbw.identify.files import _modal_model, read_result
+from mbw.identify.page import render
+from mbw.identify.result import Result
+from mbw.identify.schema import FaultRow, SolidRow
 
 RUNNER = CliRunner()
 PROBE = """<script>

@@ -7,8 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from mbw.command import app
-from mbw.match_page import render
-from mbw.match_result import read_result
+from mbw.match.page import render
+from mbw.match.result import read_result
 from tests.helpers.browser import CHROMIUM, GL, browse, data_of, unpacked
 from truth.gondola import Trial, read_structure, write_impacts
 

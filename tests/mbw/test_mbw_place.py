@@ -12,7 +12,7 @@ from identification.matching import at_channels
 from identification.shapes import read_shapes, telling
 from identification.sites_table import read_sites
 from mbw.command import app
-from mbw.place import Wanted, proposed, written
+from mbw.match.place import Wanted, proposed, written
 
 SHAPES = Path(__file__).parents[2] / "assets" / "gondola" / "shapes.vtu"
 BAND = ("--band", 15, 95)

@@ -7,8 +7,8 @@ from browser import data_of
 from campaign_folder import write_folder
 from typer.testing import CliRunner
 
-from mbw import report
 from mbw.command import app
+from mbw.tune.page import render
 from tuning import read_result
 
 RUNNER = CliRunner()
@@ -36,7 +36,7 @@ def test_the_report_lies_beside_its_result_or_where_it_is_asked(folder, tmp_path
 
 
 def test_every_body_direction_and_hit_has_its_overlay(folder):
-    data = data_of(report.render(read_result(folder)))
+    data = data_of(render(read_result(folder)))
     assert data["bodies"] == ["base", "head"]
     assert len(data["channels"]) == 2 * 6 * 3
     assert {channel["reference"] for channel in data["channels"]} == {
@@ -46,7 +46,7 @@ def test_every_body_direction_and_hit_has_its_overlay(folder):
 
 def test_the_figures_are_those_of_the_result(folder):
     summary = json.loads((folder / "tuned.json").read_text())
-    text = report.render(read_result(folder))
+    text = render(read_result(folder))
     data = data_of(text)
     levels = (summary["gap"]["sensors"], summary["gap"]["bodies"])
     bars = {bar["name"]: bar["error"] for bar in data["gap"]}
@@ -66,7 +66,7 @@ def test_names_cannot_break_the_page(folder, tmp_path):
     summary["inputs"][0]["file"] = "<b>&model"
     (tmp_path / "tuned.json").write_text(json.dumps(summary))
     (tmp_path / "frf.npz").write_bytes((folder / "frf.npz").read_bytes())
-    text = report.render(read_result(tmp_path))
+    text = render(read_result(tmp_path))
     assert "<b>&model" not in text
     assert "<script>alert" not in text
 
@@ -92,4 +92,6 @@ def test_what_is_no_result_is_refused(folder, tmp_path, fault):
     assert result.exit_code == 3
     assert len(result.stderr.strip().splitlines()) == 1
     assert "mbw tune" in result.stderr
+    if fault == "nothing":
+        assert all(verb in result.stderr for verb in ("identify", "diagnose", "match"))
     assert not (tmp_path / "report.html").exists()

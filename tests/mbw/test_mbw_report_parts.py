@@ -9,12 +9,12 @@ from browser import CHROMIUM, browse, data_of, unpacked
 from campaign_folder import write_folder
 from typer.testing import CliRunner
 
-from mbw import report
 from mbw.command import app
-from mbw.report_numbers import moved, short, tolerance
-from mbw.report_parameters import parameter_rows
-from mbw.report_pulls import kind_of, pull_points, pulls_note, pulls_table
-from mbw.report_trust import badges, starts_section, unknown_section
+from mbw.page.numbers import moved, short, tolerance
+from mbw.tune.page import render
+from mbw.tune.parameters import parameter_rows
+from mbw.tune.pulls import kind_of, pull_points, pulls_note, pulls_table
+from mbw.tune.trust import badges, starts_section, unknown_section
 from tuning import read_result
 from tuning.schema import CorrelationRow, UnseenRow
 
@@ -191,7 +191,7 @@ def test_an_interrupted_tuning_claims_nothing_about_what_the_data_tell(result):
     bare = changed(result.summary, parameters=rows, correlations=[], unseen=[], interrupted=True)
     assert unknown_section(bare) == ""
     levels = {name: replace(level, deviation=None) for name, level in result.levels.items()}
-    text = report.render(replace(result, summary=bare, levels=levels))
+    text = render(replace(result, summary=bare, levels=levels))
     assert "What the data cannot tell" not in text
     assert "the tuning was interrupted" in text
     assert data_of(text)["deviation"] is None
@@ -212,7 +212,7 @@ def test_several_starts_have_a_table_and_a_single_one_has_none(summary):
 
 
 def test_the_band_is_that_of_the_result_and_the_inputs_are_named(result):
-    text = report.render(result)
+    text = render(result)
     level = result.levels["bodies"]
     packed = unpacked(data_of(text)["deviation"])
     assert packed == pytest.approx(level.deviation.T.ravel(), rel=1e-7)
@@ -242,7 +242,7 @@ def test_in_a_browser_the_impossible_pull_is_red_and_named_and_every_motion_has_
     result, tmp_path
 ):
     far = with_row(result.summary, "acc4.rotation_y", pull=-15.04)
-    found = browse(report.render(replace(result, summary=far)), tmp_path, probe=PROBE)
+    found = browse(render(replace(result, summary=far)), tmp_path, probe=PROBE)
     assert found["faults"] == []
     assert len(found["marks"]) == 92
     assert sum(mark == "rgb(180, 35, 24)" for mark in found["marks"]) == 1

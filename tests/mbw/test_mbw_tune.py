@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 
 from identification.words import Dof
 from mbmodel import Evaluator, Question, as_drawn, load_machine
-from mbw import tune as verb
 from mbw.command import app
+from mbw.tune import verb
 from tuning import Progress, read_result
 from tuning import tuned as tuned_module
 

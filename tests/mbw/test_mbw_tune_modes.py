@@ -7,8 +7,8 @@ import pytest
 from campaign_folder import write_folder
 from typer.testing import CliRunner
 
-from mbw import report
 from mbw.command import app
+from mbw.tune.page import render
 from tuning import read_result
 
 RUNNER = CliRunner()
@@ -95,7 +95,7 @@ def test_only_modes_of_the_band_count(folder, identified, tmp_path):
 def test_the_report_has_a_table_of_the_pairs(folder, identified, tmp_path):
     tuned(folder, tmp_path, "--residual", "modal", "--from-modes", identified, "-q")
     result = read_result(tmp_path / "out")
-    text = report.render(result)
+    text = render(result)
     section = text[text.index("Measured modes and the model") : text.index("<h2>Tests")]
     assert section.count("<tr>") == 1 + 5
     for row in result.summary.pairs:
@@ -103,7 +103,7 @@ def test_the_report_has_a_table_of_the_pairs(folder, identified, tmp_path):
     assert "Fitted: modes." in section
     lost = [row.model_copy(update={"tuned": None}) for row in result.summary.pairs]
     summary = result.summary.model_copy(update={"pairs": lost})
-    text = report.render(type(result)(summary, result.freq_hz, result.levels))
+    text = render(type(result)(summary, result.freq_hz, result.levels))
     assert text.count('<td colspan="3">none</td>') == 5
     assert "Measured modes without one of the model&#x27;s: " in text
 
@@ -117,7 +117,7 @@ def test_a_result_without_pairs_has_no_table_and_is_still_read(folder, tmp_path)
     path.write_text(json.dumps(summary))
     result = read_result(tmp_path / "out")
     assert result.summary.residuals == ["log"]
-    assert "Measured modes and the model" not in report.render(result)
+    assert "Measured modes and the model" not in render(result)
 
 
 @pytest.mark.parametrize("residual", ["shape", "log,modal", ""])

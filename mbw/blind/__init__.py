@@ -1,0 +1,1 @@
+"""``mbw blind``: campaigns drawn, diagnosed and graded; the page of their grades."""

@@ -1,0 +1,1 @@
+"""``mbw diagnose``: what the model lacks, its files and page."""

@@ -1,0 +1,148 @@
+"""What a diagnosis comes to, in one or two sentences, with its probabilities and warnings."""
+
+from diagnosis.evidence import Pushed
+from diagnosis.verdict import CauseRow
+from mbw.diagnose.result import Result
+from mbw.diagnose.values import number
+from mbw.diagnose.words import (
+    cause_parameters,
+    cause_words,
+    direction,
+    percent_sure,
+    place,
+    placed,
+)
+from mbw.page.html import badge
+from mbw.page.numbers import percent
+
+_CLOSED, _LEFT = 0.9, 1.5  # share of the gap, excess: between them the cause is not all
+_RIVAL = 0.1  # probability of a second cause that is worth a word
+_OPENING = {"sensor": "One sensor is at fault", "hammer": "The hammer is at fault"}
+_SURE = 10.0  # nats: of a free force that is there
+
+
+def lead(result: Result) -> str:
+    """The verdict, its cause with place and size, and how far the gap shrinks."""
+    word = result.verdict.verdict
+    if word == "none":
+        return _nothing(result)
+    if word == "unexplained":
+        return _unexplained(result)
+    return f"{_causes(result)} {_shrinks(result)}"
+
+
+def badges(result: Result) -> str:
+    """HTML of the probabilities of what is no single cause, the verdict's own in colour."""
+    word, seen = result.verdict.verdict, result.verdict.probability
+    single = max(0.0, 1 - seen.none - seen.unexplained - seen.several)
+    rows = (
+        ("explained", "one cause", single),
+        ("several", "several causes", seen.several),
+        ("unexplained", "unexplained", seen.unexplained),
+        ("none", "nothing missing", seen.none),
+    )
+    return "".join(
+        badge(f"{name} {percent_sure(value)}", word != "unexplained" if key == word else None)
+        for key, name, value in rows
+    )
+
+
+def doubts(result: Result) -> list[str]:
+    """What limits the figures of this verdict."""
+    verdict, shown = result.verdict, result.shown
+    found = list(shown.remarks)
+    gap = verdict.gap
+    small = gap.closed is not None and gap.closed < _CLOSED
+    if small and gap.after.excess is not None and gap.after.excess > _LEFT:
+        found.append(
+            f"The cause closes only {percent(gap.closed or 0.0)} of the gap and leaves "
+            f"{times(gap.after.excess)} the noise: more is missing, or it is not quite this."
+        )
+    if shown.block is None:
+        found.append("The band is too narrow to hold lines out: all figures are of fitted lines.")
+    if any(test.variance_from == "differences" for test in shown.tests):
+        found.append(
+            "Without coherence and averages the noise was estimated from third differences along "
+            "frequency."
+        )
+    return found
+
+
+def times(excess: float | None) -> str:
+    """``5.1 times``, or that it is not known."""
+    return "an unknown number of times" if excess is None else f"{number(excess)} times"
+
+
+def pushed(result: Result) -> list[Pushed]:
+    """Places where a free force explains something, most first."""
+    return [one for one in result.evidence.pushed if one.gain > _SURE]
+
+
+def _nothing(result: Result) -> str:
+    gap, seen = result.verdict.gap, result.verdict.probability
+    return (
+        f"Nothing is missing beyond tolerances and noise ({percent_sure(seen.none)}). Re-tuned, "
+        f"the model is off by {times(gap.retuned.excess)} the noise {_on(result)}; as drawn, by "
+        f"{times(gap.as_drawn.excess)}."
+    )
+
+
+def _unexplained(result: Result) -> str:
+    gap, seen = result.verdict.gap, result.verdict.probability
+    text = (
+        f"Something is missing that no effect of the catalogue explains "
+        f"({percent_sure(seen.unexplained)}): re-tuned, the model is still off by "
+        f"{times(gap.retuned.excess)} the noise {_on(result)}."
+    )
+    pushes = pushed(result)
+    if pushes:
+        first = pushes[0]
+        towards = direction(first.dof)
+        text += f" It pushes most probably {placed(first.location)}{towards and ', ' + towards}"
+        text += f"; next comes {place(pushes[1].location)}." if len(pushes) > 1 else "."
+    else:
+        text += " Where it pushes is not to be told."
+    return text
+
+
+def _causes(result: Result) -> str:
+    rows = result.verdict.causes
+    if not rows:
+        return "Something is missing."
+    if result.verdict.verdict == "several":
+        present = [row for row in rows if row.probability > 0.5] or rows[:1]
+        listed = "; ".join(f"{_sized(row)}, {percent_sure(row.probability)}" for row in present)
+        return f"Several things are missing or wrong: {listed}."
+    first, sure = rows[0], percent_sure(rows[0].probability)
+    opening = _OPENING.get(first.location.partition(":")[0], "One thing is missing")
+    rivals = [row for row in rows[1:2] if row.probability > _RIVAL]
+    if not rivals:
+        return f"{opening} ({sure}): {_sized(first)}."
+    other = f"{cause_words(rivals[0])} ({percent_sure(rivals[0].probability)})"
+    return f"{opening}: most probably ({sure}) {_sized(first)}, else {other}."
+
+
+def _sized(row: CauseRow) -> str:
+    words, sizes = cause_words(row), cause_parameters(row)
+    return f"{words} ({sizes})" if sizes else words
+
+
+def _shrinks(result: Result) -> str:
+    gap = result.verdict.gap
+    them = "them" if result.verdict.verdict == "several" else "it"
+    if gap.after.excess is None:
+        return (
+            f"Re-tuned, the model is off by {times(gap.retuned.excess)} the noise; how far that "
+            "shrinks with the cause is not known, for the model cannot hold it yet."
+        )
+    text = (
+        f"With {them} the gap falls from {times(gap.retuned.excess)} the noise, re-tuned, to "
+        f"{times(gap.after.excess)}, all {_on(result)}"
+    )
+    if gap.closed is None:
+        return f"{text}."
+    return f"{text}: {percent(gap.closed)} of what lay beyond the noise is closed."
+
+
+def _on(result: Result) -> str:
+    return "on lines that no fit saw" if result.shown.block else "on the fitted lines"

@@ -1,0 +1,157 @@
+"""``mbw diagnose``: what the model lacks, where, and how far the gap shrinks with it."""
+
+from pathlib import Path
+
+from rich.progress import Progress
+from rich.table import Table
+
+from diagnosis import Diagnosis, Verdict, diagnose
+from mbw.diagnose.files import (
+    AUGMENTED,
+    NAMES,
+    PAGE,
+    SHOWN,
+    VERDICT,
+    write_augmented,
+    write_files,
+)
+from mbw.diagnose.page import render
+from mbw.diagnose.result import gather
+from mbw.diagnose.words import cause_parameters
+from mbw.files import check_json, check_names, write_json
+from mbw.messages import SCREEN, one_interrupt
+from mbw.remarks import not_held
+from tuning import files_of, open_session
+
+_FEW = 8
+
+
+def run(  # one for each option
+    campaign: Path,
+    *,
+    out: Path | None,
+    json: Path | None = None,
+    band: tuple[float, float] | None = None,
+    jobs: int = 1,
+    explain: bool = False,
+) -> Path:
+    """Diagnose, write the verdict and its page, say it.
+
+    Args:
+        campaign: its folder.
+        out: folder of the result; <campaign>-diagnosed if None.
+        json: a file beside it, or ``-``.
+        band: [Hz]; the lines with coherence if None.
+        jobs: processes; the verdict does not depend on it.
+        explain: print what was tried and why the rest fell.
+
+    Returns:
+        The folder of the result.
+    """
+    session = open_session(campaign, band)
+    folder = out or Path(f"{session.campaign.name}-diagnosed")
+    check_names(folder, NAMES)
+    if json is not None:
+        check_json(json)
+    for text in session.campaign.remarks:
+        SCREEN.say(text)
+    with SCREEN.progress() as progress, one_interrupt() as ends:
+        found = diagnose(session, jobs=jobs, tell=_Teller(progress).tell)
+        ends()
+    for text in found.session.campaign.remarks[len(session.campaign.remarks) :]:
+        SCREEN.say(text)
+    with files_of(folder) as place:
+        result = gather(found, write_augmented(found, place / AUGMENTED))
+        write_files(result, place)
+        (place / PAGE).write_text(render(result), encoding="utf-8")
+    if json is not None:
+        write_json(result.verdict.model_dump_json(indent=1), json)
+    if explain:
+        _explain(found)
+    _say(result.verdict, found)
+    SCREEN.say(f"verdict in {folder / VERDICT}")
+    what = ", with what it lacked" if found.after else ""
+    SCREEN.say(f"tuned model{what}, in {folder / AUGMENTED}")
+    if lacking := not_held(result.shown.not_held_by_mjcf, SHOWN):
+        SCREEN.say(f"  {lacking}")
+    SCREEN.say(f"report in {(folder / PAGE).absolute().as_uri()}")
+    return folder
+
+
+class _Teller:
+    """Shows which step is under way."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._bar = progress.add_task("diagnosis", total=None)  # what is found decides
+
+    def tell(self, text: str) -> None:
+        """Another step begins."""
+        self._progress.update(self._bar, advance=1, description=text)
+
+
+def _say(verdict: Verdict, found: Diagnosis) -> None:
+    """The verdict in a few lines."""
+    named = found.session.campaign.name
+    gap = verdict.gap
+    words = {
+        "none": "nothing is missing beyond tolerances and noise",
+        "unexplained": "something is missing that no effect of the catalogue explains",
+        "several": "several things are missing",
+        "explained": "one thing is missing",
+    }
+    SCREEN.say(f"\n{named}: {words[verdict.verdict]}")
+    for name, at in (("as drawn", gap.as_drawn), ("re-tuned", gap.retuned), ("after", gap.after)):
+        if at.excess is not None:
+            SCREEN.say(f"  {name}: error {at.error:.3g}, excess {at.excess:.3g}")
+    if gap.closed is not None:
+        SCREEN.say(f"  {gap.closed:.1%} of the gap beyond noise is closed")
+    for row in verdict.causes[:_FEW]:
+        dof = f" {row.dof}" if row.dof else ""
+        sizes = cause_parameters(row)
+        sizes = f": {sizes}" if sizes else ""
+        SCREEN.say(f"  {row.probability:.0%} {row.effect} at {row.location}{dof}{sizes}")
+    if verdict.verdict == "unexplained" and verdict.where:
+        places = ", ".join(
+            f"{one.location} {one.share:.0%}" for one in verdict.where[:3] if one.share is not None
+        )
+        SCREEN.say(f"  where: {places}" if places else "  where: not to be told")
+    for check in found.gate.flexible:
+        SCREEN.say(f"  {check.words}")
+
+
+def _explain(found: Diagnosis) -> None:
+    """The funnel: gates, places, candidates, refits, and why the rest fell."""
+    for check in found.gate.checks:
+        SCREEN.say(check.words)
+    before = found.nothing.chi_square
+    SCREEN.say(f"refit without any effect: residual over noise {before**0.5:.3g}")
+    if not found.search.scores:
+        bends = "what a body's bending drives is no gap of its own"
+        why = bends if found.gate.flexible else "nothing is left to explain"
+        SCREEN.say(f"{why}: no hypothesis was asked")
+        return
+    table = Table(title=f"{len(found.search.scores)} hypotheses, the best of each effect and place")
+    table.add_column("hypothesis", no_wrap=True)
+    for name in ("gain at 3 % [nats]", "residual over noise", "why it fell"):
+        table.add_column(name)
+    ended = {one.hypothesis.coordinates: one for one in found.search.refits if one.hypothesis}
+    begun = {one.hypothesis.coordinates for one in found.search.begun if one.hypothesis}
+    seen: set[tuple[str, str]] = set()
+    best = min((one.cost for one in found.search.refits), default=0.0)
+    for score in found.search.scores:
+        one = score.hypothesis
+        if (one.effect, one.location) in seen:
+            continue
+        seen.add((one.effect, one.location))
+        refit = ended.get(one.coordinates)
+        left, why = "", "its gain is small"
+        if refit is not None and refit.hypothesis and refit.hypothesis.effect == one.effect:
+            left = f"{refit.chi_square**0.5:.3g}"
+            why = f"{refit.cost - best:.4g} nats worse" if refit.cost > best else ""
+        elif one.coordinates in begun:
+            why = "a first refit gained much less than the best"
+        table.add_row(one.words, f"{score.gain:.4g}", left, why)
+        if len(seen) == 2 * _FEW:
+            break
+    SCREEN.console.print(table)

@@ -1,0 +1,129 @@
+"""A verdict in plain words: effects, places, directions, what is alike, what gates found."""
+
+from collections.abc import Sequence
+
+from diagnosis import PROVEN, catalogue
+from diagnosis.verdict import CauseRow, Verdict
+from identification import FAULTS
+from identification.words import Dof, UsageError
+from mbw.diagnose.schema import ShownFile
+from mbw.diagnose.values import parameter_words
+
+_OTHERS = {"hardening": "a spring that hardens", "sensor_unknown": FAULTS["sensor_unknown"]}
+_AT = {"joint": "at", "body": "on", "sensor": "at", "hammer": "at", "pair": "between"}
+_ONE_LEVEL = {"friction", "backlash", "hardening"}
+
+
+def kind(effect: str) -> str:
+    """An effect as a noun."""
+    known = catalogue().get(effect) or PROVEN.get(effect)
+    if known is not None:
+        return known.noun
+    return _OTHERS.get(effect, effect.replace("_", " "))
+
+
+def place(location: str) -> str:
+    """``joint ty`` of ``joint:ty``, ``sensors acc1 and acc2`` of two."""
+    what, _, name = location.partition(":")
+    if what == "sensor" and "+" in name:
+        return f"sensors {name.replace('+', ' and ')}"
+    return f"{what} {name}"
+
+
+def placed(location: str) -> str:
+    """The same with its preposition: ``on body ty``."""
+    what, _, name = location.partition(":")
+    if what == "pair":
+        return f"between {name}"
+    return f"{_AT.get(what, 'at')} {place(location)}"
+
+
+def direction(dof: str | None) -> str:
+    """``along z``, ``about x``, ``x and y``, ``hit at acc11:+ty``, ``set-up b``; empty for none."""
+    if dof is None:
+        return ""
+    if "+" in dof and ":" not in dof:
+        return " and ".join(part[1:] for part in dof.split("+"))
+    if len(dof) == 2 and dof[0] in "tr":
+        return f"{'along' if dof[0] == 't' else 'about'} {dof[1]}"
+    try:
+        return f"hit at {Dof.parse(dof)}"
+    except (UsageError, ValueError):
+        return f"set-up {dof}"
+
+
+def cause_words(row: CauseRow) -> str:
+    """Effect, place and direction."""
+    towards = direction(row.dof)
+    towards = f", {towards}" if towards else ""
+    return f"{kind(row.effect)} {placed(row.location)}{towards}"
+
+
+def cause_parameters(row: CauseRow) -> str:
+    """Its parameters with their units, one after the other."""
+    return ", ".join(
+        parameter_words(row.effect, row.dof, name, value) for name, value in row.parameters.items()
+    )
+
+
+def site_words(site: str) -> str:
+    """Such as ``appendage@body:ty``, as twins have it."""
+    effect, _, location = site.partition("@")
+    return f"{kind(effect)} {placed(location)}"
+
+
+def twin_sentences(verdict: Verdict) -> list[str]:
+    """Which causes these data cannot tell apart."""
+    return [
+        f"These data hardly tell {site_words(one)} from {site_words(other)}: they leave the same."
+        for one, other in verdict.twins
+    ]
+
+
+def untested_sentences(verdict: Verdict) -> list[str]:
+    """What this kind of data cannot show, and why."""
+    found = []
+    hidden = [kind(one) for one in verdict.not_testable if one in _ONE_LEVEL]
+    if hidden:
+        found.append(
+            f"Not tested, so not excluded: {_listed(hidden)}, which only hits of several levels "
+            "can show."
+        )
+    others = [kind(one) for one in verdict.not_testable if one not in _ONE_LEVEL]
+    if others:
+        found.append(
+            f"Not tested, so not excluded: {_listed(others)}; one direction of one set-up cannot "
+            "show that."
+        )
+    return found
+
+
+def gate_sentences(shown: ShownFile) -> list[str]:
+    """Sensors that were taken out, bodies whose channels were doubted."""
+    found = []
+    for one in shown.taken_out:
+        channels = "channel" if one.dof is not None and "+" not in one.dof else "channels"
+        towards = direction(one.dof)
+        towards = f" {towards}" if towards else ""
+        text = place(one.location)
+        found.append(
+            f"{text[0].upper()}{text[1:]}{towards}: {kind(one.effect)}, proven by the spare "
+            f"channels of the body; the {channels} took no part in the search."
+        )
+    for body in shown.doubted:
+        found.append(
+            f"Body {body} bends: its channels counted with so much doubt as they deviate from a "
+            "solid."
+        )
+    return found
+
+
+def percent_sure(probability: float) -> str:
+    """Whole per cent, without a false certainty."""
+    if probability < 0.005:
+        return "< 1 %"
+    return "> 99 %" if probability > 0.995 else f"{100 * probability:.0f} %"
+
+
+def _listed(words: Sequence[str]) -> str:
+    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))

@@ -1,0 +1,1 @@
+"""``mbw identify``: measured modes, their files and page."""

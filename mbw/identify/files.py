@@ -1,0 +1,192 @@
+"""The files of ``mbw identify``, written and read: JSON, npz, CSV, universal file, .mat."""
+
+import csv
+from collections.abc import Iterable, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any, cast
+from zipfile import BadZipFile
+
+import numpy as np
+import scipy.io
+
+from identification.modal import Scaled, full_matrix
+from identification.uff_modes import NodeShapes, node_shapes, write_uff_modes
+from identification.words import Dof, InputError, Layout, ModalModel, Quantity
+from mbw.identify.result import Result
+from mbw.identify.schema import ModesFile
+
+MODES_JSON, MODES_NPZ, PAGE = "modes.json", "modes.npz", "identify.html"
+FULL_NPZ = "full_matrix.npz"
+NAMES = (
+    MODES_JSON, MODES_NPZ, PAGE, FULL_NPZ, "modes.csv", "shapes.csv", "synthesis.csv",
+    "modes.unv", "modes.mat",
+)  # fmt: skip
+
+
+def write_files(result: Result, folder: Path) -> None:
+    """Write all but the page into a folder that is there."""
+    (folder / MODES_JSON).write_text(result.summary.model_dump_json(indent=1) + "\n", "utf-8")
+    np.savez(folder / MODES_NPZ, allow_pickle=False, **result.arrays)
+    _write_csv(folder / "modes.csv", _mode_rows(result))
+    _write_csv(folder / "shapes.csv", _shape_rows(result))
+    _write_csv(folder / "synthesis.csv", _synthesis_rows(result))
+    title = f"{result.summary.campaign}: measured modes, {result.summary.normalisation}"
+    write_uff_modes(folder / "modes.unv", nodes_of(result), title, datetime.now().astimezone())
+    scipy.io.savemat(folder / "modes.mat", _matlab(result), do_compression=True)
+
+
+def nodes_of(result: Result) -> NodeShapes:
+    """Modes inside the band as vectors at the sensors' nodes."""
+    arrays, count = result.arrays, len(result.summary.modes)
+    return node_shapes(
+        arrays["poles"][:count],
+        arrays["modal_a"][:count],
+        arrays["shapes"][:, :count],
+        [Dof.parse(label) for label in result.summary.outputs],
+        result.layout,
+    )
+
+
+def write_full_matrix(result: Result, folder: Path) -> None:
+    """Write the synthesised FRFs between all outputs (seed, eq. 3.6), single precision.
+
+    Raises:
+        UsageError: no drive point.
+    """
+    arrays = result.arrays
+    whole = Scaled(
+        _modal_model(result), result.summary.normalisation, arrays["modal_a"], np.zeros(0)
+    )
+    quantity = cast(Quantity, result.summary.quantity)
+    values = (
+        full_matrix(whole, arrays["in_full_matrix"]).synthesise(arrays["freq_hz"], quantity).values
+    )
+    np.savez(
+        folder / FULL_NPZ,
+        allow_pickle=False,
+        freq_hz=arrays["freq_hz"],
+        frf=values.astype(np.complex64),
+        channels=arrays["outputs"],
+        quantity=arrays["quantity"],
+    )
+
+
+def _modal_model(result: Result) -> ModalModel:
+    names = ("poles", "shapes", "participation", "lower", "upper")
+    return ModalModel(
+        **{name: result.arrays[name] for name in names},
+        outputs=tuple(Dof.parse(label) for label in result.summary.outputs),
+        inputs=tuple(Dof.parse(label) for label in result.summary.inputs),
+        freq_sd=result.arrays["freq_sd"],
+        damping_sd=result.arrays["damping_sd"],
+    )
+
+
+def read_result(path: Path) -> Result:
+    """Read what ``mbw identify`` wrote.
+
+    Args:
+        path: the folder, or its modes.json.
+
+    Raises:
+        InputError: it is no such folder, or from another version.
+    """
+    folder = path if path.is_dir() else path.parent
+    try:
+        summary = ModesFile.model_validate_json((folder / MODES_JSON).read_text("utf-8"))
+        with np.load(folder / MODES_NPZ, allow_pickle=False) as file:
+            arrays: dict[str, Any] = {name: file[name] for name in file.files}
+        layout = Layout(
+            tuple(arrays["layout_bodies"].tolist()),
+            arrays["layout_centres"],
+            tuple(arrays["layout_points"].tolist()),
+            arrays["layout_body_of"],
+            arrays["layout_positions"],
+            arrays["layout_axes"],
+        )
+        _ = arrays["as_solid"]  # younger than the others
+    except (OSError, EOFError, BadZipFile, KeyError, ValueError) as error:
+        raise InputError(
+            f"{folder} holds no result of this version of mbw identify: identify the campaign again"
+        ) from error
+    return Result(summary, arrays, layout)
+
+
+def _write_csv(path: Path, rows: Iterable[Sequence[object]]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        csv.writer(file).writerows(rows)
+
+
+def _mode_rows(result: Result) -> Iterable[Sequence[object]]:
+    lists = {"shape_real", "shape_imaginary", "real_shape"}
+    lists |= {"body_shape_real", "body_shape_imaginary"}
+    rows = [row.model_dump(exclude=lists) for row in result.summary.modes]
+    yield ["mode", *(rows[0] if rows else [])]
+    for number, row in enumerate(rows, start=1):
+        yield [number, *("" if value is None else value for value in row.values())]
+
+
+def _shape_rows(result: Result) -> Iterable[Sequence[object]]:
+    """One row a channel, then one a direction of a body's centre of mass."""
+    count = len(result.summary.modes)
+    columns = [f"{part}_{mode}" for mode in range(1, count + 1) for part in ("re", "im", "real")]
+    yield ["channel", *columns]
+    shapes, real = result.arrays["shapes"][:, :count], result.arrays["real_shapes"]
+    for label, shape, own in zip(result.summary.outputs, shapes, real, strict=True):
+        parts = zip(shape, own, strict=True)
+        yield [label, *(float(v) for s, r in parts for v in (s.real, s.imag, r))]
+    for label, shape in zip(
+        result.summary.body_directions, result.arrays["body_shapes"], strict=True
+    ):
+        yield [label, *(v for s in shape for v in (float(s.real), float(s.imag), ""))]
+
+
+def _synthesis_rows(result: Result) -> Iterable[Sequence[object]]:
+    """One row a measured channel."""
+    yield ["output", "input", "error", "noise", "frac", "reciprocal_error"]
+    arrays = result.arrays
+    reciprocal = arrays["channel_reciprocal_error"]
+    for out, inp in np.argwhere(arrays["is_measured"]):
+        yield [
+            result.summary.outputs[out],
+            result.summary.inputs[inp],
+            *(float(arrays[f"channel_{name}"][out, inp]) for name in ("error", "noise", "frac")),
+            float(reciprocal[out, inp]) if reciprocal.size else "",
+        ]
+
+
+def _matlab(result: Result) -> dict[str, Any]:
+    """Variables of modes.mat: columns are modes, names as users of MATLAB expect them."""
+    arrays, count = result.arrays, len(result.summary.modes)
+    poles = arrays["poles"][:count]
+
+    def column(values: Any) -> Any:
+        return np.asarray(values).reshape(-1, 1)
+
+    def names(labels: Sequence[str]) -> Any:
+        return column(np.array([*labels, ""], dtype=object)[:-1])
+
+    return {
+        "freqs": column(np.abs(poles) / (2 * np.pi)),
+        "damping": column(-poles.real / np.abs(poles)),
+        "freqs_sd": column(arrays["freq_sd"][:count]),
+        "damping_sd": column(arrays["damping_sd"][:count]),
+        "poles": column(poles),
+        "shapes": arrays["shapes"][:, :count],
+        "real_shapes": arrays["real_shapes"],
+        "participation": arrays["participation"][:, :count],
+        "modal_a": column(arrays["modal_a"][:count]),
+        "body_shapes": arrays["body_shapes"],
+        "lower_residual": arrays["lower"],
+        "upper_residual": arrays["upper"],
+        "poles_beside": column(arrays["poles"][count:]),
+        "shapes_beside": arrays["shapes"][:, count:],
+        "participation_beside": arrays["participation"][:, count:],
+        "outputs": names(result.summary.outputs),
+        "inputs": names(result.summary.inputs),
+        "body_directions": names(result.summary.body_directions),
+        "quantity": result.summary.quantity,
+        "normalisation": result.summary.normalisation,
+        "auto_mac": arrays["auto_mac"][:count, :count],
+    }

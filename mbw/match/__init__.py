@@ -1,0 +1,1 @@
+"""``mbw match`` and ``mbw place``: finite-element shapes and few sensors."""

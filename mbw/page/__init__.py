@@ -1,0 +1,1 @@
+"""What all pages share: frame, picture of the machine, numbers as text."""

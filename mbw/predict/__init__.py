@@ -1,0 +1,1 @@
+"""``mbw predict``: modes and frequency responses of a model, and their page."""

@@ -1,0 +1,1 @@
+"""``mbw tune``: the model fitted, and sections of its report."""
