@@ -133,7 +133,7 @@ def _drawn(
             best = drawn
     if best is None:
         raise NoPlaceError(f"{wanted.effect}: every place of {machine.station.name} is taken")
-    return best, _DRAWS
+    return best if refit is None else _whole(best, machine, refit), _DRAWS
 
 
 def _off(drawn: Drawn, ratio: float) -> float:
@@ -145,20 +145,22 @@ def _strong(effect: Effect, machine: Machine, ratio: float, refit: Refit) -> tup
 
     Its further steps hide more, of some effects much more: once the size is chosen anew for that.
     """
+    least = ratio * float(np.exp(-_HIDDEN))
     first = _first_step(effect, machine, ratio, refit)
-    found = _whole(first, machine, refit)
-    if effect.size is not None and _off(first, ratio) > 2 * _CLOSE:
-        return found, False
-    if effect.size is not None and _off(found, ratio) > 2 * _CLOSE:
+    found = _whole(first, machine, refit, least)
+    if effect.size is None:
+        return found, True
+    if _off(first, ratio) <= 2 * _CLOSE < _off(found, ratio):
         aim = ratio * min(ratio / max(found.ratio or 0.0, 1e-9), _MORE)
-        again = _whole(_first_step(effect, machine, aim, refit), machine, refit)
+        again = _whole(_first_step(effect, machine, aim, refit), machine, refit, least)
         found = min((found, again), key=lambda one: _off(one, ratio))
-    return found, effect.size is None or _off(found, ratio) <= _HIDDEN
+    return found, _off(found, ratio) <= _HIDDEN
 
 
-def _whole(first: Drawn, machine: Machine, refit: Refit) -> Drawn:
-    """The same with the ratio that a whole refit leaves."""
-    return replace(first, ratio=refit.retuned(replace(machine, effects=(first.effect,))))
+def _whole(first: Drawn, machine: Machine, refit: Refit, least: float = 0.0) -> Drawn:
+    """The same with the ratio that a whole refit leaves; of less than the least not how much."""
+    found = replace(machine, effects=(first.effect,))
+    return replace(first, ratio=refit.retuned(found, least))
 
 
 def _first_step(effect: Effect, machine: Machine, ratio: float, refit: Refit) -> Drawn:

@@ -15,7 +15,9 @@ about the truth e0 = 1. J is in ``slopes``.
 
 That is the first step of a refit. Where stiffness and damping can follow an effect far (losses, a
 bypass, a delay), further steps hide much more of it: ``retuned`` takes them, each with J about the
-stiffness and damping that the step before came to, with falling allowance.
+stiffness and damping that the step before came to, with falling allowance, and only those that the
+FRFs themselves approve (Levenberg-Marquardt). Steps that nobody checks end anywhere: a damper far
+weaker hides a short delay to a hundredth of what they leave.
 """
 
 from dataclasses import dataclass, replace
@@ -37,14 +39,17 @@ from truth.measure import (
 from truth.nonlinear import Pulses
 from truth.protocol import Protocol, Take
 from truth.rig import Occasion
-from truth.slopes import jacobian, stacked, unstacked
+from truth.slopes import Jacobian, jacobian, jacobian_again, stacked, unstacked
 from truth.station import Complex, Joint, Mask, Real
 
-# Relative errors that further steps may leave, one after the other: as the noise weighs lines,
-# peaks that have moved lead astray.
-_ALLOWANCES = (0.3, 0.1, 0.03, 0.0, 0.0)
+# Relative errors that further steps may leave, one after the other, and how many are tried: as the
+# noise weighs lines, peaks that have moved lead astray.
+_ALLOWANCES = ((0.3, 4), (0.1, 4), (0.03, 6), (0.01, 6), (0.0, 16))
 _LOGARITHMIC = 0.1  # above it the logarithm of the ratio is fitted
 _FARTHEST = 1.0  # logarithm of a stiffness or damping in one of them
+_CAUTION = 1e-3  # of J^T J's diagonal, added to it
+_BOLDER, _WARIER = 0.2, 10.0  # times that after a step that helps, or does not
+_LITTLE = 0.01  # of the cost: who gains less has arrived
 BOUND = 2.5  # standard deviations within which a tolerance is kept
 _LINES = 120  # lines of the refit
 _LOWEST_HZ = 5.0  # below, the building's noise drowns a hammer test
@@ -88,24 +93,55 @@ class Refit:
         change = self.change(machine)
         return self._left(change - self.fitted(change))
 
-    def retuned(self, machine: Machine) -> float:
-        """Return the same after further steps of the refit."""
-        change, base = self.change(machine), self._base()
-        best, about = self._left(change - self.fitted(change)), self
-        size = np.abs(base + change)
-        moved = np.zeros(int((~self.bounded).sum()))
-        for allowance in _ALLOWANCES:
-            deviation = np.sqrt(self.deviation**2 + (allowance * size) ** 2)
-            about = self.moved(moved, deviation)
-            now = about._base()
-            off = change + base - now
-            if allowance >= _LOGARITHMIC:  # of small errors the same, of large ones it leads back
-                off = now * np.log((base + change) / now)
-            solution, found = about._solution(off)
-            moved += np.clip(solution[~self.bounded], -_FARTHEST, _FARTHEST)
-            if allowance == 0:
-                best = min(best, self._left(off - found))
-        return best
+    def retuned(self, machine: Machine, least: float = 0.0) -> float:
+        """Return the same after further steps of the refit.
+
+        Args:
+            machine: with its effects.
+            least: no further steps are taken where less is left.
+        """
+        goal = self._base() + self.change(machine)
+        moved, left = np.zeros(int((~self.bounded).sum())), self.ratio(machine)
+        for allowance, tries in _ALLOWANCES:
+            moved, now = self._descended(goal, moved, allowance, tries)
+            left = min(left, self._left(now))
+            if left < least:
+                break
+        return left
+
+    def _descended(
+        self, goal: Complex, moved: Real, allowance: float, tries: int
+    ) -> tuple[Real, Complex]:
+        """Take steps of stiffness and damping towards FRFs.
+
+        Args:
+            goal: the FRFs; like deviation.
+            moved: logarithms of the factors of stiffness and damping at the start.
+            allowance: of the FRFs' sizes, added to the deviation.
+            tries: steps at most.
+
+        Returns:
+            The logarithms, and what they and tolerances leave; like deviation.
+        """
+        deviation = np.sqrt(self.deviation**2 + (allowance * np.abs(goal)) ** 2)
+        about, caution = self.moved(moved, deviation), _CAUTION
+        off = _off(goal, about._base(), allowance)
+        left, cost = about._by_tolerances(off)
+        for _ in range(tries):
+            step = about._solution(off, caution)[0][~self.bounded]
+            ahead = moved + np.clip(step, -_FARTHEST, _FARTHEST)
+            known = Known(self._varied(ahead), self.known.freq_hz)
+            there = _off(goal, self._accelerance(known), allowance)
+            less, better = about._by_tolerances(there)
+            if better >= cost:
+                caution *= _WARIER
+                continue
+            gain, moved, left, caution = 1 - better / cost, ahead, less, caution * _BOLDER
+            if gain < _LITTLE:
+                break
+            about, off = about._with_joints(known), there
+            left, cost = about._by_tolerances(off)
+        return moved, left
 
     def moved(self, logarithms: Real, deviation: Real) -> "Refit":
         """Return the refit about a machine with other stiffness and damping.
@@ -114,13 +150,7 @@ class Refit:
             logarithms: of the factors, of each joint's stiffness and damping in their order.
             deviation: of each value, with what the refit may leave anyway.
         """
-        factors = iter(np.exp(logarithms).tolist())
-
-        def vary(joint: Joint) -> Joint:
-            stiffness, damping = joint.stiffness * next(factors), joint.damping * next(factors)
-            return replace(joint, stiffness=stiffness, damping=damping)
-
-        machine = replace(self.machine, station=self.machine.station.varied(vary))
+        machine = self._varied(logarithms)
         known = Known(machine, self.known.freq_hz)
         return _linearised(
             machine,
@@ -132,9 +162,32 @@ class Refit:
             tolerance=self.tolerance,
         )
 
+    def _with_joints(self, known: Known) -> "Refit":
+        """About other stiffness and damping, whose slopes alone are made anew."""
+        before = Jacobian(self.shared, self.bounded[: self.shared.shape[1]], self.own)
+        weight = self.used[:, None] / self.deviation
+        slopes = jacobian_again(known.machine, known.freq_hz, weight, before)
+        normal = _normal(slopes.shared, self.own, self.deviation.shape)
+        normal += np.diag(self.bounded.astype(float))
+        return replace(
+            self, machine=known.machine, known=known, shared=slopes.shared, normal=normal
+        )
+
+    def _varied(self, logarithms: Real) -> Machine:
+        factors = iter(np.exp(logarithms).tolist())
+
+        def vary(joint: Joint) -> Joint:
+            stiffness, damping = joint.stiffness * next(factors), joint.damping * next(factors)
+            return replace(joint, stiffness=stiffness, damping=damping)
+
+        return replace(self.machine, station=self.machine.station.varied(vary))
+
     def _base(self) -> Complex:
         """Accelerances without effects; like deviation."""
-        return self.known.on(Occasion(node=self.protocol.nodes[0]))[1]
+        return self._accelerance(self.known)
+
+    def _accelerance(self, known: Known) -> Complex:
+        return known.on(Occasion(node=self.protocol.nodes[0]))[1]
 
     def _left(self, left: Complex) -> float:
         power = (np.abs(left) ** 2).sum(axis=0) / (self.deviation**2).sum(axis=0)
@@ -143,7 +196,7 @@ class Refit:
     def change(self, machine: Machine) -> Complex:
         """What the effects change in the FRFs, as the hammer test would find; like deviation."""
         known, whole = Known(machine, self.known.freq_hz), Known(machine, self.protocol.freq_hz)
-        base = self.known.on(Occasion(node=self.protocol.nodes[0]))[1]
+        base = self._base()
         values = np.array(base)
         points = [sensor.node for _, sensor in machine.station.sensors()]
         pulse = Pulses(np.array([self.takes[0].level]), np.array([PULSE_SECONDS]))
@@ -171,19 +224,41 @@ class Refit:
         """What stiffness, damping and tolerances can follow of a change of the FRFs."""
         return self._solution(change)[1]
 
-    def _solution(self, change: Complex) -> tuple[Real, Complex]:
-        """The parameters that follow a change, and what they follow of it."""
-        weighted = stacked(change / self.deviation * self.used[:, None])
-        right = self._adjoint(weighted)
-        solution = _bounded(self.normal, right, self.bounded)
+    def _solution(self, change: Complex, caution: float = 0.0) -> tuple[Real, Complex]:
+        """The parameters that follow a change, and what they follow of it.
+
+        Args:
+            change: of the FRFs; like deviation.
+            caution: part of the diagonal of stiffness and damping that is added to it.
+        """
+        right = self._adjoint(self._weighted(change))
+        more = np.where(self.bounded, 0.0, caution * (np.diag(self.normal) + 1))
+        solution = _bounded(self.normal + np.diag(more), right, self.bounded)
+        return solution, self._followed(solution, change.shape)
+
+    def _by_tolerances(self, change: Complex) -> tuple[Complex, float]:
+        """What tolerances alone leave of a change, and its cost with their prior."""
+        own = np.ix_(self.bounded, self.bounded)
+        weighted = self._weighted(change)
+        right = self._adjoint(weighted)[self.bounded]
+        found = _bounded(self.normal[own], right, self.bounded[self.bounded])
+        solution = np.zeros(len(self.bounded))
+        solution[self.bounded] = found
+        cost = weighted @ weighted - 2 * right @ found + found @ self.normal[own] @ found
+        return change - self._followed(solution, change.shape), float(cost)
+
+    def _weighted(self, change: Complex) -> Real:
+        return stacked(change / self.deviation * self.used[:, None])
+
+    def _followed(self, solution: Real, shape: tuple[int, ...]) -> Complex:
+        """How the FRFs follow parameters, to first order."""
         split = self.shared.shape[1]
-        values = self.shared @ solution[:split]
-        found = unstacked(values, change.shape)
+        found = unstacked(self.shared @ solution[:split], shape)
         sensors = solution[split:].reshape(len(self.own), -1)
         for number, (columns, own) in enumerate(zip(self.own, sensors, strict=True)):
             rows = slice(3 * number, 3 * number + 3)
             found[:, rows] += unstacked(columns @ own, found[:, rows].shape)
-        return solution, found * self.deviation
+        return found * self.deviation
 
     def _adjoint(self, weighted: Real) -> Real:
         whole = unstacked(weighted, self.deviation.shape)
@@ -218,6 +293,14 @@ def refit_of(
     return _linearised(
         plain, known, deviation, used, protocol=protocol, takes=takes, tolerance=tolerance
     )
+
+
+def _off(goal: Complex, now: Complex, allowance: float) -> Complex:
+    """How far FRFs are from others; where much is allowed by the logarithm of their ratio.
+
+    Of small errors that is the same, of large ones it leads back.
+    """
+    return now * np.log(goal / now) if allowance >= _LOGARITHMIC else goal - now
 
 
 def _linearised(

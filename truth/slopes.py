@@ -66,6 +66,26 @@ def jacobian(machine: Machine, freq_hz: Real, tolerance: Tolerance, weight: Real
     return Jacobian(np.array(shared).T, np.array(bounded), own)
 
 
+def jacobian_again(machine: Machine, freq_hz: Real, weight: Real, before: Jacobian) -> Jacobian:
+    """The same about other stiffness and damping, the slopes by tolerances as before.
+
+    Args:
+        machine: with the others.
+        freq_hz: lines [Hz]; (n_line,).
+        weight: of each value; (n_line, n_out, n_in).
+        before: J of the machine.
+    """
+    solved, shared = _Solved(machine, freq_hz), np.array(before.shared)
+    joints = [
+        own
+        for index in range(len(machine.station.stages))
+        for own in _joints(machine.station, index)
+    ]
+    columns = [stacked(solved.slope(slopes) * weight) for slopes in joints]
+    shared[:, ~before.bounded] = np.array(columns).T
+    return replace(before, shared=shared)
+
+
 def stacked(values: Complex) -> Real:
     """Real parts above imaginary parts, in one column."""
     return np.concatenate([values.real.ravel(), values.imag.ravel()])

@@ -1,7 +1,7 @@
 """The diagnosis on withheld truth: 325 campaigns of the station, drawn, diagnosed and graded.
 
 100 have nothing missing, 60 are mis-tuned only, the others one effect each, at survival ratios 2,
-4 and 8. ``ONLY=diagnosis`` makes the reported campaigns, seeds 170000 and up. ``ONLY=calibrate``
+4 and 8. ``ONLY=diagnosis`` makes the reported campaigns, seeds 220000 and up. ``ONLY=calibrate``
 makes others, seeds 80000 and up, and fits the judgement's constants to them, which it writes to
 ``diagnosis/calibration.json``. Cases that are done are kept: both go on from where they were. Every
 tenth is diagnosed by two threads too, which must say the same to the last digit.
@@ -36,7 +36,7 @@ from truth import (
     write_campaign,
 )
 from truth.errors import NoPlaceError
-from truth.grade import Case, grade, tables, to_json
+from truth.grade import Case, grade, nearest_ratio, tables, to_json
 from truth.station import Station
 from truth.trees import draw_tree
 from tuning import open_session
@@ -44,7 +44,7 @@ from tuning import open_session
 STATION = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"
 RESULTS = Path(__file__).parent / "results"
 WORK = Path(__file__).parent / "work"
-CASES, FIRST, JOBS = 325, 170_000, 2
+CASES, FIRST, JOBS = 325, 220_000, 2
 TWICE = 10  # every so manyth is diagnosed by two threads too
 MEASUREMENT = (
     "drift",
@@ -211,6 +211,13 @@ def ensure(one: Deck, seed: int) -> str | None:
     return answer.read_text("utf-8")
 
 
+def _weakest(answer: str) -> str:
+    """The nearest survival ratio of the cause that a refit hides most."""
+    told = tomllib.loads(answer)
+    ratios = [one.get("ratio") for one in told.get("cause", [told])]
+    return nearest_ratio(None if None in ratios else min(ratios))
+
+
 def _group(card: Card) -> str:
     """Which cases count together."""
     if card.kind != "one":
@@ -255,7 +262,10 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
             refit.write_text(json.dumps({"excess": excess}), encoding="utf-8")
             if row.get("oracle") is not None:
                 known.write_text(json.dumps({"excess": row["oracle"]}), encoding="utf-8")
-        tags = (_group(card),) if card.test == "drawn" else (_group(card), card.test)
+        group = _group(card)
+        tags = (group, f"{group} at {_weakest(row['answer'])}") if card.effects else (group,)
+        if card.test != "drawn":
+            tags = (*tags, card.test)
         given.append(
             Case(
                 str(seed),

@@ -116,7 +116,9 @@ def test_small_effects_behind_a_large_one_have_a_size():
 @pytest.mark.parametrize("pair", [("joint_coupling", "support_loss"), ("mass_error", "appendage")])
 def test_a_place_is_drawn_that_does_for_both_twins(pair, monkeypatch):
     # Random trees have stages without all six directions: no place for a support that is lost.
-    monkeypatch.setattr(Refit, "retuned", Refit.ratio)  # places are asked for, not sizes
+    monkeypatch.setattr(
+        Refit, "retuned", lambda one, machine, _: one.ratio(machine)
+    )  # places are asked for, not sizes
     kind = "body" if pair[0] == "mass_error" else "joint"
     deck = [Card("twin", (name,), 1.0, number, kind, pair) for number in range(4) for name in pair]
     monkeypatch.setattr("truth.deck.cards", lambda seed: iter(deck))

@@ -15,6 +15,7 @@ from truth.measure import hammer_tests
 from truth.protocol import Protocol, occasions, takes
 from truth.refit import BOUND, refit_of
 from truth.rig import Occasion, accelerance
+from truth.slopes import Jacobian, jacobian_again
 
 TOLERANCE = Tolerance()
 PROTOCOL = Protocol((1,), averages=10, lines=201, resolution_hz=1.0)
@@ -173,6 +174,28 @@ def test_further_steps_follow_what_stiffness_and_damping_can_follow_far(machine,
     assert after < 1e-3
     back = refit.moved(np.zeros((~refit.bounded).sum()), refit.deviation)
     np.testing.assert_allclose(back.shared, refit.shared)
+
+
+def test_slopes_made_anew_are_those_of_the_other_machine(machine, refit):
+    logarithms = np.linspace(-0.5, 0.5, int((~refit.bounded).sum()))
+    other = refit.moved(logarithms, refit.deviation)
+    before = Jacobian(refit.shared, refit.bounded[: refit.shared.shape[1]], refit.own)
+    weight = refit.used[:, None] / refit.deviation
+    found = jacobian_again(other.machine, refit.known.freq_hz, weight, before)
+    np.testing.assert_allclose(found.shared[:, ~before.bounded], other.shared[:, ~before.bounded])
+    np.testing.assert_array_equal(found.shared[:, before.bounded], refit.shared[:, before.bounded])
+
+
+def test_a_weaker_damper_hides_a_short_delay(machine, refit):
+    # k exp(-s tau) + c s is k + (c - k tau) s as long as w tau is small.
+    scene = Scene(machine.station, occasions(PROTOCOL, refit.takes))
+    effect = CATALOGUE["feedback_delay"](stream(1, "x"), scene, None)
+    joint = effect.direction.joint(machine.station)
+    short = effect.sized(0.9 * joint.damping / joint.stiffness)
+    delayed = replace(machine, effects=(short,))
+    assert refit.ratio(delayed) > 5
+    assert refit.retuned(delayed) < 0.02 * refit.ratio(delayed)
+    assert refit.retuned(delayed, least=100.0) > refit.retuned(delayed)  # it went no further
 
 
 def refit_free(refit, change):

@@ -121,8 +121,12 @@ def scores_of(judged: Sequence[Judged]) -> Scores:
 
 
 def ratio_of(truth: Truth) -> str:
-    """Return the nearest of ``RATIOS``, on a logarithmic scale, of the first cause; else none."""
-    ratio = truth.causes[0].ratio if truth.causes else None
+    """Return the nearest of ``RATIOS`` of the first cause; else none."""
+    return nearest_ratio(truth.causes[0].ratio if truth.causes else None)
+
+
+def nearest_ratio(ratio: float | None) -> str:
+    """Return the nearest of ``RATIOS``, on a logarithmic scale; none of none."""
     if ratio is None:
         return "none"
     log = math.log(max(ratio, 1e-9))
