@@ -28,6 +28,7 @@ from tuning import Fit, Stage
 
 REFITTED = 6  # of the most promising, so many are fitted, as many again if none explains
 _THERE = 9  # of effects where free forces explain most, so many are fitted beside
+_CLOSEST = 2  # of the best scores at the weights of the noise, wherever: allowances hide small gaps
 _OTHERS = 3  # of the best, so many other shapes are fitted
 _PLACES = 2  # where free forces explain most, whose effects are tried
 _VARIANTS = 4  # of each effect, place and direction, so many shapes are scored again
@@ -158,7 +159,8 @@ class Hunt:
         close, far, scene = self._close, self._far, self._scene
         if turn == 1:
             close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
-            close.try_all(close.best(self._forced)[:_THERE])
+            there = [*close.best(self._forced)[:_THERE], *close.best()[:_CLOSEST]]
+            close.try_all(list({one.key: one for one in there}.values()))
             known = [*self._rounds[0], *self._rounds[1]]
             self._elsewhere = _elsewhere(known, self._forced, scene)
         elif turn == 2:

@@ -7,10 +7,12 @@ import pytest
 
 from diagnosis import EFFECTS, Scene
 from diagnosis.corrections import doubted
+from diagnosis.diagnose import _from_where_others_ended
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.known import known
 from diagnosis.refit import FIRST, LAST, LONG, go_on, posed, refit
 from diagnosis.score import cosines, scores
+from diagnosis.search import Search
 from tests.helpers.drawn import drawn
 from tuning import STAGES, Misfit, fit, thinned
 
@@ -159,3 +161,29 @@ def test_lines_where_a_body_bends_are_doubted_by_as_much(scene):
         mean = (np.abs(frf.values[:, rows]) ** 2).mean(axis=1)
         for row in np.flatnonzero(rows):
             assert added[:, row] == pytest.approx((0.01 * frf.freq_hz[:, None]) ** 2 * mean)
+
+
+def test_nothing_missing_is_fitted_once_more_from_where_an_effect_that_vanished_ended(tmp_path):
+    session, _ = drawn(tmp_path, 72_064, None, lines=161)
+    scene = Scene(session, session.model.drawn)
+    names = [parameter.name for parameter in session.model.parameters]
+    stiff = np.array([name.startswith("stage2") and name.endswith("stiffness") for name in names])
+    far = replace(scene, theta=np.where(stiff, 1e3, 1.0) * scene.theta)
+    first, nothing = (
+        refit(far, None, session.campaign, (replace(stage, max_steps=1),))
+        for (stage,) in (FIRST, LAST)
+    )
+    assert nothing.chi_square > 5
+    one = only(scene, "structural_damping")[0]
+    seeming = refit(scene, one, session.campaign, (*FIRST, *LAST))
+    assert seeming.chi_square < 1.1
+    found = _from_where_others_ended(scene, first, nothing, Search(refits=(seeming,)))
+    assert found.hypothesis is None
+    assert found.chi_square < 1.1
+    # Who leaves most of the gap does not know the way.
+    poor = Search(refits=(replace(seeming, chi_square=0.6 * nothing.chi_square),))
+    assert _from_where_others_ended(scene, first, nothing, poor) is nothing
+    # A gap that is there is there from anywhere.
+    true = refit(scene, None, session.campaign, (*FIRST, *LAST))
+    there = replace(true, chi_square=5.0)
+    assert _from_where_others_ended(scene, true, there, Search(refits=(seeming,))) is there
