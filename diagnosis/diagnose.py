@@ -57,7 +57,7 @@ class Diagnosis:
     """All that led to a verdict.
 
     Args:
-        session: what was opened, without dead channels.
+        session: what was opened, without channels that tell nothing.
         gate: what sensors alone say.
         base: what was fitted without any effect, and where that ended.
         nothing: refit without any effect, on channels that no gate took out.
@@ -124,7 +124,7 @@ def diagnose(
         asked = [one for one in proposed if one.location not in taken]
         found = searched(scene, (early, first, nothing), asked, say)
         nothing = _from_where_others_ended(scene, first, nothing, found)
-    evidence = _evidence(scene, made, nothing, found, len(changing))
+    evidence = _evidence(scene, gate, made, nothing, found, len(changing))
     judged = judge(evidence)
     present = _present(judged, made, found)
     say("the gap on held-out lines")
@@ -234,7 +234,12 @@ def _from_where_others_ended(scene: Scene, first: Refit, nothing: Refit, found: 
 
 
 def _evidence(
-    scene: Scene, proven: Sequence[Hypothesis], nothing: Refit, found: Search, changing: int
+    scene: Scene,
+    gate: Gate,
+    proven: Sequence[Hypothesis],
+    nothing: Refit,
+    found: Search,
+    changing: int,
 ) -> Evidence:
     """What the judgement reads."""
     sources = {test.estimate.variance_source for test in nothing.session.campaign.tests}
@@ -244,6 +249,7 @@ def _evidence(
         loose, pull = freed.loose or loose, freed.pull or pull
     return Evidence(
         proven=tuple(one.key for one in proven),
+        unknown=gate.unknown,
         cost=nothing.cost,
         chi_square=nothing.chi_square,
         loose=loose,

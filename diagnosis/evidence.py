@@ -94,6 +94,7 @@ class Evidence(_Row):
 
     Args:
         proven: what gates took out before.
+        unknown: places of sensors that gates proved wrong by no fault of the catalogue.
         cost, chi_square: of the refit without any effect, as of ``Refitted``.
         loose: chi square if tolerances have no bounds; as above where that was not asked.
         pull: the largest of them then, in standard deviations.
@@ -106,6 +107,7 @@ class Evidence(_Row):
     """
 
     proven: tuple[Key, ...]
+    unknown: tuple[str, ...] = ()
     cost: float
     chi_square: float
     loose: float

@@ -43,6 +43,9 @@ def next_experiment(found: Diagnosis) -> str | None:
 def _of_unknown(found: Diagnosis) -> str:
     """Where something pushes, and whether it depends on the level is not known yet."""
     places = [place for place, _ in found.judged.where]
+    if places and places[0] in found.gate.unknown:
+        sensor = places[0].partition(":")[2]
+        return f"exchange {sensor}, its cable and its amplifier with those of another and repeat"
     where = f" at {places[0]}, where something pushes" if places else ""
     levels = {test.condition.level_n for test in found.session.campaign.tests}
     if len(levels) < 2:

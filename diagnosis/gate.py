@@ -17,11 +17,13 @@ from diagnosis.effects.points import three
 from diagnosis.effects.sensor_polarity import turned
 from diagnosis.evidence import BENDS, Key
 from diagnosis.hypothesis import Hypothesis, Value, released
-from identification import BodyCheck, Fault, check_bodies, delayed, mount, silent
+from identification import BodyCheck, Fault, check_bodies, delayed, doubled, mount, silent
 from identification.words import Campaign, Dof, Real
 from tuning import Session
 
 _GROSS = ("dead_channel", "sensor_polarity", "sensor_swap")
+_UNKNOWN = "sensor_unknown"
+_TELLS_NOTHING = ("dead_channel", _UNKNOWN)
 _TOO_MANY = 2  # sensors of one body that are wrong by some amount each, bodies that bend
 PROVEN = 0.9  # probability above which a fault is taken out
 # Tolerance that is released, and what the verdict calls its value.
@@ -39,7 +41,8 @@ class Gate:
     Args:
         checks: of every body.
         faults: those that are proven.
-        alive: all that was measured but for channels that are dead or read noise alone.
+        alive: all that was measured but for channels that are dead, read noise alone, or wrong by
+            no fault that anybody knows: nothing can be said of what they should have read.
         campaign: without the channels that any proven fault concerns; where a body is not solid,
             its channels are doubted by as much.
         flexible: bodies that bend; none if most seem to, whose noise is then larger than stated.
@@ -53,6 +56,12 @@ class Gate:
     flexible: tuple[BodyCheck, ...]
     undoubted: Campaign
 
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Places of sensors that are wrong by no fault that anybody knows."""
+        found = (one.location for one in self.faults if one.effect == _UNKNOWN)
+        return tuple(dict.fromkeys(found))
+
     def solid(self) -> "Gate":
         """The same if no body bends after all."""
         faults = tuple(one for one in self.faults if one.effect != BENDS)
@@ -61,11 +70,14 @@ class Gate:
 
 def sensor_gate(campaign: Campaign) -> Gate:
     """Check every body, take out what is proven."""
-    checks = check_bodies(campaign)
+    checks, same = check_bodies(campaign), doubled(campaign)
     proven: dict[Key, Fault] = {}
     flexible = []
     for check in checks:
-        kept = _one_cause(check, [one for one in check.faults if one.probability >= PROVEN])
+        sure = [one for one in check.faults if one.probability >= PROVEN]
+        twice = {id(one): _exported_twice(one, same) for one in sure}
+        kept = [wrong for one in sure for wrong in twice[id(one)]]
+        kept += _one_cause(check, [one for one in sure if not twice[id(one)]])
         flexible += [check] if any(one.effect == BENDS for one in kept) else []
         proven |= {(one.effect, one.location, one.dof): one for one in kept}
     bending = flexible
@@ -73,7 +85,7 @@ def sensor_gate(campaign: Campaign) -> Gate:
         bending = []  # or set-ups met different machines, which looks like small faults as well
         proven = {key: one for key, one in proven.items() if one.effect in _GROSS}
     faults = tuple(proven.values())
-    dead = [one for one in faults if one.effect == "dead_channel"]
+    dead = [one for one in faults if one.effect in _TELLS_NOTHING]
     # What reads noise alone is dead, or still: either way it tells nothing.
     none = silent(campaign)
     heard = masked(campaign, lambda dof: dof.positive in none) if none else campaign
@@ -84,6 +96,23 @@ def sensor_gate(campaign: Campaign) -> Gate:
         beyond = np.sqrt(np.maximum(check.reconstruction**2 - check.expected**2, 0.0))
         clean = doubted(clean, check.channels, partial(_read_off, check.freq_hz, beyond))
     return Gate(checks, faults, alive, clean, tuple(bending), undoubted)
+
+
+def _exported_twice(one: Fault, same: frozenset[Dof]) -> list[Fault]:
+    """What is wrong with a sensor if its channels hold the numbers of others: no known fault.
+
+    Args:
+        one: fault of a sensor, or of a body.
+        same: channels that hold the numbers of others.
+    """
+    if not one.location.startswith("sensor:"):
+        return []
+    concerned = channels_of(one.location, one.dof)
+    return [
+        replace(one, effect=_UNKNOWN, location=f"sensor:{dof.point}", dof=dof.direction[1:])
+        for dof in sorted(same, key=str)
+        if concerned(dof)
+    ]
 
 
 def _one_cause(check: BodyCheck, sure: list[Fault]) -> list[Fault]:

@@ -23,6 +23,9 @@ cost0 without any effect,
 
     p(cause) = explained softmax(-cost / (least + inexact n + temper (cost0 - best)))
 
+A sensor that gates proved wrong by no fault of the catalogue is something that is missing and that
+nothing explains: then p(none) is that of the sensor, unexplained.
+
 Places: of what a cause explains, the cause's; of what nothing explains, a softmax of what a free
 force gains at each place. Most constants are calibrated on virtual campaigns whose
 seeds no reported figure uses; ``calibration.json`` says which.
@@ -152,6 +155,8 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     seeming = (1 - explained) * visible
     none = sure * (1 - explained) * (1 - visible) + doubt / 2
     unknown = sure * seeming * (1 - twofold) + doubt / 2
+    strange = none - doubt / 2 if seen.unknown else 0.0  # a sensor is wrong, nobody knows how
+    none -= strange
     alone, double = sure * explained * (1 - twofold), sure * (explained + seeming) * twofold
     ones = [(one.key,) for one in seen.refits]
     single = _shared(alone, ones, _weights(seen, by, seen.refits))
@@ -160,7 +165,8 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     if not seen.proven:
         causes = _kept(found)
         leading = max(pairs, key=lambda keys: pairs[keys], default=())
-        return _judged(none, unknown, double, causes, leading, _places(seen, by, causes, unknown))
+        where = _places(seen, by, causes, unknown, strange)
+        return _judged(none, unknown + strange, double, causes, leading, where)
     if any(effect == BENDS for effect, _, _ in seen.proven):
         unknown = doubt / 2  # it drives all bodies in ways that no Part holds: a gap is no surprise
     # What a gate proved is present: alone, with other causes, or with what nobody knows.
@@ -172,7 +178,7 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     rest = 1 - max(certain.values())
     causes = _kept(certain | both)
     leading = tuple(key for key, probability in causes if probability > _LIKELY)
-    where = _places(seen, by, causes, rest)
+    where = _places(seen, by, causes, rest, rest if seen.unknown else 0.0)
     return _judged(doubt / 2, rest - doubt / 2, several, causes, leading, where)
 
 
@@ -259,12 +265,14 @@ def _kept(causes: Mapping[Key, float]) -> Shares:
 
 
 def _places(
-    seen: Evidence, by: Calibration, causes: Shares, unknown: float
+    seen: Evidence, by: Calibration, causes: Shares, unknown: float, strange: float
 ) -> tuple[tuple[str, float], ...]:
     """Places by their share, which sum to one."""
     shares: dict[str, float] = {}
     for (_, place, _), probability in causes:
         shares[place] = shares.get(place, 0.0) + probability
+    for place in seen.unknown:
+        shares[place] = shares.get(place, 0.0) + strange / len(seen.unknown)
     if seen.pushed:
         gains = np.array([max(one.gain, 0.0) for one in seen.pushed])
         own = softmax(gains / (by.share * gains.max() + by.least))

@@ -2,7 +2,7 @@
 
 from identification.band import band_lines
 from identification.campaign import correct_layout, read_campaign
-from identification.channels import silent
+from identification.channels import doubled, silent
 from identification.layout_in import read_layout
 from identification.settings import CampaignSettings, read_settings
 from identification.solid import (
@@ -36,6 +36,7 @@ __all__ = [
     "correct_layout",
     "delayed",
     "difference_variance",
+    "doubled",
     "mount",
     "read_campaign",
     "read_layout",

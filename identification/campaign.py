@@ -34,6 +34,8 @@ from identification.words import (
     node_of,
 )
 
+_PERFECT = 1 - 1e-9  # coherence that noise never leaves
+
 
 def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Campaign:
     """Read all tests of a campaign, of FRFs or of time records.
@@ -101,8 +103,22 @@ def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> La
 
 def _table(path: Path, entry: TestSettings, layout: Layout) -> FrfTable:
     file = path.parent / entry.file
-    table = _on_sites(file, _read_table(file, entry), layout)
+    table = _of_several_hits(file, _on_sites(file, _read_table(file, entry), layout))
     return replace(table, values=table.values.conj()) if entry.time_sign == "-" else table
+
+
+def _of_several_hits(file: Path, table: FrfTable) -> FrfTable:
+    """Without a coherence that is one everywhere, as of a single hit: it tells no noise."""
+    if table.coherence is None:
+        return table
+    known = table.coherence[:, table.measured]
+    if not np.isfinite(known).any() or np.nanmin(known) < _PERFECT:
+        return table
+    remark = (
+        f"{file.name}: its coherence is 1 on every line, as of a single hit, and tells nothing: "
+        "the noise is estimated from third differences along frequency; export it over all hits"
+    )
+    return replace(table, coherence=None, remarks=(*table.remarks, remark))
 
 
 def _tests_of_table(

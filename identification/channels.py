@@ -85,14 +85,29 @@ def _dead(test: Test) -> list[str]:
     ]
 
 
+def doubled(campaign: Campaign) -> frozenset[Dof]:
+    """Channels that in every test hold the same numbers as another, but for sign."""
+    each = (
+        {test.estimate.frf.outputs[k].positive for pair in _pairs(test) for k in pair}
+        for test in campaign.tests
+    )
+    return frozenset(set.intersection(*each))
+
+
 def _doubled(test: Test) -> list[str]:
+    outputs = test.estimate.frf.outputs
+    return [
+        f"{outputs[one]} and {outputs[other]} hold the same numbers: one is exported twice"
+        for one, other in _pairs(test)
+    ]
+
+
+def _pairs(test: Test) -> list[tuple[int, int]]:
+    """Places of two channels that hold the same numbers."""
     frf = test.estimate.frf
     values = frf.values[:, :, 0]
     sizes = np.linalg.norm(values, axis=0)
     scaled = values / np.where(sizes > 0, sizes, 1.0)
     alike = np.triu(1 - np.abs(scaled.conj().T @ scaled) < _SAME, 1)
     alike &= (sizes > 0)[:, None] & (np.abs(sizes[:, None] / np.maximum(sizes, 1e-300) - 1) < _SAME)
-    return [
-        f"{frf.outputs[one]} and {frf.outputs[other]} hold the same numbers: one is exported twice"
-        for one, other in np.argwhere(alike)
-    ]
+    return [(int(one), int(other)) for one, other in np.argwhere(alike)]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from diagnosis import diagnose, verdict_of
 from diagnosis.corrections import channels_of, divided, exchanged, masked
 from diagnosis.gate import hypothesis_of, sensor_gate
 from diagnosis.hypothesis import freed
@@ -119,6 +120,58 @@ def test_a_turned_channel_is_proven_and_taken_out(session):
     assert not sensor_gate(session.campaign).faults
     off = [not test.estimate.measured.all() for test in gate.campaign.tests]
     assert all(off)
+
+
+def fullest(session):
+    """A sensor of the body with most channels."""
+    layout = session.campaign.layout
+    on = [layout.body_name(site) for site in sites(session)]
+    return sites(session)[on.index(max(on, key=on.count))]
+
+
+def read_as(session, reading):
+    """The campaign with other readings: of a test's FRFs, lines and outputs."""
+    tests = []
+    for test in session.campaign.tests:
+        frf = test.estimate.frf
+        values = reading(frf.values, frf.freq_hz, list(map(str, frf.outputs)))
+        estimate = replace(test.estimate, frf=replace(frf, values=values))
+        tests.append(replace(test, estimate=estimate))
+    return replace(session.campaign, tests=tuple(tests))
+
+
+def test_a_sensor_that_is_wrong_by_no_known_fault_is_left_out_and_named(session):
+    site = fullest(session)
+
+    def wobbling(values, freq_hz, outputs):
+        wrong = np.ones(values.shape)
+        wrong[:, outputs.index(f"{site}:+tz"), 0] += 0.6 * np.sin(freq_hz / 9)
+        return values * wrong
+
+    campaign = read_as(session, wobbling)
+    gate = sensor_gate(campaign)
+    assert [(f.effect, f.location, f.dof) for f in gate.faults] == [
+        ("sensor_unknown", f"sensor:{site}", "tz")
+    ]
+    assert gate.unknown == (f"sensor:{site}",)
+    for test in gate.alive.tests:
+        row = list(map(str, test.estimate.frf.outputs)).index(f"{site}:+tz")
+        assert not test.estimate.measured[row, 0]
+    found = verdict_of(diagnose(replace(session, campaign=campaign)))
+    assert (found.verdict, found.where[0].location) == ("unexplained", f"sensor:{site}")
+    assert f"exchange {site}" in found.next_experiment
+
+
+def test_numbers_exported_twice_are_no_exchanged_channels(session):
+    site = fullest(session)
+
+    def twice(values, _, outputs):
+        same = values.copy()
+        same[:, outputs.index(f"{site}:+tz")] = values[:, outputs.index(f"{site}:+tx")]
+        return same
+
+    gate = sensor_gate(read_as(session, twice))
+    assert {(f.effect, f.location) for f in gate.faults} == {("sensor_unknown", f"sensor:{site}")}
 
 
 def test_where_most_bodies_seem_to_bend_small_faults_of_sensors_are_no_more_believed(

@@ -210,3 +210,17 @@ def test_what_one_effect_gains_tells_a_gap_as_small_as_what_noise_may_hide():
     # One tolerance of hundreds, free of its bound, gains as much: nothing is missing.
     assert seen(0.0, loose=1.0, pull=3.5).word == "none"
     assert seen(0.0, loose=1.0, pull=9.0).word == "explained"  # none of them is so far off
+
+
+def test_a_sensor_that_is_wrong_by_no_known_fault_is_something_missing():
+    nothing = evidence(0.01)
+    strange = nothing.model_copy(update={"unknown": ("sensor:acc9",)})
+    before, found = judge(nothing), judge(strange)
+    assert (before.word, found.word) == ("none", "unexplained")
+    assert found.none + found.unexplained == pytest.approx(before.none + before.unexplained)
+    assert found.where[0][0] == "sensor:acc9"
+    # What explains all the rest is there beside it.
+    one = refit("mass_error", "body:a", 1e4, 0.0)
+    found = judge(evidence(3.0, (one,)).model_copy(update={"unknown": ("sensor:acc9",)}))
+    assert found.word == "explained"
+    assert found.where[0][0] == "body:a"

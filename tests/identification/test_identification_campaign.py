@@ -135,6 +135,21 @@ def test_arrays_become_tests_by_reference(read):
         np.testing.assert_array_equal(test.estimate.coherence[:, :, 0], coherence[:, :, k])
 
 
+def test_a_coherence_of_one_everywhere_tells_nothing(read):
+    values = numbers(5, (9, 4, 2))
+    text = ARRAY_TEST + "averages = 6\n"
+    ones = np.ones(values.shape)
+    campaign = read(text, b_npz=npz(frf=values, coherence=ones, freq_hz=EVEN))
+    assert any("coherence is 1 on every line" in one for one in campaign.remarks)
+    for test in campaign.tests:
+        assert test.estimate.coherence is None
+        assert test.estimate.variance_source == "differences"
+    ones[4, 1, 1] = 0.9
+    campaign = read(text, b_npz=npz(frf=values, coherence=ones, freq_hz=EVEN))
+    assert not any("coherence" in one for one in campaign.remarks)
+    assert all(test.estimate.variance_source == "coherence" for test in campaign.tests)
+
+
 def test_accelerance_is_meant_where_arrays_do_not_say(read):
     (test, _) = read(ARRAY_TEST, b_npz=npz(frf=numbers(5, (9, 4, 2)), freq_hz=EVEN)).tests
     assert test.estimate.frf.quantity == "accelerance"
