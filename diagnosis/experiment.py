@@ -1,6 +1,22 @@
-"""What to measure next: what separates the leading causes best, or confirms the one there is."""
+r"""What to measure next: what separates the leading causes best, or confirms the one there is.
 
-from collections.abc import Sequence
+Of rivals with probabilities p, fitted to what was measured, an experiment is foreseen to tell
+
+    gain = sum over i, j of p_i p_j / sum(p)^2  D_ij   [nats],
+
+the expected log of the odds that it moves (Lindley 1956). D_ij is what j still leaves of the
+experiment if i is true, tuned anew to it and to all that was measured before:
+
+    D_ij = min over dx of  |(H_i - H_j - J_j dx) / sigma|^2 + dx' (N_j + P) dx / 2
+         = c - g' (N_j + P + N_new)^-1 g / 2,
+
+N_j the normal equations of what was measured, P those of the priors, c, g and N_new cost, gradient
+and normal equations of j against the FRFs that i foresees, with the noise of the tests there are. A
+new hit is off by tolerances of its own, which are tuned with all others.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,13 +24,55 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.effects import PROVEN, catalogue
 from diagnosis.evidence import Key
 from diagnosis.refit import Refit
-from identification import smooth_variance
-from identification.words import Campaign, Complex, Dof, node_of
-from mbmodel import Evaluator, Question
-from tuning import thinned
+from identification.words import (
+    Campaign,
+    Condition,
+    Dof,
+    Frf,
+    FrfEstimate,
+    Real,
+    Test,
+    distinct,
+    node_of,
+)
+from mbmodel import (
+    AddedPart,
+    Change,
+    Evaluator,
+    Machine,
+    Model,
+    Parameter,
+    Part,
+    Question,
+    hammer_parts,
+)
+from tuning import Freedom, Misfit, channel_noise, thinned
+from tuning.confidence import WIDEST
 
 _RIVAL = 0.05  # probability of a cause that is worth an experiment
+_RIVALS = 3
 _STRIDE = 8
+_SURE = 30.0  # nats: who gains more decides, then the least effort does
+_ALIKE = 3.0  # nats: what gains less tells nothing
+_KNOWN = 0.1  # of a body's mass: a mass that is added
+_KNOWN_MASS = "known_mass"
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """Something that can be measured.
+
+    Args:
+        words: what to do.
+        inputs: what is hit.
+        parts: that a machine then has as well.
+        undone: the cause that is taken out of the machine; None for none.
+    """
+
+    words: str
+    inputs: tuple[Dof, ...]
+    parts: Callable[[Machine], tuple[Part, ...]] = lambda _: ()
+    undone: Key | None = None
 
 
 def next_experiment(found: Diagnosis) -> str | None:
@@ -29,12 +87,13 @@ def next_experiment(found: Diagnosis) -> str | None:
     if word == "unexplained" or not causes:
         return _of_unknown(found)
     refits = {one.hypothesis.key: one for one in found.search.refits if one.hypothesis}
-    rivals = [key for key, share in causes if share >= _RIVAL and key in refits]
+    likely = {key: share for key, share in causes if share >= _RIVAL and key in refits}
+    rivals = [(refits[key], share) for key, share in list(likely.items())[:_RIVALS]]
     if len(rivals) > 1 and word == "explained":
-        first, second = (refits[key] for key in rivals[:2])
-        hit = _separating(found.session.campaign, first, second)
-        if hit is not None:
-            return _of_rivals(rivals, *hit)
+        best, gain = best_experiment(found.session.campaign, rivals)
+        one, other = (refit.hypothesis.site for refit, _ in rivals[:2] if refit.hypothesis)
+        if gain > _ALIKE:
+            return f"{best.words}: foreseen to tell {one} from {other} by {gain:.2g} nats"
     effect, place, dof = causes[0][0]
     known = catalogue().get(effect) or PROVEN[effect]
     return known.said(known.confirm, place, dof)
@@ -56,44 +115,168 @@ def _of_unknown(found: Diagnosis) -> str:
     return f"put sensors on both sides{where}, and hit there"
 
 
-def _of_rivals(rivals: Sequence[Key], point: str, apart: float) -> str:
-    one, other = (f"{effect}@{place}" for effect, place, _ in rivals[:2])
-    return f"hit {point} as well: {one} and {other} foresee FRFs that differ by {apart:.2g} noises"
+def best_experiment(
+    campaign: Campaign, rivals: Sequence[tuple[Refit, float]]
+) -> tuple[Experiment, float]:
+    """What tells rivals apart best, and its gain in nats; of what decides the least effort.
 
-
-def _separating(campaign: Campaign, one: Refit, other: Refit) -> tuple[str, float] | None:
-    """The point not hit yet where two refits differ most, and by how much.
-
-    That is the root of the mean of |H - H'|^2 over the variance that the channels have on the
-    average of their tests, over lines, channels and three directions.
+    Args:
+        campaign: what was measured.
+        rivals: refits with their probabilities.
     """
     thin = thinned(campaign, _STRIDE)
-    layout = one.session.model.machine.layout
-    hit = {test.condition.reference.point for test in campaign.tests}
-    points = [p for p in layout.points if node_of(p) is not None and p not in hit]
-    variance: dict[Dof, list[np.ndarray]] = {}
-    for test in thin.tests:
-        own = smooth_variance(test.estimate)[:, :, 0]
-        for row, dof in enumerate(test.estimate.frf.outputs):
-            if test.estimate.measured[row, 0]:
-                variance.setdefault(dof.positive, []).append(own[:, row])
-    outputs = tuple(variance)
-    inputs = tuple(Dof.of(point, axis) for point in points for axis in range(3))
-    if not inputs or not outputs:
-        return None
-    first, second = (_foreseen(fit, thin, outputs, inputs) for fit in (one, other))
-    noise = np.array([np.mean(variance[dof], axis=0) for dof in outputs]).T
-    known = noise > 0
-    squares = np.abs(first - second) ** 2 / np.where(known, noise, np.inf)[:, :, None]
-    apart = squares.mean(axis=(0, 1)).reshape(len(points), 3).mean(axis=1)
-    best = int(apart.argmax())
-    return points[best], float(np.sqrt(apart[best]))
+    before = {one: _before(one) for one, _ in rivals}
+    best: tuple[Experiment, float] | None = None
+    for several in _by_effort(campaign, [one for one, _ in rivals]):
+        for asked in several:
+            gain = _gain(asked, thin, len(campaign.freq_hz), rivals, before)
+            if best is None or gain > best[1]:
+                best = asked, gain
+        if best is not None and best[1] > _SURE:
+            break
+    if best is None:
+        raise ValueError("a campaign without hits has no experiment")
+    return best
 
 
-def _foreseen(
-    fit: Refit, campaign: Campaign, outputs: tuple[Dof, ...], inputs: tuple[Dof, ...]
-) -> Complex:
-    """FRFs of a refit; (n_freq, n_out, n_in)."""
-    quantity = campaign.tests[0].estimate.frf.quantity
-    question = Question(campaign.freq_hz, outputs, inputs, quantity)
-    return Evaluator(fit.session.model, question).at(fit.fit.theta).values
+def _by_effort(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[list[Experiment]]:
+    """Further hits; then causes that can be taken out of the machine; then known masses."""
+    machine = rivals[0].session.model.machine
+    layout = machine.layout
+    made = distinct(test.condition.reference.positive for test in campaign.tests)
+    hits = []
+    for point in (one for one in layout.points if node_of(one) is not None):
+        inputs = tuple(dof for dof in (Dof.of(point, axis) for axis in range(3)) if dof not in made)
+        if inputs:
+            axes = " and ".join(dof.direction[2:] for dof in inputs)
+            along = "" if len(inputs) == 3 else f" along {axes}"
+            hits.append(Experiment(f"hit {point}{along} as well", inputs, _hammers(inputs)))
+    yield hits
+    undone = []
+    for one in rivals:
+        if one.hypothesis is None:
+            continue
+        effect, place, dof = one.hypothesis.key
+        known = catalogue()[effect]
+        if known.undoes:
+            words = known.said(known.confirm, place, dof)
+            undone.append(Experiment(words, made, undone=one.hypothesis.key))
+    yield undone
+    yield [
+        Experiment(
+            f"add {_KNOWN * float(machine.body_mass[6 * k, 6 * k]):.2g} kg at {body} and repeat",
+            made,
+            _known_mass(k),
+        )
+        for k, body in enumerate(layout.bodies)
+    ]
+
+
+def _hammers(inputs: tuple[Dof, ...]) -> Callable[[Machine], tuple[Part, ...]]:
+    return lambda machine: hammer_parts(machine, inputs)
+
+
+def _known_mass(body: int) -> Callable[[Machine], tuple[Part, ...]]:
+    """A mass at a body's centre of mass, a tenth of its own."""
+
+    def parts(machine: Machine) -> tuple[Part, ...]:
+        frame = np.zeros((len(machine.body_mass), 3))
+        frame[6 * body : 6 * body + 3] = np.eye(3)
+        core = np.zeros((1, 3, 3, 3))
+        core[0, 2] = _KNOWN * machine.body_mass[6 * body, 6 * body] * np.eye(3)
+        own = Parameter(_KNOWN_MASS, 1.0, "1", positive=False)
+        place = f"body:{machine.layout.bodies[body]}"
+        return (AddedPart.linear(place, (own,), (Change("body", frame, frame, core),)),)
+
+    return parts
+
+
+def _gain(
+    asked: Experiment,
+    thin: Campaign,
+    lines: int,
+    rivals: Sequence[tuple[Refit, float]],
+    before: Mapping[Refit, Real],
+) -> float:
+    """Nats that an experiment is foreseen to gain."""
+    total = sum(share for _, share in rivals)
+    posed = {one: _posed(asked, one) for one, _ in rivals}
+    gain = 0.0
+    for true, share in rivals:
+        told = _foreseen(posed[true], thin, asked.inputs)
+        for rival, other in rivals:
+            if rival is not true:
+                left = _left(posed[rival], told, before[rival], lines / len(thin.freq_hz))
+                gain += share * other * left / total**2
+    return gain
+
+
+@dataclass(frozen=True, eq=False)
+class _Posed:
+    """A rival in an experiment: its model, where it stands, and what cannot vary."""
+
+    model: Model
+    theta: Real
+    freedom: Freedom
+    pinned: frozenset[str]
+
+
+def _posed(asked: Experiment, rival: Refit) -> _Posed:
+    session, one = rival.session, rival.hypothesis
+    model = Model(
+        session.model.machine, (*session.model.parts, *asked.parts(session.model.machine))
+    )
+    theta = np.append(rival.fit.theta, model.drawn[len(rival.fit.theta) :])
+    names = [parameter.name for parameter in model.parameters]
+    pinned = {_KNOWN_MASS}
+    if one is not None and one.key == asked.undone:
+        pinned |= set(one.coordinates)
+        theta = np.where(np.isin(names, one.coordinates), model.drawn, theta)
+    freedom = session.freedom.extended(model, session.campaign.tolerance)
+    return _Posed(model, theta, freedom, frozenset(pinned))
+
+
+def _foreseen(true: _Posed, thin: Campaign, inputs: tuple[Dof, ...]) -> Campaign:
+    """What an experiment would measure, without noise, which is as before."""
+    first = thin.tests[0].estimate.frf
+    noise = channel_noise(thin)
+    outputs = tuple(noise)
+    question = Question(thin.freq_hz, outputs, inputs, first.quantity)
+    values = Evaluator(true.model, question).at(true.theta).values
+    variance = np.stack([noise[dof] for dof in outputs], axis=1)[:, :, None]
+    tests = []
+    for column, reference in enumerate(inputs):
+        own = values[:, :, [column]]
+        frf = Frf(thin.freq_hz, own, outputs, (reference,), first.quantity)
+        estimate = FrfEstimate(frf, variance, "differences", np.ones((len(outputs), 1), bool))
+        tests.append(Test(Condition("not made", reference), estimate))
+    return replace(thin, tests=tuple(tests))
+
+
+def _left(rival: _Posed, told: Campaign, before: Real, times: float) -> float:
+    """D: what a rival leaves of foreseen FRFs, tuned to them and to what was measured."""
+    varies = rival.freedom
+    problem = Misfit(rival.model, told, varies, allowance=0.0)
+    x = varies.coordinates(rival.theta)
+    value, gradient, normal = problem.normal(x)
+    cost = (value - problem.prior(x)) * times
+    slope = (gradient - np.where(varies.has_prior, x, 0.0)) * times
+    whole = normal.dense() * times
+    whole[: len(before), : len(before)] += before
+    whole += np.diag(np.where(varies.has_prior, 1.0, WIDEST**-2))
+    free = np.array([name not in rival.pinned for name in varies.names])
+    scale = 1 / np.sqrt(np.diag(whole)[free])
+    inner = whole[np.ix_(free, free)] * np.outer(scale, scale)
+    own = scale * slope[free]
+    return max(float(cost - own @ np.linalg.solve(inner, own) / 2), 0.0)
+
+
+def _before(rival: Refit) -> Real:
+    """Normal equations of what was measured; (n_x, n_x)."""
+    session = rival.session
+    thin = thinned(session.campaign, _STRIDE)
+    problem = Misfit(session.model, thin, session.freedom, allowance=0.0)
+    x = session.freedom.coordinates(rival.fit.theta)
+    times = len(session.campaign.freq_hz) / len(thin.freq_hz)
+    found: Real = problem.normal(x)[2].dense() * times
+    return found

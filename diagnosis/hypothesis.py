@@ -14,6 +14,12 @@ Value = float | tuple[float, ...]
 Ends = tuple[float, float] | tuple[tuple[float, float], ...]  # of a vector one pair a component
 
 
+class Vague(tuple[float, ...]):
+    """A vector with a component that is a convention, of which nothing is known: no interval."""
+
+    __slots__ = ()
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """What hypotheses are made from.
@@ -129,12 +135,14 @@ class Effect:
         noun: what it is in a few words.
         means: what it is, in words; may name ``{place}`` and ``{dof}``.
         confirm: what to do on the machine to confirm or refute it; likewise.
+        undoes: whether that takes it out of the machine, which is repeated without it then.
     """
 
     propose: Callable[["Scene"], Iterable[Hypothesis]]
     noun: str
     means: str
     confirm: str
+    undoes: bool = False
 
     def __call__(self, scene: "Scene") -> Iterable[Hypothesis]:
         """Its hypotheses for a scene."""

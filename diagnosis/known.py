@@ -1,14 +1,18 @@
 """What is known of a refit's parameters: their intervals, as the verdict states them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.hypothesis import Ends, Hypothesis, Value
+from diagnosis.hypothesis import Ends, Hypothesis, Vague, Value
 from diagnosis.refit import FINAL, Refit, named, uninterrupted
 from identification.words import Real
 from tuning import PLAUSIBLE, QUANTILE, Confidence, Freedom, confidence, fit, thinned
+
+_BESIDE, _STEP = 1e-5, 1e-7  # standard deviations: where slopes are taken, and over what
+_FLAT = 1e-6  # of a slope, what is none
+_STREWN = 100  # points of the ellipsoid, and as many across
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,34 +36,80 @@ class Known:
     def intervals(self, one: Hypothesis) -> dict[str, Ends]:
         """Of a hypothesis' parameters, 95 %; none of those that were not fitted.
 
-        With C the covariance of the coordinates x and g the slope of a stated number y, its ends
-        are y(x +- q C g / sqrt(g' C g)): of y linear in x those are y +- q sqrt(g' C g), of the
-        exponential of a coordinate those of its logarithm.
-        """
-        varies, sure, x = self.freedom, self.sure, self.sure.x
-        middle = self.stated(one)
-        flat = _flat(middle)
-        read = _Read(named(varies, self.theta))
-        one.state(read)
-        own = [k for k, name in enumerate(varies.names) if name in read.names]
-        covariance = sure.covariance[np.ix_(own, own)]
+        With C the covariance of the coordinates x, an interval is from the least to the most that a
+        stated number y comes to on the ellipsoid d' C^-1 d = q^2 about x. With g its slope, that is
+        at d = +- q C g / sqrt(g' C g): y +- q sqrt(g' C g) of what is linear in x, of the
+        exponential of a coordinate the ends of its logarithm. Further points, strewn at random,
+        are for what bends, as the largest of several does: of what is linear they are within.
+        Of each d counts P d, without what changes nothing that is stated, of which the data may
+        know nothing: four supports that lose alike, which is a softer joint.
 
-        def moved(by: Real) -> Real:
-            change = np.zeros(len(x))
-            change[own] = by
-            stated = middle | one.state(named(varies, varies.theta(x + change)))
+        None is said of what goes with a size that may as well be nothing, such as the place of a
+        mass: a quotient has bounds only where its divisor is not zero (Fieller 1954).
+        """
+        read = _Read(named(self.freedom, self.theta))
+        middle = one.state(read)
+        own = [k for k, name in enumerate(self.freedom.names) if name in read.names]
+        if not own or not middle:
+            return {}
+        deviation = self.sure.deviation[own]
+        correlation = self.sure.covariance[np.ix_(own, own)] / np.outer(deviation, deviation)
+
+        def at(units: Real) -> Real:
+            x = self.sure.x.copy()
+            x[own] += deviation * units
+            stated = middle | one.state(named(self.freedom, self.freedom.theta(x)))
             return _flat({name: stated[name] for name in middle})
 
-        slopes = np.zeros((len(flat), len(own)))
-        for place, step in enumerate(0.1 * sure.deviation[own]):
-            slopes[:, place] = (moved(step * (np.arange(len(own)) == place)) - flat) / step
-        ends = np.tile(flat, (3, 1))
-        for place, slope in enumerate(slopes):
-            spread = np.sqrt(slope @ covariance @ slope)
-            if spread > 0:
-                farthest = QUANTILE * (covariance @ slope) / spread
-                ends[1:, place] = moved(-farthest)[place], moved(farthest)[place]
-        return _paired(middle, ends.min(axis=0), ends.max(axis=0))
+        slopes = _slopes(at, self._inwards(own))
+        kept = _row_space(slopes)
+        root = _root(kept @ correlation @ kept)
+        ways = np.vstack([slopes @ root, _strewn(len(own))])
+        ways = ways[ways.any(axis=1)]
+        farthest = QUANTILE * ways / np.linalg.norm(ways, axis=1)[:, None] @ root
+        points = [_flat(middle), *(at(sign * one) for one in farthest for sign in (-1, 1))]
+        return _told(_paired(middle, np.min(points, axis=0), np.max(points, axis=0)))
+
+    def _inwards(self, own: list[int]) -> Real:
+        """Where no two are equal, a little inside of bounds: 1e-5 of a deviation away."""
+        x = self.sure.x[own]
+        above = self.freedom.upper[own] - x < x - self.freedom.lower[own]
+        away = _BESIDE * np.arange(1, len(own) + 1) / len(own)
+        return np.where(above, -away, away)
+
+
+def _slopes(at: Callable[[Real], Real], units: Real) -> Real:
+    """Central differences of all stated numbers by each coordinate; (n_number, n_coordinate)."""
+    steps = _STEP * np.eye(len(units))
+    return np.array([(at(units + one) - at(units - one)) / (2 * _STEP) for one in steps]).T
+
+
+def _row_space(slopes: Real) -> Real:
+    """P: what of a change of the coordinates changes anything that is stated, to first order."""
+    sizes = np.linalg.norm(slopes, axis=1)
+    _, values, ways = np.linalg.svd(slopes[sizes > 0] / sizes[sizes > 0, None])
+    felt = ways[: len(values)][values > _FLAT]
+    projector: Real = felt.T @ felt
+    return projector
+
+
+def _root(matrix: Real) -> Real:
+    """The symmetric root of a positive semidefinite matrix."""
+    values, ways = np.linalg.eigh(matrix)
+    root: Real = ways * np.sqrt(np.maximum(values, 0.0)) @ ways.T
+    return root
+
+
+def _strewn(count: int) -> Real:
+    """Directions at random, always the same; (n, count)."""
+    return np.random.default_rng(0).standard_normal((_STREWN, count))
+
+
+def _told(found: dict[str, Ends]) -> dict[str, Ends]:
+    """Without what goes with a size that may be nothing."""
+    rows = {name: np.array(ends) for name, ends in found.items()}
+    doubtful = {name for name, row in rows.items() if row.ndim == 1 and row[0] < 0 < row[1]}
+    return {name: ends for name, ends in found.items() if not doubtful or name in doubtful}
 
 
 class _Read(dict[str, float]):
@@ -117,7 +167,7 @@ def _paired(stated: Mapping[str, Value], low: Real, high: Real) -> dict[str, End
         size = int(np.size(value))
         span = slice(place, place + size)
         pairs = tuple(zip(low[span].tolist(), high[span].tolist(), strict=True))
-        if (high[span] > low[span]).any():
+        if (high[span] > low[span]).any() and not isinstance(value, Vague):
             found[name] = pairs if isinstance(value, tuple) else pairs[0]
         place += size
     return found

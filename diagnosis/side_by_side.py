@@ -4,7 +4,10 @@ Threads would: refits are many small steps of Python. What is sent may hold func
 functions, as users' effects do: joblib sends those where cloudpickle is installed.
 """
 
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from joblib import Parallel, delayed
@@ -24,8 +27,25 @@ def side_by_side(calls: Sequence[Call], jobs: int) -> Iterator[Any]:
     beside = Parallel(
         n_jobs=max(1, min(jobs, len(calls))), return_as="generator", max_nbytes=None, batch_size=1
     )
-    made: Iterator[Any] = beside(delayed(_alone)(function, given) for function, given in calls)
+    with _undisturbed():
+        made: Iterator[Any] = beside(delayed(_alone)(function, given) for function, given in calls)
     return made
+
+
+@contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Processes that begin here ignore Ctrl-C, which reaches all: who asked ends them.
+
+    Else each that waits or still begins says so with a traceback of its own.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _alone(function: Callable[..., Any], given: tuple[Any, ...]) -> Any:

@@ -19,6 +19,7 @@ from mbmodel.parts import (
     BodyPart,
     Change,
     Conditional,
+    JointPart,
     Parameter,
     Part,
     Situation,
@@ -258,7 +259,23 @@ class Model:
             else:
                 found += part.write(piece)
         found += [NotHeld(place, "the model has no Part for its mass") for place in more]
-        return tuple(found)
+        return tuple(self._with_its_joint(one, pieces) for one in found)
+
+    def _with_its_joint(
+        self, one: Edit | Addition | NotHeld, pieces: Sequence[tuple[Part, Real]]
+    ) -> Edit | Addition | NotHeld:
+        """A joint more goes where the others of its stage are tuned to; all else stays."""
+        if not isinstance(one, Addition) or one.element.tag != "joint":
+            return one
+        frame = self.machine.drawing.bodies[one.parent].frame
+        return next(
+            (
+                part.carried(piece, one, frame)
+                for part, piece in pieces
+                if isinstance(part, JointPart) and part.stage == one.parent and piece.any()
+            ),
+            one,
+        )
 
     def slopes(
         self, theta: Real, condition: Condition | None = None, chosen: Mask | None = None

@@ -37,15 +37,20 @@ def write_page(text: str, target: Path) -> None:
 def check_names(folder: Path, names: Iterable[str]) -> None:
     """Refuse a folder into which a result cannot be written, before the work is done.
 
+    What was made to try it goes again: work that is interrupted leaves no empty folder.
+
     Raises:
         InputError: it cannot be made or written, or holds folders in the places of the files.
     """
+    made = [one for one in (folder, *folder.parents) if not one.exists()]
     with files_of(folder) as place:
         for name in names:
             if (folder / name).is_dir():
                 raise InputError(f"{folder / name} is a folder: name another")
         (place / ".probe").touch()
         (place / ".probe").unlink()
+    for one in made:
+        one.rmdir()
 
 
 def check_json(target: Path) -> None:

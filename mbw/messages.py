@@ -37,21 +37,24 @@ class Screen:
 
     def __init__(self, *, quiet: bool = False, debug: bool = False) -> None:
         self.quiet, self.debug = quiet, debug
-        self.console = Console(stderr=True, soft_wrap=True, highlight=False)
+        # Names of bodies and sites are text of users, in tables too: [b] and :x: mean themselves.
+        self.console = Console(
+            stderr=True, soft_wrap=True, highlight=False, markup=False, emoji=False
+        )
 
     def say(self, text: str) -> None:
         """Print one message, unless quiet."""
         if not self.quiet:
-            self.console.print(text, markup=False)
+            self.console.print(text)
 
     def error(self, text: str) -> None:
         """Print one sentence, quiet or not."""
-        self.console.print(f"mbw: {' '.join(text.split())}", markup=False)
+        self.console.print(f"mbw: {' '.join(text.split())}")
 
     def progress(self) -> Progress:
         """A bar with a description, elapsed time and the count."""
         return Progress(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=30),
             MofNCompleteColumn(),
             TimeElapsedColumn(),

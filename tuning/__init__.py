@@ -6,6 +6,7 @@ from tuning.fit import GAUSS_NEWTON, Fit, Progress, fit, random_starts
 from tuning.folds import FOLDS, HeldOut, block_width, fit_held_out, fold_of_lines
 from tuning.freedom import BOUND, Freedom, Wishes, freedom
 from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
+from tuning.information import channel_noise
 from tuning.inputs import fingerprint
 from tuning.journal import CHECKPOINT, Journal
 from tuning.misfit import Misfit
@@ -66,6 +67,7 @@ __all__ = [
     "at_bodies",
     "block_width",
     "channel_gaps",
+    "channel_noise",
     "check_folder",
     "confidence",
     "files_of",

@@ -136,7 +136,7 @@ def _unmade(
     first = campaign.tests[0].estimate
     asked = Question(campaign.freq_hz, outputs, (reference,), first.frf.quantity)
     values = Evaluator(model, asked).at(theta).values
-    noise = _noise(campaign)
+    noise = channel_noise(campaign)
     usual: Real = np.mean(list(noise.values()), axis=0)
     names = [dof if like is None else replace(dof, point=like) for dof in outputs]
     variance = np.stack([noise.get(dof.positive, usual) for dof in names], axis=1)[:, :, None]
@@ -146,8 +146,8 @@ def _unmade(
     return Test(Condition("not made", reference), estimate)
 
 
-def _noise(campaign: Campaign) -> dict[Dof, Real]:
-    """Mean variance of each channel over the tests; (n_freq,) each."""
+def channel_noise(campaign: Campaign) -> dict[Dof, Real]:
+    """Mean variance of each channel over the tests that measured it; (n_freq,) each."""
     found: dict[Dof, list[Real]] = {}
     for test in campaign.tests:
         variance = smooth_variance(test.estimate)

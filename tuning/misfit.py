@@ -38,7 +38,7 @@ from tuning.views import View, views
 _STILL = 1e-10
 _AUDIBLE = 25.0  # times the variance: the logarithm of a value near the noise leads astray
 # Linearity and noise of the force, relative to the motion of a point: no line is known better.
-_FLOOR = 3e-4
+FLOOR = 3e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -336,7 +336,7 @@ def _weigh(batch: Batch, allowance: float, logarithmic: bool, counted: Mask) -> 
     if logarithmic:
         counts = counts & (size**2 > _AUDIBLE * batch.variance) & _moving(batch)
     point = _point_power(batch)
-    allowed = batch.variance + max(allowance, _FLOOR) ** 2 * point
+    allowed = batch.variance + max(allowance, FLOOR) ** 2 * point
     counts = counts & (allowed > 0) & counted[:, None, None]
     weight = np.where(counts, 1.0 / np.where(counts, allowed, 1.0), 0.0)
     return _Weighted(batch, np.log(np.where(size > 0, size, 1.0)), weight)

@@ -14,8 +14,8 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
-from identification.words import Complex, Real
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Vague, Value
+from identification.words import Complex, Mask, Real
 from mbmodel import AddedPart, Addition, Change, Machine, Parameter, hung, transport
 
 _SCANNED, _DAMPING = 80, 0.03  # in steps of 5 %, less than a resonance is wide
@@ -24,6 +24,7 @@ _UNIT = 0.01  # of the body's mass per unit of the parameters
 _STEPS = 0.05, 0.5  # of the logarithms of frequency and damping per unit of theirs
 _DAMPINGS = 1e-3, 1.0  # beyond, nothing resonates: it is a mass, or nothing
 _SLIGHT = 0.02  # of the largest mass: what moves along no other axis to speak of
+_NOTHING = 1e-5  # of the largest mass: no body of an MJCF
 _ARM = 0.1  # m per unit of the place's parameters
 Shape = Callable[[Complex], Complex]
 Hung = Callable[[Real, float, float, Real], tuple[Addition, ...]]  # masses, omega, zeta, place
@@ -133,16 +134,23 @@ class _Appendage:
         omega, zeta = self._at(np.array([0.0] * 3 + [found[name] for name in self.tuned]))
         masses = np.array([found[name] for name in self.masses])
         place = np.array([_ARM * found[name] for name in self.place])
-        # What moves along one axis alone may sit anywhere on it: the nearest point is stated.
-        alone = masses > _SLIGHT * masses.max()
-        if alone.sum() == 1:
-            place[alone] = 0.0
+        alone = _alone(masses)
+        near = np.where(alone, 0.0, place).tolist()
         return {
             "mass": self.unit * float(masses.max()),
             "frequency": omega / (2 * np.pi),
             "damping": zeta,
-            "position": tuple(place.tolist()),
+            "position": Vague(near) if alone.any() else tuple(near),
         }
+
+
+def _alone(masses: Real) -> Mask:
+    """The axis, if what hangs there moves along one alone; (3,).
+
+    It may sit anywhere on it, and all its FRFs are the same: of those places the nearest counts.
+    """
+    large: Mask = masses > _SLIGHT * masses.max()
+    return large if large.sum() == 1 else np.zeros(3, bool)
 
 
 def _hung(
@@ -150,9 +158,11 @@ def _hung(
 ) -> tuple[Addition, ...]:
     body, centre = machine.layout.bodies[number], machine.layout.centres[number]
     found: list[Addition] = []
-    for axis in np.flatnonzero(masses):
+    alone = _alone(masses)
+    for axis in np.flatnonzero(masses > _NOTHING * masses.max()):
         sizes = masses[axis] * np.array([1.0, omega**2, 2 * zeta * omega])
-        along = centre + place, np.eye(3)[axis]
+        near = np.where(alone, 0.0, place) if alone[axis] else place
+        along = centre + near, np.eye(3)[axis]
         found += hung(f"{body}.appendage_{'xyz'[axis]}", machine, body, along, sizes)
     return tuple(found)
 
@@ -195,4 +205,5 @@ EFFECT = Effect(
     noun="a small mass on a spring",
     means="a small mass on a spring of its own, such as a cable carrier or a loose cover",
     confirm="hold or take off what hangs on {place} and repeat: the resonance goes with it",
+    undoes=True,
 )

@@ -39,4 +39,5 @@ EFFECT = Effect(
     noun="another stiffness in one test",
     means="the joint's stiffness differed in {dof}: it warmed up or was clamped anew",
     confirm="repeat {dof} directly before or after the other tests: the difference goes",
+    undoes=True,
 )

@@ -112,4 +112,5 @@ EFFECT = Effect(
     noun="a control loop with a delay",
     means="the spring is a control loop that acts late",
     confirm="repeat with the loop open or its gain changed: the effect goes or changes with it",
+    undoes=True,
 )

@@ -49,4 +49,5 @@ EFFECT = Effect(
     noun="a spinning rotor",
     means="a rotor spins in the body",
     confirm="repeat with the rotor at rest: the split of the modes goes",
+    undoes=True,
 )

@@ -53,4 +53,5 @@ EFFECT = Effect(
     noun="hits along another direction than stated",
     means="the hits went another way than drawn",
     confirm="hit {dof} again, guided or from the other side: the cross-talk changes",
+    undoes=True,
 )

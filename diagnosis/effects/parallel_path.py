@@ -1,9 +1,15 @@
 """A link that bypasses joints, between bodies that no joint joins: a hose, a cable, a bridge.
 
 Springs and dampers k + s c along each world axis at the point halfway between the centres of mass.
+What is stated is their mean, weighted by the stiffness,
+
+    k = sum k_a k_a / sum k_a,   c = sum k_a c_a / sum k_a:
+
+of a link that is alike in all directions what it has in each, of one that pulls along an axis what
+it has there.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -11,7 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from diagnosis.effects.points import joined
-from diagnosis.hypothesis import Effect, Hypothesis, Scene
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import AddedPart, Addition, Change, Machine, Parameter, linked, transport
 
@@ -38,9 +44,18 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         names = [f"{place[5:]}.{kind}_{a}" for kind in ("stiffness", "damping") for a in "xyz"]
         parameters = tuple(Parameter(name, 0.0, f"{unit:g}", positive=False) for name in names)
         part = AddedPart.linear(place, parameters, (Change("body", frame, frame, core),))
-        link = partial(_written, machine, (low, high), np.array([unit, unit / omega]))
-        part = replace(part, written=link)
-        yield Hypothesis("parallel_path", place, parts=(part,), signed=True)
+        units = np.array([unit, unit / omega])
+        part = replace(part, written=partial(_written, machine, (low, high), units))
+        state = partial(_state, tuple(names), units)
+        yield Hypothesis("parallel_path", place, parts=(part,), signed=True, state=state)
+
+
+def _state(names: tuple[str, ...], units: Real, found: Mapping[str, float]) -> dict[str, Value]:
+    """Stiffness and damping in SI; none is less than nothing."""
+    sizes = np.maximum(np.array([found[name] for name in names]).reshape(2, 3), 0.0)
+    weights = sizes[0] if sizes[0].any() else np.ones(3)
+    stiffness, damping = (units * (sizes @ weights) / weights.sum()).tolist()
+    return {"stiffness": stiffness, "damping": damping}
 
 
 def _relative(machine: Machine, low: int, high: int) -> np.ndarray:
@@ -74,4 +89,5 @@ EFFECT = Effect(
     noun="a link that bypasses joints",
     means="a link bypasses the joints: a hose, a cable, a bridge",
     confirm="take the cables and hoses of {place} off and repeat: the stiffness goes",
+    undoes=True,
 )

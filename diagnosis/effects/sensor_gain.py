@@ -22,4 +22,5 @@ EFFECT = Effect(
     noun=FAULTS["sensor_gain"],
     means="the channel's calibration value is wrong",
     confirm="exchange the sensor and repeat one hit: the gain goes with it",
+    undoes=True,
 )

@@ -21,4 +21,5 @@ EFFECT = Effect(
     noun=FAULTS["sensor_misalignment"],
     means="the sensor's axes are turned beyond tolerance",
     confirm="glue the sensor anew along the drawing's axes and repeat one hit",
+    undoes=True,
 )

@@ -21,4 +21,5 @@ EFFECT = Effect(
     noun=FAULTS["sensor_position"],
     means="the sensor sits elsewhere than drawn",
     confirm="measure where the sensor sits, or glue it anew and repeat one hit",
+    undoes=True,
 )

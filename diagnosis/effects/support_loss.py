@@ -115,11 +115,11 @@ class _Stand:
         return core
 
     def state(self, found: Mapping[str, float]) -> dict[str, Value]:
-        """What each support carries of what the best of them does.
+        """What each support carries of what the best of them does: 0 to 1.
 
         What all have lost alike is a softer joint, whose stiffness is fitted beside.
         """
-        carried = [1 - found[name] for name in self.lost]
+        carried = [max(1 - found[name], 0.0) for name in self.lost]
         most = max(*carried, _LEAST)
         return {"fraction": tuple(one / most for one in carried)}
 
@@ -173,4 +173,5 @@ EFFECT = Effect(
     noun="supports that do not carry",
     means="a support of the joint carries nothing",
     confirm="shim or adjust the support of {place} that has lost most and repeat",
+    undoes=True,
 )

@@ -1,6 +1,6 @@
 """Where the joints of a stage sit, and along which axes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.words import Real
 from mbmodel.drawing import Placed
-from mbmodel.edit import Edit, NotHeld
+from mbmodel.edit import Addition, Edit, NotHeld
 from mbmodel.machine import Axle, Machine
 from mbmodel.parts.part import Change, Known, Parameter, Situation
 from mbmodel.spatial import cross_matrix, rotation_matrix, rotation_slopes, twist
@@ -112,6 +112,23 @@ class JointPart:
             )
             for placed in self.placed
         )
+
+    def carried(self, theta: Real, more: Addition, frame: Real) -> Addition:
+        """A joint that the drawing lacks, moved with those that it has.
+
+        Args:
+            theta: displacement and rotation.
+            more: the joint, where it is by the drawing.
+            frame: axes of the body that it is written in; (3, 3).
+        """
+        offset, rotation = self._split(theta)
+        values = more.element.values
+        position, axis = (np.array(values[name], float) for name in ("pos", "axis"))
+        moved = {
+            "pos": tuple((position + frame.T @ offset).tolist()),
+            "axis": tuple((frame.T @ rotation_matrix(rotation) @ frame @ axis).tolist()),
+        }
+        return replace(more, element=replace(more.element, values={**values, **moved}))
 
 
 def joint_parts(machine: Machine) -> tuple[JointPart, ...]:

@@ -11,6 +11,7 @@ from pathlib import Path
 import typer
 from joblib import Parallel, delayed
 
+from diagnosis import catalogue
 from identification.words import InputError, WorkbenchError
 from mbw.blind.case import TREES, Played, Task, play
 from mbw.blind.page import render
@@ -59,6 +60,7 @@ def run(wish: Wish) -> Path:
     out = (wish.out or Path(f"{Path(wish.model).stem}-blind")).absolute()
     if wish.json is not None:
         check_json(wish.json)
+    catalogue()  # an effect of another package that is none is refused before anything is drawn
     _prepare(wish, out)
     model = wish.model if wish.model == TREES else str(Path(wish.model).absolute())
     tasks = [Task(model, wish.seed, number, out, wish.band) for number in range(wish.cases)]

@@ -5,6 +5,7 @@ from diagnosis.verdict import CauseRow
 from mbw.diagnose.result import Result
 from mbw.diagnose.values import number
 from mbw.diagnose.words import (
+    WITHOUT_COHERENCE,
     cause_parameters,
     cause_words,
     direction,
@@ -61,10 +62,7 @@ def doubts(result: Result) -> list[str]:
     if shown.block is None:
         found.append("The band is too narrow to hold lines out: all figures are of fitted lines.")
     if any(test.variance_from == "differences" for test in shown.tests):
-        found.append(
-            "Without coherence and averages the noise was estimated from third differences along "
-            "frequency."
-        )
+        found.append(f"{WITHOUT_COHERENCE[0].upper()}{WITHOUT_COHERENCE[1:]}.")
     return found
 
 
@@ -89,6 +87,13 @@ def _nothing(result: Result) -> str:
 
 def _unexplained(result: Result) -> str:
     gap, seen = result.verdict.gap, result.verdict.probability
+    if result.evidence.unknown and result.verdict.where[0].location in result.evidence.unknown:
+        sensors = ", ".join(place(one) for one in result.evidence.unknown)
+        return (
+            f"What {sensors} reads no motion of a solid body and no known fault of a sensor "
+            f"explains ({percent_sure(seen.unexplained)}). Without it, re-tuned, the model is off "
+            f"by {times(gap.retuned.excess)} the noise {_on(result)}: nothing else is missing."
+        )
     text = (
         f"Something is missing that no effect of the catalogue explains "
         f"({percent_sure(seen.unexplained)}): re-tuned, the model is still off by "
@@ -141,7 +146,8 @@ def _shrinks(result: Result) -> str:
     )
     if gap.closed is None:
         return f"{text}."
-    return f"{text}: {percent(gap.closed)} of what lay beyond the noise is closed."
+    closed = percent(min(gap.closed, 1.0))
+    return f"{text}: {closed} of what lay beyond the noise is closed."
 
 
 def _on(result: Result) -> str:

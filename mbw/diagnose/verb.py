@@ -6,6 +6,8 @@ from rich.progress import Progress
 from rich.table import Table
 
 from diagnosis import Diagnosis, Verdict, diagnose
+from diagnosis.effects import check_others
+from diagnosis.refit import Refit
 from mbw.diagnose.files import (
     AUGMENTED,
     NAMES,
@@ -17,7 +19,7 @@ from mbw.diagnose.files import (
 )
 from mbw.diagnose.page import render
 from mbw.diagnose.result import gather
-from mbw.diagnose.words import cause_parameters
+from mbw.diagnose.words import WITHOUT_COHERENCE, cause_parameters
 from mbw.files import check_json, check_names, write_json
 from mbw.messages import SCREEN, one_interrupt
 from mbw.remarks import not_held
@@ -49,6 +51,7 @@ def run(  # one for each option
         The folder of the result.
     """
     session = open_session(campaign, band)
+    check_others(session)
     folder = out or Path(f"{session.campaign.name}-diagnosed")
     check_names(folder, NAMES)
     if json is not None:
@@ -105,7 +108,7 @@ def _say(verdict: Verdict, found: Diagnosis) -> None:
         if at.excess is not None:
             SCREEN.say(f"  {name}: error {at.error:.3g}, excess {at.excess:.3g}")
     if gap.closed is not None:
-        SCREEN.say(f"  {gap.closed:.1%} of the gap beyond noise is closed")
+        SCREEN.say(f"  {min(gap.closed, 1.0):.1%} of the gap beyond noise is closed")
     for row in verdict.causes[:_FEW]:
         dof = f" {row.dof}" if row.dof else ""
         sizes = cause_parameters(row)
@@ -118,6 +121,10 @@ def _say(verdict: Verdict, found: Diagnosis) -> None:
         SCREEN.say(f"  where: {places}" if places else "  where: not to be told")
     for check in found.gate.flexible:
         SCREEN.say(f"  {check.words}")
+    for place in found.gate.unknown:
+        SCREEN.say(f"  {place} is wrong by no known fault, and was left out")
+    if found.evidence.variance == "differences":
+        SCREEN.say(f"  {WITHOUT_COHERENCE}")
 
 
 def _explain(found: Diagnosis) -> None:
@@ -131,27 +138,43 @@ def _explain(found: Diagnosis) -> None:
         why = bends if found.gate.flexible else "nothing is left to explain"
         SCREEN.say(f"{why}: no hypothesis was asked")
         return
-    table = Table(title=f"{len(found.search.scores)} hypotheses, the best of each effect and place")
+    SCREEN.console.print(_tried(found))
+
+
+def _tried(found: Diagnosis) -> Table:
+    """Effects and places: those that were refitted, the best first, and then those that scored."""
+    search = found.search
+    table = Table(title=f"{len(search.scores)} hypotheses, the best of each effect and place")
     table.add_column("hypothesis", no_wrap=True)
     for name in ("gain at 3 % [nats]", "residual over noise", "why it fell"):
         table.add_column(name)
-    ended = {one.hypothesis.coordinates: one for one in found.search.refits if one.hypothesis}
-    begun = {one.hypothesis.coordinates for one in found.search.begun if one.hypothesis}
-    seen: set[tuple[str, str]] = set()
-    best = min((one.cost for one in found.search.refits), default=0.0)
-    for score in found.search.scores:
-        one = score.hypothesis
-        if (one.effect, one.location) in seen:
-            continue
-        seen.add((one.effect, one.location))
-        refit = ended.get(one.coordinates)
+    ended: dict[str, Refit] = {}
+    for made in sorted(search.refits, key=lambda one: one.cost):
+        if made.hypothesis is not None:
+            ended.setdefault(made.hypothesis.site, made)
+    scored = {one.hypothesis.site: one for one in reversed(search.scores)}
+    best_first = dict.fromkeys([*ended, *(one.hypothesis.site for one in search.scores)])
+    begun = {one.hypothesis.site for one in search.begun if one.hypothesis}
+    for site in list(best_first)[: 2 * _FEW]:
+        refit, score = ended.get(site), scored.get(site)
         left, why = "", "its gain is small"
-        if refit is not None and refit.hypothesis and refit.hypothesis.effect == one.effect:
-            left = f"{refit.chi_square**0.5:.3g}"
-            why = f"{refit.cost - best:.4g} nats worse" if refit.cost > best else ""
-        elif one.coordinates in begun:
+        words = score.hypothesis.words if score else site
+        if refit is not None and refit.hypothesis is not None:
+            words, left = refit.hypothesis.words, f"{refit.chi_square**0.5:.3g}"
+            why = _why(refit, found)
+        elif site in begun:
             why = "a first refit gained much less than the best"
-        table.add_row(one.words, f"{score.gain:.4g}", left, why)
-        if len(seen) == 2 * _FEW:
-            break
-    SCREEN.console.print(table)
+        table.add_row(words, f"{score.gain:.4g}" if score else "", left, why)
+    return table
+
+
+def _why(refit: Refit, found: Diagnosis) -> str:
+    """Why a hypothesis fell that was refitted; empty of what is there."""
+    if refit.hypothesis and refit.hypothesis.site in {one.site for one in found.present}:
+        return ""
+    best = min(one.cost for one in (*found.search.refits, *found.search.pairs))
+    if refit.cost > best:
+        return f"{refit.cost - best:.4g} nats worse"
+    if found.judged.word == "none":
+        return "what it gains is within tolerances and noise"
+    return "it does not explain the gap"

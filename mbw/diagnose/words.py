@@ -9,6 +9,10 @@ from identification.words import Dof, UsageError
 from mbw.diagnose.schema import ShownFile
 from mbw.diagnose.values import parameter_words
 
+WITHOUT_COHERENCE = (
+    "without coherence and averages the noise is estimated from third differences along frequency: "
+    "too much where modes are sharp, so small gaps hide and an excess may fall below 1"
+)
 _OTHERS = {"hardening": "a spring that hardens", "sensor_unknown": FAULTS["sensor_unknown"]}
 _AT = {"joint": "at", "body": "on", "sensor": "at", "hammer": "at", "pair": "between"}
 _ONE_LEVEL = {"friction", "backlash", "hardening"}

@@ -16,10 +16,10 @@ from identification.words import Campaign
 from mbmodel import Model
 from tuning import Freedom, Stage
 from tuning.batch import Batch, batches
+from tuning.misfit import FLOOR
 from tuning.stages import thinned
 
 SHORT_TOLERANCE = 1e-3  # of a stage that others follow
-_FLOOR = 3e-4  # as in tuning.misfit
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ class Residual:
         same = np.array([[here == there for there in points] for here in points], float)
         power = np.einsum("ij,fjt->fit", same, size**2)
         moving = (batch.evaluator.question.factor != 0)[:, None, None] & (size > 0)
-        allowed = batch.variance + max(stage.allowance, _FLOOR) ** 2 * power
+        allowed = batch.variance + max(stage.allowance, FLOOR) ** 2 * power
         self._root = np.where(moving, 1 / np.sqrt(allowed), 0.0)
         self._heard = moving
         self._drawn = np.log(freedom.fixed)

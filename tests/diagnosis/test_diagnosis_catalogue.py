@@ -2,34 +2,49 @@
 
 import sys
 import tomllib
+from dataclasses import replace
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import pytest
 
-from diagnosis import EFFECTS, PROVEN, catalogue, diagnose, verdict_of
+from diagnosis import EFFECTS, PROVEN, Scene, catalogue, diagnose, verdict_of
+from diagnosis.effects import Effect, check_others
+from diagnosis.effects.guarded import GROUP, loaded
 from identification.words import InputError
+from mbmodel import loosened
 from tests.helpers.drawn import drawn
+from tuning import with_tolerances
 
 EXAMPLE = Path(__file__).parents[2] / "assets" / "inerter_effect"
 
 
 @pytest.fixture
 def installed(tmp_path, monkeypatch):
-    """Installs an entry point, as pip would."""
+    """Installs an entry point, as pip would; of the example, changed, if changes are given."""
 
-    def install(name, value):
+    def install(name, value="inerter_effect:EFFECT", changes=()):
         place = tmp_path / "installed"
         info = place / "some_effect-1.0.dist-info"
         info.mkdir(parents=True)
         (info / "METADATA").write_text("Metadata-Version: 2.1\nName: some-effect\nVersion: 1.0\n")
         (info / "entry_points.txt").write_text(f"[mbw.effects]\n{name} = {value}\n")
+        text = (EXAMPLE / "inerter_effect.py").read_text()
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        (place / "inerter_effect.py").write_text(text)
         monkeypatch.syspath_prepend(str(place))
-        monkeypatch.syspath_prepend(str(EXAMPLE))
         catalogue.cache_clear()
 
     yield install
     catalogue.cache_clear()
     sys.modules.pop("inerter_effect", None)
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory):
+    return drawn(tmp_path_factory.mktemp("few"), 72_001, lines=41)[0]
 
 
 def test_every_effect_says_what_it_means_and_what_would_confirm_it():
@@ -73,3 +88,79 @@ def test_a_name_that_is_taken_is_refused(installed, name):
     installed(name, "inerter_effect:EFFECT")
     with pytest.raises(InputError, match=f"{name}.*known already"):
         catalogue()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("EFFECT = Effect(", "EFFECT = 1 / 0 + Effect(", "loading.*ZeroDivisionError"),
+        ("EFFECT = Effect(", "OTHER = Effect(", "loading.*no attribute 'EFFECT'"),
+        ("of {place} along", "of {body} along", "confirm.*KeyError: 'body'"),
+        ('noun="an inerter"', "noun=None", "noun is None"),
+    ],
+)
+def test_what_cannot_be_loaded_or_does_not_speak_is_refused_by_name(installed, old, new, said):
+    installed("inerter", changes=[(old, new)])
+    with pytest.raises(InputError, match=f"^entry point inerter of mbw.effects: .*{said}"):
+        catalogue()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("    machine = scene", "    raise OSError('no table')\n    machine = scene", "no table"),
+        ("def propose", "def propose(_): return None\n\n\ndef _unused", "propose, which.*NoneType"),
+        ("    propose,", "    lambda _: [1.0],", "it proposes 1.0: yield Hypothesis"),
+        ('"inerter",', '"flywheel",', "flywheel@joint.* is called 'flywheel': call both alike"),
+        ('            f"joint:{axle.stage}",\n            axle', '"here", axle', "it is at 'here'"),
+        ("            parts=(part,),", "", "it frees nothing"),
+        ("parts=(part,)", "release=('no.such',)", "it names no.such"),
+        ("parts=(part,)", "parts=(part, part)", "inertance is named twice"),
+        ('f"{axle.joint}.inertance"', '"inertance"', "inertance is named twice"),
+        ("Parameter(name, 0.0", "Parameter(name, 3.0", "is drawn as 3"),
+        ("core[0, 2] = unit", "core[0, 2] = np.nan", "a slope .*nan"),
+        ('("joint", frame', '("joint", frame[:2]', r"a slope the frames are \(2, 1\)"),
+        ("frame, core)", "frame, core[0])", r"the core is \(3, 1, 1\), expected \(1, 3, 1, 1\)"),
+        ('Change("joint"', 'Change("spring"', "the slot is 'spring'"),
+        ("frame, core)", "frame, core, shape=lambda s: s[:2])", "a slope the shape gives"),
+        ("unit * found[own]", "float('nan')", "state.*'inertance' is nan"),
+        ("unit * found[own]", "'big'", "state.*big"),
+        ("unit * found[own]", "found['none']", "state.*KeyError: 'none'"),
+    ],
+)
+def test_a_hypothesis_that_cannot_be_fitted_is_refused_before_anything_is(
+    installed, session, old, new, said
+):
+    installed("inerter", changes=[(old, new)])
+    with pytest.raises(InputError, match=f"^entry point inerter of mbw.effects[:,] .*{said}"):
+        check_others(session)
+
+
+def test_a_parameter_with_a_name_that_is_taken_is_refused(installed, session):
+    installed("inerter", changes=[(".inertance", ".stiffness")])
+    with pytest.raises(InputError, match="stiffness has a name of the model: give it another"):
+        check_others(session)
+
+
+def test_ours_pass_the_checks_of_others_and_do_not_pay_for_them(session, monkeypatch):
+    machine, held = loosened(session.model.machine, float(session.campaign.freq_hz.max()))
+    model = with_tolerances(machine, session.campaign)
+    scene = Scene(replace(session, model=model), model.drawn, held)
+    for name in EFFECTS:
+        point = EntryPoint(name, f"diagnosis.effects.{name}:EFFECT", GROUP)
+        assert len(loaded(point)(scene)) == len(list(EFFECTS[name](scene)))
+    monkeypatch.setattr(Effect, "__call__", None)  # nobody is asked
+    check_others(session)
+
+
+def test_a_statement_that_fails_at_fitted_values_is_left_out_and_said_once(
+    installed, session, caplog
+):
+    installed("inerter", changes=[("unit * found[own]", "unit * found[own] / (found[own] < 2)")])
+    one = next(iter(catalogue()["inerter"](Scene(session, session.model.drawn))))
+    (name,) = one.coordinates
+    assert one.state({name: 1.0})["inertance"] > 0
+    assert one.state({name: 3.0}) == one.state({name: 4.0}) == {}
+    (record,) = caplog.records
+    assert "entry point inerter of mbw.effects, inerter@joint:" in record.getMessage()
+    assert "ZeroDivisionError" in record.getMessage()

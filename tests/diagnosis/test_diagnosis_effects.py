@@ -135,6 +135,20 @@ def test_a_point_mass_states_its_mass_and_place(scene):
     np.testing.assert_allclose(said["position"], place, rtol=1e-9)
 
 
+def test_a_link_alike_in_all_directions_states_what_it_has_in_each(scene):
+    one = next(EFFECTS["parallel_path"](scene))
+    (part,) = one.parts
+    stiffness, damping = 3.0e5, 120.0
+    slopes = part.derivatives(np.zeros(6))[0].core
+    sizes = [stiffness / slopes[k, 0, k, k] for k in range(3)]
+    sizes += [damping / slopes[3 + k, 1, k, k] for k in range(3)]
+    said = one.state(dict(zip(one.coordinates, sizes, strict=True)))
+    assert said == pytest.approx({"stiffness": stiffness, "damping": damping})
+    # Of one line of action a third, however it lies: a trace.
+    along = dict.fromkeys(one.coordinates, 0.0) | {one.coordinates[1]: sizes[1]}
+    assert one.state(along) == pytest.approx({"stiffness": stiffness, "damping": 0.0})
+
+
 def test_a_drift_acts_in_its_test_alone(scene):
     conditions = [test.condition for test in scene.session.campaign.tests]
     for one in EFFECTS["drift"](scene):

@@ -1,18 +1,29 @@
 """The next experiment: the hit that tells two causes apart, or what confirms the one there is."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.experiment import next_experiment
+from diagnosis.experiment import (
+    Experiment,
+    _before,
+    _by_effort,
+    _foreseen,
+    _known_mass,
+    _left,
+    _posed,
+    next_experiment,
+)
 from diagnosis.refit import CLOSE, refit
-from identification import smooth_variance
 from identification.words import Dof
-from mbmodel import Evaluator, Question
+from mbmodel import Evaluator, Question, hammer_parts
 from tests.helpers.drawn import drawn
 from tuning import thinned
+from tuning.confidence import WIDEST
+from tuning.misfit import FLOOR
 
 
 @pytest.fixture(scope="module")
@@ -27,33 +38,92 @@ def found(session, refits, word, causes, where=()):
     """As much of a diagnosis as the next experiment reads."""
     judged = SimpleNamespace(word=word, causes=causes, where=where)
     search = SimpleNamespace(refits=refits)
-    return SimpleNamespace(session=session, judged=judged, search=search)
+    gate = SimpleNamespace(unknown=())
+    return SimpleNamespace(session=session, judged=judged, search=search, gate=gate)
 
 
-def test_rivals_are_told_apart_where_they_differ_most(rivals):
+def test_rivals_are_told_apart_by_the_hit_that_gains_most(rivals):
     session, (one, other) = rivals
     causes = [(one.hypothesis.key, 0.6), (other.hypothesis.key, 0.3)]
     said = next_experiment(found(session, (one, other), "explained", causes))
     assert one.hypothesis.site in said
     assert other.hypothesis.site in said
-    point = said.split()[1]
     campaign = session.campaign
     hit = {test.condition.reference.point for test in campaign.tests}
     frf = campaign.tests[0].estimate.frf
-    read = {dof.point for dof in frf.outputs}
-    assert point in read - hit
+    assert said.split()[1] in {dof.point for dof in frf.outputs} - hit
+    # Two that are the same nothing tells apart: what confirms the first is asked for.
+    same = replace(one, hypothesis=replace(one.hypothesis, location="body:other"))
+    causes = [(one.hypothesis.key, 0.6), (same.hypothesis.key, 0.3)]
+    said = next_experiment(found(session, (one, same), "explained", causes))
+    assert said.startswith("weigh")
 
-    def apart(at):
-        inputs = tuple(Dof.of(at, axis) for axis in range(3))
-        thin = thinned(campaign, 8)
-        question = Question(thin.freq_hz, frf.outputs, inputs, frf.quantity)
-        ends = [Evaluator(r.session.model, question).at(r.fit.theta).values for r in (one, other)]
-        noise = np.mean([smooth_variance(t.estimate)[:, :, 0] for t in thin.tests], axis=0)
-        return np.sqrt((np.abs(ends[0] - ends[1]) ** 2 / noise[:, :, None]).mean())
 
-    best = max(sorted(read - hit), key=apart)
-    assert point == best
-    assert float(said.split()[-2]) == pytest.approx(apart(best), rel=0.06)
+def test_the_gain_is_what_tuning_anew_leaves_of_what_a_rival_foresees(rivals):
+    session, (true, rival) = rivals
+    campaign = session.campaign
+    inputs = (Dof.of(campaign.outputs[-1].point, 1),)
+    asked = Experiment("hit", inputs, lambda machine: hammer_parts(machine, inputs))
+    posed = [_posed(asked, one) for one in (true, rival)]
+    told = _foreseen(posed[0], campaign, inputs)
+    before = _before(rival)
+    gain = _left(posed[1], told, before, 1.0)
+    # The same by least squares, slopes by differences.
+    varies, estimate = posed[1].freedom, told.tests[0].estimate
+    question = Question(told.freq_hz, estimate.frf.outputs, inputs, estimate.frf.quantity)
+    evaluator = Evaluator(posed[1].model, question)
+    at = [dof.point for dof in question.outputs]
+    power = np.abs(estimate.frf.values[:, :, 0]) ** 2 @ np.equal.outer(at, at)
+    noise = np.sqrt(estimate.variance + FLOOR**2 * power[:, :, None])
+
+    def weighted(values):
+        return np.concatenate([(values / noise).real.ravel(), (values / noise).imag.ravel()])
+
+    def foreseen(x):
+        return weighted(evaluator.at(varies.theta(x)).values)
+
+    x = varies.coordinates(posed[1].theta)
+    off = weighted(estimate.frf.values) - foreseen(x)
+    steps = 1e-5 * np.eye(len(x))
+    slopes = np.array([(foreseen(x + one) - foreseen(x - one)) / 2e-5 for one in steps]).T
+    stiff = np.diag(np.where(varies.has_prior, 1.0, WIDEST**-2))
+    stiff[: len(before), : len(before)] += before
+    sizes, vectors = np.linalg.eigh(stiff / 2)
+    rows = np.vstack([slopes, np.sqrt(np.maximum(sizes, 0.0))[:, None] * vectors.T])
+    right = np.append(off, np.zeros(len(x)))
+    step, *_ = np.linalg.lstsq(rows, right, rcond=None)
+    assert gain == pytest.approx(((right - rows @ step) ** 2).sum(), rel=1e-3)
+    assert gain < 0.9 * (off**2).sum()
+
+
+def test_a_cause_that_is_taken_out_and_a_known_mass_are_foreseen(rivals):
+    session, (one, _) = rivals
+    thin = thinned(session.campaign, 8)
+    inputs = (session.campaign.tests[0].condition.reference.positive,)
+    out = _foreseen(_posed(Experiment("out", inputs, undone=one.hypothesis.key), one), thin, inputs)
+    bare, frf = session.model, out.tests[0].estimate.frf
+    question = Question(thin.freq_hz, frf.outputs, inputs, frf.quantity)
+    expected = Evaluator(bare, question).at(one.fit.theta[: len(bare.parameters)]).values
+    np.testing.assert_allclose(frf.values, expected, rtol=1e-9)
+    # A tenth of its mass at a body's centre is what a mass error of that size would be.
+    body = one.hypothesis.location.partition(":")[2]
+    number = bare.machine.layout.bodies.index(body)
+    heavier = _foreseen(_posed(Experiment("add", inputs, _known_mass(number)), one), thin, inputs)
+    more = one.fit.theta.copy()
+    names = [parameter.name for parameter in one.session.model.parameters]
+    more[names.index(f"{body}.added_mass")] += 10.0  # hundredths
+    expected = Evaluator(one.session.model, question).at(more).values
+    np.testing.assert_allclose(heavier.tests[0].estimate.frf.values, expected, rtol=1e-9)
+
+
+def test_a_hit_along_other_axes_of_the_same_point_counts(rivals):
+    session, (one, other) = rivals
+    first = session.campaign.tests[0]
+    campaign = replace(session.campaign, tests=(first,))
+    reference = first.condition.reference
+    words = [asked.words for asked in next(_by_effort(campaign, (one, other)))]
+    axes = [axis for axis in "xyz" if axis != reference.direction[2:]]
+    assert f"hit {reference.point} along {' and '.join(axes)} as well" in words
 
 
 def test_a_single_cause_is_confirmed_in_its_own_way(rivals):

@@ -1,7 +1,12 @@
 """Work beside each other: in order, with functions made in functions, the same for any jobs."""
 
 import os
+import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +16,23 @@ from diagnosis.refit import FIRST, LAST, LONG, asked, fitted, further, go_on, re
 from diagnosis.side_by_side import side_by_side
 from tests.helpers.drawn import drawn
 from tuning import STAGES, fit
+
+INTERRUPTED = """
+import sys, time
+from pathlib import Path
+from diagnosis.side_by_side import side_by_side
+
+def work(number, folder):
+    Path(folder, f"begun{number}").touch()
+    time.sleep(60)
+
+try:
+    made = side_by_side([(work, (k, sys.argv[1])) for k in (0, 1)], 2)
+    Path(sys.argv[1], "asked").touch()
+    list(made)
+except KeyboardInterrupt:
+    sys.exit(130)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -74,3 +96,21 @@ def test_tolerances_without_bounds_that_go_far_beyond_are_not_followed_to_their_
     assert found.pull > 4.0
     assert pulls.max() > 4.0  # whoever goes to the end says the same
     assert ended.chi_square - 1e-3 <= found.loose < nothing.chi_square
+
+
+@pytest.mark.parametrize("sign", ["asked", "begun1"])  # while they begin, and at work
+def test_an_interrupt_ends_other_processes_in_silence(tmp_path, sign):
+    script = tmp_path / "asks.py"
+    script.write_text(INTERRUPTED)
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
+    command = [sys.executable, str(script), str(tmp_path)]
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True
+    ) as process:
+        while not (tmp_path / sign).is_file() and process.poll() is None:
+            time.sleep(0.05)
+        time.sleep(0.3)
+        os.killpg(process.pid, signal.SIGINT)
+        said = process.stderr.read()
+    assert process.returncode == 130, said
+    assert said == ""

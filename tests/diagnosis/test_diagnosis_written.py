@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
+from diagnosis.hypothesis import Vague
 from identification.words import Condition
 from mbmodel import Model, as_drawn, load_machine, loosened, write_mjcf
 from tests.helpers.drawn import drawn, line_by_line
@@ -55,20 +56,59 @@ def sized(scene, one):
     return model, theta
 
 
+def answers(scene, model, theta, target):
+    """FRFs of the model, and of the MJCF that is written of it."""
+    assert write_mjcf(model.machine.source, target, model.edits(theta)) == ()
+    machine = as_drawn(load_machine(target))
+    return (
+        line_by_line(model, theta, scene.session.campaign, FREQ),
+        line_by_line(machine, machine.drawn, scene.session.campaign, FREQ),
+    )
+
+
+def test_a_direction_that_gives_way_is_written_where_its_joint_is_tuned_to(scene, tmp_path):
+    one = next(one for one in EFFECTS["missing_dof"](scene) if one.location == "joint:stage2")
+    model, theta = sized(scene, one)
+    own = {parameter.name: k for k, parameter in enumerate(model.parameters)}
+    for axis, value in zip("xyz", (0.003, -0.004, 0.005), strict=True):
+        theta[own[f"stage2.joint_position_{axis}"]] = value
+    theta[own["stage2.joint_rotation_x"]] = 0.02
+    expected, found = answers(scene, model, theta, tmp_path / "moved.xml")
+    assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
+
+
+def test_what_moves_along_one_axis_is_hung_at_the_nearest_place_on_it(scene, tmp_path):
+    one = next(one for one in EFFECTS["appendage"](scene))
+    model, theta = sized(scene, one)
+    own = {parameter.name: k for k, parameter in enumerate(model.parameters)}
+    x, y, z = (own[name] for name in one.scored)
+    theta[x], theta[y], theta[z] = 3.0, 1e-6, 0.0
+    place = [name for part in one.parts for p in part.parameters if "position" in (name := p.name)]
+    theta[[own[name] for name in place]] = 40.0, 0.2, -0.1
+    expected, found = answers(scene, model, theta, tmp_path / "hung.xml")
+    assert np.abs(found - expected).max() < 1e-5 * np.abs(expected).max()  # y is left out
+    body = one.location.partition(":")[2]
+    added = [edit for edit in model.edits(theta) if "appendage" in edit.name]
+    assert {edit.name.removesuffix(".a") for edit in added} == {f"{body}.appendage_x"}
+    drawing = model.machine.drawing.bodies[body]
+    (site,) = [edit for edit in added if edit.parent == body]
+    at = drawing.origin + drawing.frame @ site.element.values["pos"]
+    centre = model.machine.layout.centres[model.machine.layout.bodies.index(body)]
+    np.testing.assert_allclose(at - centre, [0.0, 0.02, -0.01], atol=1e-12)
+    said = one.state({name: theta[k] for name, k in own.items()})["position"]
+    assert isinstance(said, Vague)
+    np.testing.assert_allclose(said, at - centre, atol=1e-12)
+
+
 @pytest.mark.parametrize("effect", WRITTEN)
 def test_the_augmented_mjcf_answers_as_the_model_with_the_part(scene, effect, tmp_path):
     proposed = [one for one in EFFECTS[effect](scene) if one.parts]
     assert proposed
     for number, one in enumerate(proposed[:: max(1, len(proposed) // 3)]):
         model, theta = sized(scene, one)
-        edits = model.edits(theta)
-        target = tmp_path / f"{effect}{number}.xml"
-        assert write_mjcf(model.machine.source, target, edits) == ()
+        expected, found = answers(scene, model, theta, tmp_path / f"{effect}{number}.xml")
         rigid = load_machine(model.machine.source)
         without = line_by_line(as_drawn(rigid), as_drawn(rigid).drawn, scene.session.campaign, FREQ)
-        expected = line_by_line(model, theta, scene.session.campaign, FREQ)
-        machine = as_drawn(load_machine(target))
-        found = line_by_line(machine, machine.drawn, scene.session.campaign, FREQ)
         largest = np.abs(expected).max()
         assert np.abs(found - expected).max() < 2e-3 * np.abs(without - expected).max()
         assert np.abs(without - expected).max() > 1e-3 * largest

@@ -1,0 +1,257 @@
+"""Effects of other packages: refused by name where they cannot be fitted, checked as they propose.
+
+Ours are tested instead. What is asked of every hypothesis: it is called like its entry point, it
+frees something, parameters are named once and nothing on the drawing, frames and cores of its Parts
+fit the machine, all numbers are finite, and ``state`` gives numbers where the fit begins.
+"""
+
+import logging
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from importlib.metadata import EntryPoint
+from typing import Any
+
+import numpy as np
+
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from identification.words import Complex, InputError
+from mbmodel import Change, Machine, Part, Situation
+
+GROUP = "mbw.effects"
+_KINDS = "joint", "body", "sensor", "hammer", "pair"
+_MEND = "mend it or uninstall its package"
+_STEP = 1e-3  # beside the beginning: where Parts begin they change nothing
+_LOG = logging.getLogger(__name__)
+
+
+def loaded(point: EntryPoint) -> Effect:
+    """The effect of an entry point, whose proposals are checked.
+
+    Raises:
+        InputError: it cannot be loaded, is no Effect, or does not speak.
+    """
+    who = named(point.name)
+    with _blamed(f"{who}: loading {point.value}"):
+        effect = point.load()
+    if not isinstance(effect, Effect):
+        raise InputError(f"{who}: {point.value} is no Effect: name one, or uninstall its package")
+    for name in ("noun", "means", "confirm"):
+        text = getattr(effect, name)
+        if not isinstance(text, str):
+            raise InputError(f"{who}: its {name} is {text!r}, expected words: {_MEND}")
+        with _blamed(f"{who}: filling in {name}, which may name {{place}} and {{dof}},"):
+            effect.said(text, "joint:stage", "tx")
+    return replace(effect, propose=_Guarded(point.name, effect.propose))
+
+
+def named(name: str) -> str:
+    """An entry point, as errors call it."""
+    return f"entry point {name} of {GROUP}"
+
+
+@contextmanager
+def _blamed(what: str) -> Iterator[None]:
+    """Whatever others' code raises, with who raised it."""
+    try:
+        yield
+    except Exception as error:
+        raise InputError(f"{what} fails ({type(error).__name__}: {error}): {_MEND}") from error
+
+
+@dataclass(frozen=True, eq=False)
+class _Guarded:
+    """A proposal whose hypotheses are checked.
+
+    Args:
+        name: of the entry point.
+        propose: the effect's own.
+    """
+
+    name: str
+    propose: Callable[[Scene], Any]
+
+    def __call__(self, scene: Scene) -> tuple[Hypothesis, ...]:
+        """All its hypotheses.
+
+        Raises:
+            InputError: it fails, or one of them cannot be fitted.
+        """
+        who = named(self.name)
+        with _blamed(f"{who}: propose, which takes a Scene and yields Hypothesis objects,"):
+            made = tuple(self.propose(scene))
+        found, seen = [], dict[str, Part]()
+        for one in made:
+            if not isinstance(one, Hypothesis):
+                raise InputError(f"{who}: it proposes {one!r}: yield Hypothesis objects")
+            told = f"{who}, {one.words}"
+            if one.effect != self.name:
+                raise InputError(
+                    f"{told}: its effect is called {one.effect!r}: call both alike, it and the "
+                    "entry point"
+                )
+            with _blamed(f"{told}: checking it"):
+                fault = _fault(one, scene, seen) or _misfit(one, scene)
+            if fault:
+                raise InputError(f"{told}: {fault}")
+            with _blamed(f"{told}: state, at the values where the fit begins,"):
+                _numbers(one.state(_beginning(one, scene)))
+            found.append(replace(one, state=_Stated(told, one.state)))
+        return tuple(found)
+
+
+def _fault(one: Hypothesis, scene: Scene, seen: dict[str, Part]) -> str | None:
+    """What is wrong with what a hypothesis says of itself.
+
+    Args:
+        one: the hypothesis.
+        scene: for which it was proposed.
+        seen: Parts of those before, by the names of their parameters; grows.
+    """
+    if not (one.dof is None or isinstance(one.dof, str)):
+        return f"its dof is {one.dof!r}: say a word, such as tx, or None"
+    if one.location.partition(":")[0] not in _KINDS:
+        return f"it is at {one.location!r}: begin with one of {', '.join(_KINDS)}, and a colon"
+    if not (one.coordinates or one.correct):
+        return "it frees nothing: give it parts, or tolerances to release"
+    return _misnamed(one, scene, seen)
+
+
+def _misnamed(one: Hypothesis, scene: Scene, seen: dict[str, Part]) -> str | None:
+    """What is wrong with the names of parameters; arguments as of ``_fault``."""
+    own = set()
+    for part in one.parts:
+        for parameter in part.parameters:
+            name = parameter.name
+            if name in own or seen.setdefault(name, part) is not part:
+                return f"its parameter {name} is named twice: name each of every Part differently"
+            own.add(name)
+            if name not in one.follow and (parameter.drawn != 0 or parameter.positive):
+                return (
+                    f"its parameter {name} is drawn as {parameter.drawn:g}, as something on the "
+                    "drawing: say drawn 0.0 and positive=False"
+                )
+    varies = set(scene.session.freedom.names)
+    there = {parameter.name for parameter in scene.model.parameters}
+    begun = {name for values in (one.begin, *one.otherwise) for name in values}
+    unknown = {*one.release, *one.scored} - own - varies
+    unknown |= {*one.follow, *one.bounds} - own
+    unknown |= {*begun, *one.follow.values()} - own - there
+    if unknown:
+        return f"it names {', '.join(sorted(unknown))}: say parameters that are there and vary"
+    return None
+
+
+def _misfit(one: Hypothesis, scene: Scene) -> str | None:
+    """What is wrong with the changes of its Parts and their slopes, where the fit begins."""
+    machine, campaign = scene.model.machine, scene.session.campaign
+    laplace = np.asarray(2j * np.pi * campaign.freq_hz[campaign.freq_hz > 0], complex)
+    begins = _beginning(one, scene)
+    for part in one.parts:
+        names = [parameter.name for parameter in part.parameters]
+        theta = np.array([begins[name] for name in names])
+        beside = [np.clip(begins[n] + _STEP, *one.bounds.get(n, (-np.inf, np.inf))) for n in names]
+        for condition in {test.condition: None for test in campaign.tests}:
+            at = Situation(machine, condition)
+            for slope in part.slopes(theta, at):
+                if fault := _unfit(slope, (len(names),), machine, laplace):
+                    return f"of a slope {fault}"
+            for change in part.changes(np.array(beside), at):
+                if fault := _unfit(change, (), machine, laplace):
+                    return f"of a change {fault}"
+    return None
+
+
+def _unfit(change: Change, lead: tuple[int, ...], machine: Machine, laplace: Complex) -> str | None:
+    """What is wrong with a change; ``lead`` are the axes of its core before those of a change."""
+    bodies, joints = len(machine.body_mass), len(machine.coordinates)
+    sizes = {
+        "body": (bodies, bodies),
+        "joint": (joints, joints),
+        "path": (bodies, joints),
+        "sensor": (6, bodies),
+        "hammer": (6, bodies),
+    }
+    is_known = change.slot not in ("sensor", "hammer") or change.point in machine.layout.points
+    if change.slot not in sizes or not is_known:
+        return (
+            f"the slot is {change.slot!r} and the point {change.point!r}: say one of "
+            f"{', '.join(sizes)}, of a sensor or hammer with a point of the machine"
+        )
+    left, right, core = (
+        np.asarray(each, float) for each in (change.left, change.right, change.core)
+    )
+    rows, columns = sizes[change.slot]
+    if left.ndim != 2 or right.ndim != 2 or (len(left), len(right)) != (rows, columns):
+        return (
+            f"the frames are {left.shape} and {right.shape}, expected ({rows}, r) and "
+            f"({columns}, t) in the slot {change.slot} of this machine"
+        )
+    expected = (*lead, 3, left.shape[1], right.shape[1])
+    if core.shape != expected:
+        return f"the core is {core.shape}, expected {expected}"
+    if not all(np.isfinite(each).all() for each in (left, right, core)):
+        return "a frame or the core holds nan or infinity: all must be finite"
+    if change.shape is not None:
+        values = np.asarray(change.shape(laplace))
+        if values.shape != laplace.shape or not np.isfinite(values).all():
+            return f"the shape gives {values.shape} values, expected {laplace.shape} finite ones"
+    return None
+
+
+def _beginning(one: Hypothesis, scene: Scene) -> dict[str, float]:
+    """All parameters in SI by name, where a fit of the hypothesis begins."""
+    there = zip(scene.model.parameters, scene.theta.tolist(), strict=True)
+    begins = {parameter.name: value for parameter, value in there}
+    begins |= {parameter.name: 0.0 for part in one.parts for parameter in part.parameters}
+    begins |= one.begin
+    return begins | {name: begins[other] for name, other in one.follow.items()}
+
+
+@dataclass(eq=False)
+class _Stated:
+    """What a hypothesis states; where that fails, nothing, which is said once.
+
+    A cause is worth more than its size: a diagnosis of minutes is not lost with it.
+
+    Args:
+        told: entry point and hypothesis.
+        state: the hypothesis' own.
+        failed: whether it did.
+    """
+
+    told: str
+    state: Callable[[Mapping[str, float]], Any]
+    failed: bool = False
+
+    def __call__(self, found: Mapping[str, float]) -> dict[str, Value]:
+        """Parameters of the verdict."""
+        try:
+            return _numbers(self.state(found))
+        except Exception as error:
+            if not self.failed:
+                _LOG.warning(
+                    "%s: state fails at fitted values (%s: %s): sizes of this cause, or their "
+                    "intervals, are not stated or too narrow; mend state",
+                    self.told,
+                    type(error).__name__,
+                    error,
+                )
+            self.failed = True
+            return {}
+
+
+def _numbers(stated: Any) -> dict[str, Value]:
+    """Finite numbers and vectors by name.
+
+    Raises:
+        ValueError: something else.
+    """
+    found: dict[str, Value] = {}
+    for name, value in dict(stated).items():
+        array = np.asarray(value, float)
+        if not (isinstance(name, str) and array.ndim < 2 and np.isfinite(array).all()):
+            raise ValueError(f"{name!r} is {value!r}, expected a finite number or a vector of them")
+        vector = value if isinstance(value, tuple) else tuple(np.ravel(array).tolist())
+        found[name] = vector if array.ndim else float(array)
+    return found
