@@ -8,6 +8,7 @@ import numpy as np
 
 from diagnosis.effects import catalogue
 from diagnosis.evidence import BENDS, Evidence, Paired, Refitted
+from diagnosis.foretold import foretold
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.hypothesis import Hypothesis, Scene, together
 from diagnosis.judge import NOTHING, Judged, judge
@@ -54,6 +55,7 @@ _FEW, _STARTS, _FOLLOWED = 48, 16, 4  # FRFs a start; at most so many, of which 
 _ENOUGH = 180_000  # values: three hammer directions, 69 channels, 800 lines and some more
 _OTHERS, _MOST = 2, 0.5  # so many, that leave no more of the gap, say where nothing might begin
 _LESS = 0.9  # of the cost of first steps: who comes below has found another minimum
+RIVAL, _RIVALS = 0.05, 3  # probability of a cause that is worth a comparison, and how many are
 _ALIKE, _NATS = 0.9, 3.0  # cosine of signatures, difference of costs: twins
 
 
@@ -133,6 +135,9 @@ def diagnose(
     nothing = min(nothing, other, key=lambda one: one.cost)
     evidence = _evidence(scene, gate, made, nothing, found, len(changing))
     judged = judge(evidence)
+    if judged.word == "explained":
+        evidence = _ranked(scene, evidence, judged, found, say)
+        judged = judge(evidence)
     present = _present(judged, made, found)
     say("the gap on held-out lines")
     # Where a body bends the fit without it has wandered.
@@ -159,7 +164,7 @@ def diagnose(
         evidence=evidence,
         judged=judged,
         present=present,
-        twins=_twins(scene, first.fit, judged, found),
+        twins=_twins(scene, first.fit, evidence, judged, found),
         as_drawn=summarise(channel_gaps(drawn, session.campaign)),
         retuned=retuned,
         after=after,
@@ -324,6 +329,21 @@ def _evidence(
     )
 
 
+def _ranked(
+    scene: Scene, evidence: Evidence, judged: Judged, found: Search, say: Callable[[str], None]
+) -> Evidence:
+    """With what rivals foretell of data that their fits did not see."""
+    likely = [key for key, probability in judged.causes if probability >= RIVAL][:_RIVALS]
+    refits = {one.hypothesis.key: one for one in found.refits if one.hypothesis}
+    rivals = {key: refits[key] for key in likely if key in refits}
+    if len(rivals) < 2:
+        return evidence
+    say("what rivals foretell of what their fits did not see")
+    scores = dict(zip(rivals, foretold(scene, list(rivals.values())), strict=True))
+    rows = (one.model_copy(update={"foretold": scores.get(one.key)}) for one in evidence.refits)
+    return evidence.model_copy(update={"refits": tuple(rows)})
+
+
 def _loosened(session: Session) -> tuple[Session, tuple[Held, ...]]:
     """The session with a coordinate for each direction that the drawing holds rigid."""
     highest = float(session.campaign.freq_hz.max())
@@ -359,9 +379,12 @@ def _together(present: tuple[Hypothesis, ...], found: Search) -> Hypothesis:
     return next(known, None) or together(present)
 
 
-def _twins(scene: Scene, found: Fit, judged: Judged, tried: Search) -> tuple[tuple[str, str], ...]:
-    """Pairs of causes whose signatures have a cosine of 0.9, or whose refits are as good."""
+def _twins(
+    scene: Scene, found: Fit, evidence: Evidence, judged: Judged, tried: Search
+) -> tuple[tuple[str, str], ...]:
+    """Pairs of causes whose signatures have a cosine of 0.9, or that foretell as well."""
     costs = {one.hypothesis.coordinates: one.cost for one in tried.refits if one.hypothesis}
+    told = {one.key: one.foretold for one in evidence.refits}
     named = {key for key, _ in judged.causes}
     leading = [
         one
@@ -374,7 +397,9 @@ def _twins(scene: Scene, found: Fit, judged: Judged, tried: Search) -> tuple[tup
     pairs = []
     for i, one in enumerate(leading):
         for j, other in enumerate(leading[:i]):
-            cost, less = (costs[x.hypothesis.coordinates] for x in (one, other))
+            cost, less = (told.get(x.hypothesis.key) for x in (one, other))
+            if cost is None or less is None:
+                cost, less = (costs[x.hypothesis.coordinates] for x in (one, other))
             same = one.hypothesis.site == other.hypothesis.site
             if not same and (abs(alike[i, j]) >= _ALIKE or abs(cost - less) < _NATS):
                 pairs.append((other.hypothesis.site, one.hypothesis.site))

@@ -57,11 +57,14 @@ class Refitted(_Named, _Fitted):
     """A hypothesis fitted at the weights of the noise.
 
     Args:
+        foretold: nats that it leaves of what its fits did not see; None where nobody asked.
         cost: in nats, priors and all.
         chi_square: mean square of residual over noise; 1 is noise alone.
         loose: the same if tolerances have no bounds; None where that was not asked.
         pull: the largest of them then, in standard deviations.
     """
+
+    foretold: float | None = None
 
 
 class Paired(_Fitted):

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.diagnose import Diagnosis
+from diagnosis.diagnose import RIVAL, Diagnosis
 from diagnosis.effects import PROVEN, catalogue
 from diagnosis.evidence import Key
 from diagnosis.refit import Refit
@@ -49,7 +49,6 @@ from mbmodel import (
 from tuning import Freedom, Misfit, channel_noise, thinned
 from tuning.confidence import WIDEST
 
-_RIVAL = 0.05  # probability of a cause that is worth an experiment
 _RIVALS = 3
 _STRIDE = 8
 _SURE = 30.0  # nats: who gains more decides, then the least effort does
@@ -87,7 +86,7 @@ def next_experiment(found: Diagnosis) -> str | None:
     if word == "unexplained" or not causes:
         return _of_unknown(found)
     refits = {one.hypothesis.key: one for one in found.search.refits if one.hypothesis}
-    likely = {key: share for key, share in causes if share >= _RIVAL and key in refits}
+    likely = {key: share for key, share in causes if share >= RIVAL and key in refits}
     rivals = [(refits[key], share) for key, share in list(likely.items())[:_RIVALS]]
     if len(rivals) > 1 and word == "explained":
         best, gain = best_experiment(found.session.campaign, rivals)

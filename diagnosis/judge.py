@@ -23,6 +23,9 @@ cost0 without any effect,
 
     p(cause) = explained softmax(-cost / (least + inexact n + temper (cost0 - best)))
 
+Causes that rival each other are ranked by what they foretell of data that their fits did not see
+(``foretold``): their costs then differ by as much as that does.
+
 A sensor that gates proved wrong by no fault of the catalogue is something that is missing and that
 nothing explains: then p(none) is that of the sensor, unexplained.
 
@@ -235,11 +238,21 @@ def _weights(seen: Evidence, by: Calibration, fits: Sequence[Refitted] | Sequenc
     """Of refits, beside each other."""
     if not fits:
         return np.zeros(0)
-    costs = np.array([one.cost for one in fits])
+    costs = _ranked(fits)
     values = seen.cost / seen.chi_square
     gain = max(seen.cost - costs.min(), 0.0)
     weights: Real = softmax(-costs / (by.least + by.inexact * values + by.temper * gain))
     return weights
+
+
+def _ranked(fits: Sequence[Refitted] | Sequence[Paired]) -> Real:
+    """Costs; of rivals the best one's, and what the others foretell worse than the best does."""
+    costs = np.array([one.cost for one in fits])
+    told = np.array([getattr(one, "foretold", None) for one in fits], float)
+    known = np.isfinite(told)
+    if known.sum() > 1:
+        costs[known] = costs[known].min() + told[known] - told[known].min()
+    return costs
 
 
 def _shared(

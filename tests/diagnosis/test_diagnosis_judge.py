@@ -224,3 +224,21 @@ def test_a_sensor_that_is_wrong_by_no_known_fault_is_something_missing():
     found = judge(evidence(3.0, (one,)).model_copy(update={"unknown": ("sensor:acc9",)}))
     assert found.word == "explained"
     assert found.where[0][0] == "body:a"
+
+
+def test_rivals_are_ranked_by_what_they_foretell():
+    first, second = (
+        refit("mass_error", "body:a", 1e4, 0.0),
+        refit("appendage", "body:a", 1.001e4, 0.0),
+    )
+    assert judge(evidence(3.0, (first, second))).causes[0][0][0] == "mass_error"
+    told = [
+        one.model_copy(update={"foretold": score})
+        for one, score in ((first, 1.5e4), (second, 1.1e4))
+    ]
+    ranked = judge(evidence(3.0, tuple(told))).causes
+    assert ranked[0][0][0] == "appendage"
+    assert ranked[0][1] > 0.9
+    # Who is no rival stays as far behind as it was.
+    third = refit("gyroscopic", "body:a", 1.3e4, 0.3)
+    assert len(judge(evidence(3.0, (*told, third))).causes) == 1

@@ -1,0 +1,85 @@
+r"""Rivals by what they foretell: lines, and hits along a direction, that their fits did not see.
+
+A fit follows its own data; what it says of others tells whether the cause is the right one. Of a
+refit, with theta_b that of all lines but fold b of the blocks, J_b the cost of these at the weights
+of the noise, and J_-t the least cost, with priors, of all hits but those along one direction (where
+all are along one: but one test),
+
+    score = 1/2 sum_b J_b(theta_b) + 1/2 sum_t (J - J_-t)   [nats].
+
+A hit that no fit saw is off by tolerances of its own, which would hide all else: J - J_-t is what
+is left of it when these are tuned, with all that the others leave uncertain.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from diagnosis.hypothesis import Scene
+from diagnosis.refit import SOME, Refit, fitted, further, held_out, paced
+from diagnosis.side_by_side import Call, side_by_side
+from identification.words import Campaign, Real
+from tuning import HeldOut, Misfit, thinned
+
+
+def foretold(scene: Scene, rivals: Sequence[Refit]) -> list[float | None]:
+    """Scores of refits, the less the better; None where nothing can be left out.
+
+    Args:
+        scene: how many lines count, and how many processes.
+        rivals: refits to the same data.
+    """
+    (stage,) = paced((SOME,), scene.pace)
+    sent = [replace(one, hypothesis=None) for one in rivals]
+    calls: list[Call] = [(held_out, (one, stage, 1, None)) for one in sent]
+    lines = [
+        None if held is None else _of_lines(one, held)
+        for one, held in zip(rivals, side_by_side(calls, scene.jobs), strict=True)
+    ]
+    parts = [_parts(one.session.campaign) for one in rivals]
+    tasks = [
+        further(_without(one, part), (stage,))
+        for one, own in zip(rivals, parts, strict=True)
+        for part in own
+    ]
+    made = iter([refit.fit.cost for refit in fitted(scene, tasks)])
+    found: list[float | None] = []
+    for one, own, by_lines in zip(rivals, parts, lines, strict=True):
+        whole = _cost(one, one.fit.theta, thinned(one.session.campaign, stage.stride), prior=1.0)
+        by_tests = sum(whole - next(made) for _ in own) * stage.stride if own else None
+        scores = [score for score in (by_lines, by_tests) if score is not None]
+        found.append(sum(scores) / len(scores) if scores else None)
+    return found
+
+
+def _of_lines(one: Refit, held: HeldOut) -> float:
+    """What the fits without a fold leave of it."""
+    campaign = one.session.campaign
+    return sum(
+        _cost(one, theta, campaign.lines(held.folds == fold))
+        for fold, theta in enumerate(held.thetas)
+        if (held.folds == fold).any()
+    )
+
+
+def _parts(campaign: Campaign) -> list[tuple[int, ...]]:
+    """Places of tests that are left out together: a direction, or if there is one alone a test."""
+    along: dict[str, list[int]] = {}
+    for place, test in enumerate(campaign.tests):
+        along.setdefault(test.condition.reference.direction[1:], []).append(place)
+    groups = list(along.values()) if len(along) > 1 else [[k] for k in range(len(campaign.tests))]
+    return [tuple(group) for group in groups] if len(groups) > 1 else []
+
+
+def _without(one: Refit, part: tuple[int, ...]) -> Refit:
+    tests = one.session.campaign.tests
+    kept = tuple(test for place, test in enumerate(tests) if place not in part)
+    campaign = replace(one.session.campaign, tests=kept)
+    return replace(one, session=replace(one.session, campaign=campaign))
+
+
+def _cost(one: Refit, theta: Real, campaign: Campaign, prior: float = 0.0) -> float:
+    """Of the data, in nats, and so many times that of the prior."""
+    varies = one.session.freedom
+    problem = Misfit(one.session.model, campaign, varies, allowance=0.0)
+    x = varies.coordinates(theta)
+    return float(problem.value(x) - (1 - prior) * problem.prior(x))

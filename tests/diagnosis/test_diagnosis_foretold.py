@@ -1,0 +1,71 @@
+"""Rivals by what they foretell of lines and hits that their fits did not see."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis import EFFECTS, Scene
+from diagnosis.foretold import foretold
+from diagnosis.refit import FIRST, LAST, LONG, SOME, fitted, further, held_out, refit
+from identification import smooth_variance
+from tests.helpers.drawn import drawn
+from tuning import STAGES, Misfit, fit, thinned
+from tuning.misfit import FLOOR
+
+
+@pytest.fixture(scope="module")
+def rivals(tmp_path_factory):
+    session, text = drawn(tmp_path_factory.mktemp("drawn"), 72_051, "mass_error", lines=161)
+    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    scene = Scene(session, early.theta)
+    several = list(EFFECTS["mass_error"](scene))
+    right = next(one for one in several if one.location in text)
+    wrong = next(one for one in several if one is not right)
+    campaign = session.campaign
+    return scene, [refit(scene, one, campaign, (*FIRST, *LAST, *LONG)) for one in (right, wrong)]
+
+
+def cost(estimates, predicted):
+    """Sum of |r|^2 over the noise and the floor of what fits can hold."""
+    total = 0.0
+    for estimate, values in zip(estimates, predicted, strict=True):
+        at = [dof.point for dof in estimate.frf.outputs]
+        power = np.abs(estimate.frf.values[:, :, 0]) ** 2 @ np.equal.outer(at, at)
+        noise = smooth_variance(estimate)[:, :, 0] + FLOOR**2 * power
+        total += (np.abs(values[:, :, 0] - estimate.frf.values[:, :, 0]) ** 2 / noise).sum()
+    return total
+
+
+def test_the_right_cause_foretells_what_the_wrong_one_does_not(rivals):
+    scene, (right, wrong) = rivals
+    good, bad = foretold(scene, (right, wrong))
+    assert bad > 3 * good
+
+
+def test_a_score_is_the_cost_of_what_was_left_out(rivals):
+    scene, (right, _) = rivals
+    (score,) = foretold(scene, (right,))
+    campaign, model = right.session.campaign, right.session.model
+    held = held_out(right, SOME)
+    lines = cost([test.estimate for test in campaign.tests], held.predict(model, campaign))
+    hits, thin = 0.0, thinned(campaign, SOME.stride)
+    whole = Misfit(model, thin, right.session.freedom, allowance=0.0).value(right.fit.x)
+    for test in campaign.tests:  # three, each along a direction of its own
+        others = tuple(one for one in campaign.tests if one is not test)
+        without = replace(right.session, campaign=replace(campaign, tests=others))
+        few = thinned(without.campaign, SOME.stride)
+        (made,) = fitted(scene, [further(replace(right, session=without), (*LAST, *LONG))])
+        problem = Misfit(model, few, right.session.freedom, allowance=0.0)
+        hits += (whole - problem.value(made.fit.x)) * SOME.stride
+    assert score == pytest.approx((lines + hits) / 2, rel=0.02)
+    values = right.fit.cost / right.chi_square * SOME.stride
+    assert hits == pytest.approx(values, rel=0.2)  # each is left out once
+
+
+def test_where_nothing_can_be_left_out_nothing_is_foretold(rivals):
+    scene, (right, _) = rivals
+    campaign = replace(right.session.campaign, tests=right.session.campaign.tests[:1])
+    few = np.arange(len(campaign.freq_hz)) < 8
+    session = replace(right.session, campaign=campaign.lines(few))
+    assert foretold(scene, (replace(right, session=session),)) == [None]
