@@ -11,7 +11,7 @@ from diagnosis.evidence import BENDS, Evidence, Paired, Refitted
 from diagnosis.foretold import foretold
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.hypothesis import Hypothesis, Scene, together
-from diagnosis.judge import NOTHING, Judged, judge
+from diagnosis.judge import NOTHING, Judged, calibrated, judge
 from diagnosis.known import Known
 from diagnosis.level import Level, begun, level, levels
 from diagnosis.refit import (
@@ -28,6 +28,8 @@ from diagnosis.refit import (
     refit,
     unbounded,
     uninterrupted,
+    with_outliers,
+    within_bounds,
 )
 from diagnosis.score import cosines
 from diagnosis.search import Search
@@ -126,7 +128,10 @@ def diagnose(
     found = Search()
     # A body that bends drives all others in ways that no Part holds: what it leaves tells nothing.
     other = _from_many_starts(scene, nothing, say)
-    if other.chi_square > NOTHING and not gate.flexible:
+    usual, outlier = scene, calibrated().outlier
+    if other.chi_square > NOTHING:
+        scene, nothing = with_outliers(scene, nothing, outlier)
+    if min(nothing.chi_square, other.chi_square) > NOTHING and not gate.flexible:
         taken = {one.location for one in made}
         proposed = [one for effect in catalogue().values() for one in effect(scene)]
         possible = [one for one in proposed if one.location not in taken]
@@ -134,26 +139,25 @@ def diagnose(
         nothing = _from_where_others_ended(scene, first, nothing, found)
     nothing = min(nothing, other, key=lambda one: one.cost)
     evidence = _evidence(scene, gate, made, nothing, found, len(changing))
-    judged = judge(evidence)
-    if judged.word == "explained":
-        evidence = _ranked(scene, evidence, judged, found, say)
-        judged = judge(evidence)
+    evidence, judged = _judged(scene, evidence, found, say)
     present = _present(judged, made, found)
     say("the gap on held-out lines")
     # Where a body bends the fit without it has wandered.
     begin = early.theta if gate.flexible else nothing.fit.theta
-    base = replace(scene, theta=begin)
+    base = replace(usual, theta=begin)
     # Of a large gap 5 % do not matter; what is nearly nothing is told by the third digit, and lines
     # that were left out beside a sharp mode cost that much.
     exact = not present
     proven = clean.campaign is not session.campaign
     tried = (nothing, *found.refits, *found.pairs)
-    made_before = {} if proven else {one.hypothesis: one for one in tried}
+    before = {} if proven else {one.hypothesis: one for one in tried}
     if shaped is not None and gate.undoubted is gate.alive and len(made) == 1:
-        made_before[made[0]] = shaped[0]
+        before[made[0]] = shaped[0]
     is_held = bool(present) and all(one.is_held for one in present)
     one = _together(present, found) if is_held else None
-    retuned, after, worth = levels(base, one, session, made_before, exact=exact)
+    known = (None, one) if one in before else (None,)
+    before = {key: within_bounds(usual, before[key], outlier) for key in known if key in before}
+    retuned, after, worth = levels(base, one, session, before, exact=exact)
     drawn = predict(session.model, session.model.drawn, session.campaign)
     return Diagnosis(
         session=session,
@@ -288,7 +292,7 @@ def _evidence(
     sources = {test.estimate.variance_source for test in nothing.session.campaign.tests}
     loose, pull = nothing.chi_square, 0.0
     if loose > NOTHING:
-        freed = unbounded(scene, nothing)
+        freed = nothing if nothing.loose is not None else unbounded(scene, nothing)
         loose, pull = freed.loose or loose, freed.pull or pull
     return Evidence(
         proven=tuple(one.key for one in proven),
@@ -329,19 +333,23 @@ def _evidence(
     )
 
 
-def _ranked(
-    scene: Scene, evidence: Evidence, judged: Judged, found: Search, say: Callable[[str], None]
-) -> Evidence:
-    """With what rivals foretell of data that their fits did not see."""
+def _judged(
+    scene: Scene, evidence: Evidence, found: Search, say: Callable[[str], None]
+) -> tuple[Evidence, Judged]:
+    """Evidence and judgement; of rivals with what they foretell of data that no fit of them saw."""
+    judged = judge(evidence)
+    if judged.word != "explained":
+        return evidence, judged
     likely = [key for key, probability in judged.causes if probability >= RIVAL][:_RIVALS]
     refits = {one.hypothesis.key: one for one in found.refits if one.hypothesis}
     rivals = {key: refits[key] for key in likely if key in refits}
     if len(rivals) < 2:
-        return evidence
+        return evidence, judged
     say("what rivals foretell of what their fits did not see")
     scores = dict(zip(rivals, foretold(scene, list(rivals.values())), strict=True))
     rows = (one.model_copy(update={"foretold": scores.get(one.key)}) for one in evidence.refits)
-    return evidence.model_copy(update={"refits": tuple(rows)})
+    evidence = evidence.model_copy(update={"refits": tuple(rows)})
+    return evidence, judge(evidence)
 
 
 def _loosened(session: Session) -> tuple[Session, tuple[Held, ...]]:

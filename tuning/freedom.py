@@ -151,6 +151,28 @@ class Freedom:
             upper=np.where(self.has_prior & (self.upper == BOUND), np.inf, self.upper),
         )
 
+    def widened(self, chosen: Mask, bound: float) -> "Freedom":
+        """The same, some tolerances as far as another bound; the others, and users' bounds, stay.
+
+        Args:
+            chosen: coordinates; (n_x,).
+            bound: standard deviations.
+        """
+        own = chosen & self.has_prior
+        return replace(
+            self,
+            lower=np.where(own & (self.lower == -BOUND), -bound, self.lower),
+            upper=np.where(own & (self.upper == BOUND), bound, self.upper),
+        )
+
+    def narrowed(self, bound: float) -> "Freedom":
+        """The same, tolerances that were widened to a bound within their usual ones again."""
+        return replace(
+            self,
+            lower=np.where(self.has_prior & (self.lower == -bound), -BOUND, self.lower),
+            upper=np.where(self.has_prior & (self.upper == bound), BOUND, self.upper),
+        )
+
     def released(self, names: Sequence[str]) -> "Freedom":
         """The same, some tolerances without prior and bounds: what is off there may be any size.
 

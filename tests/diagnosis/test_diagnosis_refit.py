@@ -10,7 +10,16 @@ from diagnosis.corrections import doubted, masked
 from diagnosis.diagnose import _from_many_starts, _from_where_others_ended
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.known import known
-from diagnosis.refit import FIRST, LAST, LONG, go_on, posed, refit
+from diagnosis.refit import (
+    FIRST,
+    LAST,
+    LONG,
+    go_on,
+    posed,
+    refit,
+    with_outliers,
+    within_bounds,
+)
 from diagnosis.score import cosines, scores
 from diagnosis.search import Search
 from tests.helpers.drawn import drawn
@@ -205,3 +214,29 @@ def test_nothing_missing_is_fitted_once_more_from_where_an_effect_that_vanished_
     true = refit(scene, None, session.campaign, (*FIRST, *LAST))
     there = replace(true, chi_square=5.0)
     assert _from_where_others_ended(scene, true, there, Search(refits=(seeming,))) is there
+
+
+def test_tolerances_beyond_their_bounds_are_followed_as_far_as_an_outlier_may(tmp_path):
+    # The axes of acc11 are off by 3.2 standard deviations.
+    session, _ = drawn(tmp_path, 72_200, None, lines=161)
+    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    scene = Scene(session, early.theta)
+    nothing = refit(scene, None, session.campaign, (*FIRST, *LAST, *LONG))
+    assert nothing.chi_square > 2
+    wide, found = with_outliers(scene, nothing, 4.0)
+    assert found.chi_square < 1.1
+    assert 3 < found.pull < 4
+    names = np.array(session.freedom.names)
+    moved = names[wide.session.freedom.upper > session.freedom.upper]
+    assert "acc11.rotation_x" in moved
+    assert len(moved) < 10
+    back = within_bounds(scene, found, 4.0)
+    np.testing.assert_array_equal(back.session.freedom.upper, session.freedom.upper)
+    assert np.abs(back.fit.x[back.fit.freedom.has_prior]).max() <= 2.5
+    assert back.chi_square == pytest.approx(nothing.chi_square, rel=0.02)
+    assert within_bounds(scene, nothing, 4.0) is nothing
+    # Farther than an outlier something is wrong: nothing changes, but what was found is said.
+    same, told = with_outliers(scene, nothing, 3.0)
+    assert same is scene
+    assert told.chi_square == nothing.chi_square
+    assert told.loose == pytest.approx(found.chi_square, rel=0.02)

@@ -18,7 +18,7 @@ from tests.helpers.drawn import drawn
 from tuning import STAGES, fit
 
 INTERRUPTED = """
-import sys, time
+import signal, sys, time
 from pathlib import Path
 from diagnosis.side_by_side import side_by_side
 
@@ -26,6 +26,7 @@ def work(number, folder):
     Path(folder, f"begun{number}").touch()
     time.sleep(60)
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # in a shell's background it is ignored
 try:
     made = side_by_side([(work, (k, sys.argv[1])) for k in (0, 1)], 2)
     Path(sys.argv[1], "asked").touch()
