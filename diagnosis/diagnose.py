@@ -4,32 +4,32 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
-import numpy as np
-
 from diagnosis.effects import catalogue
 from diagnosis.evidence import BENDS, Evidence, Paired, Refitted
-from diagnosis.foretold import foretold
+from diagnosis.foretold import foretold, rivals_of
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.hypothesis import Hypothesis, Scene, together
 from diagnosis.judge import NOTHING, Judged, calibrated, judge
 from diagnosis.known import Known
 from diagnosis.level import Level, begun, level, levels
+from diagnosis.nothing import (
+    from_many_starts,
+    from_where_others_ended,
+    measured,
+    with_outliers,
+    within_bounds,
+)
 from diagnosis.refit import (
     FIRST,
     LAST,
     PATIENT,
     SHAPED,
     Refit,
-    asked,
-    fitted,
-    further,
     go_on,
     paced,
     refit,
     unbounded,
     uninterrupted,
-    with_outliers,
-    within_bounds,
 )
 from diagnosis.score import cosines
 from diagnosis.search import Search
@@ -45,7 +45,6 @@ from tuning import (
     channel_gaps,
     fit,
     predict,
-    random_starts,
     summarise,
     with_tolerances,
 )
@@ -53,11 +52,7 @@ from tuning import (
 _BENT = 0.3  # of the gap, what a body's mode may leave
 _NEARLY = 0.5  # of chi square: where it leaves more, its frequency may begin elsewhere
 _BEGINS = 1.0, 2.2, 1.5, 0.67, 3.3  # times that of the highest peak
-_FEW, _STARTS, _FOLLOWED = 48, 16, 4  # FRFs a start; at most so many, of which the best go on
 _ENOUGH = 180_000  # values: three hammer directions, 69 channels, 800 lines and some more
-_OTHERS, _MOST = 2, 0.5  # so many, that leave no more of the gap, say where nothing might begin
-_LESS = 0.9  # of the cost of first steps: who comes below has found another minimum
-RIVAL, _RIVALS = 0.05, 3  # probability of a cause that is worth a comparison, and how many are
 _ALIKE, _NATS = 0.9, 3.0  # cosine of signatures, difference of costs: twins
 
 
@@ -125,18 +120,18 @@ def diagnose(
     say("refit without any effect")
     first = refit(scene, None, clean.campaign, FIRST)
     nothing = go_on(scene, first, PATIENT)
-    found = Search()
-    # A body that bends drives all others in ways that no Part holds: what it leaves tells nothing.
-    other = _from_many_starts(scene, nothing, say)
+    other = from_many_starts(scene, nothing, say)
     usual, outlier = scene, calibrated().outlier
     if other.chi_square > NOTHING:
         scene, nothing = with_outliers(scene, nothing, outlier)
+    found = Search()
+    # A body that bends drives all others in ways that no Part holds: what it leaves tells nothing.
     if min(nothing.chi_square, other.chi_square) > NOTHING and not gate.flexible:
         taken = {one.location for one in made}
         proposed = [one for effect in catalogue().values() for one in effect(scene)]
         possible = [one for one in proposed if one.location not in taken]
         found = searched(scene, (early, first, nothing), possible, say)
-        nothing = _from_where_others_ended(scene, first, nothing, found)
+        nothing = from_where_others_ended(scene, first, nothing, found)
     nothing = min(nothing, other, key=lambda one: one.cost)
     evidence = _evidence(scene, gate, made, nothing, found, len(changing))
     evidence, judged = _judged(scene, evidence, found, say)
@@ -227,59 +222,6 @@ def _bending(
     return best if best is not None and best[0].chi_square - 1 < least else None
 
 
-def _from_many_starts(scene: Scene, nothing: Refit, say: Callable[[str], None]) -> Refit:
-    """The fit without any effect, of few FRFs from many starts, if one ends better.
-
-    A handful of FRFs is met by several machines, most of them not quite: one start finds any.
-
-    Args:
-        scene: campaign and drawn model.
-        nothing: the end of the fit from the drawing.
-        say: told what is being done.
-    """
-    session = scene.session
-    count = min(_STARTS, round(_FEW / max(1, _measured(session.campaign))))
-    if count < 2 or nothing.chi_square <= NOTHING:
-        return nothing
-    say("few FRFs: refit without any effect from other starts")
-    found = uninterrupted(
-        fit(
-            session.model,
-            session.campaign,
-            varies=session.freedom,
-            starts=random_starts(session.model, count, 0, varies=session.freedom),
-            stages=STAGES[:3],
-            jobs=scene.jobs,
-        )
-    )
-    order = np.argsort(found.costs)[:_FOLLOWED]
-    starts = [replace(scene, theta=theta) for theta in found.ends[order]]
-    tasks = [asked(one, None, session.campaign, (*FIRST, *PATIENT)) for one in starts]
-    return min(nothing, *fitted(scene, tasks), key=lambda one: one.cost)
-
-
-def _from_where_others_ended(scene: Scene, first: Refit, nothing: Refit, found: Search) -> Refit:
-    """The fit without any effect, from where the best with one ended, if that ends better.
-
-    An effect may lead round a barrier that springs and dampers alone do not cross, and then vanish:
-    a joint far softer than drawn, found as supports that are lost. First steps, of few lines, tell.
-
-    Args:
-        scene: campaign and drawn model.
-        first: first steps of the fit without any effect.
-        nothing: its end.
-        found: what was tried.
-    """
-    gap = nothing.chi_square - 1
-    others = [one for one in found.refits[:_OTHERS] if one.chi_square - 1 < _MOST * gap]
-    begun = fitted(scene, [further(nothing, FIRST, one) for one in others])
-    best = min(begun, key=lambda one: one.cost, default=None)
-    if best is None or best.cost > _LESS * first.cost:
-        return nothing
-    again = go_on(scene, best, PATIENT)
-    return again if again.cost < nothing.cost else nothing
-
-
 def _evidence(
     scene: Scene,
     gate: Gate,
@@ -340,13 +282,11 @@ def _judged(
     judged = judge(evidence)
     if judged.word != "explained":
         return evidence, judged
-    likely = [key for key, probability in judged.causes if probability >= RIVAL][:_RIVALS]
-    refits = {one.hypothesis.key: one for one in found.refits if one.hypothesis}
-    rivals = {key: refits[key] for key in likely if key in refits}
+    rivals = [one for one, _ in rivals_of(judged, found)]
     if len(rivals) < 2:
         return evidence, judged
     say("what rivals foretell of what their fits did not see")
-    scores = dict(zip(rivals, foretold(scene, list(rivals.values())), strict=True))
+    scores = dict(zip((one.key for one in rivals), foretold(scene, rivals), strict=True))
     rows = (one.model_copy(update={"foretold": scores.get(one.key)}) for one in evidence.refits)
     evidence = evidence.model_copy(update={"refits": tuple(rows)})
     return evidence, judge(evidence)
@@ -361,12 +301,7 @@ def _loosened(session: Session) -> tuple[Session, tuple[Held, ...]]:
 
 def _pace(campaign: Campaign) -> int:
     """How many times as much was measured as fits need."""
-    return max(1, round(_measured(campaign) * len(campaign.freq_hz) / _ENOUGH))
-
-
-def _measured(campaign: Campaign) -> int:
-    """How many FRFs there are."""
-    return sum(int(test.estimate.measured.sum()) for test in campaign.tests)
+    return max(1, round(measured(campaign) * len(campaign.freq_hz) / _ENOUGH))
 
 
 def _present(judged: Judged, made: Sequence[Hypothesis], found: Search) -> tuple[Hypothesis, ...]:

@@ -42,6 +42,7 @@ class _Fitted(_Row):
     chi_square: float
     loose: float | None = None
     pull: float | None = None
+    foretold: float | None = None
 
     def left(self, outlier: float) -> float:
         """Chi square less one; of tolerances none of which is more than an outlier, unbounded.
@@ -57,14 +58,12 @@ class Refitted(_Named, _Fitted):
     """A hypothesis fitted at the weights of the noise.
 
     Args:
-        foretold: nats that it leaves of what its fits did not see; None where nobody asked.
         cost: in nats, priors and all.
         chi_square: mean square of residual over noise; 1 is noise alone.
         loose: the same if tolerances have no bounds; None where that was not asked.
         pull: the largest of them then, in standard deviations.
+        foretold: nats that it leaves of what its fits did not see; None where nobody asked.
     """
-
-    foretold: float | None = None
 
 
 class Paired(_Fitted):
@@ -72,7 +71,7 @@ class Paired(_Fitted):
 
     Args:
         keys: of both.
-        cost, chi_square, loose, pull: as of one.
+        cost, chi_square, loose, pull, foretold: as of one.
     """
 
     keys: tuple[Key, Key]

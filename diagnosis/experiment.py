@@ -16,40 +16,34 @@ new hit is off by tolerances of its own, which are tuned with all others.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.diagnose import RIVAL, Diagnosis
+from diagnosis.diagnose import Diagnosis
 from diagnosis.effects import PROVEN, catalogue
 from diagnosis.evidence import Key
+from diagnosis.foretold import rivals_of
 from diagnosis.refit import Refit
 from identification.words import (
     Campaign,
-    Condition,
     Dof,
-    Frf,
-    FrfEstimate,
     Real,
-    Test,
     distinct,
     node_of,
 )
 from mbmodel import (
     AddedPart,
     Change,
-    Evaluator,
     Machine,
     Model,
     Parameter,
     Part,
-    Question,
     hammer_parts,
 )
-from tuning import Freedom, Misfit, channel_noise, thinned
+from tuning import Freedom, Misfit, channel_noise, foreseen, thinned
 from tuning.confidence import WIDEST
 
-_RIVALS = 3
 _STRIDE = 8
 _SURE = 30.0  # nats: who gains more decides, then the least effort does
 _ALIKE = 3.0  # nats: what gains less tells nothing
@@ -85,9 +79,7 @@ def next_experiment(found: Diagnosis) -> str | None:
         return None
     if word == "unexplained" or not causes:
         return _of_unknown(found)
-    refits = {one.hypothesis.key: one for one in found.search.refits if one.hypothesis}
-    likely = {key: share for key, share in causes if share >= RIVAL and key in refits}
-    rivals = [(refits[key], share) for key, share in list(likely.items())[:_RIVALS]]
+    rivals = rivals_of(found.judged, found.search)
     if len(rivals) > 1 and word == "explained":
         best, gain = best_experiment(found.session.campaign, rivals)
         one, other = (refit.hypothesis.site for refit, _ in rivals[:2] if refit.hypothesis)
@@ -200,9 +192,9 @@ def _gain(
     """Nats that an experiment is foreseen to gain."""
     total = sum(share for _, share in rivals)
     posed = {one: _posed(asked, one) for one, _ in rivals}
-    gain = 0.0
+    noise, gain = channel_noise(thin), 0.0
     for true, share in rivals:
-        told = _foreseen(posed[true], thin, asked.inputs)
+        told = foreseen(posed[true].model, posed[true].theta, thin, noise, asked.inputs)
         for rival, other in rivals:
             if rival is not true:
                 left = _left(posed[rival], told, before[rival], lines / len(thin.freq_hz))
@@ -233,23 +225,6 @@ def _posed(asked: Experiment, rival: Refit) -> _Posed:
         theta = np.where(np.isin(names, one.coordinates), model.drawn, theta)
     freedom = session.freedom.extended(model, session.campaign.tolerance)
     return _Posed(model, theta, freedom, frozenset(pinned))
-
-
-def _foreseen(true: _Posed, thin: Campaign, inputs: tuple[Dof, ...]) -> Campaign:
-    """What an experiment would measure, without noise, which is as before."""
-    first = thin.tests[0].estimate.frf
-    noise = channel_noise(thin)
-    outputs = tuple(noise)
-    question = Question(thin.freq_hz, outputs, inputs, first.quantity)
-    values = Evaluator(true.model, question).at(true.theta).values
-    variance = np.stack([noise[dof] for dof in outputs], axis=1)[:, :, None]
-    tests = []
-    for column, reference in enumerate(inputs):
-        own = values[:, :, [column]]
-        frf = Frf(thin.freq_hz, own, outputs, (reference,), first.quantity)
-        estimate = FrfEstimate(frf, variance, "differences", np.ones((len(outputs), 1), bool))
-        tests.append(Test(Condition("not made", reference), estimate))
-    return replace(thin, tests=tuple(tests))
 
 
 def _left(rival: _Posed, told: Campaign, before: Real, times: float) -> float:

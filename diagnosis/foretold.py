@@ -15,10 +15,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from diagnosis.hypothesis import Scene
+from diagnosis.judge import Judged
 from diagnosis.refit import SOME, Refit, fitted, further, held_out, paced
+from diagnosis.search import Search
 from diagnosis.side_by_side import Call, side_by_side
 from identification.words import Campaign, Real
 from tuning import HeldOut, Misfit, thinned
+
+_RIVAL, _RIVALS = 0.05, 3  # probability of a cause that is worth a comparison, and how many are
+
+
+def rivals_of(judged: Judged, found: Search) -> list[tuple[Refit, float]]:
+    """The most probable causes that were refitted, each with its probability."""
+    refits = {one.key: one for one in found.refits}
+    likely = ((refits.get(key), share) for key, share in judged.causes if share >= _RIVAL)
+    return [(one, share) for one, share in likely if one is not None][:_RIVALS]
 
 
 def foretold(scene: Scene, rivals: Sequence[Refit]) -> list[float | None]:
@@ -37,15 +48,17 @@ def foretold(scene: Scene, rivals: Sequence[Refit]) -> list[float | None]:
     ]
     parts = [_parts(one.session.campaign) for one in rivals]
     tasks = [
-        further(_without(one, part), (stage,))
+        further(_without(one, part), (SOME,))
         for one, own in zip(rivals, parts, strict=True)
         for part in own
     ]
     made = iter([refit.fit.cost for refit in fitted(scene, tasks)])
     found: list[float | None] = []
     for one, own, by_lines in zip(rivals, parts, lines, strict=True):
-        whole = _cost(one, one.fit.theta, thinned(one.session.campaign, stage.stride), prior=1.0)
-        by_tests = sum(whole - next(made) for _ in own) * stage.stride if own else None
+        thin = thinned(one.session.campaign, stage.stride)
+        times = len(one.session.campaign.freq_hz) / len(thin.freq_hz)
+        whole = _cost(one, one.fit.theta, thin, prior=1.0)
+        by_tests = sum(whole - next(made) for _ in own) * times if own else None
         scores = [score for score in (by_lines, by_tests) if score is not None]
         found.append(sum(scores) / len(scores) if scores else None)
     return found

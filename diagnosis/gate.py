@@ -75,9 +75,8 @@ def sensor_gate(campaign: Campaign) -> Gate:
     flexible = []
     for check in checks:
         sure = [one for one in check.faults if one.probability >= PROVEN]
-        twice = {id(one): _exported_twice(one, same) for one in sure}
-        kept = [wrong for one in sure for wrong in twice[id(one)]]
-        kept += _one_cause(check, [one for one in sure if not twice[id(one)]])
+        kept = [wrong for one in sure for wrong in _exported_twice(one, same)]
+        kept += _one_cause(check, [one for one in sure if not _exported_twice(one, same)])
         flexible += [check] if any(one.effect == BENDS for one in kept) else []
         proven |= {(one.effect, one.location, one.dof): one for one in kept}
     bending = flexible

@@ -248,7 +248,7 @@ def _weights(seen: Evidence, by: Calibration, fits: Sequence[Refitted] | Sequenc
 def _ranked(fits: Sequence[Refitted] | Sequence[Paired]) -> Real:
     """Costs; of rivals the best one's, and what the others foretell worse than the best does."""
     costs = np.array([one.cost for one in fits])
-    told = np.array([getattr(one, "foretold", None) for one in fits], float)
+    told = np.array([one.foretold for one in fits], float)
     known = np.isfinite(told)
     if known.sum() > 1:
         costs[known] = costs[known].min() + told[known] - told[known].min()

@@ -11,7 +11,6 @@ from diagnosis.side_by_side import side_by_side
 from identification.words import Campaign, Real
 from mbmodel import Model
 from tuning import (
-    BOUND,
     STAGES,
     Fit,
     Freedom,
@@ -207,61 +206,24 @@ def unbounded(scene: Scene, made: Refit) -> Refit:
     Of 300 tolerances the largest is beyond three standard deviations in every second machine, and
     what its bound then leaves is no effect. Where they go far beyond at once nobody asks how far.
     """
-    found = _free(scene, made)
-    return replace(made, loose=found.chi_square, pull=_pull(found))
+    found = free(scene, made)
+    return replace(made, loose=found.chi_square, pull=pull_of(found))
 
 
-def _free(scene: Scene, made: Refit) -> Refit:
+def free(scene: Scene, made: Refit) -> Refit:
     """The same, tolerances without bounds."""
     session = replace(made.session, freedom=made.session.freedom.unbounded())
     found = replace(made, session=session)
     for stages in (SOON, LONG):
         found = go_on(scene, found, stages)
-        if _pull(found) > _FAR:
+        if pull_of(found) > _FAR:
             break
     return found
 
 
-def _pull(found: Refit) -> float:
+def pull_of(found: Refit) -> float:
     """The largest of all tolerances, in standard deviations."""
     return float(np.abs(found.fit.x[found.fit.freedom.has_prior]).max(initial=0.0))
-
-
-def with_outliers(scene: Scene, made: Refit, outlier: float) -> tuple[Scene, Refit]:
-    """Scene and refit, tolerances that lie beyond their bounds as far as an outlier may.
-
-    Of 300 tolerances some four are beyond 2.5 standard deviations. Where data are exact, what their
-    bounds leave is a gap, which effects then seem to explain that are not there.
-
-    Args:
-        scene: whose tolerances are within their bounds.
-        made: the refit without any effect.
-        outlier: standard deviations; where one is farther something is wrong, and nothing changes.
-
-    Returns:
-        Both, and what the fit without any bounds leaves, is said of the refit.
-    """
-    free = _free(scene, made)
-    pull = _pull(free)
-    beyond = np.abs(free.fit.x) > BOUND
-    if pull > outlier or not beyond.any():
-        return scene, replace(made, loose=free.chi_square, pull=pull)
-    session = replace(made.session, freedom=made.session.freedom.widened(beyond, outlier))
-    wide = replace(scene, session=replace(scene.session, freedom=session.freedom))
-    found = go_on(wide, replace(free, session=session), LAST)
-    return wide, replace(found, loose=found.chi_square, pull=_pull(found))
-
-
-def within_bounds(scene: Scene, made: Refit, outlier: float) -> Refit:
-    """The same, tolerances that were taken for outliers within their bounds again."""
-    before = made.session.freedom
-    varies = before.narrowed(outlier)
-    if np.array_equal(varies.lower, before.lower) and np.array_equal(varies.upper, before.upper):
-        return made
-    x = np.clip(varies.coordinates(made.fit.theta), varies.lower, varies.upper)
-    begun = replace(made.fit, freedom=varies, x=x)
-    session = replace(made.session, freedom=varies)
-    return go_on(scene, replace(made, session=session, fit=begun), LAST)
 
 
 def _only(made: Iterator[Refit]) -> Refit:

@@ -4,9 +4,9 @@ from tuning.batch import predict
 from tuning.confidence import PLAUSIBLE, QUANTILE, Confidence, confidence, pulls
 from tuning.fit import GAUSS_NEWTON, Fit, Progress, fit, random_starts
 from tuning.folds import FOLDS, HeldOut, block_width, fit_held_out, fold_of_lines
+from tuning.foreseen import channel_noise, foreseen
 from tuning.freedom import BOUND, Freedom, Wishes, freedom
 from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
-from tuning.information import channel_noise
 from tuning.inputs import fingerprint
 from tuning.journal import CHECKPOINT, Journal
 from tuning.misfit import Misfit
@@ -75,6 +75,7 @@ __all__ = [
     "fit",
     "fit_held_out",
     "fold_of_lines",
+    "foreseen",
     "freedom",
     "minimise",
     "modes_in_band",

@@ -14,20 +14,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification import smooth_variance
 from identification.words import (
     Campaign,
-    Condition,
     Dof,
-    Frf,
-    FrfEstimate,
     Layout,
     Real,
-    Test,
     distinct,
 )
-from mbmodel import Evaluator, Model, Part, Question, hammer_parts, sensor_parts
+from mbmodel import Model, Part, hammer_parts, sensor_parts
 from tuning.confidence import WIDEST, Confidence
+from tuning.foreseen import channel_noise, foreseen
 from tuning.misfit import Misfit
 from tuning.schema import GainRow
 from tuning.session import Session
@@ -91,8 +87,8 @@ def _candidates(session: Session, sure: Confidence) -> Iterator[tuple[str, str, 
         directions = tuple(Dof.of(place, axis) for axis in range(3))
         extended = _with(model, hammer_parts(model.machine, directions))
         outputs = distinct(d.positive for t in campaign.tests for d in t.estimate.frf.outputs)
-        tests = [_unmade(extended, sure, campaign, outputs, one) for one in directions]
-        yield "hammer", place, extended, replace(campaign, tests=tuple(tests))
+        noise, theta = _noise(campaign, outputs), _at(extended, sure)
+        yield "hammer", place, extended, foreseen(extended, theta, campaign, noise, directions)
     references = distinct(test.condition.reference.positive for test in campaign.tests)
     for place in read:
         machine = replace(model.machine, layout=_beside(model, place))
@@ -101,8 +97,9 @@ def _candidates(session: Session, sure: Confidence) -> Iterator[tuple[str, str, 
         point = replace(sensor.point, name=_FURTHER)
         extended = _with(bare, (replace(sensor, point=point),))
         outputs = tuple(Dof.of(_FURTHER, axis) for axis in range(3))
-        tests = [_unmade(extended, sure, campaign, outputs, one, place) for one in references]
-        yield "sensor", place, extended, Campaign(campaign.name, machine.layout, tuple(tests))
+        noise, theta = _noise(campaign, outputs, place), _at(extended, sure)
+        there = replace(campaign, layout=machine.layout)
+        yield "sensor", place, extended, foreseen(extended, theta, there, noise, references)
 
 
 def _with(model: Model, parts: tuple[Part, ...]) -> Model:
@@ -121,37 +118,17 @@ def _beside(model: Model, place: str) -> Layout:
     )
 
 
-def _unmade(
-    model: Model,
-    sure: Confidence,
-    campaign: Campaign,
-    outputs: tuple[Dof, ...],
-    reference: Dof,
-    like: str | None = None,
-) -> Test:
-    """A test as the tuned model foresees it, with the noise of the tests there are."""
-    extra = len(model.parameters) - len(sure.freedom.parameters)
-    drawn = model.drawn[len(model.drawn) - extra :]
-    theta = np.append(sure.freedom.theta(sure.x), drawn)
-    first = campaign.tests[0].estimate
-    asked = Question(campaign.freq_hz, outputs, (reference,), first.frf.quantity)
-    values = Evaluator(model, asked).at(theta).values
+def _noise(
+    campaign: Campaign, outputs: tuple[Dof, ...], like: str | None = None
+) -> dict[Dof, Real]:
+    """Of channels: their own, or that of another point; where there is none the mean of all."""
     noise = channel_noise(campaign)
     usual: Real = np.mean(list(noise.values()), axis=0)
-    names = [dof if like is None else replace(dof, point=like) for dof in outputs]
-    variance = np.stack([noise.get(dof.positive, usual) for dof in names], axis=1)[:, :, None]
-    frf = Frf(campaign.freq_hz, values, outputs, (reference,), first.frf.quantity)
-    measured = np.ones(values.shape[1:], bool)
-    estimate = FrfEstimate(frf, variance, "differences", measured)
-    return Test(Condition("not made", reference), estimate)
+    named = {dof: dof if like is None else replace(dof, point=like) for dof in outputs}
+    return {dof: noise.get(other.positive, usual) for dof, other in named.items()}
 
 
-def channel_noise(campaign: Campaign) -> dict[Dof, Real]:
-    """Mean variance of each channel over the tests that measured it; (n_freq,) each."""
-    found: dict[Dof, list[Real]] = {}
-    for test in campaign.tests:
-        variance = smooth_variance(test.estimate)
-        for row, dof in enumerate(test.estimate.frf.outputs):
-            if test.estimate.measured[row, 0]:
-                found.setdefault(dof.positive, []).append(variance[:, row, 0])
-    return {dof: np.mean(rows, axis=0) for dof, rows in found.items()}
+def _at(model: Model, sure: Confidence) -> Real:
+    """The tuned parameters, and drawn ones of what the model has more."""
+    theta = sure.freedom.theta(sure.x)
+    return np.append(theta, model.drawn[len(theta) :])

@@ -11,7 +11,6 @@ from diagnosis.experiment import (
     Experiment,
     _before,
     _by_effort,
-    _foreseen,
     _known_mass,
     _left,
     _posed,
@@ -21,7 +20,7 @@ from diagnosis.refit import CLOSE, refit
 from identification.words import Dof
 from mbmodel import Evaluator, Question, hammer_parts
 from tests.helpers.drawn import drawn
-from tuning import thinned
+from tuning import channel_noise, foreseen, thinned
 from tuning.confidence import WIDEST
 from tuning.misfit import FLOOR
 
@@ -40,6 +39,11 @@ def found(session, refits, word, causes, where=()):
     search = SimpleNamespace(refits=refits)
     gate = SimpleNamespace(unknown=())
     return SimpleNamespace(session=session, judged=judged, search=search, gate=gate)
+
+
+def told_by(posed, campaign, inputs):
+    """What a rival foresees."""
+    return foreseen(posed.model, posed.theta, campaign, channel_noise(campaign), inputs)
 
 
 def test_rivals_are_told_apart_by_the_hit_that_gains_most(rivals):
@@ -65,7 +69,7 @@ def test_the_gain_is_what_tuning_anew_leaves_of_what_a_rival_foresees(rivals):
     inputs = (Dof.of(campaign.outputs[-1].point, 1),)
     asked = Experiment("hit", inputs, lambda machine: hammer_parts(machine, inputs))
     posed = [_posed(asked, one) for one in (true, rival)]
-    told = _foreseen(posed[0], campaign, inputs)
+    told = told_by(posed[0], campaign, inputs)
     before = _before(rival)
     gain = _left(posed[1], told, before, 1.0)
     # The same by least squares, slopes by differences.
@@ -96,11 +100,11 @@ def test_the_gain_is_what_tuning_anew_leaves_of_what_a_rival_foresees(rivals):
     assert gain < 0.9 * (off**2).sum()
 
 
-def test_a_cause_that_is_taken_out_and_a_known_mass_are_foreseen(rivals):
+def test_a_cause_that_is_taken_out_and_a_known_mass_aretold_by(rivals):
     session, (one, _) = rivals
     thin = thinned(session.campaign, 8)
     inputs = (session.campaign.tests[0].condition.reference.positive,)
-    out = _foreseen(_posed(Experiment("out", inputs, undone=one.hypothesis.key), one), thin, inputs)
+    out = told_by(_posed(Experiment("out", inputs, undone=one.hypothesis.key), one), thin, inputs)
     bare, frf = session.model, out.tests[0].estimate.frf
     question = Question(thin.freq_hz, frf.outputs, inputs, frf.quantity)
     expected = Evaluator(bare, question).at(one.fit.theta[: len(bare.parameters)]).values
@@ -108,7 +112,7 @@ def test_a_cause_that_is_taken_out_and_a_known_mass_are_foreseen(rivals):
     # A tenth of its mass at a body's centre is what a mass error of that size would be.
     body = one.hypothesis.location.partition(":")[2]
     number = bare.machine.layout.bodies.index(body)
-    heavier = _foreseen(_posed(Experiment("add", inputs, _known_mass(number)), one), thin, inputs)
+    heavier = told_by(_posed(Experiment("add", inputs, _known_mass(number)), one), thin, inputs)
     more = one.fit.theta.copy()
     names = [parameter.name for parameter in one.session.model.parameters]
     more[names.index(f"{body}.added_mass")] += 10.0  # hundredths

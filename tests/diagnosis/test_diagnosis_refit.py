@@ -7,9 +7,14 @@ import pytest
 
 from diagnosis import EFFECTS, Scene
 from diagnosis.corrections import doubted, masked
-from diagnosis.diagnose import _from_many_starts, _from_where_others_ended
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.known import known
+from diagnosis.nothing import (
+    from_many_starts,
+    from_where_others_ended,
+    with_outliers,
+    within_bounds,
+)
 from diagnosis.refit import (
     FIRST,
     LAST,
@@ -17,8 +22,6 @@ from diagnosis.refit import (
     go_on,
     posed,
     refit,
-    with_outliers,
-    within_bounds,
 )
 from diagnosis.score import cosines, scores
 from diagnosis.search import Search
@@ -172,7 +175,7 @@ def test_lines_where_a_body_bends_are_doubted_by_as_much(scene):
             assert added[:, row] == pytest.approx((0.01 * frf.freq_hz[:, None]) ** 2 * mean)
 
 
-def test_of_few_frfs_nothing_missing_is_fitted_from_many_starts(tmp_path):
+def test_of_few_frfs_nothing_missing_is_fittedfrom_many_starts(tmp_path):
     session, _ = drawn(tmp_path, 72_064, None, lines=161)
     kept = {str(dof) for dof in session.campaign.outputs[::9]}
     few = masked(session.campaign, lambda dof: str(dof) not in kept)
@@ -182,7 +185,7 @@ def test_of_few_frfs_nothing_missing_is_fitted_from_many_starts(tmp_path):
         scene = Scene(own, session.model.drawn)
         made = refit(scene, None, campaign, FIRST)
         far = replace(made, fit=replace(made.fit, cost=1e6), chi_square=40.0)
-        found = _from_many_starts(scene, far, said.append)
+        found = from_many_starts(scene, far, said.append)
         if campaign is few:
             assert found.chi_square < 1.1
         else:  # one start is enough
@@ -204,16 +207,16 @@ def test_nothing_missing_is_fitted_once_more_from_where_an_effect_that_vanished_
     one = only(scene, "structural_damping")[0]
     seeming = refit(scene, one, session.campaign, (*FIRST, *LAST))
     assert seeming.chi_square < 1.1
-    found = _from_where_others_ended(scene, first, nothing, Search(refits=(seeming,)))
+    found = from_where_others_ended(scene, first, nothing, Search(refits=(seeming,)))
     assert found.hypothesis is None
     assert found.chi_square < 1.1
     # Who leaves most of the gap does not know the way.
     poor = Search(refits=(replace(seeming, chi_square=0.6 * nothing.chi_square),))
-    assert _from_where_others_ended(scene, first, nothing, poor) is nothing
+    assert from_where_others_ended(scene, first, nothing, poor) is nothing
     # A gap that is there is there from anywhere.
     true = refit(scene, None, session.campaign, (*FIRST, *LAST))
     there = replace(true, chi_square=5.0)
-    assert _from_where_others_ended(scene, true, there, Search(refits=(seeming,))) is there
+    assert from_where_others_ended(scene, true, there, Search(refits=(seeming,))) is there
 
 
 def test_tolerances_beyond_their_bounds_are_followed_as_far_as_an_outlier_may(tmp_path):

@@ -1,5 +1,6 @@
 """Universal files by a small writer of our own, a layout with no symmetry, campaigns on disk."""
 
+import io
 import struct
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -174,3 +175,38 @@ def read_written(folder: Path, layout: Layout | None = None) -> Campaign:
     """Read a campaign folder on a layout in place of its model's."""
     path, settings = read_settings(folder)
     return read_campaign(path, settings, correct_layout(path, settings, layout or a_layout()))
+
+
+HEAD = 'model = "model.xml"\n'
+TEST = HEAD + '[[test]]\nfile = "a.uff"\naverages = 10\n'
+FIRST = Function(numbers(1), rsp=(7, 1), ref=(11, 3))
+SECOND = Function(numbers(2), rsp=(2, -2), ref=(11, 3))
+THIRD = Function(numbers(3), rsp=(7, 1), ref=(1, 2))
+ARRAY_TEST = (
+    HEAD + '[[test]]\nfile = "b.npz"\nchannels = "nodes 1..2, xy"\nreferences = ["11:x", "7:-z"]\n'
+)
+
+
+def uff(*functions):
+    return b"".join(f if isinstance(f, bytes) else f.content() for f in functions)
+
+
+def npz(**arrays):
+    buffer = io.BytesIO()
+    np.savez(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def read_small(folder: Path, text=TEST, layout=None, **files) -> Campaign:
+    """Write a campaign around the small layout, and read it.
+
+    Args:
+        folder: where.
+        text: of campaign.toml.
+        layout: in place of the small one.
+        files: contents, by name with an underscore for the dot.
+    """
+    contents = {"a.uff": uff(FIRST, SECOND, THIRD)}
+    contents |= {name.replace("_", "."): content for name, content in files.items()}
+    write_campaign(folder, text, contents)
+    return read_written(folder, layout)
