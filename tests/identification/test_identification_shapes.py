@@ -1,6 +1,5 @@
-"""Finite-element shapes: files, shapes at sensors, what they weigh, where sensors tell most."""
+"""Finite-element shapes: files, and shapes at sensors."""
 
-from itertools import combinations
 from pathlib import Path
 
 import meshio
@@ -9,17 +8,12 @@ import pytest
 from scipy.optimize import minimize
 
 from identification.shapes import (
-    antinodes,
-    check_mass,
     closest,
-    effective_independence,
     read_shapes,
-    rigid_modes,
     shapes_at,
-    telling,
 )
 from identification.shapes.shapes import Shapes
-from identification.words import InputError, UsageError
+from identification.words import InputError
 
 GONDOLA = Path(__file__).parents[2] / "assets" / "gondola" / "shapes.vtu"
 
@@ -241,165 +235,9 @@ def test_a_sensor_off_the_mesh_is_named_with_its_distance():
         shapes_at(shapes, millimetres, ["acc1", "acc9"])
 
 
-def lumped(random, count=30):
-    """Points with masses, and the six rigid modes of them, normalised and mixed at random."""
-    points, masses = random.standard_normal((count, 3)), random.uniform(1, 5, count)
-    rows = np.zeros((count, 3, 6))
-    rows[:, :, :3] = np.eye(3)
-    for k, unit in enumerate(np.eye(3)):
-        rows[:, :, 3 + k] = np.cross(unit, points)
-    whole = np.einsum("pxi,p,pxj->ij", rows, masses, rows)
-    mixed = np.linalg.inv(np.linalg.cholesky(whole)).T
-    mixed = mixed @ np.linalg.qr(random.standard_normal((6, 6)))[0]
-    return points, masses, np.einsum("pxi,im->mpx", rows, mixed)
-
-
-def test_six_rigid_modes_weigh_a_body_however_they_mix():
-    random = np.random.default_rng(7)
-    points, masses, vectors = lumped(random)
-    bent = random.standard_normal((2, len(points), 3))
-    shapes = Shapes(
-        "body", points, np.array([[0, 1, 2]]), np.r_[np.zeros(6), 20, 30], np.r_[vectors, bent]
-    )
-    found = rigid_modes(shapes)
-    assert found.modes.tolist() == [True] * 6 + [False] * 2
-    assert found.mass == pytest.approx(masses.sum(), rel=1e-9)
-    assert found.normalised
-    centre = masses @ points / masses.sum()
-    np.testing.assert_allclose(found.centre, centre, atol=1e-9)
-    arms = points - centre
-    inertia = sum(
-        m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(masses, arms, strict=True)
-    )
-    np.testing.assert_allclose(found.inertia, inertia, atol=1e-7)
-    check_mass(found, 1.005 * masses.sum(), 0.01, "body")
-    with pytest.raises(InputError, match=r"body weighs .* kg was stated"):
-        check_mass(found, 1.2 * masses.sum(), 0.01, "body")
-    other = Shapes("body", points, shapes.triangles, shapes.frequencies[:6], 3.0 * vectors)
-    assert rigid_modes(other).mass == pytest.approx(masses.sum() / 9)
-
-
-def test_a_single_translation_weighs_it_as_the_document_has_it():
-    points = np.random.default_rng(8).standard_normal((20, 3))
-    shape = np.tile([0.0, 0.05, 0.0], (20, 1))  # 1 / 0.05^2 = 400 kg
-    shapes = Shapes("body", points, np.array([[0, 1, 2]]), np.zeros(1), shape[None])
-    found = rigid_modes(shapes)
-    assert found.by_translation == pytest.approx((400.0,))
-    assert found.mass == pytest.approx(400.0)
-    turned = np.cross([0.0, 0.0, 1.0], points)
-    shapes = Shapes("body", points, np.array([[0, 1, 2]]), np.zeros(1), turned[None])
-    with pytest.raises(InputError, match="none is a translation alone"):
-        check_mass(rigid_modes(shapes), 400.0, 0.01, "body")
-
-
-def test_shapes_that_are_not_normalised_by_mass_are_noticed():
-    points, _, vectors = lumped(np.random.default_rng(9))
-    own = vectors / np.abs(vectors).max(axis=(1, 2), keepdims=True)
-    shapes = Shapes("body", points, np.array([[0, 1, 2]]), np.zeros(6), own)
-    assert not rigid_modes(shapes).normalised
-
-
-def test_shapes_of_largest_displacement_one_weigh_nothing_that_could_be_told():
-    """Pure translations and turns, whose M_6 is that of a body with all mass at its ends."""
-    points, _, _ = lumped(np.random.default_rng(9))
-    arms = points - points.mean(axis=0)
-    pure = [np.tile(unit, (len(points), 1)) for unit in np.eye(3)]
-    pure += [np.cross(unit, arms) for unit in np.eye(3)]
-    own = np.array([one / np.linalg.norm(one, axis=1).max() for one in pure])
-    shapes = Shapes("body", points, np.array([[0, 1, 2]]), np.zeros(6), own)
-    found = rigid_modes(shapes)
-    assert not found.normalised
-    with pytest.raises(InputError, match="not normalised by mass"):
-        check_mass(found, found.mass, 0.05, "body")
-
-
-def plain(frequencies, rigid):
-    """Modes of some frequencies, rigid or not."""
-    random = np.random.default_rng(10)
-    points, _, vectors = lumped(random)
-    bent = random.standard_normal((len(frequencies), *points.shape))
-    shapes = [vectors[k % 6] if own else bent[k] for k, own in enumerate(rigid)]
-    return Shapes("s.vtu", points, np.array([[0, 1, 2]]), np.array(frequencies), np.array(shapes))
-
-
-def test_a_rigid_shape_that_mounts_hold_is_a_mode_like_any_other():
-    on_mounts = rigid_modes(plain([18.0, 24.0, 29.0, 38.0, 45.0], [True] * 3 + [False] * 2))
-    assert on_mounts.modes.tolist() == [True] * 3 + [False] * 2
-    assert on_mounts.held.all()
-    free = rigid_modes(plain([-1e-4, 0.0, 2e-3, 38.0, 45.0], [True] * 3 + [False] * 2))
-    assert free.held.tolist() == [False] * 3 + [True] * 2
-    # A mechanism is at rest, though it deforms.
-    hinged = rigid_modes(plain([-2e-3, 0.0, 1e-3, 38.0], [False, True, True, False]))
-    assert hinged.held.tolist() == [False] * 3 + [True]
-
-
-def test_frequencies_in_another_order_than_the_shapes_are_refused():
-    with pytest.raises(InputError, match=r"deforms is at 0 Hz, .* rigid at 38 Hz: .* do not fit"):
-        rigid_modes(plain([0.0, 0.0, 38.0, 45.0], [False, False, True, True]))
-
-
 def test_a_mesh_in_millimetres_is_refused():
     points, cells, vectors = plate(np.random.default_rng(6))
     triangles = cells[1][1]
     shapes = Shapes("mm.vtu", 1000 * points, triangles, np.arange(3.0), vectors)
     with pytest.raises(InputError, match=r"within 1.12 m of each other .* Is it in millimetres"):
         shapes_at(shapes, points[[0, 3, 7]], ["a", "b", "c"])
-
-
-def test_the_gondolas_shapes_weigh_what_its_panels_do():
-    shapes = read_shapes(GONDOLA)
-    found = rigid_modes(shapes)
-    assert found.modes.tolist() == [True] * 6 + [False] * (len(shapes) - 6)
-    assert found.normalised
-    assert found.mass == pytest.approx(264.1, rel=1e-3)  # make_gondola.py prints what was drawn
-    assert abs(found.centre[1]) < 1e-4  # it is symmetric
-    assert 25 < shapes.frequencies[6] < 40
-    assert (shapes.frequencies[6:12] < 110).all()
-
-
-def test_antinodes_are_where_modes_move_most():
-    x = np.linspace(0, 1, 41)
-    beams = np.array([np.sin(np.pi * x), np.sin(2 * np.pi * x), np.sin(3 * np.pi * x)])
-    assert antinodes(beams).tolist() == [20, 10]  # the third moves most at 20, too
-    apart = np.abs(x[:, None] - x) / 0.15
-    chosen = antinodes(beams, 2, apart)
-    assert chosen[0] == 20
-    assert len(chosen) == 4  # what one mode has taken counts for the others
-    distances = np.abs(x[chosen][:, None] - x[chosen]) + np.eye(len(chosen))
-    assert distances.min() >= 0.15
-    vectors = np.zeros((1, 4, 3))
-    vectors[0, 2] = [0.3, 0.3, 0.3]
-    vectors[0, 1, 0] = 0.4
-    assert antinodes(vectors).tolist() == [2]
-
-
-def test_effective_independence_is_nearly_the_best_of_all_choices():
-    random = np.random.default_rng(10)
-    ranks = []
-    for _ in range(10):
-        candidates = random.standard_normal((3, 9))
-        chosen = effective_independence(candidates, 4)
-        worth = {
-            one: np.linalg.det(candidates[:, one] @ candidates[:, one].T)
-            for one in combinations(range(9), 4)
-        }
-        ranks.append(sorted(worth.values(), reverse=True).index(worth[tuple(chosen.tolist())]))
-    assert np.median(ranks) <= 3  # of 126
-    with pytest.raises(UsageError, match="2 channels of 9 candidates cannot tell 3 modes"):
-        effective_independence(candidates, 2)
-    with pytest.raises(UsageError, match="the same at all candidates"):
-        effective_independence(np.vstack([candidates, candidates[:1]]), 5)
-
-
-def test_modes_alike_but_out_of_phase_are_told_by_the_channels_that_differ():
-    same = np.array([1.0, 0.8, 0.6, 0.05, 0.05])
-    other = np.array([1.0, 0.8, 0.6, 0.05, -0.3])
-    third = np.array([0.0, 0.0, 1.0, -1.0, 0.5])
-    found = telling(np.array([same, other, third]), noise=0.1)
-    assert found.confused == ((0, 1),)
-    assert found.channels[0][0] == 4
-    np.testing.assert_allclose(np.diag(found.mac), 1.0)
-    expected = np.sqrt(1 - found.mac[0, 1]) / 0.1
-    assert found.deviations[0, 1] == pytest.approx(expected)
-    apart = np.sign(same) * np.abs(same), same * [1, 1, -1, 1, 1]
-    assert telling(np.array(apart)).confused == ()  # unsigned they would be the same
