@@ -2,10 +2,11 @@
 
 Springs that act at p from the drawn joint feel a slide's elongation along a_i as q_i + a_i.(R x p),
 R = sum a_j q_j over its hinges: J = 1 + B(p), B_ij = a_i.(a_j x p). So K becomes J' K J, with the
-slope B_k' K + K B_k by each coordinate of p.
+slope B_k' K + K B_k by each coordinate of p. What holds a stage where it slides, bearing or leg, is
+spring and damper at once: dampers go along, C becomes J' C J.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -37,12 +38,17 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             continue
         frame = np.array([directions[name] for name in springs]).T
         slides = [springs[k] for k in np.flatnonzero(felt.any(axis=(0, 2)))]
-        coupling = _Coupling(felt, frame, [springs.index(name) for name in slides])
+        damped = [name for name in slides if f"{name}.damping" in tuned]
+        acting = [[springs.index(name) for name in own] for own in (slides, damped)]
+        coupling = _Coupling(felt, frame, acting)
         names = tuple(f"{stage}.offset_{axis}" for axis in "xyz")
         parameters = [Parameter(name, 0.0, "cm", positive=False) for name in names]
-        follow = {f"{stage}.coupling({name})": f"{name}.stiffness" for name in slides}
-        for name, value in zip(follow, scene.stiffness(tuple(slides)).tolist(), strict=True):
-            parameters.append(Parameter(name, value, "N/m"))
+        units = {f"{name}.stiffness": "N/m" for name in slides}
+        units |= {f"{name}.damping": "N s/m" for name in damped}
+        drawn = [*scene.stiffness(tuple(slides)), *scene.damping(tuple(damped))]
+        follow = {f"{stage}.coupling({name})": name for name in units}
+        for name, measure, value in zip(follow, units.values(), drawn, strict=True):
+            parameters.append(Parameter(name, float(value), measure))
         part = AddedPart(
             f"joint:{stage}",
             tuple(parameters),
@@ -60,38 +66,55 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 
 class _Coupling:
-    """J' K J - K with J = 1 + B(p); B is linear in p, and B' K B stays where p is large.
+    """J' K J - K and J' C J - C with J = 1 + B(p); B is linear in p, and B' K B stays for large p.
 
     Only slides feel p. With the rows J_i of theirs it is sum k_i (J_i' J_i - e_i' e_i). Parameters
-    are p and the k_i, which follow those of the joint: fitted with another one, an offset of some
-    centimetres leaves far more than the noise.
+    are p, the k_i and the c_i, which follow those of the joint: fitted with others, an offset of
+    some centimetres leaves far more than the noise.
+
+    Args:
+        felt: B by each coordinate of p; (3, n_spring, n_spring).
+        frame: directions of the springs; (nv, n_spring).
+        acting: which of them have k and which have c.
     """
 
-    def __init__(self, felt: Real, frame: Real, slides: list[int]) -> None:
-        self.felt, self.frame, self.slides = felt, frame, slides
+    def __init__(self, felt: Real, frame: Real, acting: Sequence[list[int]]) -> None:
+        self.felt, self.frame, self.acting = felt, frame, acting
 
     def _change(self, core: Real) -> Change:
-        whole = np.zeros((*core.shape[:-2], 3, *core.shape[-2:]))
-        whole[..., 0, :, :] = core
+        """Of stiffness and damping; (.., 2, n_spring, n_spring)."""
+        whole = np.zeros((*core.shape[:-3], 3, *core.shape[-2:]))
+        whole[..., :2, :, :] = core
         return Change("joint", self.frame, self.frame, whole)
 
-    def _rows(self, offset: Real) -> tuple[Real, Real]:
-        """J_i, e_i of the slides; (n_slide, n_spring) each."""
-        own = np.eye(self.felt.shape[1])[self.slides]
-        return own + np.tensordot(offset, self.felt, 1)[self.slides], own
+    def _terms(self, theta: Real) -> Iterator[tuple[Real, Real, Real, Real]]:
+        """Of stiffness, then of damping, J_i and e_i; B_ki; (3, n, n_spring); k_i or c_i."""
+        turned = np.tensordot(theta[:3], self.felt, 1)
+        sizes = np.split(theta[3:], [len(self.acting[0])])
+        for size, acting in zip(sizes, self.acting, strict=True):
+            own = np.eye(self.felt.shape[1])[acting]
+            yield own + turned[acting], own, self.felt[:, acting], size
 
     def finite(self, theta: Real) -> tuple[Change, ...]:
         """Of an offset."""
-        rows, own = self._rows(theta[:3])
-        stiffness = theta[3:]
-        return (self._change((rows.T * stiffness) @ rows - (own.T * stiffness) @ own),)
+        found = [
+            (rows.T * size) @ rows - (own.T * size) @ own
+            for rows, own, _, size in self._terms(theta)
+        ]
+        return (self._change(np.array(found)),)
 
     def derivatives(self, theta: Real) -> tuple[Change, ...]:
-        """By its coordinates, then by each stiffness."""
-        rows, own = self._rows(theta[:3])
-        half = self.felt[:, self.slides].swapaxes(1, 2) @ (theta[3:, None] * rows)
-        by_stiffness = rows[:, :, None] * rows[:, None, :] - own[:, :, None] * own[:, None, :]
-        return (self._change(np.concatenate([half + half.swapaxes(1, 2), by_stiffness])),)
+        """By its coordinates, then by each stiffness and damping."""
+        core = np.zeros((len(theta), 2, *self.felt.shape[1:]))
+        start = 3
+        for power, (rows, own, felt, size) in enumerate(self._terms(theta)):
+            half = felt.swapaxes(1, 2) @ (size[:, None] * rows)
+            core[:3, power] = half + half.swapaxes(1, 2)
+            end = start + len(size)
+            core[start:end, power] = rows[:, :, None] * rows[:, None, :]
+            core[start:end, power] -= own[:, :, None] * own[:, None, :]
+            start = end
+        return (self._change(core),)
 
 
 EFFECT = Effect(

@@ -181,9 +181,11 @@ def test_a_slide_without_stiffness_couples_nothing(tmp_path):
     session = open_session(folder)
     scene = Scene(session, session.model.drawn)
     made = {one.location: one for one in EFFECTS["joint_coupling"](scene)}
-    assert len(made["joint:stage2"].follow) == 3
+    assert len(made["joint:stage2"].follow) == 6
     assert sorted(made["joint:stage3"].follow.values()) == [
+        "stage3_ty.damping",
         "stage3_ty.stiffness",
+        "stage3_tz.damping",
         "stage3_tz.stiffness",
     ]
     for one in made.values():

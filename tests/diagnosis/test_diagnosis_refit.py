@@ -78,8 +78,10 @@ def test_intervals_hold_the_truth_and_the_gap_closes(scene):
     middle = np.array(worth.stated(one)["offset"])
     assert (low < middle).all()
     assert (middle < high).all()
-    coarse = np.array(known(found, found.fit.theta, 4).intervals(one)["offset"]).T
-    assert (coarse[1] - coarse[0] > 1.2 * (high - low)).all()
+    # Springs and dampers elsewhere, or a joint that is not where the drawing has it: no test tells.
+    own = 2 * 1.96 * found.session.campaign.tolerance.joint_position
+    assert (high - low > 0.99 * own).all()
+    assert (high - low < 1.5 * own).all()
     # Six standard deviations: one case is no coverage, but an interval of another size is caught.
     assert (np.abs(offset - middle) < 3 * (high - low) / 2).all()
     # It is the minimum of the density without bounds, and this its covariance by numbers alone.

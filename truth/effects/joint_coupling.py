@@ -17,15 +17,15 @@ LIMITS = (1e-4, 0.3)  # m
 
 @dataclass(frozen=True)
 class JointCoupling(Vector):
-    r"""The centre of stiffness of a joint is off by o; dampers and rigid directions stay.
+    r"""The centre of stiffness of a joint is off by o; its dampers sit there too.
 
-    The springs feel the relative motion at the displaced point. With joint coordinates q through
-    the drawn point, axes a of the slides and relative rotation theta,
+    Rigid directions stay. Springs and dampers feel the relative motion at the displaced point. With
+    joint coordinates q through the drawn point, axes a of the slides and relative rotation theta,
 
         q'_slide = q_slide + a . (theta x o),   q'_hinge = q_hinge
         K gains sum_joints k (g' g'^T - g g^T),   q = g x
 
-    so that a slide's stiffness k couples with the hinge about b by k o . (a x b).
+    so that a slide's stiffness k couples with the hinge about b by k o . (a x b); C likewise.
 
     Args:
         size: |o| [m].
@@ -41,15 +41,17 @@ class JointCoupling(Vector):
         return Answer("joint_coupling", location=f"joint:{self.stage}", parameters=parameters)
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
-        """Return the rig with the joint's springs elsewhere."""
+        """Return the rig with the joint's springs and dampers elsewhere."""
         del occasion
         index = tested.station.index(self.stage)
         joints = tested.station.stages[index].joints
-        stiffness = [joint.stiffness for joint in joints]
         displaced = _displaced(tested, index, np.array(self.vector))
-        change = springs(joint_stretch(rig, displaced, index), stiffness)
+        before, after = (joint_stretch(rig, one, index) for one in (tested, displaced))
+        stiffness = [joint.stiffness for joint in joints]
+        damping = [joint.damping for joint in joints]
         return rig.with_matrices(
-            stiffness=change - springs(joint_stretch(rig, tested, index), stiffness)
+            stiffness=springs(after, stiffness) - springs(before, stiffness),
+            damping=springs(after, damping) - springs(before, damping),
         )
 
 
