@@ -150,8 +150,8 @@ def diagnose(
         before[made[0]] = shaped[0]
     is_held = bool(present) and all(one.is_held for one in present)
     one = _together(present, found) if is_held else None
-    known = (None, one) if one in before else (None,)
-    before = {key: within_bounds(usual, before[key], outlier) for key in known if key in before}
+    known = {None, one} & before.keys()
+    before = {key: within_bounds(usual, before[key], outlier) for key in known}
     retuned, after, worth = levels(base, one, session, before, exact=exact)
     drawn = predict(session.model, session.model.drawn, session.campaign)
     return Diagnosis(

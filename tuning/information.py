@@ -9,7 +9,7 @@ the mean variance of its tests, a further sensor that of the sensor beside it). 
 sensor is off by tolerances of its own, which are eliminated with all others.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -82,13 +82,14 @@ def _candidates(session: Session, sure: Confidence) -> Iterator[tuple[str, str, 
     """Hits in three directions at every sensor that was not hit; a sensor beside every sensor."""
     campaign, model = thinned(session.campaign, _STRIDE), session.model
     hit = {test.condition.reference.point for test in campaign.tests}
-    read = dict.fromkeys(d.point for t in campaign.tests for d in t.estimate.frf.outputs)
+    outputs = distinct(d.positive for t in campaign.tests for d in t.estimate.frf.outputs)
+    read, noise = dict.fromkeys(dof.point for dof in outputs), channel_noise(campaign)
+    own = _like(noise, outputs)
     for place in (one for one in read if one not in hit):
         directions = tuple(Dof.of(place, axis) for axis in range(3))
         extended = _with(model, hammer_parts(model.machine, directions))
-        outputs = distinct(d.positive for t in campaign.tests for d in t.estimate.frf.outputs)
-        noise, theta = _noise(campaign, outputs), _at(extended, sure)
-        yield "hammer", place, extended, foreseen(extended, theta, campaign, noise, directions)
+        theta = _at(extended, sure)
+        yield "hammer", place, extended, foreseen(extended, theta, campaign, own, directions)
     references = distinct(test.condition.reference.positive for test in campaign.tests)
     for place in read:
         machine = replace(model.machine, layout=_beside(model, place))
@@ -96,10 +97,9 @@ def _candidates(session: Session, sure: Confidence) -> Iterator[tuple[str, str, 
         sensor = next(one for one in sensor_parts(model.machine) if one.point.name == place)
         point = replace(sensor.point, name=_FURTHER)
         extended = _with(bare, (replace(sensor, point=point),))
-        outputs = tuple(Dof.of(_FURTHER, axis) for axis in range(3))
-        noise, theta = _noise(campaign, outputs, place), _at(extended, sure)
-        there = replace(campaign, layout=machine.layout)
-        yield "sensor", place, extended, foreseen(extended, theta, there, noise, references)
+        alike = _like(noise, [Dof.of(place, axis) for axis in range(3)], _FURTHER)
+        there, theta = replace(campaign, layout=machine.layout), _at(extended, sure)
+        yield "sensor", place, extended, foreseen(extended, theta, there, alike, references)
 
 
 def _with(model: Model, parts: tuple[Part, ...]) -> Model:
@@ -118,14 +118,13 @@ def _beside(model: Model, place: str) -> Layout:
     )
 
 
-def _noise(
-    campaign: Campaign, outputs: tuple[Dof, ...], like: str | None = None
+def _like(
+    noise: Mapping[Dof, Real], known: Sequence[Dof], point: str | None = None
 ) -> dict[Dof, Real]:
-    """Of channels: their own, or that of another point; where there is none the mean of all."""
-    noise = channel_noise(campaign)
+    """Noise of channels, or of others like them at a point; where there is none the mean of all."""
     usual: Real = np.mean(list(noise.values()), axis=0)
-    named = {dof: dof if like is None else replace(dof, point=like) for dof in outputs}
-    return {dof: noise.get(other.positive, usual) for dof, other in named.items()}
+    found = {dof: noise.get(dof, usual) for dof in known}
+    return {dof if point is None else replace(dof, point=point): own for dof, own in found.items()}
 
 
 def _at(model: Model, sure: Confidence) -> Real:
