@@ -17,6 +17,7 @@ from diagnosis.refit import (
     PATIENT,
     Refit,
     asked,
+    begun_at,
     fitted,
     free,
     further,
@@ -83,7 +84,7 @@ def from_where_others_ended(scene: Scene, first: Refit, nothing: Refit, found: S
     """
     gap = nothing.chi_square - 1
     others = [one for one in found.refits[:_OTHERS] if one.chi_square - 1 < _MOST * gap]
-    begun = fitted(scene, [further(nothing, FIRST, one) for one in others])
+    begun = fitted(scene, [begun_at(further(nothing, FIRST), one) for one in others])
     best = min(begun, key=lambda one: one.cost, default=None)
     if best is None or best.cost > _LESS * first.cost:
         return nothing

@@ -170,20 +170,17 @@ def asked(
     return Task(one, session, _start(scene, session, one), stages)
 
 
-def further(found: Refit, stages: tuple[Stage, ...], other: Refit | None = None) -> Task:
-    """A refit's further stages, to be made beside others.
+def further(found: Refit, stages: tuple[Stage, ...]) -> Task:
+    """A refit's further stages, to be made beside others."""
+    return Task(found.hypothesis, found.session, found.fit.theta, stages)
 
-    Args:
-        found: the refit.
-        stages: to go through.
-        other: where this one ended it begins, in the parameters that both have.
-    """
-    start = found.fit.theta
-    if other is not None:
-        there = named(other.fit.freedom, other.fit.theta)
-        here = named(found.fit.freedom, start)
-        start = np.array([there.get(name, value) for name, value in here.items()])
-    return Task(found.hypothesis, found.session, start, stages)
+
+def begun_at(task: Task, other: Refit) -> Task:
+    """The same, begun where another refit ended, in the parameters that both have."""
+    there = named(other.fit.freedom, other.fit.theta)
+    here = named(task.session.freedom, task.start)
+    start = np.array([there.get(name, value) for name, value in here.items()])
+    return replace(task, start=start)
 
 
 def fitted(scene: Scene, tasks: Sequence[Task]) -> Iterator[Refit]:

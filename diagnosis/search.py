@@ -37,6 +37,7 @@ _LEADING = 0.5  # of the best refit's gain, what goes on to the weights of the n
 _NEAR = 0.2, 0.05, 0.05  # of the best gain, in rounds of further steps: who is no farther goes on
 _SHAPES = 2  # of what leads, of each effect, place and direction
 _WANDERS = 0.8  # of what was left before many steps: who leaves more will not arrive
+_ALMOST = 0.8  # of what a free force explains at most: where it does, effects may begin elsewhere
 _SURE = 10.0  # nats: of a free force that is there
 _EXACT = 0.01  # of chi square, that a refit may leave by chance
 _CLEAR = 0.02  # of the gap: who leaves less explains it
@@ -161,16 +162,22 @@ class Hunt:
             close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
             there = [*close.best(self._forced)[:_THERE], *close.best()[:_CLOSEST]]
             close.try_all(list({one.key: one for one in there}.values()))
-            known = [*self._rounds[0], *self._rounds[1]]
-            self._elsewhere = _elsewhere(known, self._forced, scene)
+            self._elsewhere = self._from(self._forced)
         elif turn == 2:
             close.try_all([own[0] for own in self._elsewhere])
         elif turn == 3:
             close.try_all([one for own in self._elsewhere for one in own[1:]])
+        elif turn:
+            far.try_all(self._promising[REFITTED:])
+            others = self._from(nearly(self._pushed, self._forced))
+            close.try_all([one for own in others for one in own])
         else:
-            far.try_all(self._promising[:REFITTED] if not turn else self._promising[REFITTED:])
+            far.try_all(self._promising[:REFITTED])
         if turn:
             far.try_other_directions()
+
+    def _from(self, pushing: Sequence[Direction]) -> list[list[Hypothesis]]:
+        return _elsewhere([*self._rounds[0], *self._rounds[1]], pushing, self._scene)
 
     def _patient(self, refits: Sequence[Refit]) -> list[Refit]:
         """The best first, at its minimum, and the second if it may still come near.
@@ -209,6 +216,19 @@ def beginnings(one: Hypothesis, scene: Scene) -> list[Hypothesis]:
     names = zip(scene.model.parameters, scene.model.drawn.tolist(), strict=True)
     drawn = {one.name: value for one, value in names if one.name in varies}
     return [replace(one, begin={**drawn, **other}) for other in one.otherwise]
+
+
+def nearly(pushed: Sequence[Pushed], tried: Sequence[Direction]) -> list[Direction]:
+    """Where a force explains nearly as much as anywhere: of low modes on all stages.
+
+    Args:
+        pushed: what free forces explain, the most first.
+        tried: places that are not asked for.
+    """
+    places = {place for place, _ in tried}
+    least = _ALMOST * max((one.gain for one in pushed), default=0.0)
+    others = [one for one in pushed if one.location not in places]
+    return [(one.location, one.dof) for one in others if one.gain > least > 0]
 
 
 def _elsewhere(

@@ -4,8 +4,8 @@ What the best single effect leaves is a gap like any other: with that effect in 
 hypotheses are scored again, the most promising refitted, both then fitted at once. If one of the
 two alone leaves as little, the other was not needed: so the second is fitted alone too. A wrong
 first may have taken the part of both: so others that led with it are fitted in its place. And the
-first may not have arrived: so it is begun elsewhere before, and fitted alone once more, from where
-both ended.
+first may not have arrived: so it is begun elsewhere before, and each is fitted alone once more,
+from where both ended.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,6 +22,7 @@ from diagnosis.refit import (
     Refit,
     Task,
     asked,
+    begun_at,
     fitted,
     further,
     go_on,
@@ -124,11 +125,13 @@ def with_second(
         return replace(found, pairs=tuple(sorted(pairs, key=lambda both: both.cost)))
     second = beside[0]
     known = next((made for made in found.refits if made.key == second.key), None)
-    tasks = [further(first, LONG, best)]
+    lone = by_itself(scene, second, proposed) if known is None else further(known, LONG)
+    longer = further(first, LONG), replace(lone, stages=LONG)
+    tasks = [begun_at(task, best) for task in longer]
     if known is None:
-        tasks.append(by_itself(scene, second, proposed))
+        tasks.append(lone)
     again, *made = fitted(scene, tasks)
-    alone = known or made[0]
+    alone = min((*made, *([] if known is None else [known])), key=lambda made: made.cost)
     if again.cost < first.cost:
         found = replace(found, refits=(unbounded(scene, again), *found.refits[1:]))
     if best.chi_square - 1 > _EXACT:

@@ -8,8 +8,9 @@ import pytest
 
 from diagnosis import Scene, diagnose, verdict_of
 from diagnosis.effects import missing_dof, viscoelastic
+from diagnosis.evidence import Pushed
 from diagnosis.score import Score
-from diagnosis.search import _elsewhere
+from diagnosis.search import _elsewhere, nearly
 from mbmodel import Held, loosened
 from tests.helpers.drawn import drawn
 
@@ -52,6 +53,15 @@ def test_a_branch_as_stiff_as_the_joint_is_sought_from_there_too(tmp_path):
     begun = {name: value for name, value in found.begin.items() if name in found.otherwise[0]}
     assert list(begun.values()) == [1.0]
     assert found.state(begun | {name.replace("size", "time"): 0.0 for name in begun})["ratio"] == 1
+
+
+def test_beginnings_are_tried_last_wherever_a_force_explains_nearly_as_much():
+    # Of a granite that rocks on three supports a force explains as much at any stage on it.
+    rows = [("body:a", "tz", 100.0), ("joint:a", "rx", 90.0), ("joint:b", "ty", 81.0)]
+    pushed = [Pushed(location=place, dof=dof, gain=gain) for place, dof, gain in rows]
+    far = Pushed(location="joint:c", dof="ty", gain=79.0)
+    assert nearly([*pushed, far], [("body:a", "tz")]) == [("joint:a", "rx"), ("joint:b", "ty")]
+    assert nearly([far.model_copy(update={"gain": 0.0})], []) == nearly([], []) == []
 
 
 def _ways(session):

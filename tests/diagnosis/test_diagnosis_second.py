@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from diagnosis import diagnose, verdict_of
+from diagnosis.refit import LONG, begun_at, fitted
 from diagnosis.second import by_itself
 from tests.helpers.drawn import drawn
 
@@ -59,3 +60,14 @@ def test_a_second_whose_shape_nobody_proposed_without_the_first_is_tried_as_it_i
     assert len(task.start) == len(task.session.model.parameters)
     other = replace(second.hypothesis)
     assert by_itself(diagnosis.base, second, [other]).hypothesis is other
+
+
+def test_each_of_two_is_fitted_alone_from_where_both_ended_too(found):
+    diagnosis, _ = found
+    both = diagnosis.search.pairs[0]
+    alone = {one.key: one for one in diagnosis.search.refits}
+    for member in both.hypothesis.members:
+        single = alone[member.key]
+        task = begun_at(by_itself(diagnosis.base, single, []), both)
+        (again,) = fitted(diagnosis.base, [replace(task, stages=LONG)])
+        assert single.cost <= again.cost * (1 + 1e-3)

@@ -12,7 +12,18 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.refit import FIRST, LAST, LONG, asked, fitted, further, go_on, refit, unbounded
+from diagnosis.refit import (
+    FIRST,
+    LAST,
+    LONG,
+    asked,
+    begun_at,
+    fitted,
+    further,
+    go_on,
+    refit,
+    unbounded,
+)
 from diagnosis.side_by_side import side_by_side
 from tests.helpers.drawn import drawn
 from tuning import STAGES, fit
@@ -78,7 +89,7 @@ def test_further_steps_may_begin_where_another_refit_ended(scene):
     one, other = list(EFFECTS["joint_coupling"](scene))[:2]
     campaign = scene.session.campaign
     first, second = (refit(scene, each, campaign, FIRST) for each in (one, other))
-    begun = further(first, LAST, second)
+    begun = begun_at(further(first, LAST), second)
     names = [parameter.name for parameter in first.fit.freedom.parameters]
     there = {
         p.name: v for p, v in zip(second.fit.freedom.parameters, second.fit.theta, strict=True)
