@@ -26,6 +26,7 @@ from diagnosis.refit import (
     SHAPED,
     Refit,
     go_on,
+    off_by,
     paced,
     refit,
     unbounded,
@@ -252,6 +253,7 @@ def _evidence(
                 chi_square=one.chi_square,
                 loose=one.loose,
                 pull=one.pull,
+                off=off_by(one, one.hypothesis),
             )
             for one in found.refits
             if one.hypothesis is not None
@@ -265,6 +267,7 @@ def _evidence(
                 chi_square=one.chi_square,
                 loose=one.loose,
                 pull=one.pull,
+                off=(off_by(one, first), off_by(one, second)),
             )
             for one in found.pairs
             if one.hypothesis

@@ -63,7 +63,11 @@ class Refitted(_Named, _Fitted):
         loose: the same if tolerances have no bounds; None where that was not asked.
         pull: the largest of them then, in standard deviations.
         foretold: nats that it leaves of what its fits did not see; None where nobody asked.
+        off: of what only releases tolerances, how far they are off: as unlikely as one alone that
+            is off by so many standard deviations.
     """
+
+    off: float | None = None
 
 
 class Paired(_Fitted):
@@ -72,9 +76,11 @@ class Paired(_Fitted):
     Args:
         keys: of both.
         cost, chi_square, loose, pull, foretold: as of one.
+        off: of each, as of one.
     """
 
     keys: tuple[Key, Key]
+    off: tuple[float | None, float | None] = (None, None)
 
 
 class Pushed(_Row):

@@ -29,6 +29,9 @@ Causes that rival each other are ranked by what they foretell of data that their
 A sensor that gates proved wrong by no fault of the catalogue is something that is missing and that
 nothing explains: then p(none) is that of the sensor, unexplained.
 
+Tolerances that are released and lie no farther off than an outlier are an outlier: with such a one
+nothing is missing, and of two effects one of which is such there is the other alone.
+
 Places: of what a cause explains, the cause's; of what nothing explains, a softmax of what a free
 force gains at each place. Most constants are calibrated on virtual campaigns whose
 seeds no reported figure uses; ``calibration.json`` says which.
@@ -151,6 +154,7 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
         by: the calibration; the committed one if None.
     """
     by = by or calibrated()
+    seen = _without_outliers(seen, by.outlier)
     doubt, sure = 1 - by.sure, by.sure
     visible, explained, twofold = _parts(seen, by)
     if seen.unsteady and seen.chi_square > NOTHING:
@@ -201,6 +205,33 @@ def _judged(
     elif word in ("explained", "several"):
         present = (causes[0][0],)
     return Judged(none, unexplained, several, causes, where, present)
+
+
+def _without_outliers(seen: Evidence, outlier: float) -> Evidence:
+    """The same, tolerances let lie where they are released and no farther off than an outlier."""
+
+    def is_odd(off: float | None) -> bool:
+        return off is not None and off <= outlier
+
+    nothing = [one.chi_square for one in seen.refits if is_odd(one.off)]
+    ones = {one.key: one for one in seen.refits if not is_odd(one.off)}
+    pairs = []
+    for both in seen.pairs:
+        there = [key for key, off in zip(both.keys, both.off, strict=True) if not is_odd(off)]
+        if len(there) == 2:
+            pairs.append(both)
+        elif not there:
+            nothing.append(both.chi_square)
+        elif there[0] in ones and both.cost < ones[there[0]].cost:
+            ones[there[0]] = ones[there[0]].model_copy(
+                update={"cost": both.cost, "chi_square": both.chi_square}
+            )
+    refits = tuple(sorted(ones.values(), key=lambda one: one.cost))
+    update: dict[str, object] = {"refits": refits, "pairs": tuple(pairs)}
+    if nothing:
+        before = seen.loose if seen.pull <= outlier else seen.chi_square
+        update |= {"loose": min(*nothing, before), "pull": outlier}
+    return seen.model_copy(update=update)
 
 
 def _parts(seen: Evidence, by: Calibration) -> tuple[float, float, float]:

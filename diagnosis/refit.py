@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2, norm
 
 from diagnosis.evidence import Key
 from diagnosis.hypothesis import Hypothesis, Scene, Value, freed
@@ -221,6 +222,27 @@ def free(scene: Scene, made: Refit) -> Refit:
 def pull_of(found: Refit) -> float:
     """The largest of all tolerances, in standard deviations."""
     return float(np.abs(found.fit.x[found.fit.freedom.has_prior]).max(initial=0.0))
+
+
+def off_by(found: Refit, one: Hypothesis) -> float | None:
+    """How far the tolerances are off that a hypothesis does nothing but release.
+
+    As unlikely as one alone that is off by z standard deviations: their sum of squares is chi
+    square with as many degrees of freedom as there are, where nothing is wrong, and
+    z = -Phi^-1(p / 2) of its upper tail p.
+
+    Args:
+        found: a refit with it, alone or beside another.
+        one: the hypothesis.
+
+    Returns:
+        z; None of what does something else.
+    """
+    if one.parts or one.correct is not None or one.reform is not None or not one.release:
+        return None
+    x = found.fit.x[np.isin(np.array(found.fit.freedom.names), one.release)]
+    tail = max(float(chi2.sf(x @ x, x.size)), np.finfo(float).tiny)
+    return float(norm.isf(tail / 2))
 
 
 def _only(made: Iterator[Refit]) -> Refit:

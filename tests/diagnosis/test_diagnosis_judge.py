@@ -84,6 +84,25 @@ def test_one_tolerance_beyond_its_bound_is_no_effect_but_a_fault_is():
     assert judge(evidence(0.25, wrong, loose=1.0, pull=16.0)).word == "unexplained"
 
 
+def test_tolerances_that_are_released_and_lie_no_farther_than_an_outlier_are_no_effect():
+    # Another tolerance, or the same with all others free, may lie beyond: pull is 4.4.
+    turned = refit("sensor_misalignment", "sensor:acc1", 1e4, 0.0)
+    outlier, fault = (turned.model_copy(update={"off": off}) for off in (3.0, 5.0))
+    assert judge(evidence(0.4, (outlier,), loose=0.98, pull=4.4)).word == "none"
+    assert judge(evidence(0.4, (fault,), loose=0.98, pull=4.4)).word == "explained"
+    # Nor is it a second effect, nor do both hide a gap that neither explains.
+    right = refit("mass_error", "body:a", 1.2e4, 0.2)
+    both = pair(right, turned, 1e4, 0.0)
+    for off, word in ((3.0, "explained"), (6.0, "several")):
+        two = both.model_copy(update={"off": (None, off)})
+        found = judge(evidence(70.0, (right,), loose=60.0, pull=9.0, pairs=(two,)))
+        assert found.word == word
+        assert found.present[0] == right.key
+    assert judge(evidence(70.0, (outlier.model_copy(update={"chi_square": 60.0}),))).word == (
+        "unexplained"
+    )
+
+
 def test_what_outliers_of_tolerances_leave_beside_the_right_effect_is_no_gap():
     right = refit("mass_error", "body:a", 2e4, 1.0)
     assert judge(evidence(10.0, (right,))).word == "unexplained"

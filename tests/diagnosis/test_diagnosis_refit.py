@@ -1,6 +1,8 @@
 """Refits: what follows a stiffness follows it, intervals, twins, blocks that were doubted."""
 
+from collections import namedtuple
 from dataclasses import replace
+from math import erfc, exp, pi, sqrt
 
 import numpy as np
 import pytest
@@ -19,7 +21,9 @@ from diagnosis.refit import (
     FIRST,
     LAST,
     LONG,
+    Refit,
     go_on,
+    off_by,
     posed,
     refit,
 )
@@ -27,6 +31,8 @@ from diagnosis.score import cosines, scores
 from diagnosis.search import Search
 from tests.helpers.drawn import drawn
 from tuning import STAGES, Misfit, fit, thinned
+
+Ended = namedtuple("Ended", "x freedom")
 
 
 @pytest.fixture(scope="module")
@@ -245,3 +251,29 @@ def test_tolerances_beyond_their_bounds_are_followed_as_far_as_an_outlier_may(tm
     assert same is scene
     assert told.chi_square == nothing.chi_square
     assert told.loose == pytest.approx(found.chi_square, rel=0.02)
+    # The same tolerances released are that outlier too, as unlikely as one alone.
+    turned = next(one for one in only(wide, "sensor_misalignment") if "acc11" in one.location)
+    freed = refit(scene, turned, session.campaign, (*FIRST, *LAST))
+    assert 2.5 < off_by(freed, turned) < 4
+
+
+def test_how_far_released_tolerances_are_off_counts_how_many_they_are(scene):
+    scene, _, _ = scene
+    gain, turn = (only(scene, effect)[0] for effect in ("sensor_gain", "sensor_misalignment"))
+    names = np.array(scene.session.freedom.names)
+
+    def found(values):
+        x = np.zeros(len(names))
+        for name, value in values.items():
+            x[names == name] = value
+        return Refit(None, scene.session, Ended(x, scene.session.freedom), 1.0)
+
+    assert off_by(found(dict.fromkeys(gain.release, -3.7)), gain) == pytest.approx(3.7)
+    assert off_by(found({}), turn) == pytest.approx(0, abs=1e-9)
+    # Of three the sum of squares is chi square with three degrees of freedom: here in closed form.
+    for far in (1.0, 2.0, 6.0):
+        tail = erfc(far / sqrt(2)) + sqrt(2 / pi) * far * exp(-(far**2) / 2)
+        z = off_by(found({turn.release[1]: far}), turn)
+        assert erfc(z / sqrt(2)) == pytest.approx(tail, rel=1e-9)
+    assert np.isfinite(off_by(found({turn.release[0]: 80.0}), turn))
+    assert off_by(found({}), only(scene, "joint_coupling")[0]) is None
