@@ -78,6 +78,10 @@ class Hypothesis:
         reform: makes the machine one that has coordinates for it; None for no change.
         scored: coordinates that are scored; all if empty. Others shape what these add.
         follow: parameters of Parts that have the value of a parameter of the model, by name.
+        linear: sizes of the model that make up for what is added, term by term: they vary by
+            themselves, not by their logarithms, for the line along which they do is straight then.
+        alike: of shapes of one effect, place and direction whose scores are less than by this part
+            below the best one's, the first that was proposed comes first.
         signed: whether those are sizes, none of which is less than zero.
         bounds: lowest and highest value of parameters of Parts, by name.
         is_held: whether its Parts, or the corrected measurement, hold all of it.
@@ -96,6 +100,8 @@ class Hypothesis:
     reform: Callable[[Machine], Machine] | None = None
     scored: tuple[str, ...] = ()
     follow: Mapping[str, str] = field(default_factory=dict)
+    linear: tuple[str, ...] = ()
+    alike: float = 0.0
     signed: bool = False
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     is_held: bool = True
@@ -191,6 +197,7 @@ def together(several: Sequence[Hypothesis]) -> Hypothesis:
         parts=tuple(part for one in several for part in one.parts),
         begin={name: value for one in several for name, value in one.begin.items()},
         follow={name: other for one in several for name, other in one.follow.items()},
+        linear=tuple(name for one in several for name in one.linear),
         correct=correct if corrections else None,
         reform=next((one.reform for one in several if one.reform is not None), None),
         is_held=all(one.is_held for one in several),
@@ -208,7 +215,7 @@ def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> F
         one: the hypothesis.
     """
     extended = varies.extended(model, session.campaign.tolerance) if one.parts else varies
-    free = extended.following(one.follow).released(one.release)
+    free = extended.following(one.follow).released(one.release).linear(one.linear)
     fixed = free.fixed.copy()
     for k, parameter in enumerate(free.parameters):
         if parameter.name in one.begin and free.member[k] < 0:  # a user has fixed it: as was found

@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 
+from diagnosis.evidence import Key
 from diagnosis.hypothesis import Hypothesis, Scene
 from identification.words import Integers, Real
 from mbmodel import Model
@@ -60,9 +61,17 @@ def scores(
 
 
 def ranked(hypotheses: Sequence[Hypothesis], gained: Sequence[Gained]) -> list[Score]:
-    """Hypotheses with their gains as scores, the most promising first."""
+    """Hypotheses with their gains as scores, the most promising first, of those alike the first."""
     made = [Score(one, gain, step) for one, (gain, step) in zip(hypotheses, gained, strict=True)]
-    return sorted(made, key=lambda row: -row.gain)
+    best: dict[Key, float] = {}
+    for row in made:
+        best[row.hypothesis.key] = max(row.gain, best.get(row.hypothesis.key, 0.0))
+
+    def counted(row: Score) -> float:
+        most = best[row.hypothesis.key]
+        return most if row.gain >= (1 - row.hypothesis.alike) * most else row.gain
+
+    return sorted(made, key=lambda row: -counted(row))
 
 
 def gains(

@@ -187,6 +187,29 @@ class Freedom:
             upper=np.where(chosen, np.inf, self.upper),
         )
 
+    def linear(self, names: Sequence[str]) -> "Freedom":
+        """The same, some sizes varied by themselves instead of by their logarithm.
+
+        x, (exp(scale x) - 1) / scale before, moves them by as much near the drawing; so do their
+        bounds. What makes up for another parameter in a sum does so along a straight line then.
+
+        Args:
+            names: of coordinates.
+        """
+        chosen = np.isin(np.array(self.names), list(names)) & self.is_logarithm
+        own = np.append(chosen, False)[self.member]
+        scales, sizes = self.scales, zip(self.parameters, own.tolist(), strict=True)
+        lower, upper = self.lower.copy(), self.upper.copy()
+        for ends in (lower, upper):
+            ends[chosen] = np.expm1(scales[chosen] * ends[chosen]) / scales[chosen]
+        return replace(
+            self,
+            parameters=tuple(replace(p, positive=False) if one else p for p, one in sizes),
+            scale=np.where(own, self.scale * self.fixed, self.scale),
+            lower=lower,
+            upper=upper,
+        )
+
     def extended(self, model: Model, tolerance: Tolerance) -> "Freedom":
         """The coordinates there are, and after them those of Parts that a model has more.
 
@@ -200,7 +223,7 @@ class Freedom:
         new = whole.member[count:][own]
         member = np.where(own, self.size + np.cumsum(own) - 1, -1)
         return Freedom(
-            model.parameters,
+            (*self.parameters, *model.parameters[count:]),
             member=np.append(self.member, member),
             scale=np.append(self.scale, whole.scale[count:]),
             fixed=np.append(self.fixed, whole.fixed[count:]),

@@ -5,7 +5,8 @@ r"""A spring that is a control loop with a delay: k exp(-s tau) instead of k.
 The first power of the delay is a damper, which is tuned anyway, so that nothing tells a short delay
 from it but its square: at u = 0 there is no slope to be scored by. What is scored is the whole
 change from u = 0 to 1, for delays from half a radian at the highest line in even steps. A refit
-begins at u = 1, with a damper that makes up for the first power, c + k tau.
+begins at u = 1, with a damper that makes up for the first power, c + k tau; it varies by itself: by
+its logarithm the valley along which both vary is curved, and fits end in it far from its bottom.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,6 +21,7 @@ from identification.words import Real
 from mbmodel import AddedPart, Change, Parameter
 
 _TURN, _SCANNED = 0.6, 8  # rad at the highest line; so many times that
+_ALIKE = 0.03  # of the gain: nothing tells how long a delay is; from far too long no fit comes back
 _MOST = 90.0  # times the joint's drawn damping
 
 
@@ -51,6 +53,8 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                     begin={loop.size: 1.0} | ({damping: c + k * tau} if damping in varies else {}),
                     scored=(loop.size,),
                     follow={loop.follows: stiffness},
+                    linear=(damping,) if damping in varies else (),
+                    alike=_ALIKE,
                     signed=True,
                     state=loop.state,
                 )

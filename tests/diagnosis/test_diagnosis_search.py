@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from diagnosis import Scene, diagnose, verdict_of
-from diagnosis.effects import missing_dof, viscoelastic
+from diagnosis.effects import feedback_delay, missing_dof, viscoelastic
 from diagnosis.evidence import Pushed
-from diagnosis.score import Score
+from diagnosis.refit import posed
+from diagnosis.score import Score, ranked
 from diagnosis.search import _elsewhere, nearly
 from mbmodel import Held, loosened
 from tests.helpers.drawn import drawn
@@ -75,3 +76,25 @@ def _ways(session):
     springs = [s.stiffness for s in machine.springs if s.location == "joint:stage2" and s.angular]
     assert stated["stiffness"] == pytest.approx(np.median(springs))
     return [one]
+
+
+def test_of_delays_that_score_alike_the_shortest_comes_first(tmp_path):
+    # Begun at six times its delay a refit ended far from it, at its own it arrived.
+    session, _ = drawn(tmp_path, 72_062, "gyroscopic", ratio=6.0)
+    scene = Scene(session, session.model.drawn, ())
+    proposed = list(feedback_delay.propose(scene))
+    first = next(one for one in proposed if one.dof == "ry")
+    delays = [one for one in proposed if one.key == first.key][:3]
+    other = next(one for one in proposed if one.key != first.key)
+    names = [p.name for p in session.model.parameters]
+    for gains, order in (((97.5, 98.0, 100.0), (0, 1, 2)), ((80.0, 98.0, 100.0), (1, 2, 0))):
+        gained = [(gain, np.zeros(1)) for gain in (*gains, 99.0)]
+        rows = [row.hypothesis for row in ranked([*delays, other], gained)]
+        near = [delays[k] for k in order if gains[k] > 97.0]
+        assert rows == [*near, other, *(one for one in delays if one not in near)]
+    # The damper beside it varies by itself: so the valley is straight along which both vary.
+    varies = posed(scene, first, session.campaign).freedom
+    (damping,) = first.linear
+    assert not varies.is_logarithm[varies.names.index(damping)]
+    assert session.freedom.is_logarithm[session.freedom.names.index(damping)]
+    assert first.begin[damping] > session.model.drawn[names.index(damping)]

@@ -373,3 +373,36 @@ def test_a_released_gain_takes_steps_of_a_size_and_not_of_its_tolerance(made, pl
     x[own] = LARGEST_STEP / free.scales[own]
     assert free.theta(x)[place(name)] == pytest.approx(np.exp(LARGEST_STEP))
     assert (free.scales[~free.has_prior & (np.arange(free.size) != own)] == 1).all()
+
+
+def test_sizes_that_vary_by_themselves_move_along_a_line_as_far_as_before(whole, wish, place):
+    names = ["base_tx.stiffness", "base_tz.damping", "acc1.rotation_x"]
+    usual = wish(prior={"base_tz.*": 0.3}, ties=[["base_tx.stiffness", "head_tx.stiffness"]])
+    made = usual.linear(names)
+    rng = np.random.default_rng(5)
+    x = rng.uniform(-0.4, 0.4, made.size)
+    np.testing.assert_allclose(made.coordinates(made.theta(x)), x, atol=1e-9)
+    # By factors of 1 + scale x, of tied ones the same; all else as before.
+    moved = {"base_tx.stiffness": 1.0, "head_tx.stiffness": 1.0, "base_tz.damping": 0.3}
+    for name, scale in moved.items():
+        own = place(name)
+        assert made.theta(x)[own] == pytest.approx(
+            whole.drawn[own] * (1 + scale * x[made.member[own]])
+        )
+    rest = [k for k, parameter in enumerate(whole.parameters) if parameter.name not in moved]
+    np.testing.assert_array_equal(made.theta(x)[rest], usual.theta(x)[rest])
+    # The bounds are the same sizes; rates those near the drawing.
+    for name in ("base_tx.stiffness", "base_tz.damping"):
+        own = usual.member[place(name)]
+        for ends in ("lower", "upper"):
+            sizes = []
+            for one in (usual, made):
+                far = np.zeros(one.size)
+                far[own] = getattr(one, ends)[own]
+                sizes.append(one.theta(far)[place(name)])
+            assert sizes[0] == pytest.approx(sizes[1])
+    np.testing.assert_allclose(made.rates(0 * x), usual.rates(0 * x))
+    assert not made.is_logarithm[made.member[place("base_tx.stiffness")]]
+    # With further Parts they still do.
+    more = made.extended(Model(whole.machine, whole.parts), TOLERANCE)
+    np.testing.assert_array_equal(more.theta(x), made.theta(x))
