@@ -281,6 +281,10 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
     (RESULTS / f"{one.name}.grades.json").write_text(to_json(report) + "\n", encoding="utf-8")
     (RESULTS / f"{one.name}.txt").write_text(tables(report), encoding="utf-8")
     seconds = np.array([row["seconds"] for row in rows if "seconds" in row])
+    groups: dict[str, list[float]] = {}
+    for row in rows:
+        if "seconds" in row:
+            groups.setdefault(_group(one.cards[row["seed"] - one.first]), []).append(row["seconds"])
     asked = [row["ranks"] for row in rows if row.get("ranks")]
     twice = [row["same"] for row in rows if "same" in row]
     return [
@@ -291,6 +295,14 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
             "value": 100 * float((seconds > 30).mean()),
             "n": len(seconds),
         },
+        *(
+            {
+                "figure": f"core seconds, median, {group}",
+                "value": float(np.median(own)),
+                "n": len(own),
+            }
+            for group, own in sorted(groups.items())
+        ),
         {"figure": "GiB at most", "value": max(row.get("gib", 0.0) for row in rows), "n": ""},
         {"figure": "same verdict with two threads", "value": sum(twice), "n": len(twice)},
         *(
