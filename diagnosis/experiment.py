@@ -41,7 +41,7 @@ from mbmodel import (
     Part,
     hammer_parts,
 )
-from tuning import Freedom, Misfit, channel_noise, foreseen, thinned
+from tuning import Freedom, Misfit, channel_noise, foreseen, freedom, thinned
 from tuning.confidence import WIDEST
 
 _STRIDE = 8
@@ -223,8 +223,8 @@ def _posed(asked: Experiment, rival: Refit) -> _Posed:
     if one is not None and one.key == asked.undone:
         pinned |= set(one.coordinates)
         theta = np.where(np.isin(names, one.coordinates), model.drawn, theta)
-    freedom = session.freedom.extended(model, session.campaign.tolerance)
-    return _Posed(model, theta, freedom, frozenset(pinned))
+    varies = session.freedom.extended(freedom(model, session.campaign.tolerance))
+    return _Posed(model, theta, varies, frozenset(pinned))
 
 
 def _left(rival: _Posed, told: Campaign, before: Real, times: float) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.words import Campaign, Real
 from mbmodel import Held, Machine, Model, Part
-from tuning import Freedom, Session
+from tuning import Freedom, Session, freedom
 
 Value = float | tuple[float, ...]
 Ends = tuple[float, float] | tuple[tuple[float, float], ...]  # of a vector one pair a component
@@ -214,7 +214,7 @@ def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> F
         session: whose tolerances hold.
         one: the hypothesis.
     """
-    extended = varies.extended(model, session.campaign.tolerance) if one.parts else varies
+    extended = varies.extended(freedom(model, session.campaign.tolerance)) if one.parts else varies
     free = extended.following(one.follow).released(one.release).linear(one.linear)
     fixed = free.fixed.copy()
     for k, parameter in enumerate(free.parameters):

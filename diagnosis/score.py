@@ -21,7 +21,7 @@ from diagnosis.evidence import Key
 from diagnosis.hypothesis import Hypothesis, Scene
 from identification.words import Integers, Real
 from mbmodel import Model
-from tuning import Fit, Freedom, Misfit, Probed, thinned
+from tuning import Fit, Freedom, Misfit, Probed, freedom, thinned
 
 ALLOWANCE = 0.1
 _STRIDE = 12
@@ -149,7 +149,7 @@ def _extended(
     session = scene.session
     parts = dict.fromkeys(part for one in hypotheses for part in one.parts)
     model = Model(session.model.machine, (*session.model.parts, *parts))
-    whole = found.freedom.extended(model, session.campaign.tolerance)
+    whole = found.freedom.extended(freedom(model, session.campaign.tolerance))
     return model, whole, np.append(found.x, np.zeros(whole.size - found.freedom.size))
 
 

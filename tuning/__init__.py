@@ -5,7 +5,7 @@ from tuning.confidence import PLAUSIBLE, QUANTILE, Confidence, confidence, pulls
 from tuning.fit import GAUSS_NEWTON, Fit, Progress, fit, random_starts
 from tuning.folds import FOLDS, HeldOut, block_width, fit_held_out, fold_of_lines
 from tuning.foreseen import channel_noise, foreseen
-from tuning.freedom import BOUND, Freedom, Wishes, freedom
+from tuning.freedom import BOUND, Freedom
 from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
 from tuning.inputs import fingerprint
 from tuning.journal import CHECKPOINT, Journal
@@ -25,6 +25,7 @@ from tuning.session import Session, on_machine, open_campaign, open_session, wit
 from tuning.solver import Minimum, minimise
 from tuning.stages import STAGES, Stage, thinned
 from tuning.tuned import Comparison, Tuned, Watch, at_bodies, stages_of, tune
+from tuning.wishes import Wishes, freedom
 
 __all__ = [
     "BOUND",

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from identification.words import Campaign, Mask, ModalModel, Real, UsageError
 from mbmodel import Model
-from tuning.freedom import Freedom, freedom
+from tuning.freedom import Freedom
 from tuning.journal import Journal
 from tuning.misfit import Misfit, Sparse
 from tuning.modal import ModalCost, ModalStage
@@ -18,6 +18,7 @@ from tuning.newton import LARGEST_STEP, Box, gauss_newton
 from tuning.normal import Arrow
 from tuning.solver import INTERRUPTED, Minimum, Outcome, minimise
 from tuning.stages import STAGES, Stage, thinned
+from tuning.wishes import freedom
 
 GAUSS_NEWTON = "GAUSS_NEWTON"
 _AGREE = 0.02  # two starts agree if their costs differ by less

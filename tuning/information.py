@@ -28,6 +28,7 @@ from tuning.misfit import Misfit
 from tuning.schema import GainRow
 from tuning.session import Session
 from tuning.stages import thinned
+from tuning.wishes import freedom
 
 _STRIDE = 8  # of the lines: what they tell is counted as often
 _FURTHER = "further"
@@ -65,7 +66,7 @@ def information(session: Session, sure: Confidence) -> tuple[GainRow, ...]:
 
 def _added(session: Session, sure: Confidence, model: Model, campaign: Campaign) -> Real:
     """C' of the coordinates there are and those of the new measurement, which come last."""
-    varies = sure.freedom.extended(model, session.campaign.tolerance)
+    varies = sure.freedom.extended(freedom(model, session.campaign.tolerance))
     x = np.append(sure.x, np.zeros(varies.size - sure.freedom.size))
     problem = Misfit(model, campaign, varies, allowance=0.0)
     new = problem.normal(x)[2].dense() * _STRIDE

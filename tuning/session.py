@@ -20,7 +20,8 @@ from mbmodel import (
     sensor_parts,
     spring_parts,
 )
-from tuning.freedom import Freedom, Wishes, freedom
+from tuning.freedom import Freedom
+from tuning.wishes import Wishes, freedom
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,9 +13,14 @@ from identification.words import (
     Frf,
     FrfEstimate,
     Test,
+    Tolerance,
 )
 from mbmodel import Evaluator, Model, Question, as_drawn, load_machine
 
+TOLERANCE = Tolerance(
+    mass=0.021, inertia=0.052, com=0.0031, joint_position=0.0032, sensor_gain=0.011,
+    sensor_angle=0.0171, sensor_position=0.0013, hammer_angle=0.0192, hammer_position=0.0033,
+)  # fmt: skip
 MJCF = """
 <mujoco model="pair">
   <compiler angle="radian"/>
@@ -119,3 +124,10 @@ def flip():
         return replace(campaign, tests=(turned, *campaign.tests[1:]))
 
     return flipped
+
+
+def one(made, place, name, value):
+    """The x that is zero but at one parameter."""
+    x = np.zeros(made.size)
+    x[made.member[place(name)]] = value
+    return x

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_machine import MJCF, campaign, drawing, flip, model, true_theta
+from small_machine import MJCF, TOLERANCE, campaign, drawing, flip, model, true_theta
 
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Test
 from mbmodel import (
@@ -18,7 +18,7 @@ from mbmodel import (
     sensor_parts,
     spring_parts,
 )
-from tuning import freedom
+from tuning import Wishes, freedom
 
 __all__ = ["campaign", "drawing", "flip", "model", "true_theta"]
 
@@ -56,6 +56,25 @@ def whole(tmp_path_factory) -> Model:
             *hammer_parts(machine, hits),
         ),
     )
+
+
+@pytest.fixture(scope="session")
+def made(whole):
+    """What varies of it with tolerances that all differ."""
+    return freedom(whole, TOLERANCE)
+
+
+@pytest.fixture(scope="session")
+def wish(whole):
+    """The same with a user's wishes."""
+    return lambda **wishes: freedom(whole, TOLERANCE, Wishes(**wishes))
+
+
+@pytest.fixture(scope="session")
+def place(whole):
+    """The number of a parameter by name."""
+    names = [parameter.name for parameter in whole.parameters]
+    return names.index
 
 
 @pytest.fixture(scope="session")
