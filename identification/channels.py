@@ -1,12 +1,15 @@
 """Channels that cannot be what they say: dead, doubled, exchanged with the drive point."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from identification.words import Campaign, Dof, Test
+from identification.words import Campaign, Dof, FrfEstimate, Test
 
 _DEAD = 0.1  # coherence below which a channel holds nothing of the hit
-_MARGIN = 1.25  # over that of noise alone
+_MARGIN = 1.25  # over what noise alone has
 _ALIVE = 0.5  # coherence of the others, which shows that the hit itself was good
+_LOUD = 10.0  # power over the noise's of the others, likewise
 _SAME = 1e-6  # relative difference below which two channels hold the same numbers
 
 
@@ -31,31 +34,69 @@ def channel_remarks(campaign: Campaign) -> tuple[str, ...]:
     )
 
 
-def silent(campaign: Campaign) -> dict[Dof, tuple[float, float]]:
+def silent(campaign: Campaign) -> dict[Dof, str]:
     """Channels that read noise alone whatever is hit.
 
     Of noise alone n averages give a coherence with the median 1 - 2^(-1 / (n - 1)) (Bendat and
-    Piersol, ch. 9): with few averages that is not little.
+    Piersol, ch. 9): with few averages that is not little. Without coherence the power of an FRF
+    over the variance of its noise has the mean 1 there.
 
     Returns:
-        By channel: the largest of its median coherences, and what others have.
+        By channel, how little it reads and what others do, in words.
     """
-    known: dict[Dof, list[tuple[float, float, float]]] = {}
+    known: dict[Dof, list[_Heard]] = {}
     for test in campaign.tests:
         estimate = test.estimate
-        if estimate.coherence is None:
-            continue
-        each = np.median(estimate.coherence[:, :, 0], axis=0)
         still = np.abs(estimate.frf.values[:, :, 0]).max(axis=0) == 0
-        others, noise = float(np.median(each)), _coherence_of_noise(estimate.averages)
-        for dof, value, none in zip(estimate.frf.outputs, each, still, strict=True):
+        for dof, heard, none in zip(estimate.frf.outputs, _heard(estimate), still, strict=True):
             if not none:
-                known.setdefault(dof.positive, []).append((float(value), others, noise))
+                known.setdefault(dof.positive, []).append(heard)
     return {
-        dof: (max(value for value, _, _ in found), found[0][1])
+        dof: max(found, key=lambda heard: heard.value).words
         for dof, found in known.items()
-        if all(value < noise and others > _ALIVE for value, others, noise in found)
+        if found and all(heard.nothing for heard in found)
     }
+
+
+@dataclass(frozen=True)
+class _Heard:
+    """What a channel of a test reads, and the median of what all read.
+
+    Args:
+        value, others: coherence, or power over the noise's.
+        noise: below which there is nothing of the hit.
+        good: above which the others show that the hit itself was good.
+        unit: what they are.
+    """
+
+    value: float
+    others: float
+    noise: float
+    good: float
+    unit: str
+
+    @property
+    def nothing(self) -> bool:
+        return self.value < self.noise and self.others > self.good
+
+    @property
+    def words(self) -> str:
+        return f"{self.unit} of at most {self.value:.2g} where others have {self.others:.2g}"
+
+
+def _heard(estimate: FrfEstimate) -> list[_Heard]:
+    """Of every channel."""
+    coherence = estimate.coherence
+    if coherence is not None:
+        each = np.median(coherence[:, :, 0], axis=0)
+        limits = (_coherence_of_noise(estimate.averages), _ALIVE, "a coherence")
+    else:
+        power, variance = np.abs(estimate.frf.values[:, :, 0]) ** 2, estimate.variance[:, :, 0]
+        exact = np.where(power > 0, np.inf, 0.0)  # where nothing is known to be noise
+        each = np.divide(power, variance, out=exact, where=variance > 0).mean(axis=0)
+        limits = (_MARGIN, _LOUD, "a power over that of its noise")
+    others = float(np.median(each))
+    return [_Heard(float(value), others, *limits) for value in each]
 
 
 def _coherence_of_noise(averages: int | None) -> float:
@@ -68,9 +109,9 @@ def _coherence_of_noise(averages: int | None) -> float:
 
 def _silent(campaign: Campaign) -> list[str]:
     return [
-        f"{dof} reads noise alone in every test, with a coherence of at most {value:.2g} where "
-        f"others have {others:.2g}: its cable is off, or nothing moves there"
-        for dof, (value, others) in silent(campaign).items()
+        f"{dof} reads noise alone in every test, with {words}: its cable is off, or nothing moves "
+        "there"
+        for dof, words in silent(campaign).items()
     ]
 
 

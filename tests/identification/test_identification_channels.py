@@ -90,6 +90,24 @@ def test_noise_has_the_coherence_of_few_averages(campaign, averages) -> None:
     assert {str(dof) for dof in silent(replace(made, tests=tests))} == {"acc2:+tz"}
 
 
+def test_without_coherence_a_channel_is_dead_that_holds_no_more_than_its_noise(campaign) -> None:
+    def without(tests, share):
+        rng = np.random.default_rng(3)
+        for test in tests:
+            one = test.estimate
+            noise = rng.normal(size=(2, 50)) * np.sqrt(0.5)
+            values = 10 * one.frf.values
+            values[:, 1, 0] = noise[0] + 1j * noise[1] + share * values[:, 1, 0]
+            frf = replace(one.frf, values=values)
+            bare = replace(one, frf=frf, coherence=None, variance_source="differences")
+            yield replace(test, estimate=bare)
+
+    made = campaign()
+    (remark,) = channel_remarks(replace(made, tests=tuple(without(made.tests, 0.0))))
+    assert remark.startswith("acc2:+tz reads noise alone in every test, with a power over that")
+    assert silent(replace(made, tests=tuple(without(made.tests, 0.1)))) == {}
+
+
 def test_a_hit_that_was_poor_as_a_whole_makes_no_channel_dead(campaign) -> None:
     def edit(values, coherence):
         coherence[:] = 0.05
