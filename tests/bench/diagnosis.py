@@ -225,7 +225,8 @@ def _group(card: Card) -> str:
     (effect,) = card.effects
     if effect in MEASUREMENT:
         return "measurement"
-    return "nonlinear" if effect in NONLINEAR else "linear"
+    group = "nonlinear" if effect in NONLINEAR else "linear"
+    return f"{group} in trees" if card.tree else group
 
 
 def planned(station: Station, seed: int, cause: Cause, test: str) -> Plan:
