@@ -78,21 +78,28 @@ def next_experiment(found: Diagnosis) -> str | None:
     if word == "none":
         return None
     if word == "unexplained" or not causes:
-        return _of_unknown(found)
+        proven = [f"{_confirmed(key)}; then " for key in found.judged.present]
+        return "".join(proven) + _of_unknown(found)
     rivals = rivals_of(found.judged, found.search)
     if len(rivals) > 1 and word == "explained":
         best, gain = best_experiment(found.session.campaign, rivals)
         one, other = (refit.hypothesis.site for refit, _ in rivals[:2] if refit.hypothesis)
         if gain > _ALIKE:
             return f"{best.words}: foreseen to tell {one} from {other} by {gain:.2g} nats"
-    effect, place, dof = causes[0][0]
+    return _confirmed(causes[0][0])
+
+
+def _confirmed(cause: Key) -> str:
+    """What confirms a cause."""
+    effect, place, dof = cause
     known = catalogue().get(effect) or PROVEN[effect]
     return known.said(known.confirm, place, dof)
 
 
 def _of_unknown(found: Diagnosis) -> str:
     """Where something pushes, and whether it depends on the level is not known yet."""
-    places = [place for place, _ in found.judged.where]
+    known = {place for _, place, _ in found.judged.present}
+    places = [place for place, _ in found.judged.where if place not in known]
     if places and places[0] in found.gate.unknown:
         sensor = places[0].partition(":")[2]
         return f"exchange {sensor}, its cable and its amplifier with those of another and repeat"

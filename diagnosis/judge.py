@@ -58,6 +58,7 @@ _LEAST = 0.002  # if its gain tells of it
 _ROW = 0.01  # probability of a cause that is worth a row
 _LIKELY = 0.5
 _STEADY = 0.05  # of the probability of none that is left where hits differed and left a gap
+Keys = tuple[Key, ...]
 Shares = tuple[tuple[Key, float], ...]
 
 
@@ -119,7 +120,8 @@ class Judged:
         none, unexplained, several: of what is no single cause.
         causes: with the probability that each is present, most probable first.
         where: places by their share.
-        present: the causes that the verdict says are there, the most probable first.
+        present: the causes that the verdict says are there, the most probable first; what a gate
+            proved is there whatever the verdict, even beside what nobody explains.
     """
 
     none: float
@@ -166,27 +168,26 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     none -= strange
     alone, double = sure * explained * (1 - twofold), sure * (explained + seeming) * twofold
     ones = [(one.key,) for one in seen.refits]
-    single = _shared(alone, ones, _weights(seen, by, seen.refits))
-    pairs = _shared(double, [one.keys for one in seen.pairs], _weights(seen, by, seen.pairs))
-    found = _present_in(single | pairs)
+    sets = _shared(alone, ones, _weights(seen, by, seen.refits))
+    sets |= _shared(double, [one.keys for one in seen.pairs], _weights(seen, by, seen.pairs))
+    several = sum(share for keys, share in sets.items() if _count(keys) > 1)
     if not seen.proven:
-        causes = _kept(found)
-        leading = max(pairs, key=lambda keys: pairs[keys], default=())
+        causes = _rows(sets)
         where = _places(seen, by, causes, unknown, strange)
-        return _judged(none, unknown + strange, double, causes, leading, where)
+        return _judged(none, unknown + strange, several, causes, sets, where)
     if any(effect == BENDS for effect, _, _ in seen.proven):
         unknown = doubt / 2  # it drives all bodies in ways that no Part holds: a gap is no surprise
     # What a gate proved is present: alone, with other causes, or with what nobody knows.
-    certain = dict.fromkeys(seen.proven, sure * (1 - unknown / 2))
-    both = {key: sure * value for key, value in found.items()}
-    several = sure * (alone + double)
-    if len(seen.proven) > 1:
-        several = max(certain.values())
-    rest = 1 - max(certain.values())
-    causes = _kept(certain | both)
-    leading = tuple(key for key, probability in causes if probability > _LIKELY)
+    certain = sure * (1 - unknown / 2)
+    both = {seen.proven: certain} | {keys: sure * share for keys, share in sets.items()}
+    several = certain if _count(seen.proven) > 1 else sure * (alone + double)
+    rest = 1 - certain
+    causes = _rows(both)
     where = _places(seen, by, causes, rest, rest if seen.unknown else 0.0)
-    return _judged(doubt / 2, rest - doubt / 2, several, causes, leading, where)
+    leading = (*seen.proven, *(key for key, probability in causes if probability > _LIKELY))
+    word = _word(doubt / 2, rest - doubt / 2, several)
+    present = seen.proven if word in ("explained", "unexplained") else tuple(dict.fromkeys(leading))
+    return Judged(doubt / 2, rest - doubt / 2, several, causes, where, present)
 
 
 def _judged(
@@ -194,16 +195,18 @@ def _judged(
     unexplained: float,
     several: float,
     causes: Shares,
-    leading: tuple[Key, ...],
+    sets: Mapping[Keys, float],
     where: tuple[tuple[str, float], ...],
 ) -> Judged:
-    """With what is there if several causes are; else the most probable is, if one is."""
+    """With what is there: the likeliest set of several causes if they are, else of one."""
     word = _word(none, unexplained, several)
-    present: tuple[Key, ...] = ()
-    if word == "several" and leading:
-        present = tuple(key for key, _ in causes if key in leading)
-    elif word in ("explained", "several"):
-        present = (causes[0][0],)
+    present: Keys = ()
+    if word in ("explained", "several"):
+        first = _site(causes[0][0])
+        possible = [keys for keys in sets if (_count(keys) > 1) == (word == "several")]
+        chosen = max(possible, key=lambda keys: (first in map(_site, keys), sets[keys]))
+        order = {_site(key): number for number, (key, _) in enumerate(causes)}
+        present = tuple(sorted(chosen, key=lambda key: order.get(_site(key), len(order))))
     return Judged(none, unexplained, several, causes, where, present)
 
 
@@ -286,26 +289,39 @@ def _ranked(fits: Sequence[Refitted] | Sequence[Paired]) -> Real:
     return costs
 
 
-def _shared(
-    whole: float, sets: Sequence[tuple[Key, ...]], weights: Real
-) -> dict[tuple[Key, ...], float]:
+def _shared(whole: float, sets: Sequence[Keys], weights: Real) -> dict[Keys, float]:
     """A probability divided among sets of causes."""
-    return {keys: whole * float(weight) for keys, weight in zip(sets, weights, strict=True)}
+    shares: dict[Keys, float] = {}
+    for keys, weight in zip(sets, weights, strict=True):
+        shares[keys] = shares.get(keys, 0.0) + whole * float(weight)
+    return shares
 
 
-def _present_in(sets: Mapping[tuple[Key, ...], float]) -> dict[Key, float]:
-    """That each cause is present: of all sets that hold it."""
-    found: dict[Key, float] = {}
-    for keys, probability in sets.items():
+def _site(key: Key) -> tuple[str, str]:
+    """Effect and place: in several directions it is one cause."""
+    return key[0], key[1]
+
+
+def _count(keys: Keys) -> int:
+    """How many causes a set holds."""
+    return len({_site(key) for key in keys})
+
+
+def _rows(sets: Mapping[Keys, float]) -> Shares:
+    """That each effect is present at its place, of all sets that hold it, in its best direction.
+
+    Most probable first, none below one per cent.
+    """
+    present: dict[tuple[str, str], float] = {}
+    best: dict[tuple[str, str], dict[Key, float]] = {}
+    for keys, share in sets.items():
+        for site in dict.fromkeys(map(_site, keys)):
+            present[site] = present.get(site, 0.0) + share
         for key in keys:
-            found[key] = found.get(key, 0.0) + probability
-    return found
-
-
-def _kept(causes: Mapping[Key, float]) -> Shares:
-    """Most probable first, none below one per cent."""
-    order = sorted(causes.items(), key=lambda one: -one[1])
-    return tuple(one for one in order if one[1] >= _ROW)
+            own = best.setdefault(_site(key), {})
+            own[key] = own.get(key, 0.0) + share
+    rows = [(max(best[site], key=lambda key: best[site][key]), p) for site, p in present.items()]
+    return tuple(sorted((row for row in rows if row[1] >= _ROW), key=lambda row: -row[1]))
 
 
 def _places(

@@ -99,6 +99,15 @@ def _unexplained(result: Result) -> str:
         f"({percent_sure(seen.unexplained)}): re-tuned, the model is still off by "
         f"{times(gap.retuned.excess)} the noise {_on(result)}."
     )
+    proven = [row for row in result.verdict.causes if row.excess_after is not None]
+    if proven:  # beside it
+        listed = "; ".join(_sized(row) for row in proven)
+        text = (
+            f"Proven by the spare channels: {listed}. Beside it something is missing that no "
+            f"effect of the catalogue explains ({percent_sure(seen.unexplained)}): re-tuned, the "
+            f"model is off by {times(gap.retuned.excess)} the noise, with that mended still by "
+            f"{times(gap.after.excess)}, all {_on(result)}."
+        )
     pushes = pushed(result)
     if pushes:
         first = pushes[0]

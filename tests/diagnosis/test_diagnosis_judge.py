@@ -1,5 +1,9 @@
 """From evidence to probabilities: what must hold of any evidence, and of plain ones."""
 
+import json
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -7,6 +11,7 @@ from hypothesis import strategies as some
 
 from diagnosis.evidence import Evidence, Paired, Pushed, Refitted, Scored
 from diagnosis.judge import calibrated, judge
+from truth.grade.read_verdict import read_verdict
 
 PLACES = ("body:a", "joint:b", "sensor:acc1")
 
@@ -66,7 +71,89 @@ def test_probabilities_are_those_of_exclusive_hypotheses(gap, lefts, proven):
     assert sum(shares) == pytest.approx(1)
     assert shares == sorted(shares, reverse=True)
     assert found.word in ("none", "explained", "several", "unexplained")
-    assert (found.present == ()) == (found.word in ("none", "unexplained"))
+    if found.word == "none" or (found.word == "unexplained" and not proven):
+        assert found.present == ()
+    else:  # what is proven is there even beside what nobody explains
+        assert set(sure) <= set(found.present) != set()
+
+
+directions = some.sampled_from(("tx", "ty", None))
+effects = some.sampled_from(("sensor_gain", "feedback_delay"))
+
+
+@given(
+    gap=positive,
+    causes=some.lists(some.tuples(effects, directions, positive), max_size=4),
+    pairs=some.lists(some.tuples(some.integers(0, 3), some.integers(0, 3), positive), max_size=3),
+    proven=some.lists(directions, max_size=2, unique=True),
+)
+def test_every_verdict_keeps_its_contract(gap, causes, pairs, proven):
+    place = {"sensor_gain": "sensor:acc1", "feedback_delay": "joint:b"}
+    refits = tuple(
+        refit(effect, place[effect], 1e4 * (1 + left), left).model_copy(update={"dof": dof})
+        for effect, dof, left in causes
+    )
+    two = tuple(
+        pair(refits[i], refits[j], 1e4 * (1 + left), left)
+        for i, j, left in pairs
+        if max(i, j) < len(refits) and refits[i].key != refits[j].key
+    )
+    sure = tuple(("sensor_polarity", "sensor:acc2", dof) for dof in proven)
+    found = judge(evidence(gap, refits, sure, pairs=two))
+    rows = [
+        {"effect": key[0], "location": key[1], "probability": p, "parameters": {}}
+        for key, p in found.causes
+    ]
+    given = {
+        "verdict": found.word,
+        "probability": {
+            "none": found.none,
+            "unexplained": found.unexplained,
+            "several": found.several,
+        },
+        "gap": {
+            "as_drawn": None,
+            "retuned": None,
+            "after": None,
+            "noise": None,
+            "closed": None,
+        },
+        "where": [{"location": place, "share": share} for place, share in found.where],
+        "causes": rows,
+        "twins": [],
+        "not_testable": [],
+        "next_experiment": None,
+    }
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "verdict.json"
+        file.write_text(json.dumps(given), encoding="utf-8")
+        assert read_verdict(file).verdict == found.word
+
+
+def test_one_effect_at_one_place_in_two_directions_is_one_cause():
+    one = refit("sensor_gain", "sensor:acc7", 5e4, 4.0).model_copy(update={"dof": "tx"})
+    other = one.model_copy(update={"dof": "ty", "cost": 6e4, "chi_square": 6.0})
+    found = judge(evidence(10.0, (one, other), pairs=(pair(one, other, 1e4, 0.0),)))
+    assert found.word == "explained"
+    assert set(found.present) == {one.key, other.key}
+    ((row, probability),) = found.causes
+    assert row[:2] == ("sensor_gain", "sensor:acc7")
+    assert probability > 0.9
+    # Rivals of one place are one cause in its better direction.
+    worse = other.model_copy(update={"cost": 1.02e4, "chi_square": 1.02})
+    better = one.model_copy(update={"cost": 1e4, "chi_square": 1.0})
+    found = judge(evidence(10.0, (better, worse)))
+    assert [key for key, _ in found.causes] == [better.key]
+    assert found.present == (better.key,)
+
+
+def test_what_a_gate_proved_is_there_beside_a_gap_that_nobody_explains():
+    sure = (("sensor_polarity", "sensor:acc1", "tx"),)
+    lost = judge(evidence(10.0, (refit("mass_error", "body:a", 1e5, 9.0),), sure))
+    assert lost.word == "unexplained"
+    assert lost.present == sure
+    both = (*sure, ("sensor_swap", "sensor:acc2", None))
+    assert judge(evidence(10.0, proven=both)).present == both
 
 
 def test_no_gap_is_none_and_a_gap_that_nothing_takes_is_unexplained():
