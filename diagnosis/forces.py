@@ -91,7 +91,7 @@ class _Work:
 
     def gains(self, forces: Real, power: float) -> Real:
         """Of free forces with a variance relative to the median line's answer; (n_force,)."""
-        step = max(1, _AT_ONCE // self._matrix.size)
+        step = max(1, _AT_ONCE // max(self._matrix.size, 1))
         starts = range(0, forces.shape[1], step)
         return np.concatenate([self._some(forces[:, k : k + step], power) for k in starts])
 

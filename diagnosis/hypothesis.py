@@ -63,6 +63,12 @@ def unsaid(found: Mapping[str, float]) -> dict[str, Value]:
     return {}
 
 
+def nowhere(found: Mapping[str, float]) -> str | None:
+    """No direction."""
+    del found
+    return None
+
+
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
     """One effect at one place.
@@ -87,6 +93,7 @@ class Hypothesis:
         is_held: whether its Parts, or the corrected measurement, hold all of it.
         members: of several at once, each; empty of a single one.
         state: parameters of the verdict from the fitted ones, by name.
+        along: its direction from the fitted ones, where it has none before it is fitted.
     """
 
     effect: str
@@ -107,6 +114,7 @@ class Hypothesis:
     is_held: bool = True
     members: tuple["Hypothesis", ...] = ()
     state: Callable[[Mapping[str, float]], dict[str, Value]] = unsaid
+    along: Callable[[Mapping[str, float]], str | None] = nowhere
 
     @property
     def key(self) -> tuple[str, str, str | None]:

@@ -91,6 +91,10 @@ class Refit:
         """What the verdict states of a hypothesis at a theta."""
         return one.state(named(self.fit.freedom, theta))
 
+    def along(self, one: Hypothesis) -> str | None:
+        """The direction that the fit gives a hypothesis."""
+        return one.along(named(self.fit.freedom, self.fit.theta))
+
 
 def paced(stages: tuple[Stage, ...], pace: int) -> tuple[Stage, ...]:
     """Stages that count every so manyth of their lines."""

@@ -22,6 +22,9 @@ from tuning import Gap
 
 _HIDDEN = 1.1  # excess below which no share and no closing exists
 _NONLINEAR = ("friction", "backlash", "hardening")
+# What the spare channels of a body alone can show, and how many that needs.
+_OF_SPARE = ("sensor_delay", "sensor_swap", "mount_resonance", "flexible_body")
+_SPARE = 2
 _SMALLEST = 0.005  # share of a place that is worth a row
 
 
@@ -78,7 +81,7 @@ def _interval(retuned: Level, after: Level | None, *, visible: bool) -> Interval
         closed=_spread(_closed(retuned.gap, after.gap), [_closed(*one) for one in gaps])
         if visible
         else None,
-        after=_spread(after.gap.excess, [one[1].excess for one in gaps]),
+        after=_spread_of_sizes(after.gap.excess, [one[1].excess for one in gaps]),
     )
 
 
@@ -92,20 +95,33 @@ def _spread(whole: float | None, without: list[float | None]) -> tuple[float, fl
     return whole - half, whole + half
 
 
+def _spread_of_sizes(
+    whole: float | None, without: list[float | None]
+) -> tuple[float, float] | None:
+    """The same of what is never below zero, by its logarithm."""
+    if not whole or not all(without):
+        return None
+    found = _spread(
+        float(np.log(whole)), [None if one is None else float(np.log(one)) for one in without]
+    )
+    return None if found is None else (float(np.exp(found[0])), float(np.exp(found[1])))
+
+
 def _row(key: Key, probability: float, found: Diagnosis) -> CauseRow:
     effect, location, dof = key
     fitted = {
-        one.key: made.stated(one, made.fit.theta)
+        one.key: (made, one)
         for made in (*found.search.pairs[::-1], *found.search.refits)
         if made.hypothesis is not None
         for one in made.hypothesis.members or (made.hypothesis,)
     }
+    made, tried = fitted.get(key, (None, None))
     row = CauseRow(
         effect=effect,
         location=location,
-        dof=dof,
+        dof=dof or (made.along(tried) if made and tried else None),
         probability=probability,
-        parameters=fitted.get(key, {}),
+        parameters=made.stated(tried, made.fit.theta) if made and tried else {},
         interval={},
         excess_after=None,
     )
@@ -132,4 +148,7 @@ def _not_testable(found: Diagnosis) -> list[str]:
     setups = {test.condition.setup for test in tests}
     if len(references) < 2 and len(setups) < 2:
         missing.append("drift")
+    if any(check.spare < _SPARE for check in found.gate.checks):
+        named = {effect for (effect, _, _), _ in found.judged.causes}
+        missing += [effect for effect in _OF_SPARE if effect not in named]
     return missing

@@ -6,7 +6,7 @@ from tuning.fit import GAUSS_NEWTON, Fit, Progress, fit, random_starts
 from tuning.folds import FOLDS, HeldOut, block_width, fit_held_out, fold_of_lines
 from tuning.foreseen import channel_noise, foreseen
 from tuning.freedom import BOUND, Freedom
-from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
+from tuning.gap import ChannelGaps, Gap, at_bodies, channel_gaps, gap_at_bodies, summarise
 from tuning.inputs import fingerprint
 from tuning.journal import CHECKPOINT, Journal
 from tuning.misfit import Misfit
@@ -24,7 +24,7 @@ from tuning.schema import PairRow, PartnerRow, Place, Residual, ShareRow, TunedF
 from tuning.session import Session, on_machine, open_campaign, open_session, with_tolerances
 from tuning.solver import Minimum, minimise
 from tuning.stages import STAGES, Stage, thinned
-from tuning.tuned import Comparison, Tuned, Watch, at_bodies, stages_of, tune
+from tuning.tuned import Comparison, Tuned, Watch, stages_of, tune
 from tuning.wishes import Wishes, freedom
 
 __all__ = [
@@ -78,6 +78,7 @@ __all__ = [
     "fold_of_lines",
     "foreseen",
     "freedom",
+    "gap_at_bodies",
     "minimise",
     "modes_in_band",
     "on_machine",

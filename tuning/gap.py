@@ -9,10 +9,11 @@ noise_c <= 0.3; excess is the root mean square of e_c / noise_c over all: 1 is a
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification import reduce_to_bodies
 from identification.words import Campaign, Complex, Dof, Real
 
 _QUIET = 0.3
@@ -89,6 +90,36 @@ def summarise(gaps: ChannelGaps) -> Gap:
         channels=len(gaps.error),
         quiet=int(quiet.sum()),
     )
+
+
+def gap_at_bodies(answers: Sequence[Complex], campaign: Campaign) -> Gap:
+    """The gap of the motions at the centres of mass, as far as channels determine them.
+
+    Args:
+        answers: the model's to each test in its labels; (n_freq, n_out, 1) each.
+        campaign: the measurements.
+    """
+    return summarise(channel_gaps(answers_at_bodies(answers, campaign), at_bodies(campaign)))
+
+
+def answers_at_bodies(answers: Sequence[Complex], campaign: Campaign) -> tuple[Complex, ...]:
+    """A model's answers at the sensors, reduced as the measurement is: sensors are off in both."""
+    tests = []
+    for test, values in zip(campaign.tests, answers, strict=True):
+        estimate = test.estimate
+        frf = replace(estimate.frf, values=values)
+        tests.append(replace(test, estimate=replace(estimate, frf=frf)))
+    reduced = at_bodies(replace(campaign, tests=tuple(tests)))
+    return tuple(test.estimate.frf.values for test in reduced.tests)
+
+
+def at_bodies(campaign: Campaign) -> Campaign:
+    """The same tests, reduced to the centres of mass (seed, eq. 2.5)."""
+    tests = tuple(
+        replace(test, estimate=reduce_to_bodies(test.estimate, campaign.layout))
+        for test in campaign.tests
+    )
+    return replace(campaign, tests=tests)
 
 
 def block_shares(predicted: Sequence[Complex], campaign: Campaign, width: int) -> Real:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification import reduce_to_bodies
 from identification.words import Campaign, Complex, ModalModel, Real
 from mbmodel import Model
 from tuning.bands import magnitude_deviations
@@ -13,7 +12,14 @@ from tuning.batch import predict
 from tuning.confidence import PLAUSIBLE, Confidence, confidence
 from tuning.fit import GAUSS_NEWTON, Fit, Progress, fit, random_starts
 from tuning.folds import HeldOut, fit_held_out
-from tuning.gap import ChannelGaps, Gap, channel_gaps, summarise
+from tuning.gap import (
+    ChannelGaps,
+    Gap,
+    answers_at_bodies,
+    at_bodies,
+    channel_gaps,
+    summarise,
+)
 from tuning.information import information
 from tuning.journal import Journal
 from tuning.modal import MODAL_STAGES, ModalStage
@@ -263,11 +269,13 @@ def _at_both(
     reduced = at_bodies(campaign)
     bodies = Comparison(
         reduced,
-        as_drawn=_reduced(sensors.as_drawn, campaign),
-        tuned=_reduced(sensors.tuned, campaign),
-        bounded=_reduced(sensors.bounded, campaign),
+        as_drawn=answers_at_bodies(sensors.as_drawn, campaign),
+        tuned=answers_at_bodies(sensors.tuned, campaign),
+        bounded=answers_at_bodies(sensors.bounded, campaign),
         deviation=None if sure is None else magnitude_deviations(model, sure, reduced),
-        held_out=None if sensors.held_out is None else _reduced(sensors.held_out, campaign),
+        held_out=None
+        if sensors.held_out is None
+        else answers_at_bodies(sensors.held_out, campaign),
     )
     return sensors, bodies
 
@@ -289,23 +297,3 @@ def _compare(
         deviation=None if sure is None else magnitude_deviations(model, sure, campaign),
         held_out=held_out.predict(model, campaign) if held_out else None,
     )
-
-
-def _reduced(answers: tuple[Complex, ...], campaign: Campaign) -> tuple[Complex, ...]:
-    """A model's answers at the sensors, reduced as the measurement is: sensors are off in both."""
-    tests = []
-    for test, values in zip(campaign.tests, answers, strict=True):
-        estimate = test.estimate
-        frf = replace(estimate.frf, values=values)
-        tests.append(replace(test, estimate=replace(estimate, frf=frf)))
-    reduced = at_bodies(replace(campaign, tests=tuple(tests)))
-    return tuple(test.estimate.frf.values for test in reduced.tests)
-
-
-def at_bodies(campaign: Campaign) -> Campaign:
-    """The same tests, reduced to the centres of mass (seed, eq. 2.5)."""
-    tests = tuple(
-        replace(test, estimate=reduce_to_bodies(test.estimate, campaign.layout))
-        for test in campaign.tests
-    )
-    return replace(campaign, tests=tests)

@@ -57,6 +57,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 signed=True,
                 bounds=one.bounds(lowest, highest),
                 state=one.state,
+                along=one.along,
             )
 
 
@@ -142,6 +143,11 @@ class _Appendage:
             "damping": zeta,
             "position": Vague(near) if alone.any() else tuple(near),
         }
+
+    def along(self, found: Mapping[str, float]) -> str | None:
+        """The axis, if it moves along one alone."""
+        alone = _alone(np.array([found[name] for name in self.masses]))
+        return f"t{'xyz'[int(np.argmax(alone))]}" if alone.any() else None
 
 
 def _alone(masses: Real) -> Mask:

@@ -2,11 +2,12 @@
 
 Ours are tested instead. What is asked of every hypothesis: it is called like its entry point, it
 frees something, parameters are named once and nothing on the drawing, frames and cores of its Parts
-fit the machine, all numbers are finite, and ``state`` gives numbers where the fit begins.
+fit the machine, all numbers are finite, slopes are those of the change, and ``state`` gives numbers
+where the fit begins. What fails later says whose it is.
 """
 
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint
@@ -15,13 +16,15 @@ from typing import Any
 import numpy as np
 
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
-from identification.words import Complex, InputError
-from mbmodel import Change, Machine, Part, Situation
+from identification.words import Complex, InputError, Real
+from mbmodel import AddedPart, Addition, Change, Machine, NotHeld, Part, Situation
 
 GROUP = "mbw.effects"
 _KINDS = "joint", "body", "sensor", "hammer", "pair"
 _MEND = "mend it or uninstall its package"
 _STEP = 1e-3  # beside the beginning: where Parts begin they change nothing
+_SMALL, _OFF, _ROUNDING = 1e-4, 1e-2, 1e-9  # of slopes, which are compared with differences
+_LINES = 5
 _LOG = logging.getLogger(__name__)
 
 
@@ -96,8 +99,47 @@ class _Guarded:
                 raise InputError(f"{told}: {fault}")
             with _blamed(f"{told}: state, at the values where the fit begins,"):
                 _numbers(one.state(_beginning(one, scene)))
-            found.append(replace(one, state=_Stated(told, one.state)))
+            guarded = tuple(_guarded(part, told) for part in one.parts)
+            found.append(replace(one, parts=guarded, state=_Stated(told, one.state)))
         return tuple(found)
+
+
+def _guarded(part: Part, told: str) -> Part:
+    """The same Part, that says whose it is where it fails far from where it was checked."""
+    if not isinstance(part, AddedPart):
+        return part
+    finite, slopes = (
+        _Blaming(f"{told}: {name}, away from zero,", call)
+        for name, call in (("finite", part.finite), ("derivatives", part.derivatives))
+    )
+    written = None if part.written is None else _Written(told, part.written)
+    return replace(part, finite=finite, derivatives=slopes, written=written)
+
+
+@dataclass(frozen=True, eq=False)
+class _Blaming:
+    """A function of others, that says whose it is where it fails."""
+
+    told: str
+    call: Callable[..., Any]
+
+    def __call__(self, *given: Any) -> Any:
+        with _blamed(self.told):
+            return self.call(*given)
+
+
+@dataclass(frozen=True, eq=False)
+class _Written:
+    """How a Part is written into an MJCF; where that fails, why the file does not hold it."""
+
+    told: str
+    call: Callable[..., Any]
+
+    def __call__(self, theta: Real) -> tuple[Addition | NotHeld, ...]:
+        try:
+            return tuple(self.call(theta))
+        except Exception as error:
+            return (NotHeld(self.told, f"written fails ({type(error).__name__}: {error})"),)
 
 
 def _fault(one: Hypothesis, scene: Scene, seen: dict[str, Part]) -> str | None:
@@ -151,6 +193,7 @@ def _misfit(one: Hypothesis, scene: Scene) -> str | None:
         names = [parameter.name for parameter in part.parameters]
         theta = np.array([begins[name] for name in names])
         beside = [np.clip(begins[n] + _STEP, *one.bounds.get(n, (-np.inf, np.inf))) for n in names]
+        step = _SMALL * np.ones(len(names))
         for condition in {test.condition: None for test in campaign.tests}:
             at = Situation(machine, condition)
             for slope in part.slopes(theta, at):
@@ -159,7 +202,42 @@ def _misfit(one: Hypothesis, scene: Scene) -> str | None:
             for change in part.changes(np.array(beside), at):
                 if fault := _unfit(change, (), machine, laplace):
                     return f"of a change {fault}"
+            middle, few = np.array(beside), laplace[:: max(1, len(laplace) // _LINES)]
+            ahead, behind = (part.changes(middle + sign * step, at) for sign in (1, -1))
+            moved = [
+                replace(slope, core=np.tensordot(step, slope.core, 1))
+                for slope in part.slopes(middle, at)
+            ]
+            if _differ(_stiffness(ahead, few), _stiffness(behind, few), _stiffness(moved, few)):
+                return "its slopes are not those of its change: derive them anew"
     return None
+
+
+def _stiffness(changes: Sequence[Change], laplace: Complex) -> dict[tuple[str, str], Complex]:
+    """Dynamic stiffness of all changes of a slot and point; (n_line, n, m) each."""
+    found: dict[tuple[str, str], Complex] = {}
+    for change in changes:
+        powers = laplace[:, None] ** np.arange(3)
+        if change.shape is not None:
+            powers = powers * change.shape(laplace)[:, None]
+        core = np.einsum("fk,krt->frt", powers, change.core)
+        key = change.slot, str(change.point)
+        found[key] = found.get(key, 0.0) + change.left @ core @ change.right.T
+    return found
+
+
+def _differ(
+    ahead: dict[tuple[str, str], Complex],
+    behind: dict[tuple[str, str], Complex],
+    moved: dict[tuple[str, str], Complex],
+) -> bool:
+    """Whether half the way from behind to ahead is not what the slopes say."""
+    for key in {*ahead, *behind, *moved}:
+        one, other, slope = (at.get(key, np.zeros(1)) for at in (ahead, behind, moved))
+        off = np.abs((one - other) / 2 - slope).max()
+        if off > _OFF * np.abs(slope).max() + _ROUNDING * np.abs(one).max():
+            return True
+    return False
 
 
 def _unfit(change: Change, lead: tuple[int, ...], machine: Machine, laplace: Complex) -> str | None:

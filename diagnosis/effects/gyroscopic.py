@@ -1,6 +1,8 @@
-"""A rotor that spins inside a body: the moment on it is -H x omega, H its angular momentum.
+"""A rotor that spins inside a body: what turns it is the rate of its angular momentum H.
 
-On the body's rotations this is Zb += s [H]x, skew, so that it neither stores nor loses energy.
+H turns with the body, whose rate is omega: dH/dt = omega x H = -H x omega. On the body's rotations
+this is Zb -= s [H]x, skew, so that it neither stores nor loses energy: with H along z the moment
+about x is H omega_y.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,7 +26,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         frame[6 * number + 3 : 6 * number + 6] = np.eye(3)
         core = np.zeros((3, 3, 3, 3))
         for k, unit in enumerate(np.eye(3)):
-            core[k, 1] = _UNIT * np.cross(np.eye(3), unit)
+            core[k, 1] = _UNIT * np.cross(unit, np.eye(3))  # rows of -[u]x
         names = tuple(f"{body}.angular_momentum_{axis}" for axis in "xyz")
         parameters = tuple(Parameter(name, 0.0, "10 kg m^2/s", positive=False) for name in names)
         part = AddedPart.linear(f"body:{body}", parameters, (Change("body", frame, frame, core),))

@@ -7,15 +7,16 @@ import numpy as np
 from identification.words import Dof, Real
 from mbw.diagnose.lead import badges, doubts, lead
 from mbw.diagnose.machine import machine_of
-from mbw.diagnose.result import Result
+from mbw.diagnose.result import STEPS, Result
 from mbw.diagnose.tables import causes_section, tried_section
+from mbw.diagnose.values import number
 from mbw.diagnose.words import direction, gate_sentences, place
 from mbw.page.html import fill, packed, packed_polar, packed_sizes, piece, warnings
 from mbw.page.numbers import UNITS
 from mbw.page.picture import picture
 
 _PLACES = 12  # that have bars
-_COLOURS = {"as drawn": "#98a2b3", "re-tuned": "#d9822b", "with the effect": "#1f6fb8"}
+_COLOURS = dict(zip(STEPS, ("#98a2b3", "#d9822b", "#1f6fb8"), strict=True))
 
 
 def render(result: Result) -> str:
@@ -37,6 +38,7 @@ def render(result: Result) -> str:
         badges=badges(result),
         warnings=warnings(doubts(result)),
         lines=_lines(result),
+        centres=escape(_centres(result)),
         causes=causes_section(result),
         where=piece("diagnose/where.html") if places else _NOWHERE,
         gates="".join(f"<p>{escape(text)}</p>" for text in gate_sentences(shown)),
@@ -63,6 +65,18 @@ def _lines(result: Result) -> str:
     return (
         f"as drawn on all lines, the others held out: blocks of {width:.3g} Hz in five folds, each "
         "predicted by a fit that did not see it"
+    )
+
+
+def _centres(result: Result) -> str:
+    """The gap at the centres of mass, in a sentence."""
+    known = [row for row in result.shown.centres if row.excess is not None and row.channels]
+    if not known:
+        return ""
+    steps = ", ".join(f"{row.name} {number(row.excess or 0.0)}" for row in known)
+    return (
+        f"Reduced to the centres of mass ({known[0].channels} FRFs, the noise with the "
+        f"covariance of the reduction), the excess is {steps}."
     )
 
 

@@ -13,10 +13,12 @@ from diagnosis.verdict import CauseRow
 from identification.words import Campaign, Complex, Condition, Dof
 from mbmodel import NotHeld, looks
 from mbw.diagnose.machine import machine_rows, place_row
-from mbw.diagnose.schema import ChannelRow, ShownFile, TestRow
+from mbw.diagnose.schema import CentresRow, ChannelRow, ShownFile, TestRow
 from mbw.identify.solid import fault_row
+from tuning import gap_at_bodies, predict
 from tuning.inputs import inputs
 
+STEPS = ("as drawn", "re-tuned", "with the effect")
 Cell = tuple[int, Dof]  # of a campaign: number of a test, an output of it
 
 
@@ -76,6 +78,7 @@ def gather(found: Diagnosis, not_held: Sequence[NotHeld] = ()) -> Result:
             for test, dof in cells
         ],
         corrected=corrected,
+        centres=_centres(found),
         means=[_means(one) for one in verdict.causes],
         solid=[check.words for check in found.gate.checks],
         taken_out=[fault_row(one) for one in found.gate.faults if "sensor:" in one.location],
@@ -87,6 +90,22 @@ def gather(found: Diagnosis, not_held: Sequence[NotHeld] = ()) -> Result:
         not_held_by_mjcf=[str(one) for one in not_held],
     )
     return Result(verdict, found.evidence, shown, {"freq_hz": freq, **frfs, **drawn})
+
+
+def _centres(found: Diagnosis) -> list[CentresRow]:
+    """The gap at the centres of mass: as drawn on all lines, then on held-out ones."""
+    model, campaign = found.session.model, found.session.campaign
+    steps = [(STEPS[0], predict(model, model.drawn, campaign), campaign)]
+    levels = (found.retuned, *((found.after,) if found.after else ()))
+    steps += [
+        (name, level.predicted, level.campaign)
+        for name, level in zip(STEPS[1:], levels, strict=False)
+    ]
+    gaps = [(name, gap_at_bodies(predicted, seen)) for name, predicted, seen in steps]
+    return [
+        CentresRow(name=name, error=gap.error, excess=gap.excess, channels=gap.channels)
+        for name, gap in gaps
+    ]
 
 
 def _means(row: CauseRow) -> str:

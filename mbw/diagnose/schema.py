@@ -83,6 +83,21 @@ class PlaceRow(_Row):
     points: list[Point]
 
 
+class CentresRow(_Row):
+    """A step of the gap at the centres of mass, each direction of each body a channel.
+
+    Args:
+        name: of the step.
+        error, excess: as of the channels; null where a number does not exist.
+        channels: how many.
+    """
+
+    name: str
+    error: float | None
+    excess: float | None
+    channels: int
+
+
 class ShownFile(_Row):
     """diagnosis.json.
 
@@ -95,6 +110,7 @@ class ShownFile(_Row):
         tests: of the campaign.
         channels: columns of the arrays.
         corrected: channels whose measurement the effect corrects, in the arrays' order.
+        centres: the gap at the centres of mass, with the covariance of the reduction, step by step.
         means: what each cause of the verdict is, in the catalogue's words; empty where it has none.
         solid: what the spare channels of each body say, in words.
         taken_out: faults that they prove; their channels took no part in the search.
@@ -115,6 +131,7 @@ class ShownFile(_Row):
     tests: list[TestRow]
     channels: list[ChannelRow]
     corrected: list[int]
+    centres: list[CentresRow]
     means: list[str]
     solid: list[str]
     taken_out: list[FaultRow]

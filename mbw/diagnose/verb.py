@@ -19,7 +19,12 @@ from mbw.diagnose.files import (
 )
 from mbw.diagnose.page import render
 from mbw.diagnose.result import gather
-from mbw.diagnose.words import WITHOUT_COHERENCE, cause_parameters
+from mbw.diagnose.words import (
+    WITHOUT_COHERENCE,
+    cause_parameters,
+    twin_sentences,
+    untested_sentences,
+)
 from mbw.files import check_json, check_names, write_json
 from mbw.messages import SCREEN, one_interrupt
 from mbw.remarks import not_held
@@ -108,7 +113,9 @@ def _say(verdict: Verdict, found: Diagnosis) -> None:
         if at.excess is not None:
             SCREEN.say(f"  {name}: error {at.error:.3g}, excess {at.excess:.3g}")
     if gap.closed is not None:
-        SCREEN.say(f"  {min(gap.closed, 1.0):.1%} of the gap beyond noise is closed")
+        ends = gap.interval.closed
+        told = f" (95 %: {ends[0]:.1%} to {min(ends[1], 1.0):.1%})" if ends else ""
+        SCREEN.say(f"  {min(gap.closed, 1.0):.1%} of the gap beyond noise is closed{told}")
     for row in verdict.causes[:_FEW]:
         dof = f" {row.dof}" if row.dof else ""
         sizes = cause_parameters(row)
@@ -119,12 +126,22 @@ def _say(verdict: Verdict, found: Diagnosis) -> None:
             f"{one.location} {one.share:.0%}" for one in verdict.where[:3] if one.share is not None
         )
         SCREEN.say(f"  where: {places}" if places else "  where: not to be told")
+    _say_more(verdict, found)
+
+
+def _say_more(verdict: Verdict, found: Diagnosis) -> None:
+    """What sensors say, what these data cannot, and what to do next."""
     for check in found.gate.flexible:
         SCREEN.say(f"  {check.words}")
     for place in found.gate.unknown:
         SCREEN.say(f"  {place} is wrong by no known fault, and was left out")
     if found.evidence.variance == "differences":
         SCREEN.say(f"  {WITHOUT_COHERENCE}")
+    if verdict.verdict != "none":
+        for text in (*twin_sentences(verdict), *untested_sentences(verdict)):
+            SCREEN.say(f"  {text}")
+    if verdict.next_experiment:
+        SCREEN.say(f"  next: {verdict.next_experiment}")
 
 
 def _explain(found: Diagnosis) -> None:

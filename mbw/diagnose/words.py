@@ -15,7 +15,14 @@ WITHOUT_COHERENCE = (
 )
 _OTHERS = {"hardening": "a spring that hardens", "sensor_unknown": FAULTS["sensor_unknown"]}
 _AT = {"joint": "at", "body": "on", "sensor": "at", "hammer": "at", "pair": "between"}
-_ONE_LEVEL = {"friction", "backlash", "hardening"}
+_UNTESTED = (
+    ({"friction", "backlash", "hardening"}, "only hits of several levels can show that"),
+    ({"drift"}, "one direction of one set-up cannot show that"),
+    (
+        {"sensor_delay", "sensor_swap", "mount_resonance", "flexible_body"},
+        "where a body has fewer than two channels to spare nothing shows that",
+    ),
+)
 
 
 def kind(effect: str) -> str:
@@ -87,18 +94,10 @@ def twin_sentences(verdict: Verdict) -> list[str]:
 def untested_sentences(verdict: Verdict) -> list[str]:
     """What this kind of data cannot show, and why."""
     found = []
-    hidden = [kind(one) for one in verdict.not_testable if one in _ONE_LEVEL]
-    if hidden:
-        found.append(
-            f"Not tested, so not excluded: {_listed(hidden)}, which only hits of several levels "
-            "can show."
-        )
-    others = [kind(one) for one in verdict.not_testable if one not in _ONE_LEVEL]
-    if others:
-        found.append(
-            f"Not tested, so not excluded: {_listed(others)}; one direction of one set-up cannot "
-            "show that."
-        )
+    for effects, why in _UNTESTED:
+        hidden = [kind(one) for one in verdict.not_testable if one in effects]
+        if hidden:
+            found.append(f"Not tested, so not excluded: {_listed(hidden)}; {why}.")
     return found
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from importlib.metadata import EntryPoint
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, PROVEN, Scene, catalogue, diagnose, verdict_of
@@ -40,6 +41,14 @@ def installed(tmp_path, monkeypatch):
     yield install
     catalogue.cache_clear()
     sys.modules.pop("inerter_effect", None)
+
+
+DOUBLED = """def _doubled(*given):
+    part = AddedPart.linear(*given)
+    return AddedPart(*given[:2], lambda theta: part.finite(2 * theta), part.derivatives)
+
+
+"""
 
 
 @pytest.fixture(scope="module")
@@ -123,6 +132,7 @@ def test_what_cannot_be_loaded_or_does_not_speak_is_refused_by_name(installed, o
         ("frame, core)", "frame, core[0])", r"the core is \(3, 1, 1\), expected \(1, 3, 1, 1\)"),
         ('Change("joint"', 'Change("spring"', "the slot is 'spring'"),
         ("frame, core)", "frame, core, shape=lambda s: s[:2])", "a slope the shape gives"),
+        ("AddedPart.linear(", "_doubled(", "slopes are not those of its change"),
         ("unit * found[own]", "float('nan')", "state.*'inertance' is nan"),
         ("unit * found[own]", "'big'", "state.*big"),
         ("unit * found[own]", "found['none']", "state.*KeyError: 'none'"),
@@ -131,7 +141,7 @@ def test_what_cannot_be_loaded_or_does_not_speak_is_refused_by_name(installed, o
 def test_a_hypothesis_that_cannot_be_fitted_is_refused_before_anything_is(
     installed, session, old, new, said
 ):
-    installed("inerter", changes=[(old, new)])
+    installed("inerter", changes=[(old, new), ("def propose", f"{DOUBLED}def propose")])
     with pytest.raises(InputError, match=f"^entry point inerter of mbw.effects[:,] .*{said}"):
         check_others(session)
 
@@ -164,3 +174,29 @@ def test_a_statement_that_fails_at_fitted_values_is_left_out_and_said_once(
     (record,) = caplog.records
     assert "entry point inerter of mbw.effects, inerter@joint:" in record.getMessage()
     assert "ZeroDivisionError" in record.getMessage()
+
+
+FAILING = """def _failing(*given):
+    part = AddedPart.linear(*given)
+
+    def far(theta):
+        return part.finite(theta) if abs(theta).max() < 1 else 1 / 0
+
+    return AddedPart(*given[:2], far, part.derivatives, written=lambda _: 1 / 0)
+
+
+"""
+
+
+def test_a_part_that_fails_far_from_where_it_was_checked_says_whose_it_is(installed, session):
+    changes = [("AddedPart.linear(", "_failing("), ("def propose", f"{FAILING}def propose")]
+    installed("inerter", changes=changes)
+    one = next(iter(catalogue()["inerter"](Scene(session, session.model.drawn))))
+    (part,) = one.parts
+    near, far = np.array([0.5]), np.array([2.0])
+    assert part.finite(near)[0].core.any()
+    whose = r"^entry point inerter of mbw.effects, inerter@joint:.*: finite, .*ZeroDivisionError"
+    with pytest.raises(InputError, match=whose):
+        part.finite(far)
+    (said,) = part.write(near)
+    assert "written fails (ZeroDivisionError" in str(said)

@@ -12,7 +12,7 @@ from diagnosis.effects.points import joined
 from diagnosis.hypothesis import together
 from diagnosis.refit import posed
 from identification.words import Condition, Dof
-from mbmodel import Held, Model, Situation, parents_of, rotation_matrix
+from mbmodel import Held, Model, Situation, load_machine, parents_of, rotation_matrix
 from tests.helpers.drawn import drawn, line_by_line
 from tuning import open_session
 
@@ -250,3 +250,43 @@ def test_several_at_once_release_correct_and_add_what_each_does(scene):
     for test, expected in zip(one.tests, other.tests, strict=True):
         assert np.array_equal(test.estimate.frf.values, expected.estimate.frf.values)
     assert together([polarity]) is polarity
+
+
+ROTOR = """<mujoco><option gravity="0 0 0"/><worldbody>
+<body name="stage"><inertial pos="0 0 0" mass="10" diaginertia="1 1 1"/>
+<joint name="stage_rx" type="hinge" axis="1 0 0" stiffness="1e4" damping="1"/>
+<joint name="stage_ry" type="hinge" axis="0 1 0" stiffness="1e4" damping="1"/>
+<site name="acc1" pos="0.1 0 0"/>
+<body name="rotor"><inertial pos="0 0 0" mass="1" diaginertia="0.1 0.1 0.2"/>
+<joint name="spin" type="hinge" axis="0 0 1"/></body>
+</body></worldbody></mujoco>"""
+
+
+def test_a_rotor_turns_the_way_that_its_angular_momentum_says(scene, tmp_path):
+    path = tmp_path / "rotor.xml"
+    path.write_text(ROTOR, encoding="utf-8")
+    machine = load_machine(path, {"spin": 100.0})  # 0.2 kg m^2 about z
+    session = replace(scene.session, model=Model(machine, ()))
+    one = next(
+        one
+        for one in EFFECTS["gyroscopic"](replace(scene, session=session))
+        if one.location == "body:stage"
+    )
+    theta = np.array([0.0, 0.0, 2.0])
+    (said,) = one.parts[0].written(theta)
+    assert "(0, 0, 20) kg m2/s" in str(said)
+    (change,) = one.parts[0].changes(
+        theta, Situation(machine, scene.session.campaign.tests[0].condition)
+    )
+    bodies = change.left @ change.core[1] @ change.right.T
+    joints = machine.jacobian.T @ bodies @ machine.jacobian
+    np.testing.assert_allclose(joints, machine.remaining_damping, atol=1e-9)
+    assert abs(machine.remaining_damping).max() == pytest.approx(20.0)
+
+
+def test_what_moves_along_one_axis_has_that_direction(scene):
+    one = next(iter(EFFECTS["appendage"](scene)))
+    assert one.dof is None
+    sizes = dict(zip(one.scored, (1e-4, 3.0, 0.0), strict=True))
+    assert one.along(sizes) == "ty"
+    assert one.along(sizes | {one.scored[2]: 1.0}) is None

@@ -84,6 +84,15 @@ def test_who_is_told_the_effect_reaches_what_was_reached(case):
         assert oracle(found, Fault("backlash", other.location, None, 1.0, {}, 1.0)) is None
 
 
+def test_what_only_spare_channels_show_is_not_excluded_where_there_are_none(case):
+    _, _, found = case
+    beside = {"sensor_delay", "sensor_swap", "mount_resonance", "flexible_body"}
+    assert not beside & set(verdict_of(found).not_testable)
+    first, *others = found.gate.checks
+    gate = replace(found.gate, checks=(replace(first, spare=1), *others))
+    assert beside < set(verdict_of(replace(found, gate=gate)).not_testable)
+
+
 def test_the_verdict_is_the_same_with_more_threads_and_by_the_command(case):
     folder, answer, found = case
     if answer["effect"] != "drift":

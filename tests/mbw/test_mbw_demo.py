@@ -7,9 +7,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import tomllib
 from pathlib import Path
 
 import pytest
+
+from diagnosis import Verdict
+from mbw.demo import graded
 
 ROOT = Path(__file__).resolve().parents[2]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -44,8 +48,13 @@ def _run(installed, folder, *arguments, timeout=900):
 @pytest.fixture(scope="module")
 def demo(installed, tmp_path_factory):
     folder = tmp_path_factory.mktemp("elsewhere")
+    before = os.times()
     done = _run(installed, folder, "-m", "mbw", "demo", "--out", "demo")
     assert done.returncode == 0, done.stderr
+    after = os.times()
+    seconds = after.children_user + after.children_system
+    seconds -= before.children_user + before.children_system
+    assert seconds < 2 * 180  # three minutes on two cores, however many others use them
     return folder / "demo", done
 
 
@@ -65,6 +74,46 @@ def test_the_demo_ends_with_the_address_of_its_report(demo):
     assert address.startswith("open file://")
     assert (folder / "report.html").is_file()
     assert address.endswith("/report.html")
+
+
+def test_the_demo_finds_what_is_hidden_and_grades_it_by_the_answer(demo):
+    folder, done = demo
+    said = done.stderr.partition("4. graded by the answer")[2]
+    assert "effect: appendage, right" in said
+    assert "location: body:spindle, right" in said
+    off = re.search(r"mass: [\d.]+, true [\d.]+, ([\d.]+)% off", said)
+    assert float(off[1]) < 5
+    verdict = json.loads((folder / "diagnosis" / "verdict.json").read_text(encoding="utf-8"))
+    assert verdict["causes"][0]["effect"] == "appendage"
+    assert verdict["gap"]["closed"] > 0.95
+
+
+def test_a_wrong_verdict_is_graded_as_wrong():
+    answer = tomllib.loads((ROOT / "assets" / "demo" / "answer.toml").read_text("utf-8"))
+    none = {"error": None, "excess": None}
+    row = {
+        "effect": "mass_error", "location": "body:spindle", "dof": None, "probability": 0.9,
+        "parameters": {"mass": 2 * answer["parameters"]["mass"]}, "interval": {},
+        "excess_after": None,
+    }  # fmt: skip
+    verdict = Verdict.model_validate(
+        {
+            "verdict": "explained",
+            "probability": {"none": 0.05, "unexplained": 0.05, "several": 0.0},
+            "gap": {
+                "as_drawn": none, "retuned": none, "after": none,
+                "noise": None, "closed": None, "interval": {},
+            },
+            "where": [], "causes": [row], "twins": [], "not_testable": [],
+            "next_experiment": None,
+        }
+    )  # fmt: skip
+    effect, place, mass = graded(verdict, answer)
+    assert effect == "effect: mass_error, wrong: it is appendage"
+    assert place == "location: body:spindle, right"
+    assert mass.endswith("100.00% off")
+    missed = verdict.model_copy(update={"verdict": "none", "causes": []})
+    assert graded(missed, answer) == ["said none; true is appendage at body:spindle"]
 
 
 def test_the_demo_tunes_the_station_and_leaves_a_gap_for_the_diagnosis(demo):

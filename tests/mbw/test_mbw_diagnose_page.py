@@ -81,6 +81,12 @@ def test_the_verdict_is_told_in_plain_words_with_cause_place_size_and_gap(texts,
     assert '<span class="badge good">one cause 98 %</span>' in texts["explained"]
     assert "<b>gyroscopic</b><br><small>a rotor spins in the body</small>" in texts["explained"]
     assert f"<b>What to do next:</b> {verdict.next_experiment}" in texts["explained"]
+    drawn, retuned, after = explained.shown.centres
+    assert drawn.excess > retuned.excess > after.excess > 0.5
+    assert (
+        f"re-tuned {retuned.excess:.3g}, with the effect {after.excess:.3g}" in texts["explained"]
+    )
+    assert "with the effect" not in re.search("Reduced to the.*?<", texts["none"])[0]
 
 
 def test_the_tuned_model_is_an_mjcf_that_says_what_it_does_not_hold(folders, explained):
@@ -89,6 +95,16 @@ def test_the_tuned_model_is_an_mjcf_that_says_what_it_does_not_hold(folders, exp
     said = explained.shown.not_held_by_mjcf
     assert any("let it spin" in text for text in said)  # a rotor
     assert any("gain" in text for text in said)
+
+
+def test_a_proven_sensor_comes_first_where_nobody_explains_what_is_beside_it(folders):
+    result = read_result(folders["sensor"])
+    verdict = result.verdict.model_copy(update={"verdict": "unexplained"})
+    lead = lead_of(render(replace(result, verdict=verdict)))
+    assert lead.startswith("Proven by the spare channels: ")
+    assert "turned sign" in lead
+    retuned, after = (f"{at.excess:.3g} times" for at in (verdict.gap.retuned, verdict.gap.after))
+    assert f"off by {retuned} the noise, with that mended still by {after}" in lead
 
 
 def test_nothing_missing_is_said_without_place_and_without_effect(texts):
@@ -291,7 +307,7 @@ def test_several_causes_twins_and_taken_out_sensors_are_told_in_words(explained)
         "drawn at joint stage3 (offset (-122, 3.1, 0) mm), 80 %. With them the gap falls"
     )
     assert "These data hardly tell a centre of stiffness elsewhere than drawn at joint st" in page
-    assert "Not tested, so not excluded: friction, which" in page
+    assert "Not tested, so not excluded: friction; only hits of" in page
     assert "another stiffness in one test; one direction of one set-up" in page
     first, second, third = gate_sentences(shown)
     assert first.startswith("Sensor acc11 along y: a turned sign")

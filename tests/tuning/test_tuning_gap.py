@@ -15,6 +15,7 @@ from tuning import (
     fit,
     fit_held_out,
     fold_of_lines,
+    gap_at_bodies,
     predict,
     summarise,
 )
@@ -46,6 +47,20 @@ def test_error_and_excess_are_those_of_a_slow_twin(model, campaign):
         np.sqrt(np.mean(np.square(np.array(errors) / noises))), rel=1e-12
     )
     assert (gap.channels, gap.quiet) == (len(errors), len(errors))
+
+
+def test_the_gap_at_the_centres_is_that_of_both_reduced_with_the_noise_that_is_left(
+    model, true_theta
+):
+    campaign = virtual_campaign(model, true_theta, noise=0.05, lines=400)
+    exact = predict(model, true_theta, campaign)
+    right = gap_at_bodies(exact, campaign)
+    assert right.excess == pytest.approx(1.0, rel=0.1)
+    wrong = [answer * 1.3 for answer in exact]
+    off = gap_at_bodies(wrong, campaign)
+    assert off.error == pytest.approx(np.hypot(0.3, right.error), rel=0.1)
+    reduced = at_bodies(campaign)
+    assert off.channels == sum(test.estimate.measured.sum() for test in reduced.tests)
 
 
 def test_a_noisy_channel_counts_for_excess_only(model, campaign):
