@@ -174,7 +174,8 @@ class Runs:
             aim = self._aim(span).reshape(*columns.shape[:2], 2, -1)
             taken = shares @ columns  # (n_line, n_in, n_force, n_x)
             pulled = (shares @ (aim[:, :, 0] + 1j * aim[:, :, 1])[..., None])[..., 0]
-            flat = taken.transpose(2, 0, 1, 3).reshape(len(found.value), -1, taken.shape[-1])
+            n_line, n_in, n_force, size_x = taken.shape
+            flat = taken.transpose(2, 0, 1, 3).reshape(n_force, n_line * n_in, size_x)
             parts = np.concatenate([flat.real, flat.imag], axis=1)
             own = pulled.transpose(2, 0, 1).reshape(len(found.value), -1)
             pull = np.concatenate([own.real, own.imag], axis=1)

@@ -11,7 +11,7 @@ from diagnosis.refit import FIRST, PATIENT, go_on, refit
 from identification import smooth_variance
 from mbmodel import Evaluator, Question
 from tests.helpers.drawn import drawn
-from tuning import STAGES, fit, thinned
+from tuning import STAGES, fit, open_session, thinned
 
 POWER = 30.0
 
@@ -95,3 +95,13 @@ def test_what_no_linear_effect_explains_is_found_where_it_pushes(tmp_path, effec
     assert gains[0] > 0.5 * left
     others = [one.gain for one in found if one.location != answer["location"]]
     assert gains[0] > max(others) + 10
+
+
+def test_where_nothing_may_vary_forces_are_free_all_the_same(tmp_path):
+    drawn(tmp_path, 72_013, "gyroscopic", ratio=6.0, lines=81)
+    file = tmp_path / "campaign" / "campaign.toml"
+    file.write_text(file.read_text("utf-8") + '\n[tuning]\nfix = ["*"]\n', encoding="utf-8")
+    session = open_session(tmp_path / "campaign")
+    found = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    assert found.freedom.size == 0
+    assert max(one.gain for one in pushes(Scene(session, found.theta), found)) > 0
