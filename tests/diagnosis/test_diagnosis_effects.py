@@ -135,18 +135,39 @@ def test_a_point_mass_states_its_mass_and_place(scene):
     np.testing.assert_allclose(said["position"], place, rtol=1e-9)
 
 
-def test_a_link_alike_in_all_directions_states_what_it_has_in_each(scene):
+def test_a_link_states_what_it_has_in_each_direction_or_in_its_own(scene):
     one = next(EFFECTS["parallel_path"](scene))
     (part,) = one.parts
     stiffness, damping = 3.0e5, 120.0
-    slopes = part.derivatives(np.zeros(6))[0].core
-    sizes = [stiffness / slopes[k, 0, k, k] for k in range(3)]
-    sizes += [damping / slopes[3 + k, 1, k, k] for k in range(3)]
-    said = one.state(dict(zip(one.coordinates, sizes, strict=True)))
+    slopes = part.derivatives(np.zeros(15))[0].core
+    units = slopes[0, 0, 0, 0], slopes[3, 1, 0, 0]
+    names = [parameter.name for parameter in part.parameters]
+    alike = np.zeros(15)
+    alike[:3], alike[3:6] = stiffness / units[0], damping / units[1]
+    said = one.state(dict(zip(names, alike, strict=True)))
     assert said == pytest.approx({"stiffness": stiffness, "damping": damping})
-    # Of one line of action a third, however it lies: a trace.
-    along = dict.fromkeys(one.coordinates, 0.0) | {one.coordinates[1]: sizes[1]}
-    assert one.state(along) == pytest.approx({"stiffness": stiffness, "damping": 0.0})
+    # A strut, wherever it is, gives k n n' at its point.
+    axis = np.array([0.6, -0.64, 0.48])
+    square = np.outer(axis, axis)
+    entries = np.array([square[k] for k in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))])
+    strut = np.zeros(15)
+    strut[[0, 1, 2, 6, 7, 8]] = entries * stiffness / units[0]
+    strut[[3, 4, 5, 9, 10, 11]] = entries * damping / units[1]
+    strut[12:] = 1.0, -2.0, 0.5  # tenths of a metre from halfway
+    said = one.state(dict(zip(names, strut, strict=True)))
+    assert said == pytest.approx({"stiffness": stiffness, "damping": damping})
+    (change,) = part.finite(strut)
+    layout = scene.session.model.machine.layout
+    low, high = (layout.bodies.index(name) for name in one.location[5:].split("-"))
+    centres = layout.centres
+    point = (centres[low] + centres[high]) / 2 + [0.1, -0.2, 0.05]
+    row = np.zeros(6 * len(layout.bodies))
+    for body, sign in ((high, 1.0), (low, -1.0)):
+        row[6 * body : 6 * body + 3] = sign * axis
+        row[6 * body + 3 : 6 * body + 6] = sign * np.cross(point - centres[body], axis)
+    for power, size in ((0, stiffness), (1, damping)):
+        whole = change.left @ change.core[power] @ change.right.T
+        np.testing.assert_allclose(whole, size * np.outer(row, row), atol=1e-9 * size)
 
 
 def test_a_drift_acts_in_its_test_alone(scene):

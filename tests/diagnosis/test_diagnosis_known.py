@@ -37,7 +37,7 @@ def stating(state):
     return Hypothesis("mine", "body:a", state=state)
 
 
-@pytest.mark.parametrize(("effect", "seed"), [("parallel_path", 73_501), ("support_loss", 73_503)])
+@pytest.mark.parametrize(("effect", "seed"), [("parallel_path", 73_504), ("support_loss", 73_503)])
 def test_what_was_drawn_lies_in_the_interval(effect, seed, tmp_path):
     session, text = drawn(tmp_path, seed, effect, lines=161)
     answer = tomllib.loads(text)

@@ -8,7 +8,7 @@ import pytest
 from diagnosis import EFFECTS, Scene
 from diagnosis.hypothesis import Vague
 from identification.words import Condition
-from mbmodel import Model, as_drawn, load_machine, loosened, write_mjcf
+from mbmodel import Model, NotHeld, as_drawn, load_machine, loosened, write_mjcf
 from tests.helpers.drawn import drawn, line_by_line
 from tuning import with_tolerances
 
@@ -49,6 +49,9 @@ def sized(scene, one):
         for parameter in part.parameters:  # place, frequency, damping
             if parameter.name not in (*one.coordinates, *one.follow):
                 theta[own[parameter.name]] = random.uniform(0.2, 0.9)
+    if one.effect == "parallel_path":  # what turns its axes leaves no spring less than nothing
+        turned = [name for name in own if name.rpartition("_")[2] in ("yz", "xz", "xy")]
+        theta[[own[name] for name in turned]] *= 0.1
     if one.effect == "mass_error":
         theta[own[one.coordinates[0]]] = 20.0
     if one.effect == "missing_dof":
@@ -98,6 +101,16 @@ def test_what_moves_along_one_axis_is_hung_at_the_nearest_place_on_it(scene, tmp
     said = one.state({name: theta[k] for name, k in own.items()})["position"]
     assert isinstance(said, Vague)
     np.testing.assert_allclose(said, at - centre, atol=1e-12)
+
+
+def test_a_spring_of_less_than_nothing_is_no_tendon(scene):
+    one = next(iter(EFFECTS["parallel_path"](scene)))
+    (part,) = one.parts
+    theta = np.zeros(15)
+    theta[:3], theta[8] = 1.0, 2.0  # the last turns x and y: 1 - 2 along one axis
+    said = part.write(theta)
+    assert sum(isinstance(edit, NotHeld) for edit in said) == 1
+    assert sum(getattr(edit, "parent", "") == "tendon" for edit in said) == 2
 
 
 @pytest.mark.parametrize("effect", WRITTEN)

@@ -244,6 +244,12 @@ def test_a_link_stores_what_it_is_stretched_by(motion):
     assert x @ K @ x == pytest.approx(2e5 * stretch @ stretch, abs=1e-3)
     np.testing.assert_allclose(C, 5e-4 * K, rtol=1e-6, atol=1e-4)
     assert effect.answer().parameters == {"stiffness": 2e5, "damping": 100.0}
+    # A strut aside pulls along its axis alone.
+    aside, axis = np.array([0.1, -0.2, 0.05]), np.array([0.6, 0.0, -0.8])
+    strut = replace(effect, aside=tuple(aside), axis=tuple(axis))
+    K = rig_of(station, [strut]).equations.stiffness - plain.equations.stiffness
+    turned = np.cross(x[15:], aside) - np.cross(x[3:6], aside)
+    assert x @ K @ x == pytest.approx(2e5 * (axis @ (stretch + turned)) ** 2, abs=1e-3)
 
 
 def test_a_link_joins_bodies_that_no_joint_joins_and_scales_with_what_it_bypasses(nominal):
@@ -252,6 +258,13 @@ def test_a_link_joins_bodies_that_no_joint_joins_and_scales_with_what_it_bypasse
     drawn = [draw_parallel_path(random_of(s), scene, None) for s in range(200)]
     pairs = {(names.index(one.lower), names.index(one.upper)) for one in drawn}
     assert pairs == {(i, j) for i in range(6) for j in range(i + 2, 6)}
+    assert 60 < sum(one.axis is None for one in drawn) < 140
+    apart = [
+        np.subtract(*(nominal.stages[names.index(n)].com for n in (one.lower, one.upper)))
+        for one in drawn
+    ]
+    share = np.array([one.aside for one in drawn]) / np.linalg.norm(apart, axis=1)[:, None]
+    assert 0.4 < abs(share).max() <= 0.5
     one = draw_parallel_path(random_of(1), scene, "pair:ty-spindle")
     bypassed = [j.stiffness for i in (3, 4) for j in nominal.stages[i].joints if j.kind == "slide"]
     assert one.reference == pytest.approx(np.exp(np.mean(np.log(bypassed))))

@@ -1,11 +1,11 @@
 """A link that bypasses joints: a hose, a cable, a bridge between two bodies."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
-from truth.effects.chance import log_uniform
+from truth.effects.chance import choose, log_uniform, unit_vector
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_location
 from truth.effects.rows import body_motion, springs
@@ -14,16 +14,17 @@ from truth.station import GROUND, Station
 
 RATIO = (0.03, 0.3)
 TIME_CONSTANT = (1e-4, 1e-3)  # s
+ASIDE = 0.5  # of the distance of the centres of mass, along each axis
 LIMITS = (1e-4, 3.0)
 
 
 @dataclass(frozen=True)
 class ParallelPath(Sized):
-    r"""Springs and dampers in x, y, z between two bodies, midway between their centres of mass.
+    r"""A spring and a damper between two bodies, in all directions or along one axis alone.
 
         f = k (u_upper - u_lower) + c (u'_upper - u'_lower),   c = k time_constant
 
-    u being the motion of that point with each body.
+    u being the motion of one point with each body, or its part along the axis: a bridge, a strut.
 
     Args:
         size: k over the geometric mean of the slides' stiffness on the way between the bodies.
@@ -31,12 +32,16 @@ class ParallelPath(Sized):
         upper: name of the other.
         reference: that geometric mean [N/m].
         time_constant: c/k [s].
+        aside: that point less the middle of both centres of mass [m].
+        axis: unit vector; none for all directions.
     """
 
     lower: str
     upper: str
     reference: float
     time_constant: float
+    aside: tuple[float, ...] = (0.0, 0.0, 0.0)
+    axis: tuple[float, ...] | None = None
     limits = LIMITS
 
     def answer(self) -> Answer:
@@ -53,16 +58,17 @@ class ParallelPath(Sized):
         del occasion
         lower, upper = (tested.station.index(name) for name in (self.lower, self.upper))
         stages = tested.station.stages
-        point = (stages[lower].com + stages[upper].com) / 2
+        point = (stages[lower].com + stages[upper].com) / 2 + np.array(self.aside)
         motion = body_motion(rig, tested, upper, point) - body_motion(rig, tested, lower, point)
-        stiffness = springs(motion[:3], [self.size * self.reference] * 3)
+        felt = motion[:3] if self.axis is None else np.array([self.axis]) @ motion[:3]
+        stiffness = springs(felt, [self.size * self.reference] * len(felt))
         return rig.with_matrices(damping=self.time_constant * stiffness, stiffness=stiffness)
 
 
 def draw_parallel_path(
     random: np.random.Generator, scene: Scene, place: str | None
 ) -> ParallelPath | None:
-    """Draw two bodies that no joint joins, stiffness and damping of the link."""
+    """Draw two bodies that no joint joins, stiffness, damping, point and axis of the link."""
     station = scene.station
     pairs = [
         (lower, upper, reference)
@@ -75,13 +81,17 @@ def draw_parallel_path(
     if number is None:
         return None
     lower, upper, reference = pairs[number]
-    return ParallelPath(
+    whole = ParallelPath(
         lower=names[lower],
         upper=names[upper],
         reference=reference,
         time_constant=log_uniform(random, TIME_CONSTANT),
         size=log_uniform(random, RATIO),
     )
+    apart = float(np.linalg.norm(station.stages[lower].com - station.stages[upper].com))
+    aside = apart * random.uniform(-ASIDE, ASIDE, 3)
+    is_strut, axis = choose(random, (True, False)), unit_vector(random)
+    return replace(whole, aside=tuple(aside.tolist()), axis=axis if is_strut else None)
 
 
 def _reference(station: Station, lower: int, upper: int) -> float | None:
