@@ -90,6 +90,8 @@ class Hypothesis:
             below the best one's, the first that was proposed comes first.
         signed: whether those are sizes, none of which is less than zero.
         bounds: lowest and highest value of parameters of Parts, by name.
+        believed: one standard deviation of parameters of Parts that are believed to be nearly as
+            they begin, by name.
         is_held: whether its Parts, or the corrected measurement, hold all of it.
         members: of several at once, each; empty of a single one.
         state: parameters of the verdict from the fitted ones, by name.
@@ -111,6 +113,7 @@ class Hypothesis:
     alike: float = 0.0
     signed: bool = False
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    believed: Mapping[str, float] = field(default_factory=dict)
     is_held: bool = True
     members: tuple["Hypothesis", ...] = ()
     state: Callable[[Mapping[str, float]], dict[str, Value]] = unsaid
@@ -229,6 +232,7 @@ def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> F
         if parameter.name in one.begin and free.member[k] < 0:  # a user has fixed it: as was found
             fixed[k] = one.begin[parameter.name]
     lower, upper = free.lower.copy(), free.upper.copy()
+    scale, has_prior = free.scale.copy(), free.has_prior.copy()
     for each in one.members or (one,):
         if each.signed:
             sizes = np.isin(np.array(free.names), each.coordinates)
@@ -236,4 +240,8 @@ def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> F
         for k, name in enumerate(free.names):
             if name in each.bounds:
                 lower[k], upper[k] = each.bounds[name]
-    return replace(free, fixed=fixed, lower=lower, upper=upper)
+            if name in each.believed:
+                deviation = each.believed[name]
+                scale[free.member == k], has_prior[k] = deviation, True
+                lower[k], upper[k] = lower[k] / deviation, upper[k] / deviation
+    return replace(free, fixed=fixed, lower=lower, upper=upper, scale=scale, has_prior=has_prior)

@@ -177,7 +177,7 @@ def _misnamed(one: Hypothesis, scene: Scene, seen: dict[str, Part]) -> str | Non
     there = {parameter.name for parameter in scene.model.parameters}
     begun = {name for values in (one.begin, *one.otherwise) for name in values}
     unknown = {*one.release, *one.scored} - own - varies
-    unknown |= {*one.follow, *one.bounds} - own
+    unknown |= {*one.follow, *one.bounds, *one.believed} - own
     unknown |= {*begun, *one.follow.values()} - own - there
     if unknown:
         return f"it names {', '.join(sorted(unknown))}: say parameters that are there and vary"

@@ -2,12 +2,14 @@ r"""A stage on four supports of which some do not carry: a granite on two of fou
 
 A joint with three slides and three hinges along the world axes stands for four supports at
 (+-a, +-b) about its point, each with a quarter of the slides' stiffness. Their levers are what
-makes the hinges' stiffness,
+makes the hinges' stiffness, or less where supports do not tilt freely,
 
-    a^2 k_tz = k_ry,   b^2 k_tz = k_rx,   g^2 (b^2 k_tx + a^2 k_ty) <= k_rz,   g <= 1,
+    a^2 k_tz <= k_ry,   b^2 k_tz <= k_rx,   g^2 (b^2 k_tx + a^2 k_ty) <= k_rz,   g <= 1,
 
-z the world's third axis. A support at p = (x, y) stretches slide i by q_i + a_i.(R x p), p
-shrunk by g for the horizontal ones, and one that has lost theta takes
+z the world's third axis. All of a and b is believed, give or take a fifth, since what
+tilts less looks like a smaller loss that stands farther out. A support at
+p = (x, y) stretches slide i by q_i + a_i.(R x p), p shrunk by g for the horizontal ones, and one
+that has lost theta takes
 
     theta / 4 (k_i g_i g_i' + s c_i g_i g_i')   summed over the slides
 
@@ -29,6 +31,8 @@ from mbmodel import AddedPart, Change, Parameter, by_joints
 _CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 _ALONG = 1 - 1e-6  # cosine with a world axis
 _GONE = 0.8  # of what a support carries, where a fit begins with two that carry little
+_BELIEVED = 0.2  # standard deviation of what is shorter
+_NEAREST = 0.5  # of a lever, how much shorter than it could be it is believed to be
 _LEAST = 1e-6  # that the best carries
 _TINY = 1e-30  # complex step, of each parameter's size
 
@@ -46,8 +50,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 scored=stand.lost,
                 follow=stand.follow,
                 signed=True,
-                bounds=dict.fromkeys(stand.lost, (0.0, 1.0)),
+                bounds=dict.fromkeys(stand.lost, (0.0, 1.0))
+                | dict.fromkeys(stand.nearer, (0.0, _NEAREST)),
                 otherwise=tuple(dict.fromkeys(two, _GONE) for two in combinations(stand.lost, 2)),
+                believed=dict.fromkeys(stand.nearer, _BELIEVED),
                 state=stand.state,
             )
 
@@ -62,6 +68,7 @@ class _Stand:
         self._frame = np.array([along[name] * directions[name] for name in springs]).T
         self._machine, self._stage = machine, stage
         self.lost = tuple(f"{stage}.lost{number}" for number in range(4))
+        self.nearer = tuple(f"{stage}.lost_nearer_{axis}" for axis in "xy")
         # Those that are tuned follow the joint's, the others stay.
         tuned = {parameter.name for parameter in scene.model.parameters}
         names = [f"{name}.{what}" for what in ("stiffness", "damping") for name in springs]
@@ -76,7 +83,7 @@ class _Stand:
         """As a Part."""
         follows = zip(self.follow, self._drawn[self._own].tolist(), strict=True)
         parameters = (
-            *(Parameter(name, 0.0, "1", positive=False) for name in self.lost),
+            *(Parameter(name, 0.0, "1", positive=False) for name in (*self.lost, *self.nearer)),
             *(Parameter(name, value, "of the joint") for name, value in follows),
         )
         place = f"joint:{self._stage}"
@@ -103,10 +110,10 @@ class _Stand:
     def _taken(self, theta: Real | Complex) -> Complex:
         """Cores of s^0 and s^1; (3, 6, 6)."""
         sizes = self._drawn.astype(complex)
-        sizes[self._own] = theta[4:]
+        sizes[self._own] = theta[6:]
         stiffness, damping = sizes[:6], sizes[6:]
-        far = _levers(stiffness)
-        near = _least(_levers(damping), far)
+        far = _levers(stiffness, 1 - theta[4:6])
+        near = _least(_levers(damping, 1 - theta[4:6]), far)
         core = np.zeros((3, 6, 6), complex)
         for lost, corner in zip(theta[:4], _CORNERS, strict=True):
             for power, values, levers in ((0, stiffness, far), (1, damping, near)):
@@ -143,11 +150,12 @@ def _six(scene: Scene, stage: str) -> tuple[str, ...] | None:
     return tuple(places[k] for k in range(6))
 
 
-def _levers(along: Complex) -> Complex:
-    """A, b [m] and g that the hinges allow; (3,)."""
+def _levers(along: Complex, share: Real | Complex) -> Complex:
+    """A, b [m] as a share of what the hinges allow, and g; (3,)."""
     tx, ty, tz, rx, ry, rz = along
     zero = np.zeros((), complex)
     a, b = (np.sqrt(ry / tz), np.sqrt(rx / tz)) if tz.real > 0 else (zero, zero)
+    a, b = a * share[0], b * share[1]
     twist = b**2 * tx + a**2 * ty
     one = np.ones((), complex)
     flat = np.sqrt(rz / twist) if twist.real > rz.real else one

@@ -311,3 +311,16 @@ def test_what_moves_along_one_axis_has_that_direction(scene):
     sizes = dict(zip(one.scored, (1e-4, 3.0, 0.0), strict=True))
     assert one.along(sizes) == "ty"
     assert one.along(sizes | {one.scored[2]: 1.0}) is None
+
+
+def test_levers_of_supports_are_believed_to_be_what_the_hinges_say(scene):
+    one = next(iter(EFFECTS["support_loss"](scene)))
+    freedom = posed(scene, one, scene.session.campaign).freedom
+    names = [parameter.name for parameter in freedom.parameters]
+    for name in one.believed:
+        k, place = freedom.names.index(name), names.index(name)
+        assert freedom.has_prior[k]
+        assert freedom.lower[k] == 0
+        x = np.where(np.arange(freedom.size) == k, freedom.upper[k], 0.0)
+        assert freedom.theta(x)[place] == pytest.approx(0.5)
+        assert freedom.scales[k] == pytest.approx(0.2)

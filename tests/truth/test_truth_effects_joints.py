@@ -147,15 +147,22 @@ def test_lost_supports_are_springs_that_are_missing_at_their_corners():
     np.testing.assert_allclose(levers(np.array(list(SPRINGS.values()))), [0.3, 0.4, 1.0])
     effect = SupportLoss("block", (1, 3), size=0.6)
     stage = station.stages[0]
-    missing = np.zeros((6, 6))
-    for x, y in ((-0.3, 0.4), (0.3, -0.4)):
-        for axis, name in zip(AXES, ("tx", "ty", "tz"), strict=True):
-            row = point_row(stage, stage.joints[0].position + np.array([x, y, 0.0]), axis)
-            missing += 0.6 * SPRINGS[name] / 4 * np.outer(row, row)
+
+    def carried(a, b):
+        total = np.zeros((6, 6))
+        for x, y in ((-a, b), (a, -b)):
+            for axis, name in zip(AXES, ("tx", "ty", "tz"), strict=True):
+                row = point_row(stage, stage.joints[0].position + np.array([x, y, 0.0]), axis)
+                total += 0.6 * SPRINGS[name] / 4 * np.outer(row, row)
+        return total
+
+    missing = carried(0.3, 0.4)
     rig, plain = (rig_of_block(station, effects) for effects in ([effect], []))
     np.testing.assert_allclose(plain.stiffness - rig.stiffness, missing, rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(plain.damping - rig.damping, 1e-3 * missing, rtol=1e-9, atol=1e-6)
     assert effect.answer().parameters == {"fraction": pytest.approx((1.0, 0.4, 1.0, 0.4))}
+    near = rig_of_block(station, [replace(effect, near=(0.5, 0.75))])
+    np.testing.assert_allclose(plain.stiffness - near.stiffness, carried(0.15, 0.3), atol=1e-6)
 
 
 def rig_of_block(station, effects):
@@ -209,6 +216,9 @@ def test_supports_stand_under_six_springs_through_one_point(nominal, two_bodies)
     drawn = [draw_support_loss(random_of(s), scene_of(nominal, 11), None) for s in range(200)]
     assert {one.stage for one in drawn} == {stage.name for stage in nominal.stages}
     assert {len(one.lost) for one in drawn} == {1, 2}
+    shares = np.array([one.near for one in drawn])
+    assert 0.6 < shares.min() < 0.62
+    assert 0.98 < shares.max() < 1
     assert {one.lost for one in drawn} == {
         some for count in (1, 2) for some in combinations(range(len(CORNERS)), count)
     }

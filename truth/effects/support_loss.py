@@ -1,6 +1,6 @@
 """A stage whose supports do not all carry: a granite on two of its four levelers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from truth.rig import Occasion, Prepared, Rig
 from truth.station import Joint, Real, Stage
 
 LOST = (0.3, 0.9)
+NEAR = (0.6, 1.0)  # of the levers that the hinges allow
 SMALLEST = 1e-3
 LARGEST = 1.0
 LARGEST_OF_TWO = 0.95  # a machine on two points alone would tip over
@@ -31,17 +32,19 @@ class SupportLoss(Sized):
 
         a^2 k_tz <= k_ry,   b^2 k_tz <= k_rx,   g^2 (b^2 k_tx + a^2 k_ty) <= k_rz
 
-    with equality in the first two, g <= 1; the dampers likewise, no farther out than the springs.
-    So stiffness and damping stay positive semidefinite, whatever is lost.
+    with equality in the first two but for ``near``, g <= 1; the dampers likewise, no farther out
+    than the springs. So stiffness and damping stay positive semidefinite, whatever is lost.
 
     Args:
         size: lost by the supports that do not carry all.
         stage: name of the child body.
         lost: which of the supports (+a, +b), (-a, +b), (-a, -b), (+a, -b).
+        near: a and b over what the hinges allow.
     """
 
     stage: str
     lost: tuple[int, ...]
+    near: tuple[float, float] = (1.0, 1.0)
 
     def __post_init__(self) -> None:
         """Check that nothing pulls instead of carrying."""
@@ -66,10 +69,10 @@ class SupportLoss(Sized):
         joints = tested.station.stages[index].joints
         motion = relative_motion(rig, tested, index, joints[0].position)
         stiffness = _along(joints, "stiffness")
-        far = levers(stiffness)
+        far = levers(stiffness, self.near)
         lost = self.size * self._carried(motion, stiffness, far)
         damping = _along(joints, "damping")
-        near = np.minimum(levers(damping), far)
+        near = np.minimum(levers(damping, self.near), far)
         slower = self.size * self._carried(motion, damping, near)
         return rig.with_matrices(damping=-slower, stiffness=-lost)
 
@@ -85,10 +88,16 @@ class SupportLoss(Sized):
         return total
 
 
-def levers(along: Real) -> Real:
-    """Return a [m], b [m] and g that the hinges allow; what a joint has along tx .. rz, (6,)."""
+def levers(along: Real, near: tuple[float, float] = (1.0, 1.0)) -> Real:
+    """Return a [m], b [m] and g of supports; of what a joint has along tx .. rz, (6,).
+
+    Args:
+        along: stiffness or damping.
+        near: a and b over what the hinges allow.
+    """
     tx, ty, tz, rx, ry, rz = along
     a, b = (np.sqrt(ry / tz), np.sqrt(rx / tz)) if tz > 0 else (0.0, 0.0)
+    a, b = a * near[0], b * near[1]
     twist = b**2 * tx + a**2 * ty
     return np.array([a, b, 1.0 if twist <= rz else np.sqrt(rz / twist)])
 
@@ -126,8 +135,9 @@ def draw_support_loss(
         return None
     count, first = choose(random, (1, 2)), choose(random, range(4))
     second = (first + choose(random, (1, 2, 3))) % 4
-    return SupportLoss(
+    whole = SupportLoss(
         stage=stages[index].name,
         lost=(first,) if count == 1 else tuple(sorted((first, second))),
         size=random.uniform(*LOST),
     )
+    return replace(whole, near=(random.uniform(*NEAR), random.uniform(*NEAR)))
