@@ -33,9 +33,9 @@ def rivals(tmp_path_factory):
     return session, [refit(scene, one, session.campaign, CLOSE) for one in asked]
 
 
-def found(session, refits, word, causes, where=()):
+def found(session, refits, word, causes, where=(), present=()):
     """As much of a diagnosis as the next experiment reads."""
-    judged = SimpleNamespace(word=word, causes=causes, where=where)
+    judged = SimpleNamespace(word=word, causes=causes, where=where, present=present)
     search = SimpleNamespace(refits=refits)
     gate = SimpleNamespace(unknown=())
     return SimpleNamespace(session=session, judged=judged, search=search, gate=gate)
@@ -145,3 +145,8 @@ def test_what_nobody_explains_is_asked_at_other_levels_where_it_pushes(rivals):
     assert "four times the level" in said
     assert "joint:a" in said
     assert next_experiment(found(session, (), "none", [])) is None
+    # What is proven beside it is mended first, and is not where to look.
+    swap = ("sensor_swap", "sensor:acc1", "tx+ty")
+    where = [("sensor:acc1", 0.5), ("joint:a", 0.4)]
+    both = next_experiment(found(session, (), "unexplained", [(swap, 0.5)], where, (swap,)))
+    assert both.index("knock") < both.index("; then repeat") < both.index("look at joint:a")
