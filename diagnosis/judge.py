@@ -170,8 +170,8 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     ones = [(one.key,) for one in seen.refits]
     sets = _shared(alone, ones, _weights(seen, by, seen.refits))
     sets |= _shared(double, [one.keys for one in seen.pairs], _weights(seen, by, seen.pairs))
-    several = sum(share for keys, share in sets.items() if _count(keys) > 1)
     if not seen.proven:
+        several = sum(share for keys, share in sets.items() if _count(keys) > 1)
         causes = _rows(sets)
         where = _places(seen, by, causes, unknown, strange)
         return _judged(none, unknown + strange, several, causes, sets, where)

@@ -1,63 +1,34 @@
 """The page of ``mbw diagnose``: what it says of each verdict, and what it does in a browser."""
 
-import importlib
-import json
 import re
 import shutil
 from dataclasses import replace
-from html import unescape
 
 import numpy as np
 import pytest
 from browser import CHROMIUM, GL, browse, data_of, unpacked
+from diagnosed import CASES, diagnosed, lead_of
 from diagnosis_probe import PROBE
 from drawn import drawn
 from typer.testing import CliRunner
 
-from diagnosis import EFFECTS
-from diagnosis.verdict import CauseRow
 from mbmodel import load_machine
 from mbw.command import app
 from mbw.diagnose.files import NAMES, read_result, write_files
 from mbw.diagnose.page import render
-from mbw.diagnose.words import direction, gate_sentences, place, placed
-from mbw.identify.schema import FaultRow
+from mbw.diagnose.words import direction, place, placed
 
 RUNNER = CliRunner()
-LINES = 161
-DIAGNOSE = importlib.import_module("diagnosis.diagnose")  # the package has a function of that name
-CASES = {  # seed, effect, survival ratio, what the catalogue knows
-    "none": (72_010, None, None, None),
-    "explained": (72_013, "gyroscopic", 6.0, None),
-    "unexplained": (72_013, "gyroscopic", 6.0, "drift"),
-    "sensor": (72_011, "sensor_polarity", None, "sensor_polarity"),
-}
 
 
 def mbw(*arguments):
     return RUNNER.invoke(app, [str(argument) for argument in arguments])
 
 
-def lead_of(text):
-    return unescape(re.search(r'<p class="lead">(.*?)</p>', text, re.DOTALL)[1])
-
-
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory):
-    """A diagnosis of each kind; what nobody explains by a catalogue that knows too little."""
-    made = {}
-    for name, (seed, effect, ratio, known) in CASES.items():
-        folder = tmp_path_factory.mktemp(name)
-        drawn(folder, seed, effect, ratio=ratio, lines=LINES)
-        with pytest.MonkeyPatch.context() as patch:
-            if known is not None:
-                patch.setattr(DIAGNOSE, "catalogue", lambda k=known: {k: EFFECTS[k]})
-            outcome = mbw("diagnose", folder / "campaign", "--out", folder / "result")
-        assert outcome.exit_code == 0, outcome.stderr
-        assert (folder / "result" / "report.html").as_uri() in outcome.stderr
-        shutil.rmtree(folder / "campaign")  # all that follows needs the result alone
-        made[name] = folder / "result"
-    return made
+    """A diagnosis of each kind."""
+    return {name: diagnosed(name, tmp_path_factory.mktemp(name)) for name in CASES}
 
 
 @pytest.fixture(scope="module")
@@ -266,96 +237,6 @@ def test_a_campaign_of_full_size_leaves_less_than_fifteen_megabytes(explained, t
     write_files(result, tmp_path)
     (tmp_path / "report.html").write_text(render(read_result(tmp_path)), encoding="utf-8")
     assert sum(file.stat().st_size for file in tmp_path.iterdir()) < 15e6
-
-
-def fake(effect, location, dof, probability, **parameters):
-    return CauseRow(
-        effect=effect, location=location, dof=dof, probability=probability,
-        parameters=parameters, interval={}, excess_after=None,
-    )  # fmt: skip
-
-
-def test_several_causes_twins_and_taken_out_sensors_are_told_in_words(explained):
-    rows = [
-        fake("appendage", "body:stage2", None, 0.9, mass=31.24, frequency=109.04, damping=0.0113),
-        fake("joint_coupling", "joint:stage3", None, 0.8, offset=(-0.1224, 0.0031, 0.0)),
-        fake("drift", "joint:stage1", "hit29:+ty", 0.02, factor=0.726),
-    ]
-    verdict = explained.verdict.model_copy(
-        update={
-            "verdict": "several",
-            "causes": rows,
-            "twins": [("joint_coupling@joint:stage3", "appendage@body:stage2")],
-            "not_testable": ["friction", "drift"],
-        }
-    )
-    faults = [
-        ("sensor_polarity", "sensor:acc11", "ty"),
-        ("sensor_swap", "sensor:acc21+acc22", None),
-    ]
-    taken = [
-        FaultRow(effect=e, location=at, dof=d, probability=0.99, parameters={}, excess_after=1.0)
-        for e, at, d in faults
-    ]
-    shown = explained.shown.model_copy(
-        update={"means": ["", "", ""], "taken_out": taken, "doubted": ["stage1"]}
-    )
-    page = render(replace(explained, verdict=verdict, shown=shown))
-    assert lead_of(page).startswith(
-        "Several things are missing or wrong: a small mass on a spring on body stage2 (mass "
-        "31.2 kg, frequency 109 Hz, damping 1.13 %), 90 %; a centre of stiffness elsewhere than "
-        "drawn at joint stage3 (offset (-122, 3.1, 0) mm), 80 %. With them the gap falls"
-    )
-    assert "These data hardly tell a centre of stiffness elsewhere than drawn at joint st" in page
-    assert "Not tested, so not excluded: friction; only hits of" in page
-    assert "another stiffness in one test; one direction of one set-up" in page
-    first, second, third = gate_sentences(shown)
-    assert first.startswith("Sensor acc11 along y: a turned sign")
-    assert "the channel took no part" in first
-    assert second.startswith("Sensors acc21 and acc22: exchanged channels")
-    assert third.startswith("Body stage1 bends")
-    out = [c["output"] for c in data_of(page)["channels"] if c["out"] and c["test"] == 0]
-    assert out == ["acc11:+ty", *(f"acc{n}:+t{axis}" for n in (21, 22) for axis in "xyz")]
-
-
-def test_a_second_cause_that_may_be_it_is_told_at_once(explained):
-    rows = [
-        fake("appendage", "body:stage2", None, 0.54, mass=32.7),
-        fake("appendage", "body:stage1", None, 0.44, mass=72.3),
-    ]
-    verdict = explained.verdict.model_copy(update={"causes": rows})
-    shown = explained.shown.model_copy(update={"means": ["", ""]})
-    assert lead_of(render(replace(explained, verdict=verdict, shown=shown))).startswith(
-        "One thing is missing: most probably (54 %) a small mass on a spring on body stage2 (mass "
-        "32.7 kg), else a small mass on a spring on body stage1 (44 %). With it the gap falls from"
-    )
-
-
-def test_a_cause_that_leaves_much_is_doubted(explained):
-    gap = explained.verdict.gap
-    gap = gap.model_copy(
-        update={"closed": 0.46, "after": gap.after.model_copy(update={"excess": 15.9})}
-    )
-    page = render(replace(explained, verdict=explained.verdict.model_copy(update={"gap": gap})))
-    assert "closes only 46 % of the gap and leaves 15.9 times the noise" in page
-
-
-def test_a_verdict_without_a_known_gap_still_has_its_page(explained):
-    """Where the noise is not known no excess exists; a bending body has no Part."""
-    gap = json.loads(explained.verdict.gap.model_dump_json())
-    for at in ("as_drawn", "retuned", "after"):
-        gap[at] = {"error": None, "excess": None}
-    gap |= {"closed": None, "noise": None, "interval": {"closed": None, "after": None}}
-    verdict = type(explained.verdict).model_validate(
-        json.loads(explained.verdict.model_dump_json()) | {"gap": gap}
-    )
-    arrays = explained.arrays | {
-        name: np.full_like(explained.arrays[name], np.nan)
-        for name in ("retuned_excess", "after_excess")
-    }
-    page = render(replace(explained, verdict=verdict, arrays=arrays))
-    assert data_of(page)["gap"] == []
-    assert "how far that shrinks with the cause is not known" in page
 
 
 @pytest.fixture(scope="module")
