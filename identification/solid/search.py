@@ -1,8 +1,10 @@
 """One fault after the other: the most probable is taken out while none is improbable."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import gamma
 
 from identification.solid.fit import Moments, fit, project
 from identification.solid.gather import BodyData
@@ -23,7 +25,9 @@ _MOST_FAULTS = 3
 # among so many is for the modal model to show.
 _MOST_SPARE = 30
 _DEAD = 0.1  # of its gain, below which a channel that holds no more than noise is called dead
-_HEARD = 1.5  # times the noise, in the best tenth of the blocks: it holds more
+# Power over that of noise, in the best tenth of the blocks, above which it holds more: beyond
+# chance, and beyond how well the noise is known.
+_CHANCE, _KNOWN = 1e-3, 1.2
 _READINGS = ("mount_resonance", "sensor_delay")  # a sensor has one of them
 
 
@@ -93,6 +97,29 @@ def search(data: BodyData, tolerance: Tolerance) -> Search:
         fitted = fit(state.model, Moments.of(data, blocks=1))
         nats = fitted.data + fitted.prior
         return Search(data, known, spare, (), (), state, fitted.errors, 1.0, more=False, nats=nats)
+    dead: tuple[Taken, ...] = ()
+    while True:
+        found = _forward(state, tolerance, (known, spare), dead)
+        known_dead = tuple(one for one in found.taken if one.dead)
+        if found.taken[: len(known_dead)] == known_dead:
+            return found
+        # What was taken while a channel that reads nothing was believed is asked again without it.
+        dead = known_dead
+
+
+def _forward(
+    state: State, tolerance: Tolerance, counts: tuple[int, int], dead: Sequence[Taken]
+) -> Search:
+    """Forward selection.
+
+    Args:
+        state: of the body, healthy.
+        tolerance: of its sensors.
+        counts: rank, and channels beyond it.
+        dead: channels that are known to be, taken first.
+    """
+    data = state.data
+    known, spare = counts
     taken: list[Taken] = []
     rankings: list[Ranking] = []
     done: set[Key] = set()
@@ -103,18 +130,16 @@ def search(data: BodyData, tolerance: Tolerance) -> Search:
         best, none = ranking.judged[0], ranking.judged[ranking.none]
         found = bool(ranking.probability[ranking.none] < _DOUBT)
         room = spare - state.extra.shape[1] > 1 and len(taken) < _MOST_FAULTS
-        if best.hypothesis is None or not (found and room):
+        if len(taken) < len(dead):
+            one = dead[len(taken)]
+        elif best.hypothesis is not None and found and room:
+            share = _present(ranking, best.hypothesis)
+            one = Taken(best.hypothesis, share, best.parameters, _is_dead(best, data))
+        else:
             break
-        dead = _is_dead(best, data)
-        share = _present(ranking, best.hypothesis)
-        taken.append(Taken(best.hypothesis, share, best.parameters, dead))
-        state = without_channel(state, best.hypothesis.channels[0]) if dead else best.state
-        if dead:
-            done |= {one.key for one in hypotheses(state) if _on(one, best.hypothesis)}
-        if best.hypothesis.effect != "flexible_body":
-            done.add(best.hypothesis.key)
-        if best.hypothesis.effect in _READINGS:
-            done |= {one.key for one in hypotheses(state) if _reads(one, best.hypothesis)}
+        taken.append(one)
+        done |= _settled(one, state)
+        state = without_channel(state, one.hypothesis.channels[0]) if one.dead else best.state
     scale = ranking.look.scale
     nats = ranking.look.base + sum(one.hypothesis.cost for one in taken)
     return Search(
@@ -131,6 +156,17 @@ def search(data: BodyData, tolerance: Tolerance) -> Search:
     )
 
 
+def _settled(taken: Taken, state: State) -> set[Key]:
+    """What is asked no more once a fault is taken out of a state."""
+    one = taken.hypothesis
+    done = set() if one.effect == "flexible_body" else {one.key}
+    if taken.dead:
+        done |= {other.key for other in hypotheses(state) if _on(other, one)}
+    if one.effect in _READINGS:
+        done |= {other.key for other in hypotheses(state) if _reads(other, one)}
+    return done
+
+
 def _is_dead(best: Judged, data: BodyData) -> bool:
     """Whether a channel with hardly a gain holds nothing but noise; one that reads a tenth does."""
     one = best.hypothesis
@@ -141,8 +177,11 @@ def _is_dead(best: Judged, data: BodyData) -> bool:
         return False
     moments = Moments.of(data)
     seen, noise = moments.gram[..., channel, channel], moments.noise[..., channel]
-    heard = seen[noise > 0] / noise[noise > 0]
-    return not len(heard) or float(np.quantile(heard, 0.9)) < _HEARD
+    some = noise > 0
+    count = np.maximum(moments.count[some], 1.0)
+    # Of n complex values of noise the power over its mean is distributed as Gamma(n) / n.
+    heard = seen[some] / noise[some] * count / gamma.isf(_CHANCE, count)
+    return not len(heard) or float(np.quantile(heard, 0.9)) < _KNOWN
 
 
 def _reads(one: Hypothesis, taken: Hypothesis) -> bool:

@@ -8,8 +8,11 @@ import pytest
 from solid_bodies import HITS, Case, draw, triaxials
 
 from identification import check_bodies
+from identification.solid import search
 from identification.solid.fit import Model, Moments, fit
 from identification.solid.gather import body_data, gather
+from identification.solid.hypotheses import hypotheses
+from identification.solid.judge import _judge, rank
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 LINES = 200
@@ -358,3 +361,33 @@ def test_a_direction_in_which_nothing_moves_makes_no_fault() -> None:
         assert check.faults == ()
         assert len(check.channels) == 3, "those along x"
         assert "no check is possible" in check.words
+
+
+@pytest.mark.parametrize("seed", [1220, 1223, 1232])
+def test_a_dead_channel_is_told_however_few_values_a_block_holds(seed):
+    found = check(Case(seed, sensors=3, lines=120, noise=0.0005, read=read_times(2, 0.0)))
+    assert [one.effect for one in found.faults] == ["dead_channel"]
+
+
+def test_what_was_named_while_a_dead_channel_was_believed_is_asked_again(monkeypatch):
+    asked = []
+
+    def misled(state, tolerance, done, before=None):
+        found = rank(state, tolerance, done, before)
+        asked.append(state.extra.shape[1])
+        if len(asked) > 1:
+            return found
+        turned = (one for one in hypotheses(state) if one.effect == "sensor_misalignment")
+        wrong = next(one for one in turned if one.location == "sensor:p0_0")
+        first = _judge(wrong, wrong.states(state)[0], found.look)
+        return replace(
+            found,
+            judged=(first, *found.judged),
+            nats=np.append(0.0, found.nats),
+            probability=np.append(1.0, found.probability),
+        )
+
+    monkeypatch.setattr(search, "rank", misled)
+    found = check(Case(1201, lines=LINES, read=read_times(4, 0.0)))
+    assert [one.effect for one in found.faults] == ["dead_channel"]
+    assert asked == [0, 0, 1, 0, 1]  # misled, the dead one, the rest; then the dead one first
