@@ -143,9 +143,11 @@ def played(one: Deck) -> list[dict[str, object]]:
 
 
 def made(one: Deck) -> list[dict]:
-    """Rows of a deck, in the order of its cards."""
+    """Rows of a deck, in the order of its cards; single effects of the station are made first."""
     name = f"{one.name}.{one.first}"  # other seeds are other cases
-    rows, _ = cases(name, range(len(one.cards)), partial(case, one), JOBS)
+    singly = [card.kind == "one" and not card.tree for card in one.cards]
+    order = sorted(range(len(one.cards)), key=lambda number: not singly[number])
+    rows, _ = cases(name, order, partial(case, one), JOBS)
     return rows
 
 
@@ -289,6 +291,7 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
     asked = [row["ranks"] for row in rows if row.get("ranks")]
     twice = [row["same"] for row in rows if "same" in row]
     return [
+        {"figure": "cases", "value": len(rows), "n": len(one.cards)},
         {"figure": "core seconds, median", "value": float(np.median(seconds)), "n": len(seconds)},
         {"figure": "core seconds, 95 %", "value": float(np.quantile(seconds, 0.95)), "n": ""},
         {

@@ -1,6 +1,10 @@
-"""Cases of a long bench, kept one by one: an interrupted bench goes on from where it was."""
+"""Cases of a long bench, kept one by one: an interrupted bench goes on from where it was.
+
+With ``KEPT=1`` in the environment nothing is made: figures are those of the cases that are kept.
+"""
 
 import json
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -14,24 +18,27 @@ def cases(
 
     Args:
         name: of the bench; its cases lie in ``results/<name>.cases.jsonl``.
-        numbers: of the cases.
+        numbers: of the cases, in the order in which they are made.
         make: a row of one, to be kept as JSON.
         jobs: processes.
 
     Returns:
-        The rows in the order of the numbers, and the file, to be removed when they are used.
+        The rows that there are, by number, and the file, to be removed when they
+        are used.
     """
     kept = Path(__file__).parent / "results" / f"{name}.cases.jsonl"
     lines = kept.read_text(encoding="utf-8").splitlines() if kept.is_file() else []
     known = dict(map(json.loads, lines))
     missing = [number for number in numbers if number not in known]
+    if os.environ.get("KEPT"):
+        missing = []
     with kept.open("a", encoding="utf-8") as file:
         work = (delayed(_numbered)(make, number) for number in missing)
         for number, row in Parallel(n_jobs=jobs, return_as="generator_unordered")(work):
             known[number] = row
             file.write(json.dumps([number, row]) + "\n")
             file.flush()
-    return [known[number] for number in numbers], kept
+    return [known[number] for number in sorted(numbers) if number in known], kept
 
 
 def _numbered(
