@@ -102,11 +102,19 @@ class Card:
 
 @dataclass(frozen=True)
 class Deck:
-    """Cards of a bench; the first of them has the first seed."""
+    """Cards of a bench; the first of them has the first seed.
+
+    Args:
+        name: of the bench.
+        first: seed.
+        cards: what is drawn.
+        spent: numbers that taught something, and are not reported any more.
+    """
 
     name: str
     first: int
     cards: tuple[Card, ...]
+    spent: tuple[int, ...] = ()
 
 
 def mixed(piles: Sequence[Sequence[Card]]) -> tuple[Card, ...]:
@@ -146,7 +154,8 @@ def made(one: Deck) -> list[dict]:
     """Rows of a deck, in the order of its cards; single effects of the station are made first."""
     name = f"{one.name}.{one.first}"  # other seeds are other cases
     singly = [card.kind == "one" and not card.tree for card in one.cards]
-    order = sorted(range(len(one.cards)), key=lambda number: not singly[number])
+    left = [number for number in range(len(one.cards)) if number not in one.spent]
+    order = sorted(left, key=lambda number: not singly[number])
     rows, _ = cases(name, order, partial(case, one), JOBS)
     return rows
 
@@ -291,7 +300,7 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
     asked = [row["ranks"] for row in rows if row.get("ranks")]
     twice = [row["same"] for row in rows if "same" in row]
     return [
-        {"figure": "cases", "value": len(rows), "n": len(one.cards)},
+        {"figure": "cases", "value": len(rows), "n": len(one.cards) - len(one.spent)},
         {"figure": "core seconds, median", "value": float(np.median(seconds)), "n": len(seconds)},
         {"figure": "core seconds, 95 %", "value": float(np.quantile(seconds, 0.95)), "n": ""},
         {
