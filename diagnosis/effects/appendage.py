@@ -22,10 +22,12 @@ _SCANNED, _DAMPING = 80, 0.03  # in steps of 5 %, less than a resonance is wide
 _LOWEST, _HIGHEST = 1 / 40, 1.2  # of the highest line: it holds on to nothing, it is a mass
 _UNIT = 0.01  # of the body's mass per unit of the parameters
 _STEPS = 0.05, 0.5  # of the logarithms of frequency and damping per unit of theirs
-_DAMPINGS = 1e-3, 1.0  # beyond, nothing resonates: it is a mass, or nothing
+_DAMPINGS = 1e-3, 0.5  # beyond, nothing resonates: it is a mass, or nothing
 _SLIGHT = 0.02  # of the largest mass: what moves along no other axis to speak of
 _NOTHING = 1e-5  # of the largest mass: no body of an MJCF
 _ARM = 0.1  # m per unit of the place's parameters
+_MOST = 1.0  # of the body's mass: beyond, it is no small mass
+_FARTHEST = 3.0  # of the body's radius of gyration: beyond, it hangs on another
 Shape = Callable[[Complex], Complex]
 Hung = Callable[[Real, float, float, Real], tuple[Addition, ...]]  # masses, omega, zeta, place
 
@@ -38,7 +40,9 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     lowest = max(float(band[band > 0].min()), _LOWEST * float(band[-1]))
     highest = _HIGHEST * float(band[-1])
     for number, body in enumerate(bodies):
-        unit = _UNIT * float(machine.body_mass[6 * number, 6 * number])
+        own = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
+        unit = _UNIT * float(own[0, 0])
+        reach = _FARTHEST * float(np.sqrt(np.trace(own[3:, 3:]) / own[0, 0]))
         frame = np.zeros((6 * len(bodies), 6))
         frame[6 * number : 6 * number + 6] = np.eye(6)
         for at, frequency in enumerate(np.geomspace(lowest, highest, _SCANNED)):
@@ -55,7 +59,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 parts=(one.part(f"body:{body}"),),
                 scored=one.masses,
                 signed=True,
-                bounds=one.bounds(lowest, highest),
+                bounds=one.bounds(lowest, highest, reach),
                 state=one.state,
                 along=one.along,
             )
@@ -88,12 +92,14 @@ class _Appendage:
         omega = 2 * np.pi * self.frequency * float(np.exp(_STEPS[0] * theta[3]))
         return omega, _DAMPING * float(np.exp(_STEPS[1] * theta[4]))
 
-    def bounds(self, lowest: float, highest: float) -> dict[str, tuple[float, float]]:
-        """Where its parameters of frequency and damping end, for a range of frequencies [Hz]."""
+    def bounds(self, lowest: float, highest: float, reach: float) -> dict[str, tuple[float, float]]:
+        """Where its parameters end, for a range of frequencies [Hz] and a reach [m]."""
         ends = np.array([[lowest, highest], _DAMPINGS])
         begun = np.array([[self.frequency], [_DAMPING]])
         steps = np.log(ends / begun) / np.array(_STEPS)[:, None]
-        return {name: (low, high) for name, (low, high) in zip(self.tuned, steps, strict=True)}
+        tuned = {name: (low, high) for name, (low, high) in zip(self.tuned, steps, strict=True)}
+        masses = dict.fromkeys(self.masses, (0.0, _MOST / _UNIT))
+        return tuned | masses | dict.fromkeys(self.place, (-reach / _ARM, reach / _ARM))
 
     def _change(self, core: Real, shape: Shape) -> Change:
         whole = np.zeros((*core.shape[:-2], 3, 6, 6))

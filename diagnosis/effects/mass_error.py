@@ -1,7 +1,9 @@
 """A body that is heavier or lighter than tolerance allows: a forgotten payload.
 
 A mass m at p from the drawn centre of mass adds [[m 1, -[m p]x], [[m p]x, I]] to the spatial
-inertia. All ten numbers are free, so that it may be spread; p = (m p) / m.
+inertia. All ten numbers are free, so that it may be spread; p = (m p) / m. But no body loses more
+than nine tenths of its mass, nor gains several times as much: a fit that goes there has found
+something else.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,6 +16,8 @@ from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from mbmodel import AddedPart, Change, Parameter
 
 _UNIT = 0.01  # of the body's mass per unit of the parameters
+_LEAST = -0.9  # of the body's own mass, or moment of inertia about an axis
+_MOST, _SPREAD = 3.0, 10.0  # of its mass, also at the radius of gyration; of that radius squared
 _AXES = "xyz"
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
@@ -42,6 +46,12 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             *(f"{body}.added_inertia_{_AXES[i]}{_AXES[j]}" for i, j in _PAIRS),
         )
         parameters = tuple(Parameter(name, 0.0, f"{mass:g} kg", positive=False) for name in names)
+        own_inertia = np.diag(own[3:, 3:]) / (own[0, 0] * arm**2)
+        ends = [(_LEAST, _MOST), *[(-_MOST, _MOST)] * 3]
+        ends += [(_LEAST * own_inertia[i] if i == j else -_SPREAD, _SPREAD) for i, j in _PAIRS]
+        bounds = {
+            n: (low / _UNIT, high / _UNIT) for n, (low, high) in zip(names, ends, strict=True)
+        }
         part = AddedPart.linear(f"body:{body}", parameters, (Change("body", frame, frame, core),))
         part = replace(part, weighs=partial(np.tensordot, b=core[:, 2], axes=1))
 
@@ -57,7 +67,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             place = tuple(lever * found[name] / size for name in moved[1:])
             return {"mass": one * size, "position": place}
 
-        yield Hypothesis("mass_error", f"body:{body}", parts=(part,), state=state)
+        yield Hypothesis("mass_error", f"body:{body}", parts=(part,), bounds=bounds, state=state)
 
 
 EFFECT = Effect(
