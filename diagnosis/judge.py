@@ -9,8 +9,9 @@ outlier,
     explained = expit((log left - log (e1 / e^0.75)) / width)   one effect takes nearly all of it:
                 of a large gap the true one leaves a smaller part
 
-and p(none) = (1 - explained)(1 - visible). No refit is believed to leave less than a fiftieth: the
-noise's variance is not known better. But badly known noise gains nothing by a mass at one body.
+and p(none) = (1 - explained)(1 - visible). What a refit leaves counts beyond the chi square at
+which nothing is missing, and as a fiftieth at least: the noise's variance is not known better. But
+badly known noise gains nothing by a mass at one body.
 What the best refit gains beyond free tolerances, in nats, tells a small gap too,
 
     told = expit((log gain - log told) / width)
@@ -259,8 +260,9 @@ def _parts(seen: Evidence, by: Calibration) -> tuple[float, float, float]:
 
 
 def _left(fits: Sequence[Refitted] | Sequence[Paired], by: Calibration) -> float:
-    """Of the gap, by the best."""
-    return max(min((one.left(by.outlier) for one in fits), default=np.inf), _EXACT)
+    """Of the gap, by the best, beyond what is nothing."""
+    least = min((one.left(by.outlier) for one in fits), default=np.inf)
+    return max(least - (NOTHING - 1), _EXACT)
 
 
 def _explains(left: float, gap: float, by: Calibration) -> float:
