@@ -20,7 +20,7 @@ makes it visible, and explained by what is left down to noise. What the best eff
 of its own, of which two at once explain the part twofold, likewise: that part of what one explains,
 and of what none does, goes to several causes. Among causes, and among pairs, costs differ by
 thousands of nats where the noise alone counts, but a model is never so exact. Of n values, with
-cost0 without any effect,
+cost0 without any effect, or of pairs with the best single one,
 
     p(cause) = explained softmax(-cost / (least + inexact n + temper (cost0 - best)))
 
@@ -169,8 +169,10 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     none -= strange
     alone, double = sure * explained * (1 - twofold), sure * (explained + seeming) * twofold
     ones = [(one.key,) for one in seen.refits]
-    sets = _shared(alone, ones, _weights(seen, by, seen.refits))
-    sets |= _shared(double, [one.keys for one in seen.pairs], _weights(seen, by, seen.pairs))
+    sets = _shared(alone, ones, _weights(seen, by, seen.refits, seen.cost))
+    single = min((one.cost for one in seen.refits), default=seen.cost)
+    twos = [one.keys for one in seen.pairs]
+    sets |= _shared(double, twos, _weights(seen, by, seen.pairs, single))
     if not seen.proven:
         several = sum(share for keys, share in sets.items() if _count(keys) > 1)
         causes = _rows(sets)
@@ -270,13 +272,18 @@ def _explains(left: float, gap: float, by: Calibration) -> float:
     return float(expit((np.log(by.left) - np.log(part)) / by.left_width))
 
 
-def _weights(seen: Evidence, by: Calibration, fits: Sequence[Refitted] | Sequence[Paired]) -> Real:
-    """Of refits, beside each other."""
+def _weights(
+    seen: Evidence,
+    by: Calibration,
+    fits: Sequence[Refitted] | Sequence[Paired],
+    before: float,
+) -> Real:
+    """Of refits, beside each other; before is the cost of what they improve upon."""
     if not fits:
         return np.zeros(0)
     costs = _ranked(fits)
     values = seen.cost / seen.chi_square
-    gain = max(seen.cost - costs.min(), 0.0)
+    gain = max(before - costs.min(), 0.0)
     weights: Real = softmax(-costs / (by.least + by.inexact * values + by.temper * gain))
     return weights
 

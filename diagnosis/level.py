@@ -6,7 +6,7 @@ from functools import cached_property
 
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.known import Known, known
-from diagnosis.refit import ALL, FIRST, LAST, SHAPED, SOME, Refit, held_out, paced, refit
+from diagnosis.refit import ALL, FIRST, ONWARD, SHAPED, SOME, Refit, held_out, paced, refit
 from diagnosis.side_by_side import Call, side_by_side
 from identification.words import Campaign, Complex, Mask, Real
 from tuning import (
@@ -105,7 +105,7 @@ def levels(
 
 def begun(base: Scene, one: Hypothesis | None, whole: Session) -> Refit:
     """A refit to all that was measured."""
-    stages = (*FIRST, *LAST) if one is None or one.reform is None else SHAPED
+    stages = (*FIRST, *ONWARD) if one is None or one.reform is None else SHAPED
     return refit(base, one, whole.campaign, stages)
 
 

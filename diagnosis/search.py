@@ -12,7 +12,9 @@ from diagnosis.judge import POWER
 from diagnosis.refit import (
     CLOSE,
     FIRST,
+    FROM_AFAR,
     LAST,
+    LEVELLED,
     LONG,
     PATIENT,
     Refit,
@@ -33,7 +35,8 @@ _OTHERS = 3  # of the best, so many other shapes are fitted
 _PLACES = 2  # where free forces explain most, whose effects are tried
 _VARIANTS = 4  # of each effect, place and direction, so many shapes are scored again
 _PROMISING = 0.03  # of the best score, what is worth a refit
-_LEADING = 0.5  # of the best refit's gain, what goes on to the weights of the noise
+_LEADING = 0.5  # of the best refit's gain, what goes on by the logarithm
+_AHEAD = 0.75  # of it then, what goes on to the weights of the noise
 _NEAR = 0.2, 0.05, 0.05  # of the best gain, in rounds of further steps: who is no farther goes on
 _SHAPES = 2  # of what leads, of each effect, place and direction
 _WANDERS = 0.8  # of what was left before many steps: who leaves more will not arrive
@@ -43,7 +46,7 @@ _EXACT = 0.01  # of chi square, that a refit may leave by chance
 _CLEAR = 0.02  # of the gap: who leaves less explains it
 _LITTLE = 0.1  # beyond, more are tried
 # Of the gap, as the judgement has it, what may be left after each turn: the most promising; where
-# forces push; there from elsewhere; from all other elsewheres, which takes long; all that is left.
+# forces push; there from afar; from all that is far there, which takes long; all that is left.
 _ENOUGH = _CLEAR, _CLEAR, _LITTLE, _LITTLE, 1.0
 Direction = tuple[str, str | None]  # a place, and along or about which axis
 
@@ -133,11 +136,11 @@ class Hunt:
         scene, gap = self._scene, max(self._nothing.chi_square - 1, 0.0)
         while not self.enough and self._turn < until:
             self._try_more(self._turn)
+            self._say("further steps of what leads")
             leading = {
-                made.hypothesis: made for made in (*self._close.leading(), *self._far.leading())
+                made.hypothesis: made for made in (*self._close.levelled(), *self._far.levelled())
             }
             tasks = [further(made, LAST) for one, made in leading.items() if one not in self._ended]
-            self._say("further steps of what leads")
             self._ended |= {made.hypothesis: made for made in fitted(scene, tasks)}
             self._best = self._patient(_one_each(list(self._ended.values())))
             left = self._best[0].chi_square - 1 if self._best else np.inf
@@ -164,13 +167,13 @@ class Hunt:
             close.try_all(list({one.key: one for one in there}.values()))
             self._elsewhere = self._from(self._forced)
         elif turn == 2:
-            close.try_all([own[0] for own in self._elsewhere])
+            close.try_all([own[0] for own in self._elsewhere], FROM_AFAR)
         elif turn == 3:
-            close.try_all([one for own in self._elsewhere for one in own[1:]])
+            close.try_all([one for own in self._elsewhere for one in own[1:]], FROM_AFAR)
         elif turn:
             far.try_all(self._promising[REFITTED:])
             others = self._from(nearly(self._pushed, self._forced))
-            close.try_all([one for own in others for one in own])
+            close.try_all([one for own in others for one in own], FROM_AFAR)
         else:
             far.try_all(self._promising[:REFITTED])
         if turn:
@@ -267,6 +270,7 @@ class _Screen:
     rounds: Sequence[Sequence[Score]]
     say: Callable[[str], None]
     begun: list[Refit] = field(default_factory=list)
+    _level: set[Hypothesis | None] = field(default_factory=set)
 
     def best(self, pushing: Sequence[Direction] = ()) -> list[Hypothesis]:
         """The best of each effect and place, taken in turn from the rounds of scores.
@@ -294,9 +298,16 @@ class _Screen:
                     found.setdefault(one.key, one)
         return list(found.values())
 
-    def try_all(self, several: Sequence[Hypothesis]) -> None:
-        """Refit several, then other shapes of the best, which may end elsewhere."""
-        self._try(several)
+    def try_all(
+        self, several: Sequence[Hypothesis], stages: tuple[Stage, ...] | None = None
+    ) -> None:
+        """Refit several, then other shapes of the best, which may end elsewhere.
+
+        Args:
+            several: hypotheses.
+            stages: that they go through, with the same end; the usual ones if None.
+        """
+        self._try(several, stages)
         best = min(self.begun, key=lambda made: made.cost, default=None)
         if best is None or best.hypothesis is None:
             return
@@ -320,18 +331,30 @@ class _Screen:
                 others.setdefault(score.hypothesis.key, score.hypothesis)
         self._try(list(others.values()))
 
-    def _try(self, several: Sequence[Hypothesis]) -> None:
+    def _try(self, several: Sequence[Hypothesis], stages: tuple[Stage, ...] | None = None) -> None:
         campaign = self.scene.session.campaign
-        tasks = [asked(self.scene, one, campaign, self.stages) for one in several]
+        tasks = [asked(self.scene, one, campaign, stages or self.stages) for one in several]
         for made in fitted(self.scene, tasks):
             if made.hypothesis is not None:
                 self.say(f"refitted: {made.hypothesis.words}")
             self.begun.append(made)
 
-    def leading(self) -> list[Refit]:
-        """Those that gain nearly as much as the best, of each key a few shapes."""
+    def levelled(self) -> list[Refit]:
+        """Those that lead when those that led have gone the way by the logarithm once more."""
+        led = [made for made in self.leading(_LEADING) if made.hypothesis not in self._level]
+        tasks = [further(made, (LEVELLED, *self.stages)) for made in led]
+        again = {made.hypothesis: made for made in fitted(self.scene, tasks)}
+        self._level |= again.keys()
+        self.begun = [
+            min(made, again.get(made.hypothesis, made), key=lambda one: one.cost)
+            for made in self.begun
+        ]
+        return self.leading(_AHEAD)
+
+    def leading(self, part: float) -> list[Refit]:
+        """Those that gain at least so much of what the best does, of each key a few shapes."""
         gains = [self.nothing.cost - one.cost for one in self.begun]
-        least = _LEADING * max(gains, default=0.0)
+        least = part * max(gains, default=0.0)
         order = sorted(range(len(gains)), key=lambda k: -gains[k])
         found: list[Refit] = []
         for made in (self.begun[k] for k in order if gains[k] >= least > 0):

@@ -3,22 +3,24 @@
 What the best single effect leaves is a gap like any other: with that effect in the model all
 hypotheses are scored again, the most promising refitted, both then fitted at once. If one of the
 two alone leaves as little, the other was not needed: so the second is fitted alone too. A wrong
-first may have taken the part of both: so others that led with it are fitted in its place. And the
-first may not have arrived: so it is begun elsewhere before, and each is fitted alone once more,
-from where both ended.
+first may have taken the part of both: so others that led with it are fitted in its place, always
+those that alone explain nearly as much. And the first may not have arrived: so it is begun
+elsewhere before, and each is fitted alone once more, from where both ended.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from diagnosis.effects import catalogue
 from diagnosis.hypothesis import Hypothesis, Scene, together
 from diagnosis.judge import calibrated
 from diagnosis.refit import (
-    CLOSE,
     FIRST,
-    LAST,
+    FROM_AFAR,
     LONG,
+    ONWARD,
     Refit,
     Task,
     asked,
@@ -35,9 +37,11 @@ from tuning import STAGES, Fit
 _EARLY = (replace(STAGES[2], stride=8, max_steps=5),)
 _PARTNERS = 2  # of the first, so many are stated
 _OTHERS = 2  # in its place, so many are fitted beside the second
+_TIED = 0.1  # of its gain: who alone gains less by no more is tried there even beside a good pair
 _EXACT = 0.05  # of chi square, that the one effect there is may leave
 _MOST = 0.5  # of what the first leaves
-TURNS = 2  # of the search: neither of two effects is one that nothing but a far beginning finds
+TURNS = 3  # of the search for one, before two are asked for
+BESIDE = 2  # of that for another beside it: neither of two is one that only a far beginning finds
 _FAR = 2.0  # times what the first leaves: who leaves more from elsewhere will not do better
 _SAME = 0.98  # of the cost: what was known of the first before
 _WORTH = 0.75  # of the gap, what the first may leave at most
@@ -52,7 +56,7 @@ def searched(
 ) -> Search:
     """Search for one effect and, where it leaves much, for a second beside it.
 
-    Two at once are asked for before far beginnings of one, which take long: of two each is found
+    Two at once are asked for before all that is left of one, which takes long: of two each is found
     from near. Pairs that leave more than noise wait until all of one was tried.
 
     Args:
@@ -116,7 +120,7 @@ def with_second(
     possible = (other for effect in catalogue().values() for other in effect(inner))
     others = [other for other in possible if (other.effect, other.location) in allowed]
     left = replace(first, hypothesis=None)
-    beside = Hunt(inner, (early.fit, close, left), others, say).go(TURNS).refits[:_PARTNERS]
+    beside = Hunt(inner, (early.fit, close, left), others, say).go(BESIDE).refits[:_PARTNERS]
     pairs = [_pair(one, both) for both in beside if both.cost < first.cost]
     if not pairs:
         return found
@@ -134,8 +138,9 @@ def with_second(
     alone = min((*made, *([] if known is None else [known])), key=lambda made: made.cost)
     if again.cost < first.cost:
         found = replace(found, refits=(unbounded(scene, again), *found.refits[1:]))
-    if best.chi_square - 1 > _EXACT:
-        pairs += _exchanged(scene, found, alone)
+    tied = first.cost + _TIED * (nothing.cost - first.cost)
+    least = np.inf if best.chi_square - 1 > _EXACT else tied
+    pairs += _exchanged(scene, [made for made in found.refits[1:] if made.cost < least], alone)
     single = {made.key: made for made in (*found.refits, alone)}
     return replace(
         found,
@@ -147,7 +152,7 @@ def with_second(
 def _from_elsewhere(scene: Scene, first: Refit, one: Hypothesis) -> Refit:
     """The first, if it may begin far from nothing, from there, where that ends better."""
     campaign, others = scene.session.campaign, beginnings(one, scene)
-    begun = fitted(scene, [asked(scene, other, campaign, CLOSE) for other in others])
+    begun = fitted(scene, [asked(scene, other, campaign, FROM_AFAR) for other in others])
     best = min(begun, key=lambda made: made.cost, default=None)
     if best is None or best.chi_square - 1 > _FAR * (first.chi_square - 1):
         return first
@@ -166,19 +171,19 @@ def by_itself(scene: Scene, second: Refit, proposed: Sequence[Hypothesis]) -> Ta
     """The second effect without the first; beside it shapes may have been others."""
     same = (one for one in proposed if one.coordinates == second.coordinates)
     one = next(same, second.hypothesis)
-    return asked(scene, one, scene.session.campaign, (*CLOSE, *LAST))
+    return asked(scene, one, scene.session.campaign, (*FIRST, *ONWARD))
 
 
-def _exchanged(scene: Scene, found: Search, second: Refit) -> list[Refit]:
+def _exchanged(scene: Scene, rivals: Sequence[Refit], second: Refit) -> list[Refit]:
     """The second with others in the place of the first, which alone took the part of both."""
     one = second.hypothesis
     if one is None:
         return []
     inner = replace(scene, session=second.session, theta=second.fit.theta)
-    others = [made.hypothesis for made in found.refits[1:] if made.hypothesis]
+    others = [made.hypothesis for made in rivals if made.hypothesis]
     chosen = [other for other in others if other.location != one.location][:_OTHERS]
     campaign = inner.session.campaign
-    tasks = [asked(inner, other, campaign, (*FIRST, *LAST, *LONG)) for other in chosen]
+    tasks = [asked(inner, other, campaign, (*FIRST, *ONWARD, *LONG)) for other in chosen]
     return [_pair(one, both) for both in fitted(inner, tasks)]
 
 

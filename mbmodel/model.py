@@ -237,8 +237,8 @@ class Model:
                 )
         return jacobian, total
 
-    def acting(self, condition: Condition | None) -> tuple[bool, ...]:
-        """Which of the Parts that act in some tests only act in this one, in their order."""
+    def acting(self, condition: Condition | None) -> tuple[float, ...]:
+        """How much of the Parts that act in some tests only acts in this one, in their order."""
         return tuple(part.acts(condition) for part in self._conditional)
 
     def matrices(self, theta: Real, condition: Condition | None = None) -> Matrices:

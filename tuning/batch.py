@@ -53,7 +53,7 @@ class Batch:
 
 def batches(model: Model, campaign: Campaign, *, direct: bool = False) -> tuple[Batch, ...]:
     """Group the tests that one evaluation answers."""
-    groups: dict[tuple[float, tuple[bool, ...]], list[int]] = {}
+    groups: dict[tuple[float, tuple[float, ...]], list[int]] = {}
     for number, test in enumerate(campaign.tests):
         key = test.estimate.window_tau, model.acting(test.condition)
         groups.setdefault(key, []).append(number)

@@ -2,17 +2,18 @@
 
 H turns with the body, whose rate is omega: dH/dt = omega x H = -H x omega. On the body's rotations
 this is Zb -= s [H]x, skew, so that it neither stores nor loses energy: with H along z the moment
-about x is H omega_y.
+about x is H omega_y. Where tests state different spindle speeds H is in proportion to them, and
+what is stated is that at the highest.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
-from identification.words import Real
+from identification.words import Condition, Real
 from mbmodel import AddedPart, Change, NotHeld, Parameter
 
 _UNIT = 10.0  # kg m2/s per unit of the parameters
@@ -21,6 +22,7 @@ _UNIT = 10.0  # kg m2/s per unit of the parameters
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each body."""
     bodies = scene.model.machine.layout.bodies
+    when = _by_speed([test.condition.spindle_speed for test in scene.session.campaign.tests])
     for number, body in enumerate(bodies):
         frame = np.zeros((6 * len(bodies), 3))
         frame[6 * number + 3 : 6 * number + 6] = np.eye(3)
@@ -29,7 +31,8 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             core[k, 1] = _UNIT * np.cross(unit, np.eye(3))  # rows of -[u]x
         names = tuple(f"{body}.angular_momentum_{axis}" for axis in "xyz")
         parameters = tuple(Parameter(name, 0.0, "10 kg m^2/s", positive=False) for name in names)
-        part = AddedPart.linear(f"body:{body}", parameters, (Change("body", frame, frame, core),))
+        spin = Change("body", frame, frame, core)
+        part = AddedPart.linear(f"body:{body}", parameters, (spin,), when)
         part = replace(part, written=partial(_written, body))
 
         def state(found: Mapping[str, float], spin: tuple[str, ...] = names) -> dict[str, Value]:
@@ -37,6 +40,14 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             return {"angular_momentum": _UNIT * size}
 
         yield Hypothesis("gyroscopic", f"body:{body}", parts=(part,), state=state)
+
+
+def _by_speed(speeds: Sequence[float]) -> Callable[[Condition], float] | None:
+    """How much of the momentum a test has; None where all have the same."""
+    if len(set(speeds)) < 2:
+        return None
+    highest = max(map(abs, speeds))
+    return lambda condition: condition.spindle_speed / highest
 
 
 def _written(body: str, theta: Real) -> tuple[NotHeld, ...]:

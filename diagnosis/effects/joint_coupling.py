@@ -25,27 +25,32 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     tuned = {parameter.name for parameter in scene.model.parameters}
     for stage in jointed(machine):
         springs = springs_of(machine, stage)
+        # What is drawn as zero stays zero; a free drive has a damper alone.
+        stiff, damped = (
+            {name for name in springs if f"{name}.{what}" in tuned}
+            for what in ("stiffness", "damping")
+        )
+        holding = stiff | damped
         axles = {axle.joint: axle for axle in machine.axles if axle.stage == stage}
         felt = np.zeros((3, len(springs), len(springs)))  # B_k per unit of p_k
         for k, unit in enumerate(np.eye(3)):
             for i, slide in enumerate(springs):
                 for j, hinge in enumerate(springs):
-                    stiff = f"{slide}.stiffness" in tuned  # drawn as zero it has none
-                    if stiff and axles[hinge].turns and not axles[slide].turns:
+                    if slide in holding and axles[hinge].turns and not axles[slide].turns:
                         arm = np.cross(axles[hinge].axis, _UNIT * unit)
                         felt[k, i, j] = axles[slide].axis @ arm
         if not felt.any():
             continue
         frame = np.array([directions[name] for name in springs]).T
         slides = [springs[k] for k in np.flatnonzero(felt.any(axis=(0, 2)))]
-        damped = [name for name in slides if f"{name}.damping" in tuned]
-        acting = [[springs.index(name) for name in own] for own in (slides, damped)]
+        held, slowed = ([name for name in slides if name in own] for own in (stiff, damped))
+        acting = [[springs.index(name) for name in own] for own in (held, slowed)]
         coupling = _Coupling(felt, frame, acting)
         names = tuple(f"{stage}.offset_{axis}" for axis in "xyz")
         parameters = [Parameter(name, 0.0, "cm", positive=False) for name in names]
-        units = {f"{name}.stiffness": "N/m" for name in slides}
-        units |= {f"{name}.damping": "N s/m" for name in damped}
-        drawn = [*scene.stiffness(tuple(slides)), *scene.damping(tuple(damped))]
+        units = {f"{name}.stiffness": "N/m" for name in held}
+        units |= {f"{name}.damping": "N s/m" for name in slowed}
+        drawn = [*scene.stiffness(tuple(held)), *scene.damping(tuple(slowed))]
         follow = {f"{stage}.coupling({name})": name for name in units}
         for name, measure, value in zip(follow, units.values(), drawn, strict=True):
             parameters.append(Parameter(name, float(value), measure))

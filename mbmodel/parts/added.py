@@ -1,6 +1,6 @@
 """A Part that is nothing on the drawing: what a machine may lack."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -22,7 +22,7 @@ class AddedPart:
         parameters: those of size are drawn as zero, so that it changes nothing.
         finite: the change at theta.
         derivatives: of it by each parameter; cores (n_parameter, 3, r, t).
-        when: in which tests it acts; in all if None.
+        when: how much of it acts in a test, 0 to 1; all of it in every test if None.
         written: what an MJCF gets for it at theta; None if no MJCF holds it.
         weighs: spatial inertia that its body has more at theta, (6, 6); None of what is no mass.
     """
@@ -31,7 +31,7 @@ class AddedPart:
     parameters: tuple[Parameter, ...]
     finite: Changes
     derivatives: Changes
-    when: Callable[[Condition], bool] | None = None
+    when: Callable[[Condition], float] | None = None
     written: Callable[[Real], tuple[Addition | NotHeld, ...]] | None = None
     weighs: Callable[[Real], Real] | None = None
 
@@ -41,7 +41,7 @@ class AddedPart:
         location: str,
         parameters: tuple[Parameter, ...],
         slopes: tuple[Change, ...],
-        when: Callable[[Condition], bool] | None = None,
+        when: Callable[[Condition], float] | None = None,
     ) -> Self:
         """theta_1 slope_1 + theta_2 slope_2 + .."""
 
@@ -50,19 +50,23 @@ class AddedPart:
 
         return cls(location, parameters, finite, lambda _: slopes, when)
 
-    def acts(self, condition: Condition | None) -> bool:
-        """Whether it acts in a test; what acts in some tests only acts in none without any."""
-        return self.when is None or (condition is not None and self.when(condition))
+    def acts(self, condition: Condition | None) -> float:
+        """How much of it acts in a test; what acts in some tests only acts in none without any."""
+        if self.when is None:
+            return 1.0
+        return 0.0 if condition is None else float(self.when(condition))
 
     def changes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
         """Nothing where all that is of it is zero."""
-        if not (theta.any() and self.acts(situation.condition)):
+        part = self.acts(situation.condition)
+        if not (theta.any() and part):
             return ()
-        return tuple(one for one in self.finite(theta) if one.core.any())
+        return _parts(part, (one for one in self.finite(theta) if one.core.any()))
 
     def slopes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
         """Derivatives at theta."""
-        return self.derivatives(theta) if self.acts(situation.condition) else ()
+        part = self.acts(situation.condition)
+        return _parts(part, self.derivatives(theta)) if part else ()
 
     def write(self, theta: Real) -> tuple[Edit | Addition | NotHeld, ...]:
         """Elements that hold it; what is weighed is written with its body."""
@@ -83,3 +87,10 @@ class AddedPart:
         if any(one.shape is not None for one in self.finite(theta)):
             return "it depends on frequency as no element of an MJCF does"
         return "it is no element of an MJCF"
+
+
+def _parts(part: float, changes: Iterable[Change]) -> tuple[Change, ...]:
+    """So much of changes."""
+    if part == 1.0:
+        return tuple(changes)
+    return tuple(replace(one, core=part * one.core) for one in changes)

@@ -119,5 +119,5 @@ class Part(Protocol):
 class Conditional(Protocol):
     """A Part that acts in some tests only: what it changes elsewhere is nothing."""
 
-    def acts(self, condition: Condition | None) -> bool:
-        """Whether it acts in a test."""
+    def acts(self, condition: Condition | None) -> float:
+        """How much of it acts in a test: 1 all, 0 nothing."""

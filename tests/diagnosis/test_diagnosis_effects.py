@@ -180,6 +180,31 @@ def test_a_drift_acts_in_its_test_alone(scene):
     assert not one.parts[0].acts(Condition("x", Dof.parse("acc99:+tx")))
 
 
+def test_a_rotor_spins_as_fast_as_each_test_says(scene):
+    campaign = scene.session.campaign
+    speeds = (0.0, 300.0, -600.0)
+    tests = tuple(
+        replace(test, condition=replace(test.condition, spindle_speed=speed))
+        for test, speed in zip(campaign.tests, speeds, strict=False)
+    )
+    session = replace(scene.session, campaign=replace(campaign, tests=tests))
+    one = next(iter(EFFECTS["gyroscopic"](replace(scene, session=session))))
+    (part,) = one.parts
+    theta = np.array([0.3, -0.2, 1.5])
+    machine = scene.model.machine
+    sizes = len(machine.layout.bodies), len(machine.coordinates)
+    at = [Situation(machine, test.condition) for test in tests]
+    still, half, whole = (stiffness(part.changes(theta, here), *sizes) for here in at)
+    assert not still.any()
+    assert whole.any()
+    np.testing.assert_allclose(half, -0.5 * whole)
+    slopes = [stiffness([_only(c, 2) for c in part.slopes(theta, here)], *sizes) for here in at]
+    np.testing.assert_allclose(slopes[1], -0.5 * slopes[2])
+    # Where all tests say the same, or nothing, it spins in each of them and in none in particular.
+    (alone,) = next(iter(EFFECTS["gyroscopic"](scene))).parts
+    assert alone.acts(None) == alone.acts(tests[0].condition) == 1
+
+
 def test_the_tree_of_bodies_is_that_of_the_joints(scene):
     machine = scene.model.machine
     parents = parents_of(machine)
@@ -211,6 +236,23 @@ def test_a_slide_without_stiffness_couples_nothing(tmp_path):
     ]
     for one in made.values():
         posed(scene, one, session.campaign)
+
+
+def test_a_free_drive_with_a_damper_couples_by_that(tmp_path):
+    folder = tmp_path / "campaign"
+    drawn(tmp_path, 72_001, lines=61)
+    text = (folder / "model.xml").read_text()
+    at = text.index('name="stage3_tx"')
+    end = text.index("/>", at)
+    freed = re.sub(r'stiffness="[^"]*"', 'stiffness="0"', text[at:end])
+    (folder / "model.xml").write_text(text[:at] + freed + text[end:])
+    session = open_session(folder)
+    made = {
+        one.location: one for one in EFFECTS["joint_coupling"](Scene(session, session.model.drawn))
+    }
+    follow = made["joint:stage3"].follow.values()
+    assert "stage3_tx.damping" in follow
+    assert "stage3_tx.stiffness" not in follow
 
 
 def test_supports_of_a_joint_drawn_along_minus_x_lose_the_same(tmp_path):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from diagnosis.evidence import Evidence, Paired, Pushed, Refitted, Scored
-from diagnosis.judge import calibrated, judge
+from diagnosis.judge import NOTHING, calibrated, judge
 from truth.grade.read_verdict import read_verdict
 
 PLACES = ("body:a", "joint:b", "sensor:acc1")
@@ -162,6 +162,34 @@ def test_no_gap_is_none_and_a_gap_that_nothing_takes_is_unexplained():
     lost = judge(evidence(10.0, (refit("mass_error", "body:a", 1e5, 9.0),)))
     assert lost.word == "unexplained"
     assert lost.where[0][0] == "body:a"
+
+
+def test_what_is_left_counts_beyond_what_counts_as_nothing():
+    # A delay that leaves 1.028 of a gap of 0.3 explains it: badly known noise leaves as much.
+    gap, least = 0.3, NOTHING - 1
+    found = [
+        judge(evidence(gap, (refit("feedback_delay", "joint:b", 1e4 * (1 + left), left),)))
+        for left in (least - 0.002, least + 0.1)
+    ]
+    assert [one.word for one in found] == ["explained", "unexplained"]
+
+
+def test_pairs_are_weighed_by_what_they_gain_beyond_the_best_single_effect():
+    # Of a gap of 10^7 nats the first alone explains nearly all; 600 nats tell what is beside it.
+    first, other, mass = (
+        refit(effect, place, 2.6e4, 1.6)
+        for effect, place in (
+            ("support_loss", "joint:b"),
+            ("joint_coupling", "joint:b"),
+            ("mass_error", "body:a"),
+        )
+    )
+    pairs = pair(first, mass, 1.06e4, 0.06), pair(other, mass, 1e4, 0.0)
+    found = judge(evidence(1e3, (first, other, mass), pairs=pairs))
+    assert found.word == "several"
+    assert set(found.present) == {other.key, mass.key}
+    assert dict(found.causes)[mass.key] > 0.9
+    assert dict(found.causes).get(first.key, 0.0) < 0.1
 
 
 def test_one_tolerance_beyond_its_bound_is_no_effect_but_a_fault_is():

@@ -21,9 +21,13 @@ def test_two_of_four_supports_that_carry_next_to_nothing_are_found(tmp_path):
     session, text = drawn(tmp_path, 72_301, "support_loss", ratio=60.0, lines=161)
     answer = tomllib.loads(text)
     assert answer["parameters"]["fraction"] == pytest.approx([1.0, 1.0, 0.05, 0.05])
-    first = verdict_of(diagnose(session)).causes[0]
+    verdict = verdict_of(diagnose(session))
+    first = verdict.causes[0]
     assert (first.effect, first.location) == ("support_loss", answer["location"])
-    assert first.parameters["fraction"] == pytest.approx([1.0, 1.0, 0.05, 0.05], abs=0.01)
+    assert first.parameters["fraction"] == pytest.approx([1.0, 1.0, 0.05, 0.05], abs=0.02)
+    assert all(low <= 0.05 <= high for low, high in first.interval["fraction"][2:])
+    # Without the logarithm on the way from afar a fit ends with an excess of 2.6.
+    assert verdict.gap.after.excess < 1.2
 
 
 def test_a_direction_that_gives_way_by_far_is_found_though_its_slope_shows_nothing(tmp_path):
