@@ -121,19 +121,21 @@ def diagnose(
     say("refit without any effect")
     first = refit(scene, None, clean.campaign, FIRST)
     nothing = go_on(scene, first, PATIENT)
-    other = from_many_starts(scene, nothing, say)
+    best = from_many_starts(scene, nothing, say)
+    if best.cost < nothing.cost:  # hypotheses begin there too: else they end worse than nothing
+        scene, nothing = replace(scene, theta=best.fit.theta), best
+        first = refit(scene, None, clean.campaign, FIRST)
     usual, outlier = scene, calibrated().outlier
-    if other.chi_square > NOTHING:
+    if nothing.chi_square > NOTHING:
         scene, nothing = with_outliers(scene, nothing, outlier)
     found = Search()
     # A body that bends drives all others in ways that no Part holds: what it leaves tells nothing.
-    if min(nothing.chi_square, other.chi_square) > NOTHING and not gate.flexible:
+    if nothing.chi_square > NOTHING and not gate.flexible:
         taken = {one.location for one in made}
         proposed = [one for effect in catalogue().values() for one in effect(scene)]
         possible = [one for one in proposed if one.location not in taken]
         found = searched(scene, (early, first, nothing), possible, say)
         nothing = from_where_others_ended(scene, first, nothing, found)
-    nothing = min(nothing, other, key=lambda one: one.cost)
     evidence = _evidence(scene, gate, made, nothing, found, len(changing))
     evidence, judged = _judged(scene, evidence, found, say)
     present = _present(judged, made, found)
