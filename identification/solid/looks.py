@@ -29,6 +29,7 @@ _FEW = 10
 _SCANS = 2
 _COARSE = 3  # of a scan's parameters, one in three when little can be found
 _CLOSE = 15.0  # nats behind the best
+_COARSELY = 0.01  # of what the best explains, by which a first look may miss
 _HOPELESS = 1.0  # nats behind the believed body: not looked at again
 
 
@@ -121,7 +122,8 @@ def promising(look: Look, done: frozenset[Key]) -> list[Found]:
         if one.hypothesis.key not in done and one.nats < look.base + _HOPELESS
     ]
     better = sorted(found, key=lambda one: one.nats)
-    close = [one for one in better[:_FEW] if one.nats < better[0].nats + _CLOSE]
+    near = _CLOSE + _COARSELY * (look.base - better[0].nats) if better else 0.0
+    close = [one for one in better[:_FEW] if one.nats < better[0].nats + near]
     if not better or better[0].nats < _QUIET + 5 * np.sqrt(look.values):
         return close
     scans = [one for one in better if one.hypothesis.grid and one not in close]
@@ -161,10 +163,22 @@ def first_looks(look: Look) -> list[Found]:
 
 
 def shape_of(one: Hypothesis, state: State, moments: Moments, start: Real, steps: int) -> Shape:
-    """The common shape, or the channel's, with errors fitted beside it."""
-    if one.effect == "flexible_body":
-        return common_shape(state.model, moments, start, steps)
-    return channel_shape(state.model, moments, one.channels[0], start, steps)
+    """The common shape, or the channel's, with errors fitted beside it.
+
+    A channel left to itself is a shape too, and where errors of sensors took the shape's part a fit
+    of both from these does not come back: so it begins where the best of the channels ended too.
+    """
+    if one.effect != "flexible_body":
+        return channel_shape(state.model, moments, one.channels[0], start, steps)
+    alone = (
+        channel_shape(state.model, moments, channel, start, steps)
+        for channel in range(len(state.data.scale))
+    )
+    best = min(alone, key=lambda shape: shape.fitted.data)
+    common = (
+        common_shape(state.model, moments, errors, steps) for errors in (start, best.fitted.errors)
+    )
+    return min(common, key=lambda shape: shape.fitted.data)
 
 
 def _scans(scanned: list[Hypothesis], look: Look) -> list[Found]:
