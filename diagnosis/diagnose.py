@@ -118,13 +118,7 @@ def diagnose(
             scene, early = _begun(session, gate, held, jobs, say)
         made = _made(gate, session, 1.0 if shaped is None else shaped[1])
     clean = scene.session
-    say("refit without any effect")
-    first = refit(scene, None, clean.campaign, FIRST)
-    nothing = go_on(scene, first, PATIENT)
-    best = from_many_starts(scene, nothing, say)
-    if best.cost < nothing.cost:  # hypotheses begin there too: else they end worse than nothing
-        scene, nothing = replace(scene, theta=best.fit.theta), best
-        first = refit(scene, None, clean.campaign, FIRST)
+    scene, first, nothing = _nothing(scene, say)
     usual, outlier = scene, calibrated().outlier
     if nothing.chi_square > NOTHING:
         scene, nothing = with_outliers(scene, nothing, outlier)
@@ -191,6 +185,19 @@ def _begun(
         )
     )
     return Scene(clean, early.theta, held, pace, jobs), early
+
+
+def _nothing(scene: Scene, say: Callable[[str], None]) -> tuple[Scene, Refit, Refit]:
+    """First steps and the end of the fit without any effect, and the scene from where it began."""
+    say("refit without any effect")
+    campaign = scene.session.campaign
+    first = refit(scene, None, campaign, FIRST)
+    nothing = go_on(scene, first, PATIENT)
+    best = from_many_starts(scene, nothing, say)
+    if best.cost < nothing.cost:  # hypotheses begin there too: else they end worse than nothing
+        scene, nothing = replace(scene, theta=best.fit.theta), best
+        first = refit(scene, None, campaign, FIRST)
+    return scene, first, nothing
 
 
 def _made(gate: Gate, session: Session, times: float = 1.0) -> list[Hypothesis]:

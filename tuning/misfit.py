@@ -136,6 +136,20 @@ class Misfit:
         found = (self._residual(t, t.batch.evaluator.at(theta))[0].sum() for t in self._terms)
         return self.prior(x) + float(sum(found))
 
+    def squares(self, x: Real) -> Real:
+        """|r|^2 / (var + ..) of each value that counts; (n_value,).
+
+        Raises:
+            ValueError: differences count at the centres of mass, or by their logarithm.
+        """
+        if self._logarithmic or any(term.mixed is not None for term in self._terms):
+            raise ValueError("squares of values are those of differences at the channels")
+        theta, found = self.freedom.theta(x), []
+        for term in self._terms:
+            off = term.batch.pick(term.batch.evaluator.at(theta).values) - term.batch.values
+            found.append((term.weight * np.abs(off) ** 2)[term.weight > 0])
+        return np.concatenate(found)
+
     def normal(self, x: Real) -> Quadratic:
         """J, dJ/dx, and the normal equations of the data alone, without the prior."""
         return self.normals(x, None)[0]

@@ -26,14 +26,20 @@ def rivals(tmp_path_factory):
     return scene, [refit(scene, one, campaign, (*FIRST, *LAST, *LONG)) for one in (right, wrong)]
 
 
-def cost(estimates, predicted):
-    """Sum of |r|^2 over the noise and the floor of what fits can hold."""
+def student(squares):
+    """Minus log density, but for constants, of noise whose variance two values tell."""
+    return 3 * np.log1p(squares / 2)
+
+
+def cost(estimates, predicted, law):
+    """Sum of a law of |r|^2 over the noise and the floor of what fits can hold."""
     total = 0.0
     for estimate, values in zip(estimates, predicted, strict=True):
         at = [dof.point for dof in estimate.frf.outputs]
         power = np.abs(estimate.frf.values[:, :, 0]) ** 2 @ np.equal.outer(at, at)
         noise = smooth_variance(estimate)[:, :, 0] + FLOOR**2 * power
-        total += (np.abs(values[:, :, 0] - estimate.frf.values[:, :, 0]) ** 2 / noise).sum()
+        off = values[:, :, 0] - estimate.frf.values[:, :, 0]
+        total += law(np.abs(off) ** 2 / noise).sum()
     return total
 
 
@@ -48,7 +54,7 @@ def test_a_score_is_the_cost_of_what_was_left_out(rivals):
     (score,) = foretold(scene, (right,))
     campaign, model = right.session.campaign, right.session.model
     held = held_out(right, SOME)
-    lines = cost([test.estimate for test in campaign.tests], held.predict(model, campaign))
+    lines = cost([test.estimate for test in campaign.tests], held.predict(model, campaign), student)
     hits, thin = 0.0, thinned(campaign, SOME.stride)
     whole = Misfit(model, thin, right.session.freedom, allowance=0.0).value(right.fit.x)
     for test in campaign.tests:  # three, each along a direction of its own
