@@ -45,6 +45,7 @@ from tuning import (
     Session,
     channel_gaps,
     fit,
+    freedom,
     predict,
     summarise,
     with_tolerances,
@@ -305,10 +306,15 @@ def _judged(
 
 
 def _loosened(session: Session) -> tuple[Session, tuple[Held, ...]]:
-    """The session with a coordinate for each direction that the drawing holds rigid."""
-    highest = float(session.campaign.freq_hz.max())
-    machine, held = loosened(session.model.machine, highest)
-    return replace(session, model=with_tolerances(machine, session.campaign)), held
+    """The session with a coordinate for each direction that the drawing holds rigid.
+
+    A joint that only slides sits nowhere; one that may turn does, within its tolerance.
+    """
+    campaign = session.campaign
+    machine, held = loosened(session.model.machine, float(campaign.freq_hz.max()))
+    model = with_tolerances(machine, campaign)
+    varies = session.freedom.extended(freedom(model, campaign.tolerance))
+    return replace(session, model=model, freedom=varies), held
 
 
 def _pace(campaign: Campaign) -> int:

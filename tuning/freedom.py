@@ -188,20 +188,24 @@ class Freedom:
         )
 
     def extended(self, whole: "Freedom") -> "Freedom":
-        """The coordinates there are, and after them those of Parts that a model has more.
+        """The coordinates there are, and after them those of parameters that a model has more.
+
+        Whatever a user wished of the parameters there are holds in that model too.
 
         Args:
-            whole: of a model with further Parts after those of this one's.
+            whole: of a model with all of these parameters by name, and others anywhere among them.
         """
-        count = len(self.parameters)
-        own = whole.free[count:]
-        new = whole.member[count:][own]
-        member = np.where(own, self.size + np.cumsum(own) - 1, -1)
+        place = {parameter.name: k for k, parameter in enumerate(self.parameters)}
+        old = np.array([place.get(parameter.name, -1) for parameter in whole.parameters], int)
+        more = old < 0
+        own = whole.free & more
+        new = whole.member[own]
+        pairs = zip(old.tolist(), whole.parameters, strict=True)
         return Freedom(
-            (*self.parameters, *whole.parameters[count:]),
-            member=np.append(self.member, member),
-            scale=np.append(self.scale, whole.scale[count:]),
-            fixed=np.append(self.fixed, whole.fixed[count:]),
+            tuple(other if k < 0 else self.parameters[k] for k, other in pairs),
+            member=np.where(own, self.size + np.cumsum(own) - 1, np.append(self.member, -1)[old]),
+            scale=np.where(more, whole.scale, np.append(self.scale, 1.0)[old]),
+            fixed=np.where(more, whole.fixed, np.append(self.fixed, 0.0)[old]),
             has_prior=np.append(self.has_prior, whole.has_prior[new]),
             lower=np.append(self.lower, whole.lower[new]),
             upper=np.append(self.upper, whole.upper[new]),

@@ -16,7 +16,7 @@ class Shares:
 
     Args:
         shared: parameters whose columns are formed everywhere; (n_parameter,).
-        shared_at: their coordinates, without doubles; (n_s,).
+        shared_at: their coordinates in that order, without doubles; (n_s,).
         joined: which of them each shared parameter moves, None where each has its own;
             (n_shared_parameter, n_s).
         own: numbers of the Parts with coordinates of their own.
@@ -85,8 +85,9 @@ def shares(model: Model, freedom: Freedom, *, apart: bool = True) -> Shares:
     own_at = np.full((len(at), max((len(mine) for mine in at), default=0)), -1)
     for row, mine in zip(own_at, at, strict=True):
         row[: len(mine)] = mine
-    shared_at = np.unique(freedom.member[shared])
-    joined = (freedom.member[shared][:, None] == shared_at).astype(float)
+    moved = freedom.member[shared]
+    shared_at = np.array(list(dict.fromkeys(moved.tolist())), np.intp)
+    joined = (moved[:, None] == shared_at).astype(float)
     return Shares(
         shared,
         shared_at,

@@ -94,10 +94,16 @@ class JointPart:
         return (Change("path", self.reach, self._select, core),)
 
     def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
-        """Position and axis of every joint, unless they are as drawn."""
-        if not theta.any():
-            return ()
+        """Position and axis of every joint, unless they are as drawn.
+
+        Where all that is drawn slides, the position is that of hinges that the drawing lacks.
+        """
         offset, rotation = self._split(theta)
+        drawn = {placed.name for placed in self.placed}
+        if not any(axle.turns and axle.joint in drawn for axle in self.axles):
+            offset = np.zeros(3)
+        if not offset.any() and not rotation.any():
+            return ()
         turn = rotation_matrix(rotation)
         return tuple(
             Edit(

@@ -7,7 +7,8 @@ import pytest
 from small_machine import virtual_campaign
 
 from identification.words import Campaign
-from mbmodel import Evaluator, Question
+from mbmodel import Evaluator, Model, Question
+from mbmodel.parts import JointPart
 from tuning import Misfit, Wishes, freedom, predict, runs
 
 # What varies: sensors have blocks of their own unless they are tied to others or within.
@@ -110,6 +111,21 @@ def test_cost_gradient_and_normal_equations_are_those_of_the_twin(
     size = sizes(arrow)
     close(gradient, expected[1], size * np.sqrt(expected[0]))
     close(arrow.dense(), expected[2], np.outer(size, size))
+
+
+def test_coordinates_in_another_order_than_parameters_are_the_same_misfit(whole, mixed, varies):
+    # Those of joints, which stand in the middle, come last.
+    some = Model(whole.machine, tuple(p for p in whole.parts if not isinstance(p, JointPart)))
+    other = freedom(some, mixed.tolerance).extended(varies)
+    order = [varies.names.index(name) for name in other.names]
+    assert order != sorted(order)
+    x = somewhere(varies)
+    value, gradient, arrow = Misfit(whole, mixed, varies, allowance=0.05).normal(x)
+    found = Misfit(whole, mixed, other, allowance=0.05).normal(x[order])
+    assert found[0] == pytest.approx(value, rel=1e-12)
+    size = sizes(arrow)[order]
+    close(found[1], gradient[order], size * np.sqrt(value))
+    close(found[2].dense(), arrow.dense()[np.ix_(order, order)], np.outer(size, size))
 
 
 @pytest.mark.parametrize(("allowance", "logarithmic"), KINDS)
