@@ -88,7 +88,8 @@ class Pushed(_Row):
 
     Args:
         location: a joint or body.
-        dof: about or along which world axis; None of a joint's axis that is askew.
+        dof: about or along which world axis, of a rigid direction the nearest; None of a joint
+            that is drawn askew.
         gain: in nats, less what it would gain by chance.
     """
 

@@ -26,7 +26,6 @@ from diagnosis.evidence import Pushed
 from diagnosis.hypothesis import Scene
 from diagnosis.score import Factor
 from identification.words import Campaign, Real
-from mbmodel import Machine
 from tuning import Fit, Freed, Misfit, thinned
 
 _STRIDE = 16
@@ -43,7 +42,7 @@ def pushes(scene: Scene, found: Fit) -> tuple[Pushed, ...]:
         scene: campaign and drawn model.
         found: the fit with nothing missing, at the weights of the noise.
     """
-    directions = list(_directions(scene.model.machine))
+    directions = list(_directions(scene))
     forces = np.array([force for _, _, force in directions]).T
     work = _Work(scene, found)
     gains = work.gains(forces, _COMMON)
@@ -57,14 +56,15 @@ def pushes(scene: Scene, found: Fit) -> tuple[Pushed, ...]:
     return tuple(rows.values())
 
 
-def _directions(machine: Machine) -> Iterator[tuple[str, str | None, Real]]:
+def _directions(scene: Scene) -> Iterator[tuple[str, str | None, Real]]:
     """Place, direction and force at the joints' coordinates; (nv,)."""
-    unit = np.eye(len(machine.coordinates))
+    machine = scene.model.machine
+    unit, held = np.eye(len(machine.coordinates)), {one.coordinate: one.dof for one in scene.held}
     for axle in machine.axles:
         along = np.flatnonzero(np.abs(axle.axis) > 1 - 1e-9)
         kind = "r" if axle.turns else "t"
-        dof = f"{kind}{'xyz'[along[0]]}" if along.size else None
-        yield f"joint:{axle.stage}", dof, unit[axle.coordinate]
+        drawn = f"{kind}{'xyz'[along[0]]}" if along.size else None
+        yield f"joint:{axle.stage}", held.get(axle.coordinate, drawn), unit[axle.coordinate]
     for number, body in enumerate(machine.layout.bodies):
         for axis, dof in enumerate(("tx", "ty", "tz", "rx", "ry", "rz")):
             yield f"body:{body}", dof, machine.jacobian[6 * number + axis]

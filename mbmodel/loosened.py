@@ -2,18 +2,21 @@
 
 A joint that leaves a stage fewer than six directions holds the others rigid. What if one of them
 gave way? Then T has one column more: all that the stage carries moves along the direction, at the
-joint's point. Here each such direction along or about a world axis gets its coordinate and its
-axle, which moves with the joint, held by
+joint's point. Guides and bearings have axes of their own: those of the drawn joints, if any two of
+them are parallel or at right angles, and for what they leave open the stage's own at rest. Here
+each such direction along or about one of these three gets its coordinate and its axle, which moves
+with the joint, held by
 
     k = m (300 w)^2,   m = t' Mb t
 
 w the highest frequency asked for, and a damper k tau: FRFs differ from those of rigid directions by
 some (w / 300 w)^2, 1e-5. A Part that lowers k lets the direction go, and its slope exists while it
-is still held. tau is the median c / k of the machine's springs.
+is still held. tau is the median c / k of the machine's springs. Each direction is called by the
+world axis that it is nearest to; no two of a stage are called alike.
 """
 
 from dataclasses import dataclass, replace
-from itertools import groupby
+from itertools import groupby, permutations
 
 import numpy as np
 
@@ -24,7 +27,7 @@ from mbmodel.widened import widened
 
 _HELD = 300.0
 _USUAL = 1e-4  # s: the time constant where no spring has a damper
-_INDEPENDENT = 1e-6
+_LITTLE = 1e-2  # rad: axes that rest, or few digits, have turned by less are parallel
 _DIRECTIONS = ("tx", "ty", "tz", "rx", "ry", "rz")
 
 
@@ -34,7 +37,7 @@ class Held:
 
     Args:
         stage: name of the body above the joint.
-        dof: such as ``rx``, a world axis.
+        dof: such as ``rx``, by the world axis that its own is nearest to.
         coordinate: its number among the joint coordinates of the loosened machine.
         reference: stiffness that would put all above it at the highest frequency [N/m, N m/rad].
         stiffness: that holds it [N/m] or [N m/rad].
@@ -67,12 +70,8 @@ def loosened(machine: Machine, highest_hz: float) -> tuple[Machine, tuple[Held, 
         axles = list(group)
         every += axles
         point = axles[0].anchor
-        known = [twist(axle.turns, axle.anchor - point, axle.axis) for axle in axles]
         reach = machine.reach(axles[0], point)
-        for dof, direction in zip(_DIRECTIONS, np.eye(6), strict=True):
-            if np.linalg.matrix_rank([*known, direction], tol=_INDEPENDENT) == len(known):
-                continue
-            known.append(direction)
+        for dof, direction in _rigid(axles, machine.drawing.bodies[stage].frame).items():
             column = reach @ direction
             mass = float(column @ machine.body_mass @ column)
             reference = mass * (2 * np.pi * highest_hz) ** 2
@@ -94,6 +93,54 @@ def loosened(machine: Machine, highest_hz: float) -> tuple[Machine, tuple[Held, 
         wider, remaining_stiffness=stiffness, remaining_damping=damping, axles=tuple(every)
     )
     return wider, tuple(held)
+
+
+def _rigid(axles: list[Axle], body: Real) -> dict[str, Real]:
+    """Directions that no joint of a stage leaves it, as twists at the first one's anchor, by name.
+
+    Args:
+        axles: the stage's.
+        body: its axes at rest, in columns; (3, 3).
+    """
+    own = _nearest(_axes([axle.axis for axle in axles], body))
+    known = [twist(axle.turns, axle.anchor - axles[0].anchor, axle.axis) for axle in axles]
+    found: dict[str, Real] = {}
+    for dof, direction in zip(_DIRECTIONS, np.kron(np.eye(2), own).T, strict=True):
+        before = np.linalg.matrix_rank(known, tol=_LITTLE)
+        if np.linalg.matrix_rank([*known, direction], tol=_LITTLE) > before:
+            known.append(direction)
+            found[dof] = direction
+    return found
+
+
+def _axes(drawn: list[Real], body: Real) -> Real:
+    """Three at right angles, in columns: of drawn joints, and for what they leave open the body's.
+
+    Args:
+        drawn: axes of joints, unit vectors; (3,) each.
+        body: the stage's own, in columns; (3, 3).
+    """
+    found: list[Real] = []
+    for axis in drawn:
+        cosines = np.array([abs(axis @ other) for other in found])
+        if (cosines < _LITTLE).all():
+            found.append(axis)
+        elif not (cosines > np.cos(_LITTLE)).any():
+            return body
+    while len(found) < len(body):
+        across = body - sum(np.outer(axis, axis) @ body for axis in found)
+        lengths = np.linalg.norm(across, axis=0)
+        longest = int(np.argmax(lengths))
+        found.append(across[:, longest] / lengths[longest])
+    return np.column_stack(found)
+
+
+def _nearest(axes: Real) -> Real:
+    """The same, each in the column of a world axis and along it, as near as all three can be."""
+    orders = [list(order) for order in permutations(range(3))]
+    best = max(orders, key=lambda order: float(np.abs(np.diag(axes[:, order])).sum()))
+    ordered = axes[:, best]
+    return ordered * np.where(np.diag(ordered) < 0, -1.0, 1.0)
 
 
 def _named(stage: str, dof: str) -> str:

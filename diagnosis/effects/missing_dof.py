@@ -1,7 +1,8 @@
-r"""A direction that the drawing holds rigid gives way, along or about a world axis.
+r"""A direction that the drawing holds rigid gives way, along or about an axis of the joint's own.
 
 The machine of the scene has a coordinate for each such direction, on a spring k0 far stiffer than
-anything in the band and a damper k0 tau (``mbmodel.loosened``). In series with a compliance
+anything in the band and a damper k0 tau (``mbmodel.loosened``). Where the joint stands askew, the
+direction has the name of the world axis that it is nearest to. In series with a compliance
 theta u, theta >= 0, they become
 
     k + s c,   k = 1 / (1 / k0 + theta u),   c = k tau.
@@ -116,5 +117,6 @@ EFFECT = Effect(
     propose,
     noun="a direction drawn rigid that gives way",
     means="a direction that the drawing holds rigid gives way",
-    confirm="put sensors on both sides of the joint of {place}: along {dof} they differ",
+    confirm="put sensors on both sides of the joint of {place}: along {dof}, or its own axis "
+    "nearest to that, they differ",
 )
