@@ -7,6 +7,8 @@ import numpy as np
 
 from identification.words import Real
 
+_THIN = 1e-6  # of all second moments: the least that a body has along an axis
+
 
 def cross_matrix(vector: Real) -> Real:
     """[v]x with [v]x w = v x w; (3, 3)."""
@@ -87,3 +89,26 @@ def split_inertia(matrix: Real) -> tuple[float, Real, Real]:
     offset = np.array([matrix[5, 1], matrix[3, 2], matrix[4, 0]]) / mass
     k = cross_matrix(offset)
     return mass, offset, matrix[3:, 3:] + mass * k @ k
+
+
+def nearest_inertia(inertia: Real) -> Real:
+    r"""The inertia nearest to one that no body may have, about the same centre of mass.
+
+    A body's second moments J = sum over its mass of r r' = tr(I)/2 1 - I have no eigenvalue below
+    zero: J_i = (I_j + I_k - I_i) / 2 is the triangle inequality of its moments of inertia. With a
+    mass above zero that is all that a body asks for (Wensing, Kim, Slotine 2018). Here
+
+        I = tr(J) 1 - J,   J_i at least a millionth of the sum of those above zero,
+
+    the nearest by the sum of squares of the entries of J; what a body may have stays as it is.
+
+    Args:
+        inertia: I about the centre of mass [kg m^2]; (3, 3).
+    """
+    second, axes = np.linalg.eigh(np.trace(inertia) / 2 * np.eye(3) - inertia)
+    least = _THIN * float(np.maximum(second, 0.0).sum())
+    if second[0] >= least:
+        return inertia
+    kept: Real = (axes * np.maximum(second, least)) @ axes.T
+    found: Real = np.trace(kept) * np.eye(3) - kept
+    return found

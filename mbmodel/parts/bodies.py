@@ -10,11 +10,13 @@ from mbmodel.drawing import Heavy
 from mbmodel.edit import Edit, NotHeld
 from mbmodel.machine import Machine
 from mbmodel.parts.part import Change, Parameter, Situation
-from mbmodel.spatial import cross_matrix, spatial_inertia, split_inertia
+from mbmodel.spatial import cross_matrix, nearest_inertia, spatial_inertia, split_inertia
 
 _AXES = "xyz"
 _ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-_ROUNDING = 1e-9
+_SLIGHT = 1e-5  # of a moment of inertia: less is no change
+
+_NEAREST = "no body has such moments of inertia: written are the nearest that one can have"
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +106,9 @@ class BodyPart:
     def write(self, theta: Real, more: Real | None = None) -> tuple[Edit | NotHeld, ...]:
         """The <inertial> of the stage's own MJCF body, which takes the whole change.
 
+        A fit knows of moments of inertia what its motions show, and of the rest may ask for what
+        no body has: then the nearest are written, and said.
+
         Args:
             theta: as of the other methods.
             more: spatial inertia that something else adds; (6, 6).
@@ -118,16 +123,17 @@ class BodyPart:
         if total[0, 0] <= 0:
             return (NotHeld(f"{self.body}.mass", "its own MJCF body would weigh nothing"),)
         mass, offset, inertia = split_inertia(total)
-        local = heavy.frame.T @ inertia @ heavy.frame
-        moments = np.linalg.eigvalsh(local)
-        if moments[0] <= 0 or moments[2] > (moments[0] + moments[1]) * (1 + _ROUNDING):
-            return (NotHeld(f"{self.body}.inertia", "no body has such moments of inertia"),)
+        nearest = nearest_inertia(inertia)
+        local = heavy.frame.T @ nearest @ heavy.frame
         values: dict[str, float | tuple[float, ...]] = {
             "pos": tuple((heavy.frame.T @ (heavy.centre + offset - heavy.origin)).tolist()),
             "mass": mass,
             "fullinertia": tuple(local[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]].tolist()),
         }
-        return (Edit("inertial", self.body, values),)
+        written = Edit("inertial", self.body, values)
+        if np.abs(nearest - inertia).max() <= _SLIGHT * np.abs(inertia).max():
+            return (written,)
+        return (written, NotHeld(f"{self.body}.inertia", _NEAREST))
 
 
 def body_parts(machine: Machine) -> tuple[BodyPart, ...]:
