@@ -13,6 +13,7 @@ from diagnosis.verdict import CauseRow
 from identification.words import Campaign, Complex, Condition, Dof
 from mbmodel import NotHeld, looks
 from mbw.diagnose.machine import machine_rows, place_row
+from mbw.diagnose.pulled import pulled_sentence
 from mbw.diagnose.schema import CentresRow, ChannelRow, ShownFile, TestRow
 from mbw.identify.solid import fault_row
 from tuning import gap_at_bodies, predict
@@ -64,7 +65,7 @@ def gather(found: Diagnosis, not_held: Sequence[NotHeld] = ()) -> Result:
     locations = [one.location for one in verdict.causes]
     locations += [one.location for one in verdict.where]
     locations += [one.location for one in found.evidence.pushed]
-    freq = campaign.freq_hz
+    freq, pulled = campaign.freq_hz, pulled_sentence(verdict, found)
     shown = ShownFile(
         campaign=campaign.name,
         model=machine.name,
@@ -83,7 +84,7 @@ def gather(found: Diagnosis, not_held: Sequence[NotHeld] = ()) -> Result:
         solid=[check.words for check in found.gate.checks],
         taken_out=[fault_row(one) for one in found.gate.faults if "sensor:" in one.location],
         doubted=[check.body for check in found.gate.flexible],
-        remarks=list(campaign.remarks),
+        remarks=[*campaign.remarks, *([pulled] if pulled else [])],
         machine=row,
         places={name: place_row(name, machine) for name in dict.fromkeys(locations)},
         inputs=inputs(found.session),

@@ -18,6 +18,7 @@ from mbw.diagnose.files import (
     write_files,
 )
 from mbw.diagnose.page import render
+from mbw.diagnose.pulled import pulled_sentence
 from mbw.diagnose.result import gather
 from mbw.diagnose.words import (
     WITHOUT_COHERENCE,
@@ -130,7 +131,9 @@ def _say(verdict: Verdict, found: Diagnosis) -> None:
 
 
 def _say_more(verdict: Verdict, found: Diagnosis) -> None:
-    """What sensors say, what these data cannot, and what to do next."""
+    """What was believed, what sensors say, what these data cannot, and what to do next."""
+    if pulled := pulled_sentence(verdict, found):
+        SCREEN.say(f"  {pulled}")
     for check in found.gate.flexible:
         SCREEN.say(f"  {check.words}")
     for place in found.gate.unknown:

@@ -1,0 +1,66 @@
+"""Where nothing is missing but the re-tuned model is off: the tolerance that was believed."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mbw.diagnose import verb
+from mbw.diagnose.pulled import pulled_sentence
+from mbw.messages import SCREEN
+
+NAMES = ("ty_tx.stiffness", "acc1.rotation_z", "hammer(acc1:ty).rotation_z")
+
+
+def case(x, *, word="none", excess=96.6, pull=0.0):
+    """Verdict and fit without any effect, which ended at x; a stiffness has no prior."""
+    freedom = SimpleNamespace(names=NAMES, has_prior=np.array([False, True, True]))
+    found = SimpleNamespace(
+        nothing=SimpleNamespace(fit=SimpleNamespace(freedom=freedom, x=np.array(x))),
+        evidence=SimpleNamespace(pull=pull, variance="coherence"),
+        gate=SimpleNamespace(flexible=(), unknown=()),
+    )
+    gap = SimpleNamespace(retuned=SimpleNamespace(excess=excess))
+    return SimpleNamespace(verdict=word, gap=gap, next_experiment=None), found
+
+
+def told(x, **values):
+    return pulled_sentence(*case(x, **values))
+
+
+def test_a_tolerance_beyond_its_bound_is_named_with_what_its_bound_leaves():
+    assert told([9.0, 1.0, -3.29]) == (
+        "This verdict believes hammer(acc1:ty).rotation_z to be off by 3.3 standard deviations, as "
+        "up to 4 may be where tolerances are many; with each kept within 2.5, as in these figures, "
+        "the model stays off by 96.6 times the noise."
+    )
+
+
+def test_of_two_the_one_that_is_pulled_more_comes_first():
+    said = told([0.0, 2.7, 3.1])
+    assert (
+        "believes hammer(acc1:ty).rotation_z to be off by 3.1, acc1.rotation_z to be off by 2.7"
+        in said
+    )
+
+
+@pytest.mark.parametrize(
+    "other", [{"word": "explained"}, {"excess": 1.09}, {"excess": None}], ids=str
+)
+def test_it_is_told_only_where_nothing_is_missing_and_the_model_is_off(other):
+    assert told([0.0, 1.0, 3.3], **other) is None
+
+
+def test_a_model_that_is_off_with_all_tolerances_near_has_another_reason():
+    assert told([9.0, 1.0, 2.4]) is None
+
+
+def test_a_tolerance_that_only_the_fit_without_bounds_pulls_has_no_name():
+    assert "believes a tolerance to be off by 3.4 standard" in told([0.0, 1.0, 2.5], pull=3.4)
+    assert told([0.0, 1.0, 2.5], pull=7.0) is None
+
+
+def test_the_screen_tells_it_too(capsys, monkeypatch):
+    monkeypatch.setattr(SCREEN, "quiet", False)
+    verb._say_more(*case([9.0, 1.0, 3.3]))
+    assert "hammer(acc1:ty).rotation_z to be off by 3.3" in capsys.readouterr().err
