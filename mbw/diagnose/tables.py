@@ -5,7 +5,7 @@ from html import escape
 from diagnosis.evidence import Refitted, Scored
 from diagnosis.verdict import CauseRow
 from mbw.diagnose.result import Result
-from mbw.diagnose.values import Line, number, parameter_lines
+from mbw.diagnose.values import Line, may_be_nothing, number, parameter_lines
 from mbw.diagnose.words import (
     direction,
     gate_sentences,
@@ -50,11 +50,7 @@ def tried_section(result: Result) -> str:
 
 
 def _cause(row: CauseRow, means: str) -> str:
-    sizes = [
-        line
-        for name, value in row.parameters.items()
-        for line in parameter_lines(row.effect, row.dof, name, value, row.interval.get(name))
-    ]
+    sizes = [line for name in row.parameters for line in _lines(row, name)]
     bar = f'<span class="bar"><i style="left:0;width:{100 * row.probability:.1f}%"></i></span>'
     name = f"<b>{escape(row.effect.replace('_', ' '))}</b><br><small>{escape(means)}</small>"
     return (
@@ -64,6 +60,15 @@ def _cause(row: CauseRow, means: str) -> str:
         f'<td class="name">{_sizes(sizes)}</td>'
         f"<td>{_excess(row.excess_after)}</td></tr>"
     )
+
+
+def _lines(row: CauseRow, name: str) -> list[Line]:
+    """A parameter; one that goes with a size that may be nothing is not known."""
+    doubtful = may_be_nothing(row.interval)
+    if doubtful and name not in doubtful:
+        return [Line(name.replace("_", " "), "not known", "")]
+    ends = row.interval.get(name)
+    return parameter_lines(row.effect, row.dof, name, row.parameters[name], ends)
 
 
 def _sizes(lines: list[Line]) -> str:

@@ -1,6 +1,7 @@
 """Parameters of an effect in the units that engineers read, with as many digits as are known."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,6 +81,20 @@ def parameter_words(effect: str, dof: str | None, name: str, value: Value) -> st
     said = [number(factor * one) for one in numbers]
     text = f"({', '.join(said)})" if isinstance(value, tuple) else said[0]
     return f"{name.replace('_', ' ')} {text}{_spaced(unit)}"
+
+
+def may_be_nothing(interval: Mapping[str, Ends]) -> frozenset[str]:
+    """Sizes whose interval includes zero: what goes with them, as a place, is not known then."""
+    rows = {name: np.asarray(ends) for name, ends in interval.items()}
+    return frozenset(name for name, row in rows.items() if row.ndim == 1 and row[0] < 0 < row[1])
+
+
+def interval_words(effect: str, dof: str | None, name: str, ends: tuple[float, float]) -> str:
+    """``mass -0.3 … 0.8 kg``, of a size that may be nothing."""
+    factor, unit = unit_of(effect, dof, name)
+    half = factor * (ends[1] - ends[0]) / 2
+    low, high = (number(factor * end, half) for end in ends)
+    return f"{name.replace('_', ' ')} {low} … {high}{_spaced(unit)}"
 
 
 def unit_of(effect: str, dof: str | None, name: str) -> tuple[float, str]:

@@ -23,6 +23,7 @@ from mbw.diagnose.result import gather
 from mbw.diagnose.words import (
     WITHOUT_COHERENCE,
     cause_parameters,
+    closed_words,
     twin_sentences,
     untested_sentences,
 )
@@ -114,8 +115,7 @@ def _say(verdict: Verdict, found: Diagnosis) -> None:
         if at.excess is not None:
             SCREEN.say(f"  {name}: error {at.error:.3g}, excess {at.excess:.3g}")
     if gap.closed is not None:
-        ends = gap.interval.closed
-        told = f" (95 %: {ends[0]:.1%} to {min(ends[1], 1.0):.1%})" if ends else ""
+        told = closed_words(gap.interval.closed)
         SCREEN.say(f"  {min(gap.closed, 1.0):.1%} of the gap beyond noise is closed{told}")
     for row in verdict.causes[:_FEW]:
         dof = f" {row.dof}" if row.dof else ""

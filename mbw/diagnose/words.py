@@ -7,7 +7,7 @@ from diagnosis.verdict import CauseRow, Verdict
 from identification import FAULTS
 from identification.words import Dof, UsageError
 from mbw.diagnose.schema import ShownFile
-from mbw.diagnose.values import parameter_words
+from mbw.diagnose.values import interval_words, may_be_nothing, parameter_words
 
 WITHOUT_COHERENCE = (
     "without coherence and averages the noise is estimated from third differences along frequency: "
@@ -71,10 +71,32 @@ def cause_words(row: CauseRow) -> str:
 
 
 def cause_parameters(row: CauseRow) -> str:
-    """Its parameters with their units, one after the other."""
-    return ", ".join(
-        parameter_words(row.effect, row.dof, name, value) for name, value in row.parameters.items()
-    )
+    """Its parameters with their units, one after the other.
+
+    Of a size that may be nothing it is the interval, and what goes with it is not known.
+    """
+    doubtful = may_be_nothing(row.interval)
+    found = []
+    for name, value in row.parameters.items():
+        if name in doubtful:
+            low, high = (float(end) for end in row.interval[name])  # type: ignore[arg-type]
+            found.append(interval_words(row.effect, row.dof, name, (low, high)))
+        elif doubtful:
+            found.append(f"{name.replace('_', ' ')} not known")
+        else:
+            found.append(parameter_words(row.effect, row.dof, name, value))
+    return ", ".join(found)
+
+
+def closed_words(ends: tuple[float, float] | None) -> str:
+    """Interval of the part of a gap that is closed, in brackets; empty for none.
+
+    A jackknife knows nothing of bounds, but no more than all of a gap is closed.
+    """
+    if ends is None:
+        return ""
+    low, high = (min(end, 1.0) for end in ends)
+    return f" (95 %: {low:.1%} to {high:.1%})"
 
 
 def site_words(site: str) -> str:

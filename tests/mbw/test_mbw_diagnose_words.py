@@ -2,8 +2,17 @@
 
 import pytest
 
+from diagnosis.verdict import CauseRow
+from mbw.diagnose.tables import _cause
 from mbw.diagnose.values import number, parameter_lines, parameter_words
-from mbw.diagnose.words import direction, place, placed, site_words
+from mbw.diagnose.words import (
+    cause_parameters,
+    closed_words,
+    direction,
+    place,
+    placed,
+    site_words,
+)
 
 
 @pytest.mark.parametrize(
@@ -44,3 +53,32 @@ def test_places_and_directions_are_words():
     assert direction("acc11:+ty") == "hit at acc11:+ty"
     assert direction("b") == "set-up b"
     assert site_words("inerter@joint:ty") == "inerter at joint ty"
+
+
+def row(interval):
+    return CauseRow(
+        effect="mass_error", location="body:ty", dof=None, probability=0.9, excess_after=1.0,
+        parameters={"mass": 0.02, "position": (4.0, -9.0, 0.5)}, interval=interval,
+    )  # fmt: skip
+
+
+def test_a_place_of_a_mass_that_may_be_none_is_not_told():
+    said = cause_parameters(row({"mass": (-0.31, 0.35)}))
+    assert said == "mass -0.31 … 0.35 kg, position not known"
+    page = _cause(row({"mass": (-0.31, 0.35)}), "a mass")
+    assert "not known" in page
+    assert "-0.31 … 0.35" in page
+    assert "4000" not in page
+
+
+@pytest.mark.parametrize("interval", [{}, {"mass": (0.01, 0.03)}])
+def test_a_place_of_a_mass_that_is_there_is_told(interval):
+    said = cause_parameters(row(interval))
+    assert said == "mass 0.02 kg, position (4000, -9000, 500) mm"
+    assert "4000" in _cause(row(interval), "a mass")
+
+
+def test_no_more_than_all_of_a_gap_is_closed_at_either_end():
+    assert closed_words((1.001, 1.003)) == " (95 %: 100.0% to 100.0%)"
+    assert closed_words((0.92, 1.003)) == " (95 %: 92.0% to 100.0%)"
+    assert closed_words(None) == ""
