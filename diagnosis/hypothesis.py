@@ -6,6 +6,7 @@ from functools import reduce
 
 import numpy as np
 
+from diagnosis.spoken import direction, named
 from identification.words import Campaign, Real
 from mbmodel import Held, Machine, Model, Part
 from tuning import Freedom, Session, freedom
@@ -150,7 +151,9 @@ class Effect:
     Args:
         propose: its hypotheses for a scene.
         noun: what it is in a few words.
-        means: what it is, in words; may name ``{place}`` and ``{dof}``.
+        means: what it is, in words; may name ``{place}``, such as ``tilt`` or ``acc1 and acc2``,
+            ``{dof}`` as it is, ``{direction}``, such as ``along x`` or ``about z``, and
+            ``{channel}``, such as ``acc1 along x``.
         confirm: what to do on the machine to confirm or refute it; likewise.
         undoes: whether that takes it out of the machine, which is repeated without it then.
     """
@@ -167,7 +170,13 @@ class Effect:
 
     def said(self, what: str, place: str, dof: str | None) -> str:
         """A sentence about it at a place."""
-        return what.format(place=place.partition(":")[2], dof=dof or "this direction")
+        towards = direction(dof)
+        return what.format(
+            place=named(place),
+            dof=dof or "this direction",
+            direction=towards or "in this direction",
+            channel=f"{named(place)} {towards}".rstrip(),
+        )
 
 
 def released(

@@ -50,5 +50,5 @@ EFFECT = Effect(
     propose,
     noun="an inerter",
     means="a ball screw or flywheel turns as the bodies move apart",
-    confirm="uncouple the drive of {place} along {dof} and repeat",
+    confirm="uncouple the drive of {place} {direction} and repeat",
 )

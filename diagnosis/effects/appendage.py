@@ -215,7 +215,7 @@ def _by_damping(omega: float, zeta: float) -> Shape:
 EFFECT = Effect(
     propose,
     noun="a small mass on a spring",
-    means="a small mass on a spring of its own, such as a cable carrier or a loose cover",
+    means="a small mass on a spring hangs on {place}: a cable carrier, a loose cover",
     confirm="hold or take off what hangs on {place} and repeat: the resonance goes with it",
     undoes=True,
 )

@@ -37,7 +37,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 EFFECT = Effect(
     propose,
     noun="another stiffness in one test",
-    means="the joint's stiffness differed in {dof}: it warmed up or was clamped anew",
-    confirm="repeat {dof} directly before or after the other tests: the difference goes",
+    means="the joint of {place} was softer or stiffer in the {direction}: warm, or clamped anew",
+    confirm="repeat the {direction} directly before or after the others: {place} differs no more",
     undoes=True,
 )

@@ -114,7 +114,7 @@ def _turning(tau: float, u: float) -> Shape:
 EFFECT = Effect(
     propose,
     noun="a control loop with a delay",
-    means="the spring is a control loop that acts late",
-    confirm="repeat with the loop open or its gain changed: the effect goes or changes with it",
+    means="the spring of {place} {direction} is a control loop that acts late",
+    confirm="open the loop of {place} {direction}, or change its gain, and repeat: the effect goes",
     undoes=True,
 )

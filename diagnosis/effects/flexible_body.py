@@ -79,6 +79,6 @@ def _stated(part: Bending, highest: float, found: Mapping[str, float]) -> dict[s
 EFFECT = Effect(
     propose,
     noun="bending of the body itself",
-    means="the body bends: it moves with a mode of its own",
+    means="{place} bends: it moves with a mode of its own",
     confirm="put more sensors on {place} and look at its shape at that frequency",
 )

@@ -13,25 +13,25 @@ PROVEN = {
     "dead_channel": Effect(
         _nothing,
         noun=FAULTS["dead_channel"],
-        means="the channel holds no motion",
-        confirm="look at its cable and plug, and repeat one hit",
+        means="{channel} holds no motion",
+        confirm="look at cable and plug of {channel}, and repeat one hit",
     ),
     "mount_resonance": Effect(
         _nothing,
         noun=FAULTS["mount_resonance"],
-        means="the sensor resonates on its mounting",
-        confirm="glue or screw the sensor on anew and repeat one hit: the resonance moves up",
+        means="{place} resonates on its mounting",
+        confirm="glue or screw {place} on anew and repeat one hit: the resonance moves up",
     ),
     "sensor_delay": Effect(
         _nothing,
         noun=FAULTS["sensor_delay"],
-        means="the sensor's channels come late",
-        confirm="give the sensor another input of the analyser and repeat one hit",
+        means="the channels of {place} come late",
+        confirm="give {place} another input of the analyser and repeat one hit",
     ),
     "sensor_swap": Effect(
         _nothing,
         noun=FAULTS["sensor_swap"],
-        means="channels are exchanged",
-        confirm="knock at each of them and see which channel answers",
+        means="channels are exchanged: {channel}",
+        confirm="knock at {place} along each axis in turn and see which channel answers",
     ),
 }

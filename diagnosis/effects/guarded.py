@@ -43,7 +43,8 @@ def loaded(point: EntryPoint) -> Effect:
         text = getattr(effect, name)
         if not isinstance(text, str):
             raise InputError(f"{who}: its {name} is {text!r}, expected words: {_MEND}")
-        with _blamed(f"{who}: filling in {name}, which may name {{place}} and {{dof}},"):
+        keys = "{place}, {dof}, {direction} and {channel}"
+        with _blamed(f"{who}: filling in {name}, which may name {keys},"):
             effect.said(text, "joint:stage", "tx")
     return replace(effect, propose=_Guarded(point.name, effect.propose))
 

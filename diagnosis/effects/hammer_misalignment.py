@@ -51,7 +51,7 @@ def _shortest(one: Real, other: Real) -> Real:
 EFFECT = Effect(
     propose,
     noun="hits along another direction than stated",
-    means="the hits went another way than drawn",
-    confirm="hit {dof} again, guided or from the other side: the cross-talk changes",
+    means="the hits at {place} {direction} went another way than drawn",
+    confirm="hit {place} {direction} again, guided or from the other side: cross-talk changes",
     undoes=True,
 )

@@ -73,6 +73,6 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 EFFECT = Effect(
     propose,
     noun="mass beyond tolerance",
-    means="a mass beyond tolerance: a payload or part that the drawing lacks",
+    means="{place} has mass beyond tolerance: a payload or part that the drawing lacks",
     confirm="weigh {place}, or add a known mass there and repeat",
 )

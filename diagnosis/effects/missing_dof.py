@@ -116,7 +116,7 @@ class _Way:
 EFFECT = Effect(
     propose,
     noun="a direction drawn rigid that gives way",
-    means="a direction that the drawing holds rigid gives way",
-    confirm="put sensors on both sides of the joint of {place}: along {dof}, or its own axis "
+    means="the joint of {place} gives way {direction}, where the drawing holds it rigid",
+    confirm="put sensors on both sides of the joint of {place}: {direction}, or its own axis "
     "nearest to that, they differ",
 )

@@ -189,7 +189,7 @@ class _Link:
 EFFECT = Effect(
     propose,
     noun="a link that bypasses joints",
-    means="a link bypasses the joints: a hose, a cable, a bridge",
-    confirm="take the cables and hoses of {place} off and repeat: the stiffness goes",
+    means="a link between {place} bypasses the joints: a hose, a cable, a bridge",
+    confirm="take cables and hoses between {place} off and repeat: the stiffness goes",
     undoes=True,
 )

@@ -20,7 +20,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 EFFECT = Effect(
     propose,
     noun=FAULTS["sensor_gain"],
-    means="the channel's calibration value is wrong",
-    confirm="exchange the sensor and repeat one hit: the gain goes with it",
+    means="the calibration value of {channel} is wrong",
+    confirm="exchange {place} and repeat one hit: the gain goes with it",
     undoes=True,
 )

@@ -19,7 +19,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 EFFECT = Effect(
     propose,
     noun=FAULTS["sensor_misalignment"],
-    means="the sensor's axes are turned beyond tolerance",
-    confirm="glue the sensor anew along the drawing's axes and repeat one hit",
+    means="the axes of {place} are turned beyond tolerance",
+    confirm="glue {place} anew along the drawing's axes and repeat one hit",
     undoes=True,
 )

@@ -35,6 +35,6 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 EFFECT = Effect(
     propose,
     noun=FAULTS["sensor_polarity"],
-    means="the channel has the wrong sign",
-    confirm="turn the channel's sign back, or look how its axis points",
+    means="{channel} has the wrong sign",
+    confirm="turn the sign of {channel} back, or look how its axis points",
 )

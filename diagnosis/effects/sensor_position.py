@@ -19,7 +19,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 EFFECT = Effect(
     propose,
     noun=FAULTS["sensor_position"],
-    means="the sensor sits elsewhere than drawn",
-    confirm="measure where the sensor sits, or glue it anew and repeat one hit",
+    means="{place} sits elsewhere than drawn",
+    confirm="measure where {place} sits, or glue it anew and repeat one hit",
     undoes=True,
 )

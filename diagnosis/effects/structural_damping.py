@@ -31,6 +31,6 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 EFFECT = Effect(
     propose,
     noun="a loss that does not grow with frequency",
-    means="the joint's loss does not grow with frequency: rubber, dry joints, cables",
-    confirm="repeat at another level: a loss by friction changes, that of a material stays",
+    means="the loss in the joint of {place} does not grow with frequency: rubber, cables",
+    confirm="repeat at another level: friction in {place} changes, the loss of a material stays",
 )

@@ -178,8 +178,8 @@ def _felt(corner: tuple[int, int], levers: Complex) -> Complex:
 
 EFFECT = Effect(
     propose,
-    noun="supports that do not carry",
-    means="a support of the joint carries nothing",
+    noun="supports that carry less than their share",
+    means="a support of the joint of {place} carries less than its share",
     confirm="shim or adjust the support of {place} that has lost most and repeat",
     undoes=True,
 )

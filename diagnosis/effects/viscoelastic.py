@@ -49,6 +49,6 @@ def _by_time(tau: float) -> Shape:
 EFFECT = Effect(
     propose,
     noun="a stiffness that rises with frequency",
-    means="the joint's stiffness rises with frequency: rubber, a hydraulic or air damper",
-    confirm="repeat at another temperature: the time constant moves",
+    means="the joint of {place} stiffens with frequency: rubber, a hydraulic or air damper",
+    confirm="repeat with {place} at another temperature: the time constant moves",
 )

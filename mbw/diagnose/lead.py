@@ -1,6 +1,7 @@
 """What a diagnosis comes to, in one or two sentences, with its probabilities and warnings."""
 
 from diagnosis.evidence import Pushed
+from diagnosis.spoken import direction
 from diagnosis.verdict import CauseRow
 from mbw.diagnose.result import Result
 from mbw.diagnose.values import number
@@ -8,7 +9,6 @@ from mbw.diagnose.words import (
     WITHOUT_COHERENCE,
     cause_parameters,
     cause_words,
-    direction,
     percent_sure,
     place,
     placed,

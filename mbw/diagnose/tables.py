@@ -3,11 +3,11 @@
 from html import escape
 
 from diagnosis.evidence import Refitted, Scored
+from diagnosis.spoken import direction
 from diagnosis.verdict import CauseRow
 from mbw.diagnose.result import Result
 from mbw.diagnose.values import Line, may_be_nothing, number, parameter_lines
 from mbw.diagnose.words import (
-    direction,
     gate_sentences,
     percent_sure,
     place,

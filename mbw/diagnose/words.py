@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 from diagnosis import PROVEN, catalogue
+from diagnosis.spoken import direction, named
 from diagnosis.verdict import CauseRow, Verdict
 from identification import FAULTS
-from identification.words import Dof, UsageError
 from mbw.diagnose.schema import ShownFile
 from mbw.diagnose.values import interval_words, may_be_nothing, parameter_words
 
@@ -36,9 +36,8 @@ def kind(effect: str) -> str:
 def place(location: str) -> str:
     """``joint ty`` of ``joint:ty``, ``sensors acc1 and acc2`` of two."""
     what, _, name = location.partition(":")
-    if what == "sensor" and "+" in name:
-        return f"sensors {name.replace('+', ' and ')}"
-    return f"{what} {name}"
+    several = "s" if what == "sensor" and "+" in name else ""
+    return f"{what}{several} {named(location)}"
 
 
 def placed(location: str) -> str:
@@ -47,20 +46,6 @@ def placed(location: str) -> str:
     if what == "pair":
         return f"between {name}"
     return f"{_AT.get(what, 'at')} {place(location)}"
-
-
-def direction(dof: str | None) -> str:
-    """``along z``, ``about x``, ``x and y``, ``hit at acc11:+ty``, ``set-up b``; empty for none."""
-    if dof is None:
-        return ""
-    if "+" in dof and ":" not in dof:
-        return " and ".join(part[1:] for part in dof.split("+"))
-    if len(dof) == 2 and dof[0] in "tr":
-        return f"{'along' if dof[0] == 't' else 'about'} {dof[1]}"
-    try:
-        return f"hit at {Dof.parse(dof)}"
-    except (UsageError, ValueError):
-        return f"set-up {dof}"
 
 
 def cause_words(row: CauseRow) -> str:

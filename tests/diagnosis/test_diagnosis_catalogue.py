@@ -66,6 +66,38 @@ def test_every_effect_says_what_it_means_and_what_would_confirm_it():
             assert not said.endswith(".")
 
 
+@pytest.mark.parametrize("name", [*(EFFECTS.keys() - {"gyroscopic"}), *PROVEN])
+def test_what_confirms_an_effect_says_where(name):
+    effect = {**EFFECTS, **PROVEN}[name]
+    assert "acc1 and acc2" in effect.said(effect.confirm, "sensor:acc1+acc2", None)
+    assert "tilt" in effect.said(effect.confirm, "joint:tilt", "ry")
+    for words in (effect.means, effect.confirm):  # a rotation is about an axis
+        assert "along ry" not in effect.said(words, "joint:tilt", "ry")
+
+
+@pytest.mark.parametrize(
+    ("effect", "place", "dof", "said"),
+    [
+        ("sensor_polarity", "sensor:acc1", "tz", "turn the sign of acc1 along z back, or"),
+        ("sensor_swap", "sensor:acc1", "tx+ty", "knock at acc1 along each axis in turn and"),
+        ("sensor_swap", "sensor:acc1+acc2", None, "knock at acc1 and acc2 along each axis"),
+        ("hammer_misalignment", "hammer:acc4", "tx", "hit acc4 along x again, guided"),
+        ("missing_dof", "joint:ty", "rz", "the joint of ty: about z they differ"),
+        ("drift", "joint:ty", "acc1:+tx", "repeat the hit at acc1:+tx directly before"),
+        ("drift", "joint:ty", "b", "repeat the set-up b directly before"),
+        ("dead_channel", "sensor:acc1", None, "look at cable and plug of acc1, and"),
+    ],
+)
+def test_places_and_directions_stand_in_what_confirms(effect, place, dof, said):
+    known = {**EFFECTS, **PROVEN}[effect]
+    assert said in known.said(known.confirm, place, dof)
+
+
+def test_a_support_that_carries_little_is_not_said_to_carry_nothing():
+    said = EFFECTS["support_loss"].said(EFFECTS["support_loss"].means, "joint:granite", None)
+    assert said == "a support of the joint of granite carries less than its share"
+
+
 def test_an_effect_of_ones_own_is_named_like_ours(installed, tmp_path):
     # Not below stage1: against the ground an inerter is a mass error.
     session, text = drawn(tmp_path, 72_044, "inerter", ratio=6.0, place="joint:stage2", lines=161)
@@ -104,7 +136,7 @@ def test_a_name_that_is_taken_is_refused(installed, name):
     [
         ("EFFECT = Effect(", "EFFECT = 1 / 0 + Effect(", "loading.*ZeroDivisionError"),
         ("EFFECT = Effect(", "OTHER = Effect(", "loading.*no attribute 'EFFECT'"),
-        ("of {place} along", "of {body} along", "confirm.*KeyError: 'body'"),
+        ("of {place} {", "of {body} {", "confirm.*KeyError: 'body'"),
         ('noun="an inerter"', "noun=None", "noun is None"),
     ],
 )

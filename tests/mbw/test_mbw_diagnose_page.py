@@ -12,11 +12,12 @@ from diagnosis_probe import PROBE
 from drawn import drawn
 from typer.testing import CliRunner
 
+from diagnosis.spoken import direction
 from mbmodel import load_machine
 from mbw.command import app
 from mbw.diagnose.files import NAMES, read_result, write_files
 from mbw.diagnose.page import render
-from mbw.diagnose.words import direction, place, placed
+from mbw.diagnose.words import place, placed
 
 RUNNER = CliRunner()
 

@@ -2,13 +2,13 @@
 
 import pytest
 
+from diagnosis.spoken import direction
 from diagnosis.verdict import CauseRow
 from mbw.diagnose.tables import _cause
 from mbw.diagnose.values import number, parameter_lines, parameter_words
 from mbw.diagnose.words import (
     cause_parameters,
     closed_words,
-    direction,
     place,
     placed,
     site_words,

@@ -1,0 +1,23 @@
+"""Places and directions of a verdict in words."""
+
+from identification.words import Dof, UsageError
+
+
+def direction(dof: str | None) -> str:
+    """``along z``, ``about x``, ``x and y``, ``hit at acc11:+ty``, ``set-up b``; empty for none."""
+    if dof is None:
+        return ""
+    if "+" in dof and ":" not in dof:
+        return " and ".join(part[1:] for part in dof.split("+"))
+    if len(dof) == 2 and dof[0] in "tr":
+        return f"{'along' if dof[0] == 't' else 'about'} {dof[1]}"
+    try:
+        return f"hit at {Dof.parse(dof)}"
+    except (UsageError, ValueError):
+        return f"set-up {dof}"
+
+
+def named(location: str) -> str:
+    """``ty`` of ``joint:ty``, ``acc1 and acc2`` of ``sensor:acc1+acc2``."""
+    what, _, name = location.partition(":")
+    return name.replace("+", " and ") if what == "sensor" else name
