@@ -25,6 +25,7 @@ from diagnosis.effects import PROVEN, catalogue
 from diagnosis.evidence import Key
 from diagnosis.foretold import rivals_of
 from diagnosis.refit import Refit
+from diagnosis.unknown import of_unknown
 from identification.words import (
     Campaign,
     Dof,
@@ -79,7 +80,7 @@ def next_experiment(found: Diagnosis) -> str | None:
         return None
     if word == "unexplained" or not causes:
         proven = [f"{_confirmed(key)}; then " for key in found.judged.present]
-        return "".join(proven) + _of_unknown(found)
+        return "".join(proven) + of_unknown(found)
     rivals = rivals_of(found.judged, found.search)
     if len(rivals) > 1 and word == "explained":
         best, gain = best_experiment(found.session.campaign, rivals)
@@ -94,23 +95,6 @@ def _confirmed(cause: Key) -> str:
     effect, place, dof = cause
     known = catalogue().get(effect) or PROVEN[effect]
     return known.said(known.confirm, place, dof)
-
-
-def _of_unknown(found: Diagnosis) -> str:
-    """Where something pushes, and whether it depends on the level is not known yet."""
-    known = {place for _, place, _ in found.judged.present}
-    places = [place for place, _ in found.judged.where if place not in known]
-    if places and places[0] in found.gate.unknown:
-        sensor = places[0].partition(":")[2]
-        return f"exchange {sensor}, its cable and its amplifier with those of another and repeat"
-    where = f" at {places[0]}, where something pushes" if places else ""
-    levels = {test.condition.level_n for test in found.session.campaign.tests}
-    if len(levels) < 2:
-        return (
-            "repeat at a quarter and at four times the level: friction, backlash and hardening "
-            f"change with it; look{where or ' at the joints'}"
-        )
-    return f"put sensors on both sides{where}, and hit there"
 
 
 def best_experiment(

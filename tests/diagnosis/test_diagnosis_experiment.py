@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
+from diagnosis.corrections import masked
 from diagnosis.experiment import (
     Experiment,
     _before,
@@ -150,3 +151,40 @@ def test_what_nobody_explains_is_asked_at_other_levels_where_it_pushes(rivals):
     where = [("sensor:acc1", 0.5), ("joint:a", 0.4)]
     both = next_experiment(found(session, (), "unexplained", [(swap, 0.5)], where, (swap,)))
     assert both.index("knock") < both.index("; then repeat") < both.index("look at joint:a")
+
+
+def at_two_levels(session, silent=()):
+    """The session's campaign hit at another level too, without the channels of some bodies."""
+    campaign = session.campaign
+    harder = [
+        replace(test, condition=replace(test.condition, level_n=900.0)) for test in campaign.tests
+    ]
+    both = replace(campaign, tests=(*campaign.tests, *harder))
+    heard = masked(both, lambda dof: campaign.layout.body_name(dof.point) in silent)
+    return replace(session, campaign=heard)
+
+
+def next_at(session, place):
+    return next_experiment(found(session, (), "unexplained", [], [(place, 0.8)] if place else []))
+
+
+def test_with_levels_and_sensors_on_both_sides_the_joint_is_held(rivals):
+    said = next_at(at_two_levels(rivals[0]), "joint:stage2")
+    assert said == (
+        "clamp the joint of stage2 and repeat, stage1 and stage2 hit at each level: what pushes at "
+        "joint:stage2 is gone then, and what is left of the gap pushes elsewhere"
+    )
+    assert "repeat, stage1 hit at" in next_at(at_two_levels(rivals[0]), "joint:stage1")  # ground
+    assert next_at(at_two_levels(rivals[0]), "body:stage2").startswith("clear stage2 of all it")
+
+
+def test_sensors_are_asked_for_on_that_side_alone_that_has_too_few(rivals):
+    said = next_at(at_two_levels(rivals[0], {"stage1"}), "joint:stage2")
+    assert said.startswith("put two triaxial sensors or more on stage1, and hit there: something")
+    assert "joint:stage2" in said
+
+
+@pytest.mark.parametrize("place", ["", "hammer:acc1", "joint:elsewhere"])
+def test_with_levels_a_place_beside_no_body_is_looked_at(rivals, place):
+    said = next_at(at_two_levels(rivals[0]), place)
+    assert said.startswith(f"look at {place or 'the joints'}, and hit other bodies")
