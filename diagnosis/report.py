@@ -4,7 +4,8 @@ import numpy as np
 from scipy.stats import t as student
 
 from diagnosis.diagnose import Diagnosis
-from diagnosis.evidence import Key
+from diagnosis.effects import catalogue
+from diagnosis.evidence import BENDS, Key
 from diagnosis.experiment import next_experiment
 from diagnosis.level import Level
 from diagnosis.verdict import (
@@ -21,9 +22,9 @@ from identification.words import Real
 from tuning import Gap
 
 _HIDDEN = 1.1  # excess below which no share and no closing exists
-_NONLINEAR = ("friction", "backlash", "hardening")
+NONLINEAR = ("friction", "backlash", "hardening")
 # What the spare channels of a body alone can show, and how many that needs.
-_OF_SPARE = ("sensor_delay", "sensor_swap", "mount_resonance", "flexible_body")
+_OF_SPARE = ("sensor_delay", "sensor_swap", "mount_resonance", BENDS)
 _SPARE = 2
 _SMALLEST = 0.005  # share of a place that is worth a row
 
@@ -143,12 +144,19 @@ def _not_testable(found: Diagnosis) -> list[str]:
     """What this kind of data cannot show."""
     tests = found.session.campaign.tests
     levels = {test.condition.level_n for test in tests}
-    missing = list(_NONLINEAR) if len(levels) < 2 else []
+    missing = [one for one in NONLINEAR if len(levels) < 2 or one not in catalogue()]
     references = {str(test.condition.reference) for test in tests}
     setups = {test.condition.setup for test in tests}
     if len(references) < 2 and len(setups) < 2:
         missing.append("drift")
+    named = {effect for (effect, _, _), _ in found.judged.causes}
     if any(check.spare < _SPARE for check in found.gate.checks):
-        named = {effect for (effect, _, _), _ in found.judged.causes}
         missing += [effect for effect in _OF_SPARE if effect not in named]
+    elif BENDS not in named and _bare(found):
+        missing.append(BENDS)
     return missing
+
+
+def _bare(found: Diagnosis) -> bool:
+    """Whether a body carries no sensor, which the gate has nothing to say of."""
+    return set(found.session.campaign.layout.bodies) > {one.body for one in found.gate.checks}

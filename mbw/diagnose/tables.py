@@ -32,7 +32,8 @@ def causes_section(result: Result) -> str:
         )
     else:
         table = "<p>No effect of the catalogue is likely: none has a probability of 1 %.</p>"
-    said = _paragraphs([*twin_sentences(verdict), *untested_sentences(verdict)])
+    levels = len({test.level for test in result.shown.tests})
+    said = _paragraphs([*twin_sentences(verdict), *untested_sentences(verdict, levels)])
     if verdict.next_experiment:
         said += f"<p><b>What to do next:</b> {escape(verdict.next_experiment)}.</p>"
     return table + said

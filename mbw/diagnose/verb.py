@@ -141,7 +141,8 @@ def _say_more(verdict: Verdict, found: Diagnosis) -> None:
     if found.evidence.variance == "differences":
         SCREEN.say(f"  {WITHOUT_COHERENCE}")
     if verdict.verdict != "none":
-        for text in (*twin_sentences(verdict), *untested_sentences(verdict)):
+        levels = len({test.condition.level_n for test in found.session.campaign.tests})
+        for text in (*twin_sentences(verdict), *untested_sentences(verdict, levels)):
             SCREEN.say(f"  {text}")
     if verdict.next_experiment:
         SCREEN.say(f"  next: {verdict.next_experiment}")

@@ -1,8 +1,9 @@
 """A verdict in plain words: effects, places, directions, what is alike, what gates found."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from diagnosis import PROVEN, catalogue
+from diagnosis.report import NONLINEAR
 from diagnosis.spoken import direction, named
 from diagnosis.verdict import CauseRow, Verdict
 from identification import FAULTS
@@ -15,8 +16,9 @@ WITHOUT_COHERENCE = (
 )
 _OTHERS = {"hardening": "a spring that hardens", "sensor_unknown": FAULTS["sensor_unknown"]}
 _AT = {"joint": "at", "body": "on", "sensor": "at", "hammer": "at", "pair": "between"}
-_UNTESTED = (
-    ({"friction", "backlash", "hardening"}, "only hits of several levels can show that"),
+_NO_SUCH = "no effect here is of that kind: compare the hits of each level"
+_UNTESTED: tuple[tuple[Collection[str], str], ...] = (
+    (NONLINEAR, "only hits of several levels can show that"),
     ({"drift"}, "one direction of one set-up cannot show that"),
     (
         {"sensor_delay", "sensor_swap", "mount_resonance", "flexible_body"},
@@ -98,10 +100,16 @@ def twin_sentences(verdict: Verdict) -> list[str]:
     ]
 
 
-def untested_sentences(verdict: Verdict) -> list[str]:
-    """What this kind of data cannot show, and why."""
+def untested_sentences(verdict: Verdict, levels: int) -> list[str]:
+    """What this kind of data cannot show, and why.
+
+    Args:
+        verdict: which says what.
+        levels: of the hits, how many.
+    """
     found = []
-    for effects, why in _UNTESTED:
+    for effects, reason in _UNTESTED:
+        why = _NO_SUCH if effects is NONLINEAR and levels > 1 else reason
         hidden = [kind(one) for one in verdict.not_testable if one in effects]
         if hidden:
             found.append(f"Not tested, so not excluded: {_listed(hidden)}; {why}.")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from diagnosis import EFFECTS, Scene, diagnose, oracle, verdict_of
+from diagnosis import EFFECTS, Scene, diagnose, oracle, report, verdict_of
 from diagnosis import refit as refit_module
 from diagnosis.evidence import Evidence
 from diagnosis.judge import judge
@@ -91,6 +91,27 @@ def test_what_only_spare_channels_show_is_not_excluded_where_there_are_none(case
     first, *others = found.gate.checks
     gate = replace(found.gate, checks=(replace(first, spare=1), *others))
     assert beside < set(verdict_of(replace(found, gate=gate)).not_testable)
+
+
+def test_a_body_without_any_sensor_may_bend_unseen(case):
+    _, _, found = case
+    gate = replace(found.gate, checks=found.gate.checks[1:])
+    missing = verdict_of(replace(found, gate=gate)).not_testable
+    assert "flexible_body" in missing
+    assert "sensor_swap" not in missing  # where there is no sensor none is exchanged
+
+
+def test_what_no_effect_tests_is_not_excluded_by_hits_of_several_levels(case, monkeypatch):
+    _, _, found = case
+    first, *others = found.session.campaign.tests
+    level = replace(first, condition=replace(first.condition, level_n=900.0))
+    campaign = replace(found.session.campaign, tests=(level, first, *others))
+    leveled = replace(found, session=replace(found.session, campaign=campaign))
+    unknown = {"friction", "backlash", "hardening"}
+    assert unknown <= set(verdict_of(leveled).not_testable)
+    monkeypatch.setattr(report, "catalogue", lambda: {**EFFECTS, "friction": EFFECTS["drift"]})
+    assert unknown - set(verdict_of(leveled).not_testable) == {"friction"}
+    assert unknown <= set(verdict_of(found).not_testable)  # of one level
 
 
 def test_the_verdict_is_the_same_with_more_threads_and_by_the_command(case):

@@ -1,5 +1,7 @@
 """Effects, places and sizes of a diagnosis in words."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from diagnosis.spoken import direction
@@ -12,6 +14,7 @@ from mbw.diagnose.words import (
     place,
     placed,
     site_words,
+    untested_sentences,
 )
 
 
@@ -82,3 +85,15 @@ def test_no_more_than_all_of_a_gap_is_closed_at_either_end():
     assert closed_words((1.001, 1.003)) == " (95 %: 100.0% to 100.0%)"
     assert closed_words((0.92, 1.003)) == " (95 %: 92.0% to 100.0%)"
     assert closed_words(None) == ""
+
+
+def test_what_levels_could_show_is_untested_for_one_reason_or_another():
+    verdict = SimpleNamespace(not_testable=["friction", "hardening", "drift"])
+    once, drift = untested_sentences(verdict, 1)
+    assert once == (
+        "Not tested, so not excluded: friction and a spring that hardens; only hits of several "
+        "levels can show that."
+    )
+    several, same = untested_sentences(verdict, 3)
+    assert "hardens; no effect here is of that kind: compare the hits of each level." in several
+    assert drift == same
