@@ -27,7 +27,7 @@ _TELLS_NOTHING = ("dead_channel", _UNKNOWN)
 _TOO_MANY = 2  # sensors of one body that are wrong by some amount each, bodies that bend
 PROVEN = 0.9  # probability above which a fault is taken out
 # Tolerance that is released, and what the verdict calls its value.
-_RELEASED = {
+RELEASED = {
     "sensor_gain": ("gain", "gain"),
     "sensor_misalignment": ("rotation", "rotation"),
     "sensor_position": ("position", "offset"),
@@ -165,8 +165,8 @@ def hypothesis_of(
     base = Hypothesis(fault.effect, fault.location, fault.dof)
     site = fault.location.partition(":")[2]
     concerned = channels_of(fault.location, fault.dof)
-    if fault.effect in _RELEASED:
-        tolerance, stated = _RELEASED[fault.effect]
+    if fault.effect in RELEASED:
+        tolerance, stated = RELEASED[fault.effect]
         prefix = f"{site}.{tolerance}_"
         names = three(prefix) if fault.dof is None else (f"{prefix}{fault.dof[1:]}",)
         one = released(fault.effect, fault.location, fault.dof, names, stated)

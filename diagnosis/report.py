@@ -7,6 +7,7 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.effects import catalogue
 from diagnosis.evidence import BENDS, Key
 from diagnosis.experiment import next_experiment
+from diagnosis.gate import RELEASED
 from diagnosis.level import Level
 from diagnosis.verdict import (
     CauseRow,
@@ -19,6 +20,7 @@ from diagnosis.verdict import (
     Word,
 )
 from identification.words import Real
+from mbmodel import HammerPart, SensorPart
 from tuning import Gap
 
 _HIDDEN = 1.1  # excess below which no share and no closing exists
@@ -154,7 +156,24 @@ def _not_testable(found: Diagnosis) -> list[str]:
         missing += [effect for effect in _OF_SPARE if effect not in named]
     elif BENDS not in named and _bare(found):
         missing.append(BENDS)
-    return missing
+    return missing + [effect for effect in _kept(found) if effect not in named]
+
+
+def _kept(found: Diagnosis) -> list[str]:
+    """Effects that release a tolerance which a user keeps as drawn, where no gate asks for them."""
+    free = set(found.session.freedom.names)
+    spared = {check.body for check in found.gate.checks if check.spare >= _SPARE}
+    kept: dict[str, None] = {}
+    for part in found.session.model.parts:
+        ours: dict[str, str] = {}
+        if isinstance(part, HammerPart):
+            ours = {"hammer_misalignment": "rotation"}
+        elif isinstance(part, SensorPart):
+            body = found.session.campaign.layout.body_name(part.point.name)
+            ours = {} if body in spared else {name: of for name, (of, _) in RELEASED.items()}
+        fixed = [one.name for one in part.parameters if one.name not in free]
+        kept |= {name: None for name, of in ours.items() if any(f".{of}_" in x for x in fixed)}
+    return list(kept)
 
 
 def _bare(found: Diagnosis) -> bool:

@@ -18,7 +18,7 @@ from identification import Fault
 from mbw.command import app
 from tests.helpers.drawn import drawn
 from truth.grade.read_verdict import read_verdict
-from tuning import STAGES, fit, open_session
+from tuning import STAGES, Wishes, fit, freedom, open_session
 
 CASES = {
     "none": (72_010, None, None),
@@ -112,6 +112,20 @@ def test_what_no_effect_tests_is_not_excluded_by_hits_of_several_levels(case, mo
     monkeypatch.setattr(report, "catalogue", lambda: {**EFFECTS, "friction": EFFECTS["drift"]})
     assert unknown - set(verdict_of(leveled).not_testable) == {"friction"}
     assert unknown <= set(verdict_of(found).not_testable)  # of one level
+
+
+def test_a_tolerance_that_is_kept_as_drawn_is_not_tested_where_no_gate_asks(case):
+    _, _, found = case
+    session = found.session
+    gains = {"sensor_gain", "sensor_position", "hammer_misalignment"}
+    assert not gains & set(verdict_of(found).not_testable)
+    fix = Wishes(fix=("*.gain_x", "hammer(*).rotation_*"))
+    varies = freedom(session.model, session.campaign.tolerance, fix)
+    kept = replace(found, session=replace(session, freedom=varies))
+    assert gains & set(verdict_of(kept).not_testable) == {"hammer_misalignment"}
+    checks = tuple(replace(one, spare=1) for one in found.gate.checks)
+    blind = replace(kept, gate=replace(found.gate, checks=checks))
+    assert gains & set(verdict_of(blind).not_testable) == {"sensor_gain", "hammer_misalignment"}
 
 
 def test_the_verdict_is_the_same_with_more_threads_and_by_the_command(case):

@@ -97,3 +97,11 @@ def test_what_levels_could_show_is_untested_for_one_reason_or_another():
     several, same = untested_sentences(verdict, 3)
     assert "hardens; no effect here is of that kind: compare the hits of each level." in several
     assert drift == same
+
+
+def test_what_a_user_keeps_as_drawn_is_told_to_be_untested():
+    (said,) = untested_sentences(SimpleNamespace(not_testable=["sensor_gain"]), 1)
+    assert said == (
+        "Not tested, so not excluded: a wrong gain; [tuning] or [tolerance] keeps some of that as "
+        "drawn, and no fit moves it."
+    )
