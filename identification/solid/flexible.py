@@ -17,6 +17,8 @@ from identification.solid.fit import Fitted, Model, Moments, fit, project
 from identification.words import Mask, Real
 
 _ROUNDS = 3
+_SAME, _SHARED = 0.99, 3  # cosine of directions in the spare channels, sensors that share one
+_UNSEEN = 1e-3  # of a channel, that its spare part must exceed
 _QUARTILE = 0.674  # of a normal distribution, in standard deviations
 
 
@@ -28,11 +30,13 @@ class Shape:
         model: with the shape among its extra ones.
         fitted: the errors, the shape projected out.
         shape: readings per amplitude, of length one in units of the noise; (n_channel,).
+        price: nats for finding it among all that it might be.
     """
 
     model: Model
     fitted: Fitted
     shape: Real
+    price: float = 0.0
 
 
 def common_shape(model: Model, moments: Moments, errors: Real, steps: int) -> Shape:
@@ -53,6 +57,21 @@ def channel_shape(model: Model, moments: Moments, channel: int, errors: Real, st
     wider = replace(model, extra=np.column_stack([model.extra, shape]))
     fitted = fit(wider, moments.over(slice(None)), start=errors, steps=steps)
     return Shape(wider, fitted, shape)
+
+
+def shared_channels(model: Model, mask: Mask, errors: Real) -> list[int]:
+    """Channels that three sensors' tell the same of: whatever one of them reads too much.
+
+    Sensors at the corners of a plate have one spare channel of height: every bending out of the
+    plane shows there, and so does each of them if it reads too much.
+    """
+    rows = model.rows(errors) * model.scale[:, None]
+    seen = project(rows, mask).spare * mask
+    length = np.linalg.norm(seen, axis=0)
+    seen = seen / np.where(length > _UNSEEN, length, np.inf)
+    same = np.abs(seen.T @ seen) > _SAME
+    sensors = model.sensors.sensor_of
+    return [k for k, own in enumerate(same) if len(set(sensors[own].tolist())) >= _SHARED]
 
 
 def leading_shape(model: Model, moments: Moments, errors: Real) -> Real:

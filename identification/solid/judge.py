@@ -7,9 +7,9 @@ from scipy.optimize import minimize
 from scipy.special import softmax
 
 from identification.solid.fit import Fitted, Moments, fit
-from identification.solid.flexible import folds
+from identification.solid.flexible import Shape, folds
 from identification.solid.hypotheses import Hypothesis, Key, State, lowest
-from identification.solid.looks import Look, promising, shape_of
+from identification.solid.looks import Look, promising, shapes_of
 from identification.words import Real, Tolerance
 
 _STEPS = 8
@@ -137,13 +137,19 @@ def _judge_shape(one: Hypothesis, look: Look) -> Judged:
     """The same with a shape found where the errors are, its amplitude free in each block."""
     state, moments = look.state, look.moments
     start = look.healthy.errors if look.quiet else state.start
-    data = 0.0
-    for train in folds(moments.gram.shape[1]):
-        found = shape_of(one, state, moments.of_blocks(train), start, _STEPS)
-        data += look.shape_data(moments.of_blocks(~train), found)
-    found = shape_of(one, state, moments, start, _STEPS)
-    errors = found.fitted.errors
-    cost = found.fitted.prior + state.penalty(errors, look.tolerance) + one.cost
-    extra = np.column_stack([state.extra, found.shape])
-    new = replace(state, extra=extra, start=errors)
-    return Judged(one, new, found.fitted, cost + look.price(one), data)
+
+    def shapes(own: Moments) -> list[Shape]:
+        return shapes_of(one, state, own, start, _STEPS)
+
+    halves = [
+        [look.shape_data(moments.of_blocks(~train), shape) for shape in shapes(part)]
+        for train in folds(moments.gram.shape[1])
+        for part in [moments.of_blocks(train)]
+    ]
+    judged = []
+    for found, *data in zip(shapes(moments), *halves, strict=True):
+        errors = found.fitted.errors
+        cost = found.fitted.prior + state.penalty(errors, look.tolerance) + one.cost + found.price
+        new = replace(state, extra=np.column_stack([state.extra, found.shape]), start=errors)
+        judged.append(Judged(one, new, found.fitted, cost, sum(data)))
+    return min(judged, key=lambda each: each.data + each.cost)

@@ -12,6 +12,7 @@ from identification.solid.flexible import (
     channel_shape,
     common_shape,
     noise_scale,
+    shared_channels,
 )
 from identification.solid.hypotheses import READINGS, Hypothesis, Key, State, hypotheses, lowest
 from identification.solid.mounts import mount_of
@@ -25,6 +26,7 @@ _QUIET = 60.0  # nats of prior and of misfit up to which one step from the healt
 _FIRST_STEPS = 4
 _RANK = 1e-6  # of the largest: what no motion shows of a place
 _SHAPE_NATS = 2.0  # for each direction that a shape may take
+_SHARED_NATS = 0.7  # for the one that several sensors share: half of all plates bend that way
 _FEW = 10
 _SCANS = 2
 _COARSE = 3  # of a scan's parameters, one in three when little can be found
@@ -82,11 +84,6 @@ class Look:
         """Noise in the data, in its own units: their number, less where the floor counts."""
         return max(float(self.moments.noise.sum()), 1.0)
 
-    def price(self, one: Hypothesis) -> float:
-        """Nats for finding a direction among the spare ones."""
-        spare = int(self.moments.mask[0].sum()) - self.linear.projections[0].rank
-        return _SHAPE_NATS * (spare - 1) if one.effect == "flexible_body" else 0.0
-
     def shape_data(self, moments: Moments, found: Shape) -> float:
         """The data's part with a free amplitude along a shape in each block."""
         model, errors = self.state.model, found.fitted.errors
@@ -140,7 +137,7 @@ def _mounts(found: list[Found], look: Look, done: frozenset[Key]) -> list[Found]
     more = []
     for one in alone[:_SCANS]:
         key = ("mount_resonance", one.hypothesis.location, one.hypothesis.dof)
-        left_out = shape_of(
+        (left_out,) = shapes_of(
             one.hypothesis, look.state, look.moments, look.state.start, _FIRST_STEPS
         )
         at = mount_of(look.state, left_out, one.hypothesis.channels[0])
@@ -162,23 +159,29 @@ def first_looks(look: Look) -> list[Found]:
     return found
 
 
-def shape_of(one: Hypothesis, state: State, moments: Moments, start: Real, steps: int) -> Shape:
-    """The common shape, or the channel's, with errors fitted beside it.
+def shapes_of(
+    one: Hypothesis, state: State, moments: Moments, start: Real, steps: int
+) -> list[Shape]:
+    """The channel's shape, or common shapes, with errors fitted beside them.
 
     A channel left to itself is a shape too, and where errors of sensors took the shape's part a fit
-    of both from these does not come back: so it begins where the best of the channels ended too.
+    of both from these does not come back: so it begins where the best of the channels ended too. A
+    direction that channels of several sensors share need not be found among all spare ones.
     """
+    model = state.model
     if one.effect != "flexible_body":
-        return channel_shape(state.model, moments, one.channels[0], start, steps)
-    alone = (
-        channel_shape(state.model, moments, channel, start, steps)
-        for channel in range(len(state.data.scale))
-    )
+        return [channel_shape(model, moments, one.channels[0], start, steps)]
+    mask, channels = moments.mask[0], range(len(state.data.scale))
+    alone = [channel_shape(model, moments, channel, start, steps) for channel in channels]
     best = min(alone, key=lambda shape: shape.fitted.data)
-    common = (
-        common_shape(state.model, moments, errors, steps) for errors in (start, best.fitted.errors)
-    )
-    return min(common, key=lambda shape: shape.fitted.data)
+    spare = int(mask.sum()) - project(model.rows(start) * model.scale[:, None], mask).rank
+    price = _SHAPE_NATS * max(spare - 1, 0)
+    found = [
+        replace(common_shape(model, moments, errors, steps), price=price)
+        for errors in (start, best.fitted.errors)
+    ]
+    shared = shared_channels(model, mask, start)
+    return found + [replace(alone[k], price=_SHARED_NATS) for k in shared]
 
 
 def _scans(scanned: list[Hypothesis], look: Look) -> list[Found]:
@@ -273,7 +276,11 @@ def _displaced(one: Hypothesis, state: State, total: Moments) -> Real:
 def _look_at_shape(one: Hypothesis, look: Look) -> Found:
     # What is grossly wrong has driven the healthy fit's errors away: begin anew.
     start, steps = (look.healthy.errors, 2) if look.quiet else (look.state.start, _FIRST_STEPS)
-    shape = shape_of(one, look.state, look.moments, start, steps)
-    data = look.shape_data(look.moments, shape)
-    prior = shape.fitted.prior + look.state.penalty(shape.fitted.errors, look.tolerance)
-    return Found(data / look.scale + prior + one.cost + look.price(one), one, look.state)
+    nats = [
+        look.shape_data(look.moments, shape) / look.scale
+        + shape.fitted.prior
+        + look.state.penalty(shape.fitted.errors, look.tolerance)
+        + shape.price
+        for shape in shapes_of(one, look.state, look.moments, start, steps)
+    ]
+    return Found(min(nats) + one.cost, one, look.state)

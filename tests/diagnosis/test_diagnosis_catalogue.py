@@ -66,7 +66,7 @@ def test_every_effect_says_what_it_means_and_what_would_confirm_it():
             assert not said.endswith(".")
 
 
-@pytest.mark.parametrize("name", [*(EFFECTS.keys() - {"gyroscopic"}), *PROVEN])
+@pytest.mark.parametrize("name", sorted({*EFFECTS, *PROVEN} - {"gyroscopic"}))
 def test_what_confirms_an_effect_says_where(name):
     effect = {**EFFECTS, **PROVEN}[name]
     assert "acc1 and acc2" in effect.said(effect.confirm, "sensor:acc1+acc2", None)
