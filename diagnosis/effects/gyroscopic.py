@@ -60,7 +60,7 @@ def _written(body: str, theta: Real) -> tuple[NotHeld, ...]:
 EFFECT = Effect(
     propose,
     noun="a spinning rotor",
-    means="a rotor spins in the body",
-    confirm="repeat with the rotor at rest: the split of the modes goes",
+    means="a rotor spins in {place}",
+    confirm="repeat with the rotor in {place} at rest: the split of the modes goes",
     undoes=True,
 )

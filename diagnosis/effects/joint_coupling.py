@@ -125,6 +125,6 @@ class _Coupling:
 EFFECT = Effect(
     propose,
     noun="a centre of stiffness elsewhere than drawn",
-    means="the centre of stiffness is elsewhere than drawn",
+    means="the joint of {place} has its centre of stiffness elsewhere than drawn",
     confirm="measure where the springs or bearings of {place} act",
 )
