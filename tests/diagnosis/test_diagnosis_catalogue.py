@@ -82,7 +82,7 @@ def test_what_confirms_an_effect_says_where(name):
         ("sensor_swap", "sensor:acc1", "tx+ty", "knock at acc1 along each axis in turn and"),
         ("sensor_swap", "sensor:acc1+acc2", None, "knock at acc1 and acc2 along each axis"),
         ("hammer_misalignment", "hammer:acc4", "tx", "hit acc4 along x again, guided"),
-        ("missing_dof", "joint:ty", "rz", "the joint of ty: about z, or its own axis nearest to that"),
+        ("missing_dof", "joint:ty", "rz", "the joint of ty: about z, or its own axis"),
         ("drift", "joint:ty", "acc1:+tx", "repeat the hit at acc1:+tx directly before"),
         ("drift", "joint:ty", "b", "repeat the set-up b directly before"),
         ("dead_channel", "sensor:acc1", None, "look at cable and plug of acc1, and"),

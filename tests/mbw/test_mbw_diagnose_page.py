@@ -51,7 +51,7 @@ def test_the_verdict_is_told_in_plain_words_with_cause_place_size_and_gap(texts,
     assert f"{verdict.gap.after.excess:.3g} times" in lead
     assert f"{100 * verdict.gap.closed:.3g} % of what lay beyond the noise is closed." in lead
     assert '<span class="badge good">one cause 98 %</span>' in texts["explained"]
-    assert "<b>gyroscopic</b><br><small>a rotor spins in the body</small>" in texts["explained"]
+    assert "<b>gyroscopic</b><br><small>a rotor spins in stage2</small>" in texts["explained"]
     assert f"<b>What to do next:</b> {verdict.next_experiment}" in texts["explained"]
     drawn, retuned, after = explained.shown.centres
     assert drawn.excess > retuned.excess > after.excess > 0.5
