@@ -1,7 +1,7 @@
 """The search for what explains a gap: scores of all, refits of the most promising."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,31 +14,24 @@ from diagnosis.refit import (
     FIRST,
     FROM_AFAR,
     LAST,
-    LEVELLED,
     LONG,
     PATIENT,
     Refit,
-    asked,
     fitted,
     further,
     go_on,
     refit,
 )
 from diagnosis.score import ALLOWANCE, Score, gains, ranked
+from diagnosis.screen import REFITTED, Direction, Screen, best_of
 from diagnosis.side_by_side import Call, side_by_side
-from tuning import Fit, Stage
+from tuning import Fit
 
-REFITTED = 6  # of the most promising, so many are fitted, as many again if none explains
 _THERE = 9  # of effects where free forces explain most, so many are fitted beside
 _CLOSEST = 2  # of the best scores at the weights of the noise, wherever: allowances hide small gaps
-_OTHERS = 3  # of the best, so many other shapes are fitted
 _PLACES = 2  # where free forces explain most, whose effects are tried
 _VARIANTS = 4  # of each effect, place and direction, so many shapes are scored again
-_PROMISING = 0.03  # of the best score, what is worth a refit
-_LEADING = 0.5  # of the best refit's gain, what goes on by the logarithm
-_AHEAD = 0.75  # of it then, what goes on to the weights of the noise
 _NEAR = 0.2, 0.05, 0.05  # of the best gain, in rounds of further steps: who is no farther goes on
-_SHAPES = 2  # of what leads, of each effect, place and direction
 _WANDERS = 0.8  # of what was left before many steps: who leaves more will not arrive
 _ALMOST = 0.8  # of what a free force explains at most: where it does, effects may begin elsewhere
 _SURE = 10.0  # nats: of a free force that is there
@@ -48,7 +41,6 @@ _LITTLE = 0.1  # beyond, more are tried
 # Of the gap, as the judgement has it, what may be left after each turn: the most promising; where
 # forces push; there from afar; from all that is far there, which takes long; all that is left.
 _ENOUGH = _CLEAR, _CLEAR, _LITTLE, _LITTLE, 1.0
-Direction = tuple[str, str | None]  # a place, and along or about which axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +105,8 @@ class Hunt:
         ]
         near_gained, some_gained = side_by_side(calls, scene.jobs)
         self._rounds = [scored, ranked(near, near_gained), ranked(some, some_gained)]
-        self._far = _Screen(scene, first, FIRST, self._rounds, say)
-        self._close = _Screen(scene, nothing, CLOSE, [self._rounds[1]], say)
+        self._far = Screen(scene, first, FIRST, self._rounds, say)
+        self._close = Screen(scene, nothing, CLOSE, [self._rounds[1]], say)
         self._scene, self._nothing, self._forced, self._say = scene, nothing, forced, say
         self._promising = self._far.best()
         self._elsewhere: list[list[Hypothesis]] = []
@@ -251,118 +243,6 @@ def _elsewhere(
     return found
 
 
-@dataclass
-class _Screen:
-    """First refits with one allowance, which tell who is worth more.
-
-    Args:
-        scene: from where they start.
-        nothing: the fit without any effect there.
-        stages: of the refits.
-        rounds: scores, that choose who is tried.
-        say: told what is being done.
-        begun: those that were made.
-    """
-
-    scene: Scene
-    nothing: Refit
-    stages: tuple[Stage, ...]
-    rounds: Sequence[Sequence[Score]]
-    say: Callable[[str], None]
-    begun: list[Refit] = field(default_factory=list)
-    _level: set[Hypothesis | None] = field(default_factory=set)
-
-    def best(self, pushing: Sequence[Direction] = ()) -> list[Hypothesis]:
-        """The best of each effect and place, taken in turn from the rounds of scores.
-
-        Args:
-            pushing: places, each with a direction; if given, effects are worth a try there
-                whatever their scores, those of one direction in that one as well.
-        """
-        orders = []
-        for scored in self.rounds:
-            least = _PROMISING * scored[0].gain if scored and not pushing else 0.0
-            orders.append([score for score in _best(scored).values() if score.gain > least])
-        if pushing:
-            along = [_best(_along(scored, pushing)) for scored in self.rounds]
-            orders = [
-                [score for score in order if score.hypothesis.location == place]
-                for place, _ in pushing
-                for order in (*orders, *(list(one.values()) for one in along))
-            ]
-        found: dict[Key, Hypothesis] = {}
-        for number in range(2 * REFITTED):
-            for order in orders:
-                if number < len(order) and len(found) < 2 * REFITTED:
-                    one = order[number].hypothesis
-                    found.setdefault(one.key, one)
-        return list(found.values())
-
-    def try_all(
-        self, several: Sequence[Hypothesis], stages: tuple[Stage, ...] | None = None
-    ) -> None:
-        """Refit several, then other shapes of the best, which may end elsewhere.
-
-        Args:
-            several: hypotheses.
-            stages: that they go through, with the same end; the usual ones if None.
-        """
-        self._try(several, stages)
-        best = min(self.begun, key=lambda made: made.cost, default=None)
-        if best is None or best.hypothesis is None:
-            return
-        tried = {made.coordinates for made in self.begun}
-        own = [s.hypothesis for s in self.rounds[0] if s.hypothesis.key == best.hypothesis.key]
-        self._try([one for one in own if one.coordinates not in tried][:_OTHERS])
-
-    def try_other_directions(self) -> None:
-        """Refit what is best in the directions, or tests, that were not tried of it.
-
-        About a fit without a strong effect another direction may score higher than its own.
-        """
-        best = min(self.begun, key=lambda made: made.cost, default=None)
-        if best is None or best.hypothesis is None:
-            return
-        site = best.hypothesis.site
-        tried = {made.key for made in self.begun}
-        others: dict[Key, Hypothesis] = {}
-        for score in (score for scored in self.rounds for score in scored):
-            if score.hypothesis.site == site and score.hypothesis.key not in tried:
-                others.setdefault(score.hypothesis.key, score.hypothesis)
-        self._try(list(others.values()))
-
-    def _try(self, several: Sequence[Hypothesis], stages: tuple[Stage, ...] | None = None) -> None:
-        campaign = self.scene.session.campaign
-        tasks = [asked(self.scene, one, campaign, stages or self.stages) for one in several]
-        for made in fitted(self.scene, tasks):
-            if made.hypothesis is not None:
-                self.say(f"refitted: {made.hypothesis.words}")
-            self.begun.append(made)
-
-    def levelled(self) -> list[Refit]:
-        """Those that lead when those that led have gone the way by the logarithm once more."""
-        led = [made for made in self.leading(_LEADING) if made.hypothesis not in self._level]
-        tasks = [further(made, (LEVELLED, *self.stages)) for made in led]
-        again = {made.hypothesis: made for made in fitted(self.scene, tasks)}
-        self._level |= again.keys()
-        self.begun = [
-            min(made, again.get(made.hypothesis, made), key=lambda one: one.cost)
-            for made in self.begun
-        ]
-        return self.leading(_AHEAD)
-
-    def leading(self, part: float) -> list[Refit]:
-        """Those that gain at least so much of what the best does, of each key a few shapes."""
-        gains = [self.nothing.cost - one.cost for one in self.begun]
-        least = part * max(gains, default=0.0)
-        order = sorted(range(len(gains)), key=lambda k: -gains[k])
-        found: list[Refit] = []
-        for made in (self.begun[k] for k in order if gains[k] >= least > 0):
-            if sum(one.key == made.key for one in found) < _SHAPES:
-                found.append(made)
-        return found
-
-
 def _one_each(refits: Sequence[Refit]) -> list[Refit]:
     """The best shape of each effect, place and direction."""
     found: dict[Key, Refit] = {}
@@ -382,26 +262,9 @@ def _variants(scored: Sequence[Score]) -> list[Hypothesis]:
     return [one for own in found.values() for one in own]
 
 
-def _along(scored: Sequence[Score], pushing: Sequence[Direction]) -> list[Score]:
-    """Those of one direction, along which a force pushes there."""
-    return [
-        score
-        for score in scored
-        if (score.hypothesis.location, score.hypothesis.dof) in pushing and score.gain > 0
-    ]
-
-
-def _best(scored: Sequence[Score]) -> dict[tuple[str, str], Score]:
-    """The best score of each effect and place, the most promising first."""
-    found: dict[tuple[str, str], Score] = {}
-    for score in scored:
-        found.setdefault((score.hypothesis.effect, score.hypothesis.location), score)
-    return found
-
-
 def _rows(rounds: Sequence[Sequence[Score]]) -> tuple[Scored, ...]:
     """Gains of each effect and place at every allowance."""
-    found = [_best(scored) for scored in rounds]
+    found = [best_of(scored) for scored in rounds]
     return tuple(
         Scored(
             effect=effect,

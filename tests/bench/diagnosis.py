@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from diagnosis import diagnose, oracle, told_of, verdict_of
 from diagnosis.evidence import Scored
-from diagnosis.search import REFITTED
+from diagnosis.screen import REFITTED
 from identification import Fault
 from tests.bench.kept import cases
 from truth import (

@@ -216,17 +216,22 @@ def test_the_tree_of_bodies_is_that_of_the_joints(scene):
         assert parent is None or joined(machine, parent, body)
 
 
-def test_a_slide_without_stiffness_couples_nothing(tmp_path):
+def freed(tmp_path, sizes):
+    """A machine one slide of which is drawn without these sizes, and its couplings by place."""
     folder = tmp_path / "campaign"
     drawn(tmp_path, 72_001, lines=61)
     text = (folder / "model.xml").read_text()
     at = text.index('name="stage3_tx"')
     end = text.index("/>", at)
-    freed = re.sub(r'(stiffness|damping)="[^"]*"', r'\1="0"', text[at:end])
-    (folder / "model.xml").write_text(text[:at] + freed + text[end:])
+    zero = re.sub(rf'({sizes})="[^"]*"', r'\1="0"', text[at:end])
+    (folder / "model.xml").write_text(text[:at] + zero + text[end:])
     session = open_session(folder)
     scene = Scene(session, session.model.drawn)
-    made = {one.location: one for one in EFFECTS["joint_coupling"](scene)}
+    return scene, {one.location: one for one in EFFECTS["joint_coupling"](scene)}
+
+
+def test_a_slide_without_stiffness_couples_nothing(tmp_path):
+    scene, made = freed(tmp_path, "stiffness|damping")
     assert len(made["joint:stage2"].follow) == 6
     assert sorted(made["joint:stage3"].follow.values()) == [
         "stage3_ty.damping",
@@ -235,21 +240,11 @@ def test_a_slide_without_stiffness_couples_nothing(tmp_path):
         "stage3_tz.stiffness",
     ]
     for one in made.values():
-        posed(scene, one, session.campaign)
+        posed(scene, one, scene.session.campaign)
 
 
 def test_a_free_drive_with_a_damper_couples_by_that(tmp_path):
-    folder = tmp_path / "campaign"
-    drawn(tmp_path, 72_001, lines=61)
-    text = (folder / "model.xml").read_text()
-    at = text.index('name="stage3_tx"')
-    end = text.index("/>", at)
-    freed = re.sub(r'stiffness="[^"]*"', 'stiffness="0"', text[at:end])
-    (folder / "model.xml").write_text(text[:at] + freed + text[end:])
-    session = open_session(folder)
-    made = {
-        one.location: one for one in EFFECTS["joint_coupling"](Scene(session, session.model.drawn))
-    }
+    _, made = freed(tmp_path, "stiffness")
     follow = made["joint:stage3"].follow.values()
     assert "stage3_tx.damping" in follow
     assert "stage3_tx.stiffness" not in follow

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from small_machine import virtual_campaign
 
-from identification.words import Campaign
 from mbmodel import Evaluator, Model, Question
 from mbmodel.parts import JointPart
-from tuning import Misfit, Wishes, freedom, predict, runs
+from tuning import Misfit, Wishes, freedom, runs
 
 # What varies: sensors have blocks of their own unless they are tied to others or within.
 WISHES = {
@@ -307,102 +306,3 @@ def test_the_order_of_tests_and_channels_does_not_matter(whole, mixed, varies, l
     assert two[0] == pytest.approx(one[0], rel=1e-12)
     close(two[1], one[1], size * np.sqrt(one[0]))
     close(two[2].dense(), one[2].dense(), np.outer(size, size))
-
-
-def without(test, row):
-    """The test without a channel."""
-    estimate = test.estimate
-    rows = [k for k in range(len(estimate.frf.outputs)) if k != row]
-    frf = estimate.frf.select([estimate.frf.outputs[k] for k in rows], estimate.frf.inputs)
-    cut = replace(
-        estimate, frf=frf, variance=estimate.variance[:, rows], measured=estimate.measured[rows]
-    )
-    return replace(test, estimate=cut)
-
-
-def silenced(test, row, *, measured):
-    """The test with a channel of zeros, as a cable that was not plugged in gives."""
-    estimate = test.estimate
-    values, variance = estimate.frf.values.copy(), estimate.variance.copy()
-    mask = estimate.measured.copy()
-    values[:, row], variance[:, row], mask[row] = 0.0, 0.0, measured
-    changed = replace(
-        estimate, frf=replace(estimate.frf, values=values), variance=variance, measured=mask
-    )
-    return replace(test, estimate=changed)
-
-
-@pytest.mark.parametrize("logarithmic", [True, False])
-@pytest.mark.parametrize("measured", [False, True], ids=["masked", "dead"])
-def test_a_channel_that_holds_nothing_does_not_count(whole, mixed, varies, logarithmic, measured):
-    x, row = somewhere(varies), 7
-    first, *others = mixed.tests
-    lost = replace(mixed, tests=(without(first, row), *others))
-    silent = replace(mixed, tests=(silenced(first, row, measured=measured), *others))
-    one, two = (
-        Misfit(whole, campaign, varies, allowance=0.0, logarithmic=logarithmic)
-        for campaign in (lost, silent)
-    )
-    assert one.values == two.values
-    assert two.value(x) == pytest.approx(one.value(x), rel=1e-12)
-
-
-def shifted(campaign, hz) -> Campaign:
-    tests = []
-    for test in campaign.tests:
-        frf = replace(test.estimate.frf, freq_hz=test.estimate.frf.freq_hz + hz)
-        tests.append(replace(test, estimate=replace(test.estimate, frf=frf)))
-    return replace(campaign, tests=tuple(tests))
-
-
-@pytest.mark.parametrize("logarithmic", [True, False])
-def test_the_line_at_rest_does_not_count(model, campaign, logarithmic):
-    # Measured accelerance at 0 Hz is noise, the model's is zero and has no logarithm.
-    at_rest = shifted(campaign, -5.0)
-    assert at_rest.freq_hz[0] == 0
-    varies = freedom(model, campaign.tolerance)
-    x = somewhere(varies)
-    one, two = (
-        Misfit(model, some, varies, allowance=0.1, logarithmic=logarithmic).normal(x)
-        for some in (at_rest, at_rest.lines(slice(1, None)))
-    )
-    assert one[0] == pytest.approx(two[0], rel=1e-12)
-    np.testing.assert_allclose(one[1], two[1], rtol=1e-9)
-    np.testing.assert_allclose(one[2].dense(), two[2].dense(), rtol=1e-9, atol=1e-9 * one[0])
-
-
-def test_a_large_allowance_weighs_every_point_by_its_motion_alone(whole, mixed, varies):
-    # Noise of 3 % is nothing beside an allowance of 30: the cost falls with its square.
-    x = somewhere(varies)
-    wide, wider = (Misfit(whole, mixed, varies, allowance=a) for a in (30.0, 60.0))
-    data = [cost.value(x) - cost.prior(x) for cost in (wide, wider)]
-    assert data[0] == pytest.approx(4 * data[1], rel=1e-3)
-
-
-def test_a_prediction_answers_in_the_labels_of_the_test(model, campaign, flip):
-    straight, turned = (predict(model, model.drawn, some) for some in (campaign, flip(campaign)))
-    assert turned[0][:, 0] == pytest.approx(straight[0][:, 0])  # channel and hammer both turned
-    assert turned[0][:, 1:] == pytest.approx(-straight[0][:, 1:])
-    assert turned[1] == pytest.approx(straight[1])
-
-
-def test_the_logarithm_of_values_near_the_noise_does_not_count(model, campaign):
-    varies = freedom(model, campaign.tolerance)
-
-    def at(first):
-        """The campaign with a signal to noise of 100 from some line on, of 4.5 before."""
-        tests = []
-        for test in campaign.tests:
-            estimate = test.estimate
-            variance = np.abs(estimate.frf.values) ** 2 / 1e4
-            variance[:first] *= 1e4 / 20
-            known = replace(estimate, variance=variance, variance_source="differences")
-            tests.append(replace(test, estimate=known))
-        return replace(campaign, tests=tuple(tests))
-
-    def values(tests, *, logarithmic):
-        return Misfit(model, tests, varies, allowance=0.1, logarithmic=logarithmic).values
-
-    assert values(at(20), logarithmic=False) == values(at(0), logarithmic=False)
-    heard = values(at(0).lines(slice(20, None)), logarithmic=True)
-    assert values(at(20), logarithmic=True) == heard < values(at(0), logarithmic=True)
