@@ -39,7 +39,8 @@ def silent(campaign: Campaign) -> dict[Dof, str]:
 
     Of noise alone n averages give a coherence with the median 1 - 2^(-1 / (n - 1)) (Bendat and
     Piersol, ch. 9): with few averages that is not little. Without coherence the power of an FRF
-    over the variance of its noise has the mean 1 there.
+    over the variance of its noise has the mean 1 there. Where the others hear little too, the hit
+    was weak and says nothing; one good hit of all is enough.
 
     Returns:
         By channel, how little it reads and what others do, in words.
@@ -52,9 +53,9 @@ def silent(campaign: Campaign) -> dict[Dof, str]:
             if not none:
                 known.setdefault(dof.positive, []).append(heard)
     return {
-        dof: max(found, key=lambda heard: heard.value).words
+        dof: max(good, key=lambda heard: heard.value).words
         for dof, found in known.items()
-        if found and all(heard.nothing for heard in found)
+        if all(heard.nothing for heard in found) and (good := [one for one in found if one.good])
     }
 
 
@@ -65,19 +66,23 @@ class _Heard:
     Args:
         value, others: coherence, or power over the noise's.
         noise: below which there is nothing of the hit.
-        good: above which the others show that the hit itself was good.
+        loud: above which the others show that the hit itself was good.
         unit: what they are.
     """
 
     value: float
     others: float
     noise: float
-    good: float
+    loud: float
     unit: str
 
     @property
     def nothing(self) -> bool:
-        return self.value < self.noise and self.others > self.good
+        return self.value < self.noise
+
+    @property
+    def good(self) -> bool:
+        return self.others > self.loud
 
     @property
     def words(self) -> str:

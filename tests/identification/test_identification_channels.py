@@ -68,6 +68,23 @@ def test_a_channel_that_lost_its_coherence_alone_is_dead(campaign) -> None:
     assert "at most 0.02 where others have 0.9" in remark
 
 
+def test_a_hit_that_nobody_hears_well_says_nothing_of_a_dead_channel(campaign) -> None:
+    def edit(values, coherence):
+        coherence[:, 1] = 0.02
+
+    first, *others = campaign(edit).tests
+
+    def faint(test):
+        quiet = np.minimum(test.estimate.coherence, 0.3)
+        return replace(test, estimate=replace(test.estimate, coherence=quiet))
+
+    made = replace(campaign(), tests=(first, *map(faint, others)))
+    assert [str(dof) for dof in silent(made)] == ["acc2:+tz"]
+    assert silent(replace(made, tests=tuple(map(faint, made.tests)))) == {}
+    heard = campaign().tests[0]
+    assert silent(replace(made, tests=(*made.tests, heard))) == {}
+
+
 @pytest.mark.parametrize("averages", [3, 5, 10])
 def test_noise_has_the_coherence_of_few_averages(campaign, averages) -> None:
     rng = np.random.default_rng(7)
