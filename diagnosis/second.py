@@ -68,7 +68,7 @@ def searched(
     nothing = without[-1]
     hunt = Hunt(scene, without, proposed, say)
     found = with_second(scene, nothing, hunt.go(TURNS), proposed, say)
-    if hunt.enough or any(both.chi_square - 1 < _EXACT for both in found.pairs):
+    if hunt.enough or any(made.chi_square - 1 < _EXACT for made in (*found.refits, *found.pairs)):
         return found
     more = hunt.go()
     first, before = (next(iter(tried.refits), None) for tried in (more, found))

@@ -209,6 +209,7 @@ def descend(
         damping=_FAR if stage.allowance > 0 else _NEAR,
         tolerance=stage.tolerance,
         max_steps=stage.max_steps,
+        curved=stage.curved,
         report=report,
     )
 

@@ -14,6 +14,13 @@ Where residuals are large N lacks their curvature, and each step goes too far by
 errors shrink slowly, to and fro. A step of which a parabola through J, its slope and what was
 reached says that it should have been longer or shorter by 15 % is tried at that length too (ch.
 3.5), which costs one J.
+
+Where residuals turn while their size stays, N has a hundred times the curvature of J along the
+bottom of a valley, and each step goes a hundredth of the way, always as promised. There, on demand,
+conjugate gradients solve for the step with J's own curvature, which differences of its gradient
+tell, and with N as the preconditioner (Steihaug 1983; ch. 7.1): all but the few directions that N
+gets wrong are done in the first of their rounds. It goes no farther than a trust radius in units
+of the Gauss-Newton step, along directions without curvature as far as that.
 """
 
 from collections.abc import Callable
@@ -32,6 +39,13 @@ LARGEST_STEP = 0.7
 _KEPT = 0.03  # by which a step may miss its promise for the normal equations to be kept
 _LONGEST = 2.0  # of what N says, that a step may become
 _OFF = 0.15  # by which a step's best length must miss it for another to be tried
+_CREEPS = 0.5  # of what the step before promised: who promises more hardly comes nearer
+_SLIGHT = 0.03  # of what is enough, that a step may promise whose curvature is asked for
+_ROUNDS_OF_CG = 12
+_SOLVED = 0.01  # of the gradient, in the metric of the preconditioner, that they may leave
+_DIFFERENCE = 0.1  # of the Gauss-Newton step, over which gradients are compared
+_SHORTER = 3.0  # times, while a longer step does not help, and how often
+_TRIES = 3
 _STUCK = 1e9  # damping at which no step helps any more
 _ROUNDS = 200
 _FLAT = 1e-12  # of the largest diagonal: keeps directions that nothing sees where they are
@@ -80,6 +94,8 @@ class _State:
     x: Real
     damping: float = 1e-3
     evaluations: int = 0
+    creeping: bool = False
+    radius: float = 10.0  # of a step by J's own curvature, in Gauss-Newton steps
 
 
 def gauss_newton(  # noqa: PLR0913  # one for each option
@@ -92,6 +108,7 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
     promise: float = 0.01,
     tolerance: float = 1e-7,
     max_steps: int = 60,
+    curved: bool = False,
     report: Callable[[int, float], None] | None = None,
 ) -> Minimum:
     """Minimise a sum of squares.
@@ -109,6 +126,7 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
         promise: it ends when the next step will promise less, in nats;
         tolerance: or less than this part of J.
         max_steps: at which to stop.
+        curved: whether steps that creep are made longer by J's own curvature.
         report: told the evaluation's number and the best value so far.
     """
     state = _State(np.clip(start, box.lower, box.upper), damping)
@@ -128,9 +146,10 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
             promised, value = _advance(problem, state, box, here, enough, patient=fresh)
             # Steps that do what they promise shrink at a steady rate: the next of their kind will
             # promise less than this by as much again.
+            state.creeping = curved and promised > _CREEPS * before[fresh] > 0
             steady = before[fresh] > 0 and old - value > 0.5 * promised
             rate = min(promised / before[fresh], 1.0) if steady else 1.0
-            if promised * rate < enough:
+            if promised * rate < enough and not (state.creeping and old - value > enough):
                 return _ended(state, value, "converged", "")
             before[fresh] = promised
             if abs(old - value - promised) < _KEPT * promised + promise:
@@ -172,6 +191,12 @@ def _advance(
         if np.isfinite(found) and value - found > 0.05 * promised > 0:
             if value - found > 0.5 * promised:
                 state.damping = max(state.damping / 10, 1e-9)
+            if patient and state.creeping and promised > _SLIGHT * enough:
+                known = step, lower, upper
+                other, reached = _farther(problem, state, here, added, known, found)
+                if reached < found:
+                    state.x = np.clip(state.x + other, box.lower, box.upper)
+                    return promised, reached
             length = _best_length(slope, found - value)
             if abs(length - 1) > _OFF and promised > enough:
                 other = np.clip(length * step, lower, upper)
@@ -188,6 +213,83 @@ def _advance(
         state.damping *= 10
     state.damping = 1e-3
     return 0.0, value
+
+
+def _farther(
+    problem: Problem,
+    state: _State,
+    here: Quadratic,
+    added: Real,
+    known: tuple[Real, Real, Real],
+    least: float,
+) -> tuple[Real, float]:
+    """A step by J's own curvature, and J there; the one that is known if none is lower.
+
+    Args:
+        problem: what is minimised.
+        state: where.
+        here: J, its gradient and N.
+        added: to N's diagonal.
+        known: Gauss-Newton's step and its bounds.
+        least: J after that step.
+    """
+    step, lower, upper = known
+    aim = _by_curvature(problem, state, here, added, known)
+    state.radius *= _SHORTER
+    for _ in range(_TRIES):
+        farther = np.clip(step + aim, lower, upper)
+        reached = problem.value(state.x + farther)
+        state.evaluations += 1
+        if reached < least:
+            return farther, reached
+        aim, state.radius = aim / _SHORTER, max(state.radius / _SHORTER, 1.0)
+    return step, least
+
+
+def _by_curvature(
+    problem: Problem,
+    state: _State,
+    here: Quadratic,
+    added: Real,
+    known: tuple[Real, Real, Real],
+) -> Real:
+    """What conjugate gradients add to Gauss-Newton's step; what it has put on bounds stays."""
+    _, slope, normal = here
+    step, lower, upper = known
+    free = (step > lower) & (step < upper)
+
+    def metric(one: Real, other: Real) -> float:
+        return float(one @ (normal.times(other) + added * other))
+
+    size = np.sqrt(metric(step, step))
+
+    def bent(way: Real) -> Real:
+        """J's second derivatives times a way."""
+        near = _DIFFERENCE * size / np.sqrt(metric(way, way))
+        state.evaluations += 1
+        changed: Real = np.where(free, problem(state.x + near * way)[1] - slope, 0.0) / near
+        return changed
+
+    found: Real = np.zeros(len(step))
+    left = np.where(free, -slope, 0.0) - bent(step)
+    better = normal.solve(left, added, free)
+    way, power = better, float(left @ better)
+    enough = _SOLVED * power
+    for _ in range(_ROUNDS_OF_CG):
+        if not power > enough > 0:
+            break
+        pressed = bent(way)
+        bend, length = float(way @ pressed), metric(way, way)
+        across, beyond = metric(found, way), metric(found, found) - (state.radius * size) ** 2
+        edge = float(np.sqrt(across**2 - length * beyond) - across) / length
+        if bend * edge <= power:
+            return found + edge * way
+        found = found + power / bend * way
+        left = left - power / bend * pressed
+        better = normal.solve(left, added, free)
+        power, before = float(left @ better), power
+        way = better + power / before * way
+    return found
 
 
 def _best_length(slope: float, change: float) -> float:

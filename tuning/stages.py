@@ -24,6 +24,7 @@ class Stage:
         everything: whether tolerances vary too, or only what has no prior.
         at_bodies: whether differences count at the centres of mass instead of the channels.
         max_steps: of Gauss-Newton, at which it stops wherever it is.
+        curved: whether steps that creep are made longer by the misfit's own curvature.
         sparse: normal equations are those of every so manyth of its lines, of 128 at least.
     """
 
@@ -34,6 +35,7 @@ class Stage:
     everything: bool = False
     at_bodies: bool = False
     max_steps: int = 60
+    curved: bool = False
     sparse: int = 1
 
     def misfit(

@@ -7,8 +7,10 @@ At a point p the upper body moves against the lower one by
 and the link answers with K r + s C r, K and C symmetric: springs and dampers along any three axes,
 or along one alone. So it adds R' (K + s C) R, and no force on both bodies together. It is scored
 along the world's axes, halfway between the centres of mass and at six points about that; from the
-best of them point and axes are fitted, with dR/dp linear in p. A strut is the same anywhere along
-its line. What is stated is the mean, weighted by the stiffness,
+best of them point and axes are fitted, with dR/dp linear in p. A fit may also begin with a link as
+stiff in all directions as the upper body's slides are drawn: from none at all to a strong one it is
+many steps, while joints give way that a fit without it made too stiff. A strut is the same anywhere
+along its line. What is stated is the mean, weighted by the stiffness,
 
     k = tr(K K) / tr K,   c = tr(K C) / tr K:
 
@@ -21,7 +23,7 @@ from itertools import combinations
 
 import numpy as np
 
-from diagnosis.effects.points import joined
+from diagnosis.effects.points import joined, springs_of
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import AddedPart, Addition, Change, Machine, NotHeld, Parameter, linked, transport
@@ -52,6 +54,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                     scored=link.along_axes,
                     signed=True,
                     bounds=link.bounds,
+                    otherwise=link.firm,
                     state=link.state,
                 )
 
@@ -86,6 +89,16 @@ class _Link:
         self.along_axes = tuple(f"{called}.{kind}_{e}" for kind in kinds for e in _ENTRIES[:3])
         across = tuple(f"{called}.{kind}_{e}" for kind in kinds for e in _ENTRIES[3:])
         self._names = (*self.along_axes, *across, *(f"{called}.point_{axis}" for axis in "xyz"))
+
+    @property
+    def firm(self) -> tuple[dict[str, float], ...]:
+        """As stiff as the slides of the upper body's joint are drawn; none where none is sprung."""
+        own = springs_of(self._machine, self._bodies[1])
+        slides = [s.stiffness for s in self._machine.springs if s.name in own and not s.angular]
+        if not any(slides):
+            return ()
+        size = float(np.median([one for one in slides if one > 0])) / float(self._units[0])
+        return (dict.fromkeys(self.along_axes[:3], size),)
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:

@@ -135,6 +135,17 @@ def test_a_point_mass_states_its_mass_and_place(scene):
     np.testing.assert_allclose(said["position"], place, rtol=1e-9)
 
 
+def test_a_link_may_begin_as_stiff_as_the_slides_of_its_upper_body_are_drawn(scene):
+    springs = scene.model.machine.springs
+    for one in EFFECTS["parallel_path"](scene):
+        upper = one.location.rpartition("-")[2]
+        own = [s.stiffness for s in springs if s.location == f"joint:{upper}" and not s.angular]
+        (begun,) = one.otherwise
+        (part,) = one.parts
+        values = {p.name: begun.get(p.name, 0.0) for p in part.parameters}
+        assert one.state(values)["stiffness"] == pytest.approx(np.median(own))
+
+
 def test_a_link_states_what_it_has_in_each_direction_or_in_its_own(scene):
     one = next(EFFECTS["parallel_path"](scene))
     (part,) = one.parts
