@@ -10,8 +10,9 @@ from identification import check_bodies
 from identification.solid import search
 from identification.solid.fit import Model, Moments, fit
 from identification.solid.gather import body_data, gather
-from identification.solid.hypotheses import hypotheses
-from identification.solid.judge import _judge, rank
+from identification.solid.hypotheses import State, hypotheses
+from identification.solid.judge import _begun_elsewhere, _judge, rank
+from identification.solid.looks import Look
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 LINES = 200
@@ -366,3 +367,21 @@ def test_what_was_named_while_a_dead_channel_was_believed_is_asked_again(monkeyp
     found = check(Case(1201, lines=LINES, read=read_times(4, 0.0)))
     assert [one.effect for one in found.faults] == ["dead_channel"]
     assert asked == [0, 0, 1, 0, 1]  # misled, the dead one, the rest; then the dead one first
+
+
+def test_a_healthy_body_is_fitted_from_where_the_best_fault_ended_too():
+    campaign = draw(Case(5001, sensors=3, lines=120, noise=1e-3))
+    data = body_data(gather(campaign), campaign, campaign.layout.bodies[0])
+    state = State.healthy(data, campaign.tolerance)
+    look = Look.at(state, campaign.tolerance)
+    healthy = _judge(None, state, look)
+    turned = next(one for one in hypotheses(state) if one.effect == "sensor_misalignment")
+    fault = _judge(turned, turned.states(state)[0], look)
+    # An end with tolerances of ten standard deviations, which the release of one got past.
+    stuck = replace(healthy, cost=healthy.cost + 150)
+    found = _begun_elsewhere([stuck, fault], state, look)
+    assert found.hypothesis is None
+    assert found.cost == pytest.approx(healthy.cost, abs=0.1)
+    assert found.data == pytest.approx(healthy.data, abs=0.5)
+    assert _begun_elsewhere([healthy, fault], state, look) is healthy
+    assert _begun_elsewhere([stuck], state, look) is stuck
