@@ -1,64 +1,13 @@
 """Gauss-Newton between bounds: its steps against SciPy, its minima against known ones."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 import scipy.optimize
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from tuning.newton import Box, bounded_step, gauss_newton
-from tuning.normal import Arrow
-
-
-def arrow_of(dense, own=0):
-    """An arrow of a matrix whose last ``own`` coordinates are one block."""
-    n = len(dense)
-    shared, block = np.arange(n - own), np.arange(n - own, n)
-    count = 1 if own else 0
-    return Arrow(
-        dense[np.ix_(shared, shared)],
-        dense[np.ix_(block, shared)].reshape(count, own, n - own),
-        dense[np.ix_(block, block)].reshape(count, own, own),
-        shared,
-        block.reshape(count, own),
-    )
-
-
-@dataclass(eq=False)
-class Squares:
-    """J = sum r^2 + 1/2 sum precision x^2 of residuals r(x) with their Jacobian."""
-
-    residual: object
-    jacobian: object
-    precision: np.ndarray
-    calls: int = 0
-    interrupt_at: int = -1
-
-    def value(self, x):
-        self.calls += 1
-        if self.calls == self.interrupt_at:
-            raise KeyboardInterrupt
-        with np.errstate(all="ignore"):
-            r = self.residual(x)
-        return float(r @ r + 0.5 * self.precision @ x**2)
-
-    def __call__(self, x):
-        return self.normal(x)[:2]
-
-    def normal(self, x):
-        value = self.value(x)
-        with np.errstate(all="ignore"):
-            r, jacobian = self.residual(x), self.jacobian(x)
-        gradient = 2 * jacobian.T @ r + self.precision * x
-        return value, gradient, arrow_of(2 * jacobian.T @ jacobian, own=1)
-
-
-def box_of(n, lower=-np.inf, upper=np.inf, precision=0.0):
-    return Box(
-        *(np.broadcast_to(np.asarray(v, float), n).copy() for v in (lower, upper, precision))
-    )
+from tests.helpers.squares import TRUTH, Squares, arrow_of, box_of, decay
+from tuning.newton import bounded_step, gauss_newton
 
 
 def rosenbrock():
@@ -66,30 +15,6 @@ def rosenbrock():
         lambda x: np.array([1 - x[0], 10 * (x[1] - x[0] ** 2)]),
         lambda x: np.array([[-1.0, 0.0], [-20 * x[0], 10.0]]),
         np.zeros(2),
-    )
-
-
-TIME = np.linspace(0.0, 3.0, 40)
-TRUTH = np.array([0.4, 0.9, 0.8, -0.2])
-
-
-def decay(noise=0.0, precision=0.0):
-    """Two decays, sizes and rates by their logarithms: exp(x0 - e^x1 t) + exp(x2 - e^x3 t / 4)."""
-
-    def parts(x):
-        one = np.exp(x[0] - np.exp(x[1]) * TIME)
-        two = np.exp(x[2] - 0.25 * np.exp(x[3]) * TIME)
-        return one, two
-
-    measured = sum(parts(TRUTH)) + noise * np.random.default_rng(6).normal(size=len(TIME))
-
-    def jacobian(x):
-        one, two = parts(x)
-        rates = -np.exp(x[1]) * TIME * one, -0.25 * np.exp(x[3]) * TIME * two
-        return np.stack([one, rates[0], two, rates[1]], axis=1) / 0.01
-
-    return Squares(
-        lambda x: (sum(parts(x)) - measured) / 0.01, jacobian, np.full(4, float(precision))
     )
 
 
@@ -367,67 +292,3 @@ def test_normal_equations_that_somebody_knew_may_be_wrong(wrong):
     found = gauss_newton(problem, start, box_of(2), known=known, promise=1e-14, tolerance=0.0)
     alone, _ = normals_until_the_end()
     assert found.x == pytest.approx(alone.x, abs=1e-5)
-
-
-TURNS = 12.0  # radians that the residual turns per unit of x
-
-
-def turning(x):
-    """A residual that turns and stays as large, beside one that wants x at 3 and one at 1."""
-    turns = np.cos(TURNS * x[0]), np.sin(TURNS * x[0])
-    return np.array([*turns, x[0] - 3, x[1] - 1, 0.1 * x[0] * x[1]])
-
-
-def slopes_of_turning(x):
-    first = [-TURNS * np.sin(TURNS * x[0]), TURNS * np.cos(TURNS * x[0]), 1.0, 0.0, 0.1 * x[1]]
-    return np.array([first, [0.0, 0.0, 0.0, 1.0, 0.1 * x[0]]]).T
-
-
-def turned(curved, steps, start=0.0, **box):
-    problem = Squares(turning, slopes_of_turning, np.zeros(2))
-    return gauss_newton(
-        problem,
-        np.array([start, 0.0]),
-        box_of(2, **box),
-        promise=1e-9,
-        tolerance=0.0,
-        max_steps=steps,
-        curved=curved,
-    )
-
-
-def test_where_residuals_turn_steps_by_their_own_curvature_arrive():
-    best = scipy.optimize.minimize(lambda x: turning(x) @ turning(x), [3.0, 1.0], tol=1e-14)
-    # N is J's curvature 145 times: each step goes 1 / 145 of the way.
-    crept = turned(curved=False, steps=30)
-    assert crept.x[0] < 1.5
-    arrived = turned(curved=True, steps=30)
-    assert arrived.outcome == "converged"
-    assert arrived.x == pytest.approx(best.x, abs=1e-4)
-    assert arrived.value == pytest.approx(best.fun, abs=1e-8)
-    assert arrived.evaluations < 150
-
-
-def test_steps_by_curvature_stay_inside_bounds():
-    found = turned(curved=True, steps=40, upper=[2.0, 0.5])
-    assert found.outcome == "converged"
-    assert found.x == pytest.approx([2.0, 0.5], abs=1e-9)
-
-
-def test_steps_by_curvature_never_rise():
-    values = []
-    problem = Squares(turning, slopes_of_turning, np.zeros(2))
-    gauss_newton(
-        problem, np.array([-5.0, 4.0]), box_of(2), curved=True, report=lambda _, j: values.append(j)
-    )
-    assert len(values) > 3
-    assert (np.diff(values) <= 0).all()
-
-
-def test_without_creeping_curvature_costs_nothing():
-    start = TRUTH + 0.1
-    one, other = (
-        gauss_newton(decay(), start, box_of(4), curved=curved) for curved in (False, True)
-    )
-    assert one.evaluations == other.evaluations
-    assert (one.x == other.x).all()
