@@ -126,7 +126,7 @@ def with_second(
         return found
     best = min(pairs, key=lambda both: both.cost)
     if best.chi_square - 1 > _LEFT * (first.chi_square - 1):
-        return replace(found, pairs=tuple(sorted(pairs, key=lambda both: both.cost)))
+        return replace(found, pairs=ordered(scene, pairs))
     second = beside[0]
     known = next((made for made in found.refits if made.key == second.key), None)
     lone = by_itself(scene, second, proposed) if known is None else further(known, LONG)
@@ -145,7 +145,7 @@ def with_second(
     return replace(
         found,
         refits=tuple(sorted(single.values(), key=lambda made: made.cost)),
-        pairs=tuple(sorted(pairs, key=lambda both: both.cost)),
+        pairs=ordered(scene, pairs),
     )
 
 
@@ -165,6 +165,12 @@ def _pair(one: Hypothesis, both: Refit) -> Refit:
     if both.hypothesis is None:
         raise ValueError("nothing was fitted beside the first")
     return replace(both, hypothesis=together((one, both.hypothesis)))
+
+
+def ordered(scene: Scene, pairs: Sequence[Refit]) -> tuple[Refit, ...]:
+    """The best first, with what it leaves if tolerances have no bounds, where it leaves much."""
+    best, *others = sorted(pairs, key=lambda both: both.cost)
+    return (unbounded(scene, best) if best.chi_square - 1 > _EXACT else best, *others)
 
 
 def by_itself(scene: Scene, second: Refit, proposed: Sequence[Hypothesis]) -> Task:

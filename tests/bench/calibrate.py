@@ -41,7 +41,7 @@ BEGIN = {
     "temper": 3e-3,
     "share": 0.1,
 }
-_OUTLIER, _SURE = 4.0, 0.98
+_OUTLIER, _SURE = 4.5, 0.98
 _Cause = tuple[str, str]  # effect, place
 
 

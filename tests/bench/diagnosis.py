@@ -9,6 +9,7 @@ twentieth is diagnosed by two threads too, which must say the same to the last d
 
 import json
 import resource
+import subprocess
 import time
 import tomllib
 from collections.abc import Sequence
@@ -75,6 +76,9 @@ MACHINE = (
 )
 NONLINEAR = ("backlash", "friction", "hardening")
 RATIOS = (2.0, 4.0, 8.0)
+COMMIT = subprocess.run(
+    ("git", "describe", "--always", "--dirty"), capture_output=True, text=True, check=False
+).stdout.strip()
 RIGID = 2  # directions of every machine that are rigid, for one of them may be what is missing
 
 
@@ -108,13 +112,11 @@ class Deck:
         name: of the bench.
         first: seed.
         cards: what is drawn.
-        spent: numbers that taught something, and are not reported any more.
     """
 
     name: str
     first: int
     cards: tuple[Card, ...]
-    spent: tuple[int, ...] = ()
 
 
 def mixed(piles: Sequence[Sequence[Card]]) -> tuple[Card, ...]:
@@ -153,8 +155,7 @@ def played(one: Deck) -> list[dict[str, object]]:
 def made(one: Deck) -> list[dict]:
     """Rows of a deck, in the order of its cards: any first part of them holds some of all kinds."""
     name = f"{one.name}.{one.first}"  # other seeds are other cases
-    left = [number for number in range(len(one.cards)) if number not in one.spent]
-    rows, _ = cases(name, left, partial(case, one), JOBS)
+    rows, _ = cases(name, range(len(one.cards)), partial(case, one), JOBS)
     return rows
 
 
@@ -166,7 +167,7 @@ def case(one: Deck, number: int) -> dict[str, object]:
         number: of the case.
     """
     seed, card = one.first + number, one.cards[number]
-    row: dict[str, object] = {"seed": seed, "card": asdict(card)}
+    row: dict[str, object] = {"seed": seed, "card": asdict(card), "commit": COMMIT}
     with threadpool_limits(1):
         drawn = ensure(one, seed)
         if drawn is None:
@@ -302,7 +303,7 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
     asked = [row["ranks"] for row in rows if row.get("ranks")]
     twice = [row["same"] for row in rows if "same" in row]
     return [
-        {"figure": "cases", "value": len(rows), "n": len(one.cards) - len(one.spent)},
+        {"figure": "cases", "value": len(rows), "n": len(one.cards)},
         {"figure": "core seconds, median", "value": float(np.median(seconds)), "n": len(seconds)},
         {"figure": "core seconds, 95 %", "value": float(np.quantile(seconds, 0.95)), "n": ""},
         {

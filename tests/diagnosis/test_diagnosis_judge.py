@@ -200,11 +200,11 @@ def test_one_tolerance_beyond_its_bound_is_no_effect_but_a_fault_is():
 
 
 def test_tolerances_that_are_released_and_lie_no_farther_than_an_outlier_are_no_effect():
-    # Another tolerance, or the same with all others free, may lie beyond: pull is 4.4.
+    # Another tolerance, or the same with all others free, may lie beyond: pull is 4.9.
     turned = refit("sensor_misalignment", "sensor:acc1", 1e4, 0.0)
     outlier, fault = (turned.model_copy(update={"off": off}) for off in (3.0, 5.0))
-    assert judge(evidence(0.4, (outlier,), loose=0.98, pull=4.4)).word == "none"
-    assert judge(evidence(0.4, (fault,), loose=0.98, pull=4.4)).word == "explained"
+    assert judge(evidence(0.4, (outlier,), loose=0.98, pull=4.9)).word == "none"
+    assert judge(evidence(0.4, (fault,), loose=0.98, pull=4.9)).word == "explained"
     # Nor is it a second effect, nor do both hide a gap that neither explains.
     right = refit("mass_error", "body:a", 1.2e4, 0.2)
     both = pair(right, turned, 1e4, 0.0)
@@ -225,6 +225,13 @@ def test_what_outliers_of_tolerances_leave_beside_the_right_effect_is_no_gap():
     assert judge(evidence(10.0, (eased,))).word == "explained"
     pulled = right.model_copy(update={"loose": 1.01, "pull": 12.0})
     assert judge(evidence(10.0, (pulled,))).word == "unexplained"
+    # Nor is what they leave beside the right two.
+    second = refit("appendage", "body:c", 2e4, 5.0)
+    two = pair(refit("mass_error", "body:a", 4e4, 4.0), second, 1.5e4, 1.0)
+    seen = right.model_copy(update={"cost": 4e4, "chi_square": 5.0}), second
+    assert judge(evidence(10.0, seen, pairs=(two,))).word == "unexplained"
+    eased = two.model_copy(update={"loose": 1.01, "pull": 4.3})
+    assert judge(evidence(10.0, seen, pairs=(eased,))).word == "several"
 
 
 def test_who_takes_the_gap_explains_it_and_equals_share():

@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis import diagnose, verdict_of
 from diagnosis.refit import LONG, begun_at, fitted
-from diagnosis.second import by_itself
+from diagnosis.second import by_itself, ordered
 from tests.helpers.drawn import drawn
 
 
@@ -71,3 +71,18 @@ def test_each_of_two_is_fitted_alone_from_where_both_ended_too(found):
         task = begun_at(by_itself(diagnosis.base, single, []), both)
         (again,) = fitted(diagnosis.base, [replace(task, stages=LONG)])
         assert single.cost <= again.cost * (1 + 1e-3)
+
+
+def test_of_the_best_pair_it_is_known_what_it_leaves_without_bounds_of_tolerances(found):
+    diagnosis, _ = found
+    both = diagnosis.search.pairs[0]
+    much = replace(both, chi_square=2.0, loose=None, pull=None)
+    worse = replace(much, fit=replace(much.fit, cost=much.fit.cost + 1.0))
+    best, other = ordered(diagnosis.base, [worse, much])
+    assert best.fit is not worse.fit
+    assert best.hypothesis is both.hypothesis
+    assert best.loose <= both.chi_square * (1 + 1e-3)
+    assert best.pull > 0
+    assert other is worse
+    little = replace(both, loose=None, chi_square=1.01)
+    assert ordered(diagnosis.base, [little])[0] is little
