@@ -159,7 +159,8 @@ def test_what_a_gate_proved_is_there_beside_a_gap_that_nobody_explains():
 def test_no_gap_is_none_and_a_gap_that_nothing_takes_is_unexplained():
     assert judge(evidence(0.0)).word == "none"
     assert judge(evidence(0.0)).none > 0.9
-    lost = judge(evidence(10.0, (refit("mass_error", "body:a", 1e5, 9.0),)))
+    wrong = refit("mass_error", "body:a", 1e5, 9.0)
+    lost = judge(evidence(10.0, (wrong,), gains=(5e4, 3e4, 1e4)))
     assert lost.word == "unexplained"
     assert lost.where[0][0] == "body:a"
 
@@ -365,6 +366,14 @@ def test_a_sensor_that_is_wrong_by_no_known_fault_is_something_missing():
     found = judge(evidence(3.0, (one,)).model_copy(update={"unknown": ("sensor:acc9",)}))
     assert found.word == "explained"
     assert found.where[0][0] == "body:a"
+
+
+def test_where_forces_tell_no_difference_a_joint_comes_before_its_body():
+    tied = judge(evidence(30.0, gains=(9.99e5, 9.98e5, 1e3)))
+    assert tied.word == "unexplained"
+    assert tied.where[0][0] == "joint:b"
+    told = judge(evidence(30.0, gains=(9.99e5, 9.6e5, 1e3)))
+    assert told.where[0][0] == "body:a"
 
 
 def test_rivals_are_ranked_by_what_they_foretell():
