@@ -91,6 +91,7 @@ class Card:
         effects: what is missing.
         ratio: survival ratio of each.
         tree: whether the machine is a random tree of stages instead of the station.
+        stages: of a tree; drawn if None.
         test: how it is measured: as drawn, or ``plain``, ``two points``, ``no coherence``; sizes
             of effects are those for the plain test then.
         twin: number of the card that has the same machine and effects; None for its own.
@@ -100,6 +101,7 @@ class Card:
     effects: tuple[str, ...] = ()
     ratio: float = 0.0
     tree: bool = False
+    stages: int | None = None
     test: str = "drawn"
     twin: int | None = None
 
@@ -209,7 +211,7 @@ def ensure(one: Deck, seed: int) -> str | None:
     place, answer = WORK / f"{seed}", WORK / f"{seed}.toml"
     if not answer.is_file():
         own = seed if card.twin is None else one.first + card.twin
-        station = draw_tree(own) if card.tree else read_station(STATION)
+        station = draw_tree(own, card.stages) if card.tree else read_station(STATION)
         wanted = tuple(Wanted(effect, None, card.ratio) for effect in card.effects)
         cause = Cause(wanted, mistuned=card.kind == "mistuned", kind=card.kind)
         try:
