@@ -77,7 +77,7 @@ MACHINE = (
 NONLINEAR = ("backlash", "friction", "hardening")
 RATIOS = (2.0, 4.0, 8.0)
 COMMIT = subprocess.run(
-    ("git", "describe", "--always", "--dirty"), capture_output=True, text=True, check=False
+    ("git", "rev-parse", "--short", "HEAD"), capture_output=True, text=True, check=False
 ).stdout.strip()
 RIGID = 2  # directions of every machine that are rigid, for one of them may be what is missing
 
