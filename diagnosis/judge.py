@@ -6,8 +6,8 @@ outlier,
 
     visible   = expit((log e - log hidden) / width)       more than badly known noise, or hits
                 that differed and left a gap, which none of these effects makes
-    explained = expit((log left - log (e1 / e^0.75)) / width)   one effect takes nearly all of it:
-                of a large gap the true one leaves a smaller part
+    explained = expit((log left - log (e1 / min(e^0.75, e^0.25))) / width)   one effect takes nearly
+                all of it: of a large gap the true one leaves a smaller part
 
 and p(none) = (1 - explained)(1 - visible). What a refit leaves counts beyond the chi square at
 which nothing is missing, and as a fiftieth at least: the noise's variance is not known better. But
@@ -54,6 +54,9 @@ from tuning import BOUND
 
 NOTHING = 1.03  # chi square up to which nothing is missing: no hypothesis is asked
 POWER = 0.75  # of the gap: with what is left of it compared
+# Of a large one: right effects leave a tenth of a gap of thirty, and no more of five hundred; what
+# leaves one of seventeen explains most, as an added mass does of an inerter, and is not all.
+LARGE = 0.25
 _EXACT = 0.02  # no refit is believed to leave less, by what it leaves alone
 _LEAST = 0.002  # if its gain tells of it
 _ROW = 0.01  # probability of a cause that is worth a row
@@ -271,7 +274,7 @@ def _left(fits: Sequence[Refitted] | Sequence[Paired], by: Calibration) -> float
 
 
 def _explains(left: float, gap: float, by: Calibration) -> float:
-    part = left / gap**POWER
+    part = left / min(gap**POWER, gap**LARGE)
     return float(expit((np.log(by.left) - np.log(part)) / by.left_width))
 
 

@@ -21,7 +21,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from diagnosis import diagnose, oracle, told_of, verdict_of
-from diagnosis.evidence import Scored
+from diagnosis.evidence import Evidence, Scored
+from diagnosis.judge import judge
 from diagnosis.screen import REFITTED
 from identification import Fault
 from tests.bench.kept import cases
@@ -157,8 +158,17 @@ def played(one: Deck) -> list[dict[str, object]]:
 def made(one: Deck) -> list[dict]:
     """Rows of a deck, in the order of its cards: any first part of them holds some of all kinds."""
     name = f"{one.name}.{one.first}"  # other seeds are other cases
-    rows, _ = cases(name, range(len(one.cards)), partial(case, one), JOBS)
+    rows, _ = cases(name, range(len(one.cards)), partial(case, one), JOBS, stale)
     return rows
+
+
+def stale(row: dict) -> bool:
+    """Whether today's judgement says something else of the evidence: then all is made anew."""
+    if row.get("verdict") is None:
+        return False
+    found, told = judge(Evidence.model_validate(row["evidence"])), row["verdict"]
+    first = [(one["effect"], one["location"]) for one in told["causes"][:1]]
+    return found.word != told["verdict"] or [key[:2] for key, _ in found.causes[:1]] != first
 
 
 def case(one: Deck, number: int) -> dict[str, object]:

@@ -12,7 +12,11 @@ from joblib import Parallel, delayed
 
 
 def cases(
-    name: str, numbers: Sequence[int], make: Callable[[int], dict[str, object]], jobs: int = 1
+    name: str,
+    numbers: Sequence[int],
+    make: Callable[[int], dict[str, object]],
+    jobs: int = 1,
+    stale: Callable[[dict], bool] | None = None,
 ) -> tuple[list[dict], Path]:
     """Make what is missing.
 
@@ -21,6 +25,7 @@ def cases(
         numbers: of the cases, in the order in which they are made.
         make: a row of one, to be kept as JSON.
         jobs: processes.
+        stale: whether a row that is kept is to be made anew; its successor then counts.
 
     Returns:
         The rows that there are, by number, and the file, to be removed when they
@@ -29,7 +34,7 @@ def cases(
     kept = Path(__file__).parent / "results" / f"{name}.cases.jsonl"
     lines = kept.read_text(encoding="utf-8").splitlines() if kept.is_file() else []
     known = dict(map(json.loads, lines))
-    missing = [number for number in numbers if number not in known]
+    missing = [k for k in numbers if k not in known or (stale is not None and stale(known[k]))]
     if os.environ.get("KEPT"):
         missing = []
     with kept.open("a", encoding="utf-8") as file:

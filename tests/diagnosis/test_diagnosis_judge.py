@@ -235,6 +235,17 @@ def test_what_outliers_of_tolerances_leave_beside_the_right_effect_is_no_gap():
     assert judge(evidence(10.0, seen, pairs=(eased,))).word == "several"
 
 
+def test_who_takes_most_of_a_large_gap_and_leaves_what_no_right_effect_does_explains_nothing():
+    for gap, left, word in (
+        (30.0, 0.14, "explained"),
+        (500.0, 0.14, "explained"),
+        (17.0, 0.9, "unexplained"),
+        (180.0, 6.0, "unexplained"),
+    ):
+        one = refit("mass_error", "body:a", 1e4 * (1 + left), left)
+        assert judge(evidence(gap, (one,))).word == word
+
+
 def test_who_takes_the_gap_explains_it_and_equals_share():
     gap = 10.0
     right = refit("mass_error", "body:a", 1.01e4, 0.01)
