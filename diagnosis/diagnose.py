@@ -6,7 +6,7 @@ from itertools import product
 
 from diagnosis.effects import catalogue
 from diagnosis.evidence import BENDS, Evidence, Paired, Refitted
-from diagnosis.foretold import foretold, rivals_of
+from diagnosis.foretold import foretold, rival_pairs_of, rivals_of
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.hypothesis import Hypothesis, Scene, together
 from diagnosis.judge import NOTHING, Judged, calibrated, judge
@@ -293,15 +293,26 @@ def _judged(
 ) -> tuple[Evidence, Judged]:
     """Evidence and judgement; of rivals with what they foretell of data that no fit of them saw."""
     judged = judge(evidence)
-    if judged.word != "explained":
-        return evidence, judged
-    rivals = [one for one, _ in rivals_of(judged, found)]
+    if judged.word == "several":
+        rivals = rival_pairs_of(judged, found)
+    elif judged.word == "explained":
+        rivals = [((one.key,), one) for one, _ in rivals_of(judged, found) if one.key]
+    else:
+        rivals = []
     if len(rivals) < 2:
         return evidence, judged
     say("what rivals foretell of what their fits did not see")
-    scores = dict(zip((one.key for one in rivals), foretold(scene, rivals), strict=True))
-    rows = (one.model_copy(update={"foretold": scores.get(one.key)}) for one in evidence.refits)
-    evidence = evidence.model_copy(update={"refits": tuple(rows)})
+    scores = foretold(scene, [one for _, one in rivals])
+    told = dict(zip((keys for keys, _ in rivals), scores, strict=True))
+    update: dict[str, object] = {
+        "refits": tuple(
+            one.model_copy(update={"foretold": told.get((one.key,))}) for one in evidence.refits
+        ),
+        "pairs": tuple(
+            one.model_copy(update={"foretold": told.get(one.keys)}) for one in evidence.pairs
+        ),
+    }
+    evidence = evidence.model_copy(update=update)
     return evidence, judge(evidence)
 
 
@@ -344,13 +355,13 @@ def _twins(
     scene: Scene, found: Fit, evidence: Evidence, judged: Judged, tried: Search
 ) -> tuple[tuple[str, str], ...]:
     """Pairs of causes whose signatures have a cosine of 0.9, or that foretell as well."""
-    costs = {one.hypothesis.coordinates: one.cost for one in tried.refits if one.hypothesis}
+    costs = {one.hypothesis.identity: one.cost for one in tried.refits if one.hypothesis}
     told = {one.key: one.foretold for one in evidence.refits}
     named = {key for key, _ in judged.causes}
     leading = [
         one
         for one in tried.scores
-        if one.hypothesis.key in named and one.hypothesis.coordinates in costs and one.step.any()
+        if one.hypothesis.key in named and one.hypothesis.identity in costs and one.step.any()
     ]
     if len(leading) < 2:
         return ()
@@ -360,7 +371,7 @@ def _twins(
         for j, other in enumerate(leading[:i]):
             cost, less = (told.get(x.hypothesis.key) for x in (one, other))
             if cost is None or less is None:
-                cost, less = (costs[x.hypothesis.coordinates] for x in (one, other))
+                cost, less = (costs[x.hypothesis.identity] for x in (one, other))
             same = one.hypothesis.site == other.hypothesis.site
             if not same and (abs(alike[i, j]) >= _ALIKE or abs(cost - less) < _NATS):
                 pairs.append((other.hypothesis.site, one.hypothesis.site))

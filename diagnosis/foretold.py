@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.hypothesis import Scene
-from diagnosis.judge import Judged
+from diagnosis.judge import Judged, Keys
 from diagnosis.refit import SOME, Refit, fitted, further, held_out, paced
 from diagnosis.search import Search
 from diagnosis.side_by_side import Call, side_by_side
@@ -36,6 +36,15 @@ def rivals_of(judged: Judged, found: Search) -> list[tuple[Refit, float]]:
     refits = {one.key: one for one in found.refits}
     likely = ((refits.get(key), share) for key, share in judged.causes if share >= _RIVAL)
     return [(one, share) for one, share in likely if one is not None][:_RIVALS]
+
+
+def rival_pairs_of(judged: Judged, found: Search) -> list[tuple[Keys, Refit]]:
+    """The most probable pairs of causes."""
+    keys = {
+        tuple(m.key for m in one.hypothesis.members): one for one in found.pairs if one.hypothesis
+    }
+    likely = sorted(judged.sets, key=lambda one: -one[1])
+    return [(key, keys[key]) for key, share in likely if share >= _RIVAL and key in keys][:_RIVALS]
 
 
 def foretold(scene: Scene, rivals: Sequence[Refit]) -> list[float | None]:

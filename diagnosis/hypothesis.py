@@ -139,6 +139,11 @@ class Hypothesis:
         return (*self.release, *(name for name in own if name not in self.follow))
 
     @property
+    def identity(self) -> tuple[tuple[str, str, str | None], tuple[str, ...]]:
+        """Key and coordinates: a gain and a sign share theirs, shapes of an effect their key."""
+        return self.key, self.coordinates
+
+    @property
     def words(self) -> str:
         """Such as ``sensor_gain@sensor:acc3 tx``."""
         return f"{self.site}{f' {self.dof}' if self.dof else ''}"

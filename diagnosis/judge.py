@@ -53,10 +53,10 @@ from identification.words import Real
 from tuning import BOUND
 
 NOTHING = 1.03  # chi square up to which nothing is missing: no hypothesis is asked
-POWER = 0.75  # of the gap: with what is left of it compared
+_POWER = 0.75  # of the gap: with what is left of it compared
 # Of a large one: right effects leave a tenth of a gap of thirty, and no more of five hundred; what
 # leaves one of seventeen explains most, as an added mass does of an inerter, and is not all.
-LARGE = 0.25
+_LARGE = 0.25
 _EXACT = 0.02  # no refit is believed to leave less, by what it leaves alone
 _LEAST = 0.002  # if its gain tells of it
 _ROW = 0.01  # probability of a cause that is worth a row
@@ -129,6 +129,7 @@ class Judged:
         where: places by their share.
         present: the causes that the verdict says are there, the most probable first; what a gate
             proved is there whatever the verdict, even beside what nobody explains.
+        sets: of causes that are there at once, each with its probability, where no gate proved one.
     """
 
     none: float
@@ -137,6 +138,7 @@ class Judged:
     causes: Shares
     where: tuple[tuple[str, float], ...]
     present: tuple[Key, ...]
+    sets: tuple[tuple[Keys, float], ...] = ()
 
     @property
     def word(self) -> str:
@@ -175,10 +177,12 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     none -= strange
     alone, double = sure * explained * (1 - twofold), sure * (explained + seeming) * twofold
     ones = [(one.key,) for one in seen.refits]
-    sets = _shared(alone, ones, _weights(seen, by, seen.refits, seen.cost))
+    gap = max(seen.chi_square - 1, _LEAST)
+    sets = _shared(alone, ones, _weights(seen, by, seen.refits, (seen.cost, gap)))
     single = min((one.cost for one in seen.refits), default=seen.cost)
     twos = [one.keys for one in seen.pairs]
-    sets |= _shared(double, twos, _weights(seen, by, seen.pairs, single))
+    gap = max(_left(seen.refits, by), _LEAST) if seen.refits else gap
+    sets |= _shared(double, twos, _weights(seen, by, seen.pairs, (single, gap)))
     if not seen.proven:
         several = sum(share for keys, share in sets.items() if _count(keys) > 1)
         causes = _rows(sets)
@@ -216,7 +220,7 @@ def _judged(
         chosen = max(possible, key=lambda keys: (first in map(_site, keys), sets[keys]))
         order = {_site(key): number for number, (key, _) in enumerate(causes)}
         present = tuple(sorted(chosen, key=lambda key: order.get(_site(key), len(order))))
-    return Judged(none, unexplained, several, causes, where, present)
+    return Judged(none, unexplained, several, causes, where, present, tuple(sets.items()))
 
 
 def _without_outliers(seen: Evidence, outlier: float) -> Evidence:
@@ -273,8 +277,13 @@ def _left(fits: Sequence[Refitted] | Sequence[Paired], by: Calibration) -> float
     return max(least - (NOTHING - 1), _EXACT)
 
 
+def compared(gap: float) -> float:
+    """What is left of a gap is compared with."""
+    return float(min(gap**_POWER, gap**_LARGE))
+
+
 def _explains(left: float, gap: float, by: Calibration) -> float:
-    part = left / min(gap**POWER, gap**LARGE)
+    part = left / compared(gap)
     return float(expit((np.log(by.left) - np.log(part)) / by.left_width))
 
 
@@ -282,15 +291,24 @@ def _weights(
     seen: Evidence,
     by: Calibration,
     fits: Sequence[Refitted] | Sequence[Paired],
-    before: float,
+    before: tuple[float, float],
 ) -> Real:
-    """Of refits, beside each other; before is the cost of what they improve upon."""
+    """Of refits, beside each other; before are cost and gap of what they improve upon.
+
+    Who leaves a part of the gap that the best one takes explains it so much less.
+    """
     if not fits:
         return np.zeros(0)
     costs = _ranked(fits)
     values = seen.cost / seen.chi_square
-    gain = max(before - costs.min(), 0.0)
-    weights: Real = softmax(-costs / (by.least + by.inexact * values + by.temper * gain))
+    cost, gap = before
+    gain = max(cost - costs.min(), 0.0)
+    best, most = min(one.chi_square for one in fits), _left(fits, by)
+    takes = [_explains(most + one.chi_square - best, gap, by) for one in fits]
+    scale = by.least + by.inexact * values
+    if sum(one.foretold is not None for one in fits) < 2:
+        scale += by.temper * gain
+    weights: Real = softmax(-costs / scale + np.log(np.maximum(takes, np.finfo(float).tiny)))
     return weights
 
 

@@ -3,12 +3,10 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from diagnosis.evidence import Key, Pushed, Scored
 from diagnosis.forces import pushes
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.judge import POWER
+from diagnosis.judge import calibrated, compared
 from diagnosis.refit import (
     CLOSE,
     FIRST,
@@ -21,6 +19,7 @@ from diagnosis.refit import (
     further,
     go_on,
     refit,
+    unbounded,
 )
 from diagnosis.score import ALLOWANCE, Score, gains, ranked
 from diagnosis.screen import REFITTED, Direction, Screen, best_of
@@ -34,6 +33,7 @@ _VARIANTS = 4  # of each effect, place and direction, so many shapes are scored 
 _NEAR = 0.2, 0.05, 0.05  # of the best gain, in rounds of further steps: who is no farther goes on
 _WANDERS = 0.8  # of what was left before many steps: who leaves more will not arrive
 _ALMOST = 0.8  # of what a free force explains at most: where it does, effects may begin elsewhere
+_HARDLY = 0.2  # of the gap: who leaves less may leave it to tolerances beyond their bounds
 _SURE = 10.0  # nats: of a free force that is there
 _EXACT = 0.01  # of chi square, that a refit may leave by chance
 _CLEAR = 0.02  # of the gap: who leaves less explains it
@@ -135,10 +135,9 @@ class Hunt:
             tasks = [further(made, LAST) for one, made in leading.items() if one not in self._ended]
             self._ended |= {made.hypothesis: made for made in fitted(scene, tasks)}
             self._best = self._patient(_one_each(list(self._ended.values())))
-            left = self._best[0].chi_square - 1 if self._best else np.inf
             # Where no free force explains anything, nothing of the machine will.
-            least = _ENOUGH[self._turn] * gap**POWER + _EXACT
-            self.enough = not self._forced or left < least
+            least = _ENOUGH[self._turn] * compared(gap) + _EXACT
+            self.enough = not self._forced or self._leaves_less(least)
             self._turn += 1
         if self._best:
             self._best[0] = go_on(scene, self._best[0], LONG)
@@ -149,6 +148,23 @@ class Hunt:
             self._pushed,
             (*self._far.begun, *self._close.begun),
             tuple(self._best),
+        )
+
+    def _leaves_less(self, least: float) -> bool:
+        """Whether the best does, with tolerances beyond their bounds as far as an outlier may."""
+        if not self._best:
+            return False
+        best = self._best[0]
+        if best.chi_square - 1 < least:
+            return True
+        if best.chi_square - 1 > _HARDLY * (self._nothing.chi_square - 1):
+            return False
+        freed = unbounded(self._scene, best)
+        return bool(
+            freed.loose is not None
+            and freed.pull is not None
+            and freed.pull <= calibrated().outlier
+            and freed.loose - 1 < least
         )
 
     def _try_more(self, turn: int) -> None:

@@ -175,7 +175,8 @@ def ordered(scene: Scene, pairs: Sequence[Refit]) -> tuple[Refit, ...]:
 
 def by_itself(scene: Scene, second: Refit, proposed: Sequence[Hypothesis]) -> Task:
     """The second effect without the first; beside it shapes may have been others."""
-    same = (one for one in proposed if one.coordinates == second.coordinates)
+    known = None if second.hypothesis is None else second.hypothesis.identity
+    same = (one for one in proposed if one.identity == known)
     one = next(same, second.hypothesis)
     return asked(scene, one, scene.session.campaign, (*FIRST, *ONWARD))
 
