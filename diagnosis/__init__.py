@@ -4,7 +4,7 @@ from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.effects import EFFECTS, PROVEN, Effect, catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.oracle import oracle, told_of
-from diagnosis.report import verdict_of
+from diagnosis.report import step_intervals, verdict_of
 from diagnosis.residual import ResidualShare, residual_shares
 from diagnosis.verdict import Verdict
 
@@ -21,6 +21,7 @@ __all__ = [
     "diagnose",
     "oracle",
     "residual_shares",
+    "step_intervals",
     "told_of",
     "verdict_of",
 ]

@@ -36,7 +36,7 @@ from diagnosis.score import cosines
 from diagnosis.search import Search
 from diagnosis.second import searched
 from identification import steadied, unsteady
-from identification.words import Campaign
+from identification.words import Campaign, UsageError
 from mbmodel import Held, loosened
 from tuning import (
     STAGES,
@@ -51,6 +51,7 @@ from tuning import (
     with_tolerances,
 )
 
+_FEWEST = 8  # lines: of fewer any shape along frequency fits
 _BENT = 0.3  # of the gap, what a body's mode may leave
 _NEARLY = 0.5  # of chi square: where it leaves more, its frequency may begin elsewhere
 _BEGINS = 1.0, 2.2, 1.5, 0.67, 3.3  # times that of the highest peak
@@ -102,7 +103,15 @@ def diagnose(
         session: campaign and drawn model.
         jobs: processes and threads; the verdict does not depend on it.
         tell: told what is being done.
+
+    Raises:
+        UsageError: the band holds too few lines.
     """
+    count = len(session.campaign.freq_hz)
+    if count < _FEWEST:
+        raise UsageError(
+            f"a diagnosis needs {_FEWEST} lines or more, and the band holds {count}: widen it"
+        )
     say = tell or (lambda _: None)
     say("hits and sensors among each other")
     changing = unsteady(session.campaign)

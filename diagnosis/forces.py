@@ -56,15 +56,13 @@ def pushes(scene: Scene, found: Fit) -> tuple[Pushed, ...]:
     return tuple(rows.values())
 
 
-def _directions(scene: Scene) -> Iterator[tuple[str, str | None, Real]]:
+def _directions(scene: Scene) -> Iterator[tuple[str, str, Real]]:
     """Place, direction and force at the joints' coordinates; (nv,)."""
     machine = scene.model.machine
     unit, held = np.eye(len(machine.coordinates)), {one.coordinate: one.dof for one in scene.held}
     for axle in machine.axles:
-        along = np.flatnonzero(np.abs(axle.axis) > 1 - 1e-9)
-        kind = "r" if axle.turns else "t"
-        drawn = f"{kind}{'xyz'[along[0]]}" if along.size else None
-        yield f"joint:{axle.stage}", held.get(axle.coordinate, drawn), unit[axle.coordinate]
+        dof = held.get(axle.coordinate, axle.dof)
+        yield f"joint:{axle.stage}", dof, unit[axle.coordinate]
     for number, body in enumerate(machine.layout.bodies):
         for axis, dof in enumerate(("tx", "ty", "tz", "rx", "ry", "rz")):
             yield f"body:{body}", dof, machine.jacobian[6 * number + axis]

@@ -23,11 +23,13 @@ class Known:
         freedom: its coordinates.
         theta: the parameters; (n_parameter,).
         sure: their confidence.
+        converged: whether the fit that they come from went to its end.
     """
 
     freedom: Freedom
     theta: Real
     sure: Confidence
+    converged: bool = True
 
     def stated(self, one: Hypothesis) -> dict[str, Value]:
         """What the verdict states of a hypothesis."""
@@ -151,7 +153,7 @@ def known(found: Refit, theta: Real, stride: int, jobs: int = 1) -> Known:
         if np.abs(best.x[own.has_prior]).max(initial=0.0) <= PLAUSIBLE:
             break
     sure = confidence(model, thinned(campaign, stride), best, jobs)
-    return Known(best.freedom, best.theta, sure)
+    return Known(best.freedom, best.theta, sure, best.converged)
 
 
 def _flat(stated: Mapping[str, Value]) -> Real:

@@ -62,6 +62,12 @@ class Level:
         found: Real = self.refit.fit.theta if held is None else held.thetas.mean(axis=0)
         return found
 
+    @property
+    def unfinished(self) -> int:
+        """How many of the fits without a fold did not go to their end."""
+        held = self.held_out
+        return 0 if held is None else sum(one != "converged" for one in held.outcomes)
+
     def on(self, lines: Mask) -> Gap:
         """The gap on some lines; (n_freq,)."""
         return summarise(

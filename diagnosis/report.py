@@ -21,7 +21,7 @@ from diagnosis.verdict import (
 )
 from identification.words import Real
 from mbmodel import HammerPart, SensorPart
-from tuning import Gap
+from tuning import Gap, channel_gaps, predict, summarise
 
 _HIDDEN = 1.1  # excess below which no share and no closing exists
 NONLINEAR = ("friction", "backlash", "hardening")
@@ -71,6 +71,38 @@ def _closed(retuned: Gap, after: Gap) -> float | None:
     if after.excess is None or retuned.excess is None:
         return None
     return float((retuned.excess**2 - after.excess**2) / (retuned.excess**2 - 1))
+
+
+def step_intervals(found: Diagnosis) -> dict[str, tuple[float, float] | None]:
+    """95 % intervals of what the gap's steps are: of excess, of the noise of error.
+
+    By leaving one fold of the blocks out, as in the verdict; None where no fold can be left out.
+
+    Args:
+        found: the diagnosis.
+
+    Returns:
+        Of ``as_drawn``, ``retuned``, ``after`` and ``noise``.
+    """
+    session, levels = found.session, {"retuned": found.retuned, "after": found.after}
+    held = found.retuned.held_out
+    if held is None:
+        return dict.fromkeys(("as_drawn", *levels, "noise"))
+    kept = [held.folds != fold for fold in range(int(held.folds.max()) + 1)]
+    drawn = predict(session.model, session.model.drawn, session.campaign)
+    parts = [
+        summarise(channel_gaps([one[lines] for one in drawn], session.campaign.lines(lines)))
+        for lines in kept
+    ]
+    ends = {
+        "as_drawn": _spread_of_sizes(found.as_drawn.excess, [one.excess for one in parts]),
+        "noise": _spread_of_sizes(found.retuned.gap.noise, [one.noise for one in parts]),
+    }
+    for name, level in levels.items():
+        if level is not None:
+            gaps = [level.on(lines).excess for lines in kept]
+            ends[name] = _spread_of_sizes(level.gap.excess, gaps)
+    return {name: ends.get(name) for name in ("as_drawn", *levels, "noise")}
 
 
 def _interval(retuned: Level, after: Level | None, *, visible: bool) -> Interval:

@@ -7,7 +7,15 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from identification.words import InputError, Layout, Real, frozen, is_hammer, node_of
+from identification.words import (
+    DIRECTIONS,
+    InputError,
+    Layout,
+    Real,
+    frozen,
+    is_hammer,
+    node_of,
+)
 from mbmodel.drawing import Drawing, drawing_of
 from mbmodel.equilibrium import (
     remaining_stiffness_and_damping,
@@ -41,6 +49,14 @@ class Axle:
     turns: bool
     anchor: Real
     axis: Real
+
+    @property
+    def dof(self) -> str:
+        """Such as ``tx``: as its joint's name ends, else the world axis that its own is nearest."""
+        named = self.joint.removeprefix(f"{self.stage}_")
+        if named in DIRECTIONS:
+            return named
+        return DIRECTIONS[3 * self.turns + int(np.abs(self.axis).argmax())]
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,9 +50,14 @@ def _refuse_malformed(path: Path) -> None:
         line = error.position[0]
         raise InputError(f"{path}, line {line}: not well-formed XML ({error}); mend it") from error
     for element in root.iter():
+        name = element.get("name", "")
+        if element.tag in ("body", "site") and ":" in name:
+            raise InputError(
+                f"{path}: {element.tag} {name!r} has a colon in its name, which parts a point from "
+                "its direction in every label: call it without"
+            )
         for key, value in element.items():
             if key not in _TEXTS and _NO_NUMBER.search(value):
-                name = element.get("name", "")
                 raise InputError(
                     f"{path}: {element.tag} {name!r} has {key}={value!r}: give a finite number"
                 )

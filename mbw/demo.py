@@ -50,14 +50,28 @@ def graded(verdict: Verdict, answer: Mapping[str, Any]) -> list[str]:
     if not verdict.causes:
         return [f"said {verdict.verdict}; true is {answer['effect']} at {answer.get('location')}"]
     first = verdict.causes[0]
-    pairs = (("effect", first.effect), ("location", first.location))
-    lines = [_line(name, said, str(answer.get(name))) for name, said in pairs]
+    pairs: list[tuple[str, str, str]] = [
+        ("verdict", verdict.verdict, _word(answer)),
+        ("effect", first.effect, str(answer.get("effect"))),
+        ("location", first.location, str(answer.get("location"))),
+    ]
+    if "dof" in answer:
+        pairs.append(("dof", str(first.dof), str(answer["dof"])))
+    lines = [_line(*one) for one in pairs]
     for name, true in answer.get("parameters", {}).items():
         said = first.parameters.get(name)
         if said is not None:
             off = np.linalg.norm(np.subtract(said, true)) / np.linalg.norm(true)
             lines.append(f"{name}: {_number(said)}, true {_number(true)}, {off:.2%} off")
     return lines
+
+
+def _word(answer: Mapping[str, Any]) -> str:
+    """The verdict that an answer asks for."""
+    if "cause" in answer:
+        return "several"
+    effect = str(answer["effect"])
+    return effect if effect in ("none", "unexplained") else "explained"
 
 
 def _line(name: str, said: str, true: str) -> str:

@@ -39,7 +39,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         yield Hypothesis(
             "inerter",
             f"joint:{axle.stage}",
-            axle.joint.removeprefix(f"{axle.stage}_"),
+            axle.dof,
             parts=(part,),
             signed=True,
             state=state,

@@ -31,6 +31,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     tuned = {parameter.name for parameter in scene.model.parameters}
     varies = names_of(scene)
     directions = {spring.name: spring.direction for spring in machine.springs}
+    called = {axle.joint: axle.dof for axle in machine.axles}
     drawn = {spring.name: spring.damping for spring in machine.springs}
     unit = _TURN / (2 * np.pi * float(scene.session.campaign.freq_hz[-1]))
     for stage in jointed(machine):
@@ -48,7 +49,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 yield Hypothesis(
                     "feedback_delay",
                     f"joint:{stage}",
-                    spring.removeprefix(f"{stage}_"),
+                    called[spring],
                     parts=(loop.part(f"joint:{stage}"),),
                     begin={loop.size: 1.0} | ({damping: c + k * tau} if damping in varies else {}),
                     scored=(loop.size,),

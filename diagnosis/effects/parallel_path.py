@@ -85,7 +85,7 @@ class _Link:
         self._frame = frame
         kinds = ("stiffness", "damping")
         # Along the axes first, of stiffness and of damping; then what turns them; then the point.
-        called = f"{self.name}.link{at}"
+        called = f"pair{pair[0]}-{pair[1]}.link{at}"  # names of bodies may hold the same sign
         self.along_axes = tuple(f"{called}.{kind}_{e}" for kind in kinds for e in _ENTRIES[:3])
         across = tuple(f"{called}.{kind}_{e}" for kind in kinds for e in _ENTRIES[3:])
         self._names = (*self.along_axes, *across, *(f"{called}.point_{axis}" for axis in "xyz"))

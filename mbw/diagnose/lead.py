@@ -16,7 +16,7 @@ from mbw.diagnose.words import (
 from mbw.page.html import badge
 from mbw.page.numbers import percent
 
-_CLOSED, _LEFT = 0.9, 1.5  # share of the gap, excess: between them the cause is not all
+_LEFT = 1.5  # excess, beyond which the cause is not all
 _RIVAL = 0.1  # probability of a second cause that is worth a word
 _OPENING = {"sensor": "One sensor is at fault", "hammer": "The hammer is at fault"}
 _SURE = 10.0  # nats: of a free force that is there
@@ -53,11 +53,11 @@ def doubts(result: Result) -> list[str]:
     verdict, shown = result.verdict, result.shown
     found = list(shown.remarks)
     gap = verdict.gap
-    small = gap.closed is not None and gap.closed < _CLOSED
-    if small and gap.after.excess is not None and gap.after.excess > _LEFT:
+    if gap.after.excess is not None and gap.after.excess > _LEFT:
         found.append(
-            f"The cause closes only {percent(gap.closed or 0.0)} of the gap and leaves "
-            f"{times(gap.after.excess)} the noise: more is missing, or it is not quite this."
+            f"With the cause the model is still off by {times(gap.after.excess)} the noise: more "
+            "is missing, it is not quite this, or a tolerance lies beyond 2.5 of its standard "
+            "deviations."
         )
     if shown.block is None:
         found.append("The band is too narrow to hold lines out: all figures are of fitted lines.")

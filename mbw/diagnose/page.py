@@ -13,7 +13,7 @@ from mbw.diagnose.tables import causes_section, tried_section
 from mbw.diagnose.values import number
 from mbw.diagnose.words import gate_sentences, place
 from mbw.page.html import fill, packed, packed_polar, packed_sizes, piece, warnings
-from mbw.page.numbers import UNITS
+from mbw.page.numbers import UNITS, percent
 from mbw.page.picture import picture
 
 _PLACES = 12  # that have bars
@@ -62,10 +62,17 @@ def _lines(result: Result) -> str:
     shown = result.shown
     if shown.block is None:
         return "all on the lines that were fitted"
+    noise, ends = result.verdict.gap.noise, shown.steps.noise
+    alone = ""
+    if noise is not None and ends is not None:
+        alone = (
+            f"; the noise alone is an error of {percent(noise)}, 95 %: {percent(ends[0])} to "
+            f"{percent(ends[1])}"
+        )
     width = shown.block * (shown.band[1] - shown.band[0]) / max(shown.lines - 1, 1)
     return (
         f"as drawn on all lines, the others held out: blocks of {width:.3g} Hz in five folds, each "
-        "predicted by a fit that did not see it"
+        f"predicted by a fit that did not see it{alone}"
     )
 
 
@@ -98,18 +105,19 @@ def _data(result: Result, places: list[dict[str, object]]) -> dict[str, object]:
 
 
 def _gap(result: Result) -> list[dict[str, object]]:
-    """The bars; the interval of the last is where there is one."""
-    gap = result.verdict.gap
-    steps = zip(_COLOURS, (gap.as_drawn, gap.retuned, gap.after), strict=True)
+    """The bars, with intervals where lines could be held out."""
+    gap, ends = result.verdict.gap, result.shown.steps
+    rows = (gap.as_drawn, ends.as_drawn), (gap.retuned, ends.retuned), (gap.after, ends.after)
+    steps = zip(_COLOURS, rows, strict=True)
     return [
         {
             "name": name,
             "excess": at.excess,
             "error": at.error,
-            "interval": gap.interval.after if at is gap.after else None,
+            "interval": interval,
             "colour": _COLOURS[name],
         }
-        for name, at in steps
+        for name, (at, interval) in steps
         if at.excess is not None
     ]
 

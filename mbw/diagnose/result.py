@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis import PROVEN, Diagnosis, Verdict, catalogue, verdict_of
+from diagnosis import PROVEN, Diagnosis, Verdict, catalogue, step_intervals, verdict_of
 from diagnosis.evidence import Evidence
 from diagnosis.level import Level
 from diagnosis.verdict import CauseRow
@@ -14,7 +14,7 @@ from identification.words import Campaign, Complex, Condition, Dof
 from mbmodel import NotHeld, looks
 from mbw.diagnose.machine import machine_rows, place_row
 from mbw.diagnose.pulled import pulled_sentence
-from mbw.diagnose.schema import CentresRow, ChannelRow, ShownFile, TestRow
+from mbw.diagnose.schema import CentresRow, ChannelRow, ShownFile, StepsRow, TestRow
 from mbw.identify.solid import fault_row
 from tuning import gap_at_bodies, predict
 from tuning.inputs import inputs
@@ -65,7 +65,8 @@ def gather(found: Diagnosis, not_held: Sequence[NotHeld] = ()) -> Result:
     locations = [one.location for one in verdict.causes]
     locations += [one.location for one in verdict.where]
     locations += [one.location for one in found.evidence.pushed]
-    freq, pulled = campaign.freq_hz, pulled_sentence(verdict, found)
+    freq = campaign.freq_hz
+    said = [*([pulled] if (pulled := pulled_sentence(verdict, found)) else []), *unfinished(found)]
     shown = ShownFile(
         campaign=campaign.name,
         model=machine.name,
@@ -79,18 +80,31 @@ def gather(found: Diagnosis, not_held: Sequence[NotHeld] = ()) -> Result:
             for test, dof in cells
         ],
         corrected=corrected,
+        steps=StepsRow(**step_intervals(found)),
         centres=_centres(found),
         means=[_means(one) for one in verdict.causes],
         solid=[check.words for check in found.gate.checks],
         taken_out=[fault_row(one) for one in found.gate.faults if "sensor:" in one.location],
         doubted=[check.body for check in found.gate.flexible],
-        remarks=[*campaign.remarks, *([pulled] if pulled else [])],
+        remarks=[*campaign.remarks, *said],
         machine=row,
         places={name: place_row(name, machine) for name in dict.fromkeys(locations)},
         inputs=inputs(found.session),
         not_held_by_mjcf=[str(one) for one in not_held],
     )
     return Result(verdict, found.evidence, shown, {"freq_hz": freq, **frfs, **drawn})
+
+
+def unfinished(found: Diagnosis) -> list[str]:
+    """Which of the fits that figures come from did not go to their end."""
+    said = []
+    if found.known is not None and not found.known.converged:
+        said.append("The fit that sizes are stated from did not end: they may be farther off.")
+    levels = (("re-tuned", found.retuned), ("with the cause", found.after))
+    short = [f"{one.unfinished} {name}" for name, one in levels if one and one.unfinished]
+    if short:
+        said.append(f"Held-out fits that did not end: {', '.join(short)}; so gaps may be smaller.")
+    return said
 
 
 def _centres(found: Diagnosis) -> list[CentresRow]:

@@ -98,6 +98,20 @@ class CentresRow(_Row):
     channels: int
 
 
+class StepsRow(_Row):
+    """95 % intervals of the steps of the gap; null where no lines could be held out.
+
+    Args:
+        as_drawn, retuned, after: of excess.
+        noise: of the error that the noise alone makes.
+    """
+
+    as_drawn: tuple[float, float] | None = None
+    retuned: tuple[float, float] | None = None
+    after: tuple[float, float] | None = None
+    noise: tuple[float, float] | None = None
+
+
 class ShownFile(_Row):
     """diagnosis.json.
 
@@ -111,6 +125,7 @@ class ShownFile(_Row):
         channels: columns of the arrays.
         corrected: channels whose measurement the effect corrects, in the arrays' order.
         centres: the gap at the centres of mass, with the covariance of the reduction, step by step.
+        steps: intervals of the gap, step by step.
         means: what each cause of the verdict is, in the catalogue's words; empty where it has none.
         solid: what the spare channels of each body say, in words.
         taken_out: faults that they prove; their channels took no part in the search.
@@ -131,6 +146,7 @@ class ShownFile(_Row):
     tests: list[TestRow]
     channels: list[ChannelRow]
     corrected: list[int]
+    steps: StepsRow = StepsRow()
     centres: list[CentresRow]
     means: list[str]
     solid: list[str]

@@ -19,7 +19,7 @@ from mbw.diagnose.files import (
 )
 from mbw.diagnose.page import render
 from mbw.diagnose.pulled import pulled_sentence
-from mbw.diagnose.result import gather
+from mbw.diagnose.result import gather, unfinished
 from mbw.diagnose.words import (
     WITHOUT_COHERENCE,
     cause_parameters,
@@ -134,6 +134,8 @@ def _say_more(verdict: Verdict, found: Diagnosis) -> None:
     """What was believed, what sensors say, what these data cannot, and what to do next."""
     if pulled := pulled_sentence(verdict, found):
         SCREEN.say(f"  {pulled}")
+    for text in unfinished(found):
+        SCREEN.say(f"  {text}")
     for check in found.gate.flexible:
         SCREEN.say(f"  {check.words}")
     for place in found.gate.unknown:
@@ -178,7 +180,7 @@ def _tried(found: Diagnosis) -> Table:
     begun = {one.hypothesis.site for one in search.begun if one.hypothesis}
     for site in list(best_first)[: 2 * _FEW]:
         refit, score = ended.get(site), scored.get(site)
-        left, why = "", "its gain is small"
+        left, why = "", "not refitted: its gain is small"
         words = score.hypothesis.words if score else site
         if refit is not None and refit.hypothesis is not None:
             words, left = refit.hypothesis.words, f"{refit.chi_square**0.5:.3g}"

@@ -99,7 +99,7 @@ def site_words(site: str) -> str:
 def twin_sentences(verdict: Verdict) -> list[str]:
     """Which causes these data cannot tell apart."""
     return [
-        f"These data hardly tell {site_words(one)} from {site_words(other)}: they leave the same."
+        f"These data hardly tell {site_words(one)} from {site_words(other)}."
         for one, other in verdict.twins
     ]
 

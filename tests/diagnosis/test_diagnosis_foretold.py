@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.foretold import foretold
+from diagnosis.foretold import foretold, rival_pairs_of
+from diagnosis.hypothesis import together
+from diagnosis.judge import Judged
 from diagnosis.refit import FIRST, LAST, LONG, SOME, fitted, further, held_out, refit
+from diagnosis.search import Search
 from identification import smooth_variance
 from tests.helpers.drawn import drawn
 from tuning import STAGES, Misfit, fit, thinned
@@ -75,3 +78,21 @@ def test_where_nothing_can_be_left_out_nothing_is_foretold(rivals):
     few = np.arange(len(campaign.freq_hz)) < 8
     session = replace(right.session, campaign=campaign.lines(few))
     assert foretold(scene, (replace(right, session=session),)) == [None]
+
+
+def test_pairs_are_rivals_as_single_causes_are(rivals):
+    _, (right, wrong) = rivals
+    first, second = right.hypothesis, wrong.hypothesis
+    third = replace(second, location="body:third")
+    pairs = [replace(right, hypothesis=together((first, one))) for one in (second, third)]
+    shares = {
+        (first.key, second.key): 0.3,
+        (first.key, third.key): 0.6,
+        (second.key, third.key): 0.05,  # nobody fitted these together
+        (first.key,): 0.05,
+    }
+    judged = Judged(0.0, 0.0, 0.95, (), (), (), tuple(shares.items()))
+    found = rival_pairs_of(judged, Search(refits=(right, wrong), pairs=tuple(pairs)))
+    assert [keys for keys, _ in found] == [(first.key, third.key), (first.key, second.key)]
+    assert [one for _, one in found] == [pairs[1], pairs[0]]
+    assert rival_pairs_of(replace(judged, sets=()), Search(pairs=tuple(pairs))) == []

@@ -12,8 +12,11 @@ from diagnosis.evidence import Pushed
 from diagnosis.refit import posed
 from diagnosis.score import Score, ranked
 from diagnosis.search import _elsewhere, nearly
-from mbmodel import Held, loosened
+from identification.words import Dof, UsageError
+from mbmodel import Evaluator, Held, Question, as_drawn, load_machine, loosened
 from tests.helpers.drawn import drawn
+from tests.helpers.small_machine import MJCF
+from tuning import open_session
 
 
 def test_two_of_four_supports_that_carry_next_to_nothing_are_found(tmp_path):
@@ -102,3 +105,52 @@ def test_of_delays_that_score_alike_the_shortest_comes_first(tmp_path):
     assert not varies.is_logarithm[varies.names.index(damping)]
     assert session.freedom.is_logarithm[session.freedom.names.index(damping)]
     assert first.begin[damping] > session.model.drawn[names.index(damping)]
+
+
+HEAVIER = MJCF.replace('mass="35" diaginertia="1 1.2 0.9"', 'mass="45" diaginertia="1.1 1.4 1.0"')
+CAMPAIGN = """\
+model = "model.xml"
+[[test]]
+file = "t.npz"
+averages = 10
+channels = "nodes 1..6, xyz"
+references = ["3:+x", "3:+y", "3:+z"]
+quantity = "accelerance"
+[tuning]
+fix = ["*.stiffness", "*.damping"]
+"""
+
+
+def heavier(folder):
+    """A machine whose head weighs ten kilograms more than drawn, its springs known."""
+    for name, text in (("true.xml", HEAVIER), ("model.xml", MJCF), ("campaign.toml", CAMPAIGN)):
+        (folder / name).write_text(text, encoding="utf-8")
+    model, freq = as_drawn(load_machine(folder / "true.xml")), np.linspace(5, 165, 321)
+    outputs = tuple(Dof.of(f"acc{k}", axis) for k in range(1, 7) for axis in range(3))
+    inputs = tuple(Dof.of("acc3", axis) for axis in range(3))
+    values = Evaluator(model, Question(freq, outputs, inputs)).at(model.drawn).values
+    size = np.sqrt((np.abs(values) ** 2).mean(axis=0))
+    sigma = 0.01 * np.maximum(size, 0.1 * size.max())
+    error = np.random.default_rng(1).normal(size=(2, *values.shape)) * sigma / np.sqrt(2)
+    noisy = values + error[0] + 1j * error[1]
+    coherence = 1 / (1 + 9 * sigma**2 / np.abs(noisy) ** 2)  # of ten averages
+    frf, coherence = (np.moveaxis(one, 0, 2) for one in (noisy, coherence))
+    np.savez(folder / "t.npz", frf=frf, coherence=coherence, freq_hz=freq)
+    return folder
+
+
+def test_who_takes_most_of_a_very_large_gap_ends_no_search(tmp_path):
+    # An appendage scores best, and leaves 2.9 times the noise's power of a gap of 4500 times.
+    found = diagnose(open_session(heavier(tmp_path)))
+    assert found.nothing.chi_square > 1000
+    assert "appendage" in {one.effect for one in found.evidence.refits}
+    verdict = verdict_of(found)
+    first = verdict.causes[0]
+    assert (first.effect, first.location) == ("mass_error", "body:head")
+    assert first.parameters["mass"] == pytest.approx(10.0, rel=0.01)
+    assert first.probability > 0.95
+
+
+def test_of_few_lines_nothing_is_diagnosed(tmp_path):
+    with pytest.raises(UsageError, match="needs 8 lines or more, and the band holds 2"):
+        diagnose(open_session(heavier(tmp_path), (20.0, 20.9)))

@@ -60,6 +60,9 @@ def test_a_second_whose_shape_nobody_proposed_without_the_first_is_tried_as_it_i
     assert len(task.start) == len(task.session.model.parameters)
     other = replace(second.hypothesis)
     assert by_itself(diagnosis.base, second, [other]).hypothesis is other
+    # A sign and a gain are one number, and two hypotheses.
+    another = replace(other, effect="another")
+    assert by_itself(diagnosis.base, second, [another, other]).hypothesis is other
 
 
 def test_each_of_two_is_fitted_alone_from_where_both_ended_too(found):

@@ -1,5 +1,7 @@
 """MJCF to machine: the mass matrix, sites, springs and names."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -127,6 +129,14 @@ def test_coordinates_bear_the_names_of_their_joints(station):
         *("granite_bottom_tx", "granite_bottom_ty", "granite_bottom_tz"),
         *("granite_bottom_rx", "granite_bottom_ry", "granite_bottom_rz", "granite_top_tx"),
     )
+
+
+def test_a_joint_is_called_by_its_direction_and_else_by_the_axis_that_its_own_is_nearest(station):
+    directions = ("tx", "ty", "tz", "rx", "ry", "rz")
+    assert [axle.dof for axle in station.axles] == 6 * [*directions]
+    turned = replace(station.axles[4], joint="a swivel", axis=np.array([0.6, 0.0, -0.8]))
+    assert turned.dof == "rz"
+    assert replace(turned, turns=False).dof == "tz"
 
 
 def test_the_station_has_no_forces_beside_its_springs(station):

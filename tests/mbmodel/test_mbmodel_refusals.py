@@ -26,6 +26,10 @@ BOX = '<geom name="foot" type="box" size="0.1 0.1 0.1"/>'
 
 REFUSED = {
     "unknown attribute": (joint('stifness="3"'), ["stifness", "joint", "line 1"]),
+    "colon in the name of a body": (
+        GOOD.replace('body name="a"', 'body name="a:b"'),
+        ["body 'a:b'", "colon"],
+    ),
     "unknown element": (with_extra("<spring/>"), ["spring"]),
     "body without mass": (
         mjcf('<body name="bare"><joint type="slide"/></body>'),

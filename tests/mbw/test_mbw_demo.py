@@ -108,10 +108,14 @@ def test_a_wrong_verdict_is_graded_as_wrong():
             "next_experiment": None,
         }
     )  # fmt: skip
-    effect, place, mass = graded(verdict, answer)
+    word, effect, place, along, mass = graded(verdict, answer)
+    assert word == "verdict: explained, right"
     assert effect == "effect: mass_error, wrong: it is appendage"
     assert place == "location: body:spindle, right"
     assert mass.endswith("100.00% off")
+    doubted = verdict.model_copy(update={"verdict": "unexplained"})
+    assert graded(doubted, answer)[0] == "verdict: unexplained, wrong: it is explained"
+    assert along == "dof: None, wrong: it is tx"
     missed = verdict.model_copy(update={"verdict": "none", "causes": []})
     assert graded(missed, answer) == ["said none; true is appendage at body:spindle"]
 

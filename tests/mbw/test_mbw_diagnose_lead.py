@@ -89,7 +89,8 @@ def test_a_cause_that_leaves_much_is_doubted(explained):
         update={"closed": 0.46, "after": gap.after.model_copy(update={"excess": 15.9})}
     )
     page = render(replace(explained, verdict=explained.verdict.model_copy(update={"gap": gap})))
-    assert "closes only 46 % of the gap and leaves 15.9 times the noise" in page
+    assert "With the cause the model is still off by 15.9 times the noise" in page
+    assert "still off" not in render(explained)
 
 
 def test_a_verdict_without_a_known_gap_still_has_its_page(explained):

@@ -288,3 +288,16 @@ def test_the_page_of_nothing_runs_without_faults(texts, tmp_path):
     </script>"""
     seen = browse(texts["none"], tmp_path, probe=probe)
     assert seen == {"faults": [], "maps": 1}
+
+
+def test_every_step_of_the_gap_has_an_interval(explained, texts):
+    gap, ends = explained.verdict.gap, explained.shown.steps
+    assert ends.after == pytest.approx(gap.interval.after)
+    for size, (low, high) in (
+        (gap.as_drawn.excess, ends.as_drawn),
+        (gap.retuned.excess, ends.retuned),
+        (gap.noise, ends.noise),
+    ):
+        assert 0 < low < size < high < 10 * size
+    assert all(row["interval"] for row in data_of(texts["explained"])["gap"])
+    assert "the noise alone is an error of" in texts["explained"]

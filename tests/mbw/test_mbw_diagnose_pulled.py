@@ -7,6 +7,7 @@ import pytest
 
 from mbw.diagnose import verb
 from mbw.diagnose.pulled import pulled_sentence
+from mbw.diagnose.result import unfinished
 from mbw.messages import SCREEN
 
 NAMES = ("ty_tx.stiffness", "acc1.rotation_z", "hammer(acc1:ty).rotation_z")
@@ -19,6 +20,9 @@ def case(x, *, word="none", excess=96.6, pull=0.0):
         nothing=SimpleNamespace(fit=SimpleNamespace(freedom=freedom, x=np.array(x))),
         evidence=SimpleNamespace(pull=pull, variance="coherence"),
         gate=SimpleNamespace(flexible=(), unknown=()),
+        known=None,
+        retuned=SimpleNamespace(unfinished=0),
+        after=None,
     )
     gap = SimpleNamespace(retuned=SimpleNamespace(excess=excess))
     return SimpleNamespace(verdict=word, gap=gap, next_experiment=None), found
@@ -31,8 +35,8 @@ def told(x, **values):
 def test_a_tolerance_beyond_its_bound_is_named_with_what_its_bound_leaves():
     assert told([9.0, 1.0, -3.29]) == (
         "This verdict believes hammer(acc1:ty).rotation_z to be off by 3.3 standard deviations, as "
-        "up to 4 may be where tolerances are many; with each kept within 2.5, as in these figures, "
-        "the model stays off by 96.6 times the noise."
+        "up to 4.5 may be where tolerances are many; with each kept within 2.5, as in these "
+        "figures, the model stays off by 96.6 times the noise."
     )
 
 
@@ -64,3 +68,16 @@ def test_the_screen_tells_it_too(capsys, monkeypatch):
     monkeypatch.setattr(SCREEN, "quiet", False)
     verb._say_more(*case([9.0, 1.0, 3.3]))
     assert "hammer(acc1:ty).rotation_z to be off by 3.3" in capsys.readouterr().err
+
+
+def test_fits_that_did_not_end_are_named():
+    def said(converged, retuned, after):
+        levels = (SimpleNamespace(unfinished=count) for count in (retuned, after))
+        known = SimpleNamespace(converged=converged)
+        keys = ("known", "retuned", "after")
+        return unfinished(SimpleNamespace(**dict(zip(keys, (known, *levels), strict=True))))
+
+    assert said(True, 0, 0) == []
+    sizes, gaps = said(False, 2, 4)
+    assert sizes.startswith("The fit that sizes are stated from did not end")
+    assert "2 re-tuned, 4 with the cause" in gaps

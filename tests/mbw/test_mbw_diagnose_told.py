@@ -58,7 +58,7 @@ def test_the_winner_has_not_fallen_though_another_shape_of_it_scored_best():
         (best.words, ""),
         (worse.words, "10 nats worse"),
         (far.words, "a first refit gained much less than the best"),
-        (small.words, "its gain is small"),
+        (small.words, "not refitted: its gain is small"),
     ]
 
 
