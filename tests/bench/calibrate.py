@@ -11,6 +11,7 @@ Effects that re-tuning hides entirely teach nothing and are left out. The consta
 import hashlib
 import json
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -47,8 +48,8 @@ _Cause = tuple[str, str]  # effect, place
 
 def run() -> list[dict[str, object]]:
     """Make the campaigns, fit the constants, write them."""
-    decks = cards(), deck("diagnosis", RETIRED, REPORTED_ONCE)
-    rows = [row for dealt in decks for row in made(dealt)]
+    decks = dealt()
+    rows = [row for one in decks for row in made(one)]
     given = [one for row in rows if (one := _given(row)) is not None]
     start = np.log(list(BEGIN.values()))
 
@@ -58,13 +59,12 @@ def run() -> list[dict[str, object]]:
         return prior + sum(_surprise(judge(seen, by), truth) for seen, truth in given)
 
     found = minimize(cost, start, method="Nelder-Mead", options={"maxfev": 4000, "xatol": 1e-3})
-    kept = [[row["seed"], row.get("evidence"), row.get("answer")] for row in rows]
     by = _calibration(found.x).model_copy(
         update={
             "campaigns": len(given),
             "command": "make bench ONLY=calibrate",
             "seeds": ", ".join(f"{d.first} to {d.first + len(d.cards) - 1}" for d in decks),
-            "evidence": hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest(),
+            "evidence": hashed(rows),
         }
     )
     FILE.write_text(by.model_dump_json(indent=1) + "\n", encoding="utf-8")
@@ -79,6 +79,17 @@ def run() -> list[dict[str, object]]:
         "value": after / len(given),
     }
     return [*fitted, mean]
+
+
+def dealt() -> tuple[Deck, Deck]:
+    """Campaigns that are never reported, and those that were once and are no more."""
+    return cards(), deck("diagnosis", RETIRED, REPORTED_ONCE)
+
+
+def hashed(rows: Sequence[dict]) -> str:
+    """SHA-256 of what the rows hold of seeds, evidence and answers."""
+    kept = [[row["seed"], row.get("evidence"), row.get("answer")] for row in rows]
+    return hashlib.sha256(json.dumps(kept, sort_keys=True).encode()).hexdigest()
 
 
 def cards() -> Deck:

@@ -12,7 +12,7 @@ import resource
 import subprocess
 import time
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -152,13 +152,18 @@ def run() -> list[dict[str, object]]:
 
 def played(one: Deck) -> list[dict[str, object]]:
     """Make what is missing of a deck, then its figures."""
-    return graded(one, made(one))
+    return graded(one, made(one, stale))
 
 
-def made(one: Deck) -> list[dict]:
-    """Rows of a deck, in the order of its cards: any first part of them holds some of all kinds."""
+def made(one: Deck, anew: Callable[[dict], bool] | None = None) -> list[dict]:
+    """Rows of a deck, in the order of its cards: any first part of them holds some of all kinds.
+
+    Args:
+        one: the deck.
+        anew: which of the rows that are kept are to be made again.
+    """
     name = f"{one.name}.{one.first}"  # other seeds are other cases
-    rows, _ = cases(name, range(len(one.cards)), partial(case, one), JOBS, stale)
+    rows, _ = cases(name, range(len(one.cards)), partial(case, one), JOBS, anew)
     return rows
 
 

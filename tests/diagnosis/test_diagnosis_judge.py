@@ -11,6 +11,8 @@ from hypothesis import strategies as some
 
 from diagnosis.evidence import Evidence, Paired, Pushed, Refitted, Scored
 from diagnosis.judge import NOTHING, calibrated, judge
+from tests.bench.calibrate import dealt, hashed
+from tests.bench.diagnosis import made
 from truth.grade.read_verdict import read_verdict
 
 PLACES = ("body:a", "joint:b", "sensor:acc1")
@@ -320,10 +322,16 @@ def test_the_committed_calibration_says_where_it_comes_from():
     assert by.campaigns >= 50
     assert by.command
     assert by.seeds.startswith("80000")
-    assert len(by.evidence) == 64
     values = [by.hidden_width, by.left_width, by.left, by.least, by.temper, by.share, by.sure]
     assert np.isfinite(values).all()
     assert min(*values, *by.hidden.values()) > 0
+
+
+def test_the_committed_calibration_is_that_of_the_committed_evidence(monkeypatch):
+    monkeypatch.setenv("KEPT", "1")
+    rows = [row for one in dealt() for row in made(one)]
+    assert len(rows) > 400
+    assert hashed(rows) == calibrated().evidence
 
 
 def test_hits_that_met_different_machines_are_not_nothing():
