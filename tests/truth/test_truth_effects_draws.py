@@ -272,6 +272,7 @@ def test_a_small_machine_takes_the_effect_or_has_no_place_for_it(name, which):
         (
             "bare",
             {
+                "inerter",
                 "flexible_body",
                 "gyroscopic",
                 "joint_coupling",

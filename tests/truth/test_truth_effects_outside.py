@@ -16,6 +16,7 @@ from truth.effects.places import JointDirection
 from truth.effects.stability import poles
 from truth.errors import TruthError
 from truth.rig import Occasion
+from truth.station import GROUND
 
 W = 2 * np.pi * FREQ
 S = 1j * W
@@ -59,6 +60,16 @@ def test_an_inerter_is_measured_by_the_mass_or_moment_that_it_joins():
         moment = stage.inertia[axis, axis]
         expected = stage.mass if effect.direction.dof[0] == "t" else moment
         assert effect.reference == pytest.approx(expected)
+
+
+def test_no_inerter_stands_on_the_floor_where_it_is_a_mass():
+    station = chain()
+    floor = {stage.name for stage in station.stages if stage.parent == GROUND}
+    drawn = {draw_inerter(random_of(k), scene_of(station), None).direction.stage for k in range(40)}
+    assert drawn == {stage.name for stage in station.stages} - floor
+    (only,) = floor
+    with pytest.raises(TruthError):
+        draw_inerter(random_of(1), scene_of(station), f"joint:{only}")
 
 
 def test_a_fractional_damper_is_between_spring_and_dashpot(one_body):

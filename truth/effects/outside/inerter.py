@@ -9,7 +9,7 @@ from truth.effects.effect import Scene
 from truth.effects.outside.unexplained import Unexplained
 from truth.effects.places import draw_direction
 from truth.rig import Occasion, Prepared, Rig
-from truth.station import Joint
+from truth.station import GROUND, Joint
 
 RATIO = (0.1, 0.6)
 LIMITS = (1e-3, 5.0)
@@ -40,13 +40,18 @@ class Inerter(Unexplained):
         return rig.with_matrices(mass=self.size * self.reference * np.outer(row, row))
 
 
-def _any(joint: Joint) -> bool:
-    return True
-
-
 def draw_inerter(random: np.random.Generator, scene: Scene, place: str | None) -> Inerter | None:
-    """Draw a joint direction and the inertance."""
-    direction = draw_direction(random, scene.station, place, _any)
+    """Draw a joint direction between two bodies and the inertance.
+
+    Against the floor an inerter is a mass, which every catalogue has.
+    """
+    stages = scene.station.stages
+    floor = {joint.name for one in stages if one.parent == GROUND for joint in one.joints}
+
+    def between(joint: Joint) -> bool:
+        return joint.name not in floor
+
+    direction = draw_direction(random, scene.station, place, between)
     if direction is None:
         return None
     stage = scene.station.stages[scene.station.index(direction.stage)]
