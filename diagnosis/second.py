@@ -41,7 +41,7 @@ _TIED = 0.1  # of its gain: who alone gains less by no more is tried there even 
 _EXACT = 0.05  # of chi square, that the one effect there is may leave
 _MOST = 0.5  # of what the first leaves
 TURNS = 3  # of the search for one, before two are asked for
-BESIDE = 2  # of that for another beside it: neither of two is one that only a far beginning finds
+BESIDE = 2  # of that for another beside it; where nobody takes much, as many as for one
 _FAR = 2.0  # times what the first leaves: who leaves more from elsewhere will not do better
 _SAME = 0.98  # of the cost: what was known of the first before
 _WORTH = 0.75  # of the gap, what the first may leave at most
@@ -120,12 +120,12 @@ def with_second(
     possible = (other for effect in catalogue().values() for other in effect(inner))
     others = [other for other in possible if (other.effect, other.location) in allowed]
     left = replace(first, hypothesis=None)
-    beside = Hunt(inner, (early.fit, close, left), others, say).go(BESIDE).refits[:_PARTNERS]
-    pairs = [_pair(one, both) for both in beside if both.cost < first.cost]
+    beside = _beside(Hunt(inner, (early.fit, close, left), others, say), first)
+    pairs = [_pair(one, both) for both in beside]
     if not pairs:
         return found
     best = min(pairs, key=lambda both: both.cost)
-    if best.chi_square - 1 > _LEFT * (first.chi_square - 1):
+    if not _takes_much(best, first):
         return replace(found, pairs=ordered(scene, pairs))
     second = beside[0]
     known = next((made for made in found.refits if made.key == second.key), None)
@@ -147,6 +147,22 @@ def with_second(
         refits=tuple(sorted(single.values(), key=lambda made: made.cost)),
         pairs=ordered(scene, pairs),
     )
+
+
+def _beside(hunt: Hunt, first: Refit) -> list[Refit]:
+    """What leaves less than the first alone, beside it; from afar too where nobody takes much."""
+    found: list[Refit] = []
+    for turns in (BESIDE, TURNS):
+        refits = hunt.go(turns).refits[:_PARTNERS]
+        found = [both for both in refits if both.cost < first.cost]
+        if any(_takes_much(both, first) for both in found):
+            break
+    return found
+
+
+def _takes_much(both: Refit, first: Refit) -> bool:
+    """Whether little is left of what the first leaves."""
+    return both.chi_square - 1 <= _LEFT * (first.chi_square - 1)
 
 
 def _from_elsewhere(scene: Scene, first: Refit, one: Hypothesis) -> Refit:
