@@ -4,15 +4,12 @@ import json
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
 from diagnosis.evidence import Evidence, Paired, Pushed, Refitted, Scored
-from diagnosis.judge import NOTHING, calibrated, judge
-from tests.bench.calibrate import dealt, hashed
-from tests.bench.diagnosis import made
+from diagnosis.judge import NOTHING, judge
 from truth.grade.read_verdict import read_verdict
 
 PLACES = ("body:a", "joint:b", "sensor:acc1")
@@ -315,23 +312,6 @@ def test_a_body_that_bends_may_leave_a_gap():
     bent = (("flexible_body", "body:a", None),)
     assert judge(evidence(50.0, (), bent)).word == "explained"
     assert judge(evidence(50.0, (), (("sensor_gain", "sensor:acc1", "tx"),))).causes[0][1] < 0.7
-
-
-def test_the_committed_calibration_says_where_it_comes_from():
-    by = calibrated()
-    assert by.campaigns >= 50
-    assert by.command
-    assert by.seeds.startswith("80000")
-    values = [by.hidden_width, by.left_width, by.left, by.least, by.temper, by.share, by.sure]
-    assert np.isfinite(values).all()
-    assert min(*values, *by.hidden.values()) > 0
-
-
-def test_the_committed_calibration_is_that_of_the_committed_evidence(monkeypatch):
-    monkeypatch.setenv("KEPT", "1")
-    rows = [row for one in dealt() for row in made(one)]
-    assert len(rows) > 400
-    assert hashed(rows) == calibrated().evidence
 
 
 def test_hits_that_met_different_machines_are_not_nothing():

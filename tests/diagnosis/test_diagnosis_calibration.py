@@ -1,0 +1,24 @@
+"""The committed calibration of the judgement: whole, and of the evidence that is committed."""
+
+import numpy as np
+
+from diagnosis.judge import calibrated
+from tests.bench.calibrate import dealt, hashed
+from tests.bench.diagnosis import made
+
+
+def test_the_committed_calibration_says_where_it_comes_from():
+    by = calibrated()
+    assert by.campaigns >= 50
+    assert by.command
+    assert by.seeds.startswith("80000")
+    values = [by.hidden_width, by.left_width, by.left, by.least, by.temper, by.share, by.sure]
+    assert np.isfinite(values).all()
+    assert min(*values, *by.hidden.values()) > 0
+
+
+def test_the_committed_calibration_is_that_of_the_committed_evidence(monkeypatch):
+    monkeypatch.setenv("KEPT", "1")
+    rows = [row for one in dealt() for row in made(one)]
+    assert len(rows) > 400
+    assert hashed(rows) == calibrated().evidence
