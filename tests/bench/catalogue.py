@@ -1,7 +1,7 @@
 """Which effect, on withheld truth: every effect of the catalogue twenty times and more.
 
 Effects of the machine, two effects at once, effects that no catalogue has, and effects in random
-trees of stages. Seeds 280000 and up, all of them counted; cases that are done are kept: it goes on
+trees of stages. Seeds 280000 and up, all counted; README says what they taught. Cases that are done are kept: it goes on
 from where it was.
 """
 

@@ -14,7 +14,7 @@ import time
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -77,9 +77,6 @@ MACHINE = (
 )
 NONLINEAR = ("backlash", "friction", "hardening")
 RATIOS = (2.0, 4.0, 8.0)
-COMMIT = subprocess.run(
-    ("git", "rev-parse", "--short", "HEAD"), capture_output=True, text=True, check=False
-).stdout.strip()
 RIGID = 2  # directions of every machine that are rigid, for one of them may be what is missing
 
 
@@ -184,7 +181,7 @@ def case(one: Deck, number: int) -> dict[str, object]:
         number: of the case.
     """
     seed, card = one.first + number, one.cards[number]
-    row: dict[str, object] = {"seed": seed, "card": asdict(card), "commit": COMMIT}
+    row: dict[str, object] = {"seed": seed, "card": asdict(card), "commit": _commit()}
     with threadpool_limits(1):
         drawn = ensure(one, seed)
         if drawn is None:
@@ -208,6 +205,13 @@ def case(one: Deck, number: int) -> dict[str, object]:
     # Of the process, which made other cases before: never less than what this one took.
     largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     return row | {"seconds": seconds, "gib": largest} | kept
+
+
+@cache
+def _commit() -> str:
+    """Of the tree that makes a row."""
+    asked = ("git", "rev-parse", "--short", "HEAD")
+    return subprocess.run(asked, capture_output=True, text=True, check=True).stdout.strip()
 
 
 def ranks(scored: Sequence[Scored], told: Fault) -> list[int]:
