@@ -1,8 +1,8 @@
 """Which effect, on withheld truth: every effect of the catalogue twenty times and more.
 
 Effects of the machine, two effects at once, effects that no catalogue has, and effects in random
-trees of stages. Seeds 280000 and up, all counted; README says what they taught. Cases that are done are kept: it goes on
-from where it was.
+trees of stages. Seeds 280000 and up, all counted; README says what they taught. Cases that are
+done are kept: it goes on from where it was.
 """
 
 from itertools import combinations
