@@ -102,27 +102,28 @@ class _Search:
 
     def run(
         self,
-        x: Real,
+        begin: Minimum,
         stages: _Numbered,
         name: str,
         report: Callable[[int, int, float], None] | None = None,
     ) -> Minimum:
-        """Go through some stages, each told by its number, from x; steps are kept by name.
+        """Go through some stages, each told by its number, from an end; steps are kept by name.
 
         Raises:
-            KeyboardInterrupt: before anything was found.
+            KeyboardInterrupt: before anything was found, here or by who came before.
         """
-        end, evaluations = Minimum(x, np.inf, 0, "converged", ""), 0
+        end, evaluations = begin, 0
         for number, stage in stages:
 
             def tell(count: int, value: float, at: int = number) -> None:
                 if report is not None:
                     report(at, count, value)
 
-            make = partial(self._stage, stage, end.x, tell)
+            make, step = partial(self._stage, stage, end.x, tell), f"{name}, stage {number}"
             try:
-                end = self.journal.step(f"{name}, stage {number}", make)
+                end = self.journal.step(step, make)
             except KeyboardInterrupt:  # while a stage is made ready, or its end is kept
+                end = self.journal.recall(step) or end
                 if not np.isfinite(end.value):
                     raise
                 end = replace(end, evaluations=0, outcome="interrupted", advice=INTERRUPTED)
@@ -266,7 +267,7 @@ def fit(  # noqa: PLR0913  # one for each option
     slack = _AGREE_MODES if isinstance(last, ModalStage) else 0.0
     end, others = ends[best], [end.evaluations for end in ends]
     if split < len(stages) and ends[-1].outcome != "interrupted":
-        end = search.run(end.x, numbered[split:], f"{name}, best", _told(report, best))
+        end = search.run(end, numbered[split:], f"{name}, best", _told(report, best))
         others.append(end.evaluations)
     elif ends[-1].outcome == "interrupted":
         end = replace(end, outcome="interrupted", advice=ends[-1].advice)
@@ -292,6 +293,11 @@ def _told(
     return lambda stage, count, value: report(Progress(start, stage, count, value))
 
 
+def _begun(x: Real) -> Minimum:
+    """Where nothing is found yet."""
+    return Minimum(x, np.inf, 0, "converged", "")
+
+
 def _from_all(
     search: _Search,
     begins: list[Real],
@@ -304,7 +310,12 @@ def _from_all(
         return _side_by_side(search, begins, stages, name)
     ends: list[Minimum] = []
     for number, x in enumerate(begins):
-        end = search.run(x, stages, f"{name}, start {number}", _told(report, number))
+        try:
+            end = search.run(_begun(x), stages, f"{name}, start {number}", _told(report, number))
+        except KeyboardInterrupt:
+            if not ends:
+                raise
+            end = Minimum(x, np.inf, 0, "interrupted", INTERRUPTED)
         if end.outcome == "interrupted" and ends:
             end = replace(end, value=np.inf)
         ends.append(end)
@@ -338,7 +349,7 @@ def _side_by_side(
 
 def _alone(search: _Search, x: Real, stages: _Numbered) -> Minimum:
     with threadpool_limits(1):
-        return replace(search, threads=1, journal=Journal()).run(x, stages, "")
+        return replace(search, threads=1, journal=Journal()).run(_begun(x), stages, "")
 
 
 def random_starts(

@@ -7,6 +7,7 @@ from small_machine import virtual_campaign
 from identification.words import UsageError
 from mbmodel import as_drawn
 from tuning import STAGES, Misfit, Stage, fit, freedom, random_starts, with_tolerances
+from tuning.journal import Journal
 from tuning.stages import thinned
 
 OPENING = STAGES[:2]
@@ -148,11 +149,39 @@ def test_an_interrupt_in_the_middle_keeps_the_best_parameters(model, campaign, m
     assert misfit(found.theta) <= misfit(before.theta)
 
 
-def test_an_interrupt_between_two_stages_keeps_what_the_first_has_found(
-    model, campaign, monkeypatch
+@pytest.mark.parametrize("at", [2, 3])  # the third goes on from the best of all starts
+def test_an_interrupt_between_two_stages_keeps_what_the_first_have_found(
+    model, campaign, monkeypatch, at
 ):
-    made = Stage.misfit
-    seen = []
+    expected = fit(model, campaign, stages=STAGES[: at - 1]).theta
+    interrupt_when_made_ready(monkeypatch, at)
+    found = fit(model, campaign, stages=STAGES[:at])
+    assert found.outcome == "interrupted"
+    assert found.theta == pytest.approx(expected, rel=1e-12)
+
+
+def test_an_interrupt_before_anything_is_found_says_so(model, campaign, monkeypatch):
+    interrupt_when_made_ready(monkeypatch, 1)
+    with pytest.raises(KeyboardInterrupt):
+        fit(model, campaign, stages=STAGES[:2])
+
+
+def test_an_interrupt_after_a_stage_is_written_down_keeps_it(model, campaign, monkeypatch):
+    expected = fit(model, campaign, stages=STAGES[:1]).theta
+    keep = Journal.keep
+
+    def kept(journal, step, end):
+        keep(journal, step, end)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Journal, "keep", kept)
+    found = fit(model, campaign, stages=STAGES[:2])
+    assert found.outcome == "interrupted"
+    assert found.theta == pytest.approx(expected, rel=1e-12)
+
+
+def interrupt_when_made_ready(monkeypatch, at):
+    made, seen = Stage.misfit, []
 
     def ready(stage, *arguments, **named):
         seen.append(stage)
@@ -161,14 +190,14 @@ def test_an_interrupt_between_two_stages_keeps_what_the_first_has_found(
         return made(stage, *arguments, **named)
 
     monkeypatch.setattr(Stage, "misfit", ready)
-    at = 2
-    found = fit(model, campaign, stages=STAGES[:2])
+
+
+def test_an_interrupt_before_a_second_start_leaves_the_first(model, campaign, monkeypatch):
+    first = fit(model, campaign, stages=OPENING)
+    interrupt_when_made_ready(monkeypatch, 1 + len(OPENING))
+    found = fit(model, campaign, starts=random_starts(model, 2, seed=3))
     assert found.outcome == "interrupted"
-    at, seen = 0, []
-    assert found.theta == pytest.approx(fit(model, campaign, stages=STAGES[:1]).theta, rel=1e-12)
-    at, seen = 1, []
-    with pytest.raises(KeyboardInterrupt):
-        fit(model, campaign, stages=STAGES[:2])
+    assert found.theta == pytest.approx(first.theta, rel=1e-12)
 
 
 def test_an_interrupted_second_start_leaves_the_first_to_be_kept(model, campaign, misfit):
