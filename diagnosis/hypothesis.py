@@ -31,6 +31,7 @@ class Scene:
         held: directions that are rigid as drawn, each on a stiff spring in the session's model.
         pace: of the lines that fits count otherwise, every so manyth: where there are many data.
         jobs: processes for fits that do not wait for each other, threads of a single one.
+        there: names of parameters of an effect that the session's model has already.
     """
 
     session: Session
@@ -38,6 +39,7 @@ class Scene:
     held: tuple[Held, ...] = ()
     pace: int = 1
     jobs: int = 1
+    there: frozenset[str] = frozenset()
 
     @property
     def model(self) -> Model:
@@ -137,6 +139,11 @@ class Hypothesis:
             return self.scored
         own = (p.name for part in self.parts for p in part.parameters)
         return (*self.release, *(name for name in own if name not in self.follow))
+
+    @property
+    def names(self) -> frozenset[str]:
+        """All parameters that it brings or releases."""
+        return frozenset((*self.release, *(p.name for part in self.parts for p in part.parameters)))
 
     @property
     def identity(self) -> tuple[tuple[str, str, str | None], tuple[str, ...]]:

@@ -169,15 +169,16 @@ class Hunt:
 
     def _try_more(self, turn: int) -> None:
         close, far, scene = self._close, self._far, self._scene
+        first = 2 if scene.there else 1  # of the beginnings of each
         if turn == 1:
             close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
             there = [*close.best(self._forced)[:_THERE], *close.best()[:_CLOSEST]]
             close.try_all(list({one.key: one for one in there}.values()))
             self._elsewhere = self._from(self._forced)
         elif turn == 2:
-            close.try_all([own[0] for own in self._elsewhere], FROM_AFAR)
+            close.try_all([one for own in self._elsewhere for one in own[:first]], FROM_AFAR)
         elif turn == 3:
-            close.try_all([one for own in self._elsewhere for one in own[1:]], FROM_AFAR)
+            close.try_all([one for own in self._elsewhere for one in own[first:]], FROM_AFAR)
         elif turn:
             far.try_all(self._promising[REFITTED:])
             others = self._from(nearly(self._pushed, self._forced))
@@ -188,7 +189,7 @@ class Hunt:
             far.try_other_directions()
 
     def _from(self, pushing: Sequence[Direction]) -> list[list[Hypothesis]]:
-        return _elsewhere([*self._rounds[0], *self._rounds[1]], pushing, self._scene)
+        return _elsewhere(self._rounds[:2], pushing, self._scene)
 
     def _patient(self, refits: Sequence[Refit]) -> list[Refit]:
         """The best first, at its minimum, and the second if it may still come near.
@@ -221,12 +222,14 @@ class Hunt:
 def beginnings(one: Hypothesis, scene: Scene) -> list[Hypothesis]:
     """The same, begun elsewhere, and all else as drawn.
 
-    A fit without a strong effect has made springs a hundred times as stiff.
+    A fit without a strong effect has made springs a hundred times as stiff; but with one that is
+    there already it need not have: then each begins from that fit too, before.
     """
-    varies = set(scene.session.freedom.names)
+    varies = set(scene.session.freedom.names) - scene.there
     names = zip(scene.model.parameters, scene.model.drawn.tolist(), strict=True)
     drawn = {one.name: value for one, value in names if one.name in varies}
-    return [replace(one, begin={**drawn, **other}) for other in one.otherwise]
+    fits = ({}, drawn) if scene.there else (drawn,)
+    return [replace(one, begin={**fit, **other}) for other in one.otherwise for fit in fits]
 
 
 def nearly(pushed: Sequence[Pushed], tried: Sequence[Direction]) -> list[Direction]:
@@ -243,19 +246,29 @@ def nearly(pushed: Sequence[Pushed], tried: Sequence[Direction]) -> list[Directi
 
 
 def _elsewhere(
-    scored: Sequence[Score], pushing: Sequence[Direction], scene: Scene
+    rounds: Sequence[Sequence[Score]], pushing: Sequence[Direction], scene: Scene
 ) -> list[list[Hypothesis]]:
     """Where forces push most, what may begin elsewhere, from there; of each all its beginnings.
 
-    What concerns one direction does so if the score sees nothing in it.
+    What concerns one direction does so if a round of scores sees nothing in it.
     """
     places = {place for place, _ in pushing}
-    best = {score.hypothesis.key: score for score in reversed(scored)}
+    best = [_best_of_keys(scored) for scored in rounds]
     found = []
-    for one, gain in ((score.hypothesis, score.gain) for score in best.values()):
+    for key, score in {**best[-1], **best[0]}.items():
+        one = score.hypothesis
         there = one.location in places if one.dof is None else (one.location, one.dof) in pushing
-        if there and one.otherwise and (one.dof is None or gain <= 0):
+        blind = any(key in own and own[key].gain <= 0 for own in best)
+        if there and one.otherwise and (one.dof is None or blind):
             found.append(beginnings(one, scene))
+    return found
+
+
+def _best_of_keys(scored: Sequence[Score]) -> dict[Key, Score]:
+    """The best score of each effect, place and direction, the most promising first."""
+    found: dict[Key, Score] = {}
+    for score in scored:
+        found.setdefault(score.hypothesis.key, score)
     return found
 
 

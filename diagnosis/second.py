@@ -4,8 +4,9 @@ What the best single effect leaves is a gap like any other: with that effect in 
 hypotheses are scored again, the most promising refitted, both then fitted at once. If one of the
 two alone leaves as little, the other was not needed: so the second is fitted alone too. A wrong
 first may have taken the part of both: so others that led with it are fitted in its place, always
-those that alone explain nearly as much. And the first may not have arrived: so it is begun
-elsewhere before, and each is fitted alone once more, from where both ended.
+those that alone explain nearly as much; and where no pair explains all, whatever explains most
+beside the second. And the first may not have arrived: so it is begun elsewhere before, and each is
+fitted alone once more, from where both ended.
 """
 
 from collections.abc import Callable, Sequence
@@ -39,6 +40,7 @@ _PARTNERS = 2  # of the first, so many are stated
 _OTHERS = 2  # in its place, so many are fitted beside the second
 _TIED = 0.1  # of its gain: who alone gains less by no more is tried there even beside a good pair
 _EXACT = 0.05  # of chi square, that the one effect there is may leave
+_FOREIGN = 0.15  # of chi square, that no pair leaves both of which are there
 _MOST = 0.5  # of what the first leaves
 TURNS = 3  # of the search for one, before two are asked for
 BESIDE = 2  # of that for another beside it; where nobody takes much, as many as for one
@@ -112,15 +114,7 @@ def with_second(
     if first.chi_square - 1 < _EXACT or _is_outlier(first):
         return found
     say("a second effect")
-    inner = replace(scene, session=first.session, theta=first.fit.theta)
-    early = refit(inner, None, inner.session.campaign, _EARLY)
-    close = go_on(inner, early, FIRST)
-    elsewhere = (other for other in proposed if other.location != one.location)
-    allowed = {(other.effect, other.location) for other in elsewhere}
-    possible = (other for effect in catalogue().values() for other in effect(inner))
-    others = [other for other in possible if (other.effect, other.location) in allowed]
-    left = replace(first, hypothesis=None)
-    beside = _beside(Hunt(inner, (early.fit, close, left), others, say), first)
+    beside = _beside(scene, first, proposed, say)
     pairs = [_pair(one, both) for both in beside]
     if not pairs:
         return found
@@ -141,6 +135,11 @@ def with_second(
     tied = first.cost + _TIED * (nothing.cost - first.cost)
     least = np.inf if best.chi_square - 1 > _EXACT else tied
     pairs += _exchanged(scene, [made for made in found.refits[1:] if made.cost < least], alone)
+    other = alone.hypothesis
+    if other is not None and min(both.chi_square for both in pairs) - 1 > _FOREIGN:
+        say("another in the place of the first")
+        instead = _beside(scene, alone, proposed, say)
+        pairs += [_pair(other, both) for both in instead]
     single = {made.key: made for made in (*found.refits, alone)}
     return replace(
         found,
@@ -149,8 +148,22 @@ def with_second(
     )
 
 
-def _beside(hunt: Hunt, first: Refit) -> list[Refit]:
+def _beside(
+    scene: Scene, first: Refit, proposed: Sequence[Hypothesis], say: Callable[[str], None]
+) -> list[Refit]:
     """What leaves less than the first alone, beside it; from afar too where nobody takes much."""
+    one = first.hypothesis
+    if one is None:
+        raise ValueError("there is no first")
+    inner = replace(scene, session=first.session, theta=first.fit.theta, there=one.names)
+    early = refit(inner, None, inner.session.campaign, _EARLY)
+    close = go_on(inner, early, FIRST)
+    elsewhere = (other for other in proposed if other.location != one.location)
+    allowed = {(other.effect, other.location) for other in elsewhere}
+    possible = (other for effect in catalogue().values() for other in effect(inner))
+    others = [other for other in possible if (other.effect, other.location) in allowed]
+    left = replace(first, hypothesis=None)
+    hunt = Hunt(inner, (early.fit, close, left), others, say)
     found: list[Refit] = []
     for turns in (BESIDE, TURNS):
         refits = hunt.go(turns).refits[:_PARTNERS]

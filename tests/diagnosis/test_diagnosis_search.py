@@ -39,16 +39,27 @@ def test_a_direction_that_gives_way_by_far_is_found_though_its_slope_shows_nothi
     assert held == ()  # all six directions have springs
     scene = Scene(session, session.model.drawn, ())
     rows = [Score(one, 0.0, np.zeros(1)) for one in _ways(session)]
-    ((found,),) = _elsewhere(rows, {("joint:stage2", "ry")}, scene)
+    ((found,),) = _elsewhere([rows], {("joint:stage2", "ry")}, scene)
     drawn_too = {name: found.begin[name] for name in found.begin.keys() - found.otherwise[0]}
     assert found.begin == {**drawn_too, **found.otherwise[0]}
     names = [parameter.name for parameter in session.model.parameters]
     assert drawn_too.keys() == set(session.freedom.names) & set(names)
     for name, value in drawn_too.items():
         assert value == session.model.drawn[names.index(name)]
-    assert _elsewhere(rows, {("joint:stage2", "rx")}, scene) == []
+    assert _elsewhere([rows], {("joint:stage2", "rx")}, scene) == []
     sure = [replace(row, gain=5.0) for row in rows]
-    assert _elsewhere(sure, {("joint:stage2", "ry")}, scene) == []
+    assert _elsewhere([sure], {("joint:stage2", "ry")}, scene) == []
+    # An allowance sees a little, and the weights of the noise nothing.
+    for rounds in ([sure, rows], [rows, sure]):
+        ((again,),) = _elsewhere(rounds, {("joint:stage2", "ry")}, scene)
+        assert again.begin == found.begin
+    # Beside another effect the fit has not wandered: each begins from there first.
+    ((near, far),) = _elsewhere([rows], {("joint:stage2", "ry")}, replace(scene, there={"x"}))
+    assert near.begin == found.otherwise[0]
+    assert far.begin == found.begin
+    (spring,) = (name for name in drawn_too if name.endswith("stage1_ry.stiffness"))
+    ((_, far),) = _elsewhere([rows], {("joint:stage2", "ry")}, replace(scene, there={spring}))
+    assert far.begin.keys() == found.begin.keys() - {spring}
 
 
 def test_a_branch_as_stiff_as_the_joint_is_sought_from_there_too(tmp_path):
@@ -56,7 +67,7 @@ def test_a_branch_as_stiff_as_the_joint_is_sought_from_there_too(tmp_path):
     session, _ = drawn(tmp_path, 72_062, "gyroscopic", ratio=6.0)
     scene = Scene(session, session.model.drawn, ())
     rows = [Score(one, 1.0, np.zeros(1)) for one in viscoelastic.propose(scene)]
-    ((found,),) = _elsewhere(rows, {("joint:stage2", "ry")}, scene)
+    ((found,),) = _elsewhere([rows], {("joint:stage2", "ry")}, scene)
     assert found.location == "joint:stage2"
     begun = {name: value for name, value in found.begin.items() if name in found.otherwise[0]}
     assert list(begun.values()) == [1.0]
