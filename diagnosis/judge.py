@@ -6,20 +6,16 @@ outlier,
 
     visible   = expit((log e - log hidden) / width)       more than badly known noise, or hits
                 that differed and left a gap, which none of these effects makes
-    explained = expit((log left - log (e1 / min(e^0.75, e^0.25))) / width)   one effect takes nearly
-                all of it: of a large gap the true one leaves a smaller part
+    told      = expit((log gain - log told) / width)      the best refit gains more nats than the
+                best of all gains by chance: badly known noise gains nothing by a mass at one body
+    explained = told expit((log (left min(e^0.75, e^0.25) + exact) - log e1) / width)
+                and leaves what badly known noise may leave and next to nothing of the gap: of a
+                large one the true one leaves a smaller part
 
-and p(none) = (1 - explained)(1 - visible). What a refit leaves counts beyond the chi square at
-which nothing is missing, and as a fiftieth at least: the noise's variance is not known better. But
-badly known noise gains nothing by a mass at one body.
-What the best refit gains beyond free tolerances, in nats, tells a small gap too,
-
-    told = expit((log gain - log told) / width)
-
-makes it visible, and explained by what is left down to noise. What the best effect leaves is a gap
-of its own, of which two at once explain the part twofold, likewise: that part of what one explains,
-and of what none does, goes to several causes. Among causes, and among pairs, costs differ by
-thousands of nats where the noise alone counts, but a model is never so exact. Of n values, with
+and p(none) = (1 - explained)(1 - visible), what is told being visible. What the best effect leaves
+is a gap of its own, of which two at once explain the part twofold, likewise: that part of what one
+explains, and of what none does, goes to several causes. Among causes, and among pairs, costs differ
+by thousands of nats where the noise alone counts, but a model is never so exact. Of n values, with
 cost0 without any effect, or of pairs with the best single one,
 
     p(cause) = explained softmax(-cost / (least + inexact n + temper (cost0 - best)))
@@ -50,15 +46,13 @@ from scipy.special import expit, softmax
 
 from diagnosis.evidence import BENDS, Evidence, Key, Paired, Refitted
 from identification.words import Real
-from tuning import BOUND
 
 NOTHING = 1.03  # chi square up to which nothing is missing: no hypothesis is asked
 _POWER = 0.75  # of the gap: with what is left of it compared
 # Of a large one: right effects leave a tenth of a gap of thirty, and no more of five hundred; what
 # leaves one of seventeen explains most, as an added mass does of an inerter, and is not all.
 _LARGE = 0.25
-_EXACT = 0.02  # no refit is believed to leave less, by what it leaves alone
-_LEAST = 0.002  # if its gain tells of it
+_LEAST = 0.002  # of chi square, that a refit leaves at least
 _ROW = 0.01  # probability of a cause that is worth a row
 _LIKELY = 0.5
 # Odds of a joint over a body, both of which a low mode moves alike: what nobody has thought of is
@@ -77,8 +71,9 @@ class Calibration(BaseModel):
             third differences along frequency tell it worse than coherences do.
         hidden_width: of its logarithm.
         outlier: standard deviations that the largest of all tolerances may have.
-        told: nats that one of all hypotheses may gain where nothing is missing.
+        told: nats that one of all hypotheses may gain where nothing is missing, likewise.
         told_width: of their logarithm.
+        exact: e that badly known noise may leave of a gap, by its source.
         left: part of the gap, to that power, that is as likely explained as not.
         left_width: of its logarithm.
         least: nats that decide nothing.
@@ -97,8 +92,9 @@ class Calibration(BaseModel):
     hidden: Mapping[str, float]
     hidden_width: float
     outlier: float
-    told: float
+    told: Mapping[str, float]
     told_width: float
+    exact: Mapping[str, float]
     left: float
     left_width: float
     least: float
@@ -181,7 +177,7 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     sets = _shared(alone, ones, _weights(seen, by, seen.refits, (seen.cost, gap)))
     single = min((one.cost for one in seen.refits), default=seen.cost)
     twos = [one.keys for one in seen.pairs]
-    gap = max(_left(seen.refits, by), _LEAST) if seen.refits else gap
+    gap = _left(seen.refits, by) if seen.refits else gap
     sets |= _shared(double, twos, _weights(seen, by, seen.pairs, (single, gap)))
     if not seen.proven:
         several = sum(share for keys, share in sets.items() if _count(keys) > 1)
@@ -259,22 +255,26 @@ def _parts(seen: Evidence, by: Calibration) -> tuple[float, float, float]:
     without = seen.loose if likely else seen.chi_square
     beyond, hidden = max(without - 1, 1e-6), by.hidden[seen.variance]
     visible = float(expit((np.log(beyond) - np.log(hidden)) / by.hidden_width))
-    left = _left(seen.refits, by)
-    explained = _explains(left, gap, by)
-    if likely and seen.pull > BOUND:  # whatever one released tolerance then explains
-        explained *= visible
     best = min((one.chi_square for one in seen.refits), default=np.inf)
-    nats = max(without - best, 0.0) * seen.cost / seen.chi_square
-    told = float(expit((np.log(max(nats, 1.0)) - np.log(by.told)) / by.told_width))
-    explained = max(explained, told * _explains(max(best - 1, _LEAST), gap, by))
-    visible = max(visible, told)
-    return visible, explained, _explains(_left(seen.pairs, by), left, by) if seen.pairs else 0.0
+    told = _told(without - best, seen, by)
+    left = _left(seen.refits, by)
+    explained = told * _explains(left, gap, seen, by)
+    second = min((one.chi_square for one in seen.pairs), default=np.inf)
+    twofold = _told(best - second, seen, by) * _explains(_left(seen.pairs, by), left, seen, by)
+    return max(visible, told), explained, twofold
+
+
+def _told(gained: float, seen: Evidence, by: Calibration) -> float:
+    """Whether so much of chi square is more than the best of all hypotheses gains by chance."""
+    if not np.isfinite(gained):
+        return 0.0
+    nats = max(gained, 0.0) * seen.cost / seen.chi_square
+    return float(expit((np.log(max(nats, 1.0)) - np.log(by.told[seen.variance])) / by.told_width))
 
 
 def _left(fits: Sequence[Refitted] | Sequence[Paired], by: Calibration) -> float:
-    """Of the gap, by the best, beyond what is nothing."""
-    least = min((one.left(by.outlier) for one in fits), default=np.inf)
-    return max(least - (NOTHING - 1), _EXACT)
+    """Of the gap, by the best."""
+    return max(min((one.left(by.outlier) for one in fits), default=np.inf), _LEAST)
 
 
 def compared(gap: float) -> float:
@@ -282,9 +282,12 @@ def compared(gap: float) -> float:
     return float(min(gap**_POWER, gap**_LARGE))
 
 
-def _explains(left: float, gap: float, by: Calibration) -> float:
-    part = left / compared(gap)
-    return float(expit((np.log(by.left) - np.log(part)) / by.left_width))
+def _explains(left: float, gap: float, seen: Evidence, by: Calibration) -> float:
+    """Whether what is left of a gap is no more than right effects leave."""
+    if not np.isfinite(left):
+        return 0.0
+    likely = by.left * compared(gap) + by.exact[seen.variance]
+    return float(expit((np.log(likely) - np.log(left)) / by.left_width))
 
 
 def _weights(
@@ -304,7 +307,7 @@ def _weights(
     cost, gap = before
     gain = max(cost - costs.min(), 0.0)
     best, most = min(one.chi_square for one in fits), _left(fits, by)
-    takes = [_explains(most + one.chi_square - best, gap, by) for one in fits]
+    takes = [_explains(most + one.chi_square - best, gap, seen, by) for one in fits]
     scale = by.least + by.inexact * values
     if sum(one.foretold is not None for one in fits) < 2:
         scale += by.temper * gain

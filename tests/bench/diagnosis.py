@@ -173,6 +173,33 @@ def stale(row: dict) -> bool:
     return found.word != told["verdict"] or [key[:2] for key, _ in found.causes[:1]] != first
 
 
+def rejudged(row: dict) -> dict:
+    """A kept verdict with the probabilities that today's judgement gives its evidence."""
+    told = row["verdict"]
+    if told is None or stale(row):
+        return told
+    found = judge(Evidence.model_validate(row["evidence"]))
+    of_sites: dict[tuple[str, str], float] = {}
+    for key, probability in found.causes:
+        of_sites.setdefault(key[:2], probability)
+    shares = dict(found.where)
+    causes = [
+        one | {"probability": of_sites[one["effect"], one["location"]]}
+        for one in told["causes"]
+        if (one["effect"], one["location"]) in of_sites
+    ]
+    where = [
+        one if one["share"] is None else one | {"share": shares.get(one["location"], 0.0)}
+        for one in told["where"]
+    ]
+    probability = {word: getattr(found, word) for word in ("none", "unexplained", "several")}
+    return told | {
+        "probability": probability,
+        "where": sorted(where, key=lambda one: -(one["share"] or 0.0)),
+        "causes": sorted(causes, key=lambda one: -one["probability"]),
+    }
+
+
 def case(one: Deck, number: int) -> dict[str, object]:
     """Draw and diagnose one case.
 
@@ -293,7 +320,7 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
         for file in (verdict, known):
             file.unlink(missing_ok=True)
         if "error" not in row:
-            verdict.write_text(json.dumps(row["verdict"]), encoding="utf-8")
+            verdict.write_text(json.dumps(rejudged(row)), encoding="utf-8")
             excess = row["verdict"]["gap"]["retuned"]["excess"]
             refit.write_text(json.dumps({"excess": excess}), encoding="utf-8")
             if row.get("oracle") is not None:

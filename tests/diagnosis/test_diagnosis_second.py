@@ -6,8 +6,10 @@ from dataclasses import replace
 import pytest
 
 from diagnosis import diagnose, verdict_of
-from diagnosis.refit import LONG, begun_at, fitted
-from diagnosis.second import by_itself, ordered
+from diagnosis.effects import catalogue
+from diagnosis.refit import FIRST, LAST, LONG, begun_at, fitted, refit
+from diagnosis.search import Search
+from diagnosis.second import by_itself, ordered, with_second
 from tests.helpers.drawn import drawn
 
 
@@ -40,6 +42,27 @@ def test_what_both_explain_none_alone_does(found):
     evidence = diagnosis.evidence
     best = min(one.chi_square for one in evidence.refits)
     assert evidence.pairs[0].chi_square - 1 < 0.1 * (best - 1)
+
+
+def test_a_wrong_first_gives_way_to_what_explains_most_beside_the_second(found):
+    diagnosis, answer = found
+    scene, truth = diagnosis.base, {(one["effect"], one["location"]) for one in answer["cause"]}
+    proposed = [one for effect in catalogue().values() for one in effect(scene)]
+    places = {place.split(":")[1] for _, place in truth}
+    wrong = next(
+        one
+        for one in proposed
+        if one.effect == "mass_error" and one.location.split(":")[1] not in places
+    )
+    first = refit(scene, wrong, diagnosis.session.campaign, (*FIRST, *LAST))
+    poor = replace(diagnosis.nothing, chi_square=1e6)  # beside which the first is worth it
+    said: list[str] = []
+    again = with_second(scene, poor, Search(refits=(first,)), proposed, said.append)
+    assert "another in the place of the first" in said
+    best = again.pairs[0]
+    assert {one.key[:2] for one in best.hypothesis.members} == truth
+    assert best.chi_square < 1.1
+    assert min(both.chi_square for both in again.pairs if wrong in both.hypothesis.members) > 1.5
 
 
 def test_a_single_effect_needs_no_second(tmp_path):
