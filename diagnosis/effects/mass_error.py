@@ -3,7 +3,8 @@
 A mass m at p from the drawn centre of mass adds [[m 1, -[m p]x], [[m p]x, I]] to the spatial
 inertia. All ten numbers are free, so that it may be spread; p = (m p) / m. But no body loses more
 than nine tenths of its mass, nor gains several times as much: a fit that goes there has found
-something else.
+something else. What is added to the inertia is believed to be about as much as there is, or less:
+where no hit and no sensor shows one of its six numbers, nothing else keeps the whole positive.
 """
 
 from collections.abc import Iterator, Mapping
@@ -18,6 +19,7 @@ from mbmodel import AddedPart, Change, Parameter
 _UNIT = 0.01  # of the body's mass per unit of the parameters
 _LEAST = -0.9  # of the body's own mass, or moment of inertia about an axis
 _MOST, _SPREAD = 3.0, 10.0  # of its mass, also at the radius of gyration; of that radius squared
+_BELIEVED = 1.0  # of its mass at that radius: one standard deviation of inertia
 _AXES = "xyz"
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
@@ -67,7 +69,14 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             place = tuple(lever * found[name] / size for name in moved[1:])
             return {"mass": one * size, "position": place}
 
-        yield Hypothesis("mass_error", f"body:{body}", parts=(part,), bounds=bounds, state=state)
+        yield Hypothesis(
+            "mass_error",
+            f"body:{body}",
+            parts=(part,),
+            bounds=bounds,
+            believed=dict.fromkeys(names[4:], _BELIEVED / _UNIT),
+            state=state,
+        )
 
 
 EFFECT = Effect(

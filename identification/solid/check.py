@@ -158,6 +158,8 @@ def _words(found: Search, seen: Spectrum, faults: tuple[Fault, ...], tolerance: 
         phrases.append("beside a flexible body a sensor's fault is hardly told from its shape")
     if not found.rankings and found.spare > 1 and seen.beyond.any():
         phrases.append(f"of {found.spare} spare channels no single one is asked: it is flexible")
+    if found.rankings and seen.beyond.any() and not phrases:
+        phrases.append("no single cause explains that: it is flexible, or many sensors are wrong")
     if faults and found.rankings:
         phrases += [alike(*pair, found.spare) for pair in close_pairs(found.rankings[0])[:1]]
     if found.rankings and (hidden := unseen(found.rankings[-1].look, tolerance)):

@@ -160,6 +160,11 @@ def test_who_takes_most_of_a_very_large_gap_ends_no_search(tmp_path):
     assert (first.effect, first.location) == ("mass_error", "body:head")
     assert first.parameters["mass"] == pytest.approx(10.0, rel=0.01)
     assert first.probability > 0.95
+    # No hit turns the head about x: unbelieved, its moment of inertia there ran to where the mass
+    # matrix has a negative eigenvalue.
+    refit = next(one for one in found.search.refits if one.key[0] == "mass_error")
+    mass = refit.session.model.matrices(refit.fit.theta).mass
+    assert np.linalg.eigvalsh(mass)[0] > 0.5
 
 
 def test_of_few_lines_nothing_is_diagnosed(tmp_path):

@@ -54,9 +54,12 @@ def functions(seed=77):
 
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("roving")
+    return identified(tmp_path_factory.mktemp("roving"))
+
+
+def identified(folder, seed=77):
     (folder / "campaign.toml").write_text(CAMPAIGN)
-    content = b"".join(function.content() for function in functions())
+    content = b"".join(function.content() for function in functions(seed))
     (folder / "roving.uff").write_bytes(units(1.0, 1.0) + content)
     lines = []
     for node in NODES:
@@ -100,3 +103,10 @@ def test_a_structure_that_bends_is_not_called_solid(outcome) -> None:
     assert check["solid_to"] is None or check["solid_to"] < FREQ[0]
     assert "flexible" in check["words"]
     assert check["words"] in ran.stderr
+
+
+def test_where_no_common_shape_stands_out_it_is_still_not_called_solid(tmp_path) -> None:
+    _, found = identified(tmp_path, seed=83)  # its six shapes differ too much
+    (check,) = found["solid"]
+    assert not check["faults"]
+    assert "no single cause explains that: it is flexible" in check["words"]
