@@ -11,7 +11,8 @@ from diagnosis.effects import feedback_delay, missing_dof, viscoelastic
 from diagnosis.evidence import Pushed
 from diagnosis.refit import posed
 from diagnosis.score import Score, ranked
-from diagnosis.search import _elsewhere, nearly
+from diagnosis.screen import Screen
+from diagnosis.search import Hunt, _elsewhere, nearly
 from identification.words import Dof, UsageError
 from mbmodel import Evaluator, Held, Question, as_drawn, load_machine, loosened
 from tests.helpers.drawn import drawn
@@ -165,6 +166,20 @@ def test_who_takes_most_of_a_very_large_gap_ends_no_search(tmp_path):
     refit = next(one for one in found.search.refits if one.key[0] == "mass_error")
     mass = refit.session.model.matrices(refit.fit.theta).mass
     assert np.linalg.eigvalsh(mass)[0] > 0.5
+
+
+def test_what_explains_all_is_tried_at_other_places_too(tmp_path, monkeypatch):
+    # As if masses on another body had scored best and left next to nothing.
+    best = Screen.best
+
+    def without_head(screen, pushing=()):
+        return [one for one in best(screen, pushing) if one.location == "body:base"]
+
+    monkeypatch.setattr(Screen, "best", without_head)
+    monkeypatch.setattr(Hunt, "_leaves_less", lambda *_: True)
+    found = diagnose(open_session(heavier(tmp_path)))
+    assert found.search.refits[0].key[:2] == ("mass_error", "body:head")
+    assert {one.key[1] for one in found.search.begun if one.key} == {"body:base", "body:head"}
 
 
 def test_of_few_lines_nothing_is_diagnosed(tmp_path):
