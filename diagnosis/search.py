@@ -34,8 +34,8 @@ _NEAR = 0.2, 0.05, 0.05  # of the best gain, in rounds of further steps: who is 
 _WANDERS = 0.8  # of what was left before many steps: who leaves more will not arrive
 _ALMOST = 0.8  # of what a free force explains at most: where it does, effects may begin elsewhere
 _HARDLY = 0.2  # of the gap: who leaves less may leave it to tolerances beyond their bounds
-_RIVALS = 0.2  # of the best score: where what explains all is tried too
-_ELSEWHERE = 3  # at so many places
+_SCORED = 0.2  # of the best score: where what explains all is tried too
+_MORE_PLACES = 3  # at so many places
 _SURE = 10.0  # nats: of a free force that is there
 _EXACT = 0.01  # of chi square, that a refit may leave by chance
 _CLEAR = 0.02  # of the gap: who leaves less explains it
@@ -136,7 +136,7 @@ class Hunt:
             self.enough = not self._forced or self._leaves_less(least)
             self._turn += 1
             if self.enough and self._best:
-                self._try_elsewhere(self._best[0])
+                self._try_other_places(self._best[0])
         if self._best:
             self._best[0] = go_on(scene, self._best[0], LONG)
             self._ended[self._best[0].hypothesis] = self._best[0]
@@ -158,7 +158,7 @@ class Hunt:
         self._ended |= {made.hypothesis: made for made in fitted(self._scene, tasks)}
         self._best = self._patient(_one_each(list(self._ended.values())))
 
-    def _try_elsewhere(self, best: Refit) -> None:
+    def _try_other_places(self, best: Refit) -> None:
         """The effect that explains all, at other places where its score comes near.
 
         Bodies that move alike, such as two granites, carry a link or a mass alike: who was asked
@@ -171,14 +171,14 @@ class Hunt:
             (score.gain / scored[0].gain, score.hypothesis)
             for scored in self._rounds
             for score in best_of(scored).values()
-            if score.gain > _RIVALS * scored[0].gain > 0
+            if score.gain > _SCORED * scored[0].gain > 0
         ]
         found: dict[str, Hypothesis] = {}
         for _, one in sorted(near, key=lambda row: -row[0]):
             if one.effect == best.hypothesis.effect and one.key[:2] not in tried:
                 found.setdefault(one.location, one)
         if found:
-            self._far.try_all(list(found.values())[:_ELSEWHERE])
+            self._far.try_all(list(found.values())[:_MORE_PLACES])
             self._go_further()
 
     def _leaves_less(self, least: float) -> bool:
