@@ -9,7 +9,7 @@ from diagnosis.evidence import BENDS, Evidence, Paired, Refitted
 from diagnosis.foretold import foretold, rival_pairs_of, rivals_of
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.hypothesis import Hypothesis, Scene, together
-from diagnosis.judge import NOTHING, Judged, calibrated, judge
+from diagnosis.judge import Judged, calibrated, judge
 from diagnosis.known import Known
 from diagnosis.level import Level, begun, level, levels
 from diagnosis.nothing import (
@@ -35,7 +35,7 @@ from diagnosis.refit import (
 from diagnosis.score import cosines
 from diagnosis.search import Search
 from diagnosis.second import searched
-from identification import steadied, unsteady
+from identification import independent, steadied, unsteady
 from identification.words import Campaign, UsageError
 from mbmodel import Held, loosened
 from tuning import (
@@ -130,11 +130,11 @@ def diagnose(
     clean = scene.session
     scene, first, nothing = _nothing(scene, say)
     usual, outlier = scene, calibrated().outlier
-    if nothing.chi_square > NOTHING:
+    if not nothing.is_noise:
         scene, nothing = with_outliers(scene, nothing, outlier)
     found = Search()
     # A body that bends drives all others in ways that no Part holds: what it leaves tells nothing.
-    if nothing.chi_square > NOTHING and not gate.flexible:
+    if not nothing.is_noise and not gate.flexible:
         taken = {one.location for one in made}
         proposed = [one for effect in catalogue().values() for one in effect(scene)]
         possible = [one for one in proposed if one.location not in taken]
@@ -194,7 +194,8 @@ def _begun(
             jobs=jobs,
         )
     )
-    return Scene(clean, early.theta, held, pace, jobs), early
+    own = independent(session.campaign)
+    return Scene(clean, early.theta, held, pace, jobs, independent=own), early
 
 
 def _nothing(scene: Scene, say: Callable[[str], None]) -> tuple[Scene, Refit, Refit]:
@@ -228,7 +229,7 @@ def _bending(
     another one in each of them looks like bending too.
     """
     without = refit(scene, None, gate.undoubted, (*FIRST, *LAST))
-    least = _BENT * (without.chi_square - 1)
+    least = _BENT * without.gap
     best: tuple[Refit, float] | None = None
     drawn = replace(scene, theta=scene.session.model.drawn)
     for start, times in product((scene, drawn), _BEGINS):
@@ -237,9 +238,9 @@ def _bending(
         found = refit(start, together(bent), gate.undoubted, SHAPED)
         if best is None or found.chi_square < best[0].chi_square:
             best = found, times
-        if best[0].chi_square - 1 < min(least, _NEARLY):
+        if best[0].gap < min(least, _NEARLY):
             break
-    return best if best is not None and best[0].chi_square - 1 < least else None
+    return best if best is not None and best[0].gap < least else None
 
 
 def _evidence(
@@ -252,8 +253,8 @@ def _evidence(
 ) -> Evidence:
     """What the judgement reads."""
     sources = {test.estimate.variance_source for test in nothing.session.campaign.tests}
-    loose, pull = nothing.chi_square, 0.0
-    if loose > NOTHING:
+    loose, pull = 1 + nothing.gap, 0.0
+    if not nothing.is_noise:
         freed = nothing if nothing.loose is not None else unbounded(scene, nothing)
         loose, pull = freed.loose or loose, freed.pull or pull
     return Evidence(
@@ -261,6 +262,7 @@ def _evidence(
         unknown=gate.unknown,
         cost=nothing.cost,
         chi_square=nothing.chi_square,
+        serial=nothing.serial,
         loose=loose,
         pull=pull,
         refits=tuple(
@@ -270,6 +272,7 @@ def _evidence(
                 dof=one.hypothesis.dof,
                 cost=one.cost,
                 chi_square=one.chi_square,
+                serial=one.serial,
                 loose=one.loose,
                 pull=one.pull,
                 off=off_by(one, one.hypothesis),
@@ -284,6 +287,7 @@ def _evidence(
                 keys=(first.key, second.key),
                 cost=one.cost,
                 chi_square=one.chi_square,
+                serial=one.serial,
                 loose=one.loose,
                 pull=one.pull,
                 off=(off_by(one, first), off_by(one, second)),

@@ -10,6 +10,10 @@ from identification.words import VarianceSource
 
 Key = tuple[str, str, str | None]  # effect, location, dof
 BENDS = "flexible_body"  # what a gate proves of a body, not of a sensor
+_NOISE = 0.03  # of the variance: what is left up to there is nothing
+_WHITE = 0.01  # the same of what neighbouring lines share
+_EXACT, _EXACT_WHITE = 0.05, 0.02  # likewise, beside an effect that was tuned to the end
+_BADLY_KNOWN = 0.3  # of the variance: what third differences of sharp modes may have it wrong by
 
 
 class _Row(BaseModel):
@@ -37,21 +41,52 @@ class Scored(_Named):
     gains: tuple[float, ...]
 
 
-class _Fitted(_Row):
+class Gapped:
+    """What a fit leaves.
+
+    Its residual's mean square over the noise's stated variance is one more than the gap's only if
+    that variance is right, which from a few hits it is not. Neighbouring lines share the gap, but
+    no noise: the mean product of their residuals is the gap's mean square whatever the noise is.
+    Only where lines lie so far apart that a mode falls between them would it miss a gap: chi
+    square counts beside it, less what a badly known variance may add.
+    """
+
+    chi_square: float
+    serial: float | None
+
+    @property
+    def gap(self) -> float:
+        """Its mean square over that of the noise."""
+        beyond = self.chi_square - 1
+        return beyond if self.serial is None else max(self.serial, beyond - _BADLY_KNOWN)
+
+    @property
+    def is_noise(self) -> bool:
+        """Whether so little is left that nothing is asked for."""
+        return self.gap <= (_NOISE if self.serial is None else _WHITE)
+
+    @property
+    def exact(self) -> float:
+        """The gap that the one effect there is may leave."""
+        return _EXACT if self.serial is None else _EXACT_WHITE
+
+
+class _Fitted(_Row, Gapped):
     cost: float
     chi_square: float
+    serial: float | None = None
     loose: float | None = None
     pull: float | None = None
     foretold: float | None = None
 
     def left(self, outlier: float) -> float:
-        """Chi square less one; of tolerances none of which is more than an outlier, unbounded.
+        """The gap; of tolerances none of which is more than an outlier, unbounded.
 
         Args:
             outlier: standard deviations.
         """
         beyond = self.loose is None or self.pull is None or self.pull > outlier
-        return self.chi_square - 1 if beyond else min(self.chi_square, self.loose or 0.0) - 1
+        return self.gap if beyond else min(self.gap, (self.loose or 1.0) - 1)
 
 
 class Refitted(_Named, _Fitted):
@@ -60,7 +95,8 @@ class Refitted(_Named, _Fitted):
     Args:
         cost: in nats, priors and all.
         chi_square: mean square of residual over noise; 1 is noise alone.
-        loose: the same if tolerances have no bounds; None where that was not asked.
+        serial: mean product of the residuals of neighbouring lines; None where noise is shared.
+        loose: one more than the gap if tolerances have no bounds; None where that was not asked.
         pull: the largest of them then, in standard deviations.
         foretold: nats that it leaves of what its fits did not see; None where nobody asked.
         off: of what only releases tolerances, how far they are off: as unlikely as one alone that
@@ -75,7 +111,7 @@ class Paired(_Fitted):
 
     Args:
         keys: of both.
-        cost, chi_square, loose, pull, foretold: as of one.
+        cost, chi_square, serial, loose, pull, foretold: as of one.
         off: of each, as of one.
     """
 
@@ -98,14 +134,14 @@ class Pushed(_Row):
     gain: float
 
 
-class Evidence(_Row):
+class Evidence(_Row, Gapped):
     """All that a verdict is judged by.
 
     Args:
         proven: what gates took out before.
         unknown: places of sensors that gates proved wrong by no fault of the catalogue.
-        cost, chi_square: of the refit without any effect, as of ``Refitted``.
-        loose: chi square if tolerances have no bounds; as above where that was not asked.
+        cost, chi_square, serial: of the refit without any effect, as of ``Refitted``.
+        loose: one more than the gap if tolerances have no bounds, or as they are if nobody asked.
         pull: the largest of them then, in standard deviations.
         refits: with one effect each.
         pairs: with two.
@@ -119,6 +155,7 @@ class Evidence(_Row):
     unknown: tuple[str, ...] = ()
     cost: float
     chi_square: float
+    serial: float | None = None
     loose: float
     pull: float
     refits: tuple[Refitted, ...]
@@ -127,3 +164,8 @@ class Evidence(_Row):
     variance: VarianceSource
     unsteady: int = 0
     scored: tuple[Scored, ...] = ()
+
+    @property
+    def by(self) -> str:
+        """What the gap is known by: neighbouring lines, or the variance and where that is from."""
+        return self.variance if self.serial is None else "lines"

@@ -32,6 +32,7 @@ class Scene:
         pace: of the lines that fits count otherwise, every so manyth: where there are many data.
         jobs: processes for fits that do not wait for each other, threads of a single one.
         there: names of parameters of an effect that the session's model has already.
+        independent: whether lines have noise of their own.
     """
 
     session: Session
@@ -40,6 +41,7 @@ class Scene:
     pace: int = 1
     jobs: int = 1
     there: frozenset[str] = frozenset()
+    independent: bool = False
 
     @property
     def model(self) -> Model:

@@ -1,8 +1,8 @@
 r"""From evidence to probabilities: none, unexplained, each cause, several; and to places.
 
-What is left of the gap decides. With e = chi^2 - 1 of the refit without any effect and e1 that of
-the best refit with one, both without bounds of tolerances if the largest is no more than an
-outlier,
+What is left of the gap decides. With e the gap's mean square over the noise of the refit without
+any effect (``evidence.Gapped``) and e1 that of the best refit with one, both without bounds of
+tolerances if the largest is no more than an outlier,
 
     visible   = expit((log e - log hidden) / width)       more than badly known noise, or hits
                 that differed and left a gap, which none of these effects makes
@@ -47,12 +47,11 @@ from scipy.special import expit, softmax
 from diagnosis.evidence import BENDS, Evidence, Key, Paired, Refitted
 from identification.words import Real
 
-NOTHING = 1.03  # chi square up to which nothing is missing: no hypothesis is asked
 _POWER = 0.75  # of the gap: with what is left of it compared
 # Of a large one: right effects leave a tenth of a gap of thirty, and no more of five hundred; what
 # leaves one of seventeen explains most, as an added mass does of an inerter, and is not all.
 _LARGE = 0.25
-_LEAST = 0.002  # of chi square, that a refit leaves at least
+_LEAST = 0.002  # of the variance, that a refit leaves at least
 _ROW = 0.01  # probability of a cause that is worth a row
 _LIKELY = 0.5
 # Odds of a joint over a body, both of which a low mode moves alike: what nobody has thought of is
@@ -67,14 +66,14 @@ class Calibration(BaseModel):
     """The judgement's constants.
 
     Args:
-        hidden: e that may be the noise's own variance, badly known, by where that comes from;
-            third differences along frequency tell it worse than coherences do.
+        hidden: e that may be no gap, by what it is known by: neighbouring lines; or the noise's
+            own variance, badly known, which third differences tell worse than coherences do.
         hidden_width: of its logarithm.
         outlier: standard deviations that the largest of all tolerances may have.
         told: nats that one of all hypotheses may gain where nothing is missing, likewise.
         told_width: of their logarithm.
-        exact: e that badly known noise may leave of a gap, by its source.
-        left: part of the gap, to that power, that is as likely explained as not.
+        exact: e that badly known noise may leave of a gap, likewise.
+        left: part of the gap, to that power, that is as likely explained as not, likewise.
         left_width: of its logarithm.
         least: nats that decide nothing.
         inexact: nats a value that decide nothing.
@@ -95,7 +94,7 @@ class Calibration(BaseModel):
     told: Mapping[str, float]
     told_width: float
     exact: Mapping[str, float]
-    left: float
+    left: Mapping[str, float]
     left_width: float
     least: float
     inexact: float
@@ -164,7 +163,7 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     seen = _without_outliers(seen, by.outlier)
     doubt, sure = 1 - by.sure, by.sure
     visible, explained, twofold = _parts(seen, by)
-    if seen.unsteady and seen.chi_square > NOTHING:
+    if seen.unsteady and not seen.is_noise:
         visible = 1 - _STEADY * (1 - visible)
     seeming = (1 - explained) * visible
     none = sure * (1 - explained) * (1 - visible) + doubt / 2
@@ -173,7 +172,7 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     none -= strange
     alone, double = sure * explained * (1 - twofold), sure * (explained + seeming) * twofold
     ones = [(one.key,) for one in seen.refits]
-    gap = max(seen.chi_square - 1, _LEAST)
+    gap = max(seen.gap, _LEAST)
     sets = _shared(alone, ones, _weights(seen, by, seen.refits, (seen.cost, gap)))
     single = min((one.cost for one in seen.refits), default=seen.cost)
     twos = [one.keys for one in seen.pairs]
@@ -225,7 +224,7 @@ def _without_outliers(seen: Evidence, outlier: float) -> Evidence:
     def is_odd(off: float | None) -> bool:
         return off is not None and off <= outlier
 
-    nothing = [one.chi_square for one in seen.refits if is_odd(one.off)]
+    nothing = [1 + one.gap for one in seen.refits if is_odd(one.off)]
     ones = {one.key: one for one in seen.refits if not is_odd(one.off)}
     pairs = []
     for both in seen.pairs:
@@ -233,43 +232,46 @@ def _without_outliers(seen: Evidence, outlier: float) -> Evidence:
         if len(there) == 2:
             pairs.append(both)
         elif not there:
-            nothing.append(both.chi_square)
+            nothing.append(1 + both.gap)
         elif there[0] in ones and both.cost < ones[there[0]].cost:
             ones[there[0]] = ones[there[0]].model_copy(
-                update={"cost": both.cost, "chi_square": both.chi_square}
+                update={
+                    "cost": both.cost,
+                    "chi_square": both.chi_square,
+                    "serial": both.serial,
+                }
             )
     refits = tuple(sorted(ones.values(), key=lambda one: one.cost))
     update: dict[str, object] = {"refits": refits, "pairs": tuple(pairs)}
     if nothing:
-        before = seen.loose if seen.pull <= outlier else seen.chi_square
+        before = seen.loose if seen.pull <= outlier else 1 + seen.gap
         update |= {"loose": min(*nothing, before), "pull": outlier}
     return seen.model_copy(update=update)
 
 
 def _parts(seen: Evidence, by: Calibration) -> tuple[float, float, float]:
     """Whether there is a gap, one effect explains it, two do."""
-    if seen.chi_square <= NOTHING:
+    if seen.is_noise:
         return 0.0, 0.0, 0.0
-    gap = seen.chi_square - 1
     likely = seen.pull <= by.outlier  # and all that is left is one tolerance in hundreds
-    without = seen.loose if likely else seen.chi_square
-    beyond, hidden = max(without - 1, 1e-6), by.hidden[seen.variance]
+    without = seen.loose - 1 if likely else seen.gap
+    beyond, hidden = max(without, 1e-6), by.hidden[seen.by]
     visible = float(expit((np.log(beyond) - np.log(hidden)) / by.hidden_width))
-    best = min((one.chi_square for one in seen.refits), default=np.inf)
+    best = min((one.gap for one in seen.refits), default=np.inf)
     told = _told(without - best, seen, by)
     left = _left(seen.refits, by)
-    explained = told * _explains(left, gap, seen, by)
-    second = min((one.chi_square for one in seen.pairs), default=np.inf)
+    explained = told * _explains(left, seen.gap, seen, by)
+    second = min((one.gap for one in seen.pairs), default=np.inf)
     twofold = _told(best - second, seen, by) * _explains(_left(seen.pairs, by), left, seen, by)
     return max(visible, told), explained, twofold
 
 
 def _told(gained: float, seen: Evidence, by: Calibration) -> float:
-    """Whether so much of chi square is more than the best of all hypotheses gains by chance."""
+    """Whether so much of the gap is more than the best of all hypotheses gains by chance."""
     if not np.isfinite(gained):
         return 0.0
     nats = max(gained, 0.0) * seen.cost / seen.chi_square
-    return float(expit((np.log(max(nats, 1.0)) - np.log(by.told[seen.variance])) / by.told_width))
+    return float(expit((np.log(max(nats, 1.0)) - np.log(by.told[seen.by])) / by.told_width))
 
 
 def _left(fits: Sequence[Refitted] | Sequence[Paired], by: Calibration) -> float:
@@ -286,7 +288,7 @@ def _explains(left: float, gap: float, seen: Evidence, by: Calibration) -> float
     """Whether what is left of a gap is no more than right effects leave."""
     if not np.isfinite(left):
         return 0.0
-    likely = by.left * compared(gap) + by.exact[seen.variance]
+    likely = by.left[seen.by] * compared(gap) + by.exact[seen.by]
     return float(expit((np.log(likely) - np.log(left)) / by.left_width))
 
 
@@ -306,8 +308,8 @@ def _weights(
     values = seen.cost / seen.chi_square
     cost, gap = before
     gain = max(cost - costs.min(), 0.0)
-    best, most = min(one.chi_square for one in fits), _left(fits, by)
-    takes = [_explains(most + one.chi_square - best, gap, seen, by) for one in fits]
+    best, most = min(one.gap for one in fits), _left(fits, by)
+    takes = [_explains(most + one.gap - best, gap, seen, by) for one in fits]
     scale = by.least + by.inexact * values
     if sum(one.foretold is not None for one in fits) < 2:
         scale += by.temper * gain

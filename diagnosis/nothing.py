@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.hypothesis import Scene
-from diagnosis.judge import NOTHING
 from diagnosis.refit import (
     FIRST,
     LAST,
@@ -51,7 +50,7 @@ def from_many_starts(scene: Scene, nothing: Refit, say: Callable[[str], None]) -
     """
     session = scene.session
     count = min(_STARTS, round(_FEW / max(1, measured(session.campaign))))
-    if count < 2 or nothing.chi_square <= NOTHING:
+    if count < 2 or nothing.is_noise:
         return nothing
     say("few FRFs: refit without any effect from other starts")
     found = uninterrupted(
@@ -82,8 +81,8 @@ def from_where_others_ended(scene: Scene, first: Refit, nothing: Refit, found: S
         nothing: its end.
         found: what was tried.
     """
-    gap = nothing.chi_square - 1
-    others = [one for one in found.refits[:_OTHERS] if one.chi_square - 1 < _MOST * gap]
+    gap = nothing.gap
+    others = [one for one in found.refits[:_OTHERS] if one.gap < _MOST * gap]
     begun = fitted(scene, [begun_at(further(nothing, FIRST), one) for one in others])
     best = min(begun, key=lambda one: one.cost, default=None)
     if best is None or best.cost > _LESS * first.cost:
@@ -110,11 +109,11 @@ def with_outliers(scene: Scene, made: Refit, outlier: float) -> tuple[Scene, Ref
     pull = pull_of(loose)
     beyond = np.abs(loose.fit.x) > BOUND
     if pull > outlier or not beyond.any():
-        return scene, replace(made, loose=loose.chi_square, pull=pull)
+        return scene, replace(made, loose=1 + loose.gap, pull=pull)
     session = replace(made.session, freedom=made.session.freedom.widened(beyond, outlier))
     wide = replace(scene, session=replace(scene.session, freedom=session.freedom))
     found = go_on(wide, replace(loose, session=session), LAST)
-    return wide, replace(found, loose=found.chi_square, pull=pull_of(found))
+    return wide, replace(found, loose=1 + found.gap, pull=pull_of(found))
 
 
 def within_bounds(scene: Scene, made: Refit, outlier: float) -> Refit:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2, norm
 
-from diagnosis.evidence import Key
+from diagnosis.evidence import Gapped, Key
 from diagnosis.hypothesis import Hypothesis, Scene, Value, freed
 from diagnosis.side_by_side import side_by_side
 from identification.words import Campaign, Real
@@ -53,12 +53,14 @@ SHAPED = (
     replace(STAGES[3], stride=8, max_steps=20),
     *LAST,
 )
+# Lines apart: a variance from third differences has a part in three, a mode spans several.
+_LAGS = range(3, 7)
 _FAR = 8.0  # standard deviations, of a tolerance that is no outlier
 PATIENT = (STAGES[3], replace(STAGES[4], tolerance=3e-4, max_steps=30))
 
 
 @dataclass(frozen=True, eq=False)
-class Refit:
+class Refit(Gapped):
     """A hypothesis, fitted.
 
     Args:
@@ -66,7 +68,9 @@ class Refit:
         session: campaign as it would be without the fault, model with what is added.
         fit: at the weights of the last stage, one line in four.
         chi_square: mean square of residual over noise and allowance there; noise alone leaves one.
-        loose: the same if tolerances have no bounds; None where that was not asked.
+        serial: the mean product of residuals of neighbouring lines, all lines; None where noise is
+            shared or the fit has an allowance.
+        loose: one more than the gap if tolerances have no bounds; None where that was not asked.
         pull: the largest of them then, in standard deviations.
     """
 
@@ -74,6 +78,7 @@ class Refit:
     session: Session
     fit: Fit
     chi_square: float
+    serial: float | None = None
     loose: float | None = None
     pull: float | None = None
 
@@ -204,11 +209,12 @@ def fitted(scene: Scene, tasks: Sequence[Task]) -> Iterator[Refit]:
     """
     threads = scene.jobs if len(tasks) == 1 else 1
     sent = [
-        (_fit, (one.session, one.start, paced(one.stages, scene.pace), threads)) for one in tasks
+        (_fit, (one.session, one.start, paced(one.stages, scene.pace), threads, scene.independent))
+        for one in tasks
     ]
-    for task, (found, chi_square) in zip(tasks, side_by_side(sent, scene.jobs), strict=True):
+    for task, (found, *left) in zip(tasks, side_by_side(sent, scene.jobs), strict=True):
         own = replace(uninterrupted(found), freedom=task.session.freedom)
-        yield Refit(task.hypothesis, task.session, own, chi_square)
+        yield Refit(task.hypothesis, task.session, own, *left)
 
 
 def unbounded(scene: Scene, made: Refit) -> Refit:
@@ -218,7 +224,7 @@ def unbounded(scene: Scene, made: Refit) -> Refit:
     what its bound then leaves is no effect. Where they go far beyond at once nobody asks how far.
     """
     found = free(scene, made)
-    return replace(made, loose=found.chi_square, pull=pull_of(found))
+    return replace(made, loose=1 + found.gap, pull=pull_of(found))
 
 
 def free(scene: Scene, made: Refit) -> Refit:
@@ -264,9 +270,9 @@ def _only(made: Iterator[Refit]) -> Refit:
 
 
 def _fit(
-    session: Session, start: Real, stages: tuple[Stage, ...], threads: int
-) -> tuple[Fit, float]:
-    """A fit, and its chi square."""
+    session: Session, start: Real, stages: tuple[Stage, ...], threads: int, independent: bool
+) -> tuple[Fit, float, float | None]:
+    """A fit, its chi square, and what neighbouring lines share of what it leaves."""
     varies, last = session.freedom, stages[-1]
     found = fit(
         session.model,
@@ -278,7 +284,11 @@ def _fit(
     )
     problem = last.misfit(session.model, thinned(session.campaign, last.stride), varies)
     data = found.cost - problem.prior(found.x)
-    return found, data / max(problem.values, 1)
+    serial = None
+    if independent and not last.allowance:
+        whole = last.misfit(session.model, session.campaign, varies)
+        serial = whole.serial(found.x, _LAGS)
+    return found, data / max(problem.values, 1), serial
 
 
 def _start(scene: Scene, session: Session, one: Hypothesis | None) -> Real:

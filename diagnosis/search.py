@@ -37,7 +37,7 @@ _HARDLY = 0.2  # of the gap: who leaves less may leave it to tolerances beyond t
 _SCORED = 0.2  # of the best score: where what explains all is tried too
 _MORE_PLACES = 3  # at so many places
 _SURE = 10.0  # nats: of a free force that is there
-_EXACT = 0.01  # of chi square, that a refit may leave by chance
+_EXACT = 0.01  # of the variance, that a refit may leave by chance
 _CLEAR = 0.02  # of the gap: who leaves less explains it
 _LITTLE = 0.1  # beyond, more are tried
 # Of the gap, as the judgement has it, what may be left after each turn: the most promising; where
@@ -127,7 +127,7 @@ class Hunt:
         Returns:
             What was tried so far.
         """
-        scene, gap = self._scene, max(self._nothing.chi_square - 1, 0.0)
+        scene, gap = self._scene, max(self._nothing.gap, 0.0)
         while not self.enough and self._turn < until:
             self._try_more(self._turn)
             self._go_further()
@@ -186,9 +186,9 @@ class Hunt:
         if not self._best:
             return False
         best = self._best[0]
-        if best.chi_square - 1 < least:
+        if best.gap < least:
             return True
-        if best.chi_square - 1 > _HARDLY * (self._nothing.chi_square - 1):
+        if best.gap > _HARDLY * self._nothing.gap:
             return False
         freed = unbounded(self._scene, best)
         return bool(
@@ -240,7 +240,7 @@ class Hunt:
             ]
             tasks = [further(found[k], LONG) for k in away]
             for k, made in zip(away, fitted(self._scene, tasks), strict=True):
-                if made.chi_square - 1 > _WANDERS * (found[k].chi_square - 1):
+                if made.gap > _WANDERS * found[k].gap:
                     self._wander.add(made.hypothesis)
                 found[k] = made
             found.sort(key=lambda one: one.cost)

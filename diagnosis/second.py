@@ -39,8 +39,7 @@ _EARLY = (replace(STAGES[2], stride=8, max_steps=5),)
 _PARTNERS = 2  # of the first, so many are stated
 _OTHERS = 2  # in its place, so many are fitted beside the second
 _TIED = 0.1  # of its gain: who alone gains less by no more is tried there even beside a good pair
-_EXACT = 0.05  # of chi square, that the one effect there is may leave
-_FOREIGN = 0.15  # of chi square, that no pair leaves both of which are there
+_FOREIGN = 0.15  # of the variance, that no pair leaves both of which are there
 _MOST = 0.5  # of what the first leaves
 TURNS = 3  # of the search for one, before two are asked for
 BESIDE = 2  # of that for another beside it; where nobody takes much, as many as for one
@@ -70,7 +69,7 @@ def searched(
     nothing = without[-1]
     hunt = Hunt(scene, without, proposed, say)
     found = with_second(scene, nothing, hunt.go(TURNS), proposed, say)
-    if hunt.enough or any(made.chi_square - 1 < _EXACT for made in (*found.refits, *found.pairs)):
+    if hunt.enough or any(made.gap < made.exact for made in (*found.refits, *found.pairs)):
         return found
     more = hunt.go()
     first, before = (next(iter(tried.refits), None) for tried in (more, found))
@@ -105,13 +104,13 @@ def with_second(
     if not found.refits or found.refits[0].hypothesis is None:
         return found
     first, one = found.refits[0], found.refits[0].hypothesis
-    if not _EXACT < first.chi_square - 1 < _WORTH * (nothing.chi_square - 1):
+    if not first.exact < first.gap < _WORTH * nothing.gap:
         return found
     first = unbounded(scene, first)
     if not _is_outlier(first):
         first = _from_elsewhere(scene, first, one)
     found = replace(found, refits=(first, *found.refits[1:]))
-    if first.chi_square - 1 < _EXACT or _is_outlier(first):
+    if first.gap < first.exact or _is_outlier(first):
         return found
     say("a second effect")
     beside = _beside(scene, first, proposed, say)
@@ -133,7 +132,7 @@ def with_second(
     if again.cost < first.cost:
         found = replace(found, refits=(unbounded(scene, again), *found.refits[1:]))
     tied = first.cost + _TIED * (nothing.cost - first.cost)
-    least = np.inf if best.chi_square - 1 > _EXACT else tied
+    least = np.inf if best.gap > best.exact else tied
     pairs += _exchanged(scene, [made for made in found.refits[1:] if made.cost < least], alone)
     other = alone.hypothesis
     if other is not None and min(both.chi_square for both in pairs) - 1 > _FOREIGN:
@@ -175,7 +174,7 @@ def _beside(
 
 def _takes_much(both: Refit, first: Refit) -> bool:
     """Whether little is left of what the first leaves."""
-    return both.chi_square - 1 <= _LEFT * (first.chi_square - 1)
+    return both.gap <= _LEFT * first.gap
 
 
 def _from_elsewhere(scene: Scene, first: Refit, one: Hypothesis) -> Refit:
@@ -183,7 +182,7 @@ def _from_elsewhere(scene: Scene, first: Refit, one: Hypothesis) -> Refit:
     campaign, others = scene.session.campaign, beginnings(one, scene)
     begun = fitted(scene, [asked(scene, other, campaign, FROM_AFAR) for other in others])
     best = min(begun, key=lambda made: made.cost, default=None)
-    if best is None or best.chi_square - 1 > _FAR * (first.chi_square - 1):
+    if best is None or best.gap > _FAR * first.gap:
         return first
     again = go_on(scene, best, LONG)
     return unbounded(scene, again) if again.cost < first.cost else first
@@ -199,7 +198,7 @@ def _pair(one: Hypothesis, both: Refit) -> Refit:
 def ordered(scene: Scene, pairs: Sequence[Refit]) -> tuple[Refit, ...]:
     """The best first, with what it leaves if tolerances have no bounds, where it leaves much."""
     best, *others = sorted(pairs, key=lambda both: both.cost)
-    return (unbounded(scene, best) if best.chi_square - 1 > _EXACT else best, *others)
+    return (unbounded(scene, best) if best.gap > best.exact else best, *others)
 
 
 def by_itself(scene: Scene, second: Refit, proposed: Sequence[Hypothesis]) -> Task:
@@ -227,5 +226,5 @@ def _is_outlier(first: Refit) -> bool:
     """Whether tolerances beyond their bounds, none by much, are most of what is left."""
     if first.loose is None or first.pull is None:
         return False
-    left = first.chi_square - 1
-    return first.pull <= calibrated().outlier and first.loose - 1 < max(_EXACT, _MOST * left)
+    least = max(first.exact, _MOST * first.gap)
+    return first.pull <= calibrated().outlier and first.loose - 1 < least

@@ -4,6 +4,7 @@ from identification.band import band_lines
 from identification.campaign import correct_layout, read_campaign
 from identification.channels import doubled, silent
 from identification.layout_in import read_layout
+from identification.neighbours import independent
 from identification.settings import CampaignSettings, read_settings
 from identification.solid import (
     FAULTS,
@@ -37,6 +38,7 @@ __all__ = [
     "delayed",
     "difference_variance",
     "doubled",
+    "independent",
     "mount",
     "read_campaign",
     "read_layout",

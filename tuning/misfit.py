@@ -20,6 +20,7 @@ The normal equations take d r = g dH with g = 1, or |H_measured| / H_model of th
     gradient = 2 Re sum w conj(g dH) r,   N = 2 Re sum w |g|^2 conj(dH) dH,   w = 1 / (var + ..).
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 
@@ -142,13 +143,34 @@ class Misfit:
         Raises:
             ValueError: differences count at the centres of mass, or by their logarithm.
         """
-        if self._logarithmic or any(term.mixed is not None for term in self._terms):
-            raise ValueError("squares of values are those of differences at the channels")
-        theta, found = self.freedom.theta(x), []
-        for term in self._terms:
-            off = term.batch.pick(term.batch.evaluator.at(theta).values) - term.batch.values
-            found.append((term.weight * np.abs(off) ** 2)[term.weight > 0])
+        found = [(w * np.abs(off) ** 2)[w > 0] for w, off in self._differences(x)]
         return np.concatenate(found)
+
+    def serial(self, x: Real, lags: Sequence[int]) -> float | None:
+        """What is left that neighbouring lines share: the mean of Re conj(u) u' over the values.
+
+        u and u' are residuals over the noise, of lines so far apart. Of noise alone whose lines
+        are independent it is zero, however large it is; of an error that is smooth along frequency
+        its mean square, what it adds to that of the noise.
+
+        Args:
+            x: where; (n_x,).
+            lags: in lines, which are evenly spaced.
+
+        Returns:
+            The mean over the lags; None where no two lines are so far apart.
+
+        Raises:
+            ValueError: as of ``squares``.
+        """
+        shared, count = 0.0, 0
+        for weight, off in self._differences(x):
+            left = np.sqrt(weight) * off
+            for lag in lags:
+                first, second = slice(None, -lag), slice(lag, None)
+                shared += float(np.vdot(left[first], left[second]).real)
+                count += int(((weight[first] > 0) & (weight[second] > 0)).sum())
+        return shared / count if count else None
 
     def normal(self, x: Real) -> Quadratic:
         """J, dJ/dx, and the normal equations of the data alone, without the prior."""
@@ -213,6 +235,15 @@ class Misfit:
         for term in self._terms:
             side = self._side(term, term.batch.evaluator.at(theta))
             self._runs(side, x).freed(forces, power, found)
+
+    def _differences(self, x: Real) -> Iterator[tuple[Real, Complex]]:
+        """Weights and differences of each batch; (n_freq, n_out, n_test)."""
+        if self._logarithmic or any(term.mixed is not None for term in self._terms):
+            raise ValueError("squares of values are those of differences at the channels")
+        theta = self.freedom.theta(x)
+        for term in self._terms:
+            batch = term.batch
+            yield term.weight, batch.pick(batch.evaluator.at(theta).values) - batch.values
 
     def _pulled(self, x: Real) -> Real:
         """Gradient of the prior."""

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from diagnosis.evidence import BENDS, Evidence
-from diagnosis.judge import NOTHING, Calibration, Judged, judge
+from diagnosis.judge import Calibration, Judged, judge
 from identification.words import Real
 from tests.bench.catalogue import LINEAR, outside, two
 from tests.bench.diagnosis import NONLINEAR, Card, Deck, deck, made, mixed, shuffled
@@ -35,23 +35,30 @@ RETIRED, REPORTED_ONCE = 160_000, 325
 FILE = Path(__file__).parents[2] / "diagnosis" / "calibration.json"
 _LEAST = 5e-3  # probability of the truth that a case counts at least: one outlier rules nothing
 _WIDE = 0.7  # standard deviation of a constant's logarithm about where it begins
+OPTIONS = {"maxfev": 8000, "xatol": 1e-3, "adaptive": True}
 # Constants whose logarithms are fitted, and where they begin.
 BEGIN = {
     "hidden.coherence": 0.08,
     "hidden.differences": 0.2,
+    "hidden.lines": 0.02,
     "hidden_width": 0.4,
     "told.coherence": 400.0,
     "told.differences": 700.0,
+    "told.lines": 200.0,
     "told_width": 0.4,
     "exact.coherence": 0.02,
     "exact.differences": 0.05,
-    "left": 0.15,
+    "exact.lines": 0.01,
+    "left.coherence": 0.15,
+    "left.differences": 0.15,
+    "left.lines": 0.05,
     "left_width": 0.4,
     "least": 10.0,
     "inexact": 3e-3,
     "temper": 3e-3,
     "share": 0.1,
 }
+SOURCES = "coherence", "differences", "lines"
 _OUTLIER, _SURE = 4.5, 0.98
 _TAKEN = 1.0  # survival ratio: of an outsider below, effects that are alike take what is left
 _Cause = tuple[str, str]  # effect, place
@@ -69,7 +76,7 @@ def run() -> list[dict[str, object]]:
         prior = 0.5 * float((((logarithms - start) / _WIDE) ** 2).sum())
         return prior + sum(_surprise(judge(seen, by), truth) for seen, truth in given)
 
-    found = minimize(cost, start, method="Nelder-Mead", options={"maxfev": 4000, "xatol": 1e-3})
+    found = minimize(cost, start, method="Nelder-Mead", options=OPTIONS)
     by = _calibration(found.x).model_copy(
         update={
             "campaigns": len(given),
@@ -133,8 +140,8 @@ def others() -> Deck:
 def _calibration(logarithms: Real) -> Calibration:
     named = dict(zip(BEGIN, np.round(np.exp(logarithms), 6).tolist(), strict=True))
     both = {
-        name: {source: named.pop(f"{name}.{source}") for source in ("coherence", "differences")}
-        for name in ("hidden", "told", "exact")
+        name: {source: named.pop(f"{name}.{source}") for source in SOURCES}
+        for name in ("hidden", "told", "exact", "left")
     }
     return Calibration.model_validate({**named, **both, "outlier": _OUTLIER, "sure": _SURE})
 
@@ -146,7 +153,7 @@ def _given(row: dict) -> tuple[Evidence, tuple[_Cause, ...]] | None:
     answer = tomllib.loads(row["answer"])
     seen = Evidence.model_validate(row["evidence"])
     causes = answer.get("cause", [] if answer["effect"] == "none" else [answer])
-    if causes and not seen.proven and seen.chi_square <= NOTHING:
+    if causes and not seen.proven and seen.is_noise:
         return None
     if answer["effect"] == "unexplained" and answer["ratio"] < _TAKEN:
         return None

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from diagnosis.evidence import Evidence, Paired, Pushed, Refitted, Scored
-from diagnosis.judge import NOTHING, judge
+from diagnosis.judge import judge
 from truth.grade.read_verdict import read_verdict
 
 PLACES = ("body:a", "joint:b", "sensor:acc1")
@@ -166,7 +166,7 @@ def test_no_gap_is_none_and_a_gap_that_nothing_takes_is_unexplained():
 
 def test_what_is_left_counts_beyond_what_counts_as_nothing():
     # A delay that leaves 1.028 of a gap of 0.3 explains it: badly known noise leaves as much.
-    gap, least = 0.3, NOTHING - 1
+    gap, least = 0.3, 0.03
     found = [
         judge(evidence(gap, (refit("feedback_delay", "joint:b", 1e4 * (1 + left), left),)))
         for left in (least - 0.002, least + 0.1)
@@ -393,3 +393,43 @@ def test_rivals_are_ranked_by_what_they_foretell():
     # Who is no rival stays as far behind as it was.
     third = refit("gyroscopic", "body:a", 1.3e4, 0.3)
     assert len(judge(evidence(3.0, (*told, third))).causes) == 1
+
+
+def test_what_lines_share_is_the_gap_whatever_the_noise_is():
+    values = 40_000
+    right, wrong = (
+        refit(effect, place, values * (1 + left), left)
+        for effect, place, left in (("appendage", "body:a", 0.03), ("gyroscopic", "body:a", 0.05))
+    )
+    unknown = evidence(0.09, (right, wrong)).model_copy(update={"cost": values * 1.09})
+
+    def known(gap, *left):
+        refits = tuple(
+            one.model_copy(update={"serial": part})
+            for one, part in zip(unknown.refits, left, strict=True)
+        )
+        return unknown.model_copy(update={"serial": gap, "loose": 1 + gap, "refits": refits})
+
+    # All of it is noise that is larger than stated; or a gap that the first explains; or not.
+    assert judge(known(0.002, 0.001, 0.001)).word == "none"
+    there = judge(known(0.06, 0.002, 0.02))
+    assert there.word == "explained"
+    assert there.causes[0][0] == right.key
+    assert judge(known(0.06, 0.04, 0.05)).word == "unexplained"
+    # A noise that is smaller than stated hides no gap.
+    quiet = [one.model_copy(update={"chi_square": one.chi_square - 0.1}) for one in (right, wrong)]
+    hidden = known(0.06, 0.002, 0.02).model_copy(update={"chi_square": 0.99})
+    found = judge(hidden.model_copy(update={"refits": tuple(quiet)}))
+    assert found.word == "explained"
+
+
+def test_a_gap_that_falls_between_lines_counts_by_the_variance():
+    # Lines so far apart that neighbours share nothing of a mode.
+    far = refit("appendage", "body:a", 1e5, 2.0).model_copy(update={"serial": 0.0})
+    assert far.gap == pytest.approx(1.7)
+    seen = evidence(9.0, (far,)).model_copy(update={"serial": 0.1})
+    assert seen.gap == pytest.approx(8.7)
+    assert not seen.is_noise
+    assert seen.model_copy(update={"chi_square": 1.2, "serial": 0.004}).is_noise
+    assert seen.model_copy(update={"chi_square": 1.02, "serial": None}).is_noise
+    assert not seen.model_copy(update={"chi_square": 1.02, "serial": 0.02}).is_noise

@@ -122,3 +122,64 @@ def test_the_logarithm_of_values_near_the_noise_does_not_count(model, campaign):
     assert values(at(20), logarithmic=False) == values(at(0), logarithmic=False)
     heard = values(at(0).lines(slice(20, None)), logarithmic=True)
     assert values(at(20), logarithmic=True) == heard < values(at(0), logarithmic=True)
+
+
+def left_over(model, campaign, theta, add) -> Campaign:
+    """Measurements from which the model is off by something, in units of the noise."""
+    tests = []
+    for test, values in zip(campaign.tests, predict(model, theta, campaign), strict=True):
+        size = np.abs(values).max(axis=0) / 100
+        frf = replace(test.estimate.frf, values=values - size * add(values.shape))
+        variance = np.broadcast_to(size**2, values.shape)
+        tests.append(replace(test, estimate=replace(test.estimate, frf=frf, variance=variance)))
+    return replace(campaign, tests=tuple(tests))
+
+
+def test_what_neighbouring_lines_share_is_the_error_and_not_the_noise(model, campaign):
+    varies, random = freedom(model, campaign.tolerance), np.random.default_rng(31)
+    x = somewhere(varies)
+
+    def scatter(shape):
+        # Twice as large as is stated.
+        return 2 * (random.normal(size=shape) + 1j * random.normal(size=shape)) / np.sqrt(2)
+
+    def smooth(shape):
+        return 0.7 * np.exp(0.1j * np.arange(shape[0]))[:, None, None] * np.ones(shape)
+
+    def serial(add, lags):
+        made = left_over(model, campaign, varies.theta(x), add)
+        misfit = Misfit(model, made, varies, allowance=0.0)
+        return misfit.serial(x, lags), misfit.squares(x)
+
+    noise, squares = serial(scatter, (3, 4, 5))
+    assert squares.mean() == pytest.approx(4.0, rel=0.1)
+    assert abs(noise) < 4 * 4.0 / np.sqrt(2 * 3 * squares.size) + 0.02
+    error, squares = serial(smooth, (3, 4, 5))
+    of_lags = 0.49 * np.cos(0.1 * np.array([3, 4, 5]))
+    # Fewer pairs of lines are far apart; a floor of 3e-4 of the motion is noise as well.
+    assert error == pytest.approx(of_lags.mean(), rel=2e-2)
+    both, _ = serial(lambda shape: smooth(shape) + scatter(shape), (3, 4, 5))
+    assert both == pytest.approx(error, abs=0.06)
+
+
+def test_what_lines_share_is_summed_over_pairs_that_both_count(whole, mixed, varies):
+    x = somewhere(varies)
+    misfit = Misfit(whole, mixed, varies, allowance=0.0)
+    shared, count = 0.0, 0
+    for test, values in zip(mixed.tests, predict(whole, varies.theta(x), mixed), strict=True):
+        one = Misfit(whole, replace(mixed, tests=(test,)), varies, allowance=0.0)
+        estimate = test.estimate
+        (term,) = one._terms
+        off = (values - estimate.frf.values)[:, :, 0]
+        for lag in (1, 3):
+            for first in range(len(off) - lag):
+                for row in range(off.shape[1]):
+                    here, there = term.weight[[first, first + lag], row, 0]
+                    if here > 0 and there > 0:
+                        count += 1
+                        pair = off[first, row].conjugate() * off[first + lag, row]
+                        shared += pair.real * np.sqrt(here * there)
+    assert misfit.serial(x, (1, 3)) == pytest.approx(shared / count, rel=1e-9)
+    assert misfit.serial(x, (len(mixed.freq_hz),)) is None
+    with pytest.raises(ValueError, match="differences at the channels"):
+        Misfit(whole, mixed, varies, allowance=0.0, logarithmic=True).serial(x, (1,))
