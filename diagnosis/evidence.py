@@ -53,6 +53,8 @@ class Gapped:
 
     chi_square: float
     serial: float | None
+    loose: float | None
+    pull: float | None
 
     @property
     def gap(self) -> float:
@@ -70,6 +72,16 @@ class Gapped:
         """The gap that the one effect there is may leave."""
         return _EXACT if self.serial is None else _EXACT_WHITE
 
+    def left(self, outlier: float) -> float:
+        """The gap; of tolerances none of which is more than an outlier, unbounded.
+
+        Args:
+            outlier: standard deviations.
+        """
+        if self.loose is None or self.pull is None or self.pull > outlier:
+            return self.gap
+        return min(self.gap, self.loose - 1)
+
 
 class _Fitted(_Row, Gapped):
     cost: float
@@ -78,15 +90,6 @@ class _Fitted(_Row, Gapped):
     loose: float | None = None
     pull: float | None = None
     foretold: float | None = None
-
-    def left(self, outlier: float) -> float:
-        """The gap; of tolerances none of which is more than an outlier, unbounded.
-
-        Args:
-            outlier: standard deviations.
-        """
-        beyond = self.loose is None or self.pull is None or self.pull > outlier
-        return self.gap if beyond else min(self.gap, (self.loose or 1.0) - 1)
 
 
 class Refitted(_Named, _Fitted):

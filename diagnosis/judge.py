@@ -172,11 +172,10 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     none -= strange
     alone, double = sure * explained * (1 - twofold), sure * (explained + seeming) * twofold
     ones = [(one.key,) for one in seen.refits]
-    gap = max(seen.gap, _LEAST)
-    sets = _shared(alone, ones, _weights(seen, by, seen.refits, (seen.cost, gap)))
+    sets = _shared(alone, ones, _weights(seen, by, seen.refits, (seen.cost, seen.gap)))
     single = min((one.cost for one in seen.refits), default=seen.cost)
     twos = [one.keys for one in seen.pairs]
-    gap = _left(seen.refits, by) if seen.refits else gap
+    gap = _left(seen.refits, by) if seen.refits else seen.gap
     sets |= _shared(double, twos, _weights(seen, by, seen.pairs, (single, gap)))
     if not seen.proven:
         several = sum(share for keys, share in sets.items() if _count(keys) > 1)
@@ -253,16 +252,14 @@ def _parts(seen: Evidence, by: Calibration) -> tuple[float, float, float]:
     """Whether there is a gap, one effect explains it, two do."""
     if seen.is_noise:
         return 0.0, 0.0, 0.0
-    likely = seen.pull <= by.outlier  # and all that is left is one tolerance in hundreds
-    without = seen.loose - 1 if likely else seen.gap
+    without = seen.left(by.outlier)
     beyond, hidden = max(without, 1e-6), by.hidden[seen.by]
     visible = float(expit((np.log(beyond) - np.log(hidden)) / by.hidden_width))
-    best = min((one.gap for one in seen.refits), default=np.inf)
-    told = _told(without - best, seen, by)
     left = _left(seen.refits, by)
+    told = _told(without - left, seen, by)
     explained = told * _explains(left, seen.gap, seen, by)
-    second = min((one.gap for one in seen.pairs), default=np.inf)
-    twofold = _told(best - second, seen, by) * _explains(_left(seen.pairs, by), left, seen, by)
+    second = _left(seen.pairs, by)
+    twofold = _told(left - second, seen, by) * _explains(second, left, seen, by)
     return max(visible, told), explained, twofold
 
 
@@ -276,11 +273,12 @@ def _told(gained: float, seen: Evidence, by: Calibration) -> float:
 
 def _left(fits: Sequence[Refitted] | Sequence[Paired], by: Calibration) -> float:
     """Of the gap, by the best."""
-    return max(min((one.left(by.outlier) for one in fits), default=np.inf), _LEAST)
+    return min((one.left(by.outlier) for one in fits), default=np.inf)
 
 
 def compared(gap: float) -> float:
     """What is left of a gap is compared with."""
+    gap = max(gap, _LEAST)
     return float(min(gap**_POWER, gap**_LARGE))
 
 
@@ -289,7 +287,7 @@ def _explains(left: float, gap: float, seen: Evidence, by: Calibration) -> float
     if not np.isfinite(left):
         return 0.0
     likely = by.left[seen.by] * compared(gap) + by.exact[seen.by]
-    return float(expit((np.log(likely) - np.log(left)) / by.left_width))
+    return float(expit((np.log(likely) - np.log(max(left, _LEAST))) / by.left_width))
 
 
 def _weights(

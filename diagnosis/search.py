@@ -34,6 +34,7 @@ _NEAR = 0.2, 0.05, 0.05  # of the best gain, in rounds of further steps: who is 
 _WANDERS = 0.8  # of what was left before many steps: who leaves more will not arrive
 _ALMOST = 0.8  # of what a free force explains at most: where it does, effects may begin elsewhere
 _HARDLY = 0.2  # of the gap: who leaves less may leave it to tolerances beyond their bounds
+_OUTLIERS = 0.3  # of the variance: as much as these leave anyway
 _SCORED = 0.2  # of the best score: where what explains all is tried too
 _MORE_PLACES = 3  # at so many places
 _SURE = 10.0  # nats: of a free force that is there
@@ -138,7 +139,7 @@ class Hunt:
             if self.enough and self._best:
                 self._try_other_places(self._best[0])
         if self._best:
-            self._best[0] = go_on(scene, self._best[0], LONG)
+            self._best[0] = self._unbound(go_on(scene, self._best[0], LONG))
             self._ended[self._best[0].hypothesis] = self._best[0]
         return Search(
             tuple(self._rounds[0]),
@@ -185,18 +186,13 @@ class Hunt:
         """Whether the best does, with tolerances beyond their bounds as far as an outlier may."""
         if not self._best:
             return False
-        best = self._best[0]
-        if best.gap < least:
-            return True
-        if best.gap > _HARDLY * self._nothing.gap:
-            return False
-        freed = unbounded(self._scene, best)
-        return bool(
-            freed.loose is not None
-            and freed.pull is not None
-            and freed.pull <= calibrated().outlier
-            and freed.loose - 1 < least
-        )
+        return self._unbound(self._best[0], least).left(calibrated().outlier) < least
+
+    def _unbound(self, best: Refit, least: float = _EXACT) -> Refit:
+        """The same, with what it leaves without bounds, where these may leave so much of it."""
+        if best.gap < least or best.gap > max(_HARDLY * self._nothing.gap, _OUTLIERS):
+            return best
+        return unbounded(self._scene, best)
 
     def _try_more(self, turn: int) -> None:
         close, far, scene = self._close, self._far, self._scene

@@ -4,8 +4,8 @@ White noise gives third differences over steps of one line and of two the same v
 in time, or an average along frequency, makes neighbours alike, or opposite where it is highest in
 the middle of the block: an exponential window that falls to exp(-4) leaves of those over one line
 0.62 of the noise's, of those over two 0.88; a Hann window 2.1 and 0.75. An FRF itself is no
-polynomial either, which those over two show first: so what counts is the half of all windows of
-lines and channels in which the noise is largest beside the FRF,
+polynomial either, which those over two show first: so what counts is the tenth of all windows of
+lines and channels, but no fewer than 200, in which the noise is largest beside the FRF,
 
     r = median of log(mean |difference over one|^2 / mean |difference over two|^2),
 
@@ -17,18 +17,18 @@ import numpy as np
 from identification.words import Campaign, Complex, FrfEstimate, Real
 
 _WINDOW = 15  # lines
-_NOISIEST = 0.5  # of them
+_NOISIEST = 0.1  # of them
 _ALIKE = 0.1  # of r, which an exponential window has that falls to exp(-1) over a block
-_FEWEST = 40  # windows and channels: r of as many scatters by 0.08
+_FEWEST = 200  # windows of channels: r of as many scatters by 0.03
 
 
 def independent(campaign: Campaign) -> bool:
     """Whether the noise of neighbouring lines is independent; no where too few lines tell."""
     cells = np.concatenate([_cells(test.estimate) for test in campaign.tests], axis=1)
     power, variance, one, two = cells[:, (cells > 0).all(axis=0)]
-    noisy = np.argsort(power / variance)[: round(_NOISIEST * power.size)]
-    if len(noisy) < _FEWEST:
+    if power.size < _FEWEST:
         return False
+    noisy = np.argsort(power / variance)[: max(_FEWEST, round(_NOISIEST * power.size))]
     return bool(abs(np.median(np.log(one[noisy] / two[noisy]))) < _ALIKE)
 
 
