@@ -6,9 +6,9 @@ from diagnosis.verdict import CauseRow
 from mbw.diagnose.result import Result
 from mbw.diagnose.values import number
 from mbw.diagnose.words import (
-    WITHOUT_COHERENCE,
     cause_parameters,
     cause_words,
+    noise_sentences,
     percent_sure,
     place,
     placed,
@@ -61,9 +61,7 @@ def doubts(result: Result) -> list[str]:
         )
     if shown.block is None:
         found.append("The band is too narrow to hold lines out: all figures are of fitted lines.")
-    if any(test.variance_from == "differences" for test in shown.tests):
-        found.append(f"{WITHOUT_COHERENCE[0].upper()}{WITHOUT_COHERENCE[1:]}.")
-    return found
+    return found + [f"{text[0].upper()}{text[1:]}." for text in noise_sentences(result.evidence)]
 
 
 def times(excess: float | None) -> str:

@@ -21,9 +21,9 @@ from mbw.diagnose.page import render
 from mbw.diagnose.pulled import pulled_sentence
 from mbw.diagnose.result import gather, unfinished
 from mbw.diagnose.words import (
-    WITHOUT_COHERENCE,
     cause_parameters,
     closed_words,
+    noise_sentences,
     twin_sentences,
     untested_sentences,
 )
@@ -140,8 +140,8 @@ def _say_more(verdict: Verdict, found: Diagnosis) -> None:
         SCREEN.say(f"  {check.words}")
     for place in found.gate.unknown:
         SCREEN.say(f"  {place} is wrong by no known fault, and was left out")
-    if found.evidence.variance == "differences":
-        SCREEN.say(f"  {WITHOUT_COHERENCE}")
+    for text in noise_sentences(found.evidence):
+        SCREEN.say(f"  {text}")
     if verdict.verdict != "none":
         levels = len({test.condition.level_n for test in found.session.campaign.tests})
         for text in (*twin_sentences(verdict), *untested_sentences(verdict, levels)):

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Sequence
 
 from diagnosis import PROVEN, catalogue
+from diagnosis.evidence import Evidence
 from diagnosis.report import NONLINEAR
 from diagnosis.spoken import direction, named
 from diagnosis.verdict import CauseRow, Verdict
@@ -10,10 +11,15 @@ from identification import FAULTS
 from mbw.diagnose.schema import ShownFile
 from mbw.diagnose.values import interval_words, may_be_nothing, parameter_words
 
-WITHOUT_COHERENCE = (
+_WITHOUT_COHERENCE = (
     "without coherence and averages the noise is estimated from third differences along frequency: "
-    "too much where modes are sharp, so small gaps hide and an excess may fall below 1"
+    "too much where modes are sharp, so gaps weigh little there and an excess may fall below 1"
 )
+_SHARED = (
+    "neighbouring lines share noise, as after a window in time or an average along frequency, or "
+    "are few: a gap is known only as well as the noise is, and small ones hide"
+)
+_LIKELIER = 10.0  # times as probable: then data do tell
 _OTHERS = {"hardening": "a spring that hardens", "sensor_unknown": FAULTS["sensor_unknown"]}
 _AT = {"joint": "at", "body": "on", "sensor": "at", "hammer": "at", "pair": "between"}
 _NO_SUCH = "no effect here is of that kind: compare the hits of each level"
@@ -96,12 +102,28 @@ def site_words(site: str) -> str:
     return f"{kind(effect)} {placed(location)}"
 
 
+def noise_sentences(evidence: Evidence) -> list[str]:
+    """What is lost where the noise is not known by coherences, or lines share it."""
+    found = [_WITHOUT_COHERENCE] if evidence.variance == "differences" else []
+    return found if evidence.serial is not None else [*found, _SHARED]
+
+
 def twin_sentences(verdict: Verdict) -> list[str]:
-    """Which causes these data cannot tell apart."""
-    return [
-        f"These data hardly tell {site_words(one)} from {site_words(other)}."
-        for one, other in verdict.twins
-    ]
+    """Which causes change the FRFs alike, and whether these data tell them apart."""
+    shares = {f"{one.effect}@{one.location}": one.probability for one in verdict.causes}
+    found = []
+    for pair in verdict.twins:
+        one, other = sorted(pair, key=lambda site: -shares.get(site, 0.0))
+        more, less = (shares.get(site, 0.0) for site in (one, other))
+        alike = f"{site_words(one)} from {site_words(other)}"
+        if more < _LIKELIER * less:
+            found.append(f"These data hardly tell {alike}.")
+        else:
+            found.append(
+                f"Alone the gap's shape hardly tells {alike}; tuned to the end, what they leave "
+                f"does, {percent_sure(more)} to {percent_sure(less)}."
+            )
+    return found
 
 
 def untested_sentences(verdict: Verdict, levels: int) -> list[str]:

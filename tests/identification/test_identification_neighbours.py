@@ -65,7 +65,7 @@ def test_lines_of_a_block_have_noise_of_their_own(seed, size):
 
 
 @pytest.mark.parametrize("seed", range(6))
-@pytest.mark.parametrize("size", [0.0, 30.0])
+@pytest.mark.parametrize("size", [3.0, 30.0])
 @pytest.mark.parametrize("window", [hann, falling(4.0), falling(2.0)], ids=["Hann", "4", "2"])
 def test_windows_make_neighbours_alike(seed, size, window):
     assert not independent(campaign(noise(seed, window) + mode(90.0, 0.01, size)))

@@ -11,9 +11,11 @@ from mbw.diagnose.values import number, parameter_lines, parameter_words
 from mbw.diagnose.words import (
     cause_parameters,
     closed_words,
+    noise_sentences,
     place,
     placed,
     site_words,
+    twin_sentences,
     untested_sentences,
 )
 
@@ -105,3 +107,35 @@ def test_what_a_user_keeps_as_drawn_is_told_to_be_untested():
         "Not tested, so not excluded: a wrong gain; [tuning] or [tolerance] keeps some of that as "
         "drawn, and no fit moves it."
     )
+
+
+def test_twins_that_these_data_tell_apart_are_told_apart():
+    def said(first, second):
+        rows = [
+            row({}).model_copy(update={"location": at, "probability": share})
+            for at, share in (("body:ty", first), ("body:rz", second))
+        ]
+        twins = [("mass_error@body:rz", "mass_error@body:ty")]
+        return twin_sentences(SimpleNamespace(causes=rows, twins=twins))[0]
+
+    hardly = said(0.6, 0.3)
+    assert hardly.startswith("These data hardly tell mass beyond tolerance on body ty from")
+    told = said(0.96, 0.02)
+    assert told.startswith("Alone the gap's shape hardly tells mass beyond tolerance on body ty")
+    assert told.endswith("what they leave does, 96 % to 2 %.")
+
+
+@pytest.mark.parametrize(
+    ("variance", "serial", "said"),
+    [
+        ("coherence", 0.0, []),
+        ("differences", 0.0, ["without coherence"]),
+        ("coherence", None, ["neighbouring lines share noise"]),
+        ("differences", None, ["without coherence", "neighbouring lines share noise"]),
+    ],
+)
+def test_what_is_not_known_of_the_noise_is_said(variance, serial, said):
+    found = noise_sentences(SimpleNamespace(variance=variance, serial=serial))
+    assert [text.startswith(opening) for text, opening in zip(found, said, strict=True)] == [
+        True
+    ] * len(said)
