@@ -12,9 +12,9 @@ def test_the_committed_calibration_says_where_it_comes_from():
     assert by.campaigns >= 50
     assert by.command
     assert by.seeds.startswith("80000")
-    values = [by.hidden_width, by.left_width, by.left, by.least, by.temper, by.share, by.sure]
+    values = [by.hidden_width, by.left_width, by.least, by.temper, by.share, by.sure]
     assert np.isfinite(values).all()
-    assert min(*values, *by.hidden.values()) > 0
+    assert min(*values, *by.hidden.values(), *by.left.values()) > 0
 
 
 def test_the_committed_calibration_is_that_of_the_committed_evidence(monkeypatch):
