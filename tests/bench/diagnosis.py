@@ -328,7 +328,7 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
         group = _group(card)
         tags = (group, f"{group} at {_weakest(row['answer'])}") if card.effects else (group,)
         if card.test != "drawn":
-            tags = (*tags, card.test)
+            tags = (*tags, card.test, f"{card.test} at {card.ratio:g}")
         given.append(
             Case(
                 str(seed),

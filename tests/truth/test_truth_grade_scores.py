@@ -55,7 +55,8 @@ def test_every_case_is_in_its_groups():
         "sensor": 1,
     }
     assert {label: group.n for label, group in scores.by_ratio.items()} == {
-        "1": 2,
+        "0.125": 1,
+        "1": 1,
         "4": 1,
         "8": 1,
         "none": 2,
@@ -70,7 +71,17 @@ def test_every_case_is_in_its_groups():
 
 @pytest.mark.parametrize(
     ("ratio", "nearest"),
-    [(0.01, "1"), (1.4, "1"), (1.45, "2"), (2.8, "2"), (2.9, "4"), (5.6, "4"), (5.7, "8")],
+    [
+        (0.01, "0.125"),
+        (0.3, "0.25"),
+        (0.71, "1"),
+        (1.4, "1"),
+        (1.45, "2"),
+        (2.8, "2"),
+        (2.9, "4"),
+        (5.6, "4"),
+        (5.7, "8"),
+    ],
 )
 def test_a_ratio_goes_to_the_nearest_by_its_logarithm(ratio, nearest):
     assert ratio_of(truth_of(GAIN, ratio)) == nearest

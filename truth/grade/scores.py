@@ -11,7 +11,7 @@ from truth.grade.rates import Diagram, Rate, Spread, diagram_of, rate_of, spread
 from truth.grade.sizes import Sizes, estimates_of, sizes_of
 from truth.grade.verdict import FAILED, Verdict, first_of
 
-RATIOS = (1.0, 2.0, 4.0, 8.0)
+RATIOS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 NOWHERE = "nowhere"
 Matrix = dict[str, dict[str, int]]  # truth, said, how often
 
