@@ -11,7 +11,7 @@ from identification.words import VarianceSource
 Key = tuple[str, str, str | None]  # effect, location, dof
 BENDS = "flexible_body"  # what a gate proves of a body, not of a sensor
 _NOISE = 0.03  # of the variance: what is left up to there is nothing
-_WHITE = 0.01  # the same of what neighbouring lines share
+_WHITE = 0.005  # the same of what neighbouring lines share, which scatters by 0.001 to 0.003
 _EXACT, _EXACT_WHITE = 0.05, 0.02  # likewise, beside an effect that was tuned to the end
 _BADLY_KNOWN = 0.3  # of the variance: what third differences of sharp modes may have it wrong by
 

@@ -37,7 +37,7 @@ _HARDLY = 0.2  # of the gap: who leaves less may leave it to tolerances beyond t
 _OUTLIERS = 0.3  # of the variance: as much as these leave anyway
 _SCORED = 0.2  # of the best score: where what explains all is tried too
 _MORE_PLACES = 3  # at so many places
-_SURE = 10.0  # nats: of a free force that is there
+_SURE = 10.0  # nats: of a free force that is there, or an effect
 _EXACT = 0.01  # of the variance, that a refit may leave by chance
 _CLEAR = 0.02  # of the gap: who leaves less explains it
 _LITTLE = 0.1  # beyond, more are tried
@@ -132,9 +132,8 @@ class Hunt:
         while not self.enough and self._turn < until:
             self._try_more(self._turn)
             self._go_further()
-            # Where no free force explains anything, nothing of the machine will.
             least = _ENOUGH[self._turn] * compared(gap) + _EXACT
-            self.enough = not self._forced or self._leaves_less(least)
+            self.enough = self._is_hopeless() or self._leaves_less(least)
             self._turn += 1
             if self.enough and self._best:
                 self._try_other_places(self._best[0])
@@ -148,6 +147,17 @@ class Hunt:
             (*self._far.begun, *self._close.begun),
             tuple(self._best),
         )
+
+    def _is_hopeless(self) -> bool:
+        """Whether nothing promises to explain anything.
+
+        Where no free force does, which has as many values as the lines, an effect of a few may: the
+        best scores at the weights of the noise are tried, and that is all.
+        """
+        if self._forced:
+            return False
+        promised = max((score.gain for score in self._rounds[1]), default=0.0)
+        return self._turn > 0 or promised < _SURE
 
     def _go_further(self) -> None:
         """Steps of what leads, the best first then."""

@@ -106,8 +106,7 @@ def with_second(
     first, one = found.refits[0], found.refits[0].hypothesis
     if not first.exact < first.gap < _WORTH * nothing.gap:
         return found
-    if first.loose is None:
-        first = unbounded(scene, first)
+    first = first if first.loose is not None else unbounded(scene, first)
     if not _is_outlier(first):
         first = _from_elsewhere(scene, first, one)
     found = replace(found, refits=(first, *found.refits[1:]))
