@@ -18,8 +18,8 @@ from identification.words import Campaign, Complex, FrfEstimate, Real
 
 _WINDOW = 15  # lines
 _NOISIEST = 0.1  # of them
-# Of r, which an exponential window has that falls to exp(-1.5) over a block: lines three to six apart
-# share 1.3 % of the noise then. Sharp modes bring it to 0.15.
+# Of r, which an exponential window has that falls to exp(-1.5) over a block: lines that are three
+# to six apart share 1.3 % of its noise. Sharp modes bring it to 0.15.
 _ALIKE = 0.2
 _FEWEST = 200  # windows of channels: r of as many scatters by 0.05
 
