@@ -2,6 +2,7 @@
 
 import tomllib
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -185,3 +186,27 @@ def test_what_explains_all_is_tried_at_other_places_too(tmp_path, monkeypatch):
 def test_of_few_lines_nothing_is_diagnosed(tmp_path):
     with pytest.raises(UsageError, match="needs 8 lines or more, and the band holds 2"):
         diagnose(open_session(heavier(tmp_path), (20.0, 20.9)))
+
+
+def test_where_no_force_explains_a_gap_the_best_scores_are_tried_before_it_ends():
+    def seen(gain, turn, forced=()):
+        rounds = [(), [SimpleNamespace(gain=gain)] if gain else []]
+        return SimpleNamespace(_forced=forced, _rounds=rounds, _turn=turn)
+
+    assert Hunt._is_hopeless(seen(5.0, 0))
+    assert Hunt._is_hopeless(seen(None, 0))
+    assert not Hunt._is_hopeless(seen(80.0, 0))
+    assert Hunt._is_hopeless(seen(80.0, 1))
+    assert not Hunt._is_hopeless(seen(5.0, 1, [("joint:a", "tx")]))
+
+
+def test_an_effect_too_weak_for_a_free_force_is_found_by_what_lines_share(tmp_path):
+    # 3 % of the noise's power, less than its variance is known to: chi square is below one.
+    session, text = drawn(tmp_path, 72_400, "structural_damping", ratio=0.1)
+    found = diagnose(session)
+    assert found.nothing.chi_square < 1 < 1 + found.nothing.gap
+    assert not found.nothing.is_noise
+    assert all(one.gain < 10 for one in found.evidence.pushed)
+    best = found.search.refits[0]
+    assert best.key[:2] == ("structural_damping", tomllib.loads(text)["location"])
+    assert best.gap < 0.5 * found.nothing.gap
