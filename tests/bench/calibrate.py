@@ -60,7 +60,7 @@ BEGIN = {
 }
 SOURCES = "coherence", "differences", "lines"
 _OUTLIER, _SURE = 4.5, 0.98
-_TAKEN = 1.0  # survival ratio: of an outsider below, effects that are alike take what is left
+_TAKEN = 0.25  # survival ratio: of an outsider below, effects that are alike take what is left
 _Cause = tuple[str, str]  # effect, place
 
 
