@@ -29,6 +29,7 @@ from diagnosis.refit import (
     off_by,
     paced,
     refit,
+    source_of,
     unbounded,
     uninterrupted,
 )
@@ -53,7 +54,7 @@ from tuning import (
 
 _FEWEST = 8  # lines: of fewer any shape along frequency fits
 _BENT = 0.3  # of the gap, what a body's mode may leave
-_NEARLY = 0.5  # of chi square: where it leaves more, its frequency may begin elsewhere
+_NEARLY = 0.5  # of the variance: where it leaves more, its frequency may begin elsewhere
 _BEGINS = 1.0, 2.2, 1.5, 0.67, 3.3  # times that of the highest peak
 _ENOUGH = 180_000  # values: three hammer directions, 69 channels, 800 lines and some more
 _ALIKE, _NATS = 0.9, 3.0  # cosine of signatures, difference of costs: twins
@@ -252,17 +253,18 @@ def _evidence(
     changing: int,
 ) -> Evidence:
     """What the judgement reads."""
-    sources = {test.estimate.variance_source for test in nothing.session.campaign.tests}
     loose, pull = 1 + nothing.gap, 0.0
     if not nothing.is_noise:
         freed = nothing if nothing.loose is not None else unbounded(scene, nothing)
-        loose, pull = freed.loose or loose, freed.pull or pull
+        loose = loose if freed.loose is None else freed.loose
+        pull = pull if freed.pull is None else freed.pull
     return Evidence(
         proven=tuple(one.key for one in proven),
         unknown=gate.unknown,
         cost=nothing.cost,
         chi_square=nothing.chi_square,
         serial=nothing.serial,
+        doubt=nothing.doubt,
         loose=loose,
         pull=pull,
         refits=tuple(
@@ -273,6 +275,7 @@ def _evidence(
                 cost=one.cost,
                 chi_square=one.chi_square,
                 serial=one.serial,
+                doubt=one.doubt,
                 loose=one.loose,
                 pull=one.pull,
                 off=off_by(one, one.hypothesis),
@@ -288,6 +291,7 @@ def _evidence(
                 cost=one.cost,
                 chi_square=one.chi_square,
                 serial=one.serial,
+                doubt=one.doubt,
                 loose=one.loose,
                 pull=one.pull,
                 off=(off_by(one, first), off_by(one, second)),
@@ -296,7 +300,7 @@ def _evidence(
             if one.hypothesis
             for first, second in [one.hypothesis.members]
         ),
-        variance="coherence" if sources == {"coherence"} else "differences",
+        variance=source_of(nothing.session.campaign),
         unsteady=changing,
     )
 

@@ -13,7 +13,9 @@ BENDS = "flexible_body"  # what a gate proves of a body, not of a sensor
 _NOISE = 0.03  # of the variance: what is left up to there is nothing
 _WHITE = 0.005  # the same of what neighbouring lines share, which scatters by 0.001 to 0.003
 _EXACT, _EXACT_WHITE = 0.05, 0.02  # likewise, beside an effect that was tuned to the end
-_BADLY_KNOWN = 0.3  # of the variance: what third differences of sharp modes may have it wrong by
+_MANY = 20_000  # values of a fit, one line in four: of as many the mean scatters by 0.002
+# Of the variance, what it may be wrong by: from coherences, from third differences of sharp modes.
+BADLY_KNOWN = {"coherence": 0.1, "differences": 0.3}
 
 
 class _Row(BaseModel):
@@ -46,31 +48,50 @@ class Gapped:
 
     Its residual's mean square over the noise's stated variance is one more than the gap's only if
     that variance is right, which from a few hits it is not. Neighbouring lines share the gap, but
-    no noise: the mean product of their residuals is the gap's mean square whatever the noise is.
-    Only where lines lie so far apart that a mode falls between them would it miss a gap: chi
-    square counts beside it, less what a badly known variance may add.
+    not the noise of sensors: the mean product of their residuals is the gap's mean square however
+    large that noise is (``Misfit.serial``). Beside modes that are narrower than the lags it misses
+    a gap: chi square counts beside it, less what a badly known variance may add.
+
+    Args:
+        chi_square: mean square of residual over noise; 1 is noise alone.
+        serial: mean product of the residuals of neighbouring lines; None where noise is shared.
+        doubt: what chi square may exceed one by where nothing is left.
+        loose: one more than the gap if tolerances have no bounds; None where that was not asked.
+        pull: the largest of them then, in standard deviations.
     """
 
     chi_square: float
     serial: float | None
+    doubt: float
     loose: float | None
     pull: float | None
+
+    def nats(self) -> float:
+        """Cost, priors and all."""
+        raise NotImplementedError
 
     @property
     def gap(self) -> float:
         """Its mean square over that of the noise."""
         beyond = self.chi_square - 1
-        return beyond if self.serial is None else max(self.serial, beyond - _BADLY_KNOWN)
+        return beyond if self.serial is None else max(self.serial, beyond - self.doubt)
+
+    @property
+    def scatter(self) -> float:
+        """How many times as much as of many values the mean over few scatters; 1 of the gap's."""
+        if self.serial is None:
+            return 1.0
+        return float(max(1.0, (_MANY * self.chi_square / max(self.nats(), 1.0)) ** 0.5))
 
     @property
     def is_noise(self) -> bool:
         """Whether so little is left that nothing is asked for."""
-        return self.gap <= (_NOISE if self.serial is None else _WHITE)
+        return self.gap <= (_NOISE if self.serial is None else _WHITE * self.scatter)
 
     @property
     def exact(self) -> float:
         """The gap that the one effect there is may leave."""
-        return _EXACT if self.serial is None else _EXACT_WHITE
+        return _EXACT if self.serial is None else _EXACT_WHITE * self.scatter
 
     def left(self, outlier: float) -> float:
         """The gap; of tolerances none of which is more than an outlier, unbounded.
@@ -87,9 +108,14 @@ class _Fitted(_Row, Gapped):
     cost: float
     chi_square: float
     serial: float | None = None
+    doubt: float = BADLY_KNOWN["differences"]
     loose: float | None = None
     pull: float | None = None
     foretold: float | None = None
+
+    def nats(self) -> float:
+        """Cost, priors and all."""
+        return self.cost
 
 
 class Refitted(_Named, _Fitted):
@@ -97,10 +123,7 @@ class Refitted(_Named, _Fitted):
 
     Args:
         cost: in nats, priors and all.
-        chi_square: mean square of residual over noise; 1 is noise alone.
-        serial: mean product of the residuals of neighbouring lines; None where noise is shared.
-        loose: one more than the gap if tolerances have no bounds; None where that was not asked.
-        pull: the largest of them then, in standard deviations.
+        chi_square, serial, doubt, loose, pull: as of ``Gapped``.
         foretold: nats that it leaves of what its fits did not see; None where nobody asked.
         off: of what only releases tolerances, how far they are off: as unlikely as one alone that
             is off by so many standard deviations.
@@ -114,7 +137,7 @@ class Paired(_Fitted):
 
     Args:
         keys: of both.
-        cost, chi_square, serial, loose, pull, foretold: as of one.
+        cost, chi_square, serial, doubt, loose, pull, foretold: as of one.
         off: of each, as of one.
     """
 
@@ -143,9 +166,8 @@ class Evidence(_Row, Gapped):
     Args:
         proven: what gates took out before.
         unknown: places of sensors that gates proved wrong by no fault of the catalogue.
-        cost, chi_square, serial: of the refit without any effect, as of ``Refitted``.
-        loose: one more than the gap if tolerances have no bounds, or as they are if nobody asked.
-        pull: the largest of them then, in standard deviations.
+        cost, chi_square, serial, doubt: of the refit without any effect, as of ``Gapped``.
+        loose, pull: likewise; as tolerances are if nobody asked.
         refits: with one effect each.
         pairs: with two.
         pushed: places, the one first whose free force explains most.
@@ -159,6 +181,7 @@ class Evidence(_Row, Gapped):
     cost: float
     chi_square: float
     serial: float | None = None
+    doubt: float = BADLY_KNOWN["differences"]
     loose: float
     pull: float
     refits: tuple[Refitted, ...]
@@ -167,6 +190,10 @@ class Evidence(_Row, Gapped):
     variance: VarianceSource
     unsteady: int = 0
     scored: tuple[Scored, ...] = ()
+
+    def nats(self) -> float:
+        """Cost, priors and all."""
+        return self.cost
 
     @property
     def by(self) -> str:

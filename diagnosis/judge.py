@@ -4,12 +4,12 @@ What is left of the gap decides. With e the gap's mean square over the noise of 
 any effect (``evidence.Gapped``) and e1 that of the best refit with one, both without bounds of
 tolerances if the largest is no more than an outlier,
 
-    visible   = expit((log e - log hidden) / width)       more than badly known noise, or hits
-                that differed and left a gap, which none of these effects makes
+    visible   = expit((log e - log hidden) / width)       more than chance or badly known noise, or
+                hits that differed and left a gap, which none of these effects makes
     told      = expit((log gain - log told) / width)      the best refit gains more nats than the
                 best of all gains by chance: badly known noise gains nothing by a mass at one body
     explained = told expit((log (left min(e^0.75, e^0.25) + exact) - log e1) / width)
-                and leaves what badly known noise may leave and next to nothing of the gap: of a
+                and leaves what is no gap for sure and next to nothing of the one there was: of a
                 large one the true one leaves a smaller part
 
 and p(none) = (1 - explained)(1 - visible), what is told being visible. What the best effect leaves
@@ -253,7 +253,7 @@ def _parts(seen: Evidence, by: Calibration) -> tuple[float, float, float]:
     if seen.is_noise:
         return 0.0, 0.0, 0.0
     without = seen.left(by.outlier)
-    beyond, hidden = max(without, 1e-6), by.hidden[seen.by]
+    beyond, hidden = max(without, 1e-6), by.hidden[seen.by] * seen.scatter
     visible = float(expit((np.log(beyond) - np.log(hidden)) / by.hidden_width))
     left = _left(seen.refits, by)
     told = _told(without - left, seen, by)
@@ -286,7 +286,7 @@ def _explains(left: float, gap: float, seen: Evidence, by: Calibration) -> float
     """Whether what is left of a gap is no more than right effects leave."""
     if not np.isfinite(left):
         return 0.0
-    likely = by.left[seen.by] * compared(gap) + by.exact[seen.by]
+    likely = by.left[seen.by] * compared(gap) + by.exact[seen.by] * seen.scatter
     return float(expit((np.log(likely) - np.log(max(left, _LEAST))) / by.left_width))
 
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2, norm
 
-from diagnosis.evidence import Gapped, Key
+from diagnosis.evidence import BADLY_KNOWN, Gapped, Key
 from diagnosis.hypothesis import Hypothesis, Scene, Value, freed
 from diagnosis.side_by_side import side_by_side
-from identification.words import Campaign, Real
+from identification.words import Campaign, Real, VarianceSource
 from mbmodel import Model
 from tuning import (
     STAGES,
@@ -18,6 +18,7 @@ from tuning import (
     HeldOut,
     Session,
     Stage,
+    counted_lines,
     fit,
     fit_held_out,
     on_machine,
@@ -70,6 +71,7 @@ class Refit(Gapped):
         chi_square: mean square of residual over noise and allowance there; noise alone leaves one.
         serial: the mean product of residuals of neighbouring lines, all lines; None where noise is
             shared or the fit has an allowance.
+        doubt: what chi square may exceed one by where nothing is left.
         loose: one more than the gap if tolerances have no bounds; None where that was not asked.
         pull: the largest of them then, in standard deviations.
     """
@@ -79,12 +81,17 @@ class Refit(Gapped):
     fit: Fit
     chi_square: float
     serial: float | None = None
+    doubt: float = BADLY_KNOWN["differences"]
     loose: float | None = None
     pull: float | None = None
 
     @property
     def cost(self) -> float:
         """In nats, priors and all."""
+        return self.fit.cost
+
+    def nats(self) -> float:
+        """Cost, priors and all."""
         return self.fit.cost
 
     @property
@@ -212,9 +219,11 @@ def fitted(scene: Scene, tasks: Sequence[Task]) -> Iterator[Refit]:
         (_fit, (one.session, one.start, paced(one.stages, scene.pace), threads, scene.independent))
         for one in tasks
     ]
-    for task, (found, *left) in zip(tasks, side_by_side(sent, scene.jobs), strict=True):
+    made = side_by_side(sent, scene.jobs)
+    for task, (found, chi_square, serial) in zip(tasks, made, strict=True):
         own = replace(uninterrupted(found), freedom=task.session.freedom)
-        yield Refit(task.hypothesis, task.session, own, *left)
+        doubt = BADLY_KNOWN[source_of(task.session.campaign)]
+        yield Refit(task.hypothesis, task.session, own, chi_square, serial, doubt)
 
 
 def unbounded(scene: Scene, made: Refit) -> Refit:
@@ -287,7 +296,9 @@ def _fit(
     serial = None
     if independent and not last.allowance:
         whole = last.misfit(session.model, session.campaign, varies)
-        serial = whole.serial(found.x, _LAGS)
+        lines = len(session.campaign.freq_hz)
+        seen = np.isin(np.arange(lines), np.arange(lines)[counted_lines(lines, last.stride)])
+        serial = whole.serial(found.x, _LAGS, seen)
     return found, data / max(problem.values, 1), serial
 
 
@@ -316,6 +327,12 @@ def held_out(found: Refit, stage: Stage, jobs: int = 1, width: int | None = None
     return fit_held_out(
         session.model, begun, session.campaign, jobs=jobs, width=width, promise=_PROMISE
     )
+
+
+def source_of(campaign: Campaign) -> VarianceSource:
+    """Where the noise's variance comes from; the worse source if there are two."""
+    sources = {test.estimate.variance_source for test in campaign.tests}
+    return "coherence" if sources == {"coherence"} else "differences"
 
 
 def uninterrupted(found: Fit) -> Fit:

@@ -135,7 +135,7 @@ def with_second(
     least = np.inf if best.gap > best.exact else tied
     pairs += _exchanged(scene, [made for made in found.refits[1:] if made.cost < least], alone)
     other = alone.hypothesis
-    if other is not None and min(both.chi_square for both in pairs) - 1 > _FOREIGN:
+    if other is not None and min(both.gap for both in pairs) > _FOREIGN:
         say("another in the place of the first")
         instead = _beside(scene, alone, proposed, say)
         pairs += [_pair(other, both) for both in instead]

@@ -21,17 +21,38 @@ _NOISIEST = 0.1  # of them
 # Of r, which an exponential window has that falls to exp(-1.5) over a block: lines that are three
 # to six apart share 1.3 % of its noise. Sharp modes bring it to 0.15.
 _ALIKE = 0.2
+_ALONE = 0.35  # the same of a single test
+_FALLS = 0.8  # time constants of a window that is known: 0.4 % are shared
 _FEWEST = 200  # windows of channels: r of as many scatters by 0.05
 
 
 def independent(campaign: Campaign) -> bool:
     """Whether the noise of neighbouring lines is independent; no where too few lines tell."""
-    cells = np.concatenate([_cells(test.estimate) for test in campaign.tests], axis=1)
+    estimates = [test.estimate for test in campaign.tests]
+    if any(_falls(one) > _FALLS for one in estimates):
+        return False
+    each = [_cells(one) for one in estimates]
+    whole = _ratio(np.concatenate(each, axis=1))
+    # Of a single test r scatters more, and a window in it must not hide among the others.
+    apart = (ratio for cells in each if (ratio := _ratio(cells)) is not None)
+    return whole is not None and abs(whole) < _ALIKE and all(abs(r) < _ALONE for r in apart)
+
+
+def _falls(estimate: FrfEstimate) -> float:
+    """By how many time constants the window falls over a block that the data are known to carry."""
+    freq_hz = estimate.frf.freq_hz
+    if not estimate.window_tau or len(freq_hz) < 2:
+        return 0.0
+    return float(1 / ((freq_hz[1] - freq_hz[0]) * estimate.window_tau))
+
+
+def _ratio(cells: Real) -> float | None:
+    """The logarithm r; None of too few windows."""
     power, variance, one, two = cells[:, (cells > 0).all(axis=0)]
     if power.size < _FEWEST:
-        return False
+        return None
     noisy = np.argsort(power / variance)[: max(_FEWEST, round(_NOISIEST * power.size))]
-    return bool(abs(np.median(np.log(one[noisy] / two[noisy]))) < _ALIKE)
+    return float(np.median(np.log(one[noisy] / two[noisy])))
 
 
 def _cells(estimate: FrfEstimate) -> Real:

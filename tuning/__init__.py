@@ -23,7 +23,7 @@ from tuning.runs import Freed, Probed
 from tuning.schema import PairRow, PartnerRow, Place, Residual, ShareRow, TunedFile
 from tuning.session import Session, on_machine, open_campaign, open_session, with_tolerances
 from tuning.solver import Minimum, minimise
-from tuning.stages import STAGES, Stage, thinned
+from tuning.stages import STAGES, Stage, counted_lines, thinned
 from tuning.tuned import Comparison, Tuned, Watch, stages_of, tune
 from tuning.wishes import Wishes, freedom
 
@@ -71,6 +71,7 @@ __all__ = [
     "channel_noise",
     "check_folder",
     "confidence",
+    "counted_lines",
     "files_of",
     "fingerprint",
     "fit",

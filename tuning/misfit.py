@@ -146,19 +146,23 @@ class Misfit:
         found = [(w * np.abs(off) ** 2)[w > 0] for w, off in self._differences(x)]
         return np.concatenate(found)
 
-    def serial(self, x: Real, lags: Sequence[int]) -> float | None:
+    def serial(self, x: Real, lags: Sequence[int], fitted: Mask) -> float | None:
         """What is left that neighbouring lines share: the mean of Re conj(u) u' over the values.
 
-        u and u' are residuals over the noise, of lines so far apart. Of noise alone whose lines
-        are independent it is zero, however large it is; of an error that is smooth along frequency
-        its mean square, what it adds to that of the noise.
+        u and u' are residuals over the noise, of lines so far apart, one of which the fit saw and
+        one not. Of noise alone whose lines are independent the mean is zero, however large that
+        is: what a fit follows of it has the opposite sign among lines that it saw, which share its
+        smooth error, and the same among those that it did not see, but of one of each none. Of an
+        error that is smooth along frequency it is the mean square. Beside a mode whose half-power
+        width is less than some eight lines the error turns within the lags, and hides.
 
         Args:
             x: where; (n_x,).
             lags: in lines, which are evenly spaced.
+            fitted: lines that the fit saw; (n_freq,).
 
         Returns:
-            The mean over the lags; None where no two lines are so far apart.
+            The mean over the lags; None where no two such lines are so far apart.
 
         Raises:
             ValueError: as of ``squares``.
@@ -167,9 +171,9 @@ class Misfit:
         for weight, off in self._differences(x):
             left = np.sqrt(weight) * off
             for lag in lags:
-                first, second = slice(None, -lag), slice(lag, None)
-                shared += float(np.vdot(left[first], left[second]).real)
-                count += int(((weight[first] > 0) & (weight[second] > 0)).sum())
+                one = np.flatnonzero(fitted[:-lag] != fitted[lag:])
+                shared += float(np.vdot(left[one], left[one + lag]).real)
+                count += int(((weight[one] > 0) & (weight[one + lag] > 0)).sum())
         return shared / count if count else None
 
     def normal(self, x: Real) -> Quadratic:

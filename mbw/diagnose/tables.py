@@ -11,6 +11,7 @@ from mbw.diagnose.words import (
     gate_sentences,
     percent_sure,
     place,
+    shared_sentences,
     twin_sentences,
     untested_sentences,
 )
@@ -33,7 +34,9 @@ def causes_section(result: Result) -> str:
     else:
         table = "<p>No effect of the catalogue is likely: none has a probability of 1 %.</p>"
     levels = len({test.level for test in result.shown.tests})
-    said = _paragraphs([*twin_sentences(verdict), *untested_sentences(verdict, levels)])
+    shared = shared_sentences(result.evidence)
+    alike = twin_sentences(verdict)
+    said = _paragraphs([*shared, *alike, *untested_sentences(verdict, levels)])
     if verdict.next_experiment:
         said += f"<p><b>What to do next:</b> {escape(verdict.next_experiment)}.</p>"
     return table + said

@@ -24,6 +24,7 @@ from mbw.diagnose.words import (
     cause_parameters,
     closed_words,
     noise_sentences,
+    shared_sentences,
     twin_sentences,
     untested_sentences,
 )
@@ -140,7 +141,7 @@ def _say_more(verdict: Verdict, found: Diagnosis) -> None:
         SCREEN.say(f"  {check.words}")
     for place in found.gate.unknown:
         SCREEN.say(f"  {place} is wrong by no known fault, and was left out")
-    for text in noise_sentences(found.evidence):
+    for text in (*shared_sentences(found.evidence), *noise_sentences(found.evidence)):
         SCREEN.say(f"  {text}")
     if verdict.verdict != "none":
         levels = len({test.condition.level_n for test in found.session.campaign.tests})

@@ -16,10 +16,11 @@ _WITHOUT_COHERENCE = (
     "too much where modes are sharp, so gaps weigh little there and an excess may fall below 1"
 )
 _SHARED = (
-    "neighbouring lines share noise, as after a window in time or an average along frequency, or "
-    "are few: a gap is known only as well as the noise is, and small ones hide"
+    "it cannot be told whether neighbouring lines have noise of their own, which a window in time, "
+    "an average along frequency, sharp modes or few lines prevent: a gap is known only as well as "
+    "the noise is, and small ones hide"
 )
-_LIKELIER = 10.0  # times as probable: then data do tell
+_LIKELY, _LIKELIER = 0.5, 10.0  # probability, and times as probable: then data do tell
 _OTHERS = {"hardening": "a spring that hardens", "sensor_unknown": FAULTS["sensor_unknown"]}
 _AT = {"joint": "at", "body": "on", "sensor": "at", "hammer": "at", "pair": "between"}
 _NO_SUCH = "no effect here is of that kind: compare the hits of each level"
@@ -103,9 +104,21 @@ def site_words(site: str) -> str:
 
 
 def noise_sentences(evidence: Evidence) -> list[str]:
-    """What is lost where the noise is not known by coherences, or lines share it."""
+    """What is lost where the noise is not known by coherences, or lines may share it."""
     found = [_WITHOUT_COHERENCE] if evidence.variance == "differences" else []
     return found if evidence.serial is not None else [*found, _SHARED]
+
+
+def shared_sentences(evidence: Evidence) -> list[str]:
+    """What neighbouring lines share of what is left, by which the verdict is judged."""
+    if evidence.serial is None or not (evidence.refits or evidence.pairs):
+        return []
+    least = min(one.gap for one in (*evidence.refits, *evidence.pairs))
+    before, after = (f"{max(one, 0.0) ** 0.5:.2g}" for one in (evidence.gap, least))
+    return [
+        f"Neighbouring lines share, of what the fit leaves, {before} times the noise without any "
+        f"effect and {after} with the best; noise alone shares next to nothing."
+    ]
 
 
 def twin_sentences(verdict: Verdict) -> list[str]:
@@ -115,15 +128,19 @@ def twin_sentences(verdict: Verdict) -> list[str]:
     for pair in verdict.twins:
         one, other = sorted(pair, key=lambda site: -shares.get(site, 0.0))
         more, less = (shares.get(site, 0.0) for site in (one, other))
-        alike = f"{site_words(one)} from {site_words(other)}"
-        if more < _LIKELIER * less:
-            found.append(f"These data hardly tell {alike}.")
-        else:
+        if more > _LIKELY and more >= _LIKELIER * less:
             found.append(
-                f"Alone the gap's shape hardly tells {alike}; tuned to the end, what they leave "
-                f"does, {percent_sure(more)} to {percent_sure(less)}."
+                f"{_capital(site_words(one))} and {site_words(other)} change the FRFs alike; tuned "
+                f"to the end, these data prefer the former, {percent_sure(more)} to "
+                f"{percent_sure(less)}."
             )
+        else:
+            found.append(f"These data hardly tell {site_words(one)} from {site_words(other)}.")
     return found
+
+
+def _capital(text: str) -> str:
+    return text[0].upper() + text[1:]
 
 
 def untested_sentences(verdict: Verdict, levels: int) -> list[str]:

@@ -210,3 +210,15 @@ def test_an_effect_too_weak_for_a_free_force_is_found_by_what_lines_share(tmp_pa
     best = found.search.refits[0]
     assert best.key[:2] == ("structural_damping", tomllib.loads(text)["location"])
     assert best.gap < 0.5 * found.nothing.gap
+
+
+@pytest.mark.parametrize("seed", [72_502, 72_503, 72_505])
+def test_of_few_channels_what_the_fit_follows_of_the_noise_is_no_gap(tmp_path, seed):
+    # 90 FRFs of 240 lines: lines that the fit did not see shared 0.01 of the noise by its error.
+    session, _ = drawn(tmp_path, seed, None, lines=241)
+    found = diagnose(session)
+    assert found.evidence.by == "lines"
+    assert abs(found.nothing.serial) < 0.005
+    assert found.nothing.scatter > 1.5
+    assert found.judged.word == "none"
+    assert found.judged.none > 0.9

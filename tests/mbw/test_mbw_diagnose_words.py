@@ -14,6 +14,7 @@ from mbw.diagnose.words import (
     noise_sentences,
     place,
     placed,
+    shared_sentences,
     site_words,
     twin_sentences,
     untested_sentences,
@@ -121,8 +122,20 @@ def test_twins_that_these_data_tell_apart_are_told_apart():
     hardly = said(0.6, 0.3)
     assert hardly.startswith("These data hardly tell mass beyond tolerance on body ty from")
     told = said(0.96, 0.02)
-    assert told.startswith("Alone the gap's shape hardly tells mass beyond tolerance on body ty")
-    assert told.endswith("what they leave does, 96 % to 2 %.")
+    assert told.startswith("Mass beyond tolerance on body ty and mass beyond tolerance on body rz")
+    assert told.endswith("these data prefer the former, 96 % to 2 %.")
+    assert said(0.03, 0.002).startswith("These data hardly tell")
+
+
+def test_what_lines_share_is_told_before_and_after():
+    after = [SimpleNamespace(gap=0.0025), SimpleNamespace(gap=-0.001)]
+    seen = SimpleNamespace(serial=0.09, gap=0.09, refits=after[:1], pairs=[])
+    (said,) = shared_sentences(seen)
+    assert "0.3 times the noise without any effect and 0.05 with the best" in said
+    seen.pairs = after[1:]
+    assert "and 0 with the best" in shared_sentences(seen)[0]
+    seen.serial = None
+    assert shared_sentences(seen) == []
 
 
 @pytest.mark.parametrize(
@@ -130,8 +143,8 @@ def test_twins_that_these_data_tell_apart_are_told_apart():
     [
         ("coherence", 0.0, []),
         ("differences", 0.0, ["without coherence"]),
-        ("coherence", None, ["neighbouring lines share noise"]),
-        ("differences", None, ["without coherence", "neighbouring lines share noise"]),
+        ("coherence", None, ["it cannot be told whether neighbouring lines"]),
+        ("differences", None, ["without coherence", "it cannot be told whether neighbouring"]),
     ],
 )
 def test_what_is_not_known_of_the_noise_is_said(variance, serial, said):
