@@ -67,7 +67,8 @@ _Cause = tuple[str, str]  # effect, place
 def run() -> list[dict[str, object]]:
     """Make the campaigns, fit the constants, write them."""
     decks = dealt()
-    rows = [row for one in decks for row in made(one)]
+    made_of = [made(one) for one in decks]
+    rows = [row for own in made_of for row in own]
     given = [one for row in rows if (one := _given(row)) is not None]
     start = np.log(list(BEGIN.values()))
 
@@ -81,7 +82,7 @@ def run() -> list[dict[str, object]]:
         update={
             "campaigns": len(given),
             "command": "make bench ONLY=calibrate",
-            "seeds": ", ".join(f"{d.first} to {d.first + len(d.cards) - 1}" for d in decks),
+            "seeds": ", ".join(map(_seeds, decks, made_of)),
             "evidence": hashed(rows),
         }
     )
@@ -135,6 +136,11 @@ def others() -> Deck:
     ]
     pairs = [replace(card, tree=True, stages=4) for card in two(17, 15)]
     return Deck("calibrate", OTHERS, mixed([shuffled(strange * TIMES, 8), pairs]))
+
+
+def _seeds(one: Deck, rows: Sequence[dict]) -> str:
+    """Those of a deck, and how many of them are there."""
+    return f"{one.first} to {one.first + len(one.cards) - 1} ({len(rows)})"
 
 
 def _calibration(logarithms: Real) -> Calibration:

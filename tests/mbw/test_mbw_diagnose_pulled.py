@@ -18,7 +18,7 @@ def case(x, *, word="none", excess=96.6, pull=0.0):
     freedom = SimpleNamespace(names=NAMES, has_prior=np.array([False, True, True]))
     found = SimpleNamespace(
         nothing=SimpleNamespace(fit=SimpleNamespace(freedom=freedom, x=np.array(x))),
-        evidence=SimpleNamespace(pull=pull, variance="coherence", serial=0.0),
+        evidence=SimpleNamespace(pull=pull, variance="coherence", serial=0.0, refits=(), pairs=()),
         gate=SimpleNamespace(flexible=(), unknown=()),
         known=None,
         retuned=SimpleNamespace(unfinished=0),
