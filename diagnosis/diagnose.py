@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 from diagnosis.effects import catalogue
-from diagnosis.evidence import BENDS, Evidence, Paired, Refitted
+from diagnosis.evidence import BENDS, Evidence
 from diagnosis.foretold import foretold, rival_pairs_of, rivals_of
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
+from diagnosis.gathered import gathered
 from diagnosis.hypothesis import Hypothesis, Scene, together
 from diagnosis.judge import Judged, calibrated, judge
 from diagnosis.known import Known
@@ -26,11 +27,8 @@ from diagnosis.refit import (
     SHAPED,
     Refit,
     go_on,
-    off_by,
     paced,
     refit,
-    source_of,
-    unbounded,
     uninterrupted,
 )
 from diagnosis.score import cosines
@@ -141,7 +139,7 @@ def diagnose(
         possible = [one for one in proposed if one.location not in taken]
         found = searched(scene, (early, first, nothing), possible, say)
         nothing = from_where_others_ended(scene, first, nothing, found)
-    evidence = _evidence(scene, gate, made, nothing, found, len(changing))
+    evidence = gathered(scene, gate, made, nothing, found, len(changing))
     evidence, judged = _judged(scene, evidence, found, say)
     present = _present(judged, made, found)
     say("the gap on held-out lines")
@@ -242,67 +240,6 @@ def _bending(
         if best[0].gap < min(least, _NEARLY):
             break
     return best if best is not None and best[0].gap < least else None
-
-
-def _evidence(
-    scene: Scene,
-    gate: Gate,
-    proven: Sequence[Hypothesis],
-    nothing: Refit,
-    found: Search,
-    changing: int,
-) -> Evidence:
-    """What the judgement reads."""
-    loose, pull = 1 + nothing.gap, 0.0
-    if not nothing.is_noise:
-        freed = nothing if nothing.loose is not None else unbounded(scene, nothing)
-        loose = loose if freed.loose is None else freed.loose
-        pull = pull if freed.pull is None else freed.pull
-    return Evidence(
-        proven=tuple(one.key for one in proven),
-        unknown=gate.unknown,
-        cost=nothing.cost,
-        chi_square=nothing.chi_square,
-        serial=nothing.serial,
-        doubt=nothing.doubt,
-        loose=loose,
-        pull=pull,
-        refits=tuple(
-            Refitted(
-                effect=one.hypothesis.effect,
-                location=one.hypothesis.location,
-                dof=one.hypothesis.dof,
-                cost=one.cost,
-                chi_square=one.chi_square,
-                serial=one.serial,
-                doubt=one.doubt,
-                loose=one.loose,
-                pull=one.pull,
-                off=off_by(one, one.hypothesis),
-            )
-            for one in found.refits
-            if one.hypothesis is not None
-        ),
-        scored=found.rows,
-        pushed=found.pushed,
-        pairs=tuple(
-            Paired(
-                keys=(first.key, second.key),
-                cost=one.cost,
-                chi_square=one.chi_square,
-                serial=one.serial,
-                doubt=one.doubt,
-                loose=one.loose,
-                pull=one.pull,
-                off=(off_by(one, first), off_by(one, second)),
-            )
-            for one in found.pairs
-            if one.hypothesis
-            for first, second in [one.hypothesis.members]
-        ),
-        variance=source_of(nothing.session.campaign),
-        unsteady=changing,
-    )
 
 
 def _judged(

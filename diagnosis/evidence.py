@@ -104,18 +104,21 @@ class Gapped:
         return min(self.gap, self.loose - 1)
 
 
-class _Fitted(_Row, Gapped):
+class _Gap(_Row, Gapped):
     cost: float
     chi_square: float
     serial: float | None = None
     doubt: float = BADLY_KNOWN["differences"]
-    loose: float | None = None
-    pull: float | None = None
-    foretold: float | None = None
 
     def nats(self) -> float:
         """Cost, priors and all."""
         return self.cost
+
+
+class _Fitted(_Gap):
+    loose: float | None = None
+    pull: float | None = None
+    foretold: float | None = None
 
 
 class Refitted(_Named, _Fitted):
@@ -160,7 +163,7 @@ class Pushed(_Row):
     gain: float
 
 
-class Evidence(_Row, Gapped):
+class Evidence(_Gap):
     """All that a verdict is judged by.
 
     Args:
@@ -178,10 +181,6 @@ class Evidence(_Row, Gapped):
 
     proven: tuple[Key, ...]
     unknown: tuple[str, ...] = ()
-    cost: float
-    chi_square: float
-    serial: float | None = None
-    doubt: float = BADLY_KNOWN["differences"]
     loose: float
     pull: float
     refits: tuple[Refitted, ...]
@@ -190,10 +189,6 @@ class Evidence(_Row, Gapped):
     variance: VarianceSource
     unsteady: int = 0
     scored: tuple[Scored, ...] = ()
-
-    def nats(self) -> float:
-        """Cost, priors and all."""
-        return self.cost
 
     @property
     def by(self) -> str:

@@ -85,14 +85,14 @@ class Refit(Gapped):
     loose: float | None = None
     pull: float | None = None
 
-    @property
-    def cost(self) -> float:
-        """In nats, priors and all."""
-        return self.fit.cost
-
     def nats(self) -> float:
         """Cost, priors and all."""
         return self.fit.cost
+
+    @property
+    def cost(self) -> float:
+        """In nats, priors and all."""
+        return self.nats()
 
     @property
     def key(self) -> Key | None:

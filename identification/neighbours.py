@@ -59,16 +59,16 @@ def _cells(estimate: FrfEstimate) -> Real:
     """Means of |H|^2, of the variance, of squared third differences over 1 and 2; (4, n_cell)."""
     values = estimate.frf.values[:, estimate.measured]
     count = max(len(values) - 6, 0) // _WINDOW
-    one, two = _differences(values, 1)[1:], _differences(values, 2)
-    squares = [np.abs(part) ** 2 for part in (values[3:], one, two)]
-    squares.insert(1, estimate.variance[3:, estimate.measured])
+    over_one = np.diff(values, 3, axis=0)[1:]
+    power, one, two = (np.abs(part) ** 2 for part in (values[3:], over_one, _over_two(values)))
+    squares = power, estimate.variance[3:, estimate.measured], one, two
     parts = [part[: count * _WINDOW].reshape(count, _WINDOW, values.shape[1]) for part in squares]
     return np.stack([part.mean(axis=1).ravel() for part in parts])
 
 
-def _differences(values: Complex, step: int) -> Complex:
-    """Third differences over so many lines."""
-    count = max(len(values) - 3 * step, 0)
-    first, second, third, fourth = (values[k * step :][:count] for k in range(4))
+def _over_two(values: Complex) -> Complex:
+    """Third differences over two lines."""
+    count = max(len(values) - 6, 0)
+    first, second, third, fourth = (values[2 * k :][:count] for k in range(4))
     found: Complex = fourth - 3 * third + 3 * second - first
     return found

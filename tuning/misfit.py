@@ -26,37 +26,16 @@ from functools import reduce
 
 import numpy as np
 
-from identification.words import Campaign, Complex, Integers, Layout, Mask, Real
+from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Linearised, Model
-from tuning.batch import Batch, batches
+from tuning.batch import batches
 from tuning.freedom import Freedom
 from tuning.normal import Arrow, Quadratic
-from tuning.reduction import Mixing, Root, mixings, roots, weighed
+from tuning.reduction import Root, roots, weighed
 from tuning.runs import Freed, Own, Probed, Runs, blocks_of
 from tuning.shares import shares
 from tuning.views import View, views
-
-_STILL = 1e-10
-_AUDIBLE = 25.0  # times the variance: the logarithm of a value near the noise leads astray
-# Linearity and noise of the force, relative to the motion of a point: no line is known better.
-FLOOR = 3e-4
-
-
-@dataclass(frozen=True, eq=False)
-class _Weighted:
-    """One batch and its weights w (n_freq, n_out, n_test), or M of each body beside them."""
-
-    batch: Batch
-    log_size: Real
-    weight: Real
-    mixed: tuple[Mixing, ...] | None = None
-
-    @property
-    def values(self) -> int:
-        """How many numbers count."""
-        if self.mixed is None:
-            return int((self.weight > 0).sum())
-        return sum(one.values for one in self.mixed)
+from tuning.weights import Weighted, at_centres, weigh
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,10 +88,10 @@ class Misfit:
         self._logarithmic, self._threads = logarithmic, threads
         lines = np.ones(len(campaign.freq_hz), bool) if counted is None else counted
         self._terms = [
-            _weigh(batch, allowance, logarithmic, lines) for batch in batches(model, campaign)
+            weigh(batch, allowance, logarithmic, lines) for batch in batches(model, campaign)
         ]
         if at_bodies and not logarithmic:
-            self._terms = [_mixed(term, campaign.layout) for term in self._terms]
+            self._terms = [at_centres(term, campaign.layout) for term in self._terms]
         self.values = sum(term.values for term in self._terms)
         self._plan = shares(model, freedom, apart=not at_bodies)
 
@@ -254,7 +233,7 @@ class Misfit:
         pulled: Real = np.where(self.freedom.has_prior, x, 0.0)
         return pulled
 
-    def _residual(self, term: _Weighted, lines: Linearised) -> tuple[Real, Complex, Real]:
+    def _residual(self, term: Weighted, lines: Linearised) -> tuple[Real, Complex, Real]:
         """Sum w |r|^2 of each line; w conj(g) r and w |g|^2, (n_freq, n_out, n_test)."""
         batch, weight = term.batch, term.weight
         model = batch.pick(lines.values)
@@ -270,7 +249,7 @@ class Misfit:
         return _power(off, power * off), pull, power / np.abs(model) ** 2
 
     def _quadratics(
-        self, term: _Weighted, lines: Linearised, x: Real, groups: Integers
+        self, term: Weighted, lines: Linearised, x: Real, groups: Integers
     ) -> list[Quadratic]:
         """J, gradient and normal equations of the data of one batch, for each group of lines."""
         plan, freedom = self._plan, self.freedom
@@ -286,7 +265,7 @@ class Misfit:
             found.append((float(side.values[groups == group].sum()), gradient[:-1], arrow))
         return found
 
-    def _side(self, term: _Weighted, lines: Linearised) -> _Side:
+    def _side(self, term: Weighted, lines: Linearised) -> _Side:
         spread = term.batch.spread
         values, pull, curvature = self._residual(term, lines)
         side = _Side(lines, values, spread(curvature.astype(complex)).real, spread(pull), ())
@@ -375,46 +354,3 @@ def _power(one: Complex, other: Complex) -> Real:
     """Real part of the sum of conj(one) other over each line; (n_freq,)."""
     found: Real = np.einsum("fit,fit->f", one.conj(), other).real
     return found
-
-
-def _weigh(batch: Batch, allowance: float, logarithmic: bool, counted: Mask) -> _Weighted:
-    size = np.abs(batch.values)
-    resting = batch.evaluator.question.factor == 0  # 0 Hz, where the model's accelerance is zero
-    heard = (size > 0).any(axis=0)  # a silent channel is dead, not exactly zero
-    counts = batch.measured & heard & ~resting[:, None, None]
-    if logarithmic:
-        counts = counts & (size**2 > _AUDIBLE * batch.variance) & _moving(batch)
-    point = _point_power(batch)
-    allowed = batch.variance + max(allowance, FLOOR) ** 2 * point
-    counts = counts & (allowed > 0) & counted[:, None, None]
-    weight = np.where(counts, 1.0 / np.where(counts, allowed, 1.0), 0.0)
-    return _Weighted(batch, np.log(np.where(size > 0, size, 1.0)), weight)
-
-
-def _mixed(term: _Weighted, layout: Layout) -> _Weighted:
-    """Weights at the centres of mass; channels whose body they do not determine count no more."""
-    counts = term.weight > 0
-    variance = 1 / np.where(counts, term.weight, 1.0)
-    outputs = term.batch.evaluator.question.outputs
-    return replace(term, mixed=mixings(layout, outputs, variance, counts))
-
-
-def _moving(batch: Batch) -> Mask:
-    """Channels that move in the model at all; a zero has no logarithm; (n_out, n_test).
-
-    Which those are lies in the geometry, not in stiffness and damping: what a rigid direction
-    lacks shows in the gap, but nothing that is tuned here can mend it.
-    """
-    evaluator = batch.evaluator
-    answer = np.abs(batch.pick(evaluator.at(evaluator.model.drawn).values)).max(axis=0)
-    moving: Mask = answer > _STILL * answer.max(initial=0.0)
-    return moving
-
-
-def _point_power(batch: Batch) -> Real:
-    """|H_point|^2 for each channel: the sum over the directions of its kind at its point."""
-    outputs = batch.evaluator.question.outputs
-    places = [(dof.point, dof.is_rotation) for dof in outputs]
-    same = np.array([[here == there for there in places] for here in places], float)
-    power: Real = np.einsum("ij,fjt->fit", same, np.abs(batch.values) ** 2)
-    return power

@@ -6,6 +6,7 @@ from diagnosis.verdict import CauseRow
 from mbw.diagnose.result import Result
 from mbw.diagnose.values import number
 from mbw.diagnose.words import (
+    capital,
     cause_parameters,
     cause_words,
     noise_sentences,
@@ -61,7 +62,7 @@ def doubts(result: Result) -> list[str]:
         )
     if shown.block is None:
         found.append("The band is too narrow to hold lines out: all figures are of fitted lines.")
-    return found + [f"{text[0].upper()}{text[1:]}." for text in noise_sentences(result.evidence)]
+    return found + [f"{capital(text)}." for text in noise_sentences(result.evidence)]
 
 
 def times(excess: float | None) -> str:

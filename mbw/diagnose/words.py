@@ -130,7 +130,7 @@ def twin_sentences(verdict: Verdict) -> list[str]:
         more, less = (shares.get(site, 0.0) for site in (one, other))
         if more > _LIKELY and more >= _LIKELIER * less:
             found.append(
-                f"{_capital(site_words(one))} and {site_words(other)} change the FRFs alike; tuned "
+                f"{capital(site_words(one))} and {site_words(other)} change the FRFs alike; tuned "
                 f"to the end, these data prefer the former, {percent_sure(more)} to "
                 f"{percent_sure(less)}."
             )
@@ -139,7 +139,8 @@ def twin_sentences(verdict: Verdict) -> list[str]:
     return found
 
 
-def _capital(text: str) -> str:
+def capital(text: str) -> str:
+    """Such as begins a sentence."""
     return text[0].upper() + text[1:]
 
 
@@ -168,7 +169,7 @@ def gate_sentences(shown: ShownFile) -> list[str]:
         towards = f" {towards}" if towards else ""
         text = place(one.location)
         found.append(
-            f"{text[0].upper()}{text[1:]}{towards}: {kind(one.effect)}, proven by the spare "
+            f"{capital(text)}{towards}: {kind(one.effect)}, proven by the spare "
             f"channels of the body; the {channels} took no part in the search."
         )
     for body in shown.doubted:

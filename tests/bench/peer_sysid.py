@@ -16,8 +16,8 @@ from identification.words import Campaign
 from mbmodel import Model
 from tuning import Freedom, Stage
 from tuning.batch import Batch, batches
-from tuning.misfit import FLOOR
 from tuning.stages import thinned
+from tuning.weights import FLOOR
 
 SHORT_TOLERANCE = 1e-3  # of a stage that others follow
 

@@ -23,7 +23,7 @@ from mbmodel import Evaluator, Question, hammer_parts
 from tests.helpers.drawn import drawn
 from tuning import channel_noise, foreseen, thinned
 from tuning.confidence import WIDEST
-from tuning.misfit import FLOOR
+from tuning.weights import FLOOR
 
 
 @pytest.fixture(scope="module")
