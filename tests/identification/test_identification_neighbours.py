@@ -91,3 +91,23 @@ def test_few_lines_and_still_channels_tell_nothing():
     dead[:, 3] = 0.0
     estimate = replace(test.estimate, frf=replace(test.estimate.frf, values=dead))
     assert independent(Campaign("x", LAYOUT, (replace(test, estimate=estimate),)))
+
+
+def test_a_window_of_one_test_does_not_hide_among_the_others():
+    plain = [noise(seed, block) + mode(90.0, 0.01, 30.0) for seed in range(4)]
+    # Half as loud: the noisiest windows of all tests are those of the others.
+    alike = 0.5 * noise(9, falling(4.0)) + mode(90.0, 0.01, 30.0)
+    tests = [campaign(values).tests[0] for values in plain]
+    assert independent(Campaign("x", LAYOUT, tuple(tests)))
+    assert not independent(Campaign("x", LAYOUT, (*tests, campaign(alike).tests[0])))
+
+
+@pytest.mark.parametrize(("times", "apart"), [(0.5, True), (1.2, False)])
+def test_a_window_that_is_known_counts_as_such(times, apart):
+    # Weaker than what the differences tell for sure.
+    one = campaign(noise(6, falling(times)) + mode(90.0, 0.01, 3.0))
+    (test,) = one.tests
+    block_s = 1 / 0.25
+    estimate = replace(test.estimate, window_tau=block_s / times)
+    assert independent(Campaign("x", LAYOUT, (replace(test, estimate=estimate),))) is apart
+    assert independent(one)
