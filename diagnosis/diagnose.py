@@ -6,7 +6,7 @@ from itertools import product
 
 from diagnosis.effects import catalogue
 from diagnosis.evidence import BENDS, Evidence
-from diagnosis.foretold import foretold, rival_pairs_of, rivals_of
+from diagnosis.foretold import at_ease, foretold, of_rivals
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.gathered import gathered
 from diagnosis.hypothesis import Hypothesis, Scene, together
@@ -139,8 +139,11 @@ def diagnose(
         possible = [one for one in proposed if one.location not in taken]
         found = searched(scene, (early, first, nothing), possible, say)
         nothing = from_where_others_ended(scene, first, nothing, found)
-    evidence = gathered(scene, gate, made, nothing, found, len(changing))
-    evidence, judged = _judged(scene, evidence, found, say)
+
+    def read(tried: Search) -> Evidence:
+        return gathered(scene, gate, made, nothing, tried, len(changing))
+
+    found, evidence, judged = _judged(scene, found, read, say)
     present = _present(judged, made, found)
     say("the gap on held-out lines")
     # Where a body bends the fit without it has wandered.
@@ -243,18 +246,24 @@ def _bending(
 
 
 def _judged(
-    scene: Scene, evidence: Evidence, found: Search, say: Callable[[str], None]
-) -> tuple[Evidence, Judged]:
-    """Evidence and judgement; of rivals with what they foretell of data that no fit of them saw."""
+    scene: Scene, found: Search, read: Callable[[Search], Evidence], say: Callable[[str], None]
+) -> tuple[Search, Evidence, Judged]:
+    """What was tried, evidence, judgement; of rivals with what they foretell of unseen data.
+
+    Args:
+        scene: of the search.
+        found: what was tried.
+        read: the evidence of that.
+        say: told what is being done.
+    """
+    evidence = read(found)
+    eased = at_ease(scene, found, judge(evidence), calibrated().outlier)
+    if eased is not found:
+        found, evidence = eased, read(eased)
     judged = judge(evidence)
-    if judged.word == "several":
-        rivals = rival_pairs_of(judged, found)
-    elif judged.word == "explained":
-        rivals = [((one.key,), one) for one, _ in rivals_of(judged, found) if one.key]
-    else:
-        rivals = []
+    rivals = of_rivals(judged, found)
     if len(rivals) < 2:
-        return evidence, judged
+        return found, evidence, judged
     say("what rivals foretell of what their fits did not see")
     scores = foretold(scene, [one for _, one in rivals])
     told = dict(zip((keys for keys, _ in rivals), scores, strict=True))
@@ -267,7 +276,7 @@ def _judged(
         ),
     }
     evidence = evidence.model_copy(update=update)
-    return evidence, judge(evidence)
+    return found, evidence, judge(evidence)
 
 
 def _loosened(session: Session) -> tuple[Session, tuple[Held, ...]]:
@@ -308,7 +317,11 @@ def _together(present: tuple[Hypothesis, ...], found: Search) -> Hypothesis:
 def _twins(
     scene: Scene, found: Fit, evidence: Evidence, judged: Judged, tried: Search
 ) -> tuple[tuple[str, str], ...]:
-    """Pairs of causes whose signatures have a cosine of 0.9, or that foretell as well."""
+    """Pairs of causes whose signatures have a cosine of 0.9, or that foretell as well.
+
+    They do where what they leave of what no fit saw differs by less than 3 nats, as it is or by
+    what decides anything, which are more.
+    """
     costs = {one.hypothesis.identity: one.cost for one in tried.refits if one.hypothesis}
     told = {one.key: one.foretold for one in evidence.refits}
     named = {key for key, _ in judged.causes}
@@ -317,19 +330,19 @@ def _twins(
         for one in tried.scores
         if one.hypothesis.key in named and one.hypothesis.identity in costs and one.step.any()
     ]
-    if len(leading) < 2:
-        return ()
-    alike = cosines(scene, found, leading, FIRST[-1].allowance)
-    pairs = []
+    pairs = [frozenset(map("@".join, pair)) for pair in judged.twins]
+    alike = cosines(scene, found, leading, FIRST[-1].allowance) if len(leading) > 1 else None
     for i, one in enumerate(leading):
         for j, other in enumerate(leading[:i]):
             cost, less = (told.get(x.hypothesis.key) for x in (one, other))
             if cost is None or less is None:
                 cost, less = (costs[x.hypothesis.identity] for x in (one, other))
-            same = one.hypothesis.site == other.hypothesis.site
-            if not same and (abs(alike[i, j]) >= _ALIKE or abs(cost - less) < _NATS):
-                pairs.append((other.hypothesis.site, one.hypothesis.site))
-    return tuple(pairs)
+            near = abs(cost - less) < _NATS or (alike is not None and abs(alike[i, j]) >= _ALIKE)
+            if near:
+                pairs.append(frozenset((other.hypothesis.site, one.hypothesis.site)))
+    order = {f"{key[0]}@{key[1]}": place for place, (key, _) in enumerate(judged.causes)}
+    sites = [sorted(pair, key=lambda one: order[one]) for pair in dict.fromkeys(pairs)]
+    return tuple((both[0], both[1]) for both in sites if len(both) == 2)
 
 
 def level_of(found: Diagnosis, one: Hypothesis, jobs: int = 1) -> Level:

@@ -39,6 +39,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from itertools import combinations
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict
@@ -54,11 +55,13 @@ _LARGE = 0.25
 _LEAST = 0.002  # of the variance, that a refit leaves at least
 _ROW = 0.01  # probability of a cause that is worth a row
 _LIKELY = 0.5
+_NATS = 3.0  # less between two causes does not tell them apart
 # Odds of a joint over a body, both of which a low mode moves alike: what nobody has thought of is
 # in springs, guides, contacts and drives.
 _AT_JOINT = 2.0
 _STEADY = 0.05  # of the probability of none that is left where hits differed and left a gap
 Keys = tuple[Key, ...]
+Site = tuple[str, str]  # effect, location
 Shares = tuple[tuple[Key, float], ...]
 
 
@@ -139,6 +142,24 @@ class Judged:
     def word(self) -> str:
         """The verdict's word."""
         return _word(self.none, self.unexplained, self.several)
+
+    @property
+    def twins(self) -> tuple[tuple[Site, Site], ...]:
+        """Causes one of which in place of the other is not 20 times as probable, the rest alike.
+
+        Three nats of what decides anything: at 95 % neither is excluded.
+        """
+        shares: dict[frozenset[Site], float] = {}
+        for keys, share in self.sets:
+            sites = frozenset(map(_site, keys))
+            shares[sites] = shares.get(sites, 0.0) + share
+        likely = [one for one in shares.items() if one[1] >= _ROW]
+        found: list[tuple[Site, Site]] = []
+        for (one, share), (other, less) in combinations(sorted(likely, key=lambda x: -x[1]), 2):
+            if len(one - other) == len(other - one) == 1 and share < less * np.exp(_NATS):
+                (first,), (second,) = one - other, other - one
+                found.append((first, second))
+        return tuple(dict.fromkeys(found))
 
 
 def _word(none: float, unexplained: float, several: float) -> str:
@@ -333,7 +354,7 @@ def _shared(whole: float, sets: Sequence[Keys], weights: Real) -> dict[Keys, flo
     return shares
 
 
-def _site(key: Key) -> tuple[str, str]:
+def _site(key: Key) -> Site:
     """Effect and place: in several directions it is one cause."""
     return key[0], key[1]
 
@@ -348,8 +369,8 @@ def _rows(sets: Mapping[Keys, float]) -> Shares:
 
     Most probable first, none below one per cent.
     """
-    present: dict[tuple[str, str], float] = {}
-    best: dict[tuple[str, str], dict[Key, float]] = {}
+    present: dict[Site, float] = {}
+    best: dict[Site, dict[Key, float]] = {}
     for keys, share in sets.items():
         for site in dict.fromkeys(map(_site, keys)):
             present[site] = present.get(site, 0.0) + share

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.foretold import foretold, rival_pairs_of
+from diagnosis.foretold import at_ease, foretold, rival_pairs_of
 from diagnosis.hypothesis import together
 from diagnosis.judge import Judged
-from diagnosis.refit import FIRST, LAST, LONG, SOME, fitted, further, held_out, refit
+from diagnosis.refit import FIRST, LAST, LONG, SOME, fitted, further, held_out, refit, unbounded
 from diagnosis.search import Search
 from identification import smooth_variance
 from tests.helpers.drawn import drawn
@@ -96,3 +96,38 @@ def test_pairs_are_rivals_as_single_causes_are(rivals):
     assert [keys for keys, _ in found] == [(first.key, third.key), (first.key, second.key)]
     assert [one for _, one in found] == [pairs[1], pairs[0]]
     assert rival_pairs_of(replace(judged, sets=()), Search(pairs=tuple(pairs))) == []
+
+
+def test_steps_that_a_fit_has_left_are_not_what_left_out_hits_cost(rivals):
+    # A refit that is short of its minimum goes on where hits are left out: no merit of theirs.
+    scene, (right, _) = rivals
+    free = right.fit.freedom.has_prior
+    x = np.where(free, right.fit.x + 0.003, right.fit.x)
+    short = replace(right, fit=replace(right.fit, x=x))
+    (score,), (worse,) = foretold(scene, (right,)), foretold(scene, (short,))
+    assert worse == pytest.approx(score, rel=0.01)
+
+
+def test_a_tolerance_beyond_its_bound_does_not_decide_between_rivals(tmp_path):
+    # The axes of acc11 are off by 3.2 standard deviations, and a mass is.
+    session, text = drawn(tmp_path, 72_200, "mass_error", lines=161)
+    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    scene = Scene(session, early.theta)
+    several = list(EFFECTS["mass_error"](scene))
+    right = next(one for one in several if one.location in text)
+    wrong = next(one for one in several if one is not right)
+    stages = (*FIRST, *LAST, *LONG)
+    good, bad = (refit(scene, one, session.campaign, stages) for one in (right, wrong))
+    assert good.gap > 0.1
+    good = unbounded(scene, good)
+    assert 2.5 < good.pull < 4.5
+    shares = (((good.key,), 0.5), ((bad.key,), 0.4))
+    judged = Judged(0.0, 0.05, 0.0, tuple((keys[0], p) for keys, p in shares), (), (), shares)
+    found = Search(refits=(good, bad))
+    eased = at_ease(scene, found, judged, 4.5)
+    assert eased.refits[0].key == good.key
+    assert eased.refits[0].gap < 0.1 * good.gap
+    assert eased.refits[0].cost < good.cost
+    # Nothing changes where no outlier explains what is left, or no rival is there.
+    assert at_ease(scene, found, judged, 2.6) is found
+    assert at_ease(scene, found, replace(judged, causes=judged.causes[:1]), 4.5) is found

@@ -1,6 +1,7 @@
 """From evidence to probabilities: what must hold of any evidence, and of plain ones."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -8,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from diagnosis.judge import judge
+from diagnosis.judge import Judged, judge
 from tests.helpers.judged import evidence, pair, refit
 from truth.grade.read_verdict import read_verdict
 
@@ -267,3 +268,16 @@ def test_rivals_are_ranked_by_what_they_foretell():
     # Who is no rival stays as far behind as it was.
     third = refit("gyroscopic", "body:a", 1.3e4, 0.3)
     assert len(judge(evidence(3.0, (*told, third))).causes) == 1
+
+
+def test_twins_are_causes_that_may_stand_for_each_other():
+    a, b, c, d = (("mass_error", f"body:{name}", None) for name in "abcd")
+    turned = ("mass_error", "body:b", "x")
+    sets = (((a,), 0.6), ((b,), 0.02), ((turned,), 0.02), ((c,), 0.025), ((d,), 0.003))
+    judged = Judged(0.1, 0.1, 0.0, (), (), (), sets)
+    # 0.6 to 0.04, whose two directions are one cause, but not to 0.025; 0.003 is not worth a row.
+    assert judged.twins == ((a[:2], b[:2]), (b[:2], c[:2]))
+    # What is there at once is no alternative; what is there beside the same is.
+    both = (((a, b), 0.5), ((a, c), 0.4), ((b,), 0.05))
+    assert replace(judged, sets=both).twins == ((b[:2], c[:2]),)
+    assert replace(judged, sets=()).twins == ()
