@@ -2,8 +2,8 @@ r"""Rivals by what they foretell: lines, and hits along a direction, that their 
 
 A fit follows its own data; what it says of others tells whether the cause is the right one. Of a
 refit, with theta_b that of all lines but fold b of the blocks, u the squares of what it leaves of
-fold b over the noise, and J_-t the least cost, with priors, of all hits but those along one
-direction (where all are along one: but one test),
+fold b over the noise, J the least cost, with priors, of all hits and J_-t of all but those along
+one direction (where all are along one: but one test), both from the same theta by the same steps,
 
     score = 1/2 sum_b sum (v + 1) log(1 + u / v) + 1/2 sum_t (J - J_-t)   [nats].
 
