@@ -6,7 +6,7 @@ from itertools import product
 
 from diagnosis.effects import catalogue
 from diagnosis.evidence import BENDS, Evidence
-from diagnosis.foretold import at_ease, foretold, of_rivals
+from diagnosis.foretold import at_ease, foretold, rivals_of
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.gathered import gathered
 from diagnosis.hypothesis import Hypothesis, Scene, together
@@ -261,12 +261,12 @@ def _judged(
     if eased is not found:
         found, evidence = eased, read(eased)
     judged = judge(evidence)
-    rivals = of_rivals(judged, found)
+    rivals = rivals_of(judged, found)
     if len(rivals) < 2:
         return found, evidence, judged
     say("what rivals foretell of what their fits did not see")
-    scores = foretold(scene, [one for _, one in rivals])
-    told = dict(zip((keys for keys, _ in rivals), scores, strict=True))
+    scores = foretold(scene, [one for _, one, _ in rivals])
+    told = dict(zip((keys for keys, _, _ in rivals), scores, strict=True))
     update: dict[str, object] = {
         "refits": tuple(
             one.model_copy(update={"foretold": told.get((one.key,))}) for one in evidence.refits
@@ -300,9 +300,10 @@ def _present(judged: Judged, made: Sequence[Hypothesis], found: Search) -> tuple
     """The hypotheses of the causes that are there: of a pair as they were fitted together."""
     known_as = {one.hypothesis.key: one.hypothesis for one in found.refits if one.hypothesis}
     known_as |= {one.key: one for one in made}
-    for pair in found.pairs:
+    present = set(judged.present)
+    for pair in reversed(found.pairs):  # the best one last, which counts
         members = pair.hypothesis.members if pair.hypothesis else ()
-        if set(judged.present) == {one.key for one in members}:
+        if present.issuperset(one.key for one in members):
             known_as |= {one.key: one for one in members}
     return tuple(known_as[key] for key in judged.present)
 

@@ -24,6 +24,8 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.effects import PROVEN, catalogue
 from diagnosis.evidence import Key
 from diagnosis.foretold import rivals_of
+from diagnosis.hypothesis import Hypothesis
+from diagnosis.judge import Keys
 from diagnosis.refit import Refit
 from diagnosis.unknown import of_unknown
 from identification.words import (
@@ -82,12 +84,20 @@ def next_experiment(found: Diagnosis) -> str | None:
         proven = [f"{_confirmed(key)}; then " for key in found.judged.present]
         return "".join(proven) + of_unknown(found)
     rivals = rivals_of(found.judged, found.search)
-    if len(rivals) > 1 and word == "explained":
-        best, gain = best_experiment(found.session.campaign, rivals)
-        one, other = (refit.hypothesis.site for refit, _ in rivals[:2] if refit.hypothesis)
+    if len(rivals) > 1:
+        known = [(refit, share) for _, refit, share in rivals]
+        best, gain = best_experiment(found.session.campaign, known)
+        (one, _, _), (other, _, _), *_ = rivals
         if gain > _ALIKE:
-            return f"{best.words}: foreseen to tell {one} from {other} by {gain:.2g} nats"
+            told = f"{_without(one, other)} from {_without(other, one)}"
+            return f"{best.words}: foreseen to tell {told} by {gain:.2g} nats"
     return _confirmed(causes[0][0])
+
+
+def _without(several: Keys, others: Keys) -> str:
+    """Those that are not among others, such as ``appendage@body:ty``."""
+    own = [key for key in several if key not in others]
+    return " and ".join(f"{effect}@{place}" for effect, place, _ in own)
 
 
 def _confirmed(cause: Key) -> str:
@@ -135,14 +145,12 @@ def _by_effort(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[list[Exp
             hits.append(Experiment(f"hit {point}{along} as well", inputs, _hammers(inputs)))
     yield hits
     undone = []
-    for one in rivals:
-        if one.hypothesis is None:
-            continue
-        effect, place, dof = one.hypothesis.key
+    for key in dict.fromkeys(one.key for rival in rivals for one in _members(rival)):
+        effect, place, dof = key
         known = catalogue()[effect]
         if known.undoes:
             words = known.said(known.confirm, place, dof)
-            undone.append(Experiment(words, made, undone=one.hypothesis.key))
+            undone.append(Experiment(words, made, undone=key))
     yield undone
     yield [
         Experiment(
@@ -152,6 +160,13 @@ def _by_effort(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[list[Exp
         )
         for k, body in enumerate(layout.bodies)
     ]
+
+
+def _members(rival: Refit) -> tuple[Hypothesis, ...]:
+    """Its causes, each."""
+    if rival.hypothesis is None:
+        return ()
+    return rival.hypothesis.members or (rival.hypothesis,)
 
 
 def _hammers(inputs: tuple[Dof, ...]) -> Callable[[Machine], tuple[Part, ...]]:
@@ -204,16 +219,17 @@ class _Posed:
 
 
 def _posed(asked: Experiment, rival: Refit) -> _Posed:
-    session, one = rival.session, rival.hypothesis
+    session = rival.session
     model = Model(
         session.model.machine, (*session.model.parts, *asked.parts(session.model.machine))
     )
     theta = np.append(rival.fit.theta, model.drawn[len(rival.fit.theta) :])
     names = [parameter.name for parameter in model.parameters]
     pinned = {_KNOWN_MASS}
-    if one is not None and one.key == asked.undone:
-        pinned |= set(one.coordinates)
-        theta = np.where(np.isin(names, one.coordinates), model.drawn, theta)
+    for one in _members(rival):
+        if one.key == asked.undone:
+            pinned |= set(one.coordinates)
+            theta = np.where(np.isin(names, one.coordinates), model.drawn, theta)
     varies = session.freedom.extended(freedom(model, session.campaign.tolerance))
     return _Posed(model, theta, varies, frozenset(pinned))
 

@@ -32,20 +32,24 @@ _RIVAL, _RIVALS = 0.05, 3  # probability of a cause that is worth a comparison, 
 _KNOWN = 2.0  # values by which a noise's variance is known where lines were left out
 
 
-def rivals_of(judged: Judged, found: Search) -> list[tuple[Refit, float]]:
-    """The most probable causes that were refitted, each with its probability."""
-    refits = {one.key: one for one in found.refits}
-    likely = ((refits.get(key), share) for key, share in judged.causes if share >= _RIVAL)
-    return [(one, share) for one, share in likely if one is not None][:_RIVALS]
+def rivals_of(judged: Judged, found: Search) -> list[tuple[Keys, Refit, float]]:
+    """Causes, or pairs of them, each of which may be what is there, with their probabilities.
 
-
-def rival_pairs_of(judged: Judged, found: Search) -> list[tuple[Keys, Refit]]:
-    """The most probable pairs of causes."""
-    keys = {
-        tuple(m.key for m in one.hypothesis.members): one for one in found.pairs if one.hypothesis
-    }
+    As many at once as the verdict says are there beside what gates proved.
+    """
+    fits: dict[Keys, Refit] = {(one.key,): one for one in found.refits if one.key}
+    pairs = ((one.hypothesis.members, one) for one in found.pairs if one.hypothesis)
+    fits |= {tuple(member.key for member in members): one for members, one in pairs}
+    present = set(judged.present)
+    own = (keys for keys, _ in judged.sets if present.issuperset(keys))
+    many = max(map(len, own), default=0)
     likely = sorted(judged.sets, key=lambda one: -one[1])
-    return [(key, keys[key]) for key, share in likely if share >= _RIVAL and key in keys][:_RIVALS]
+    rivals = [
+        (keys, fits[keys], share)
+        for keys, share in likely
+        if share >= _RIVAL and len(keys) == many and keys in fits
+    ]
+    return rivals[:_RIVALS]
 
 
 def at_ease(scene: Scene, found: Search, judged: Judged, outlier: float) -> Search:
@@ -60,22 +64,13 @@ def at_ease(scene: Scene, found: Search, judged: Judged, outlier: float) -> Sear
         judged: by it.
         outlier: standard deviations that a tolerance may have.
     """
-    rivals = [one for _, one in of_rivals(judged, found)]
+    rivals = [one for _, one, _ in rivals_of(judged, found)]
     if len(rivals) < 2 or all(one.left(outlier) >= one.gap for one in rivals):
         return found
     eased = {one: with_outliers(scene, one, outlier)[1] for one in rivals}
     refits = sorted((eased.get(one, one) for one in found.refits), key=lambda one: one.cost)
     pairs = sorted((eased.get(one, one) for one in found.pairs), key=lambda one: one.cost)
     return replace(found, refits=tuple(refits), pairs=tuple(pairs))
-
-
-def of_rivals(judged: Judged, found: Search) -> list[tuple[Keys, Refit]]:
-    """Causes, or pairs of them, each of which may be what is there."""
-    if judged.word == "several":
-        return rival_pairs_of(judged, found)
-    if judged.word == "explained":
-        return [((one.key,), one) for one, _ in rivals_of(judged, found) if one.key]
-    return []
 
 
 def foretold(scene: Scene, rivals: Sequence[Refit]) -> list[float | None]:

@@ -127,7 +127,7 @@ class Judged:
         where: places by their share.
         present: the causes that the verdict says are there, the most probable first; what a gate
             proved is there whatever the verdict, even beside what nobody explains.
-        sets: of causes that are there at once, each with its probability, where no gate proved one.
+        sets: of causes that are there at once, each with its probability; beside what gates proved.
     """
 
     none: float
@@ -206,16 +206,20 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     if any(effect == BENDS for effect, _, _ in seen.proven):
         unknown = doubt / 2  # it drives all bodies in ways that no Part holds: a gap is no surprise
     # What a gate proved is present: alone, with other causes, or with what nobody knows.
-    certain = sure * (1 - unknown / 2)
-    both = {seen.proven: certain} | {keys: sure * share for keys, share in sets.items()}
-    several = certain if _count(seen.proven) > 1 else sure * (alone + double)
+    certain, others = sure * (1 - unknown / 2), sure * (alone + double)
+    beside = {keys: sure * share for keys, share in sets.items()}
+    several = certain if _count(seen.proven) > 1 else others
     rest = 1 - certain
-    causes = _rows(both)
+    causes = _rows({seen.proven: certain} | beside)
     where = _places(seen, by, causes, rest, rest if seen.unknown else 0.0)
-    leading = (*seen.proven, *(key for key, probability in causes if probability > _LIKELY))
     word = _word(doubt / 2, rest - doubt / 2, several)
-    present = seen.proven if word in ("explained", "unexplained") else tuple(dict.fromkeys(leading))
-    return Judged(doubt / 2, rest - doubt / 2, several, causes, where, present)
+    present = seen.proven
+    if word == "several" and others > _LIKELY:
+        many = sum(share for keys, share in beside.items() if _count(keys) > 1)
+        present += _likeliest(beside, _rows(beside), several=2 * many > others)
+    return Judged(
+        doubt / 2, rest - doubt / 2, several, causes, where, present, tuple(beside.items())
+    )
 
 
 def _judged(
@@ -230,12 +234,17 @@ def _judged(
     word = _word(none, unexplained, several)
     present: Keys = ()
     if word in ("explained", "several"):
-        first = _site(causes[0][0])
-        possible = [keys for keys in sets if (_count(keys) > 1) == (word == "several")]
-        chosen = max(possible, key=lambda keys: (first in map(_site, keys), sets[keys]))
-        order = {_site(key): number for number, (key, _) in enumerate(causes)}
-        present = tuple(sorted(chosen, key=lambda key: order.get(_site(key), len(order))))
+        present = _likeliest(sets, causes, several=word == "several")
     return Judged(none, unexplained, several, causes, where, present, tuple(sets.items()))
+
+
+def _likeliest(sets: Mapping[Keys, float], causes: Shares, *, several: bool) -> Keys:
+    """Of one cause or of several, the likeliest set with the likeliest cause, that one first."""
+    first = _site(causes[0][0])
+    possible = [keys for keys in sets if (_count(keys) > 1) == several]
+    chosen = max(possible, key=lambda keys: (first in map(_site, keys), sets[keys]))
+    order = {_site(key): number for number, (key, _) in enumerate(causes)}
+    return tuple(sorted(chosen, key=lambda key: order.get(_site(key), len(order))))
 
 
 def _without_outliers(seen: Evidence, outlier: float) -> Evidence:

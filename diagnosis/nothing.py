@@ -107,7 +107,7 @@ def with_outliers(scene: Scene, made: Refit, outlier: float) -> tuple[Scene, Ref
     """
     loose = free(scene, made)
     pull = pull_of(loose)
-    beyond = np.abs(loose.fit.x) > BOUND
+    beyond = loose.fit.freedom.has_prior & (np.abs(loose.fit.x) > BOUND)
     if pull > outlier or not beyond.any():
         return scene, replace(made, loose=1 + loose.gap, pull=pull)
     session = replace(made.session, freedom=made.session.freedom.widened(beyond, outlier))

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.effects import catalogue
+from diagnosis.evidence import Key
 from diagnosis.hypothesis import Hypothesis, Scene, together
 from diagnosis.judge import calibrated
 from diagnosis.refit import (
@@ -196,8 +197,15 @@ def _pair(one: Hypothesis, both: Refit) -> Refit:
 
 
 def ordered(scene: Scene, pairs: Sequence[Refit]) -> tuple[Refit, ...]:
-    """The best first, with what it leaves if tolerances have no bounds, where it leaves much."""
-    best, *others = sorted(pairs, key=lambda both: both.cost)
+    """The best first, with what it leaves if tolerances have no bounds, where it leaves much.
+
+    Of the same two, whichever was there first, the better fit.
+    """
+    single: dict[frozenset[Key], Refit] = {}
+    for both in sorted(pairs, key=lambda both: both.cost):
+        members = both.hypothesis.members if both.hypothesis else ()
+        single.setdefault(frozenset(one.key for one in members), both)
+    best, *others = single.values()
     return (unbounded(scene, best) if best.gap > best.exact else best, *others)
 
 

@@ -123,7 +123,8 @@ def _causes(result: Result) -> str:
     if not rows:
         return "Something is missing."
     if result.verdict.verdict == "several":
-        present = [row for row in rows if row.probability > 0.5] or rows[:1]
+        corrected = [row for row in rows if row.excess_after is not None]
+        present = corrected or [row for row in rows if row.probability > 0.5] or rows[:1]
         listed = "; ".join(f"{_sized(row)}, {percent_sure(row.probability)}" for row in present)
         return f"Several things are missing or wrong: {listed}."
     first, sure = rows[0], percent_sure(rows[0].probability)

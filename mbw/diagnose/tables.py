@@ -1,8 +1,9 @@
 """The tables of a diagnosis' page: causes with their sizes, refits and scores that were tried."""
 
+from collections.abc import Sequence
 from html import escape
 
-from diagnosis.evidence import Refitted, Scored
+from diagnosis.evidence import Gapped, Key, Scored
 from diagnosis.spoken import direction
 from diagnosis.verdict import CauseRow
 from mbw.diagnose.result import Result
@@ -16,7 +17,7 @@ from mbw.diagnose.words import (
     untested_sentences,
 )
 
-_SCORED = 12  # hypotheses that are listed
+_SCORED, _PAIRS = 12, 4  # hypotheses, and pairs of them, that are listed
 
 
 def causes_section(result: Result) -> str:
@@ -89,16 +90,17 @@ def _excess(value: float | None) -> str:
 
 
 def _refits(result: Result) -> str:
-    """Every hypothesis that was fitted at the weights of the noise, beside none."""
+    """What was fitted at the weights of the noise: every effect, the best pairs, none."""
     seen = result.evidence
-    rows = [(one.cost, one.chi_square, one) for one in seen.refits]
-    nothing: tuple[float, float, Refitted | None] = (seen.cost, seen.chi_square, None)
-    ordered = sorted([*rows, nothing], key=lambda one: one[0])
-    best = ordered[0][0]
+    fits: list[tuple[tuple[Key, ...], Gapped]] = [((), seen)]
+    fits += [((one.key,), one) for one in seen.refits]
+    fits += [(one.keys, one) for one in sorted(seen.pairs, key=lambda one: one.cost)[:_PAIRS]]
+    ordered = sorted(fits, key=lambda row: row[1].nats())
+    best = ordered[0][1].nats()
     cells = "".join(
-        f'<tr><td class="name">{_hypothesis(one)}</td><td>{chi_square**0.5:.3g}</td>'
-        f"<td>{_nats(cost - best)}</td></tr>"
-        for cost, chi_square, one in ordered
+        f'<tr><td class="name">{_together(keys)}</td><td>{one.chi_square**0.5:.3g}</td>'
+        f"<td>{_nats(one.nats() - best)}</td></tr>"
+        for keys, one in ordered
     )
     return (
         '<b>Fitted anew, all else tuned too</b><table class="tight"><thead><tr>'
@@ -125,14 +127,17 @@ def _scores(result: Result) -> str:
 
 def _score(one: Scored) -> str:
     gains = "".join(f"<td>{_nats(gain)}</td>" for gain in one.gains)
-    return f'<tr><td class="name">{_hypothesis(one)}</td>{gains}</tr>'
+    return f'<tr><td class="name">{_hypothesis(one.key)}</td>{gains}</tr>'
 
 
-def _hypothesis(one: Refitted | Scored | None) -> str:
-    if one is None:
-        return "nothing added"
-    towards = direction(one.dof)
-    text = f"{one.effect.replace('_', ' ')}, {place(one.location)}"
+def _together(keys: Sequence[Key]) -> str:
+    return " and ".join(map(_hypothesis, keys)) or "nothing added"
+
+
+def _hypothesis(key: Key) -> str:
+    effect, location, dof = key
+    towards = direction(dof)
+    text = f"{effect.replace('_', ' ')}, {place(location)}"
     return escape(f"{text} {towards}" if towards else text)
 
 

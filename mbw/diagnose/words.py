@@ -122,20 +122,30 @@ def shared_sentences(evidence: Evidence) -> list[str]:
 
 
 def twin_sentences(verdict: Verdict) -> list[str]:
-    """Which causes change the FRFs alike, and whether these data tell them apart."""
+    """Which causes are hard to tell apart, set by set, and whether these data prefer one."""
     shares = {f"{one.effect}@{one.location}": one.probability for one in verdict.causes}
     found = []
-    for pair in verdict.twins:
-        one, other = sorted(pair, key=lambda site: -shares.get(site, 0.0))
-        more, less = (shares.get(site, 0.0) for site in (one, other))
+    for alike in _sets(verdict.twins):
+        sites = sorted(alike, key=lambda site: (-shares.get(site, 0.0), site))
+        more, less, *_ = (shares.get(site, 0.0) for site in sites)
+        names = _listed([site_words(site) for site in sites])
         if more > _LIKELY and more >= _LIKELIER * less:
             found.append(
-                f"{capital(site_words(one))} and {site_words(other)} change the FRFs alike; tuned "
-                f"to the end, these data prefer the former, {percent_sure(more)} to "
-                f"{percent_sure(less)}."
+                f"{capital(names)} are hard to tell apart: tuned to the end, these data prefer "
+                f"the first, {percent_sure(more)} to {percent_sure(less)}."
             )
         else:
-            found.append(f"These data hardly tell {site_words(one)} from {site_words(other)}.")
+            found.append(f"These data hardly tell {names} apart.")
+    return found
+
+
+def _sets(pairs: Sequence[tuple[str, str]]) -> list[set[str]]:
+    """Who is a twin of whom, or of a twin of whom, in one set."""
+    found: list[set[str]] = []
+    for pair in pairs:
+        own = [one for one in found if one.intersection(pair)]
+        found = [one for one in found if one not in own]
+        found.append(set(pair).union(*own))
     return found
 
 

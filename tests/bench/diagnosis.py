@@ -193,10 +193,11 @@ def rejudged(row: dict) -> dict:
         for one in told["where"]
     ]
     probability = {word: getattr(found, word) for word in ("none", "unexplained", "several")}
-    twins = {frozenset(map(tuple, (one.split("@") for one in pair))) for pair in told["twins"]}
-    twins |= set(map(frozenset, found.twins))
+    named = {f"{one['effect']}@{one['location']}" for one in causes}
+    now = (tuple(map("@".join, pair)) for pair in found.twins)
+    twins = {frozenset(pair) for pair in (*map(tuple, told["twins"]), *now)}
     return told | {
-        "twins": [["@".join(site) for site in sorted(pair)] for pair in sorted(twins, key=sorted)],
+        "twins": sorted(sorted(pair) for pair in twins if pair <= named),
         "probability": probability,
         "where": sorted(where, key=lambda one: -(one["share"] or 0.0)),
         "causes": sorted(causes, key=lambda one: -one["probability"]),

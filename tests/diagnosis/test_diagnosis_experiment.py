@@ -34,10 +34,12 @@ def rivals(tmp_path_factory):
     return session, [refit(scene, one, session.campaign, CLOSE) for one in asked]
 
 
-def found(session, refits, word, causes, where=(), present=()):
+def found(session, refits, word, causes, where=(), present=(), pairs=()):
     """As much of a diagnosis as the next experiment reads."""
-    judged = SimpleNamespace(word=word, causes=causes, where=where, present=present)
-    search = SimpleNamespace(refits=refits)
+    sets = tuple(((key,), share) for key, share in causes)
+    own = present or tuple(key for key, _ in causes[:1])
+    judged = SimpleNamespace(word=word, causes=causes, where=where, present=own, sets=sets)
+    search = SimpleNamespace(refits=refits, pairs=pairs)
     gate = SimpleNamespace(unknown=())
     return SimpleNamespace(session=session, judged=judged, search=search, gate=gate)
 

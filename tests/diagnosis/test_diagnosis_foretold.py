@@ -1,15 +1,18 @@
 """Rivals by what they foretell of lines and hits that their fits did not see."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.foretold import at_ease, foretold, rival_pairs_of
+from diagnosis.diagnose import _twins
+from diagnosis.foretold import at_ease, foretold, rivals_of
 from diagnosis.hypothesis import together
 from diagnosis.judge import Judged
 from diagnosis.refit import FIRST, LAST, LONG, SOME, fitted, further, held_out, refit, unbounded
+from diagnosis.score import cosines, scores
 from diagnosis.search import Search
 from identification import smooth_variance
 from tests.helpers.drawn import drawn
@@ -91,11 +94,19 @@ def test_pairs_are_rivals_as_single_causes_are(rivals):
         (second.key, third.key): 0.05,  # nobody fitted these together
         (first.key,): 0.05,
     }
-    judged = Judged(0.0, 0.0, 0.95, (), (), (), tuple(shares.items()))
-    found = rival_pairs_of(judged, Search(refits=(right, wrong), pairs=tuple(pairs)))
-    assert [keys for keys, _ in found] == [(first.key, third.key), (first.key, second.key)]
-    assert [one for _, one in found] == [pairs[1], pairs[0]]
-    assert rival_pairs_of(replace(judged, sets=()), Search(pairs=tuple(pairs))) == []
+    present = (third.key, first.key)
+    judged = Judged(0.0, 0.0, 0.95, (), (), present, tuple(shares.items()))
+    search = Search(refits=(right, wrong), pairs=tuple(pairs))
+    found = rivals_of(judged, search)
+    expected = [((first.key, third.key), pairs[1], 0.6), ((first.key, second.key), pairs[0], 0.3)]
+    assert found == expected
+    # Likewise beside what a gate proved; of single causes those; of what is not there none.
+    proven = ("sensor_gain", "sensor:acc1", None)
+    assert rivals_of(replace(judged, present=(proven, *present)), search) == expected
+    alone = rivals_of(replace(judged, present=(proven, first.key)), search)
+    assert alone == [((first.key,), right, 0.05)]
+    assert rivals_of(replace(judged, present=(proven,)), search) == []
+    assert rivals_of(replace(judged, sets=()), search) == []
 
 
 def test_steps_that_a_fit_has_left_are_not_what_left_out_hits_cost(rivals):
@@ -122,7 +133,7 @@ def test_a_tolerance_beyond_its_bound_does_not_decide_between_rivals(tmp_path):
     good = unbounded(scene, good)
     assert 2.5 < good.pull < 4.5
     shares = (((good.key,), 0.5), ((bad.key,), 0.4))
-    judged = Judged(0.0, 0.05, 0.0, tuple((keys[0], p) for keys, p in shares), (), (), shares)
+    judged = Judged(0.0, 0.05, 0.0, (), (), (good.key,), shares)
     found = Search(refits=(good, bad))
     eased = at_ease(scene, found, judged, 4.5)
     assert eased.refits[0].key == good.key
@@ -130,4 +141,27 @@ def test_a_tolerance_beyond_its_bound_does_not_decide_between_rivals(tmp_path):
     assert eased.refits[0].cost < good.cost
     # Nothing changes where no outlier explains what is left, or no rival is there.
     assert at_ease(scene, found, judged, 2.6) is found
-    assert at_ease(scene, found, replace(judged, causes=judged.causes[:1]), 4.5) is found
+    assert at_ease(scene, found, replace(judged, sets=shares[:1]), 4.5) is found
+
+
+def test_twins_are_alike_or_as_likely_and_named_once_the_likelier_first(rivals):
+    scene, (right, wrong) = rivals
+    scored = tuple(scores(scene, right.fit, [wrong.hypothesis, right.hypothesis], 0.03))
+    tried = Search(scores=scored, refits=(right, wrong))
+    evidence = SimpleNamespace(refits=())
+    sites = right.hypothesis.site, wrong.hypothesis.site
+
+    def twins(share, costs):
+        found = [
+            replace(one, fit=replace(one.fit, cost=cost))
+            for one, cost in zip(tried.refits, costs, strict=True)
+        ]
+        causes = ((right.key, 0.97 - share), (wrong.key, share))
+        judged = Judged(0.0, 0.0, 0.0, causes, (), (), tuple(((key,), p) for key, p in causes))
+        return _twins(scene, right.fit, evidence, judged, replace(tried, refits=tuple(found)))
+
+    assert abs(cosines(scene, right.fit, list(scored), 0.03)[0, 1]) < 0.9
+    assert twins(0.02, (10.0, 20.0)) == ()
+    assert twins(0.02, (10.0, 12.0)) == (sites,)  # by 2 nats
+    assert twins(0.3, (10.0, 20.0)) == (sites,)  # by what decides anything
+    assert twins(0.3, (10.0, 12.0)) == (sites,)

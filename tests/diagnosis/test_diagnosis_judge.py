@@ -4,11 +4,13 @@ import json
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
+from diagnosis.diagnose import _present
 from diagnosis.judge import Judged, judge
 from tests.helpers.judged import evidence, pair, refit
 from truth.grade.read_verdict import read_verdict
@@ -281,3 +283,30 @@ def test_twins_are_causes_that_may_stand_for_each_other():
     both = (((a, b), 0.5), ((a, c), 0.4), ((b,), 0.05))
     assert replace(judged, sets=both).twins == ((b[:2], c[:2]),)
     assert replace(judged, sets=()).twins == ()
+
+
+def test_beside_what_a_gate_proved_the_likeliest_set_is_there():
+    proven = (("sensor_gain", "sensor:acc1", "tx"),)
+    one, other = (
+        refit("appendage", f"body:{name}", 1e4 + 30 * k, 2e-4) for k, name in enumerate("ab")
+    )
+    seen = judge(evidence(5.0, (one, other), proven=proven))
+    shares = dict(seen.sets)
+    assert seen.word == "several"
+    assert shares[one.key,] > shares[other.key,] > 0.3  # neither is likely by itself
+    assert max(p for key, p in seen.causes if key not in proven) < 0.6
+    assert seen.present == (*proven, one.key)
+    assert seen.twins == ((one.key[:2], other.key[:2]),)
+    # Of two at once both are, though nobody fitted the second alone.
+    lone = refit("appendage", "body:a", 1.5e4, 0.5)
+    second = refit("joint_coupling", "joint:b", 0.0, 0.0)
+    both = pair(lone, second, 1e4, 2e-4)
+    seen = judge(evidence(5.0, (lone,), proven=proven, pairs=(both,)))
+    assert seen.present[:1] == proven
+    assert set(seen.present[1:]) == set(both.keys)
+    hypotheses = [SimpleNamespace(key=key, members=()) for key in (*proven, *both.keys)]
+    made, *members = hypotheses
+    fitted = SimpleNamespace(hypothesis=SimpleNamespace(key=lone.key, members=tuple(members)))
+    alone = SimpleNamespace(hypothesis=SimpleNamespace(key=lone.key))
+    found = SimpleNamespace(refits=(alone,), pairs=(fitted,))
+    assert [one.key for one in _present(seen, [made], found)] == list(seen.present)

@@ -7,6 +7,7 @@ import pytest
 
 from diagnosis import diagnose, verdict_of
 from diagnosis.effects import catalogue
+from diagnosis.hypothesis import together
 from diagnosis.refit import FIRST, LAST, LONG, begun_at, fitted, refit
 from diagnosis.search import Search
 from diagnosis.second import by_itself, ordered, with_second
@@ -104,7 +105,11 @@ def test_of_the_best_pair_it_is_known_what_it_leaves_without_bounds_of_tolerance
     both = diagnosis.search.pairs[0]
     much = replace(both, chi_square=2.0, loose=None, pull=None)
     worse = replace(much, fit=replace(much.fit, cost=much.fit.cost + 1.0))
-    best, other = ordered(diagnosis.base, [worse, much])
+    first, second = worse.hypothesis.members
+    elsewhere = replace(first, location="joint:elsewhere")
+    worse = replace(worse, hypothesis=together((elsewhere, second)))
+    turned = replace(worse, hypothesis=together((second, first)))  # the same two: once
+    best, other = ordered(diagnosis.base, [worse, turned, much])
     assert best.fit is not worse.fit
     assert best.hypothesis is both.hypothesis
     assert best.loose <= both.chi_square * (1 + 1e-3)

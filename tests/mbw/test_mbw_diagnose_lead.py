@@ -8,6 +8,7 @@ import pytest
 from browser import data_of
 from diagnosed import diagnosed, lead_of
 
+from diagnosis.evidence import Paired
 from diagnosis.verdict import CauseRow
 from mbw.diagnose.files import read_result
 from mbw.diagnose.page import render
@@ -58,7 +59,13 @@ def test_several_causes_twins_and_taken_out_sensors_are_told_in_words(explained)
         "31.2 kg, frequency 109 Hz, damping 1.13 %), 90 %; a centre of stiffness elsewhere than "
         "drawn at joint stage3 (offset (-122, 3.1, 0) mm), 80 %. With them the gap falls"
     )
-    assert "These data hardly tell a small mass on a spring on body stage2 from a centre of" in page
+    assert "These data hardly tell a small mass on a spring on body stage2 and a centre of" in page
+    # What the model was corrected by is there, however likely another partner is.
+    corrected = [row.model_copy(update={"excess_after": 1.0}) for row in (rows[0], rows[2])]
+    several = verdict.model_copy(update={"causes": [corrected[0], rows[1], corrected[1]]})
+    first = lead_of(render(replace(explained, verdict=several, shown=shown)))
+    assert "another stiffness in one test" in first
+    assert "a centre of stiffness" not in first
     assert "Not tested, so not excluded: friction; only hits of" in page
     assert "another stiffness in one test; one direction of one set-up" in page
     first, second, third = gate_sentences(shown)
@@ -68,6 +75,18 @@ def test_several_causes_twins_and_taken_out_sensors_are_told_in_words(explained)
     assert third.startswith("Body stage1 bends")
     out = [c["output"] for c in data_of(page)["channels"] if c["out"] and c["test"] == 0]
     assert out == ["acc11:+ty", *(f"acc{n}:+t{axis}" for n in (21, 22) for axis in "xyz")]
+
+
+def test_pairs_that_were_fitted_are_listed_with_what_they_leave(explained):
+    keys = ("appendage", "body:stage2", None), ("missing_dof", "joint:stage1", "rx")
+    best = min(one.cost for one in explained.evidence.refits)
+    both = Paired(keys=keys, cost=best - 50.0, chi_square=1.0)
+    evidence = explained.evidence.model_copy(update={"pairs": (both,)})
+    page = render(replace(explained, evidence=evidence))
+    assert (
+        "appendage, body stage2 and missing dof, joint stage1 about x</td><td>1</td><td>0" in page
+    )
+    assert "<td>50</td>" in page
 
 
 def test_a_second_cause_that_may_be_it_is_told_at_once(explained):

@@ -111,20 +111,26 @@ def test_what_a_user_keeps_as_drawn_is_told_to_be_untested():
 
 
 def test_twins_that_these_data_tell_apart_are_told_apart():
-    def said(first, second):
+    def said(*shares, twins=(("ty", "rz"),)):
         rows = [
-            row({}).model_copy(update={"location": at, "probability": share})
-            for at, share in (("body:ty", first), ("body:rz", second))
+            row({}).model_copy(update={"location": f"body:{at}", "probability": share})
+            for at, share in zip(("ty", "rz", "top"), shares, strict=False)
         ]
-        twins = [("mass_error@body:rz", "mass_error@body:ty")]
-        return twin_sentences(SimpleNamespace(causes=rows, twins=twins))[0]
+        named = [tuple(f"mass_error@body:{name}" for name in pair) for pair in twins]
+        return twin_sentences(SimpleNamespace(causes=rows, twins=named))
 
-    hardly = said(0.6, 0.3)
-    assert hardly.startswith("These data hardly tell mass beyond tolerance on body ty from")
-    told = said(0.96, 0.02)
-    assert told.startswith("Mass beyond tolerance on body ty and mass beyond tolerance on body rz")
-    assert told.endswith("these data prefer the former, 96 % to 2 %.")
-    assert said(0.03, 0.002).startswith("These data hardly tell")
+    mass = "mass beyond tolerance on body"
+    assert said(0.6, 0.3) == [f"These data hardly tell {mass} ty and {mass} rz apart."]
+    (told,) = said(0.96, 0.02)
+    assert told.startswith(f"M{mass[1:]} ty and {mass} rz are hard to tell apart")
+    assert told.endswith("these data prefer the first, 96 % to 2 %.")
+    assert said(0.03, 0.002)[0].startswith("These data hardly tell")
+    # Pairs that share one are a set, the likeliest first.
+    chain = (("rz", "top"), ("ty", "rz"))
+    assert said(0.2, 0.3, 0.4, twins=chain) == [
+        f"These data hardly tell {mass} top, {mass} rz and {mass} ty apart."
+    ]
+    assert said() == [f"These data hardly tell {mass} rz and {mass} ty apart."]
 
 
 def test_what_lines_share_is_told_before_and_after():
