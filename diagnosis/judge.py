@@ -84,8 +84,10 @@ class Calibration(BaseModel):
         share: part of the best place's gain that decides nothing.
         sure: probability of what leaves no doubt.
         campaigns: how many it was made from.
+        by_lines: how many of them tell the gap by neighbouring lines.
         command: that makes it.
         seeds: of the campaigns.
+        commits: that diagnosed them.
         evidence: SHA-256 of what they gave.
     """
 
@@ -105,8 +107,10 @@ class Calibration(BaseModel):
     share: float
     sure: float
     campaigns: int = 0
+    by_lines: int = 0
     command: str = ""
     seeds: str = ""
+    commits: str = ""
     evidence: str = ""
 
 

@@ -78,14 +78,7 @@ def run() -> list[dict[str, object]]:
         return prior + sum(_surprise(judge(seen, by), truth) for seen, truth in given)
 
     found = minimize(cost, start, method="Nelder-Mead", options=OPTIONS)
-    by = _calibration(found.x).model_copy(
-        update={
-            "campaigns": len(given),
-            "command": "make bench ONLY=calibrate",
-            "seeds": ", ".join(map(_seeds, decks, made_of)),
-            "evidence": hashed(rows),
-        }
-    )
+    by = _calibration(found.x).model_copy(update=provenance(decks, made_of))
     FILE.write_text(by.model_dump_json(indent=1) + "\n", encoding="utf-8")
     before, after = cost(start), cost(found.x)
     fitted: list[dict[str, object]] = [
@@ -98,6 +91,25 @@ def run() -> list[dict[str, object]]:
         "value": after / len(given),
     }
     return [*fitted, mean]
+
+
+def provenance(decks: Sequence[Deck], made_of: Sequence[Sequence[dict]]) -> dict[str, object]:
+    """What the constants are made from.
+
+    Args:
+        decks: of campaigns.
+        made_of: the rows of each.
+    """
+    rows = [row for own in made_of for row in own]
+    given = [seen for row in rows if (one := _given(row)) is not None for seen in one[:1]]
+    return {
+        "campaigns": len(given),
+        "by_lines": sum(seen.by == "lines" for seen in given),
+        "command": "make bench ONLY=calibrate",
+        "seeds": ", ".join(map(_seeds, decks, made_of)),
+        "commits": ", ".join(sorted({row.get("commit", "before rows named one") for row in rows})),
+        "evidence": hashed(rows),
+    }
 
 
 def dealt() -> tuple[Deck, ...]:
