@@ -20,8 +20,11 @@ cost0 without any effect, or of pairs with the best single one,
 
     p(cause) = explained softmax(-cost / (least + inexact n + temper (cost0 - best)))
 
-Causes that rival each other are ranked by what they foretell of data that their fits did not see
-(``foretold``): their costs then differ by as much as that does.
+Of rivals it is also known what they foretell of data that their fits did not see (``foretold``).
+That differs by hundreds of nats by chance, and costs by a few where the best leaves nothing: among
+rivals both count, each in nats of its own, where e1 n nats are left by what no model holds,
+
+    p(rival) ~ exp(-cost / (rival + 0.1 e1 n) - foretold / told0).
 
 A sensor that gates proved wrong by no fault of the catalogue is something that is missing and that
 nothing explains: then p(none) is that of the sensor, unexplained.
@@ -53,6 +56,7 @@ _POWER = 0.75  # of the gap: with what is left of it compared
 # leaves one of seventeen explains most, as an added mass does of an inerter, and is not all.
 _LARGE = 0.25
 _LEAST = 0.002  # of the variance, that a refit leaves at least
+_UNTRUE = 0.1  # of the nats that the best leaves unexplained: what may favour a wrong rival
 _ROW = 0.01  # probability of a cause that is worth a row
 _LIKELY = 0.5
 _NATS = 3.0  # less between two causes does not tell them apart
@@ -81,6 +85,8 @@ class Calibration(BaseModel):
         least: nats that decide nothing.
         inexact: nats a value that decide nothing.
         temper: part of the whole gain that decides nothing.
+        rival: nats of cost that decide nothing between rivals.
+        foretold: nats likewise of what they foretell.
         share: part of the best place's gain that decides nothing.
         sure: probability of what leaves no doubt.
         campaigns: how many it was made from.
@@ -104,6 +110,8 @@ class Calibration(BaseModel):
     least: float
     inexact: float
     temper: float
+    rival: float
+    foretold: float
     share: float
     sure: float
     campaigns: int = 0
@@ -336,27 +344,25 @@ def _weights(
     """
     if not fits:
         return np.zeros(0)
-    costs = _ranked(fits)
+    costs = np.array([one.cost for one in fits])
     values = seen.cost / seen.chi_square
     cost, gap = before
     gain = max(cost - costs.min(), 0.0)
     best, most = min(one.gap for one in fits), _left(fits, by)
     takes = [_explains(most + one.gap - best, gap, seen, by) for one in fits]
-    scale = by.least + by.inexact * values
-    if sum(one.foretold is not None for one in fits) < 2:
-        scale += by.temper * gain
-    weights: Real = softmax(-costs / scale + np.log(np.maximum(takes, np.finfo(float).tiny)))
-    return weights
-
-
-def _ranked(fits: Sequence[Refitted] | Sequence[Paired]) -> Real:
-    """Costs; of rivals the best one's, and what the others foretell worse than the best does."""
-    costs = np.array([one.cost for one in fits])
     told = np.array([one.foretold for one in fits], float)
-    known = np.isfinite(told)
-    if known.sum() > 1:
-        costs[known] = costs[known].min() + told[known] - told[known].min()
-    return costs
+    rivals = np.isfinite(told)
+    scale = by.least + by.inexact * values
+    if rivals.sum() < 2:
+        rivals[:] = False
+        scale += by.temper * gain
+    lost = costs / scale
+    if rivals.any():
+        near = by.rival + _UNTRUE * max(best, 0.0) * values
+        own = costs[rivals] / near + told[rivals] / by.foretold
+        lost[rivals] = lost[rivals].min() + own - own.min()
+    weights: Real = softmax(-lost + np.log(np.maximum(takes, np.finfo(float).tiny)))
+    return weights
 
 
 def _shared(whole: float, sets: Sequence[Keys], weights: Real) -> dict[Keys, float]:

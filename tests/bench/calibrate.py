@@ -56,6 +56,8 @@ BEGIN = {
     "least": 10.0,
     "inexact": 3e-3,
     "temper": 3e-3,
+    "rival": 10.0,
+    "foretold": 300.0,
     "share": 0.1,
 }
 SOURCES = "coherence", "differences", "lines"

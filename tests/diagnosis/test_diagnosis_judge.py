@@ -310,3 +310,22 @@ def test_beside_what_a_gate_proved_the_likeliest_set_is_there():
     alone = SimpleNamespace(hypothesis=SimpleNamespace(key=lone.key))
     found = SimpleNamespace(refits=(alone,), pairs=(fitted,))
     assert [one.key for one in _present(seen, [made], found)] == list(seen.present)
+
+
+@pytest.mark.parametrize(("left", "right"), [(2e-4, True), (0.1, False)])
+def test_costs_of_rivals_count_as_far_as_the_best_leaves_nothing(left, right):
+    # The wrong one foretells 300 nats more, as it may by chance; it costs 60 more.
+    true, wrong = (
+        refit("joint_coupling", "joint:b", 1e4, left),
+        refit("support_loss", "joint:b", 10060, left),
+    )
+    seen = [
+        one.model_copy(update={"foretold": score})
+        for one, score in ((true, 5300.0), (wrong, 5000.0))
+    ]
+    found = judge(evidence(5.0, tuple(seen)))
+    assert (found.causes[0][0] == true.key) is right
+    # Who is no rival of theirs weighs as before.
+    third = refit("mass_error", "body:a", 1e4 + 100, left)
+    shares = dict(judge(evidence(5.0, (*seen, third))).causes)
+    assert 0.01 < shares[third.key] < 0.3
