@@ -177,7 +177,7 @@ def test_names_cannot_break_the_page(explained):
     verdict, shown = explained.verdict, explained.shown
     row = verdict.causes[0].model_copy(update={"effect": evil, "location": f"body:{evil}"})
     verdict = verdict.model_copy(
-        update={"causes": [row], "twins": [(evil, evil)], "next_experiment": evil}
+        update={"causes": [row], "twins": [(evil, f"{evil}@body:a")], "next_experiment": evil}
     )
     channels = [one.model_copy(update={"body": evil}) for one in shown.channels]
     shown = shown.model_copy(
