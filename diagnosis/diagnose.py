@@ -4,13 +4,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
+from diagnosis.calibration import calibrated
 from diagnosis.effects import catalogue
 from diagnosis.evidence import BENDS, Evidence
 from diagnosis.foretold import at_ease, foretold, rivals_of
 from diagnosis.gate import Gate, hypothesis_of, sensor_gate
 from diagnosis.gathered import gathered
 from diagnosis.hypothesis import Hypothesis, Scene, together
-from diagnosis.judge import Judged, calibrated, judge
+from diagnosis.judge import NATS, Judged, judge
 from diagnosis.known import Known
 from diagnosis.level import Level, begun, level, levels
 from diagnosis.nothing import (
@@ -55,7 +56,7 @@ _BENT = 0.3  # of the gap, what a body's mode may leave
 _NEARLY = 0.5  # of the variance: where it leaves more, its frequency may begin elsewhere
 _BEGINS = 1.0, 2.2, 1.5, 0.67, 3.3  # times that of the highest peak
 _ENOUGH = 180_000  # values: three hammer directions, 69 channels, 800 lines and some more
-_ALIKE, _NATS = 0.9, 3.0  # cosine of signatures, difference of costs: twins
+_ALIKE = 0.9  # cosine of signatures: twins
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,7 +339,7 @@ def _twins(
             cost, less = (told.get(x.hypothesis.key) for x in (one, other))
             if cost is None or less is None:
                 cost, less = (costs[x.hypothesis.identity] for x in (one, other))
-            near = abs(cost - less) < _NATS or (alike is not None and abs(alike[i, j]) >= _ALIKE)
+            near = abs(cost - less) < NATS or (alike is not None and abs(alike[i, j]) >= _ALIKE)
             if near:
                 pairs.append(frozenset((other.hypothesis.site, one.hypothesis.site)))
     order = {f"{key[0]}@{key[1]}": place for place, (key, _) in enumerate(judged.causes)}

@@ -1,6 +1,7 @@
 """From fits to evidence: what a verdict is judged by, as plain numbers."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from diagnosis.evidence import Evidence, Paired, Refitted
 from diagnosis.gate import Gate
@@ -46,13 +47,8 @@ def gathered(
                 effect=one.hypothesis.effect,
                 location=one.hypothesis.location,
                 dof=one.hypothesis.dof,
-                cost=one.cost,
-                chi_square=one.chi_square,
-                serial=one.serial,
-                doubt=one.doubt,
-                loose=one.loose,
-                pull=one.pull,
                 off=off_by(one, one.hypothesis),
+                **_leaves(one),
             )
             for one in found.refits
             if one.hypothesis is not None
@@ -62,13 +58,8 @@ def gathered(
         pairs=tuple(
             Paired(
                 keys=(first.key, second.key),
-                cost=one.cost,
-                chi_square=one.chi_square,
-                serial=one.serial,
-                doubt=one.doubt,
-                loose=one.loose,
-                pull=one.pull,
                 off=(off_by(one, first), off_by(one, second)),
+                **_leaves(one),
             )
             for one in found.pairs
             if one.hypothesis
@@ -77,3 +68,15 @@ def gathered(
         variance=source_of(nothing.session.campaign),
         unsteady=changing,
     )
+
+
+def _leaves(one: Refit) -> dict[str, Any]:
+    """What a fit costs and leaves."""
+    return {
+        "cost": one.cost,
+        "chi_square": one.chi_square,
+        "serial": one.serial,
+        "doubt": one.doubt,
+        "loose": one.loose,
+        "pull": one.pull,
+    }

@@ -37,17 +37,14 @@ force gains at each place, with odds for joints. Most constants are calibrated o
 whose seeds no reported figure uses; ``calibration.json`` says which.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from importlib.resources import files
 from itertools import combinations
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
 from scipy.special import expit, softmax
 
+from diagnosis.calibration import Calibration, calibrated
 from diagnosis.evidence import BENDS, Evidence, Key, Paired, Refitted
 from identification.words import Real
 
@@ -59,7 +56,7 @@ _LEAST = 0.002  # of the variance, that a refit leaves at least
 _UNTRUE = 0.1  # of the nats that the best leaves unexplained: what may favour a wrong rival
 _ROW = 0.01  # probability of a cause that is worth a row
 _LIKELY = 0.5
-_NATS = 3.0  # less between two causes does not tell them apart
+NATS = 3.0  # less between two causes does not tell them apart
 # Odds of a joint over a body, both of which a low mode moves alike: what nobody has thought of is
 # in springs, guides, contacts and drives.
 _AT_JOINT = 2.0
@@ -67,66 +64,6 @@ _STEADY = 0.05  # of the probability of none that is left where hits differed an
 Keys = tuple[Key, ...]
 Site = tuple[str, str]  # effect, location
 Shares = tuple[tuple[Key, float], ...]
-
-
-class Calibration(BaseModel):
-    """The judgement's constants.
-
-    Args:
-        hidden: e that may be no gap, by what it is known by: neighbouring lines; or the noise's
-            own variance, badly known, which third differences tell worse than coherences do.
-        hidden_width: of its logarithm.
-        outlier: standard deviations that the largest of all tolerances may have.
-        told: nats that one of all hypotheses may gain where nothing is missing, likewise.
-        told_width: of their logarithm.
-        exact: e that badly known noise may leave of a gap, likewise.
-        left: part of the gap, to that power, that is as likely explained as not, likewise.
-        left_width: of its logarithm.
-        least: nats that decide nothing.
-        inexact: nats a value that decide nothing.
-        temper: part of the whole gain that decides nothing.
-        rival: nats of cost that decide nothing between rivals.
-        foretold: nats likewise of what they foretell.
-        share: part of the best place's gain that decides nothing.
-        sure: probability of what leaves no doubt.
-        campaigns: how many it was made from.
-        by_lines: how many of them tell the gap by neighbouring lines.
-        command: that makes it.
-        seeds: of the campaigns.
-        commits: that diagnosed them.
-        evidence: SHA-256 of what they gave.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    hidden: Mapping[str, float]
-    hidden_width: float
-    outlier: float
-    told: Mapping[str, float]
-    told_width: float
-    exact: Mapping[str, float]
-    left: Mapping[str, float]
-    left_width: float
-    least: float
-    inexact: float
-    temper: float
-    rival: float
-    foretold: float
-    share: float
-    sure: float
-    campaigns: int = 0
-    by_lines: int = 0
-    command: str = ""
-    seeds: str = ""
-    commits: str = ""
-    evidence: str = ""
-
-
-@cache
-def calibrated() -> Calibration:
-    """The committed calibration."""
-    text = (files("diagnosis") / "calibration.json").read_text("utf-8")
-    return Calibration.model_validate(json.loads(text))
 
 
 @dataclass(frozen=True)
@@ -168,7 +105,7 @@ class Judged:
         likely = [one for one in shares.items() if one[1] >= _ROW]
         found: list[tuple[Site, Site]] = []
         for (one, share), (other, less) in combinations(sorted(likely, key=lambda x: -x[1]), 2):
-            if len(one - other) == len(other - one) == 1 and share < less * np.exp(_NATS):
+            if len(one - other) == len(other - one) == 1 and share < less * np.exp(NATS):
                 (first,), (second,) = one - other, other - one
                 found.append((first, second))
         return tuple(dict.fromkeys(found))

@@ -3,10 +3,11 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from diagnosis.calibration import calibrated
 from diagnosis.evidence import Key, Pushed, Scored
 from diagnosis.forces import pushes
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.judge import calibrated, compared
+from diagnosis.judge import compared
 from diagnosis.refit import (
     CLOSE,
     FIRST,

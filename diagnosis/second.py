@@ -14,10 +14,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.calibration import calibrated
 from diagnosis.effects import catalogue
 from diagnosis.evidence import Key
 from diagnosis.hypothesis import Hypothesis, Scene, together
-from diagnosis.judge import calibrated
 from diagnosis.refit import (
     FIRST,
     FROM_AFAR,

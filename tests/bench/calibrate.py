@@ -21,8 +21,9 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 
+from diagnosis.calibration import Calibration
 from diagnosis.evidence import BENDS, Evidence
-from diagnosis.judge import Calibration, Judged, judge
+from diagnosis.judge import Judged, judge
 from identification.words import Real
 from tests.bench.catalogue import LINEAR, outside, two
 from tests.bench.diagnosis import NONLINEAR, Card, Deck, deck, made, mixed, shuffled

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diagnosis.judge import calibrated
+from diagnosis.calibration import calibrated
 from tests.bench.calibrate import dealt, provenance
 from tests.bench.diagnosis import made
 
