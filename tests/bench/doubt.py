@@ -11,7 +11,7 @@ from tests.bench.catalogue import LINEAR
 from tests.bench.diagnosis import Card, Deck, played, shuffled
 
 FIRST = 310_000
-RATIOS, STAGES, EACH = (0.07, 0.1, 0.14), (3, 4), 6  # of every effect, ratio and number of stages
+RATIOS, STAGES, EACH = (0.07, 0.1, 0.14), (3, 4), 12  # of every effect, ratio and number of stages
 
 
 def run() -> list[dict[str, object]]:
