@@ -102,7 +102,8 @@ def levels(
     # Hypotheses stay here.
     calls: list[Call] = [
         (held_out, (replace(made, hypothesis=None), fine, 1, width)),
-        (known, (replace(made, hypothesis=None), made.fit.theta, fine.stride)),
+        # Sizes by all that was measured: of a second hammer point too.
+        (known, (replace(made, hypothesis=None), made.fit.theta, ALL.stride)),
         (held_out, (replace(first, hypothesis=None), coarse, 1, width)),
     ]
     after, worth, retuned = side_by_side(calls, base.jobs)

@@ -41,11 +41,11 @@ OPTIONS = {"maxfev": 8000, "xatol": 1e-3, "adaptive": True}
 BEGIN = {
     "hidden.coherence": 0.08,
     "hidden.differences": 0.2,
-    "hidden.lines": 0.02,
+    "hidden.lines": 8e-3,
     "hidden_width": 0.4,
     "told.coherence": 400.0,
     "told.differences": 700.0,
-    "told.lines": 200.0,
+    "told.lines": 40.0,
     "told_width": 0.4,
     "exact.coherence": 0.02,
     "exact.differences": 0.05,
@@ -62,9 +62,11 @@ BEGIN = {
     "share": 0.1,
 }
 SOURCES = "coherence", "differences", "lines"
-_OUTLIER, _SURE = 4.5, 0.98
+_OUTLIER, _SURE = 4.5, 0.98  # while the others are fitted
+_BEYOND = 0.99  # of that: what leaves no doubt
 _TAKEN = 0.25  # survival ratio: of an outsider below, effects that are alike take what is left
 _Cause = tuple[str, str]  # effect, place
+Causes = tuple[_Cause, ...]  # none where nothing is missing
 
 
 def run() -> list[dict[str, object]]:
@@ -72,7 +74,7 @@ def run() -> list[dict[str, object]]:
     decks = dealt()
     made_of = [made(one) for one in decks]
     rows = [row for own in made_of for row in own]
-    given = [one for row in rows if (one := _given(row)) is not None]
+    given = [one for row in rows if (one := given_of(row)) is not None]
     start = np.log(list(BEGIN.values()))
 
     def cost(logarithms: Real) -> float:
@@ -81,7 +83,8 @@ def run() -> list[dict[str, object]]:
         return prior + sum(_surprise(judge(seen, by), truth) for seen, truth in given)
 
     found = minimize(cost, start, method="Nelder-Mead", options=OPTIONS)
-    by = _calibration(found.x).model_copy(update=provenance(decks, made_of))
+    by = _calibration(found.x)
+    by = by.model_copy(update={"sure": sure(by, given), **provenance(decks, made_of)})
     FILE.write_text(by.model_dump_json(indent=1) + "\n", encoding="utf-8")
     before, after = cost(start), cost(found.x)
     fitted: list[dict[str, object]] = [
@@ -96,6 +99,27 @@ def run() -> list[dict[str, object]]:
     return [*fitted, mean]
 
 
+def sure(by: Calibration, given: Sequence[tuple[Evidence, Causes]]) -> float:
+    """How probable causes are that leave no doubt, where lines tell the gap: of today's fits.
+
+    Of n of them k are true: the next is with probability (k + 1) / (n + 2), by the rule of
+    succession (Laplace).
+
+    Args:
+        by: the other constants.
+        given: evidence, and what is true.
+    """
+    own = by.model_copy(update={"sure": _SURE})
+    right = [
+        key[:2] in truth
+        for seen, truth in given
+        if seen.by == "lines"
+        for key, probability in judge(seen, own).causes
+        if probability >= _BEYOND * _SURE
+    ]
+    return round((sum(right) + 1) / (len(right) + 2), 4)
+
+
 def provenance(decks: Sequence[Deck], made_of: Sequence[Sequence[dict]]) -> dict[str, object]:
     """What the constants are made from.
 
@@ -104,7 +128,7 @@ def provenance(decks: Sequence[Deck], made_of: Sequence[Sequence[dict]]) -> dict
         made_of: the rows of each.
     """
     rows = [row for own in made_of for row in own]
-    given = [seen for row in rows if (one := _given(row)) is not None for seen in one[:1]]
+    given = [seen for row in rows if (one := given_of(row)) is not None for seen in one[:1]]
     return {
         "campaigns": len(given),
         "by_lines": sum(seen.by == "lines" for seen in given),
@@ -167,7 +191,7 @@ def _calibration(logarithms: Real) -> Calibration:
     return Calibration.model_validate({**named, **both, "outlier": _OUTLIER, "sure": _SURE})
 
 
-def _given(row: dict) -> tuple[Evidence, tuple[_Cause, ...]] | None:
+def given_of(row: dict) -> tuple[Evidence, Causes] | None:
     """Evidence, and what is true: effects and places, none where nothing is missing."""
     if row.get("verdict") is None:
         return None
@@ -185,7 +209,7 @@ def _given(row: dict) -> tuple[Evidence, tuple[_Cause, ...]] | None:
     )
 
 
-def _surprise(found: Judged, causes: tuple[_Cause, ...]) -> float:
+def _surprise(found: Judged, causes: Causes) -> float:
     """-ln of the probability of the truth; of a single cause also of the share of its place."""
     if not causes:
         return _nats(found.none)

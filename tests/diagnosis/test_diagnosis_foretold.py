@@ -55,6 +55,13 @@ def test_the_right_cause_foretells_what_the_wrong_one_does_not(rivals):
     assert bad > 3 * good
 
 
+def test_where_twice_as_much_was_measured_rivals_differ_by_no_more(rivals):
+    scene, fits = rivals
+    good, bad = foretold(scene, fits)
+    some, other = foretold(replace(scene, pace=2), fits)  # every second of their lines counts
+    assert other - some == pytest.approx((bad - good) / 2, rel=0.25)
+
+
 def test_a_score_is_the_cost_of_what_was_left_out(rivals):
     scene, (right, _) = rivals
     (score,) = foretold(scene, (right,))

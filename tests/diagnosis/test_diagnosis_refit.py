@@ -11,6 +11,7 @@ from diagnosis import EFFECTS, Scene
 from diagnosis.corrections import doubted, masked
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.known import known
+from diagnosis.level import levels
 from diagnosis.nothing import (
     from_many_starts,
     from_where_others_ended,
@@ -104,6 +105,25 @@ def test_intervals_hold_the_truth_and_the_gap_closes(scene):
     deviation = np.sqrt(np.diag(covariance))
     assert (np.abs(covariance @ gradient)[own] < 0.3 * deviation[own]).all()
     assert (high - low) / 2 == pytest.approx(1.959964 * 0.01 * deviation[own], rel=1e-6)
+
+
+def test_sizes_are_told_by_all_lines_however_many_are_enough_for_fits(scene):
+    scene, _, _ = scene
+    nothing = refit(scene, None, scene.session.campaign, FIRST)
+    name = next(n for n in nothing.fit.freedom.names if n.endswith(".damping"))
+    one = Hypothesis("missing_dof", "joint:a", state=lambda at: {"damping": at[name]})
+    made = replace(nothing, hypothesis=one)
+
+    def width(pace, lines):
+        session = replace(scene.session, campaign=scene.session.campaign.lines(lines))
+        base, before = replace(scene, session=session, pace=pace), replace(made, session=session)
+        _, _, worth = levels(base, one, session, {None: before, one: before}, exact=False)
+        low, high = worth.intervals(one)["damping"]
+        return np.log(high / low)
+
+    every = np.arange(len(scene.session.campaign.freq_hz)) % 2 == 0
+    assert width(2, every | True) == pytest.approx(width(1, every | True), rel=1e-6)
+    assert width(1, every) > 1.3 * width(2, every | True)
 
 
 def test_ends_of_a_positive_number_are_those_of_its_logarithm(scene):
