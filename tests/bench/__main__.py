@@ -32,6 +32,7 @@ from tests.bench import (
     survival,
     truth,
     tune,
+    wall,
 )
 
 BENCHES = {
@@ -54,6 +55,7 @@ BENCHES = {
     "survival": survival.run,
     "truth": truth.run,
     "tune": tune.run,
+    "wall": wall.run,
 }
 RESULTS = Path(__file__).parent / "results"
 
