@@ -29,7 +29,7 @@ from diagnosis.side_by_side import Call, side_by_side
 from identification.words import Campaign, Real
 from tuning import HeldOut, Misfit, thinned
 
-_RIVAL, _RIVALS = 0.05, 3  # probability of a cause that is worth a comparison, and how many are
+_RIVAL, _RIVALS = 0.05, 6  # probability of a cause that is worth a comparison, and how many are
 _KNOWN = 2.0  # values by which a noise's variance is known where lines were left out
 
 

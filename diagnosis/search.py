@@ -38,6 +38,7 @@ _HARDLY = 0.2  # of the gap: who leaves less may leave it to tolerances beyond t
 _OUTLIERS = 0.3  # of the variance: as much as these leave anyway
 _SCORED = 0.2  # of the best score: where what explains all is tried too
 _MORE_PLACES = 3  # at so many places
+_RIVALS = 0.5  # of what the best gains: who scores as much at the weights of the noise is tried
 _SURE = 10.0  # nats: of a free force that is there, or an effect
 _EXACT = 0.01  # of the variance, that a refit may leave by chance
 _CLEAR = 0.02  # of the gap: who leaves less explains it
@@ -138,6 +139,7 @@ class Hunt:
             self._turn += 1
             if self.enough and self._best:
                 self._try_other_places(self._best[0])
+                self._try_rivals(self._best[0])
         if self._best:
             self._best[0] = self._unbound(go_on(scene, self._best[0], LONG))
             self._ended[self._best[0].hypothesis] = self._best[0]
@@ -191,6 +193,25 @@ class Hunt:
                 found.setdefault(one.location, one)
         if found:
             self._far.try_all(list(found.values())[:_MORE_PLACES])
+            self._go_further()
+
+    def _try_rivals(self, best: Refit) -> None:
+        """Who scores near what the best gains, at the weights of the noise.
+
+        First steps with an allowance hide who explains a small gap: of what is left of a support
+        that lost a thousandth of its stiffness a mass took all, and nobody asked for the support.
+        """
+        least = _RIVALS * (self._nothing.cost - best.cost)
+        known = {made.key[:2] for made in self._ended.values() if made.key}
+        near = [
+            score.hypothesis
+            for site, score in best_of(self._rounds[1]).items()
+            if score.gain > least and site not in known
+        ]
+        if near:
+            scene = self._scene
+            self._close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
+            self._close.try_all(near[:_CLOSEST])
             self._go_further()
 
     def _leaves_less(self, least: float) -> bool:

@@ -90,8 +90,8 @@ class Card:
         ratio: survival ratio of each.
         tree: whether the machine is a random tree of stages instead of the station.
         stages: of a tree; drawn if None.
-        test: how it is measured: as drawn, or ``plain``, ``two points``, ``no coherence``; sizes
-            of effects are those for the plain test then.
+        test: how it is measured: as drawn, or ``plain``, ``two points``, ``no coherence``,
+            ``short``; sizes of effects are those for the plain test then.
         twin: number of the card that has the same machine and effects; None for its own.
     """
 
@@ -302,6 +302,7 @@ def planned(station: Station, seed: int, cause: Cause, test: str) -> Plan:
         "plain": plain,
         "two points": replace(plain, nodes=(first, second)),
         "no coherence": replace(plain, coherence=False),
+        "short": replace(plain, lines=401, averages=4),
     }
     return Plan(seed, cause, tests[test], rigid=RIGID, sized_by=plain)
 
