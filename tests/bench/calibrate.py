@@ -4,11 +4,11 @@ Of each calibration campaign the logarithm of the probability that its evidence 
 counts: none, unexplained, or each cause at its place; of single ones likewise the share of the true
 place. The campaigns: seeds 80000 and up, those of ``diagnosis``, effects that no catalogue has,
 pairs; 86000 and up, effects so weak that some are hidden; 87000 and up, more outsiders and pairs;
-160000 and up, those of ``diagnosis`` that were reported once and are no more; 310000 and up,
-weaker yet, in trees. A body that bends and
-whose spare channels do not show it is one that nothing explains. Effects that re-tuning hides
-entirely teach nothing and are left out, and so are outsiders of which less than the noise survives.
-The constants go to ``diagnosis/calibration.json``, with the SHA-256 of the evidence.
+160000 and up, those of ``diagnosis`` that were reported once and are no more; 310000 and up, weaker
+yet, in trees. A body that bends and whose spare channels do not show it is one that nothing
+explains. Effects that re-tuning hides entirely teach nothing and are left out, and so are outsiders
+of which less than the noise survives. The constants go to ``diagnosis/calibration.json``, with the
+SHA-256 of the evidence.
 """
 
 import hashlib

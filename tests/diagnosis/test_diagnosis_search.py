@@ -183,6 +183,27 @@ def test_what_explains_all_is_tried_at_other_places_too(tmp_path, monkeypatch):
     assert {one.key[1] for one in found.search.begun if one.key} == {"body:base", "body:head"}
 
 
+def test_who_scores_near_what_the_best_gains_is_tried_though_first_steps_forgot_it(
+    tmp_path, monkeypatch
+):
+    promising = Screen.best
+
+    def others(self, pushing=()):
+        """Without the right one."""
+        return [one for one in promising(self, pushing) if one.location != "body:head"]
+
+    monkeypatch.setattr(Screen, "best", others)
+    monkeypatch.setattr(Hunt, "_leaves_less", lambda *_: True)
+    monkeypatch.setattr(Hunt, "_try_other_places", lambda *_: None)
+    session = open_session(heavier(tmp_path))
+    found = diagnose(session).search
+    assert found.refits[0].key[1] == "body:head"
+    monkeypatch.setattr(Hunt, "_try_rivals", lambda *_: None)
+    without = diagnose(session).search
+    assert "body:head" not in {one.key[1] for one in without.refits}
+    assert found.refits[0].cost < 0.1 * without.refits[0].cost
+
+
 def test_of_few_lines_nothing_is_diagnosed(tmp_path):
     with pytest.raises(UsageError, match="needs 8 lines or more, and the band holds 2"):
         diagnose(open_session(heavier(tmp_path), (20.0, 20.9)))
