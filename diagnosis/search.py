@@ -209,10 +209,15 @@ class Hunt:
             if score.gain > least and site not in known
         ]
         if near:
-            scene = self._scene
-            self._close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
+            self._begin_close()
             self._close.try_all(near[:_CLOSEST])
             self._go_further()
+
+    def _begin_close(self) -> None:
+        """Who is tried at the weights of the noise is compared with as many steps of nothing."""
+        if self._close.nothing is self._nothing:
+            scene = self._scene
+            self._close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
 
     def _leaves_less(self, least: float) -> bool:
         """Whether the best does, with tolerances beyond their bounds as far as an outlier may."""
@@ -227,10 +232,10 @@ class Hunt:
         return unbounded(self._scene, best)
 
     def _try_more(self, turn: int) -> None:
-        close, far, scene = self._close, self._far, self._scene
-        first = 2 if scene.there else 1  # of the beginnings of each
+        close, far = self._close, self._far
+        first = 2 if self._scene.there else 1  # of the beginnings of each
         if turn == 1:
-            close.nothing = refit(scene, None, scene.session.campaign, CLOSE)
+            self._begin_close()
             there = [*close.best(self._forced)[:_THERE], *close.best()[:_CLOSEST]]
             close.try_all(list({one.key: one for one in there}.values()))
             self._elsewhere = self._from(self._forced)
