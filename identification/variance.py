@@ -36,9 +36,9 @@ def difference_variance(values: Complex) -> Real:
 
     White noise of variance v gives third differences of variance 20 v (1 + 9 + 9 + 1), a smooth
     FRF none; |difference|^2 is exponential, so its running median over 31 lines is ln 2 of its
-    mean. Sharp resonances raise it: an upper bound where the lines are too few. Towards 0 Hz the
-    noise of buildings and sensors rises steeply: at the first lines, shorter windows, half as wide
-    as the frequency is high, count where they say more.
+    mean. Sharp resonances raise it: an upper bound where the lines are too few. The last lines have
+    the median of the last 31. Towards 0 Hz the noise of buildings and sensors rises steeply: at the
+    first lines, shorter windows, half as wide as the frequency is high, count where they say more.
 
     Args:
         values: H; (n_freq, ...), at least 4 lines.
@@ -51,6 +51,8 @@ def difference_variance(values: Complex) -> Real:
     squares = np.abs(np.diff(values, 3, axis=0)) ** 2 / 20
     window = (min(_WINDOW, len(squares)),) + (1,) * (values.ndim - 1)
     smooth = median_filter(squares, size=window, mode="nearest") / np.log(2)
+    last = len(smooth) - window[0] // 2  # from there the filter repeats the last difference
+    smooth[last:] = smooth[last - 1]
     for line in range(min(_WINDOW, len(squares))):
         half = max(_SHORTEST, line // 2)
         near = squares[max(0, line - half) : line + half + 1]

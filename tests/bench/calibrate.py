@@ -4,11 +4,11 @@ Of each calibration campaign the logarithm of the probability that its evidence 
 counts: none, unexplained, or each cause at its place; of single ones likewise the share of the true
 place. The campaigns: seeds 80000 and up, those of ``diagnosis``, effects that no catalogue has,
 pairs; 86000 and up, effects so weak that some are hidden; 87000 and up, more outsiders and pairs;
-160000 and up, those of ``diagnosis`` that were reported once and are no more; 310000 and up, weaker
-yet, in trees. A body that bends and whose spare channels do not show it is one that nothing
-explains. Effects that re-tuning hides entirely teach nothing and are left out, and so are outsiders
-of which less than the noise survives. The constants go to ``diagnosis/calibration.json``, with the
-SHA-256 of the evidence.
+160000 and up, those of ``diagnosis``, and 260000 and up, those of ``silence``, that were reported
+once and are no more; 310000 and up, weaker yet, in trees. A body that bends and whose spare
+channels do not show it is one that nothing explains. Effects that re-tuning hides entirely teach
+nothing and are left out, and so are outsiders of which less than the noise survives. The constants
+go to ``diagnosis/calibration.json``, with the SHA-256 of the evidence.
 """
 
 import hashlib
@@ -26,7 +26,7 @@ from diagnosis.calibration import Calibration
 from diagnosis.evidence import BENDS, Evidence
 from diagnosis.judge import Judged, judge
 from identification.words import Real
-from tests.bench import doubt
+from tests.bench import doubt, silence
 from tests.bench.catalogue import LINEAR, outside, two
 from tests.bench.diagnosis import NONLINEAR, Card, Deck, deck, made, mixed, shuffled
 from truth.effects.outside import OUTSIDE
@@ -143,7 +143,8 @@ def provenance(decks: Sequence[Deck], made_of: Sequence[Sequence[dict]]) -> dict
 
 def dealt() -> tuple[Deck, ...]:
     """Campaigns that are never reported, and those that were once and are no more."""
-    return cards(), weak(), others(), deck("diagnosis", RETIRED, REPORTED_ONCE), doubt.before()
+    once = deck("diagnosis", RETIRED, REPORTED_ONCE), silence.deck(silence.BEFORE)
+    return cards(), weak(), others(), *once, doubt.before()
 
 
 def hashed(rows: Sequence[dict]) -> str:

@@ -105,6 +105,16 @@ def test_differences_follow_noise_that_changes_along_frequency():
     assert found[450:750].mean() == pytest.approx(100, rel=0.15)
 
 
+def test_the_last_lines_are_weighed_as_any_others():
+    # A filter that repeats the last difference has its one square as the last line's variance: that
+    # line's noise then counts 5 to 10 times, and a mode at the end of the band explains it.
+    noise = white(np.random.default_rng(9), (400, 300), 1.0)
+    found = difference_variance(noise)
+    weighed = (np.abs(noise) ** 2 / found).mean(axis=1)
+    assert weighed[-20:] == pytest.approx(np.full(20, weighed[100:300].mean()), rel=0.25)
+    np.testing.assert_array_equal(found[-15:], np.broadcast_to(found[-16], (15, 300)))
+
+
 def test_one_outlier_does_not_raise_the_variance():
     noise = white(np.random.default_rng(6), (800, 50), 1.0)
     spoilt = noise.copy()
