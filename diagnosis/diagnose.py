@@ -17,7 +17,6 @@ from diagnosis.level import Level, begun, level, levels
 from diagnosis.nothing import (
     from_many_starts,
     from_where_others_ended,
-    measured,
     with_outliers,
     within_bounds,
 )
@@ -29,6 +28,7 @@ from diagnosis.refit import (
     Refit,
     go_on,
     paced,
+    plenty,
     refit,
     uninterrupted,
 )
@@ -55,7 +55,6 @@ _FEWEST = 8  # lines: of fewer any shape along frequency fits
 _BENT = 0.3  # of the gap, what a body's mode may leave
 _NEARLY = 0.5  # of the variance: where it leaves more, its frequency may begin elsewhere
 _BEGINS = 1.0, 2.2, 1.5, 0.67, 3.3  # times that of the highest peak
-_ENOUGH = 180_000  # values: three hammer directions, 69 channels, 800 lines and some more
 _LITTLE = 0.1  # of the variance: where so little is left of much data, more of them count
 _ALIKE = 0.9  # cosine of signatures: twins
 
@@ -308,7 +307,7 @@ def _loosened(session: Session) -> tuple[Session, tuple[Held, ...]]:
 
 def _pace(campaign: Campaign) -> int:
     """How many times as much was measured as fits need."""
-    return max(1, round(measured(campaign) * len(campaign.freq_hz) / _ENOUGH))
+    return max(1, round(plenty(campaign)))
 
 
 def _present(judged: Judged, made: Sequence[Hypothesis], found: Search) -> tuple[Hypothesis, ...]:
@@ -335,8 +334,8 @@ def _twins(
 ) -> tuple[tuple[str, str], ...]:
     """Pairs of causes whose signatures have a cosine of 0.9, or that foretell as well.
 
-    They do where what they leave of what no fit saw differs by less than 3 nats, as it is or by
-    what decides anything, which are more.
+    They do where what they leave of what no fit saw differs by less than 3 nats, of as much as is
+    enough for fits, as it is or by what decides anything, which are more.
     """
     costs = {one.hypothesis.identity: one.cost for one in tried.refits if one.hypothesis}
     told = {one.key: one.foretold for one in evidence.refits}

@@ -11,8 +11,8 @@ Beside a sharp mode theta_b is not known so well, and a few values are off by a 
 noise, of any model: so lines count by the density of a noise whose variance is known as from v = 2
 values (Student), like (v + 1) / v u where u is small. A hit that no fit saw is off by tolerances of
 its own, which would hide all else: J - J_-t is what is left of it when these are tuned, with all
-that the others leave uncertain. What rivals foretell differs by chance in proportion to how many
-values there are: of so many that fits count half of their lines, half of it counts.
+that the others leave uncertain. What no model holds makes rivals differ in proportion to how many
+values there are: of twice as many as are enough for fits half the score counts.
 """
 
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ import numpy as np
 from diagnosis.hypothesis import Scene
 from diagnosis.judge import Judged, Keys
 from diagnosis.nothing import with_outliers
-from diagnosis.refit import SOME, Refit, fitted, further, held_out, paced
+from diagnosis.refit import SOME, Refit, fitted, further, held_out, paced, plenty
 from diagnosis.search import Search
 from diagnosis.side_by_side import Call, side_by_side
 from identification.words import Campaign, Real
@@ -103,7 +103,8 @@ def foretold(scene: Scene, rivals: Sequence[Refit]) -> list[float | None]:
         whole = min(_cost(one, one.fit.theta, thin), next(made))
         by_tests = sum(whole - next(made) for _ in own) * times if own else None
         scores = [score for score in (by_lines, by_tests) if score is not None]
-        found.append(sum(scores) / len(scores) / scene.pace if scores else None)
+        more = max(1.0, plenty(one.session.campaign))
+        found.append(sum(scores) / len(scores) / more if scores else None)
     return found
 
 

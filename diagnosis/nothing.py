@@ -21,21 +21,16 @@ from diagnosis.refit import (
     free,
     further,
     go_on,
+    measured,
     pull_of,
     uninterrupted,
 )
 from diagnosis.search import Search
-from identification.words import Campaign
 from tuning import BOUND, STAGES, fit, random_starts
 
 _FEW, _STARTS, _FOLLOWED = 48, 16, 4  # FRFs a start; at most so many, of which the best go on
 _OTHERS, _MOST = 2, 0.5  # so many, that leave no more of the gap, say where nothing might begin
 _LESS = 0.9  # of the cost of first steps: who comes below has found another minimum
-
-
-def measured(campaign: Campaign) -> int:
-    """How many FRFs there are."""
-    return sum(int(test.estimate.measured.sum()) for test in campaign.tests)
 
 
 def from_many_starts(scene: Scene, nothing: Refit, say: Callable[[str], None]) -> Refit:

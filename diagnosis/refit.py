@@ -56,6 +56,7 @@ SHAPED = (
 )
 # Lines apart: a variance from third differences has a part in three, a mode spans several.
 _LAGS = range(3, 7)
+_ENOUGH = 180_000  # values: three hammer directions, 69 channels, 800 lines and some more
 _FAR = 8.0  # standard deviations, of a tolerance that is no outlier
 PATIENT = (STAGES[3], replace(STAGES[4], tolerance=3e-4, max_steps=30))
 
@@ -115,6 +116,16 @@ class Refit(Gapped):
     def along(self, one: Hypothesis) -> str | None:
         """The direction that the fit gives a hypothesis."""
         return one.along(named(self.fit.freedom, self.fit.theta))
+
+
+def measured(campaign: Campaign) -> int:
+    """How many FRFs there are."""
+    return sum(int(test.estimate.measured.sum()) for test in campaign.tests)
+
+
+def plenty(campaign: Campaign) -> float:
+    """How many times as much was measured as fits need."""
+    return measured(campaign) * len(campaign.freq_hz) / _ENOUGH
 
 
 def paced(stages: tuple[Stage, ...], pace: int) -> tuple[Stage, ...]:

@@ -21,7 +21,7 @@ from diagnosis.evidence import Key
 from diagnosis.hypothesis import Hypothesis, Scene
 from identification.words import Integers, Real
 from mbmodel import Model
-from tuning import Fit, Freedom, Misfit, Probed, freedom, thinned
+from tuning import STAGES, Fit, Freedom, Misfit, Probed, counted_lines, freedom, thinned
 
 ALLOWANCE = 0.1
 _STRIDE = 12
@@ -58,6 +58,20 @@ def scores(
         allowance: of that fit.
     """
     return ranked(hypotheses, gains(scene, found, hypotheses, allowance))
+
+
+def lines_over(lines: int, pace: int) -> float:
+    """How many times as many lines a fit at the weights of the noise counts as scores do.
+
+    Args:
+        lines: that there are.
+        pace: of the scene.
+    """
+    fitted, scored = (
+        len(range(lines)[counted_lines(lines, stride * pace)])
+        for stride in (STAGES[4].stride, _STRIDE)
+    )
+    return fitted / scored
 
 
 def ranked(hypotheses: Sequence[Hypothesis], gained: Sequence[Gained]) -> list[Score]:

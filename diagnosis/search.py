@@ -22,7 +22,7 @@ from diagnosis.refit import (
     refit,
     unbounded,
 )
-from diagnosis.score import ALLOWANCE, Score, gains, ranked
+from diagnosis.score import ALLOWANCE, Score, gains, lines_over, ranked
 from diagnosis.screen import REFITTED, Direction, Screen, best_of
 from diagnosis.side_by_side import Call, side_by_side
 from tuning import Fit
@@ -202,11 +202,13 @@ class Hunt:
         that lost a thousandth of its stiffness a mass took all, and nobody asked for the support.
         """
         least = _RIVALS * (self._nothing.cost - best.cost)
-        known = {made.key[:2] for made in self._ended.values() if made.key}
+        known = {made.key[:2] for made in (*self._ended.values(), *self._close.begun) if made.key}
+        lines = len(self._scene.session.campaign.freq_hz)
+        times = lines_over(lines, self._scene.pace)
         near = [
             score.hypothesis
             for site, score in best_of(self._rounds[1]).items()
-            if score.gain > least and site not in known
+            if times * score.gain > least > 0 and site not in known
         ]
         if near:
             self._begin_close()

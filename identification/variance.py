@@ -51,7 +51,7 @@ def difference_variance(values: Complex) -> Real:
     squares = np.abs(np.diff(values, 3, axis=0)) ** 2 / 20
     window = (min(_WINDOW, len(squares)),) + (1,) * (values.ndim - 1)
     smooth = median_filter(squares, size=window, mode="nearest") / np.log(2)
-    last = len(smooth) - window[0] // 2  # from there the filter repeats the last difference
+    last = len(smooth) - (window[0] - 1) // 2  # from there the filter repeats the last difference
     smooth[last:] = smooth[last - 1]
     for line in range(min(_WINDOW, len(squares))):
         half = max(_SHORTEST, line // 2)

@@ -32,7 +32,6 @@ from tests.bench import (
     survival,
     truth,
     tune,
-    wall,
 )
 
 BENCHES = {
@@ -55,7 +54,6 @@ BENCHES = {
     "survival": survival.run,
     "truth": truth.run,
     "tune": tune.run,
-    "wall": wall.run,
 }
 RESULTS = Path(__file__).parent / "results"
 

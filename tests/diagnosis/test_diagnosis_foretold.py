@@ -7,11 +7,23 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
+from diagnosis import refit as refit_module
 from diagnosis.diagnose import _twins
 from diagnosis.foretold import at_ease, foretold, rivals_of
 from diagnosis.hypothesis import together
 from diagnosis.judge import Judged
-from diagnosis.refit import FIRST, LAST, LONG, SOME, fitted, further, held_out, refit, unbounded
+from diagnosis.refit import (
+    FIRST,
+    LAST,
+    LONG,
+    SOME,
+    fitted,
+    further,
+    held_out,
+    plenty,
+    refit,
+    unbounded,
+)
 from diagnosis.score import cosines, scores
 from diagnosis.search import Search
 from identification import smooth_variance
@@ -55,11 +67,14 @@ def test_the_right_cause_foretells_what_the_wrong_one_does_not(rivals):
     assert bad > 3 * good
 
 
-def test_where_twice_as_much_was_measured_rivals_differ_by_no_more(rivals):
-    scene, fits = rivals
-    good, bad = foretold(scene, fits)
-    some, other = foretold(replace(scene, pace=2), fits)  # every second of their lines counts
-    assert other - some == pytest.approx((bad - good) / 2, rel=0.25)
+def test_where_twice_as_much_was_measured_than_is_enough_half_the_score_counts(rivals, monkeypatch):
+    scene, (right, _) = rivals
+    (score,) = foretold(scene, (right,))
+    assert plenty(right.session.campaign) < 1
+    enough = plenty(right.session.campaign) * refit_module._ENOUGH / 2
+    monkeypatch.setattr(refit_module, "_ENOUGH", enough)
+    assert plenty(right.session.campaign) == pytest.approx(2)
+    assert foretold(scene, (right,)) == [pytest.approx(score / 2, rel=1e-12)]
 
 
 def test_a_score_is_the_cost_of_what_was_left_out(rivals):

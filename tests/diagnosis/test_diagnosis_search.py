@@ -11,7 +11,7 @@ from diagnosis import Scene, diagnose, verdict_of
 from diagnosis.effects import feedback_delay, missing_dof, viscoelastic
 from diagnosis.evidence import Pushed
 from diagnosis.refit import posed
-from diagnosis.score import Score, ranked
+from diagnosis.score import Score, lines_over, ranked
 from diagnosis.screen import Screen
 from diagnosis.search import Hunt, _elsewhere, nearly
 from identification.words import Dof, UsageError
@@ -178,6 +178,7 @@ def test_what_explains_all_is_tried_at_other_places_too(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Screen, "best", without_head)
     monkeypatch.setattr(Hunt, "_leaves_less", lambda *_: True)
+    monkeypatch.setattr(Hunt, "_try_rivals", lambda *_: None)
     found = diagnose(open_session(heavier(tmp_path)))
     assert found.search.refits[0].key[:2] == ("mass_error", "body:head")
     assert {one.key[1] for one in found.search.begun if one.key} == {"body:base", "body:head"}
@@ -202,6 +203,12 @@ def test_who_scores_near_what_the_best_gains_is_tried_though_first_steps_forgot_
     without = diagnose(session).search
     assert "body:head" not in {one.key[1] for one in without.refits}
     assert found.refits[0].cost < 0.1 * without.refits[0].cost
+
+
+def test_scores_count_fewer_lines_than_fits():
+    assert lines_over(801, 1) == pytest.approx(200 / 67, rel=0.01)
+    assert lines_over(801, 3) == pytest.approx(67 / 32, rel=0.1)  # no fewer than 32
+    assert lines_over(100, 1) == 1
 
 
 def test_of_few_lines_nothing_is_diagnosed(tmp_path):
