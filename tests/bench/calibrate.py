@@ -5,10 +5,10 @@ counts: none, unexplained, or each cause at its place; of single ones likewise t
 place. The campaigns: seeds 80000 and up, those of ``diagnosis``, effects that no catalogue has,
 pairs; 86000 and up, effects so weak that some are hidden; 87000 and up, more outsiders and pairs;
 160000 and up, those of ``diagnosis``, and 260000 and up, those of ``silence``, that were reported
-once and are no more; 310000 and up, weaker yet, in trees. A body that bends and whose spare
-channels do not show it is one that nothing explains. Effects that re-tuning hides entirely teach
-nothing and are left out, and so are outsiders of which less than the noise survives. The constants
-go to ``diagnosis/calibration.json``, with the SHA-256 of the evidence.
+once and are no more; 310000 and up and 320000 and up, weaker yet, in trees. A body that bends and
+whose spare channels do not show it is one that nothing explains. Effects that re-tuning hides
+entirely teach nothing and are left out, and so are outsiders of which less than the noise survives.
+The constants go to ``diagnosis/calibration.json``, with the SHA-256 of the evidence.
 """
 
 import hashlib
@@ -59,7 +59,7 @@ BEGIN = {
     "least": 10.0,
     "inexact": 3e-3,
     "temper": 3e-3,
-    "rival": 10.0,
+    "rival": 3.0,
     "foretold": 300.0,
     "share": 0.1,
 }
@@ -144,7 +144,7 @@ def provenance(decks: Sequence[Deck], made_of: Sequence[Sequence[dict]]) -> dict
 def dealt() -> tuple[Deck, ...]:
     """Campaigns that are never reported, and those that were once and are no more."""
     once = deck("diagnosis", RETIRED, REPORTED_ONCE), silence.deck(silence.BEFORE)
-    return cards(), weak(), others(), *once, doubt.before()
+    return cards(), weak(), others(), *once, *doubt.before()
 
 
 def hashed(rows: Sequence[dict]) -> str:

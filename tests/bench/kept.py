@@ -31,9 +31,7 @@ def cases(
         The rows that there are, by number, and the file, to be removed when they
         are used.
     """
-    kept = Path(__file__).parent / "results" / f"{name}.cases.jsonl"
-    lines = kept.read_text(encoding="utf-8").splitlines() if kept.is_file() else []
-    known = dict(map(json.loads, lines))
+    known, kept = of(name), _file(name)
     missing = [k for k in numbers if k not in known or (stale is not None and stale(known[k]))]
     if os.environ.get("KEPT"):
         missing = []
@@ -44,6 +42,21 @@ def cases(
             file.write(json.dumps([number, row]) + "\n")
             file.flush()
     return [known[number] for number in sorted(numbers) if number in known], kept
+
+
+def of(name: str) -> dict[int, dict]:
+    """Rows that are kept, by number.
+
+    Args:
+        name: of the bench.
+    """
+    kept = _file(name)
+    lines = kept.read_text(encoding="utf-8").splitlines() if kept.is_file() else []
+    return dict(map(json.loads, lines))
+
+
+def _file(name: str) -> Path:
+    return Path(__file__).parent / "results" / f"{name}.cases.jsonl"
 
 
 def _numbered(

@@ -326,6 +326,6 @@ def test_costs_of_rivals_count_as_far_as_the_best_leaves_nothing(left, right):
     found = judge(evidence(5.0, tuple(seen)))
     assert (found.causes[0][0] == true.key) is right
     # Who is no rival of theirs weighs as before.
-    third = refit("mass_error", "body:a", 1e4 + 100, left)
+    third = refit("mass_error", "body:a", 1e4 + 30, left)
     shares = dict(judge(evidence(5.0, (*seen, third))).causes)
     assert 0.01 < shares[third.key] < 0.3

@@ -1,7 +1,11 @@
-"""What the bench of protocols says of intervals: those of the true cause, machine by machine."""
+"""What benches say beside grades: widths of intervals, and how true stated probabilities are."""
 
 import pytest
 
+from tests.bench import catalogue
+from tests.bench.diagnosis import rejudged
+from tests.bench.doubt import reliability
+from tests.bench.kept import of
 from tests.bench.protocols import FIRST, TESTS, deck, precision
 
 
@@ -22,3 +26,15 @@ def test_widths_are_compared_machine_by_machine():
     assert (width["value"], width["n"]) == (pytest.approx(1 / 3), 3)
     assert found["machines where they are narrower, two points at 1, %"]["value"] == 100
     assert len(found) == 4  # nothing is said of the other ratio
+
+
+def test_causes_are_true_as_often_as_answers_name_them():
+    rows = [one for one in of(f"catalogue.{catalogue.FIRST}").values() if one["verdict"]][:60]
+    stated = [cause["probability"] for one in rows for cause in rejudged(one)["causes"]]
+    found = reliability(rows)
+    assert sum(one["n"] for one in found) == len(stated) > 50
+    assert found[-1]["n"] == sum(p >= 0.95 for p in stated)
+    assert found[-1]["value"] > 90
+    lies = [one | {"answer": 'effect = "none"\n'} for one in rows]
+    assert [one["value"] for one in reliability(lies)] == [0.0] * len(found)
+    assert reliability([{"verdict": None}]) == []
