@@ -45,12 +45,12 @@ def explained(folders):
 def test_the_verdict_is_told_in_plain_words_with_cause_place_size_and_gap(texts, explained):
     lead, verdict = lead_of(texts["explained"]), explained.verdict
     assert verdict.verdict == "explained"
-    assert lead.startswith("One thing is missing (98 %): a spinning rotor on body stage2 (angular ")
+    assert lead.startswith("One thing is missing (99 %): a spinning rotor on body stage2 (angular ")
     assert "kg m²/s" in lead
     assert f"{verdict.gap.retuned.excess:.3g} times" in lead
     assert f"{verdict.gap.after.excess:.3g} times" in lead
     assert f"{100 * verdict.gap.closed:.3g} % of what lay beyond the noise is closed." in lead
-    assert '<span class="badge good">one cause 98 %</span>' in texts["explained"]
+    assert '<span class="badge good">one cause 99 %</span>' in texts["explained"]
     assert "<b>gyroscopic</b><br><small>a rotor spins in stage2</small>" in texts["explained"]
     assert f"<b>What to do next:</b> {verdict.next_experiment}" in texts["explained"]
     drawn, retuned, after = explained.shown.centres
@@ -80,8 +80,8 @@ def test_a_proven_sensor_comes_first_where_nobody_explains_what_is_beside_it(fol
 
 
 def test_nothing_missing_is_said_without_place_and_without_effect(texts):
-    assert lead_of(texts["none"]).startswith("Nothing is missing beyond tolerances and noise (99")
-    assert '<span class="badge good">nothing missing 99 %</span>' in texts["none"]
+    assert lead_of(texts["none"]).startswith("Nothing is missing beyond tolerances and noise (> 99")
+    assert '<span class="badge good">nothing missing &gt; 99 %</span>' in texts["none"]
     assert "No place stands out" in texts["none"]
     assert "only hits of several levels can show" in texts["none"]  # not: excluded
     data = data_of(texts["none"])
@@ -107,7 +107,7 @@ def test_what_nobody_explains_says_where_something_pushes(texts, folders):
 def test_a_sensor_that_is_at_fault_is_shown_as_measured_and_as_it_would_be(texts, folders):
     result = read_result(folders["sensor"])
     lead = lead_of(texts["sensor"])
-    assert lead.startswith("One sensor is at fault (98 %): a turned sign at sensor acc32, along z")
+    assert lead.startswith("One sensor is at fault (99 %): a turned sign at sensor acc32, along z")
     outputs = [result.shown.channels[k].output for k in result.shown.corrected]
     assert outputs == ["acc32:+tz"] * 3
     measured = result.arrays["measured"][:, result.shown.corrected]
