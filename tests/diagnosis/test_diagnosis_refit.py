@@ -9,6 +9,7 @@ import pytest
 
 from diagnosis import EFFECTS, Scene
 from diagnosis.corrections import doubted, masked
+from diagnosis.diagnose import _closer
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.known import known
 from diagnosis.level import levels
@@ -22,6 +23,7 @@ from diagnosis.refit import (
     FIRST,
     LAST,
     LONG,
+    PATIENT,
     Refit,
     go_on,
     off_by,
@@ -31,7 +33,7 @@ from diagnosis.refit import (
 from diagnosis.score import cosines, scores
 from diagnosis.search import Search
 from tests.helpers.drawn import drawn
-from tuning import STAGES, Misfit, fit, thinned
+from tuning import STAGES, Misfit, counted_lines, fit, thinned
 
 Ended = namedtuple("Ended", "x freedom")
 
@@ -124,6 +126,25 @@ def test_sizes_are_told_by_all_lines_however_many_are_enough_for_fits(scene):
     every = np.arange(len(scene.session.campaign.freq_hz)) % 2 == 0
     assert width(2, every | True) == pytest.approx(width(1, every | True), rel=1e-6)
     assert width(1, every) > 1.3 * width(2, every | True)
+
+
+def test_what_little_is_left_of_much_data_is_asked_of_as_many_lines_as_of_little(tmp_path):
+    session, _ = drawn(tmp_path, 72_400, "structural_damping", ratio=0.1)
+    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    scene = Scene(session, early.theta, pace=2, independent=True)
+    first = refit(scene, None, session.campaign, FIRST)
+    nothing = go_on(scene, first, PATIENT)
+    assert 0.005 < nothing.gap < 0.1
+    closer, begun, ended = _closer(scene, first, nothing)
+    assert closer.pace == 1
+    lines = len(session.campaign.freq_hz)
+    for less, more, stride in ((first, begun, 8), (nothing, ended, 4)):
+        few, many = (range(lines)[counted_lines(lines, stride * pace)] for pace in (2, 1))
+        assert more.cost / less.cost == pytest.approx(len(many) / len(few), rel=0.1)
+    assert len(many) > 1.5 * len(few)
+    alone = replace(scene, pace=1)
+    for same in ((alone, first, nothing), (scene, first, replace(nothing, serial=0.2))):
+        assert _closer(*same) == same
 
 
 def test_ends_of_a_positive_number_are_those_of_its_logarithm(scene):
