@@ -72,7 +72,7 @@ def bent(
 
 def _stated(part: Bending, highest: float, found: Mapping[str, float]) -> dict[str, Value]:
     steps = np.array([found.get(name, 0.0) for name in part.names[:2]])
-    frequency, damping = part.at(steps)
+    frequency, damping = part.at(np.clip(steps, -_FARTHEST, _FARTHEST))
     return {"frequency": frequency, "damping": damping} if frequency <= highest else {}
 
 

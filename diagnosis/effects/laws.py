@@ -36,7 +36,8 @@ class Timed:
 
     def at(self, theta: float) -> float:
         """Tau [s]."""
-        return self.tau * float(np.exp(self.step * theta))
+        steps = np.clip(theta, -self.farthest, self.farthest)  # intervals would reach beyond
+        return self.tau * float(np.exp(self.step * steps))
 
     @property
     def farthest(self) -> float:

@@ -104,6 +104,30 @@ def _only(change, k):
     return replace(change, core=change.core[k])
 
 
+@pytest.mark.parametrize(
+    ("effect", "time", "stated"),
+    [
+        ("missing_dof", "time_constant", "damping"),
+        ("appendage", "damping", "damping"),
+        ("viscoelastic", "time", "tau"),
+    ],
+)
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_logarithm_of_which_data_tell_nothing_states_no_more_than_fits_reach(
+    scene, effect, time, stated, side
+):
+    # Else intervals end where it is hundreds of units off: at 1e-38 and 1e40 N s/m.
+    one = next(one for one in EFFECTS[effect](scene) if one.parts)
+    names = [parameter.name for parameter in one.parts[0].parameters]
+    name = next(name for name in names if name.endswith(time))
+    found = dict.fromkeys(names, 0.1) | dict.fromkeys(one.follow, 0.1)
+    within, end, beyond = (
+        one.state(found | {name: at * one.bounds[name][side]})[stated] for at in (0.9, 1.0, 1e4)
+    )
+    assert within != end
+    assert beyond == pytest.approx(end, rel=1e-12)
+
+
 def test_responses_are_those_of_real_signals(scene):
     # f(conj s) = conj f(s): else the impulse response would not be real.
     for one in proposals(scene):
