@@ -5,7 +5,7 @@ and becomes a hypothesis: channels corrected where the correction is known (sign
 mount), tolerances released where the fit has to find it (gain, axes, place).
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
 
@@ -71,6 +71,8 @@ class Gate:
 def sensor_gate(campaign: Campaign) -> Gate:
     """Check every body, take out what is proven."""
     checks, same = check_bodies(campaign), doubled(campaign)
+    # What reads noise alone is dead, or still: either way it tells nothing, of a fault neither.
+    none = silent(campaign)
     proven: dict[Key, Fault] = {}
     flexible = []
     for check in checks:
@@ -83,10 +85,8 @@ def sensor_gate(campaign: Campaign) -> Gate:
     if len(flexible) > _TOO_MANY:  # not all stages bend at once: the noise is not what is stated
         bending = []  # or set-ups met different machines, which looks like small faults as well
         proven = {key: one for key, one in proven.items() if one.effect in _GROSS}
-    faults = tuple(proven.values())
+    faults = tuple(one for one in proven.values() if _is_heard(one, campaign, none))
     dead = [one for one in faults if one.effect in _TELLS_NOTHING]
-    # What reads noise alone is dead, or still: either way it tells nothing.
-    none = silent(campaign)
     heard = masked(campaign, lambda dof: dof.positive in none) if none else campaign
     alive = _without(heard, dead)
     clean = alive if len(dead) == len(faults) else _without(heard, faults)
@@ -95,6 +95,20 @@ def sensor_gate(campaign: Campaign) -> Gate:
         beyond = np.sqrt(np.maximum(check.reconstruction**2 - check.expected**2, 0.0))
         clean = doubted(clean, check.channels, partial(_read_off, check.freq_hz, beyond))
     return Gate(checks, faults, alive, clean, tuple(bending), undoubted)
+
+
+def _is_heard(one: Fault, campaign: Campaign, none: Collection[Dof]) -> bool:
+    """Whether a fault may be believed: of channels that read noise alone, no more than that.
+
+    Args:
+        one: proven, as it seems.
+        campaign: all that was measured.
+        none: channels that read noise alone.
+    """
+    if one.effect in _TELLS_NOTHING or not one.location.startswith("sensor:"):
+        return True
+    concerned = channels_of(one.location, one.dof)
+    return any(concerned(dof) and dof.positive not in none for dof in campaign.outputs)
 
 
 def _exported_twice(one: Fault, same: frozenset[Dof]) -> list[Fault]:

@@ -68,7 +68,7 @@ def _at(gap: Gap) -> GapAt:
 
 
 def _closed(retuned: Gap, after: Gap) -> float | None:
-    if after.excess is None or retuned.excess is None:
+    if after.excess is None or retuned.excess is None or retuned.excess <= 1:
         return None
     return float((retuned.excess**2 - after.excess**2) / (retuned.excess**2 - 1))
 

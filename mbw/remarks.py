@@ -40,8 +40,8 @@ def limits(summary: TunedFile) -> list[str]:
         found.append("Some held-out fits did not converge: the held-out error may be too high.")
     if any(test.variance_from == "differences" for test in summary.tests):
         found.append(
-            "Without coherence and averages the noise was estimated from third differences along "
-            "frequency."
+            "Without coherence, or with one average or none stated, the noise was estimated from "
+            "third differences along frequency."
         )
     return found
 
@@ -58,7 +58,11 @@ def not_held(names: Sequence[str], listed: str) -> str:
     others = [name for name in names if ".gain_" not in name and not name.startswith("hammer(")]
     found = [f"gains of {_count(len(gains), 'sensor')}"] if gains else []
     found += [f"place and aim of {_count(len(hits), 'hit')}"] if hits else []
-    found += [_some(others)] if others else []
+    alike: dict[str, list[str]] = {}
+    for name in others:
+        what, _, why = name.partition(" (")
+        alike.setdefault(why, []).append(what)
+    found += [_some(names) + (f" ({why}" if why else "") for why, names in alike.items()]
     if not found:
         return ""
     return f"The tuned MJCF does not hold: {', '.join(found)} ({listed} lists them)."

@@ -6,6 +6,7 @@ from diagnosis.verdict import CauseRow
 from mbw.diagnose.result import Result
 from mbw.diagnose.values import number
 from mbw.diagnose.words import (
+    NOT_SHOWN,
     capital,
     cause_parameters,
     cause_words,
@@ -148,6 +149,12 @@ def _shrinks(result: Result) -> str:
         return (
             f"Re-tuned, the model is off by {times(gap.retuned.excess)} the noise; how far that "
             "shrinks with the cause is not known, for the model cannot hold it yet."
+        )
+    if gap.closed is not None and gap.closed < 0:
+        return (
+            f"{capital(NOT_SHOWN)} with {them}, {times(gap.retuned.excess)} the noise, re-tuned, "
+            f"and {times(gap.after.excess)} then: it is small beside what they cost, and "
+            "neighbouring lines tell it."
         )
     text = (
         f"With {them} the gap falls from {times(gap.retuned.excess)} the noise, re-tuned, to "

@@ -116,8 +116,7 @@ def _say(verdict: Verdict, found: Diagnosis) -> None:
         if at.excess is not None:
             SCREEN.say(f"  {name}: error {at.error:.3g}, excess {at.excess:.3g}")
     if gap.closed is not None:
-        told = closed_words(gap.interval.closed)
-        SCREEN.say(f"  {min(gap.closed, 1.0):.1%} of the gap beyond noise is closed{told}")
+        SCREEN.say(f"  {closed_words(gap.closed, gap.interval.closed)}")
     for row in verdict.causes[:_FEW]:
         dof = f" {row.dof}" if row.dof else ""
         sizes = cause_parameters(row)
@@ -143,10 +142,9 @@ def _say_more(verdict: Verdict, found: Diagnosis) -> None:
         SCREEN.say(f"  {place} is wrong by no known fault, and was left out")
     for text in (*shared_sentences(found.evidence), *noise_sentences(found.evidence)):
         SCREEN.say(f"  {text}")
-    if verdict.verdict != "none":
-        levels = len({test.condition.level_n for test in found.session.campaign.tests})
-        for text in (*twin_sentences(verdict), *untested_sentences(verdict, levels)):
-            SCREEN.say(f"  {text}")
+    levels = len({test.condition.level_n for test in found.session.campaign.tests})
+    for text in (*twin_sentences(verdict), *untested_sentences(verdict, levels)):
+        SCREEN.say(f"  {text}")
     if verdict.next_experiment:
         SCREEN.say(f"  next: {verdict.next_experiment}")
 

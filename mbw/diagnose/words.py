@@ -12,9 +12,11 @@ from mbw.diagnose.schema import ShownFile
 from mbw.diagnose.values import interval_words, may_be_nothing, parameter_words
 
 _WITHOUT_COHERENCE = (
-    "without coherence and averages the noise is estimated from third differences along frequency: "
-    "too much where modes are sharp, so gaps weigh little there and an excess may fall below 1"
+    "without coherence, or with one average or none stated, the noise is estimated from third "
+    "differences along frequency: too much where modes are sharp, so gaps weigh little there and "
+    "an excess may fall below 1"
 )
+NOT_SHOWN = "lines that were left out do not show the gap shrink"
 _SHARED = (
     "it cannot be told whether neighbouring lines have noise of their own, which a window in time, "
     "an average along frequency, sharp modes or few lines prevent: a gap is known only as well as "
@@ -86,15 +88,23 @@ def cause_parameters(row: CauseRow) -> str:
     return ", ".join(found)
 
 
-def closed_words(ends: tuple[float, float] | None) -> str:
-    """Interval of the part of a gap that is closed, in brackets; empty for none.
+def closed_words(closed: float, ends: tuple[float, float] | None) -> str:
+    """How much of a gap is closed, with its interval if there is one.
 
-    A jackknife knows nothing of bounds, but no more than all of a gap is closed.
+    A jackknife knows nothing of bounds, but no more than all of a gap is closed. Where a gap is
+    small beside what a whole mode costs that is left out, it may seem to grow.
+
+    Args:
+        closed: the part of it.
+        ends: of its interval.
     """
-    if ends is None:
-        return ""
-    low, high = (min(end, 1.0) for end in ends)
-    return f" (95 %: {low:.1%} to {high:.1%})"
+    if closed < 0:
+        return f"{NOT_SHOWN}: it is small beside what they cost; neighbouring lines tell it"
+    told = ""
+    if ends is not None:
+        low, high = (min(end, 1.0) for end in ends)
+        told = f" (95 %: {low:.1%} to {high:.1%})"
+    return f"{min(closed, 1.0):.1%} of the gap beyond noise is closed{told}"
 
 
 def site_words(site: str) -> str:

@@ -122,6 +122,26 @@ def test_a_turned_channel_is_proven_and_taken_out(session):
     assert all(off)
 
 
+def test_of_a_channel_that_reads_noise_alone_no_fault_is_believed(session):
+    site = fullest(session)
+    turned = [f"{site}:+tz"]
+
+    def reading(values, _, names):
+        return values * np.where(np.isin(names, turned), -1.0, 1.0)[:, None]
+
+    campaign = read_as(session, reading)
+    assert [one.effect for one in sensor_gate(campaign).faults] == ["sensor_polarity"]
+    tests = []
+    for test in campaign.tests:
+        row = np.isin(list(map(str, test.estimate.frf.outputs)), turned)
+        coherence = np.where(row[:, None], 1e-3, test.estimate.coherence)
+        tests.append(replace(test, estimate=replace(test.estimate, coherence=coherence)))
+    gate = sensor_gate(replace(campaign, tests=tuple(tests)))
+    assert not gate.faults
+    for test in gate.alive.tests:
+        assert not test.estimate.measured[list(map(str, test.estimate.frf.outputs)).index(*turned)]
+
+
 def fullest(session):
     """A sensor of the body with most channels."""
     layout = session.campaign.layout

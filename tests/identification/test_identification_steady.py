@@ -87,6 +87,12 @@ def test_a_mode_that_moves_between_hits_is_seen_where_it_is(seed):
     assert np.median(power[: len(steady) - 3] / steady[1:-2]) / np.log(2) < 1.2
 
 
+@pytest.mark.parametrize("lines", range(8, 60))
+def test_of_however_few_lines_it_can_be_asked(lines):
+    # Of two windows, a convolution with the three beside and between made three.
+    assert unsteady(campaign(1, 0.0).lines(np.arange(len(FREQ)) < lines)) == ()
+
+
 def test_without_coherence_nothing_is_said():
     seen = campaign(3, 0.05)
     (test,) = seen.tests

@@ -85,9 +85,14 @@ def test_a_place_of_a_mass_that_is_there_is_told(interval):
 
 
 def test_no_more_than_all_of_a_gap_is_closed_at_either_end():
-    assert closed_words((1.001, 1.003)) == " (95 %: 100.0% to 100.0%)"
-    assert closed_words((0.92, 1.003)) == " (95 %: 92.0% to 100.0%)"
-    assert closed_words(None) == ""
+    said = "100.0% of the gap beyond noise is closed"
+    assert closed_words(1.002, (1.001, 1.003)) == f"{said} (95 %: 100.0% to 100.0%)"
+    assert closed_words(1.0, (0.92, 1.003)) == f"{said} (95 %: 92.0% to 100.0%)"
+    assert closed_words(1.0, None) == said
+
+
+def test_a_gap_that_held_out_lines_see_grow_is_not_said_to_close_by_less_than_nothing():
+    assert closed_words(-6.9, (-27.4, 13.6)).startswith("lines that were left out do not show")
 
 
 def test_what_levels_could_show_is_untested_for_one_reason_or_another():

@@ -82,6 +82,8 @@ def test_what_the_mjcf_does_not_hold_is_summed_up(summary):
         "base.mass (its own MJCF body would weigh nothing) (tuned.json lists them)."
     )
     assert not_held([], "tuned.json") == ""
+    alike = [f"ty.loss({one}) (it depends on frequency)" for one in ("a", "b")]
+    assert "hold: ty.loss(a), ty.loss(b) (it depends on frequency) (" in not_held(alike, "t.json")
 
 
 def test_limits_of_the_figures_are_no_doubts_of_the_fit(summary):
