@@ -33,6 +33,7 @@ from tests.bench import (
     truth,
     tune,
 )
+from tests.bench.kept import only_kept
 
 BENCHES = {
     "algorithms": algorithms.run,
@@ -71,7 +72,9 @@ def main(chosen: list[str]) -> int:
         for row in rows:
             table.add_row(*(f"{v:.3g}" if isinstance(v, float) else str(v) for v in row.values()))
         Console().print(table)
-        (RESULTS / f"{name}.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        if not only_kept():
+            text = json.dumps(rows, indent=1) + "\n"
+            (RESULTS / f"{name}.json").write_text(text, encoding="utf-8")
     return 0
 
 

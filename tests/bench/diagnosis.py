@@ -18,6 +18,7 @@ from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
 from threadpoolctl import threadpool_limits
 
 from diagnosis import diagnose, oracle, told_of, verdict_of
@@ -25,7 +26,7 @@ from diagnosis.evidence import Evidence, Scored
 from diagnosis.judge import judge
 from diagnosis.screen import REFITTED
 from identification import Fault
-from tests.bench.kept import cases
+from tests.bench.kept import cases, only_kept
 from truth import (
     Cause,
     Plan,
@@ -346,8 +347,11 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
             )
         )
     report = grade(given)
-    (RESULTS / f"{one.name}.grades.json").write_text(to_json(report) + "\n", encoding="utf-8")
-    (RESULTS / f"{one.name}.txt").write_text(tables(report), encoding="utf-8")
+    if only_kept():  # campaigns, and so baselines, may be gone
+        Console().print(tables(report), markup=False, soft_wrap=True)
+    else:
+        (RESULTS / f"{one.name}.grades.json").write_text(to_json(report) + "\n", encoding="utf-8")
+        (RESULTS / f"{one.name}.txt").write_text(tables(report), encoding="utf-8")
     seconds = np.array([row["seconds"] for row in rows if "seconds" in row])
     groups: dict[str, list[float]] = {}
     for row in rows:

@@ -1,6 +1,7 @@
 """Cases of a long bench, kept one by one: an interrupted bench goes on from where it was.
 
-With ``KEPT=1`` in the environment nothing is made: figures are those of the cases that are kept.
+With ``KEPT=1`` in the environment nothing is made nor written: figures are those of the cases that
+are kept.
 """
 
 import json
@@ -9,6 +10,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from joblib import Parallel, delayed
+
+
+def only_kept() -> bool:
+    """Whether figures are asked for of what there is."""
+    return bool(os.environ.get("KEPT"))
 
 
 def cases(
@@ -33,7 +39,7 @@ def cases(
     """
     known, kept = of(name), _file(name)
     missing = [k for k in numbers if k not in known or (stale is not None and stale(known[k]))]
-    if os.environ.get("KEPT"):
+    if only_kept():
         missing = []
     with kept.open("a", encoding="utf-8") as file:
         work = (delayed(_numbered)(make, number) for number in missing)
