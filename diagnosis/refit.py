@@ -34,7 +34,7 @@ SOME = replace(STAGES[4], tolerance=1e-3, max_steps=6)
 ALL = replace(STAGES[5], tolerance=1e-5, max_steps=6)
 _PROMISE = 0.1  # nats: of a fit whose parameters are stated
 # Of 100000 values 0.03 nats: a quarter of a standard deviation.
-FINAL = replace(STAGES[5], tolerance=3e-7, max_steps=15, curved=True)
+FINAL = replace(STAGES[5], tolerance=3e-7, max_steps=60, curved=True)
 CLOSE = (*FIRST, replace(STAGES[4], stride=8, tolerance=1e-3, max_steps=6))
 LAST = (replace(STAGES[4], tolerance=3e-4, max_steps=10),)
 # The way to the weights of the noise leads by the logarithm and its large allowance: a fit without
