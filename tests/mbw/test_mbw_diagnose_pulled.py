@@ -23,9 +23,11 @@ def case(x, *, word="none", excess=96.6, pull=0.0):
         known=None,
         retuned=SimpleNamespace(unfinished=0),
         after=None,
+        session=SimpleNamespace(campaign=SimpleNamespace(tests=())),
     )
     gap = SimpleNamespace(retuned=SimpleNamespace(excess=excess))
-    return SimpleNamespace(verdict=word, gap=gap, next_experiment=None), found
+    said = {"twins": [], "not_testable": ["friction"], "next_experiment": None}
+    return SimpleNamespace(verdict=word, gap=gap, **said), found
 
 
 def told(x, **values):
@@ -67,7 +69,9 @@ def test_a_tolerance_that_only_the_fit_without_bounds_pulls_has_no_name():
 def test_the_screen_tells_it_too(capsys, monkeypatch):
     monkeypatch.setattr(SCREEN, "quiet", False)
     verb._say_more(*case([9.0, 1.0, 3.3]))
-    assert "hammer(acc1:ty).rotation_z to be off by 3.3" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "hammer(acc1:ty).rotation_z to be off by 3.3" in said
+    assert "not excluded: friction" in said
 
 
 def test_fits_that_did_not_end_are_named():
