@@ -26,7 +26,7 @@ def case(x, *, word="none", excess=96.6, pull=0.0):
         session=SimpleNamespace(campaign=SimpleNamespace(tests=())),
     )
     gap = SimpleNamespace(retuned=SimpleNamespace(excess=excess))
-    said = {"twins": [], "not_testable": ["friction"], "next_experiment": None}
+    said = {"causes": [], "twins": [], "not_testable": ["friction"], "next_experiment": None}
     return SimpleNamespace(verdict=word, gap=gap, **said), found
 
 
