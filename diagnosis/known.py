@@ -44,7 +44,9 @@ class Known:
         exponential of a coordinate the ends of its logarithm. Further points, strewn at random,
         are for what bends, as the largest of several does: of what is linear they are within.
         Of each d counts P d, without what changes nothing that is stated, of which the data may
-        know nothing: four supports that lose alike, which is a softer joint.
+        know nothing: four supports that lose alike, which is a softer joint. What shapes an effect
+        (logarithms of frequencies, of time constants) ends where fits may reach: of a damping that
+        the data do not tell the ends were 1e-38 and 1e40 N s/m.
 
         None is said of what goes with a size that may as well be nothing, such as the place of a
         mass: a quotient has bounds only where its divisor is not zero (Fieller 1954).
@@ -56,10 +58,14 @@ class Known:
             return {}
         deviation = self.sure.deviation[own]
         correlation = self.sure.covariance[np.ix_(own, own)] / np.outer(deviation, deviation)
+        sizes = one.scored or self.freedom.names
+        shapes = [k for k in own if self.freedom.names[k] not in sizes]
+        ends = self.freedom.lower[shapes], self.freedom.upper[shapes]
 
         def at(units: Real) -> Real:
             x = self.sure.x.copy()
             x[own] += deviation * units
+            x[shapes] = np.clip(x[shapes], *ends)
             stated = middle | one.state(named(self.freedom, self.freedom.theta(x)))
             return _flat({name: stated[name] for name in middle})
 

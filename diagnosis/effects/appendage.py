@@ -90,8 +90,7 @@ class _Appendage:
 
     def _at(self, theta: Real) -> tuple[float, float]:
         omega = 2 * np.pi * self.frequency * float(np.exp(_STEPS[0] * theta[3]))
-        least, most = np.log(np.array(_DAMPINGS) / _DAMPING)  # intervals would reach beyond
-        return omega, _DAMPING * float(np.exp(np.clip(_STEPS[1] * theta[4], least, most)))
+        return omega, _DAMPING * float(np.exp(_STEPS[1] * theta[4]))
 
     def bounds(self, lowest: float, highest: float, reach: float) -> dict[str, tuple[float, float]]:
         """Where its parameters end, for a range of frequencies [Hz] and a reach [m]."""

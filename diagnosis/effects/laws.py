@@ -36,8 +36,7 @@ class Timed:
 
     def at(self, theta: float) -> float:
         """Tau [s]."""
-        steps = np.clip(theta, -self.farthest, self.farthest)  # intervals would reach beyond
-        return self.tau * float(np.exp(self.step * steps))
+        return self.tau * float(np.exp(self.step * theta))
 
     @property
     def farthest(self) -> float:

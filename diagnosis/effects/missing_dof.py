@@ -74,8 +74,7 @@ class _Way:
 
     def _at(self, theta: Real) -> tuple[float, float]:
         stiffness = 1 / (1 / self.held.stiffness + max(float(theta[0]), 0.0) * self.unit)
-        steps = np.clip(theta[1], -_FARTHEST, _FARTHEST)  # intervals would reach beyond
-        return stiffness, self.held.time_constant * float(np.exp(_STEP * steps))
+        return stiffness, self.held.time_constant * float(np.exp(_STEP * theta[1]))
 
     def compliance(self, stiffness: float) -> float:
         """The parameter for a stiffness."""

@@ -1,6 +1,7 @@
 """Intervals of what is stated: drawn answers are inside, and none is said of what is not known."""
 
 import tomllib
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -83,6 +84,21 @@ def test_what_changes_nothing_stated_does_not_widen_it():
     low, high = at.intervals(one)["share"]
     half = QUANTILE * 0.01 * (1.0 + 0.5 * 0.5)  # d(a / b) along across
     assert (low, high) == pytest.approx((0.5 - half, 0.5 + half), abs=0.05 * half)  # it bends
+
+
+@pytest.mark.parametrize("deviation", [0.1, 100.0])
+def test_what_shapes_an_effect_ends_where_fits_may_reach_and_sizes_do_not(deviation):
+    # Else ends are where a logarithm is hundreds of units off: at 1e-38 and 1e40 N s/m.
+    at = worth([9.0, -1.5], np.diag([1.0, deviation**2]), lower=[0.0, -2.0], upper=[10.0, 2.0])
+    one = replace(
+        stating(lambda found: {"size": found["a"], "time": float(np.exp(found["b"]))}),
+        scored=("a",),
+    )
+    either = QUANTILE * np.array([-1, 1])
+    found = at.intervals(one)
+    assert found["size"] == pytest.approx(9.0 + either, rel=1e-6)
+    ends = np.exp(np.clip(-1.5 + deviation * either, -2.0, 2.0))
+    assert found["time"] == pytest.approx(ends, rel=1e-6)
 
 
 @pytest.mark.parametrize("equal", [(0, 1), (0, 1, 2), ()])
