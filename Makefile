@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 OUT ?= mbw-demo
 SEALED ?= ../shared/campaigns/sealed
 
-.PHONY: demo test check bench sealed station gondola demo-campaign clean
+.PHONY: demo test check bench same sealed station gondola demo-campaign clean
 
 demo: $(VENV)/.installed
 	$(BIN)/mbw demo --out $(OUT)
@@ -22,6 +22,10 @@ check: $(VENV)/.installed-test
 
 bench: $(VENV)/.installed-bench
 	$(BIN)/python -m tests.bench $(ONLY)
+
+# Shows that this tree computes what the commit BASE did: every number of every JSON file alike.
+same: $(VENV)/.installed-test
+	$(BIN)/python -m tests.regression $(BASE) $(if $(ONLY),--only $(ONLY))
 
 # Verdicts on campaigns whose answers nobody here knows: made once, committed, never tuned to.
 sealed: $(VENV)/.installed
