@@ -1,11 +1,13 @@
 """The measured side: hits to FRFs, solid bodies, modal model."""
 
 from identification.band import band_lines
-from identification.campaign import correct_layout, read_campaign
-from identification.channels import doubled, silent
-from identification.layout_in import read_layout
-from identification.neighbours import independent
-from identification.settings import CampaignSettings, read_settings
+from identification.checks.channels import doubled, silent
+from identification.noise.line_independence import independent
+from identification.noise.repeatability import Unsteady, steadied, unsteady
+from identification.noise.variance import coherence_variance, difference_variance, smooth_variance
+from identification.readers.campaign import correct_layout, read_campaign
+from identification.readers.campaign_toml import CampaignSettings, read_settings
+from identification.readers.layout import read_layout
 from identification.solid import (
     FAULTS,
     BendingShape,
@@ -19,8 +21,6 @@ from identification.solid import (
     reconstruct,
     reduce_to_bodies,
 )
-from identification.steady import Unsteady, steadied, unsteady
-from identification.variance import coherence_variance, difference_variance, smooth_variance
 
 __all__ = [
     "FAULTS",

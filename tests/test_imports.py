@@ -19,9 +19,9 @@ MAY_IMPORT = {
 ONLY_BEHIND = {
     "mujoco": {"mbmodel"},
     "nlopt": {"tuning/solver.py"},
-    "pyuff": {"identification/uff_file.py"},
+    "pyuff": {"identification/readers/uff_datasets.py"},
     "meshio": {"mbmodel/meshfile.py", "identification/shapes/fe_file.py"},
-    "h5py": {"identification/matlab73.py"},
+    "h5py": {"identification/readers/matlab73.py"},
     "plotly": {"mbw/page/html.py"},
     "typer": {"mbw", "truth"},
     "rich": {"mbw"},

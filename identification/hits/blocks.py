@@ -6,8 +6,8 @@ from typing import Self
 
 import numpy as np
 
-from identification.hits.find import Blow, quiet_force
-from identification.hits.plan import Plan
+from identification.hits.block_plan import Plan
+from identification.hits.detection import Blow, quiet_force
 from identification.words import Mask, Real, Records, Rejected
 
 _QUIET = 16  # samples before the first hit that make a zero line of the motion

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.array_records import are_records, read_array_records
-from identification.arrays_in import load_arrays
-from identification.hits.estimate import estimate_all
+from identification.hits.hit_frfs import estimate_all
 from identification.hits.settings import HitSettings
-from identification.settings import CampaignSettings, SensorSettings, TestSettings
-from identification.stated import is_arrays, is_universal, refuse_stated, stated
-from identification.uff_records import holds_records, read_uff_records
+from identification.readers.array_frfs import load_arrays
+from identification.readers.array_records import are_records, read_array_records
+from identification.readers.campaign_toml import CampaignSettings, SensorSettings, TestSettings
+from identification.readers.file_kinds import is_arrays, is_universal, refuse_stated, stated
+from identification.readers.uff_records import holds_records, read_uff_records
 from identification.words import Condition, Dof, HitEstimate, InputError, Records, Test
 
 _KEYS = (

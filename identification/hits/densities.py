@@ -4,7 +4,7 @@ import numpy as np
 import scipy.fft
 
 from identification.hits.blocks import Blocks, quiet_samples
-from identification.hits.find import Blow
+from identification.hits.detection import Blow
 from identification.words import Densities, Real, Records
 
 _LEAST = 64  # samples of noise that make a spectrum

@@ -15,11 +15,11 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from identification.impacts.clock import Struck, struck
+from identification.impacts.common_clock import Struck, struck
 from identification.impacts.records import ImpactRecord, read_impact
 from identification.impacts.spectra import ImpactSpectra, impact_spectra
-from identification.layout_in import read_layout
-from identification.settings import campaign_file, plain_toml, read_toml
+from identification.readers.campaign_toml import campaign_file, plain_toml, read_toml
+from identification.readers.layout import read_layout
 from identification.words import InputError, Layout
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import butter, czt, sosfiltfilt
 
-from identification.impacts.clock import Struck
+from identification.impacts.common_clock import Struck
 from identification.words import Complex, Dof, InputError, Real
 
 _LEAST_BEFORE = 32  # samples, for the noise to be known

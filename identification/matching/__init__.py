@@ -1,11 +1,11 @@
 """Measured modes matched with simulated ones: as printed, and with all that is known."""
 
 from identification.matching.assignment import best_matching, pair_probabilities
-from identification.matching.by_hand import ByHand, by_hand
+from identification.matching.hand_methods import ByHand, by_hand
+from identification.matching.impact_modes import ImpactModes, impact_modes, in_phase
 from identification.matching.likelihood import Beliefs, odds
-from identification.matching.match import Match, at_channels, channels_at, match
-from identification.matching.modes import ImpactModes, impact_modes, in_phase
-from identification.matching.printed import PrintedMatch, Reading, printed_match, steadiest
+from identification.matching.mode_matching import Match, at_channels, channels_at, match
+from identification.matching.ratio_method import PrintedMatch, Reading, printed_match, steadiest
 
 __all__ = [
     "Beliefs",

@@ -1,17 +1,13 @@
 """From FRFs to modes: poles, automatic selection, refinement, indicators."""
 
-from identification.modal.automatic import Identified, identify_modes
-from identification.modal.campaign import Measured, beside, identify
-from identification.modal.circle import Circle, circle_fit
-from identification.modal.classical import (
+from identification.modal.campaign_modes import Measured, beside, identify
+from identification.modal.circle_fit_method import Circle, circle_fit
+from identification.modal.half_power_method import (
     half_power_damping,
     least_squares_amplitude,
     peak_amplitude,
     unit_response,
 )
-from identification.modal.classical_checks import ClassicalMode, classical_checks
-from identification.modal.clusters import Tolerances
-from identification.modal.fit import Data, ModalFit
 from identification.modal.indicators import (
     auto_mac,
     cmif,
@@ -25,7 +21,10 @@ from identification.modal.indicators import (
     signed_comac,
     stability,
 )
-from identification.modal.lscf import Poles, lscf
+from identification.modal.lscf_method import Poles, lscf
+from identification.modal.mode_selection import Identified, identify_modes
+from identification.modal.pole_clusters import Tolerances
+from identification.modal.refinement import Data, ModalFit
 from identification.modal.shapes import (
     UNIT_MASS,
     BodyShapes,
@@ -34,6 +33,7 @@ from identification.modal.shapes import (
     scaled,
     shapes_at_bodies,
 )
+from identification.modal.single_mode_checks import ClassicalMode, classical_checks
 from identification.modal.synthesis import (
     SynthesisError,
     full_matrix,
@@ -41,7 +41,7 @@ from identification.modal.synthesis import (
     synthesis_error,
     synthesised,
 )
-from identification.modal.wishes import Wishes
+from identification.modal.user_choices import Wishes
 
 __all__ = [
     "UNIT_MASS",

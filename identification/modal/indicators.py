@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.optimize
 
-from identification.modal.lscf import Poles
+from identification.modal.lscf_method import Poles
 from identification.words import Complex, Integers, Real
 
 NOT_PHYSICAL, NEW, FREQUENCY, DAMPING, STABLE = range(5)  # of a pole beside the order below

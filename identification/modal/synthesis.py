@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.modal.campaign import Measured
+from identification.modal.campaign_modes import Measured
 from identification.modal.indicators import frac
 from identification.modal.shapes import Scaled
 from identification.words import Complex, Mask, ModalModel, Real, UsageError, modal_sum

@@ -13,7 +13,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from identification.shapes.shapes import Shapes
+from identification.shapes.fe_shapes import Shapes
 from identification.words import InputError, Integers, Real
 
 _NUMBER = r"(?<![\d.,])([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)"

@@ -1,10 +1,10 @@
 """Solid bodies: from sensors to motions and back, up to where that holds, and which sensor lies."""
 
-from identification.solid.bending import BendingShape, bending_shape
-from identification.solid.check import BodyCheck, Fault, check_bodies
-from identification.solid.hypotheses import delayed, mount
-from identification.solid.reduce import body_inverse, reconstruct, reduce_to_bodies
-from identification.solid.words import FAULTS
+from identification.solid.bending_shapes import BendingShape, bending_shape
+from identification.solid.body_check import BodyCheck, Fault, check_bodies
+from identification.solid.reduction import body_inverse, reconstruct, reduce_to_bodies
+from identification.solid.sensor_faults import delayed, mount
+from identification.solid.sentences import FAULTS
 
 __all__ = [
     "FAULTS",

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.modal import mac, paired, signed_comac
-from identification.uff_modes_in import read_uff_modes
+from identification.readers.uff_modes_read import read_uff_modes
 from identification.words import Complex, Dof, InputError, Layout, Mask, Real
 from mbmodel import Machine, as_drawn, model_modes, shapes_at
 

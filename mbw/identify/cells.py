@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification import reconstruct, reduce_to_bodies
+from identification.checks.roving_hammer import is_roved
 from identification.modal import Measured
-from identification.roving import is_roved
 from identification.words import (
     ORDER,
     Campaign,

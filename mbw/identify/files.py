@@ -11,7 +11,7 @@ import numpy as np
 import scipy.io
 
 from identification.modal import Scaled, full_matrix
-from identification.uff_modes import NodeShapes, node_shapes, write_uff_modes
+from identification.readers.uff_modes_write import NodeShapes, node_shapes, write_uff_modes
 from identification.words import Dof, InputError, Layout, ModalModel, Quantity
 from mbw.identify.result import Result
 from mbw.identify.schema import ModesFile

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from identification import BodyCheck
+from identification.checks.roving_hammer import is_roved
 from identification.modal import (
     ClassicalMode,
     Identified,
@@ -17,7 +18,6 @@ from identification.modal import (
     mpc,
     mpd,
 )
-from identification.roving import is_roved
 from identification.words import Campaign, Layout, ModalModel, Real
 from mbw.identify.against import Other
 from mbw.identify.arrays import arrays_of

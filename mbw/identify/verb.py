@@ -14,9 +14,9 @@ from identification import (
     read_layout,
     read_settings,
 )
+from identification.checks.roving_hammer import exchanged, is_roved, shape_points
+from identification.checks.setups import consistency
 from identification.modal import Tolerances, Wishes, identify
-from identification.roving import exchanged, is_roved, shape_points
-from identification.setups import consistency
 from identification.words import Campaign, UsageError, WorkbenchError
 from mbmodel import Machine, load_machine, looks
 from mbw.files import check_json, check_names, write_json

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from identification.layout_in import read_layout
 from identification.matching import at_channels
+from identification.readers.layout import read_layout
+from identification.readers.sites_table import SITES_HEADER, read_sites, sites_layout
 from identification.shapes import (
     Shapes,
     antinodes,
@@ -19,7 +20,6 @@ from identification.shapes import (
     rigid_modes,
     telling,
 )
-from identification.sites_table import SITES_HEADER, read_sites, sites_layout
 from identification.words import Dof, InputError, Integers, Layout
 from mbw.match.verb import Simulated
 from mbw.messages import SCREEN

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.io
 
-from identification.arrays_in import read_arrays
+from identification.readers.array_frfs import read_arrays
 from identification.words import InputError
 
 FREQ = np.array([0.0, 0.5, 1.25, 3.0, 3.5, 8.0, 9.0])

@@ -9,7 +9,7 @@ from array_files import FREQ, OPTIONS, refusal, save_frfs, tables
 from hypothesis import given
 from hypothesis import strategies as st
 
-from identification.arrays_in import parse_channels, read_arrays
+from identification.readers.array_frfs import parse_channels, read_arrays
 from identification.words import InputError
 
 

@@ -9,7 +9,7 @@ import pytest
 import scipy.io
 from array_files import CHANNELS, FREQ, NAMES, OPTIONS, refusal, save, save_frfs, tables
 
-from identification.arrays_in import read_arrays
+from identification.readers.array_frfs import read_arrays
 from identification.words import InputError
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.channels import _coherence_of_noise, channel_remarks, silent
+from identification.checks.channels import _coherence_of_noise, channel_remarks, silent
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 SITES = ("acc1", "acc2", "acc3", "acc4")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identification.hits import average, estimate_frf
-from identification.variance import coherence_variance
+from identification.noise.variance import coherence_variance
 
 LINES = 4000
 H = np.array([2.0 - 1.0j, -0.3 + 0.7j])

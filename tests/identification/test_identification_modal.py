@@ -17,7 +17,7 @@ from identification.modal import (
     mpc,
     mpd,
 )
-from identification.modal.fit import _fit_shapes, _free, _moved, _schur, cost_without, refine
+from identification.modal.refinement import _fit_shapes, _free, _moved, _schur, cost_without, refine
 from identification.words import Dof, ModalModel, UsageError
 
 SMALL = {"total": 6, "n_out": 7, "n_in": 2, "lines": 401}

@@ -4,7 +4,7 @@ import numpy as np
 from modal_case import modal_case
 
 from identification.modal import Data, identify_modes
-from identification.modal.fit import refine
+from identification.modal.refinement import refine
 
 
 def found_in(seed):

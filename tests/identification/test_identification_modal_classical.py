@@ -13,7 +13,7 @@ from identification.modal import (
     peak_amplitude,
     unit_response,
 )
-from identification.modal.classical import difference, half_power
+from identification.modal.half_power_method import difference, half_power
 from identification.words import Dof, InputError, ModalModel, UsageError
 
 FREQ = np.arange(20.0, 50.0, 0.02)

@@ -24,7 +24,7 @@ from identification.modal import (
     synthesis_error,
     synthesised,
 )
-from identification.modal.lscf import Poles
+from identification.modal.lscf_method import Poles
 from identification.words import Dof, ModalModel, UsageError
 
 MASS = np.array([[3.0, 0.4, 0.0], [0.4, 2.0, 0.1], [0.0, 0.1, 1.5]])

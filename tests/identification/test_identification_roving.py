@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.roving import exchanged, is_roved, shape_points
+from identification.checks.roving_hammer import exchanged, is_roved, shape_points
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 SITES = tuple(f"acc{k}" for k in range(1, 6))

@@ -7,7 +7,7 @@ import pytest
 from hammer_records import System, a_system
 from identification_examples import a_layout, an_estimate
 
-from identification.setups import consistency
+from identification.checks.setups import consistency
 from identification.words import Campaign, Condition, Dof, Test
 
 FREQ = 20.0 + 0.25 * np.arange(600)

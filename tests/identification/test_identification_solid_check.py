@@ -8,11 +8,11 @@ from solid_bodies import HITS, Case, draw, triaxials
 
 from identification import check_bodies
 from identification.solid import search
-from identification.solid.fit import Model, Moments, fit
-from identification.solid.gather import body_data, gather
-from identification.solid.hypotheses import State, hypotheses
-from identification.solid.judge import _begun_elsewhere, _judge, rank
-from identification.solid.looks import Look
+from identification.solid.body_channels import body_data, gather
+from identification.solid.ranking import _begun_elsewhere, _judge, rank
+from identification.solid.rigid_fit import Model, Moments, fit
+from identification.solid.screening import Look
+from identification.solid.sensor_faults import State, hypotheses
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 LINES = 200

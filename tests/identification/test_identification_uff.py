@@ -8,7 +8,7 @@ import pytest
 import pyuff
 from identification_examples import EVEN, UNEVEN, Function, dataset, numbers, units
 
-from identification.uff import read_uff
+from identification.readers.uff_frfs import read_uff
 from identification.words import InputError
 
 ONE = Function(numbers(1))

@@ -7,7 +7,7 @@ import pytest
 from hammer_records import channel_functions
 from identification_examples import Function, dataset, numbers, units
 
-from identification.uff_records import holds_records, read_uff_records
+from identification.readers.uff_records import holds_records, read_uff_records
 from identification.words import Dof, InputError, Records
 
 RATE = 2048.0  # its step has eight digits, of which a header keeps six

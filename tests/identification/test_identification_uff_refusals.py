@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from identification_examples import EVEN, MARK, UNEVEN, Function, dataset, numbers, units
 
-from identification.uff import read_uff
+from identification.readers.uff_frfs import read_uff
 from identification.words import InputError
 
 ONE = Function(numbers(1))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from identification_examples import Function, numbers
 
-from identification.uff import read_uff
+from identification.readers.uff_frfs import read_uff
 
 ONE = Function(numbers(1))
 TWO = Function(numbers(2), rsp=(7, 2))

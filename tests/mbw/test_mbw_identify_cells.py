@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from campaign_folder import write_folder
 
-from identification.modal.campaign import beside
+from identification.modal.campaign_modes import beside
 from mbw.identify.cells import cells_of
 from tuning import open_campaign
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from identification.layout_in import read_layout
 from identification.matching import at_channels
+from identification.readers.layout import read_layout
+from identification.readers.sites_table import read_sites
 from identification.shapes import read_shapes, telling
-from identification.sites_table import read_sites
 from mbw.command import app
 from mbw.match.place import Wanted, proposed, written
 

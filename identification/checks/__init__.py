@@ -1,0 +1,1 @@
+"""Checks of the measured channels and set-ups before they are used."""

@@ -1,0 +1,1 @@
+"""The variance of measured FRFs, and checks of what counts as noise."""

@@ -1,0 +1,1 @@
+"""Readers of campaigns, FRFs, time records, mode shapes and layouts."""

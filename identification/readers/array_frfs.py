@@ -1,0 +1,204 @@
+"""FRF tables from MATLAB and numpy files, whose channels campaign.toml has to name."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import scipy.io
+
+from identification.readers.frf_table import FrfTable
+from identification.readers.matlab73 import read_matlab73
+from identification.words import Complex, Dof, InputError, Quantity, Real, UsageError
+
+_NODES = re.compile(r"nodes\s+(?P<nodes>[\d\s.,]+?),?\s+(?P<axes>[xyz]+)")
+_STANDARD_GRAVITY = 9.80665
+_TIME = {"receptance": "m", "mobility": "m/s", "accelerance": "m/s^2"}
+_LENGTH = {"": 1.0, "m": 1e-3, "u": 1e-6, "n": 1e-9}
+
+
+def read_arrays(
+    path: Path,
+    *,
+    channels: str | list[str],
+    references: list[str],
+    quantity: Quantity,
+    unit: str | None,
+) -> FrfTable:
+    """Read FRFs, COHs, freqs of a .mat file, or frf, coherence, freq_hz of an .npz.
+
+    The FRFs may be (out, in, freq), as MATLAB users keep them, or (freq, out, in): the lengths of
+    the three axes decide, and freq-first wins where both fit. Coherence may be missing.
+
+    Args:
+        path: the file.
+        channels: ``"nodes 1..23, xyz"`` or a list of labels.
+        references: labels.
+        quantity: what the values are.
+        unit: such as ``m/s^2/N``, ``g/N``, ``mm/s^2/N``; None for SI.
+
+    Raises:
+        InputError: with the file and what does not fit.
+    """
+    responses = parse_channels(path, channels)
+    inputs = _distinct(path, "references", tuple(_parse(path, text) for text in references))
+    names = ("FRFs", "COHs", "freqs") if path.suffix.lower() == ".mat" else (
+        "frf", "coherence", "freq_hz")  # fmt: skip
+    arrays = load_arrays(path)
+    for name in (names[0], names[2]):
+        if name not in arrays:
+            raise InputError(
+                f"{path} has no variable {name!r} (it has {', '.join(sorted(arrays)) or 'none'}): "
+                "save it under that name"
+            )
+    _refuse_texts(path, arrays, names)
+    freq_hz = np.real(arrays[names[2]]).astype(float).ravel()
+    shape = (len(freq_hz), len(responses), len(inputs))
+    values: Complex = _freq_first(path, names[0], np.asarray(arrays[names[0]]), shape) + 0j
+    coherence = arrays.get(names[1])
+    if coherence is not None:
+        coherence = _freq_first(path, names[1], np.real(coherence), shape).astype(float)
+        _refuse_nan(path, names[1], coherence, responses, inputs)
+        coherence = np.clip(coherence, 0.0, 1.0)
+    _refuse_nan(path, names[0], values, responses, inputs)
+    if not (np.isfinite(freq_hz).all() and (np.diff(freq_hz) > 0).all() and freq_hz.size):
+        raise InputError(f"{path}: {names[2]} does not rise strictly: sort it, drop repeated lines")
+    return FrfTable(
+        freq_hz=freq_hz,
+        values=values * unit_factor(path, quantity, unit),
+        coherence=coherence,
+        measured=np.ones(shape[1:], bool),
+        responses=responses,
+        references=inputs,
+        quantity=quantity,
+    )
+
+
+def load_arrays(path: Path) -> dict[str, np.ndarray]:
+    """Read all variables of a .mat (any version) or .npz.
+
+    Raises:
+        InputError: missing or unreadable.
+    """
+    if not path.is_file():
+        raise InputError(f"{path} does not exist: name the file of the test")
+    try:
+        if path.suffix.lower() == ".mat":
+            content = scipy.io.loadmat(path)
+        else:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+                content = dict(archive)
+    except NotImplementedError:  # version 7.3 is another format altogether
+        content = _load_73(path)
+    except Exception as error:  # the readers raise whatever the bytes lead them to
+        raise InputError(f"{path} cannot be read ({error}): save it again") from error
+    return {name: value for name, value in content.items() if not name.startswith("__")}
+
+
+def _load_73(path: Path) -> dict[str, np.ndarray]:
+    try:
+        return read_matlab73(path)
+    except Exception as error:
+        raise InputError(
+            f"{path} is MATLAB v7.3 and cannot be read ({error}): save it again"
+        ) from error
+
+
+def _refuse_texts(path: Path, arrays: dict[str, np.ndarray], names: tuple[str, ...]) -> None:
+    for name in names:
+        if name in arrays and np.asarray(arrays[name]).dtype.kind not in "fiuc":
+            raise InputError(f"{path}: {name} holds no numbers: save an array of numbers")
+    if np.any(np.imag(arrays[names[2]])):
+        raise InputError(f"{path}: {names[2]} is complex: save frequencies in Hz")
+
+
+def _freq_first(
+    path: Path, name: str, array: np.ndarray, shape: tuple[int, int, int]
+) -> np.ndarray:
+    if array.ndim == 2 and shape[2] == 1:
+        array = array[:, :, None] if array.shape == shape[:2] else array[:, None, :]
+    if array.shape == shape:
+        return array
+    if array.shape == (*shape[1:], shape[0]):
+        return np.moveaxis(array, 2, 0)
+    raise InputError(
+        f"{path}: {name} has shape {array.shape}; {shape[1]} channels, {shape[2]} references and "
+        f"{shape[0]} frequencies make {(*shape[1:], shape[0])}: mend channels or references"
+    )
+
+
+def _refuse_nan(
+    path: Path,
+    name: str,
+    array: Complex | Real,
+    responses: tuple[Dof, ...],
+    inputs: tuple[Dof, ...],
+) -> None:
+    bad = np.argwhere(~np.isfinite(array))
+    if bad.size:
+        line, row, column = bad[0]
+        raise InputError(
+            f"{path}: {name} holds NaN or infinity at line {line}, response {responses[row]}, "
+            f"reference {inputs[column]}: export it again"
+        )
+
+
+def parse_channels(path: Path, channels: str | list[str]) -> tuple[Dof, ...]:
+    """Labels of ``nodes 1..4 7, xyz`` (node by node) or of a list.
+
+    Raises:
+        InputError: neither of the two, or a channel twice.
+    """
+    if isinstance(channels, str):
+        match = _NODES.fullmatch(channels.strip())
+        if match is None:
+            raise InputError(
+                f'{path}: channels = "{channels}" is not understood: write "nodes 1..23, xyz" or a '
+                "list of labels"
+            )
+        dofs = tuple(
+            Dof(str(node), f"+t{axis}")
+            for item in match["nodes"].replace(",", " ").split()
+            for node in _node_range(path, item)
+            for axis in match["axes"]
+        )
+    else:
+        dofs = tuple(_parse(path, text) for text in channels)
+    return _distinct(path, "channels", dofs)
+
+
+def _distinct(path: Path, key: str, dofs: tuple[Dof, ...]) -> tuple[Dof, ...]:
+    if not dofs or len({dof.positive for dof in dofs}) < len(dofs):
+        raise InputError(f"{path}: {key} name one twice, or none: mend them")
+    return dofs
+
+
+def _node_range(path: Path, text: str) -> range:
+    ends = text.split("..")
+    if not 1 <= len(ends) <= 2 or not all(end.isdecimal() for end in ends):
+        raise InputError(f"{path}: {text!r} is no range of nodes: write 1..23")
+    nodes = range(int(ends[0]), int(ends[-1]) + 1)
+    if not nodes:
+        raise InputError(f"{path}: the range {text!r} falls: write the lower node first")
+    return nodes
+
+
+def _parse(path: Path, text: str) -> Dof:
+    try:
+        return Dof.parse(text)
+    except UsageError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def unit_factor(path: Path, quantity: Quantity, unit: str | None) -> float:
+    """Value in SI per value in ``unit``."""
+    motion = _TIME[quantity]
+    if unit is None:
+        return 1.0
+    units = {f"{prefix}{motion}/N": factor for prefix, factor in _LENGTH.items()}
+    if quantity == "accelerance":
+        units["g/N"] = _STANDARD_GRAVITY
+    if unit not in units:
+        raise InputError(
+            f"{path}: unit {unit!r} is no unit of {quantity}: write one of {', '.join(units)}"
+        )
+    return units[unit]
