@@ -1,17 +1,23 @@
 """The modelled side: MJCF to machine, its equation of motion, and exact derivatives of it."""
 
 from mbmodel.additions import by_joints, freed, hung, linked
-from mbmodel.bending import Bending, with_bending
-from mbmodel.edit import Addition, Edit, NotHeld, write_mjcf
-from mbmodel.energy import Energy, energy
-from mbmodel.forward import Forward
-from mbmodel.looks import Looks, looks
-from mbmodel.loosened import Held, loosened
+from mbmodel.compliance.flexible_body import Bending, with_bending
+from mbmodel.compliance.released_directions import Held, loosened
+from mbmodel.export.state_space import state_space
+from mbmodel.export.transient import respond
+from mbmodel.frf.forward_sensitivities import Forward
+from mbmodel.frf.linearised import Evaluator, Linearised, linearise
+from mbmodel.frf.ports import parse_input
+from mbmodel.frf.request import Question
+from mbmodel.geometry.surfaces import Looks, looks
+from mbmodel.linearisation.springs import Spring
 from mbmodel.machine import Machine, load_machine, parents_of
-from mbmodel.meshes import mesh_files
-from mbmodel.mode_slopes import LinearisedModes, ModeEvaluator
+from mbmodel.meshes.compile import mesh_files
+from mbmodel.mjcf.edit import Addition, Edit, NotHeld, write_mjcf
 from mbmodel.model import Matrices, Model, as_drawn
-from mbmodel.modes import Modes, model_modes, modes, shapes_at
+from mbmodel.modes.energy_shares import Energy, energy
+from mbmodel.modes.model_modes import Modes, model_modes, modes, shapes_at
+from mbmodel.modes.sensitivities import LinearisedModes, ModeEvaluator
 from mbmodel.parts import (
     AddedPart,
     Change,
@@ -27,13 +33,7 @@ from mbmodel.parts import (
     sensor_parts,
     spring_parts,
 )
-from mbmodel.places import parse_input
-from mbmodel.question import Question
-from mbmodel.response import Evaluator, Linearised, linearise
 from mbmodel.spatial import rotation_matrix, transport
-from mbmodel.springs import Spring
-from mbmodel.statespace import state_space
-from mbmodel.transient import respond
 
 __all__ = [
     "AddedPart",

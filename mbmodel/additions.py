@@ -15,8 +15,8 @@ from collections.abc import Callable
 import numpy as np
 
 from identification.words import Real
-from mbmodel.edit import Addition, Element, NotHeld, Values
 from mbmodel.machine import Axle, Machine
+from mbmodel.mjcf.edit import Addition, Element, NotHeld, Values
 from mbmodel.parts import Change
 
 _LENGTH = 1.0  # m, of a tendon along its axis

@@ -16,18 +16,18 @@ from identification.words import (
     is_hammer,
     node_of,
 )
-from mbmodel.drawing import Drawing, drawing_of
-from mbmodel.equilibrium import (
+from mbmodel.linearisation.drawing import Drawing, drawing_of
+from mbmodel.linearisation.equilibrium import (
     remaining_stiffness_and_damping,
     settle,
     tendon_jacobian,
 )
-from mbmodel.mjcf import body_name, compile_mjcf, coordinate_names, joint_name
-from mbmodel.motors import Drive, motors_of
-from mbmodel.rest import rest_remarks
+from mbmodel.linearisation.motors import Drive, motors_of
+from mbmodel.linearisation.remarks import rest_remarks
+from mbmodel.linearisation.spin import spin_remarks, spin_velocity
+from mbmodel.linearisation.springs import Spring, springs_of
+from mbmodel.mjcf.read import body_name, compile_mjcf, coordinate_names, joint_name
 from mbmodel.spatial import spatial_inertia, transport
-from mbmodel.spin import spin_remarks, spin_velocity
-from mbmodel.springs import Spring, springs_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from identification.words import Complex, Condition, Mask, Real, UsageError
-from mbmodel.edit import Addition, Edit, NotHeld
-from mbmodel.gravity import gravity_slope, gravity_stiffness
+from mbmodel.linearisation.gravity import gravity_slope, gravity_stiffness
 from mbmodel.machine import Machine
+from mbmodel.mjcf.edit import Addition, Edit, NotHeld
 from mbmodel.parts import (
     AddedPart,
     BodyPart,

@@ -20,7 +20,7 @@ ONLY_BEHIND = {
     "mujoco": {"mbmodel"},
     "nlopt": {"tuning/solver.py"},
     "pyuff": {"identification/readers/uff_datasets.py"},
-    "meshio": {"mbmodel/meshfile.py", "identification/shapes/fe_file.py"},
+    "meshio": {"mbmodel/meshes/files.py", "identification/shapes/fe_file.py"},
     "h5py": {"identification/readers/matlab73.py"},
     "plotly": {"mbw/page/html.py"},
     "typer": {"mbw", "truth"},

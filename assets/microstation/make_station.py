@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from shapes import Shell, together
 from stages import TARGETS, Target
 
-from mbmodel.solid import Solid, solid_of, surface_solid
+from mbmodel.meshes.mass_properties import Solid, solid_of, surface_solid
 
 HERE = Path(__file__).resolve().parent
 MESHES = HERE / "meshes"

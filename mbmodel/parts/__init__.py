@@ -12,7 +12,7 @@ from mbmodel.parts.part import (
     Situation,
     Slot,
 )
-from mbmodel.parts.points import HammerPart, SensorPart, hammer_parts, sensor_parts
+from mbmodel.parts.sensors_and_hammer import HammerPart, SensorPart, hammer_parts, sensor_parts
 from mbmodel.parts.springs import SpringPart, spring_parts
 
 __all__ = [

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from identification.words import Condition, Real
-from mbmodel.edit import Addition, Edit, NotHeld
+from mbmodel.mjcf.edit import Addition, Edit, NotHeld
 from mbmodel.parts.part import Change, Parameter, Situation
 
 Changes = Callable[[Real], tuple[Change, ...]]

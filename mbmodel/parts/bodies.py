@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 
 from identification.words import Real
-from mbmodel.drawing import Heavy
-from mbmodel.edit import Edit, NotHeld
+from mbmodel.linearisation.drawing import Heavy
 from mbmodel.machine import Machine
+from mbmodel.mjcf.edit import Edit, NotHeld
 from mbmodel.parts.part import Change, Parameter, Situation
 from mbmodel.spatial import cross_matrix, nearest_inertia, spatial_inertia, split_inertia
 

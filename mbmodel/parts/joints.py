@@ -7,9 +7,9 @@ from itertools import groupby
 import numpy as np
 
 from identification.words import Real
-from mbmodel.drawing import Placed
-from mbmodel.edit import Addition, Edit, NotHeld
+from mbmodel.linearisation.drawing import Placed
 from mbmodel.machine import Axle, Machine
+from mbmodel.mjcf.edit import Addition, Edit, NotHeld
 from mbmodel.parts.part import Change, Known, Parameter, Situation
 from mbmodel.spatial import cross_matrix, rotation_matrix, rotation_slopes, twist
 

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
 from identification.words import Complex, Condition, Real
-from mbmodel.edit import Addition, Edit, NotHeld
 from mbmodel.machine import Machine
+from mbmodel.mjcf.edit import Addition, Edit, NotHeld
 
 Slot = Literal["body", "joint", "path", "sensor", "hammer"]
 

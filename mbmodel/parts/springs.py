@@ -7,10 +7,10 @@ from itertools import groupby
 import numpy as np
 
 from identification.words import Integers, Real
-from mbmodel.edit import Edit, NotHeld
+from mbmodel.linearisation.springs import Spring
 from mbmodel.machine import Machine
+from mbmodel.mjcf.edit import Edit, NotHeld
 from mbmodel.parts.part import Change, Parameter, Situation, Slot
-from mbmodel.springs import Spring
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ import numpy as np
 
 from identification.words import Layout
 from mbmodel import Looks, Machine
-from mbmodel.looks import Line, Surface
+from mbmodel.geometry.surfaces import Line, Surface
 from mbw.diagnose.schema import LineRow, MachineRow, MeshRow, PlaceRow
 
 _KINDS = {"vertices": np.float32, "triangles": np.int32, "edges": np.int32}

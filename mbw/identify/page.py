@@ -8,7 +8,7 @@ import numpy as np
 from identification.modal import UNIT_MASS
 from identification.words import ORDER, Complex, Dof, Layout, Quantity
 from mbmodel import Looks
-from mbmodel.looks import Line
+from mbmodel.geometry.surfaces import Line
 from mbw.identify.files import nodes_of
 from mbw.identify.hits import hits_data, hits_section
 from mbw.identify.remarks import lead, remarks

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from identification.words import Complex, Integers, Layout, is_hammer
-from mbmodel.looks import Colour, Looks, Surface
+from mbmodel.geometry.surfaces import Colour, Looks, Surface
 from mbw.page.html import packed, packed_complex, packed_integers
 from mbw.points import sensors
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from identification.words import Complex, Dof, Input, Motor, Quantity, Real, UsageError
 from mbmodel import Evaluator, Model, Modes, Question
-from mbmodel.places import is_floor
+from mbmodel.frf.ports import is_floor
 from mbw.points import hammers
 
 _MOTION = {

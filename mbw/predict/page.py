@@ -5,7 +5,7 @@ from html import escape
 import numpy as np
 
 from identification.words import Real
-from mbmodel.looks import Looks
+from mbmodel.geometry.surfaces import Looks
 from mbw.page.html import fill, packed, packed_complex, warnings
 from mbw.page.picture import picture
 from mbw.predict.curves import Curves

@@ -23,7 +23,7 @@ from mbmodel import (
     parse_input,
     state_space,
 )
-from mbmodel.looks import looks
+from mbmodel.geometry.surfaces import looks
 from mbw.files import check_json, write_json, write_page
 from mbw.messages import SCREEN
 from mbw.points import hammers, sensors

@@ -11,9 +11,9 @@ import pytest
 from mbmodel_examples import ROOT, STATION
 
 from mbmodel import as_drawn, load_machine, modes
-from mbmodel.meshfile import read_mesh
-from mbmodel.solid import solid_of
-from mbmodel.surface import winding_number
+from mbmodel.meshes.files import read_mesh
+from mbmodel.meshes.mass_properties import solid_of
+from mbmodel.meshes.surface import winding_number
 
 HERE = ROOT / "assets" / "microstation"
 LEGS = HERE / "station_legs.xml"

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mbmodel import load_machine
-from mbmodel.looks import looks, sharp_edges, simplified
-from mbmodel.primitives import box, capsule, cylinder
+from mbmodel.geometry.primitives import box, capsule, cylinder
+from mbmodel.geometry.surfaces import looks, sharp_edges, simplified
 
 MJCF = """
 <mujoco>

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from identification.words import InputError
 from mbmodel import load_machine, mesh_files
-from mbmodel.mjcf import compile_mjcf
-from mbmodel.solid import solid_of
+from mbmodel.meshes.mass_properties import solid_of
+from mbmodel.mjcf.read import compile_mjcf
 
 DENSITY = 2700.0
 PLACE, TURN = np.array([0.1, -0.3, 0.2]), Rotation.from_euler("XYZ", [0.4, -0.2, 0.7])

@@ -16,7 +16,7 @@ from mbmodel_examples import (
 
 from identification.words import Dof
 from mbmodel import Evaluator, Question, as_drawn, linearise, modes
-from mbmodel.modal import modal_form
+from mbmodel.frf.modal_form import modal_form
 
 # DESIGN: error of a fast FRF at most 1e-10. Relative to a channel's peak, as antiresonances are
 # differences of modes.

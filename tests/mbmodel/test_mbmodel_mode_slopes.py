@@ -19,7 +19,7 @@ from mbmodel import (
     sensor_parts,
     spring_parts,
 )
-from mbmodel.mode_slopes import _solve
+from mbmodel.modes.sensitivities import _solve
 
 FAMILIES = {
     "springs": lambda machine: (),

@@ -17,7 +17,7 @@ from mbmodel import (
     spring_parts,
     write_mjcf,
 )
-from mbmodel.equilibrium import settle
+from mbmodel.linearisation.equilibrium import settle
 
 JOINTS = ("slide", "hinge", "ball", "slides and hinges", "free")
 

@@ -21,8 +21,8 @@ from mbmodel import (
     spring_parts,
     state_space,
 )
+from mbmodel.frf.woodbury import ShapedSolver
 from mbmodel.model import ShapedTerm
-from mbmodel.shaped import ShapedSolver
 
 __all__ = ["drawing"]
 

@@ -24,7 +24,7 @@ from mesh_examples import (
 from scipy.spatial.transform import Rotation
 
 from identification.words import InputError
-from mbmodel.solid import outward_faces, solid_of, surface_solid, volume_solid
+from mbmodel.meshes.mass_properties import outward_faces, solid_of, surface_solid, volume_solid
 
 DENSITY = 2800.0
 SIZE, CENTRE = (0.3, 0.5, 0.7), (1.0, -2.0, 3.0)

@@ -1,0 +1,1 @@
+"""Compliance that rigid stages lack: released directions and bending bodies."""

@@ -1,0 +1,1 @@
+"""The linear model as a state space and in time."""

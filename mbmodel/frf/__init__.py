@@ -1,0 +1,1 @@
+"""FRFs of a linear model and their exact derivatives."""

@@ -1,0 +1,1 @@
+"""Surfaces of a machine for pictures."""

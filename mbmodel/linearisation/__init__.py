@@ -1,0 +1,1 @@
+"""Linearisation of an MJCF machine at its static equilibrium."""

@@ -1,0 +1,137 @@
+"""Where an MJCF's elements stand in the frames of their own bodies, to be written back there."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from identification.words import Real
+from mbmodel.mjcf.read import joint_name
+from mbmodel.spatial import spatial_inertia
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A joint or site in the frame of its body.
+
+    Args:
+        name: of the element.
+        frame: at rest, in columns, in world axes: its body's, and of a joint that which the
+            joints before it have turned; (3, 3).
+        position: in that frame [m]; (3,).
+        axes: in that frame, in columns: a site's three, a joint's one; (3, 3) or (3, 1).
+    """
+
+    name: str
+    frame: Real
+    position: Real
+    axes: Real
+
+
+@dataclass(frozen=True, eq=False)
+class Heavy:
+    """The mass of the MJCF body that leads a stage, without those welded to it.
+
+    Args:
+        origin: of its frame at rest, in world axes [m]; (3,).
+        frame: its axes at rest, in columns, in world axes; (3, 3).
+        inertia: spatial inertia about the stage's centre of mass, world axes; (6, 6).
+        centre: that centre [m]; (3,).
+    """
+
+    origin: Real
+    frame: Real
+    inertia: Real
+    centre: Real
+
+
+@dataclass(frozen=True, eq=False)
+class Drawing:
+    """Elements of the MJCF by name.
+
+    Args:
+        joints: by the name of the joint.
+        sites: by name.
+        bodies: by the name of the stage.
+    """
+
+    joints: dict[str, Placed]
+    sites: dict[str, Placed]
+    bodies: dict[str, Heavy]
+
+
+def drawing_of(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    stages: dict[str, int],
+    centres: tuple[Real, ...],
+) -> Drawing:
+    """Collect them from a compiled model at rest.
+
+    Args:
+        model: the compiled model.
+        data: at static equilibrium.
+        stages: MJCF body number of each stage.
+        centres: centre of mass of each stage [m]; (3,) each.
+    """
+
+    def frame(body: int) -> Real:
+        axes: Real = data.xmat[body].reshape(3, 3).copy()
+        return axes
+
+    joints = {
+        joint_name(model, k): Placed(
+            joint_name(model, k),
+            _joint_frame(model, data, k),
+            model.jnt_pos[k].copy(),
+            model.jnt_axis[k].reshape(3, 1).copy(),
+        )
+        for k in range(model.njnt)
+    }
+    sites = {}
+    for k in range(model.nsite):
+        if not (name := model.site(k).name):
+            continue
+        axes = np.zeros(9)
+        mujoco.mju_quat2Mat(axes, model.site_quat[k])
+        sites[name] = Placed(
+            name, frame(model.site_bodyid[k]), model.site_pos[k].copy(), axes.reshape(3, 3)
+        )
+    bodies = {
+        name: _heavy(model, data, body, centre)
+        for (name, body), centre in zip(stages.items(), centres, strict=True)
+    }
+    return Drawing(joints, sites, bodies)
+
+
+def _joint_frame(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> Real:
+    """Axes in which a joint is written: the body's, before this joint and those after it turn."""
+    body = model.jnt_bodyid[joint]
+    axes: Real = data.xmat[body].reshape(3, 3).copy()
+    first = model.body_jntadr[body]
+    for later in reversed(range(joint, first + model.body_jntnum[body])):
+        turned = np.zeros(4)
+        address = model.jnt_qposadr[later]
+        kind = mujoco.mjtJoint(model.jnt_type[later])
+        if kind == mujoco.mjtJoint.mjJNT_HINGE:
+            angle = data.qpos[address] - model.qpos0[address]
+            mujoco.mju_axisAngle2Quat(turned, model.jnt_axis[later], angle)
+        elif kind == mujoco.mjtJoint.mjJNT_BALL:
+            turned[:] = data.qpos[address : address + 4]
+        else:
+            continue
+        matrix = np.zeros(9)
+        mujoco.mju_quat2Mat(matrix, turned)
+        axes = axes @ matrix.reshape(3, 3).T
+    return axes
+
+
+def _heavy(model: mujoco.MjModel, data: mujoco.MjData, body: int, centre: Real) -> Heavy:
+    axes = data.ximat[body].reshape(3, 3)
+    own = axes @ np.diag(model.body_inertia[body]) @ axes.T
+    return Heavy(
+        data.xpos[body].copy(),
+        data.xmat[body].reshape(3, 3).copy(),
+        spatial_inertia(float(model.body_mass[body]), data.xipos[body] - centre, own),
+        centre,
+    )

@@ -1,0 +1,110 @@
+"""The linear springs and dampers of joints and tendons."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from identification.words import InputError, Real
+from mbmodel.linearisation.equilibrium import elongation, tendon_curvature, tendon_jacobian
+from mbmodel.mjcf.read import body_name, coordinate_names
+from mbmodel.mjcf.tendons import pulls_at_bodies
+
+
+@dataclass(frozen=True, eq=False)
+class Spring:
+    """A spring and damper along one direction of the joint coordinates.
+
+    Args:
+        name: of the joint or tendon in the MJCF.
+        location: ``joint:<child body>`` or ``tendon:<name>``.
+        direction: elongation per joint coordinate; (nv,).
+        stiffness: [N/m] or [N m/rad].
+        damping: [N s/m] or [N m s/rad].
+        angular: whether it turns instead of stretching.
+        geometric: elongation at rest times the derivative of the direction by the joint
+            coordinates, for a tendon under tension: it adds stiffness * geometric; (nv, nv).
+        at_bodies: elongation per motion of the centres of mass, for a tendon between sites: with
+            T it gives the direction; (6 n_body,).
+    """
+
+    name: str
+    location: str
+    direction: Real
+    stiffness: float
+    damping: float
+    angular: bool
+    geometric: Real | None = None
+    at_bodies: Real | None = None
+
+
+def springs_of(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    path: Path,
+    stages: list[int],
+    centres: tuple[Real, ...],
+) -> tuple[Spring, ...]:
+    """Every spring of a machine at rest, joints first.
+
+    Raises:
+        InputError: a tendon and a joint with one name.
+    """
+    pulls = pulls_at_bodies(model, data, stages, centres)
+    springs = _joint_springs(model) + _tendon_springs(model, data, pulls)
+    names = [spring.name for spring in springs]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"{path}: a tendon and a joint are both named {name!r}: rename one")
+    return springs
+
+
+def _joint_springs(model: mujoco.MjModel) -> tuple[Spring, ...]:
+    """One spring for each slide and hinge; each coordinate of a ball or free joint has a damper."""
+    springs = []
+    names = coordinate_names(model)
+    for dof in range(model.nv):
+        joint = model.dof_jntid[dof]
+        kind = mujoco.mjtJoint(model.jnt_type[joint])
+        single = kind in (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+        translating_free = kind == mujoco.mjtJoint.mjJNT_FREE and dof - model.jnt_dofadr[joint] < 3
+        stage = model.body_weldid[model.dof_bodyid[dof]]
+        springs.append(
+            Spring(
+                name=names[dof],
+                location=f"joint:{body_name(model, stage)}",
+                direction=np.eye(model.nv)[dof],
+                stiffness=float(model.jnt_stiffness[joint]) if single else 0.0,
+                damping=float(model.dof_damping[dof]),
+                angular=kind != mujoco.mjtJoint.mjJNT_SLIDE and not translating_free,
+            )
+        )
+    return tuple(springs)
+
+
+def _tendon_springs(
+    model: mujoco.MjModel, data: mujoco.MjData, pulls: Mapping[int, Real]
+) -> tuple[Spring, ...]:
+    rows = tendon_jacobian(model, data)
+    slack = (model.tendon_lengthspring[:, 0] < data.ten_length) & (
+        data.ten_length < model.tendon_lengthspring[:, 1]
+    )
+    length, curvature = elongation(model, data), tendon_curvature(model, data)
+    springs = []
+    for tendon in range(model.ntendon):
+        name = model.tendon(tendon).name or f"tendon{tendon}"
+        springs.append(
+            Spring(
+                name=name,
+                location=f"tendon:{name}",
+                direction=rows[tendon],
+                stiffness=0.0 if slack[tendon] else float(model.tendon_stiffness[tendon]),
+                damping=float(model.tendon_damping[tendon]),
+                angular=False,
+                geometric=curvature[tendon] * length[tendon] if length[tendon] else None,
+                at_bodies=pulls.get(tendon),
+            )
+        )
+    return tuple(springs)

@@ -1,0 +1,1 @@
+"""Meshes: files, closed surfaces, mass properties."""

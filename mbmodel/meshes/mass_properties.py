@@ -1,0 +1,199 @@
+"""Mass properties of a solid, from its surface or its volume mesh and one density."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from identification.words import InputError, Integers, Mask, Real, frozen
+from mbmodel.meshes.files import Mesh, read_mesh
+from mbmodel.meshes.surface import check_shells, check_surface, merged, place_text
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """What a rigid body needs of its shape.
+
+    Args:
+        mass: [kg].
+        centre: of mass, in the mesh's axes [m]; (3,).
+        inertia: about the centre of mass, in the mesh's axes [kg m^2]; (3, 3).
+    """
+
+    mass: float
+    centre: Real
+    inertia: Real
+
+    def __post_init__(self) -> None:
+        """Validate and freeze."""
+        object.__setattr__(self, "centre", frozen(self.centre, np.float64, (3,), "centre"))
+        object.__setattr__(self, "inertia", frozen(self.inertia, np.float64, (3, 3), "inertia"))
+
+
+def solid_of(path: Path, density: float, *, scale: float = 1.0) -> Solid:
+    """Mass, centre and inertia of a homogeneous body from its mesh.
+
+    A mesh with volume cells is summed over them; its surface cells, if any, are not looked at.
+
+    Args:
+        path: an STL (ASCII or binary), OBJ, MSH (gmsh) or VTU file.
+        density: [kg/m^3].
+        scale: metres per unit of the file, 0.001 for millimetres.
+
+    Raises:
+        InputError: the file cannot be read, or its mesh encloses no definite volume.
+    """
+    mesh = read_mesh(path, scale=scale)
+    try:
+        return mesh_solid(mesh, density)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def mesh_solid(mesh: Mesh, density: float) -> Solid:
+    """The same of a mesh that has been read."""
+    if len(mesh.tetrahedra):
+        return volume_solid(mesh.points, mesh.tetrahedra, density)
+    return surface_solid(mesh.points, mesh.triangles, density)
+
+
+def surface_solid(points: Real, triangles: Integers, density: float) -> Solid:
+    """Mass properties of what closed surfaces enclose.
+
+    The divergence theorem on every triangle is the same as the signed sum over the tetrahedra that
+    it forms with one fixed point; what lies outside the surface cancels (Eberly 2002, Polyhedral
+    Mass Properties). Several shells are summed; one that lies inside another and is turned the
+    other way is a cavity.
+
+    Args:
+        points: [m]; (n, 3). Points at one place count as one.
+        triangles: corners, counter-clockwise seen from outside; (m, 3).
+        density: [kg/m^3].
+
+    Raises:
+        ValueError: the arrays are no mesh.
+        InputError: the surface is open, has a face turned against its neighbours, is inside out
+            as a whole or in one of its shells, or the density is not positive.
+    """
+    _check_density(density)
+    mesh = Mesh(points, triangles, np.empty((0, 4), np.intp))
+    points, triangles = merged(mesh.points, mesh.triangles)
+    check_surface(points, triangles)
+    middle = _middle(points)
+    corners = np.zeros((len(triangles), 4, 3))
+    corners[:, 1:] = points[triangles] - middle
+    volume = tetrahedron_volumes(corners).sum()
+    _check_volume(float(volume), points)
+    check_shells(points, triangles)
+    return _solid(corners, middle, density)
+
+
+def volume_solid(points: Real, tetrahedra: Integers, density: float) -> Solid:
+    """Mass properties of tetrahedra that fill a body.
+
+    Args:
+        points: [m]; (n, 3).
+        tetrahedra: corners, the first three counter-clockwise seen from the fourth's far side, as
+            in VTK and gmsh: det [x2 - x1, x3 - x1, x4 - x1] > 0; (m, 4).
+        density: [kg/m^3].
+
+    Raises:
+        ValueError: the arrays are no mesh.
+        InputError: a tetrahedron is flat or inside out, two of them lie on one side of a face, or
+            the density is not positive.
+    """
+    _check_density(density)
+    mesh = Mesh(points, np.empty((0, 3), np.intp), tetrahedra)
+    points, tetrahedra = mesh.points, mesh.tetrahedra
+    if not len(tetrahedra):
+        raise InputError("it has no cells: give a mesh with triangles or tetrahedra")
+    middle = _middle(points[tetrahedra].reshape(-1, 3))
+    corners = points[tetrahedra] - middle
+    volumes = tetrahedron_volumes(corners)
+    edges = np.linalg.norm(corners[:, 1:] - corners[:, :1], axis=2).max(axis=1)
+    bad = np.flatnonzero(volumes <= 1e-12 * edges**3)
+    if bad.size:
+        raise InputError(
+            f"{bad.size} of {len(volumes)} tetrahedra are flat or inside out, the first near "
+            f"{place_text(corners[bad[0]].mean(axis=0) + middle)}: mesh the body again"
+        )
+    outward_faces(tetrahedra)
+    return _solid(corners, middle, density)
+
+
+def outward_faces(tetrahedra: Integers) -> Integers:
+    """The boundary of tetrahedra: the faces that no neighbour cancels, seen from outside; (m, 3).
+
+    Raises:
+        InputError: two tetrahedra lie on the same side of one face, so they overlap.
+    """
+    faces = tetrahedra[:, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]].reshape(-1, 3)
+    even = _is_even(faces)
+    _, which = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True)
+    sides = np.zeros((which.max() + 1, 2), np.intp)
+    np.add.at(sides, (which, even.astype(np.intp)), 1)
+    if sides.max() > 1:
+        count = int((sides > 1).any(axis=1).sum())
+        raise InputError(f"tetrahedra overlap at {count} faces: mesh the body once only")
+    alone: Integers = faces[sides.sum(axis=1)[which] == 1]
+    return alone
+
+
+def surface_triangles(mesh: Mesh) -> Integers:
+    """The triangles that bound a mesh, for the eye or for another program; (m, 3)."""
+    return outward_faces(mesh.tetrahedra) if len(mesh.tetrahedra) else mesh.triangles
+
+
+def tetrahedron_volumes(corners: Real) -> Real:
+    """Signed volumes det [x2 - x1, x3 - x1, x4 - x1] / 6; corners (n, 4, 3), volumes (n,)."""
+    edges = corners[:, 1:] - corners[:, :1]
+    volumes: Real = np.einsum("ni,ni->n", edges[:, 0], np.cross(edges[:, 1], edges[:, 2])) / 6
+    return volumes
+
+
+def _solid(corners: Real, middle: Real, density: float) -> Solid:
+    r"""Sum signed tetrahedra, exactly.
+
+    With s = x1 + x2 + x3 + x4, a tetrahedron of volume V has
+
+        int x dV = V s / 4,    int x x' dV = V / 20 (x1 x1' + ... + x4 x4' + s s')
+
+    (Tonon 2004, J. Math. Stat. 1, eq. 9 ff., in matrix form). Then I = rho (tr(S) 1 - S) with
+    S = int x x' dV - V c c' about the centre c. Coordinates count from the middle of the mesh:
+    a part a metre away would lose digits in that difference.
+    """
+    volumes = tetrahedron_volumes(corners)
+    sums = corners.sum(axis=1)
+    volume = float(volumes.sum())
+    centre = volumes @ sums / (4 * volume)
+    second = np.einsum("n,nki,nkj->ij", volumes, corners, corners)
+    second += np.einsum("n,ni,nj->ij", volumes, sums, sums)
+    spread = second / 20 - volume * np.outer(centre, centre)
+    inertia = density * (np.trace(spread) * np.eye(3) - spread)
+    return Solid(density * volume, centre + middle, (inertia + inertia.T) / 2)
+
+
+def _check_density(density: float) -> None:
+    if not (np.isfinite(density) and density > 0):
+        raise InputError(f"density {density:g} kg/m^3: give a positive number")
+
+
+def _check_volume(volume: float, points: Real) -> None:
+    size = float(np.ptp(points, axis=0).max())
+    if abs(volume) <= 1e-12 * size**3:
+        raise InputError("its surface encloses no volume: give a solid body's mesh")
+    if volume < 0:
+        raise InputError("it is inside out (its faces look inward): turn its faces")
+
+
+def _middle(points: Real) -> Real:
+    middle: Real = (points.min(axis=0) + points.max(axis=0)) / 2
+    return middle
+
+
+def _is_even(faces: Integers) -> Mask:
+    """Whether each triple is an even permutation of its sorted self."""
+    first, second, third = faces.T
+    inversions = (first > second).astype(np.intp) + (first > third) + (second > third)
+    even: Mask = inversions % 2 == 0
+    return even

@@ -1,0 +1,1 @@
+"""MJCF files: compiled, checked and written."""

@@ -1,0 +1,1 @@
+"""Modes of a linear model, their derivatives and energy shares."""
