@@ -45,7 +45,7 @@ from mbmodel import (
     hammer_parts,
 )
 from tuning import Freedom, Misfit, channel_noise, foreseen, freedom, thinned
-from tuning.confidence import WIDEST
+from tuning.assessment.parameter_confidence import WIDEST
 
 _STRIDE = 8
 _SURE = 30.0  # nats: who gains more decides, then the least effort does

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 from tuning import TunedFile
-from tuning.freedom import BOUND
-from tuning.result import TUNED_JSON
+from tuning.files.result import TUNED_JSON
+from tuning.parametrisation.parametrisation import BOUND
 
 _FEW = 4
 

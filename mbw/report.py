@@ -16,7 +16,7 @@ from mbw.match.page import render as match_page
 from mbw.messages import SCREEN
 from mbw.tune.page import render as tuning_page
 from tuning import read_result
-from tuning.result import TUNED_JSON
+from tuning.files.result import TUNED_JSON
 
 
 @dataclass(frozen=True)

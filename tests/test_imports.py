@@ -18,7 +18,7 @@ MAY_IMPORT = {
 }
 ONLY_BEHIND = {
     "mujoco": {"mbmodel"},
-    "nlopt": {"tuning/solver.py"},
+    "nlopt": {"tuning/solvers/nlopt_solver.py"},
     "pyuff": {"identification/readers/uff_datasets.py"},
     "meshio": {"mbmodel/meshes/files.py", "identification/shapes/fe_file.py"},
     "h5py": {"identification/readers/matlab73.py"},

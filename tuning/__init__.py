@@ -1,16 +1,33 @@
 """Where measurement and model meet: fits, gaps, held-out predictions."""
 
-from tuning.batch import predict
-from tuning.confidence import PLAUSIBLE, QUANTILE, Confidence, confidence, pulls
-from tuning.fit import GAUSS_NEWTON, Fit, Progress, fit, random_starts
-from tuning.folds import FOLDS, HeldOut, block_width, fit_held_out, fold_of_lines
-from tuning.foreseen import channel_noise, foreseen
-from tuning.freedom import BOUND, Freedom
-from tuning.gap import ChannelGaps, Gap, at_bodies, channel_gaps, gap_at_bodies, summarise
-from tuning.inputs import fingerprint
-from tuning.journal import CHECKPOINT, Journal
-from tuning.misfit import Misfit
-from tuning.modal import (
+from tuning.assessment.gap import (
+    ChannelGaps,
+    Gap,
+    at_bodies,
+    channel_gaps,
+    gap_at_bodies,
+    summarise,
+)
+from tuning.assessment.held_out import FOLDS, HeldOut, block_width, fit_held_out, fold_of_lines
+from tuning.assessment.parameter_confidence import (
+    PLAUSIBLE,
+    QUANTILE,
+    Confidence,
+    confidence,
+    pulls,
+)
+from tuning.assessment.predicted_tests import channel_noise, foreseen
+from tuning.campaign_tuning import Comparison, Tuned, Watch, stages_of, tune
+from tuning.files.input_files import fingerprint
+from tuning.files.result import Level, Result, check_folder, files_of, read_result, write_result
+from tuning.files.schema import PairRow, PartnerRow, Place, Residual, ShareRow, TunedFile
+from tuning.fitting.checkpoint import CHECKPOINT, Journal
+from tuning.fitting.fitter import GAUSS_NEWTON, Fit, Progress, fit, random_starts
+from tuning.fitting.stages import STAGES, Stage, counted_lines, thinned
+from tuning.misfit.accumulation import Freed, Probed
+from tuning.misfit.batch import predict
+from tuning.misfit.misfit import Misfit
+from tuning.misfit.modal_misfit import (
     MODAL_STAGES,
     ModalCost,
     ModalStage,
@@ -18,14 +35,10 @@ from tuning.modal import (
     modes_in_band,
     some_modes,
 )
-from tuning.result import Level, Result, check_folder, files_of, read_result, write_result
-from tuning.runs import Freed, Probed
-from tuning.schema import PairRow, PartnerRow, Place, Residual, ShareRow, TunedFile
+from tuning.parametrisation.parametrisation import BOUND, Freedom
+from tuning.parametrisation.user_specification import Wishes, freedom
 from tuning.session import Session, on_machine, open_campaign, open_session, with_tolerances
-from tuning.solver import Minimum, minimise
-from tuning.stages import STAGES, Stage, counted_lines, thinned
-from tuning.tuned import Comparison, Tuned, Watch, stages_of, tune
-from tuning.wishes import Wishes, freedom
+from tuning.solvers.nlopt_solver import Minimum, minimise
 
 __all__ = [
     "BOUND",

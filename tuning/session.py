@@ -20,8 +20,8 @@ from mbmodel import (
     sensor_parts,
     spring_parts,
 )
-from tuning.freedom import Freedom
-from tuning.wishes import Wishes, freedom
+from tuning.parametrisation.parametrisation import Freedom
+from tuning.parametrisation.user_specification import Wishes, freedom
 
 
 @dataclass(frozen=True, eq=False)

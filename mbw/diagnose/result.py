@@ -17,7 +17,7 @@ from mbw.diagnose.pulled import pulled_sentence
 from mbw.diagnose.schema import CentresRow, ChannelRow, ShownFile, StepsRow, TestRow
 from mbw.identify.solid import fault_row
 from tuning import gap_at_bodies, predict
-from tuning.inputs import inputs
+from tuning.files.input_files import inputs
 
 STEPS = ("as drawn", "re-tuned", "with the effect")
 Cell = tuple[int, Dof]  # of a campaign: number of a test, an output of it

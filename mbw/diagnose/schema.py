@@ -4,7 +4,7 @@ from pydantic import BaseModel, ConfigDict
 
 from identification.words import Quantity, VarianceSource
 from mbw.identify.schema import FaultRow
-from tuning.schema import InputRow
+from tuning.files.schema import InputRow
 
 Point = tuple[float, float, float]
 

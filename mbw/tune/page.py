@@ -13,7 +13,7 @@ from mbw.tune.parameters import parameter_rows
 from mbw.tune.pulls import pull_points, pulls_note, pulls_table
 from mbw.tune.trust import badges, starts_section, unknown_section
 from tuning import Level, Result, TunedFile
-from tuning.result import TUNED_JSON
+from tuning.files.result import TUNED_JSON
 
 _COLOURS = {"as drawn": "#d9822b", "tuned": "#1f6fb8", "held out": "#7fb2e0", "noise": "#98a2b3"}
 

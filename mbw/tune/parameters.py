@@ -5,7 +5,7 @@ from html import escape
 
 from mbw.page.numbers import short
 from tuning import TunedFile
-from tuning.schema import ParameterRow
+from tuning.files.schema import ParameterRow
 
 _OCTAVES = 2.0  # on either side of the bars
 

@@ -4,9 +4,9 @@ from html import escape
 
 from mbw.page.numbers import moved, tolerance
 from tuning import TunedFile
-from tuning.confidence import PLAUSIBLE
-from tuning.freedom import BOUND
-from tuning.schema import ParameterRow
+from tuning.assessment.parameter_confidence import PLAUSIBLE
+from tuning.files.schema import ParameterRow
+from tuning.parametrisation.parametrisation import BOUND
 
 _KINDS = {
     ("body", "mass"): "mass",

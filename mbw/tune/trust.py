@@ -4,7 +4,7 @@ from html import escape
 
 from mbw.page.html import badge
 from tuning import TunedFile
-from tuning.schema import StartRow
+from tuning.files.schema import StartRow
 
 _MOST = 10
 

@@ -15,9 +15,9 @@ import numpy as np
 from identification.words import Campaign
 from mbmodel import Model
 from tuning import Freedom, Stage
-from tuning.batch import Batch, batches
-from tuning.stages import thinned
-from tuning.weights import FLOOR
+from tuning.fitting.stages import thinned
+from tuning.misfit.batch import Batch, batches
+from tuning.misfit.weights import FLOOR
 
 SHORT_TOLERANCE = 1e-3  # of a stage that others follow
 

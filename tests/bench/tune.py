@@ -22,7 +22,7 @@ from tuning import (
     pulls,
     summarise,
 )
-from tuning.tuned import without_bounds
+from tuning.campaign_tuning import without_bounds
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "campaigns" / "open" / "none"

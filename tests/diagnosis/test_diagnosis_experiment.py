@@ -22,8 +22,8 @@ from identification.words import Dof
 from mbmodel import Evaluator, Question, hammer_parts
 from tests.helpers.drawn import drawn
 from tuning import channel_noise, foreseen, thinned
-from tuning.confidence import WIDEST
-from tuning.weights import FLOOR
+from tuning.assessment.parameter_confidence import WIDEST
+from tuning.misfit.weights import FLOOR
 
 
 @pytest.fixture(scope="module")

@@ -29,7 +29,7 @@ from diagnosis.search import Search
 from identification import smooth_variance
 from tests.helpers.drawn import drawn
 from tuning import STAGES, Misfit, fit, thinned
-from tuning.weights import FLOOR
+from tuning.misfit.weights import FLOOR
 
 
 @pytest.fixture(scope="module")

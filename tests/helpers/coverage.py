@@ -13,9 +13,9 @@ from truth.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_t
 from truth.rig import Prepared, accelerance, build
 from truth.station import Sensor, Station
 from tuning import confidence, fit, open_session, pulls
-from tuning.bands import deviations
-from tuning.confidence import QUANTILE
-from tuning.tuned import choose, without_bounds
+from tuning.assessment.frf_bands import deviations
+from tuning.assessment.parameter_confidence import QUANTILE
+from tuning.campaign_tuning import choose, without_bounds
 
 IGNORED = '\n[sensor.acc{node}]\nignore = ["x", "y", "z"]\n'
 

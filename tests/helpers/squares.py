@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tuning.newton import Box
-from tuning.normal import Arrow
+from tuning.misfit.normal_equations import Arrow
+from tuning.solvers.gauss_newton import Box
 
 
 def arrow_of(dense, own=0):

@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 from mbw.command import app
 from mbw.remarks import limits, not_held, remarks
 from tuning import read_result
-from tuning.schema import UnseenRow
+from tuning.files.schema import UnseenRow
 
 
 @pytest.fixture(scope="module")

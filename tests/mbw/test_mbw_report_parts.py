@@ -16,7 +16,7 @@ from mbw.tune.parameters import parameter_rows
 from mbw.tune.pulls import kind_of, pull_points, pulls_note, pulls_table
 from mbw.tune.trust import badges, starts_section, unknown_section
 from tuning import read_result
-from tuning.schema import CorrelationRow, UnseenRow
+from tuning.files.schema import CorrelationRow, UnseenRow
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tuning.journal import CHECKPOINT
+from tuning.fitting.checkpoint import CHECKPOINT
 
 ROOT = Path(__file__).resolve().parents[2]
 

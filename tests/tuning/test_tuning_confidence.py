@@ -9,8 +9,8 @@ from small_machine import virtual_campaign
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Test
 from mbmodel import Evaluator, Model, Question, as_drawn, body_parts, load_machine, spring_parts
 from tuning import confidence, fit, freedom, predict, pulls
-from tuning.bands import deviations, magnitude_deviations
-from tuning.batch import batches
+from tuning.assessment.frf_bands import deviations, magnitude_deviations
+from tuning.misfit.batch import batches
 
 FREQ = np.linspace(3.0, 90.0, 120)
 

@@ -5,7 +5,7 @@ import pytest
 import scipy.optimize
 
 from tests.helpers.squares import TRUTH, Squares, box_of, decay
-from tuning.newton import gauss_newton
+from tuning.solvers.gauss_newton import gauss_newton
 
 TURNS = 12.0  # radians that the residual turns per unit of x
 

@@ -7,8 +7,8 @@ from small_machine import virtual_campaign
 from identification.words import UsageError
 from mbmodel import as_drawn
 from tuning import STAGES, Misfit, Stage, fit, freedom, random_starts, with_tolerances
-from tuning.journal import Journal
-from tuning.stages import thinned
+from tuning.fitting.checkpoint import Journal
+from tuning.fitting.stages import thinned
 
 OPENING = STAGES[:2]
 

@@ -9,8 +9,8 @@ from small_machine import TOLERANCE, one
 from identification.words import Tolerance
 from mbmodel import Model, body_parts
 from tuning import freedom, with_tolerances
-from tuning.freedom import BOUND
-from tuning.newton import LARGEST_STEP
+from tuning.parametrisation.parametrisation import BOUND
+from tuning.solvers.gauss_newton import LARGEST_STEP
 
 
 @settings(deadline=None, max_examples=30)

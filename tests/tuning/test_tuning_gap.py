@@ -19,8 +19,8 @@ from tuning import (
     predict,
     summarise,
 )
-from tuning.gap import block_shares
-from tuning.misfit import Misfit
+from tuning.assessment.gap import block_shares
+from tuning.misfit.misfit import Misfit
 
 
 def test_the_gap_of_measurement_plus_noise_is_the_noise(model, true_theta):

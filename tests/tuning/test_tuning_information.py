@@ -9,8 +9,8 @@ from small_machine import virtual_campaign
 from identification.words import Campaign, Dof, distinct
 from mbmodel import Model, hammer_parts
 from tuning import Misfit, Session, confidence, fit, freedom, with_tolerances
-from tuning.foreseen import channel_noise, foreseen
-from tuning.information import information
+from tuning.assessment.predicted_tests import channel_noise, foreseen
+from tuning.assessment.test_information import information
 
 
 @pytest.fixture(scope="module")

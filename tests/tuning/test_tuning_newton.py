@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.helpers.squares import TRUTH, Squares, arrow_of, box_of, decay
-from tuning.newton import bounded_step, gauss_newton
+from tuning.solvers.gauss_newton import bounded_step, gauss_newton
 
 
 def rosenbrock():
@@ -276,7 +276,7 @@ def normals_until_the_end(**more):
 
 def test_steps_that_go_too_far_by_the_same_factor_are_cut_to_their_best_length(monkeypatch):
     cut, few = normals_until_the_end()
-    monkeypatch.setattr("tuning.newton._OFF", np.inf)
+    monkeypatch.setattr("tuning.solvers.gauss_newton._OFF", np.inf)
     swung, many = normals_until_the_end()
     best = scipy.optimize.least_squares(swinging, [0.8, 0.5], xtol=1e-15, ftol=1e-15, gtol=1e-15)
     assert cut.x == pytest.approx(best.x, abs=1e-6)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tuning.normal import Arrow
+from tuning.misfit.normal_equations import Arrow
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ import pytest
 from test_tuning_misfit import answer, close, sizes, somewhere, weights
 
 from tuning import Misfit, fit, freedom, stages_of
-from tuning.confidence import confidence
+from tuning.assessment.parameter_confidence import confidence
 
 
 def reduced_twin(model, campaign, varies, x, allowance):

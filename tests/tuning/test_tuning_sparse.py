@@ -7,8 +7,8 @@ import pytest
 from small_machine import virtual_campaign
 
 from tuning import STAGES, fit, fit_held_out, freedom
-from tuning.misfit import Misfit, Sparse
-from tuning.stages import LAST
+from tuning.fitting.stages import LAST
+from tuning.misfit.misfit import Misfit, Sparse
 
 WHOLE = replace(LAST, sparse=1)
 

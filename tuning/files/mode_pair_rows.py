@@ -6,8 +6,8 @@ import numpy as np
 
 from identification.words import ModalModel, Real
 from mbmodel import Model
-from tuning.modal import MODAL_STAGES, ModalCost, Pairs
-from tuning.schema import ModeRow, PairRow, PartnerRow
+from tuning.files.schema import ModeRow, PairRow, PartnerRow
+from tuning.misfit.modal_misfit import MODAL_STAGES, ModalCost, Pairs
 
 _SAME = 1e-6  # relative difference of two frequencies of one mode
 

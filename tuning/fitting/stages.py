@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 from identification.words import Campaign, Integers, Mask, Real
 from mbmodel import Model
-from tuning.freedom import Freedom
-from tuning.misfit import Misfit, Sparse
-from tuning.normal import Arrow
+from tuning.misfit.misfit import Misfit, Sparse
+from tuning.misfit.normal_equations import Arrow
+from tuning.parametrisation.parametrisation import Freedom
 
 _FEWEST_LINES = 32
 _NORMAL_LINES = 128  # that normal equations come from at least

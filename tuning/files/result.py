@@ -14,11 +14,12 @@ from pydantic import ValidationError
 
 from identification.words import Complex, InputError, Real
 from mbmodel import modes, write_mjcf
-from tuning.gap import Gap, block_shares
-from tuning.inputs import inputs
-from tuning.pair_rows import pair_rows
-from tuning.rows import fit_row, parameter_rows
-from tuning.schema import (
+from tuning.assessment.gap import Gap, block_shares
+from tuning.campaign_tuning import Comparison, Tuned
+from tuning.files.input_files import inputs
+from tuning.files.mode_pair_rows import pair_rows
+from tuning.files.parameter_rows import fit_row, parameter_rows
+from tuning.files.schema import (
     BlockRow,
     GapRow,
     GapTable,
@@ -28,7 +29,6 @@ from tuning.schema import (
     TestRow,
     TunedFile,
 )
-from tuning.tuned import Comparison, Tuned
 
 TUNED_JSON, TUNED_MJCF, FRF_NPZ = "tuned.json", "tuned.xml", "frf.npz"
 LEVELS = ("sensors", "bodies")

@@ -14,9 +14,9 @@ import numpy as np
 
 from identification.words import Campaign, Complex, Real
 from mbmodel import Linearised, Model
-from tuning.batch import answers, predict
-from tuning.confidence import Confidence
-from tuning.shares import shares
+from tuning.assessment.parameter_confidence import Confidence
+from tuning.misfit.batch import answers, predict
+from tuning.misfit.partition import shares
 
 _RUN = 16  # lines at once
 _LINES = 300

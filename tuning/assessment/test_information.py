@@ -22,13 +22,13 @@ from identification.words import (
     distinct,
 )
 from mbmodel import Model, Part, hammer_parts, sensor_parts
-from tuning.confidence import WIDEST, Confidence
-from tuning.foreseen import channel_noise, foreseen
-from tuning.misfit import Misfit
-from tuning.schema import GainRow
+from tuning.assessment.parameter_confidence import WIDEST, Confidence
+from tuning.assessment.predicted_tests import channel_noise, foreseen
+from tuning.files.schema import GainRow
+from tuning.fitting.stages import thinned
+from tuning.misfit.misfit import Misfit
+from tuning.parametrisation.user_specification import freedom
 from tuning.session import Session
-from tuning.stages import thinned
-from tuning.wishes import freedom
 
 _STRIDE = 8  # of the lines: what they tell is counted as often
 _FURTHER = "further"

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.words import Layout, Mask, Real
-from tuning.batch import Batch
-from tuning.reduction import Mixing, mixings
+from tuning.misfit.batch import Batch
+from tuning.misfit.reduction import Mixing, mixings
 
 _STILL = 1e-10
 _AUDIBLE = 25.0  # times the variance: the logarithm of a value near the noise leads astray

@@ -7,7 +7,7 @@ import numpy as np
 
 from identification.words import Complex, Integers, Mask, Real
 from mbmodel import Change, Forward, Model
-from tuning.freedom import Freedom
+from tuning.parametrisation.parametrisation import Freedom
 
 
 @dataclass(frozen=True, eq=False)

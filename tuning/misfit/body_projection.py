@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.words import Complex, Integers, Mask, Real
-from tuning.reduction import Root
+from tuning.misfit.reduction import Root
 
 _MOTIONS = 6
 

@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping
 
 from mbmodel import mesh_files
-from tuning.schema import InputRow
+from tuning.files.schema import InputRow
 from tuning.session import Session
 
 

@@ -10,15 +10,15 @@ from threadpoolctl import threadpool_limits
 
 from identification.words import Campaign, Mask, ModalModel, Real, UsageError
 from mbmodel import Model
-from tuning.freedom import Freedom
-from tuning.journal import Journal
-from tuning.misfit import Misfit, Sparse
-from tuning.modal import ModalCost, ModalStage
-from tuning.newton import LARGEST_STEP, Box, gauss_newton
-from tuning.normal import Arrow
-from tuning.solver import INTERRUPTED, Minimum, Outcome, minimise
-from tuning.stages import STAGES, Stage, thinned
-from tuning.wishes import freedom
+from tuning.fitting.checkpoint import Journal
+from tuning.fitting.stages import STAGES, Stage, thinned
+from tuning.misfit.misfit import Misfit, Sparse
+from tuning.misfit.modal_misfit import ModalCost, ModalStage
+from tuning.misfit.normal_equations import Arrow
+from tuning.parametrisation.parametrisation import Freedom
+from tuning.parametrisation.user_specification import freedom
+from tuning.solvers.gauss_newton import LARGEST_STEP, Box, gauss_newton
+from tuning.solvers.nlopt_solver import INTERRUPTED, Minimum, Outcome, minimise
 
 GAUSS_NEWTON = "GAUSS_NEWTON"
 _AGREE = 0.02  # two starts agree if their costs differ by less

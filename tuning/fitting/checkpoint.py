@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from identification.words import InputError
-from tuning.solver import Minimum
+from tuning.solvers.nlopt_solver import Minimum
 
 CHECKPOINT = "tune.checkpoint.json"
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.words import InputError, Mask, Real, Tolerance
 from mbmodel import Model, Parameter
-from tuning.freedom import BOUND, Freedom
+from tuning.parametrisation.parametrisation import BOUND, Freedom
 
 _RELATIVE = ("mass", "inertia", "sensor_gain")
 _RANGE = float(np.log(100.0))

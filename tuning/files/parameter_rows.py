@@ -3,10 +3,10 @@
 import numpy as np
 
 from identification.words import Real
-from tuning.confidence import PLAUSIBLE, UNSEEN, pulls
-from tuning.fit import Fit
-from tuning.schema import FitRow, LevelGap, ParameterRow, StartRow
-from tuning.tuned import Tuned
+from tuning.assessment.parameter_confidence import PLAUSIBLE, UNSEEN, pulls
+from tuning.campaign_tuning import Tuned
+from tuning.files.schema import FitRow, LevelGap, ParameterRow, StartRow
+from tuning.fitting.fitter import Fit
 
 # Of a model that the noise alone limits; lines that were held out cost a little more, what the
 # parameters have learnt from each value.

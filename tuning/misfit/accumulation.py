@@ -9,10 +9,10 @@ import numpy as np
 
 from identification.words import Complex, Integers, Real
 from mbmodel import Forward, Model
-from tuning.freedom import Freedom
-from tuning.normal import Arrow
-from tuning.shares import Shares
-from tuning.views import View
+from tuning.misfit.body_projection import View
+from tuning.misfit.normal_equations import Arrow
+from tuning.misfit.partition import Shares
+from tuning.parametrisation.parametrisation import Freedom
 
 _CHUNK = 2**20  # numbers of the Jacobian that are held at once
 

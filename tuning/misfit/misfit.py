@@ -28,14 +28,14 @@ import numpy as np
 
 from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Linearised, Model
-from tuning.batch import batches
-from tuning.freedom import Freedom
-from tuning.normal import Arrow, Quadratic
-from tuning.reduction import Root, roots, weighed
-from tuning.runs import Freed, Own, Probed, Runs, blocks_of
-from tuning.shares import shares
-from tuning.views import View, views
-from tuning.weights import Weighted, at_centres, weigh
+from tuning.misfit.accumulation import Freed, Own, Probed, Runs, blocks_of
+from tuning.misfit.batch import batches
+from tuning.misfit.body_projection import View, views
+from tuning.misfit.normal_equations import Arrow, Quadratic
+from tuning.misfit.partition import shares
+from tuning.misfit.reduction import Root, roots, weighed
+from tuning.misfit.weights import Weighted, at_centres, weigh
+from tuning.parametrisation.parametrisation import Freedom
 
 
 @dataclass(frozen=True, eq=False)

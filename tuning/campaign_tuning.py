@@ -7,12 +7,8 @@ import numpy as np
 
 from identification.words import Campaign, Complex, ModalModel, Real
 from mbmodel import Model
-from tuning.bands import magnitude_deviations
-from tuning.batch import predict
-from tuning.confidence import PLAUSIBLE, Confidence, confidence
-from tuning.fit import GAUSS_NEWTON, Fit, Progress, fit, random_starts
-from tuning.folds import HeldOut, fit_held_out
-from tuning.gap import (
+from tuning.assessment.frf_bands import magnitude_deviations
+from tuning.assessment.gap import (
     ChannelGaps,
     Gap,
     answers_at_bodies,
@@ -20,12 +16,16 @@ from tuning.gap import (
     channel_gaps,
     summarise,
 )
-from tuning.information import information
-from tuning.journal import Journal
-from tuning.modal import MODAL_STAGES, ModalStage
-from tuning.schema import GainRow, Place, Residual
+from tuning.assessment.held_out import HeldOut, fit_held_out
+from tuning.assessment.parameter_confidence import PLAUSIBLE, Confidence, confidence
+from tuning.assessment.test_information import information
+from tuning.files.schema import GainRow, Place, Residual
+from tuning.fitting.checkpoint import Journal
+from tuning.fitting.fitter import GAUSS_NEWTON, Fit, Progress, fit, random_starts
+from tuning.fitting.stages import LAST, STAGES, Stage
+from tuning.misfit.batch import predict
+from tuning.misfit.modal_misfit import MODAL_STAGES, ModalStage
 from tuning.session import Session
-from tuning.stages import LAST, STAGES, Stage
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,8 +30,8 @@ from typing import Protocol
 import numpy as np
 
 from identification.words import Mask, Real
-from tuning.normal import Arrow, Quadratic
-from tuning.solver import INTERRUPTED, Minimum, Outcome
+from tuning.misfit.normal_equations import Arrow, Quadratic
+from tuning.solvers.nlopt_solver import INTERRUPTED, Minimum, Outcome
 
 # Of a coordinate without a prior: a factor of 2 in stiffness. As a bound of each coordinate, not a
 # scale of the whole step, which one hardly visible damping would hold back.

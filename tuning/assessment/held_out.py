@@ -9,12 +9,12 @@ from threadpoolctl import threadpool_limits
 
 from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Model, modes
-from tuning.batch import predict
-from tuning.fit import Fit, descend
-from tuning.journal import Journal
-from tuning.normal import Arrow
-from tuning.solver import Minimum, Outcome
-from tuning.stages import LAST, counted_lines, thinned
+from tuning.fitting.checkpoint import Journal
+from tuning.fitting.fitter import Fit, descend
+from tuning.fitting.stages import LAST, counted_lines, thinned
+from tuning.misfit.batch import predict
+from tuning.misfit.normal_equations import Arrow
+from tuning.solvers.nlopt_solver import Minimum, Outcome
 
 FOLDS = 5
 _LEAST = 8

@@ -23,11 +23,11 @@ import numpy as np
 
 from identification.words import Campaign, Mask, Real
 from mbmodel import Model
-from tuning.fit import Fit
-from tuning.freedom import Freedom
-from tuning.normal import Arrow
-from tuning.schema import CorrelationRow, UnseenRow
-from tuning.stages import LAST
+from tuning.files.schema import CorrelationRow, UnseenRow
+from tuning.fitting.fitter import Fit
+from tuning.fitting.stages import LAST
+from tuning.misfit.normal_equations import Arrow
+from tuning.parametrisation.parametrisation import Freedom
 
 QUANTILE = 1.959964  # of 95 %
 # Standard deviations: the largest of 300 tolerances is beyond it in one campaign of 500.

@@ -1,0 +1,1 @@
+"""How good a fit is: held-out lines, gap, intervals of parameters and FRFs, further tests."""

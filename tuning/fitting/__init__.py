@@ -1,0 +1,1 @@
+"""Fits in stages from several starts, with checkpoints."""

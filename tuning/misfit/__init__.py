@@ -1,0 +1,1 @@
+"""The misfit that tuning minimises, with its exact derivatives."""

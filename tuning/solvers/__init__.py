@@ -1,0 +1,1 @@
+"""Minimisers: our bounded Gauss-Newton method and NLopt."""
