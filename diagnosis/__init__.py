@@ -1,12 +1,12 @@
 """What the model lacks: where the gap lies, which effect causes it, how far it shrinks with it."""
 
-from diagnosis.diagnose import Diagnosis, diagnose
+from diagnosis.algorithm import Diagnosis, diagnose
 from diagnosis.effects import EFFECTS, PROVEN, Effect, catalogue
+from diagnosis.estimates.residual_shares import ResidualShare, residual_shares
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.oracle import oracle, told_of
-from diagnosis.report import step_intervals, verdict_of
-from diagnosis.residual import ResidualShare, residual_shares
-from diagnosis.verdict import Verdict
+from diagnosis.known_cause_bound import oracle, told_of
+from diagnosis.verdict.build import step_intervals, verdict_of
+from diagnosis.verdict.schema import Verdict
 
 __all__ = [
     "EFFECTS",

@@ -6,7 +6,7 @@ from functools import reduce
 
 import numpy as np
 
-from diagnosis.spoken import direction, named
+from diagnosis.labels import direction, named
 from identification.words import Campaign, Real
 from mbmodel import Held, Machine, Model, Part
 from tuning import Freedom, Session, freedom

@@ -10,8 +10,8 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from pkgutil import iter_modules
 
-from diagnosis.effects.gates import PROVEN
-from diagnosis.effects.guarded import GROUP, loaded, named
+from diagnosis.effects.plugins import GROUP, loaded, named
+from diagnosis.effects.proven_by_data import PROVEN
 from diagnosis.hypothesis import Effect, Scene
 from identification.words import InputError
 from tuning import Session

@@ -6,8 +6,8 @@ to all tests. A test is one reference of one file, a set-up all tests of that na
 
 from collections.abc import Iterator, Mapping
 
-from diagnosis.effects.laws import Law, constant
 from diagnosis.effects.points import hits, jointed, springs_of
+from diagnosis.effects.spring_laws import Law, constant
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Condition
 

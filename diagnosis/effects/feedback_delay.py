@@ -14,8 +14,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from diagnosis.effects.laws import Shape
 from diagnosis.effects.points import jointed, names_of, springs_of
+from diagnosis.effects.spring_laws import Shape
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import AddedPart, Change, Parameter

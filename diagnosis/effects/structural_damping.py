@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from diagnosis.effects.laws import Law
 from diagnosis.effects.points import jointed, springs_of
+from diagnosis.effects.spring_laws import Law
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Complex
 

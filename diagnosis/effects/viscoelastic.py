@@ -10,8 +10,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from diagnosis.effects.laws import Law, Shape, Timed
 from diagnosis.effects.points import jointed, springs_of
+from diagnosis.effects.spring_laws import Law, Shape, Timed
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 
 _SCANNED = 6

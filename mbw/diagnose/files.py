@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BaseModel, ValidationError
 
 from diagnosis import Diagnosis, Verdict
-from diagnosis.evidence import Evidence
+from diagnosis.inference.evidence import Evidence
 from identification.words import InputError
 from mbmodel import NotHeld, write_mjcf
 from mbw.diagnose.machine import machine_of

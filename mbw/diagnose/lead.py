@@ -1,8 +1,8 @@
 """What a diagnosis comes to, in one or two sentences, with its probabilities and warnings."""
 
-from diagnosis.evidence import Pushed
-from diagnosis.spoken import direction
-from diagnosis.verdict import CauseRow
+from diagnosis.inference.evidence import Pushed
+from diagnosis.labels import direction
+from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.result import Result
 from mbw.diagnose.values import number
 from mbw.diagnose.words import (

@@ -4,7 +4,7 @@ from html import escape
 
 import numpy as np
 
-from diagnosis.spoken import direction
+from diagnosis.labels import direction
 from identification.words import Dof, Real
 from mbw.diagnose.lead import badges, doubts, lead
 from mbw.diagnose.machine import machine_of

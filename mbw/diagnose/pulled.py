@@ -3,7 +3,7 @@
 import numpy as np
 
 from diagnosis import Diagnosis, Verdict
-from diagnosis.calibration import calibrated
+from diagnosis.inference.calibration import calibrated
 from tuning import BOUND
 
 _OFF = 1.1  # excess below which a re-tuned model is not off

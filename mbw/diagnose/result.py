@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from diagnosis import PROVEN, Diagnosis, Verdict, catalogue, step_intervals, verdict_of
-from diagnosis.evidence import Evidence
-from diagnosis.level import Level
-from diagnosis.verdict import CauseRow
+from diagnosis.estimates.held_out_gap import Level
+from diagnosis.inference.evidence import Evidence
+from diagnosis.verdict.schema import CauseRow
 from identification.words import Campaign, Complex, Condition, Dof
 from mbmodel import NotHeld, looks
 from mbw.diagnose.machine import machine_rows, place_row

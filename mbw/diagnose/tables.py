@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from html import escape
 
-from diagnosis.evidence import Gapped, Key, Scored
-from diagnosis.spoken import direction
-from diagnosis.verdict import CauseRow
+from diagnosis.inference.evidence import Gapped, Key, Scored
+from diagnosis.labels import direction
+from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.result import Result
 from mbw.diagnose.values import Line, may_be_nothing, number, parameter_lines
 from mbw.diagnose.words import (

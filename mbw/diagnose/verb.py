@@ -7,7 +7,7 @@ from rich.table import Table
 
 from diagnosis import Diagnosis, Verdict, diagnose
 from diagnosis.effects import check_others
-from diagnosis.refit import Refit
+from diagnosis.refits.refitting import Refit
 from mbw.diagnose.files import (
     AUGMENTED,
     NAMES,

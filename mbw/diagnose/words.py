@@ -3,10 +3,10 @@
 from collections.abc import Collection, Sequence
 
 from diagnosis import PROVEN, catalogue
-from diagnosis.evidence import Evidence
-from diagnosis.report import NONLINEAR
-from diagnosis.spoken import direction, named
-from diagnosis.verdict import CauseRow, Verdict
+from diagnosis.inference.evidence import Evidence
+from diagnosis.labels import direction, named
+from diagnosis.verdict.build import NONLINEAR
+from diagnosis.verdict.schema import CauseRow, Verdict
 from identification import FAULTS
 from mbw.diagnose.schema import ShownFile
 from mbw.diagnose.values import interval_words, may_be_nothing, parameter_words

@@ -8,7 +8,7 @@ pairs; 86000 and up, effects so weak that some are hidden; 87000 and up, more ou
 once and are no more; 310000 and up and 320000 and up, weaker yet, in trees. A body that bends and
 whose spare channels do not show it is one that nothing explains. Effects that re-tuning hides
 entirely teach nothing and are left out, and so are outsiders of which less than the noise survives.
-The constants go to ``diagnosis/calibration.json``, with the SHA-256 of the evidence.
+The constants go to ``diagnosis/inference/calibration.json``, with the SHA-256 of the evidence.
 """
 
 import hashlib
@@ -22,9 +22,9 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import minimize
 
-from diagnosis.calibration import Calibration
-from diagnosis.evidence import BENDS, Evidence
-from diagnosis.judge import Judged, judge
+from diagnosis.inference.calibration import Calibration
+from diagnosis.inference.evidence import BENDS, Evidence
+from diagnosis.inference.posterior import Judged, judge
 from identification.words import Real
 from tests.bench import doubt, silence
 from tests.bench.catalogue import LINEAR, outside, two
@@ -35,7 +35,7 @@ CASES, OUT, PAIRS, FIRST = 80, 2, 10, 80_000
 WEAK, RATIOS, EMPTY = 86_000, (0.1, 0.2, 0.4), 20  # trees of stages with nothing missing
 OTHERS, TIMES = 87_000, 3  # effects that no catalogue has, at any ratio, and pairs, in small trees
 RETIRED, REPORTED_ONCE = 160_000, 325
-FILE = Path(__file__).parents[2] / "diagnosis" / "calibration.json"
+FILE = Path(__file__).parents[2] / "diagnosis" / "inference" / "calibration.json"
 _LEAST = 5e-3  # probability of the truth that a case counts at least: one outlier rules nothing
 _WIDE = 0.7  # standard deviation of a constant's logarithm about where it begins
 OPTIONS = {"maxfev": 8000, "xatol": 1e-3, "adaptive": True}

@@ -3,7 +3,7 @@
 100 have nothing missing, 60 are mis-tuned only, the others one effect each, at survival ratios 2,
 4 and 8. ``ONLY=diagnosis`` makes the reported campaigns, seeds 220000 and up. ``ONLY=calibrate``
 makes others, seeds 80000 and up, and fits the judgement's constants to them, which it writes to
-``diagnosis/calibration.json``. Cases that are done are kept: both go on from where they were. Every
+``diagnosis/inference/calibration.json``. Cases that are done are kept: both go on from where they were. Every
 twentieth is diagnosed by two threads too, which must say the same to the last digit.
 """
 
@@ -20,11 +20,13 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 from threadpoolctl import threadpool_limits
+from truth.machine.random_tree import draw_tree
+from truth.machine.station import Station
 
 from diagnosis import diagnose, oracle, told_of, verdict_of
-from diagnosis.evidence import Evidence, Scored
-from diagnosis.judge import judge
-from diagnosis.screen import REFITTED
+from diagnosis.inference.evidence import Evidence, Scored
+from diagnosis.inference.posterior import judge
+from diagnosis.search.screening import REFITTED
 from identification import Fault
 from tests.bench.kept import cases, only_kept
 from truth import (
@@ -40,8 +42,6 @@ from truth import (
 )
 from truth.errors import NoPlaceError
 from truth.grade import Case, grade, nearest_ratio, tables, to_json
-from truth.station import Station
-from truth.trees import draw_tree
 from tuning import open_session
 
 STATION = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"

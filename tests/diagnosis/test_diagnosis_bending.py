@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from diagnosis import diagnose, verdict_of
-from diagnosis.oracle import oracle
+from diagnosis.known_cause_bound import oracle
 from identification import Fault, bending_shape
 from tests.helpers.drawn import drawn
 from tuning import on_machine

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diagnosis.calibration import calibrated
+from diagnosis.inference.calibration import calibrated
 from tests.bench.calibrate import dealt, given_of, provenance, sure
 from tests.bench.diagnosis import made
 

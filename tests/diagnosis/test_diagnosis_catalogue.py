@@ -11,7 +11,7 @@ import pytest
 
 from diagnosis import EFFECTS, PROVEN, Scene, catalogue, diagnose, verdict_of
 from diagnosis.effects import Effect, check_others
-from diagnosis.effects.guarded import GROUP, loaded
+from diagnosis.effects.plugins import GROUP, loaded
 from identification.words import InputError
 from mbmodel import loosened
 from tests.helpers.drawn import drawn

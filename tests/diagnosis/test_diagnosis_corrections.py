@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis import diagnose, verdict_of
 from diagnosis.corrections import channels_of, divided, exchanged, masked
-from diagnosis.gate import hypothesis_of, sensor_gate
+from diagnosis.data_checks.sensors import hypothesis_of, sensor_gate
 from diagnosis.hypothesis import freed
 from identification import Fault, check_bodies, mount
 from identification.words import Dof
@@ -209,7 +209,9 @@ def test_where_most_bodies_seem_to_bend_small_faults_of_sensors_are_no_more_beli
     for many in (1, 3):
         drawn = [*bent[:many], *checks[many:]]
         drawn[-1] = replace(drawn[-1], faults=(*drawn[-1].faults, gain, turned))
-        monkeypatch.setattr("diagnosis.gate.check_bodies", lambda _, drawn=drawn: tuple(drawn))
+        monkeypatch.setattr(
+            "diagnosis.data_checks.sensors.check_bodies", lambda _, drawn=drawn: tuple(drawn)
+        )
         gate = sensor_gate(session.campaign)
         small = set() if many == 3 else {"flexible_body", "sensor_gain"}
         assert {one.effect for one in gate.faults} == {"sensor_polarity", *small}

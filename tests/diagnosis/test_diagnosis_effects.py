@@ -9,7 +9,7 @@ import pytest
 from diagnosis import EFFECTS, Scene
 from diagnosis.effects.points import joined
 from diagnosis.hypothesis import together
-from diagnosis.refit import posed
+from diagnosis.refits.refitting import posed
 from identification.words import Condition, Dof
 from mbmodel import Held, Model, Situation, load_machine, parents_of, rotation_matrix
 from tests.helpers.drawn import drawn

@@ -8,7 +8,7 @@ import pytest
 
 from diagnosis import EFFECTS, Scene
 from diagnosis.corrections import masked
-from diagnosis.experiment import (
+from diagnosis.next_test.discriminating import (
     Experiment,
     _before,
     _by_effort,
@@ -17,7 +17,7 @@ from diagnosis.experiment import (
     _posed,
     next_experiment,
 )
-from diagnosis.refit import CLOSE, refit
+from diagnosis.refits.refitting import CLOSE, refit
 from identification.words import Dof
 from mbmodel import Evaluator, Question, hammer_parts
 from tests.helpers.drawn import drawn

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from diagnosis import Scene
-from diagnosis.forces import _Work, pushes
-from diagnosis.refit import FIRST, PATIENT, go_on, refit
+from diagnosis.refits.refitting import FIRST, PATIENT, go_on, refit
+from diagnosis.search.free_force import _Work, pushes
 from identification import smooth_variance
 from mbmodel import Evaluator, Question
 from tests.helpers.drawn import drawn

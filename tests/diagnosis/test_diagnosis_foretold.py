@@ -8,11 +8,11 @@ import pytest
 
 from diagnosis import EFFECTS, Scene
 from diagnosis import refit as refit_module
-from diagnosis.diagnose import _twins
-from diagnosis.foretold import at_ease, foretold, rivals_of
+from diagnosis.algorithm import _twins
+from diagnosis.comparison.predictive import at_ease, foretold, rivals_of
 from diagnosis.hypothesis import together
-from diagnosis.judge import Judged
-from diagnosis.refit import (
+from diagnosis.inference.posterior import Judged
+from diagnosis.refits.refitting import (
     FIRST,
     LAST,
     LONG,
@@ -24,8 +24,8 @@ from diagnosis.refit import (
     refit,
     unbounded,
 )
-from diagnosis.score import cosines, scores
-from diagnosis.search import Search
+from diagnosis.search.ladder import Search
+from diagnosis.search.score_test import cosines, scores
 from identification import smooth_variance
 from tests.helpers.drawn import drawn
 from tuning import STAGES, Misfit, fit, thinned

@@ -5,7 +5,7 @@ import re
 import numpy as np
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.refit import posed
+from diagnosis.refits.refitting import posed
 from mbmodel import Model
 from tests.helpers.drawn import drawn, line_by_line
 from tuning import open_session

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from diagnosis.diagnose import _present
-from diagnosis.judge import Judged, judge
+from diagnosis.algorithm import _present
+from diagnosis.inference.posterior import Judged, judge
 from tests.helpers.judged import evidence, pair, refit
 from truth.grade.read_verdict import read_verdict
 

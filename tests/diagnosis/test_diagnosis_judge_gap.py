@@ -2,7 +2,7 @@
 
 import pytest
 
-from diagnosis.judge import judge
+from diagnosis.inference.posterior import judge
 from tests.helpers.judged import evidence, pair, refit
 
 

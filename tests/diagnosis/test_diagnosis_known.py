@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
+from diagnosis.estimates.intervals import Known, known
 from diagnosis.hypothesis import Hypothesis, Vague
-from diagnosis.known import Known, known
-from diagnosis.refit import FIRST, LAST, LONG, go_on, refit
+from diagnosis.refits.refitting import FIRST, LAST, LONG, go_on, refit
 from tests.helpers.drawn import drawn
 from tuning import STAGES, fit
 

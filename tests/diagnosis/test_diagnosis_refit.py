@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
+from diagnosis.algorithm import _closer
 from diagnosis.corrections import doubted, masked
-from diagnosis.diagnose import _closer
+from diagnosis.estimates.held_out_gap import levels
+from diagnosis.estimates.intervals import known
 from diagnosis.hypothesis import Hypothesis
-from diagnosis.known import known
-from diagnosis.level import levels
-from diagnosis.nothing import (
+from diagnosis.null_model import (
     from_many_starts,
     from_where_others_ended,
     with_outliers,
     within_bounds,
 )
-from diagnosis.refit import (
+from diagnosis.refits.refitting import (
     FIRST,
     LAST,
     LONG,
@@ -30,8 +30,8 @@ from diagnosis.refit import (
     posed,
     refit,
 )
-from diagnosis.score import cosines, scores
-from diagnosis.search import Search
+from diagnosis.search.ladder import Search
+from diagnosis.search.score_test import cosines, scores
 from tests.helpers.drawn import drawn
 from tuning import STAGES, Misfit, counted_lines, fit, thinned
 

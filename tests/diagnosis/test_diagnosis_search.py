@@ -9,11 +9,11 @@ import pytest
 
 from diagnosis import Scene, diagnose, verdict_of
 from diagnosis.effects import feedback_delay, missing_dof, viscoelastic
-from diagnosis.evidence import Pushed
-from diagnosis.refit import posed
-from diagnosis.score import Score, lines_over, ranked
-from diagnosis.screen import Screen
-from diagnosis.search import Hunt, _elsewhere, nearly
+from diagnosis.inference.evidence import Pushed
+from diagnosis.refits.refitting import posed
+from diagnosis.search.ladder import Hunt, _elsewhere, nearly
+from diagnosis.search.score_test import Score, lines_over, ranked
+from diagnosis.search.screening import Screen
 from identification.words import Dof, UsageError
 from mbmodel import Evaluator, Held, Question, as_drawn, load_machine, loosened
 from tests.helpers.drawn import drawn

@@ -8,9 +8,9 @@ import pytest
 from diagnosis import diagnose, verdict_of
 from diagnosis.effects import catalogue
 from diagnosis.hypothesis import together
-from diagnosis.refit import FIRST, LAST, LONG, begun_at, fitted, refit
-from diagnosis.search import Search
-from diagnosis.second import by_itself, ordered, with_second
+from diagnosis.refits.refitting import FIRST, LAST, LONG, begun_at, fitted, refit
+from diagnosis.search.ladder import Search
+from diagnosis.search.second_effect import by_itself, ordered, with_second
 from tests.helpers.drawn import drawn
 
 

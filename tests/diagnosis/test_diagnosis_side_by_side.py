@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.refit import (
+from diagnosis.refits.parallel import side_by_side
+from diagnosis.refits.refitting import (
     FIRST,
     LAST,
     LONG,
@@ -24,14 +25,13 @@ from diagnosis.refit import (
     refit,
     unbounded,
 )
-from diagnosis.side_by_side import side_by_side
 from tests.helpers.drawn import drawn
 from tuning import STAGES, fit
 
 INTERRUPTED = """
 import signal, sys, time
 from pathlib import Path
-from diagnosis.side_by_side import side_by_side
+from diagnosis.refits.parallel import side_by_side
 
 def work(number, folder):
     Path(folder, f"begun{number}").touch()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from diagnosis import diagnose, verdict_of
-from diagnosis.diagnose import _loosened
+from diagnosis.algorithm import _loosened
 from tests.helpers.drawn import drawn
 from tuning import open_session, predict
 

@@ -11,9 +11,9 @@ from typer.testing import CliRunner
 
 from diagnosis import EFFECTS, Scene, diagnose, oracle, report, verdict_of
 from diagnosis import refit as refit_module
-from diagnosis.evidence import Evidence
-from diagnosis.judge import judge
-from diagnosis.score import scores
+from diagnosis.inference.evidence import Evidence
+from diagnosis.inference.posterior import judge
+from diagnosis.search.score_test import scores
 from identification import Fault
 from mbw.command import app
 from tests.helpers.drawn import drawn

@@ -15,7 +15,7 @@ from mbw.command import app
 
 RUNNER = CliRunner()
 LINES = 161
-DIAGNOSE = importlib.import_module("diagnosis.diagnose")  # the package has a function of that name
+DIAGNOSE = importlib.import_module("diagnosis.algorithm")  # the package has a function of that name
 CASES: dict[str, tuple[int, str | None, float | None, str | None]] = {
     # seed, effect, survival ratio, what the catalogue knows
     "none": (72_010, None, None, None),

@@ -1,6 +1,6 @@
 """Plain evidence, to be judged."""
 
-from diagnosis.evidence import Evidence, Paired, Pushed, Refitted, Scored
+from diagnosis.inference.evidence import Evidence, Paired, Pushed, Refitted, Scored
 
 PLACES = ("body:a", "joint:b", "sensor:acc1")
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from diagnosis import Scene
 from diagnosis.effects import missing_dof
-from diagnosis.forces import _directions
+from diagnosis.search.free_force import _directions
 from mbmodel import Model, as_drawn, linearise, load_machine, loosened, spring_parts, write_mjcf
 
 HIGHEST = 160.0

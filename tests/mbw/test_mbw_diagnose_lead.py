@@ -8,8 +8,8 @@ import pytest
 from browser import data_of
 from diagnosed import diagnosed, lead_of
 
-from diagnosis.evidence import Paired
-from diagnosis.verdict import CauseRow
+from diagnosis.inference.evidence import Paired
+from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.files import read_result
 from mbw.diagnose.page import render
 from mbw.diagnose.words import gate_sentences

@@ -12,7 +12,7 @@ from diagnosis_probe import PROBE
 from drawn import drawn
 from typer.testing import CliRunner
 
-from diagnosis.spoken import direction
+from diagnosis.labels import direction
 from mbmodel import load_machine
 from mbw.command import app
 from mbw.diagnose.files import NAMES, read_result, write_files

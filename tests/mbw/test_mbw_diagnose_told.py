@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from diagnosis import Hypothesis
-from diagnosis.score import Score
+from diagnosis.search.score_test import Score
 from mbw.command import app
 from mbw.diagnose import verb
 from mbw.messages import SCREEN

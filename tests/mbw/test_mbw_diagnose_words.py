@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from diagnosis.spoken import direction
-from diagnosis.verdict import CauseRow
+from diagnosis.labels import direction
+from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.tables import _cause
 from mbw.diagnose.values import number, parameter_lines, parameter_words
 from mbw.diagnose.words import (

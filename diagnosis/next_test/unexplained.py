@@ -2,7 +2,7 @@
 
 from collections import Counter
 
-from diagnosis.diagnose import Diagnosis
+from diagnosis.algorithm import Diagnosis
 from identification.words import Campaign, Dof
 from mbmodel import Machine, parents_of
 

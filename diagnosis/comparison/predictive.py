@@ -21,11 +21,11 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.hypothesis import Scene
-from diagnosis.judge import Judged, Keys
-from diagnosis.nothing import with_outliers
-from diagnosis.refit import SOME, Refit, fitted, further, held_out, paced, plenty
-from diagnosis.search import Search
-from diagnosis.side_by_side import Call, side_by_side
+from diagnosis.inference.posterior import Judged, Keys
+from diagnosis.null_model import with_outliers
+from diagnosis.refits.parallel import Call, side_by_side
+from diagnosis.refits.refitting import SOME, Refit, fitted, further, held_out, paced, plenty
+from diagnosis.search.ladder import Search
 from identification.words import Campaign, Real
 from tuning import HeldOut, Misfit, thinned
 

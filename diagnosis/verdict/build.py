@@ -3,13 +3,13 @@
 import numpy as np
 from scipy.stats import t as student
 
-from diagnosis.diagnose import Diagnosis
+from diagnosis.algorithm import Diagnosis
+from diagnosis.data_checks.sensors import RELEASED
 from diagnosis.effects import catalogue
-from diagnosis.evidence import BENDS, Key
-from diagnosis.experiment import next_experiment
-from diagnosis.gate import RELEASED
-from diagnosis.level import Level
-from diagnosis.verdict import (
+from diagnosis.estimates.held_out_gap import Level
+from diagnosis.inference.evidence import BENDS, Key
+from diagnosis.next_test.discriminating import next_experiment
+from diagnosis.verdict.schema import (
     CauseRow,
     GapAt,
     GapSteps,

@@ -14,11 +14,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.calibration import calibrated
 from diagnosis.effects import catalogue
-from diagnosis.evidence import Key
 from diagnosis.hypothesis import Hypothesis, Scene, together
-from diagnosis.refit import (
+from diagnosis.inference.calibration import calibrated
+from diagnosis.inference.evidence import Key
+from diagnosis.refits.refitting import (
     FIRST,
     FROM_AFAR,
     LONG,
@@ -33,7 +33,7 @@ from diagnosis.refit import (
     refit,
     unbounded,
 )
-from diagnosis.search import Hunt, Search, beginnings
+from diagnosis.search.ladder import Hunt, Search, beginnings
 from tuning import STAGES, Fit
 
 _EARLY = (replace(STAGES[2], stride=8, max_steps=5),)

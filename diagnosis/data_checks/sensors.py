@@ -15,8 +15,8 @@ from diagnosis.corrections import Reading, channels_of, divided, doubted, exchan
 from diagnosis.effects.flexible_body import bent
 from diagnosis.effects.points import three
 from diagnosis.effects.sensor_polarity import turned
-from diagnosis.evidence import BENDS, Key
 from diagnosis.hypothesis import Hypothesis, Value, released
+from diagnosis.inference.evidence import BENDS, Key
 from identification import BodyCheck, Fault, check_bodies, delayed, doubled, mount, silent
 from identification.words import Campaign, Dof, Real
 from tuning import Session

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from typing import Any
 
-from diagnosis.evidence import Evidence, Paired, Refitted
-from diagnosis.gate import Gate
+from diagnosis.data_checks.sensors import Gate
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.refit import Refit, off_by, source_of, unbounded
-from diagnosis.search import Search
+from diagnosis.inference.evidence import Evidence, Paired, Refitted
+from diagnosis.refits.refitting import Refit, off_by, source_of, unbounded
+from diagnosis.search.ladder import Search
 
 
 def gathered(

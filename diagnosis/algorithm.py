@@ -4,23 +4,23 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
-from diagnosis.calibration import calibrated
+from diagnosis.comparison.collect import gathered
+from diagnosis.comparison.predictive import at_ease, foretold, rivals_of
+from diagnosis.data_checks.sensors import Gate, hypothesis_of, sensor_gate
 from diagnosis.effects import catalogue
-from diagnosis.evidence import BENDS, Evidence
-from diagnosis.foretold import at_ease, foretold, rivals_of
-from diagnosis.gate import Gate, hypothesis_of, sensor_gate
-from diagnosis.gathered import gathered
+from diagnosis.estimates.held_out_gap import Level, begun, level, levels
+from diagnosis.estimates.intervals import Known
 from diagnosis.hypothesis import Hypothesis, Scene, together
-from diagnosis.judge import NATS, Judged, judge
-from diagnosis.known import Known
-from diagnosis.level import Level, begun, level, levels
-from diagnosis.nothing import (
+from diagnosis.inference.calibration import calibrated
+from diagnosis.inference.evidence import BENDS, Evidence
+from diagnosis.inference.posterior import NATS, Judged, judge
+from diagnosis.null_model import (
     from_many_starts,
     from_where_others_ended,
     with_outliers,
     within_bounds,
 )
-from diagnosis.refit import (
+from diagnosis.refits.refitting import (
     FIRST,
     LAST,
     PATIENT,
@@ -32,9 +32,9 @@ from diagnosis.refit import (
     refit,
     uninterrupted,
 )
-from diagnosis.score import cosines
-from diagnosis.search import Search
-from diagnosis.second import searched
+from diagnosis.search.ladder import Search
+from diagnosis.search.score_test import cosines
+from diagnosis.search.second_effect import searched
 from identification import independent, steadied, unsteady
 from identification.words import Campaign, UsageError
 from mbmodel import Held, loosened

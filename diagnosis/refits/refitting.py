@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import chi2, norm
 
-from diagnosis.evidence import BADLY_KNOWN, Gapped, Key
 from diagnosis.hypothesis import Hypothesis, Scene, Value, freed
-from diagnosis.side_by_side import side_by_side
+from diagnosis.inference.evidence import BADLY_KNOWN, Gapped, Key
+from diagnosis.refits.parallel import side_by_side
 from identification.words import Campaign, Real, VarianceSource
 from mbmodel import Model
 from tuning import (

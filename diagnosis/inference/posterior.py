@@ -44,8 +44,8 @@ from itertools import combinations
 import numpy as np
 from scipy.special import expit, softmax
 
-from diagnosis.calibration import Calibration, calibrated
-from diagnosis.evidence import BENDS, Evidence, Key, Paired, Refitted
+from diagnosis.inference.calibration import Calibration, calibrated
+from diagnosis.inference.evidence import BENDS, Evidence, Key, Paired, Refitted
 from identification.words import Real
 
 _POWER = 0.75  # of the gap: with what is left of it compared

@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from typing import Any
 
-from diagnosis.diagnose import Diagnosis, level_of
-from diagnosis.evidence import BENDS
-from diagnosis.gate import hypothesis_of
+from diagnosis.algorithm import Diagnosis, level_of
+from diagnosis.data_checks.sensors import hypothesis_of
+from diagnosis.estimates.held_out_gap import Level
 from diagnosis.hypothesis import Hypothesis
-from diagnosis.level import Level
+from diagnosis.inference.evidence import BENDS
 from identification import Fault
 
 

@@ -4,10 +4,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from diagnosis.estimates.intervals import Known, known
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.known import Known, known
-from diagnosis.refit import ALL, FIRST, ONWARD, SHAPED, SOME, Refit, held_out, paced, refit
-from diagnosis.side_by_side import Call, side_by_side
+from diagnosis.refits.parallel import Call, side_by_side
+from diagnosis.refits.refitting import (
+    ALL,
+    FIRST,
+    ONWARD,
+    SHAPED,
+    SOME,
+    Refit,
+    held_out,
+    paced,
+    refit,
+)
 from identification.words import Campaign, Complex, Mask, Real
 from tuning import (
     ChannelGaps,

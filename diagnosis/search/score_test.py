@@ -17,8 +17,8 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg
 
-from diagnosis.evidence import Key
 from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.inference.evidence import Key
 from identification.words import Integers, Real
 from mbmodel import Model
 from tuning import STAGES, Fit, Freedom, Misfit, Probed, counted_lines, freedom, thinned

@@ -3,12 +3,12 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from diagnosis.calibration import calibrated
-from diagnosis.evidence import Key, Pushed, Scored
-from diagnosis.forces import pushes
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.judge import compared
-from diagnosis.refit import (
+from diagnosis.inference.calibration import calibrated
+from diagnosis.inference.evidence import Key, Pushed, Scored
+from diagnosis.inference.posterior import compared
+from diagnosis.refits.parallel import Call, side_by_side
+from diagnosis.refits.refitting import (
     CLOSE,
     FIRST,
     FROM_AFAR,
@@ -22,9 +22,9 @@ from diagnosis.refit import (
     refit,
     unbounded,
 )
-from diagnosis.score import ALLOWANCE, Score, gains, lines_over, ranked
-from diagnosis.screen import REFITTED, Direction, Screen, best_of
-from diagnosis.side_by_side import Call, side_by_side
+from diagnosis.search.free_force import pushes
+from diagnosis.search.score_test import ALLOWANCE, Score, gains, lines_over, ranked
+from diagnosis.search.screening import REFITTED, Direction, Screen, best_of
 from tuning import Fit
 
 _THERE = 9  # of effects where free forces explain most, so many are fitted beside

@@ -22,9 +22,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.evidence import Pushed
 from diagnosis.hypothesis import Scene
-from diagnosis.score import Factor
+from diagnosis.inference.evidence import Pushed
+from diagnosis.search.score_test import Factor
 from identification.words import Campaign, Real
 from tuning import Fit, Freed, Misfit, thinned
 

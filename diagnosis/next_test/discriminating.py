@@ -20,14 +20,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.diagnose import Diagnosis
+from diagnosis.algorithm import Diagnosis
+from diagnosis.comparison.predictive import rivals_of
 from diagnosis.effects import PROVEN, catalogue
-from diagnosis.evidence import Key
-from diagnosis.foretold import rivals_of
 from diagnosis.hypothesis import Hypothesis
-from diagnosis.judge import Keys
-from diagnosis.refit import Refit
-from diagnosis.unknown import of_unknown
+from diagnosis.inference.evidence import Key
+from diagnosis.inference.posterior import Keys
+from diagnosis.next_test.unexplained import of_unknown
+from diagnosis.refits.refitting import Refit
 from identification.words import (
     Campaign,
     Dof,

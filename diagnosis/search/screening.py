@@ -3,10 +3,10 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from diagnosis.evidence import Key
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.refit import LEVELLED, Refit, asked, fitted, further
-from diagnosis.score import Score
+from diagnosis.inference.evidence import Key
+from diagnosis.refits.refitting import LEVELLED, Refit, asked, fitted, further
+from diagnosis.search.score_test import Score
 from tuning import Stage
 
 Direction = tuple[str, str | None]  # a place, and along or about which axis

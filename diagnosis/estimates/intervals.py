@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.hypothesis import Ends, Hypothesis, Vague, Value
-from diagnosis.refit import FINAL, Refit, named, uninterrupted
+from diagnosis.refits.refitting import FINAL, Refit, named, uninterrupted
 from identification.words import Real
 from tuning import PLAUSIBLE, QUANTILE, Confidence, Freedom, confidence, fit, thinned
 

@@ -64,5 +64,5 @@ class Calibration(BaseModel):
 @cache
 def calibrated() -> Calibration:
     """The committed calibration."""
-    text = (files("diagnosis") / "calibration.json").read_text("utf-8")
+    text = (files("diagnosis.inference") / "calibration.json").read_text("utf-8")
     return Calibration.model_validate(json.loads(text))

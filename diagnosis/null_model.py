@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.hypothesis import Scene
-from diagnosis.refit import (
+from diagnosis.refits.refitting import (
     FIRST,
     LAST,
     PATIENT,
@@ -25,7 +25,7 @@ from diagnosis.refit import (
     pull_of,
     uninterrupted,
 )
-from diagnosis.search import Search
+from diagnosis.search.ladder import Search
 from tuning import BOUND, STAGES, fit, random_starts
 
 _FEW, _STARTS, _FOLLOWED = 48, 16, 4  # FRFs a start; at most so many, of which the best go on

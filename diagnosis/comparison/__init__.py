@@ -1,0 +1,1 @@
+"""Comparison of rival hypotheses on data that their fits did not see."""

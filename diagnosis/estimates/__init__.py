@@ -1,0 +1,1 @@
+"""Estimates that the verdict states: held-out gap, intervals, shares of the residual."""

@@ -1,0 +1,1 @@
+"""Refits of all parameters with one hypothesis added."""

@@ -1,0 +1,1 @@
+"""The search for causes: score test, free forces, refits, a second effect."""
