@@ -4,13 +4,13 @@ An independent twin: its equations of motion are its own, and files are its only
 rest of the project. It imports no other package of it, and no simulator.
 """
 
-from truth.campaign import Campaign, Plan, draw_campaign
-from truth.cause import Cause, Wanted
-from truth.deck import draw_case
+from truth.campaign.case_design import draw_case
+from truth.campaign.cause import Cause, Wanted
+from truth.campaign.folder import write_answer, write_campaign
+from truth.campaign.protocol import Protocol, draw_protocol
+from truth.campaign.virtual_test import Campaign, Plan, draw_campaign
 from truth.errors import TruthError
-from truth.folder import write_answer, write_campaign
-from truth.protocol import Protocol, draw_protocol
-from truth.reader import read_station
+from truth.machine.mjcf_reader import read_station
 
 __all__ = [
     "Campaign",

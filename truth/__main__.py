@@ -7,15 +7,15 @@ from typing import Annotated
 import typer
 from threadpoolctl import threadpool_limits
 
-from truth.campaign import Plan, draw_campaign
-from truth.cause import Cause, Wanted
+from truth.campaign.cause import Cause, Wanted
+from truth.campaign.folder import check_folder, write_answer, write_campaign
+from truth.campaign.protocol import Protocol, draw_protocol
+from truth.campaign.virtual_test import Plan, draw_campaign
 from truth.effects import CATALOGUE
 from truth.effects.outside import OUTSIDE
 from truth.errors import TruthError
-from truth.folder import check_folder, write_answer, write_campaign
-from truth.protocol import Protocol, draw_protocol
-from truth.reader import read_station
-from truth.trees import draw_tree
+from truth.machine.mjcf_reader import read_station
+from truth.machine.random_tree import draw_tree
 
 BAD_INPUT = 3
 TREE = "tree"

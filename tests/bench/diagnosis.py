@@ -20,8 +20,6 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 from threadpoolctl import threadpool_limits
-from truth.machine.random_tree import draw_tree
-from truth.machine.station import Station
 
 from diagnosis import diagnose, oracle, told_of, verdict_of
 from diagnosis.inference.evidence import Evidence, Scored
@@ -42,6 +40,8 @@ from truth import (
 )
 from truth.errors import NoPlaceError
 from truth.grade import Case, grade, nearest_ratio, tables, to_json
+from truth.machine.random_tree import draw_tree
+from truth.machine.station import Station
 from tuning import open_session
 
 STATION = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"

@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 from tests.bench.kept import cases
 from tests.helpers.leaks import features, seen
 from truth import draw_case
-from truth.trees import draw_tree
+from truth.machine.random_tree import draw_tree
 
 CASES, JOBS, SEED = 1000, 1, 61_000
 

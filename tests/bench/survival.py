@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from tests.bench.kept import cases
 from truth import Cause, Plan, Wanted, draw_campaign, read_station, write_campaign
-from truth.deck import RATIOS
+from truth.campaign.case_design import RATIOS
 from tuning import channel_gaps, fit, open_session, predict, summarise
 
 STATION = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"

@@ -11,7 +11,7 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from truth import Cause, Plan, Wanted, draw_campaign, draw_protocol, read_station
-from truth.deck import RATIOS
+from truth.campaign.case_design import RATIOS
 from truth.effects import CATALOGUE
 
 STATION = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"

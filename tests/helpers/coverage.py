@@ -9,9 +9,9 @@ import numpy as np
 from identification.words import Dof
 from mbmodel import Question, linearise
 from truth import Plan, Protocol, draw_campaign, write_campaign
-from truth.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true
-from truth.rig import Prepared, accelerance, build
-from truth.station import Sensor, Station
+from truth.campaign.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true
+from truth.machine.rig import Prepared, accelerance, build
+from truth.machine.station import Sensor, Station
 from tuning import confidence, fit, open_session, pulls
 from tuning.assessment.frf_bands import deviations
 from tuning.assessment.parameter_confidence import QUANTILE

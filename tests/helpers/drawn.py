@@ -5,7 +5,7 @@ from pathlib import Path
 from identification.words import Campaign, Complex, Real
 from mbmodel import Evaluator, Model, Question
 from truth import Cause, Plan, Protocol, Wanted, draw_campaign, write_campaign
-from truth.trees import draw_tree
+from truth.machine.random_tree import draw_tree
 from tuning import Session, open_session
 
 

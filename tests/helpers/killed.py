@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from truth import Plan, Protocol, draw_campaign, write_campaign
-from truth.trees import draw_tree
+from truth.machine.random_tree import draw_tree
 from tuning import CHECKPOINT
 
 COMMAND = [sys.executable, "-m", "mbw", "tune", "--starts", "2", "--quiet"]

@@ -19,9 +19,9 @@ from mbmodel import (
     with_bending,
 )
 from truth import read_station
-from truth.draw import NO_TOLERANCE, draw_hammers
-from truth.dynamics import Flex, assemble, hammer_columns, sensor_rows
+from truth.campaign.draw import NO_TOLERANCE, draw_hammers
 from truth.effects.flexible_body import bend_of
+from truth.machine.dynamics import Flex, assemble, hammer_columns, sensor_rows
 
 BODY, FREQUENCY, DAMPING = "ty", 92.0, 0.015
 HERTZ = np.linspace(4.0, 180.0, 60)

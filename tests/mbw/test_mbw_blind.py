@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from mbw.blind import case as blind_case
 from mbw.command import app
-from truth.texts import model_xml
-from truth.trees import draw_tree
+from truth.campaign.file_formats import model_xml
+from truth.machine.random_tree import draw_tree
 
 RUNNER = CliRunner()
 SEED = 11

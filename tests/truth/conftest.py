@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from truth.reader import read_station
-from truth.station import GROUND, Hammer, Joint, Sensor, Stage, Station
+from truth.machine.mjcf_reader import read_station
+from truth.machine.station import GROUND, Hammer, Joint, Sensor, Stage, Station
 
 NOMINAL = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"
 SPRINGS = {"tx": 3e6, "ty": 5e6, "tz": 7e6, "rx": 2e5, "ry": 3e5, "rz": 4e5}

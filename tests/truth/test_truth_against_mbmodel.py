@@ -5,11 +5,11 @@ import pytest
 
 from identification.words import Dof
 from mbmodel import Question, as_drawn, linearise, load_machine
-from truth.draw import NO_TOLERANCE, draw_basis, draw_drawing, draw_hammers, draw_rigid
-from truth.reader import read_station
-from truth.rig import Prepared, accelerance, build
-from truth.texts import model_xml
-from truth.trees import draw_tree
+from truth.campaign.draw import NO_TOLERANCE, draw_basis, draw_drawing, draw_hammers, draw_rigid
+from truth.campaign.file_formats import model_xml
+from truth.machine.mjcf_reader import read_station
+from truth.machine.random_tree import draw_tree
+from truth.machine.rig import Prepared, accelerance, build
 
 FREQ = np.linspace(0, 200, 201)
 

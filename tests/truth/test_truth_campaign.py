@@ -11,17 +11,17 @@ import mujoco
 import numpy as np
 import pytest
 
-from truth.campaign import Campaign, Plan, draw_campaign
-from truth.cause import Cause, Drawn, Draws, Wanted
-from truth.draw import Tolerance
+from truth.campaign.cause import Cause, Drawn, Draws, Wanted
+from truth.campaign.draw import Tolerance
+from truth.campaign.file_formats import answer_toml
+from truth.campaign.folder import write_answer, write_campaign
+from truth.campaign.measure import Measurement
+from truth.campaign.protocol import Protocol
+from truth.campaign.uff import uff_bytes
+from truth.campaign.virtual_test import Campaign, Plan, draw_campaign
 from truth.effects import Answer
-from truth.effects.nothing import draw_nothing
+from truth.effects.null import draw_nothing
 from truth.errors import TruthError
-from truth.folder import write_answer, write_campaign
-from truth.measure import Measurement
-from truth.protocol import Protocol
-from truth.texts import answer_toml
-from truth.uff import uff_bytes
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of pyuff's own imports

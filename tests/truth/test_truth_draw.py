@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from truth.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true, stream
+from truth.campaign.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true, stream
 from truth.errors import TruthError
-from truth.station import HitPoint, is_inertia
+from truth.machine.station import HitPoint, is_inertia
 
 SEEDS = range(25)
 TOLERANCE = Tolerance()

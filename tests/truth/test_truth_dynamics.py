@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from truth.draw import draw_basis
-from truth.dynamics import assemble
+from truth.campaign.draw import draw_basis
+from truth.campaign.file_formats import model_xml
 from truth.errors import TruthError
-from truth.reader import read_station
-from truth.rig import Prepared, accelerance, build
-from truth.station import Hammer, Sensor, Station
-from truth.texts import model_xml
+from truth.machine.dynamics import assemble
+from truth.machine.mjcf_reader import read_station
+from truth.machine.rig import Prepared, accelerance, build
+from truth.machine.station import Hammer, Sensor, Station
 
 FREQ = np.linspace(0, 200, 41)
 OMEGA = 2 * np.pi * FREQ

@@ -16,8 +16,8 @@ from truth.effects.flexible_body import FlexibleBody, bend_of, draw_flexible_bod
 from truth.effects.gyroscopic import Gyroscopic, draw_gyroscopic
 from truth.effects.mass_error import MassError, draw_mass_error
 from truth.errors import TruthError
-from truth.rig import receptance
-from truth.station import GROUND, Joint, Sensor, Stage, Station
+from truth.machine.rig import receptance
+from truth.machine.station import GROUND, Joint, Sensor, Stage, Station
 
 W = 2 * np.pi * FREQ
 NUMBERS = st.floats(-1, 1)

@@ -11,8 +11,8 @@ from effect_rigs import FREQ, OCCASIONS, chain, frf_of, random_of, rig_of, scene
 from truth.effects import CATALOGUE, Effect, Scene
 from truth.effects.outside import OUTSIDE
 from truth.errors import TruthError
-from truth.rig import Occasion, dynamic_stiffness
-from truth.station import GROUND, Joint, Sensor, Stage, Station
+from truth.machine.rig import Occasion, dynamic_stiffness
+from truth.machine.station import GROUND, Joint, Sensor, Stage, Station
 
 DRAWS = {**CATALOGUE, **OUTSIDE}
 ONE = r"[tr][xyz]"

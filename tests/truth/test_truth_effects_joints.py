@@ -9,7 +9,6 @@ from effect_rigs import OCCASIONS, chain, frf_of, machine_of, random_of, rig_of,
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from truth.dynamics import point_row
 from truth.effects import Scene
 from truth.effects.drift import Drift, draw_drift
 from truth.effects.joint_coupling import JointCoupling, draw_joint_coupling
@@ -17,8 +16,9 @@ from truth.effects.missing_dof import MissingDof, draw_missing_dof
 from truth.effects.parallel_path import ParallelPath, draw_parallel_path
 from truth.effects.support_loss import CORNERS, SupportLoss, draw_support_loss, levers
 from truth.errors import TruthError
-from truth.rig import Occasion
-from truth.station import GROUND, HitPoint, Joint, Stage, Station
+from truth.machine.dynamics import point_row
+from truth.machine.rig import Occasion
+from truth.machine.station import GROUND, HitPoint, Joint, Stage, Station
 
 AXES = np.eye(3)
 

@@ -8,7 +8,7 @@ from effect_rigs import FREQ, chain, frf_of, machine_of, random_of, rig_of, scen
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from truth.draw import Tolerance, draw_basis, draw_true
+from truth.campaign.draw import Tolerance, draw_basis, draw_true
 from truth.effects.feedback_delay import FeedbackDelay, draw_feedback_delay
 from truth.effects.places import JointDirection
 from truth.effects.rows import joint_stretch

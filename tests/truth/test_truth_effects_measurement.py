@@ -17,7 +17,7 @@ from truth.effects.sensor_position import SensorPosition
 from truth.effects.sensor_swap import SensorSwap, draw_sensor_swap
 from truth.effects.sensors import outputs
 from truth.errors import TruthError
-from truth.station import HitPoint
+from truth.machine.station import HitPoint
 
 S = 2j * np.pi * FREQ
 NODE = 6  # the second sensor of the arm, rows 15 to 17

@@ -15,8 +15,8 @@ from truth.effects.outside.inerter import Inerter, draw_inerter
 from truth.effects.places import JointDirection
 from truth.effects.stability import poles
 from truth.errors import TruthError
-from truth.rig import Occasion
-from truth.station import GROUND
+from truth.machine.rig import Occasion
+from truth.machine.station import GROUND
 
 W = 2 * np.pi * FREQ
 S = 1j * W

@@ -17,7 +17,7 @@ from truth.effects.places import (
 )
 from truth.effects.rows import body_motion, joint_stretch, relative_motion, springs
 from truth.errors import TruthError
-from truth.station import Joint
+from truth.machine.station import Joint
 
 LOCATIONS = ["sensor:acc1", "sensor:acc2", "sensor:acc30"]
 

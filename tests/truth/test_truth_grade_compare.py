@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from truth import rig
+from truth.campaign.file_formats import model_xml
+from truth.campaign.measure import Measurement
+from truth.campaign.uff import uff_bytes
 from truth.errors import TruthError
 from truth.grade.compare import compare
-from truth.measure import Measurement
-from truth.station import Hammer
-from truth.texts import model_xml
-from truth.uff import uff_bytes
+from truth.machine.station import Hammer
 
 FREQ = 10.0 + 0.5 * np.arange(120)
 LABELS = tuple((node, axis) for node in (3, 1, 2) for axis in (1, 2, 3))

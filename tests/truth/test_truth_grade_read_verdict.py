@@ -6,8 +6,8 @@ import json
 import pytest
 
 from truth.errors import TruthError
+from truth.grade.json_reading import LARGEST
 from truth.grade.read_verdict import read_verdict
-from truth.grade.strict import LARGEST
 
 GOOD = {
     "verdict": "explained",

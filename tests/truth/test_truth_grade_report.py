@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from truth.campaign import Plan, draw_campaign
-from truth.cause import Cause, Wanted
+from truth.campaign.cause import Cause, Wanted
+from truth.campaign.folder import write_campaign
+from truth.campaign.protocol import Protocol
+from truth.campaign.virtual_test import Plan, draw_campaign
 from truth.errors import TruthError
-from truth.folder import write_campaign
 from truth.grade import RATES, Case, grade, tables, to_json
 from truth.grade.__main__ import app, cases_in
 from truth.grade.rates import wilson
 from truth.grade.tables import aligned, rate_text
-from truth.protocol import Protocol
 
 ROW = {
     "effect": "appendage",

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from truth.campaign.measure import Measurement
+from truth.campaign.uff import uff_bytes
 from truth.errors import TruthError
 from truth.grade.uff_reader import read_uff
-from truth.measure import Measurement
-from truth.uff import uff_bytes
 
 SHAPE = (7, 3, 2)
 RESPONSES, REFERENCES = ((4, 1), (4, 3), (12, 2)), ((11, 2), (7, 1))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from tests.helpers.leaks import features, seen
-from truth.deck import draw_case
-from truth.measure import Measurement
-from truth.trees import draw_tree
+from truth.campaign.case_design import draw_case
+from truth.campaign.measure import Measurement
+from truth.machine.random_tree import draw_tree
 
 ROUND = 43  # cases, in which every cause comes and twins are together
 CASES = 4 * ROUND
@@ -37,8 +37,8 @@ def campaigns(nominal):
             yield Measurement(freq, np.zeros(shape, complex), zero, take.channels, references)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("truth.campaign.hammer_tests", silent)
-        patch.setattr("truth.campaign._refit", lambda machine, plan, files: None)
+        patch.setattr("truth.campaign.virtual_test.hammer_tests", silent)
+        patch.setattr("truth.campaign.virtual_test._refit", lambda machine, plan, files: None)
         machines = draw_tree(2, 3), nominal
         return [drawn(number, machines) for number in range(CASES)]
 

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from truth.campaign.measure import hammer_tests, pulse_spectra
+from truth.campaign.protocol import Protocol, takes
 from truth.effects.backlash import Backlash, Play
 from truth.effects.friction import Friction, Jenkins
 from truth.effects.hardening import Cubic, Hardening
 from truth.effects.outside.rocking_contact import Rocking
 from truth.effects.places import JointDirection
 from truth.errors import TruthError
-from truth.machine import Machine
-from truth.measure import hammer_tests, pulse_spectra
-from truth.nonlinear import Pulses, nonlinear_readings, rest_forces
-from truth.protocol import Protocol, takes
-from truth.rig import Law, NonlinearJoint, Occasion, Rig, accelerance
-from truth.station import GROUND, Hammer, Joint, Sensor, Stage, Station
+from truth.machine.machine_on_test import Machine
+from truth.machine.nonlinear import Pulses, nonlinear_readings, rest_forces
+from truth.machine.rig import Law, NonlinearJoint, Occasion, Rig, accelerance
+from truth.machine.station import GROUND, Hammer, Joint, Sensor, Stage, Station
 
 MASS, SPRING, DAMPER = 12.0, 4e5, 270.0  # 29 Hz, 6 %
 LEVEL, SECONDS, RATE = 300.0, 1.0, 8192.0

@@ -5,11 +5,11 @@ import tomllib
 import numpy as np
 import pytest
 
-from truth.campaign import Plan, draw_campaign
-from truth.draw import NO_TOLERANCE, draw_basis, draw_hammers, draw_rigid
-from truth.machine import Machine
-from truth.measure import hammer_tests
-from truth.protocol import Protocol, draw_protocol, occasions, takes
+from truth.campaign.draw import NO_TOLERANCE, draw_basis, draw_hammers, draw_rigid
+from truth.campaign.measure import hammer_tests
+from truth.campaign.protocol import Protocol, draw_protocol, occasions, takes
+from truth.campaign.virtual_test import Plan, draw_campaign
+from truth.machine.machine_on_test import Machine
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from truth.errors import TruthError
-from truth.reader import read_station
-from truth.station import GROUND
+from truth.machine.mjcf_reader import read_station
+from truth.machine.station import GROUND
 
 GOOD = """
 <mujoco model="small">

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from truth.campaign import Plan, draw_campaign
-from truth.cause import Cause, Wanted
-from truth.draw import Tolerance, draw_hammers, stream
+from truth.campaign.cause import Cause, Wanted
+from truth.campaign.draw import Tolerance, draw_hammers, stream
+from truth.campaign.frf_sensitivities import Jacobian, jacobian_again
+from truth.campaign.measure import hammer_tests
+from truth.campaign.protocol import Protocol, occasions, takes
+from truth.campaign.survival import BOUND, refit_of
+from truth.campaign.virtual_test import Plan, draw_campaign
 from truth.effects import CATALOGUE, Scene
-from truth.machine import Machine
-from truth.measure import hammer_tests
-from truth.protocol import Protocol, occasions, takes
-from truth.refit import BOUND, refit_of
-from truth.rig import Occasion, accelerance
-from truth.slopes import Jacobian, jacobian_again
+from truth.machine.machine_on_test import Machine
+from truth.machine.rig import Occasion, accelerance
 
 TOLERANCE = Tolerance()
 PROTOCOL = Protocol((1,), averages=10, lines=201, resolution_hz=1.0)

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from truth.campaign import Plan, draw_campaign
-from truth.cause import Cause, Wanted
-from truth.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true, stream
+from truth.campaign.cause import Cause, Wanted
+from truth.campaign.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true, stream
+from truth.campaign.protocol import Protocol, occasions, takes
+from truth.campaign.tolerance_answer import stated
+from truth.campaign.virtual_test import Plan, draw_campaign
 from truth.effects import CATALOGUE, Scene
-from truth.machine import Machine
-from truth.protocol import Protocol, occasions, takes
-from truth.rig import Occasion
-from truth.stated import stated
+from truth.machine.machine_on_test import Machine
+from truth.machine.rig import Occasion
 
 SEED = 8
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from truth.dynamics import assemble
-from truth.rig import null_basis
-from truth.station import GROUND
-from truth.texts import model_xml
-from truth.trees import STAGES, draw_tree
+from truth.campaign.file_formats import model_xml
+from truth.machine.dynamics import assemble
+from truth.machine.random_tree import STAGES, draw_tree
+from truth.machine.rig import null_basis
+from truth.machine.station import GROUND
 
 SEEDS = range(40)
 

@@ -5,7 +5,7 @@ import pytest
 
 from tests.helpers.coverage import covered
 from truth import Protocol
-from truth.trees import draw_tree
+from truth.machine.random_tree import draw_tree
 
 MACHINES, FIRST = 20, 71_100
 

@@ -17,7 +17,7 @@ from truth.effects.joint_coupling import draw_joint_coupling
 from truth.effects.mass_error import draw_mass_error
 from truth.effects.missing_dof import draw_missing_dof
 from truth.effects.mount_resonance import draw_mount_resonance
-from truth.effects.nothing import draw_nothing
+from truth.effects.null import draw_nothing
 from truth.effects.parallel_path import draw_parallel_path
 from truth.effects.sensor_delay import draw_sensor_delay
 from truth.effects.sensor_gain import draw_sensor_gain

@@ -4,8 +4,8 @@ import numpy as np
 
 from truth.effects.effect import Scene
 from truth.effects.places import JointDirection
-from truth.rig import Prepared, build, receptance
-from truth.station import Hammer
+from truth.machine.rig import Prepared, build, receptance
+from truth.machine.station import Hammer
 
 _SPACING_HZ, _HIGHEST_HZ = 1.0, 400.0
 _PULSE_SECONDS = 5.7e-3  # of a usual hit

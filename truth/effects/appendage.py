@@ -7,8 +7,8 @@ import numpy as np
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_stage
 from truth.effects.rows import body_motion
-from truth.rig import Occasion, Prepared, Rig
-from truth.station import AXES
+from truth.machine.rig import Occasion, Prepared, Rig
+from truth.machine.station import AXES
 
 MASS_RATIO = (0.03, 0.10)
 FREQUENCY_HZ = (30.0, 150.0)

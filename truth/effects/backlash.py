@@ -8,8 +8,8 @@ from truth.effects.amplitude import peak_stretch
 from truth.effects.chance import log_uniform
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import JointDirection, draw_direction
-from truth.rig import NonlinearJoint, Occasion, Prepared, Rig
-from truth.station import Real
+from truth.machine.rig import NonlinearJoint, Occasion, Prepared, Rig
+from truth.machine.station import Real
 
 SHARE = (0.01, 0.3)
 

@@ -5,7 +5,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from truth.station import Real
+from truth.machine.station import Real
 
 _T = TypeVar("_T")
 

@@ -8,7 +8,7 @@ from truth.effects.chance import choose, sign
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_spring_stage, hammer_site
 from truth.effects.rows import joint_stretch, springs
-from truth.rig import Occasion, Prepared, Rig
+from truth.machine.rig import Occasion, Prepared, Rig
 
 LOG_FACTOR = (0.1, 0.5)
 LIMITS = (1e-3, 1.5)

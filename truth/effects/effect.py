@@ -14,8 +14,8 @@ from typing import Protocol, Self, TypeAlias
 import numpy as np
 
 from truth.errors import TruthError
-from truth.rig import Occasion, Prepared, Rig
-from truth.station import Station
+from truth.machine.rig import Occasion, Prepared, Rig
+from truth.machine.station import Station
 
 Parameter: TypeAlias = float | tuple[float, ...]
 

@@ -8,8 +8,8 @@ import numpy as np
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import JointDirection, draw_direction
 from truth.effects.stability import longest_delay
-from truth.rig import Law, Occasion, Prepared, Rig, build
-from truth.station import Complex, Joint
+from truth.machine.rig import Law, Occasion, Prepared, Rig, build
+from truth.machine.station import Complex, Joint
 
 SHARE = (0.2, 0.7)  # of the longest delay
 SMALLEST = 1e-4  # of the longest delay

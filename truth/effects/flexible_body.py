@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truth.dynamics import Flex
 from truth.effects.chance import log_uniform, unit_vector
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_stage
-from truth.rig import Occasion, Prepared
-from truth.station import Real, Stage, Station
+from truth.machine.dynamics import Flex
+from truth.machine.rig import Occasion, Prepared
+from truth.machine.station import Real, Stage, Station
 
 AMPLITUDE = (0.3, 1.5)
 FREQUENCY_HZ = (60.0, 300.0)

@@ -7,8 +7,8 @@ import numpy as np
 from truth.effects.chance import choose
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_stage
-from truth.rig import Occasion, Prepared, Rig
-from truth.station import GROUND, Real, Station
+from truth.machine.rig import Occasion, Prepared, Rig
+from truth.machine.station import GROUND, Real, Station
 
 SPEED = (30.0, 300.0)
 LIMITS = (0.1, 1000.0)  # rad/s

@@ -8,8 +8,8 @@ from truth.effects.chance import choose, unit_vector
 from truth.effects.effect import Answer, Scene, Vector
 from truth.effects.places import draw_location, hammer_site
 from truth.effects.sensors import turn
-from truth.rig import Occasion, Prepared
-from truth.station import AXES
+from truth.machine.rig import Occasion, Prepared
+from truth.machine.station import AXES
 
 ANGLE = (0.07, 0.4)
 LIMITS = (1e-3, 0.8)  # rad

@@ -8,8 +8,8 @@ from truth.effects.chance import unit_vector
 from truth.effects.effect import Answer, Scene, Vector
 from truth.effects.places import draw_stage
 from truth.effects.rows import joint_stretch, springs
-from truth.rig import Occasion, Prepared, Rig
-from truth.station import Real, Stage
+from truth.machine.rig import Occasion, Prepared, Rig
+from truth.machine.station import Real, Stage
 
 OFFSET = (0.01, 0.12)
 LIMITS = (1e-4, 0.3)  # m

@@ -6,8 +6,8 @@ import numpy as np
 
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_stage
-from truth.rig import Occasion, Prepared
-from truth.station import Real, Stage
+from truth.machine.rig import Occasion, Prepared
+from truth.machine.station import Real, Stage
 
 MASS_RATIO = (0.05, 0.25)
 LIMITS = (1e-3, 1.0)  # of the body's mass

@@ -8,8 +8,8 @@ import numpy as np
 from truth.effects.chance import choose, log_uniform
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import DIRECTIONS, draw_stage
-from truth.rig import Occasion, Prepared
-from truth.station import GROUND, Joint, Real, Stage, Station
+from truth.machine.rig import Occasion, Prepared
+from truth.machine.station import GROUND, Joint, Real, Stage, Station
 
 SIZE = (1.0, 30.0)
 LIMITS = (1e-3, 100.0)

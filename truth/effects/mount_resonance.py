@@ -9,8 +9,8 @@ from truth.effects.chance import log_uniform
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_sensor
 from truth.effects.sensors import filtered
-from truth.rig import Occasion, Prepared, Rig
-from truth.station import Complex
+from truth.machine.rig import Occasion, Prepared, Rig
+from truth.machine.station import Complex
 
 REFERENCE_HZ = 100.0
 FREQUENCY_HZ = (120.0, 500.0)

@@ -9,8 +9,8 @@ from truth.effects.chance import choose, log_uniform, unit_vector
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_location
 from truth.effects.rows import body_motion, springs
-from truth.rig import Occasion, Prepared, Rig
-from truth.station import GROUND, Station
+from truth.machine.rig import Occasion, Prepared, Rig
+from truth.machine.station import GROUND, Station
 
 RATIO = (0.03, 0.3)
 TIME_CONSTANT = (1e-4, 1e-3)  # s

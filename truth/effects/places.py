@@ -8,8 +8,8 @@ import numpy as np
 from truth.effects.chance import choose
 from truth.effects.rows import joint_stretch
 from truth.errors import NoPlaceError, TruthError
-from truth.rig import Prepared, Rig
-from truth.station import AXES, Joint, Real, Sensor, Station
+from truth.machine.rig import Prepared, Rig
+from truth.machine.station import AXES, Joint, Real, Sensor, Station
 
 DIRECTIONS = tuple(kind + axis for kind in "tr" for axis in AXES)
 _SHOWN = 12  # locations in a sentence

@@ -6,9 +6,9 @@ are as wide as the rig, zero there.
 
 import numpy as np
 
-from truth.dynamics import joint_rows, motion_at
-from truth.rig import Prepared, Rig
-from truth.station import GROUND, Real
+from truth.machine.dynamics import joint_rows, motion_at
+from truth.machine.rig import Prepared, Rig
+from truth.machine.station import GROUND, Real
 
 
 def body_motion(rig: Rig, tested: Prepared, index: int, point: Real) -> Real:

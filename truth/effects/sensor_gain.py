@@ -8,8 +8,8 @@ from truth.effects.chance import choose, sign
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_sensor
 from truth.effects.sensors import with_sensor
-from truth.rig import Occasion, Prepared
-from truth.station import AXES, Sensor
+from truth.machine.rig import Occasion, Prepared
+from truth.machine.station import AXES, Sensor
 
 ERROR = (0.1, 0.4)
 LIMITS = (0.005, 0.9)

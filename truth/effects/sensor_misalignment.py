@@ -8,8 +8,8 @@ from truth.effects.chance import unit_vector
 from truth.effects.effect import Answer, Scene, Vector
 from truth.effects.places import draw_sensor
 from truth.effects.sensors import turn, with_sensor
-from truth.rig import Occasion, Prepared
-from truth.station import Sensor
+from truth.machine.rig import Occasion, Prepared
+from truth.machine.station import Sensor
 
 ANGLE = (0.07, 0.4)
 LIMITS = (1e-3, 1.5)  # rad

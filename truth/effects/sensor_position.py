@@ -8,8 +8,8 @@ from truth.effects.chance import log_uniform, unit_vector
 from truth.effects.effect import Answer, Scene, Vector
 from truth.effects.places import draw_sensor
 from truth.effects.sensors import with_sensor
-from truth.rig import Occasion, Prepared
-from truth.station import Sensor
+from truth.machine.rig import Occasion, Prepared
+from truth.machine.station import Sensor
 
 DISTANCE = (0.01, 0.15)
 LIMITS = (1e-4, 0.5)  # m

@@ -9,8 +9,8 @@ from truth.effects.chance import choose
 from truth.effects.effect import Answer, Scene, Unsized
 from truth.effects.places import draw_location
 from truth.effects.sensors import outputs
-from truth.rig import Occasion, Prepared, Rig
-from truth.station import AXES
+from truth.machine.rig import Occasion, Prepared, Rig
+from truth.machine.station import AXES
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from truth.rig import Filter, Prepared, Response, Rig
-from truth.station import Real, Sensor, Station
+from truth.machine.rig import Filter, Prepared, Response, Rig
+from truth.machine.station import Real, Sensor, Station
 
 
 def with_sensor(tested: Prepared, node: int, change: Callable[[Sensor], Sensor]) -> Prepared:

@@ -12,8 +12,8 @@ damping.
 import numpy as np
 import scipy.linalg
 
-from truth.rig import Rig, null_basis, receptance
-from truth.station import Complex, Real
+from truth.machine.rig import Rig, null_basis, receptance
+from truth.machine.station import Complex, Real
 
 KEPT = 0.2  # of the damping of the pole that would be the first to go
 _AROUND = np.sinh(np.linspace(-6, 6, 61))  # lines about each pole, in units of its decay

@@ -8,8 +8,8 @@ import numpy as np
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_spring_stage
 from truth.effects.rows import joint_stretch, springs
-from truth.rig import Law, Occasion, Prepared, Rig
-from truth.station import Complex
+from truth.machine.rig import Law, Occasion, Prepared, Rig
+from truth.machine.station import Complex
 
 LOSS = (0.03, 0.2)
 LIMITS = (1e-4, 0.6)

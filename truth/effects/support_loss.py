@@ -8,8 +8,8 @@ from truth.effects.chance import choose
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import DIRECTIONS, draw_stage
 from truth.effects.rows import relative_motion, springs
-from truth.rig import Occasion, Prepared, Rig
-from truth.station import Joint, Real, Stage
+from truth.machine.rig import Occasion, Prepared, Rig
+from truth.machine.station import Joint, Real, Stage
 
 LOST = (0.3, 0.9)
 NEAR = (0.6, 1.0)  # of the levers that the hinges allow

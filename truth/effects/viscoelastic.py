@@ -9,8 +9,8 @@ from truth.effects.chance import log_uniform
 from truth.effects.effect import Answer, Scene, Sized
 from truth.effects.places import draw_spring_stage
 from truth.effects.rows import joint_stretch
-from truth.rig import Law, Occasion, Prepared, Rig
-from truth.station import Complex
+from truth.machine.rig import Law, Occasion, Prepared, Rig
+from truth.machine.station import Complex
 
 RATIO = (0.1, 0.8)
 CORNER_HZ = (10.0, 150.0)

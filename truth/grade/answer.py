@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from truth.errors import TruthError
+from truth.grade.json_reading import items, number, read_bytes, table, text
 from truth.grade.names import NONE, SEVERAL, UNEXPLAINED, canonical, checked, direction, kind_of
-from truth.grade.strict import items, number, read_bytes, table, text
 from truth.grade.verdict import Numbers
 
 

@@ -18,7 +18,7 @@ from truth.grade.compare import Comparison
 from truth.grade.marks import SEEN, Excess
 from truth.grade.names import CATALOGUE, NONE, UNEXPLAINED
 from truth.grade.verdict import EXPLAINED, Row, Verdict
-from truth.station import AXES
+from truth.machine.station import AXES
 
 Output = tuple[int, int]  # node, axis 1, 2, 3
 Ranking = Callable[[Comparison], list[Output]]

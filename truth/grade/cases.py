@@ -10,9 +10,9 @@ from pathlib import Path
 
 from truth.errors import TruthError
 from truth.grade.answer import Truth, read_answer
+from truth.grade.json_reading import number, read_json, table
 from truth.grade.marks import Excess
 from truth.grade.read_verdict import read_verdict
-from truth.grade.strict import number, read_json, table
 from truth.grade.verdict import NOTHING_SAID, Verdict
 
 

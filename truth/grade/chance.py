@@ -18,7 +18,7 @@ from truth.grade.answer import Truth
 from truth.grade.marks import FLOOR, NO_EXCESS, Excess, Marks, marks_of
 from truth.grade.names import canonical
 from truth.grade.verdict import EXPLAINED, Verdict
-from truth.station import Real
+from truth.machine.station import Real
 
 Hypotheses = Mapping[str, Sequence[str]]  # places by effect
 

@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 
 from truth.errors import TruthError
-from truth.grade.strict import items, number, read_bytes, table, text
+from truth.grade.json_reading import items, number, read_bytes, table, text
 from truth.grade.uff_reader import Channel, Measured, read_uff
-from truth.reader import read_station
-from truth.rig import Prepared, accelerance, build
-from truth.station import Complex, Hammer, Mask, Real, Station
+from truth.machine.mjcf_reader import read_station
+from truth.machine.rig import Prepared, accelerance, build
+from truth.machine.station import Complex, Hammer, Mask, Real, Station
 
 _NOISY = 0.3
 _COHERENT = 0.5

@@ -9,8 +9,8 @@ from itertools import pairwise
 from pathlib import Path
 
 from truth.errors import TruthError
+from truth.grade.json_reading import items, number, number_or_null, read_json, table, text
 from truth.grade.names import NONE, SEVERAL, UNEXPLAINED, canonical, checked, direction
-from truth.grade.strict import items, number, number_or_null, read_json, table, text
 from truth.grade.verdict import EXPLAINED, WORDS, Interval, Numbers, Row, Verdict
 
 ABOVE = 0.01  # by which probabilities may sum to more than 1: they are rounded

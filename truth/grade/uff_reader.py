@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from truth.errors import TruthError
-from truth.grade.strict import read_bytes
-from truth.station import Complex, Mask, Real
+from truth.grade.json_reading import read_bytes
+from truth.machine.station import Complex, Mask, Real
 
 Channel = tuple[int, int]  # node and signed direction 1, 2, 3
 

@@ -8,7 +8,7 @@ from truth.effects.chance import sign
 from truth.effects.effect import Scene
 from truth.effects.outside.unexplained import Unexplained
 from truth.effects.places import draw_direction
-from truth.rig import Occasion, Prepared, Rig
+from truth.machine.rig import Occasion, Prepared, Rig
 
 LOG_FACTOR = (0.1, 0.5)
 LIMITS = (1e-3, 1.5)

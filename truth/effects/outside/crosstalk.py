@@ -9,8 +9,8 @@ from truth.effects.effect import Scene
 from truth.effects.outside.unexplained import Unexplained
 from truth.effects.places import JointDirection, direction_of, draw_direction
 from truth.effects.stability import largest_coupling
-from truth.rig import Occasion, Prepared, Rig, build
-from truth.station import Joint
+from truth.machine.rig import Occasion, Prepared, Rig, build
+from truth.machine.station import Joint
 
 SHARE = (0.2, 0.7)  # of the largest size
 SMALLEST = 1e-4  # of the largest size

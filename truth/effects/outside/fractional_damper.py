@@ -9,8 +9,8 @@ from truth.effects.chance import log_uniform
 from truth.effects.effect import Scene
 from truth.effects.outside.unexplained import Unexplained
 from truth.effects.places import draw_direction
-from truth.rig import Law, Occasion, Prepared, Rig
-from truth.station import Complex
+from truth.machine.rig import Law, Occasion, Prepared, Rig
+from truth.machine.station import Complex
 
 RATIO = (0.1, 0.6)
 LIMITS = (1e-3, 5.0)

@@ -8,8 +8,8 @@ from truth.effects.chance import log_uniform
 from truth.effects.effect import Scene
 from truth.effects.outside.unexplained import Unexplained
 from truth.effects.places import draw_direction
-from truth.rig import Occasion, Prepared, Rig
-from truth.station import GROUND, Joint
+from truth.machine.rig import Occasion, Prepared, Rig
+from truth.machine.station import GROUND, Joint
 
 RATIO = (0.1, 0.6)
 LIMITS = (1e-3, 5.0)

@@ -9,8 +9,8 @@ from truth.effects.chance import log_uniform
 from truth.effects.effect import Scene
 from truth.effects.outside.unexplained import Unexplained
 from truth.effects.places import draw_direction, has_spring
-from truth.rig import NonlinearJoint, Occasion, Prepared, Rig
-from truth.station import Joint, Real
+from truth.machine.rig import NonlinearJoint, Occasion, Prepared, Rig
+from truth.machine.station import Joint, Real
 
 SHARE = (0.05, 0.4)
 

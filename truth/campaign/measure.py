@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truth.draw import stream
+from truth.campaign.draw import stream
+from truth.campaign.protocol import Channel, Protocol, Take
 from truth.errors import TruthError
-from truth.machine import Known, Machine
-from truth.nonlinear import RATE_HZ, Pulses, nonlinear_readings
-from truth.protocol import Channel, Protocol, Take
-from truth.rig import Occasion
-from truth.station import Complex, Real
+from truth.machine.machine_on_test import Known, Machine
+from truth.machine.nonlinear import RATE_HZ, Pulses, nonlinear_readings
+from truth.machine.rig import Occasion
+from truth.machine.station import Complex, Real
 
 # A half sine this long has fallen by 14 dB at 200 Hz, by 9 and 21 dB at the ends of the scatter.
 PULSE_SECONDS = 5.7e-3

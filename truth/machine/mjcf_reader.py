@@ -12,7 +12,17 @@ from typing import Literal
 import numpy as np
 
 from truth.errors import TruthError
-from truth.station import GROUND, HitPoint, Joint, MeshFile, Real, Sensor, Shape, Stage, Station
+from truth.machine.station import (
+    GROUND,
+    HitPoint,
+    Joint,
+    MeshFile,
+    Real,
+    Sensor,
+    Shape,
+    Stage,
+    Station,
+)
 
 _WITHOUT_EFFECT = {"visual", "statistic", "light", "camera", "custom", "size"}
 _ALLOWED = {

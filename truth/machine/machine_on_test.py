@@ -4,8 +4,8 @@ from collections.abc import Hashable
 from dataclasses import dataclass, field
 
 from truth.effects import Effect
-from truth.rig import Occasion, Prepared, Rig, accelerance, build
-from truth.station import Complex, Hammer, Real, Station
+from truth.machine.rig import Occasion, Prepared, Rig, accelerance, build
+from truth.machine.station import Complex, Hammer, Real, Station
 
 
 @dataclass(frozen=True, eq=False)

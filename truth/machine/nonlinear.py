@@ -24,8 +24,8 @@ import numpy as np
 import scipy.linalg
 
 from truth.errors import TruthError
-from truth.rig import NonlinearJoint, Rig, null_basis, receptance, recorded
-from truth.station import Complex, Real
+from truth.machine.rig import NonlinearJoint, Rig, null_basis, receptance, recorded
+from truth.machine.station import Complex, Real
 
 RATE_HZ = 8192.0
 _TURNS = 40  # repetitions for the implicit force, at most

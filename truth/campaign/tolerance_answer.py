@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from truth.effects import Answer
 from truth.effects.effect import Parameter
-from truth.rig import Prepared
-from truth.station import AXES, Real, Sensor, Station
+from truth.machine.rig import Prepared
+from truth.machine.station import AXES, Real, Sensor, Station
 
 
 def stated(answer: Answer, drawing: Station, before: Station, after: Prepared) -> Answer:

@@ -10,7 +10,7 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
-from truth.measure import Measurement
+from truth.campaign.measure import Measurement
 
 _FRF, _COHERENCE = 4, 6
 _SINGLE_REAL, _SINGLE_COMPLEX = 2, 5

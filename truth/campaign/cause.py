@@ -6,12 +6,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from truth.draw import stream
+from truth.campaign.draw import stream
+from truth.campaign.survival import Refit
 from truth.effects import CATALOGUE, Draw, Effect, Scene
 from truth.effects.outside import OUTSIDE
 from truth.errors import NoPlaceError, TruthError
-from truth.machine import Machine
-from truth.refit import Refit
+from truth.machine.machine_on_test import Machine
 
 _DRAWS = 20  # of place and shape, for an effect as strong as is wanted
 _CLOSE = 0.04  # of the wanted ratio

@@ -5,11 +5,11 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterable
 from dataclasses import asdict
 
-from truth.cause import Cause, Draws
-from truth.draw import Tolerance
+from truth.campaign.cause import Cause, Draws
+from truth.campaign.draw import Tolerance
+from truth.campaign.protocol import Protocol, Take
 from truth.effects import Answer
-from truth.protocol import Protocol, Take
-from truth.station import GROUND, Stage, Station
+from truth.machine.station import GROUND, Stage, Station
 
 MESH_FOLDER = "meshes"
 _UNITS = {

@@ -15,8 +15,8 @@ from functools import partial
 
 import numpy as np
 
-from truth.draw import Tolerance
-from truth.dynamics import (
+from truth.campaign.draw import Tolerance
+from truth.machine.dynamics import (
     Equations,
     hammer_columns,
     joint_matrices,
@@ -25,9 +25,9 @@ from truth.dynamics import (
     point_row,
     sensor_rows,
 )
-from truth.machine import Machine
-from truth.rig import Occasion
-from truth.station import Complex, Mask, Real, Stage, Station
+from truth.machine.machine_on_test import Machine
+from truth.machine.rig import Occasion
+from truth.machine.station import Complex, Mask, Real, Stage, Station
 
 _STEP = 1e-3  # of a tolerance's standard deviation, for differences of matrices
 

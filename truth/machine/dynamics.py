@@ -19,7 +19,7 @@ import numpy as np
 import scipy.linalg
 
 from truth.errors import TruthError
-from truth.station import GROUND, Hammer, Real, Stage, Station
+from truth.machine.station import GROUND, Hammer, Real, Stage, Station
 
 
 @dataclass(frozen=True, eq=False)

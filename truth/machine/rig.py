@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 import scipy.linalg
 
-from truth.dynamics import Equations, Flex, assemble, hammer_columns, sensor_rows
-from truth.station import Complex, Hammer, Real, Station
+from truth.machine.dynamics import Equations, Flex, assemble, hammer_columns, sensor_rows
+from truth.machine.station import Complex, Hammer, Real, Station
 
 Response = Callable[[Complex], Complex]
 

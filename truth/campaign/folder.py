@@ -4,7 +4,7 @@ import secrets
 import shutil
 from pathlib import Path
 
-from truth.campaign import Campaign
+from truth.campaign.virtual_test import Campaign
 from truth.errors import TruthError
 
 ANSWER = "answer.toml"

@@ -26,9 +26,9 @@ import numpy as np
 import scipy.linalg
 from scipy.linalg import blas
 
-from truth.draw import Tolerance
-from truth.machine import Known, Machine
-from truth.measure import (
+from truth.campaign.draw import Tolerance
+from truth.campaign.frf_sensitivities import Jacobian, jacobian, jacobian_again, stacked, unstacked
+from truth.campaign.measure import (
     FORCE_NOISE,
     PULSE_SECONDS,
     linear_frfs,
@@ -36,11 +36,11 @@ from truth.measure import (
     nonlinear_part,
     pulse_spectra,
 )
-from truth.nonlinear import Pulses
-from truth.protocol import Protocol, Take
-from truth.rig import Occasion
-from truth.slopes import Jacobian, jacobian, jacobian_again, stacked, unstacked
-from truth.station import Complex, Joint, Mask, Real
+from truth.campaign.protocol import Protocol, Take
+from truth.machine.machine_on_test import Known, Machine
+from truth.machine.nonlinear import Pulses
+from truth.machine.rig import Occasion
+from truth.machine.station import Complex, Joint, Mask, Real
 
 # Relative errors that further steps may leave, one after the other, and how many are tried: as the
 # noise weighs lines, peaks that have moved lead astray.

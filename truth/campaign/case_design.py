@@ -10,15 +10,15 @@ from itertools import islice
 
 import numpy as np
 
-from truth.campaign import Campaign, Plan, draw_campaign
-from truth.cause import Cause, Wanted
-from truth.draw import draw_basis, draw_rigid, stream
+from truth.campaign.cause import Cause, Wanted
+from truth.campaign.draw import draw_basis, draw_rigid, stream
+from truth.campaign.protocol import Protocol, draw_protocol, occasions, takes
+from truth.campaign.virtual_test import Campaign, Plan, draw_campaign
 from truth.effects import CATALOGUE, Scene
 from truth.effects.outside import OUTSIDE
 from truth.errors import NoPlaceError, TruthError
-from truth.protocol import Protocol, draw_protocol, occasions, takes
-from truth.station import Station
-from truth.trees import draw_tree
+from truth.machine.random_tree import draw_tree
+from truth.machine.station import Station
 
 RATIOS = (1.0, 2.0, 4.0, 8.0)
 RIGID = 2  # directions of every machine that are rigid, for one of them may be what is missing

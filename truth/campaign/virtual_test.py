@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
 
-from truth.cause import Cause, Draws, draw_effects
-from truth.draw import (
+from truth.campaign.cause import Cause, Draws, draw_effects
+from truth.campaign.draw import (
     NO_TOLERANCE,
     Tolerance,
     draw_basis,
@@ -18,16 +18,16 @@ from truth.draw import (
     draw_true,
     stream,
 )
+from truth.campaign.file_formats import MESH_FOLDER, answer_toml, campaign_toml, model_xml
+from truth.campaign.measure import hammer_tests
+from truth.campaign.protocol import Protocol, Take, occasions, takes
+from truth.campaign.survival import Refit, refit_of
+from truth.campaign.tolerance_answer import stated
+from truth.campaign.uff import uff_bytes
 from truth.effects import Scene
 from truth.errors import TruthError
-from truth.machine import Machine
-from truth.measure import hammer_tests
-from truth.protocol import Protocol, Take, occasions, takes
-from truth.refit import Refit, refit_of
-from truth.stated import stated
-from truth.station import Hammer, Station
-from truth.texts import MESH_FOLDER, answer_toml, campaign_toml, model_xml
-from truth.uff import uff_bytes
+from truth.machine.machine_on_test import Machine
+from truth.machine.station import Hammer, Station
 
 _TOLERANCE = Tolerance()
 _PROTOCOL = Protocol()

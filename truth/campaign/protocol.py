@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truth.draw import stream
+from truth.campaign.draw import stream
 from truth.errors import TruthError
-from truth.rig import Occasion
-from truth.station import Real, Station
+from truth.machine.rig import Occasion
+from truth.machine.station import Real, Station
 
 Channel = tuple[int, int]  # node and direction 1, 2, 3
 

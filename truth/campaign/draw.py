@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from truth.errors import TruthError
-from truth.station import GROUND, Hammer, Joint, Real, Sensor, Stage, Station, is_inertia
+from truth.machine.station import GROUND, Hammer, Joint, Real, Sensor, Stage, Station, is_inertia
 
 # Standard deviations of the logarithms: a machine about the nominal, a drawing about the machine.
 SPREAD_MASS = 0.1

@@ -1,0 +1,1 @@
+"""Virtual hammer tests: cases, protocols, measurements and their files."""

@@ -1,0 +1,1 @@
+"""The virtual machine: equation of motion, effects in place, random machines."""
