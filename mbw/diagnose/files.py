@@ -12,7 +12,7 @@ from diagnosis import Diagnosis, Verdict
 from diagnosis.inference.evidence import Evidence
 from identification.words import InputError
 from mbmodel import NotHeld, write_mjcf
-from mbw.diagnose.machine import machine_of
+from mbw.diagnose.machine_rows import machine_of
 from mbw.diagnose.result import Result
 from mbw.diagnose.schema import ShownFile
 

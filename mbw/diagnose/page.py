@@ -6,12 +6,12 @@ import numpy as np
 
 from diagnosis.labels import direction
 from identification.words import Dof, Real
-from mbw.diagnose.lead import badges, doubts, lead
-from mbw.diagnose.machine import machine_of
+from mbw.diagnose.effect_parameters import number
+from mbw.diagnose.headline import badges, doubts, lead
+from mbw.diagnose.machine_rows import machine_of
 from mbw.diagnose.result import STEPS, Result
+from mbw.diagnose.sentences import gate_sentences, place
 from mbw.diagnose.tables import causes_section, tried_section
-from mbw.diagnose.values import number
-from mbw.diagnose.words import gate_sentences, place
 from mbw.page.html import fill, packed, packed_polar, packed_sizes, piece, warnings
 from mbw.page.numbers import UNITS, percent
 from mbw.page.picture import picture

@@ -12,8 +12,8 @@ from diagnosis.inference.evidence import Evidence
 from diagnosis.verdict.schema import CauseRow
 from identification.words import Campaign, Complex, Condition, Dof
 from mbmodel import NotHeld, looks
-from mbw.diagnose.machine import machine_rows, place_row
-from mbw.diagnose.pulled import pulled_sentence
+from mbw.diagnose.machine_rows import machine_rows, place_row
+from mbw.diagnose.pulled_tolerance import pulled_sentence
 from mbw.diagnose.schema import CentresRow, ChannelRow, ShownFile, StepsRow, TestRow
 from mbw.identify.solid import fault_row
 from tuning import gap_at_bodies, predict

@@ -6,9 +6,9 @@ from html import escape
 from diagnosis.inference.evidence import Gapped, Key, Scored
 from diagnosis.labels import direction
 from diagnosis.verdict.schema import CauseRow
+from mbw.diagnose.effect_parameters import Line, may_be_nothing, number, parameter_lines
 from mbw.diagnose.result import Result
-from mbw.diagnose.values import Line, may_be_nothing, number, parameter_lines
-from mbw.diagnose.words import (
+from mbw.diagnose.sentences import (
     gate_sentences,
     percent_sure,
     place,

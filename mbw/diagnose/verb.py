@@ -18,9 +18,9 @@ from mbw.diagnose.files import (
     write_files,
 )
 from mbw.diagnose.page import render
-from mbw.diagnose.pulled import pulled_sentence
+from mbw.diagnose.pulled_tolerance import pulled_sentence
 from mbw.diagnose.result import gather, unfinished
-from mbw.diagnose.words import (
+from mbw.diagnose.sentences import (
     cause_parameters,
     closed_words,
     noise_sentences,

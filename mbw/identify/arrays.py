@@ -15,9 +15,9 @@ from identification.modal import (
     stability,
 )
 from identification.words import Layout
-from mbw.identify.cells import cells_of
+from mbw.identify.frf_cells import cells_of
 from mbw.identify.hits import hits_arrays
-from mbw.identify.parts import QUIET, Parts
+from mbw.identify.result_parts import QUIET, Parts
 
 
 def arrays_of(parts: Parts, tolerances: Tolerances) -> dict[str, Any]:

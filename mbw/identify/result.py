@@ -19,10 +19,10 @@ from identification.modal import (
     mpd,
 )
 from identification.words import Campaign, Layout, ModalModel, Real
-from mbw.identify.against import Other
 from mbw.identify.arrays import arrays_of
 from mbw.identify.hits import hits_rows
-from mbw.identify.parts import QUIET, Parts, parts_of
+from mbw.identify.reference_shapes import Other
+from mbw.identify.result_parts import QUIET, Parts, parts_of
 from mbw.identify.schema import ByHand, ModeRow, ModesFile
 from mbw.identify.solid import solid_row
 

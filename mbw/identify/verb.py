@@ -20,7 +20,6 @@ from identification.modal import Tolerances, Wishes, identify
 from identification.words import Campaign, UsageError, WorkbenchError
 from mbmodel import Machine, load_machine, looks
 from mbw.files import check_json, check_names, write_json
-from mbw.identify.against import Other, drawn_model, nothing, of_file
 from mbw.identify.files import (
     NAMES,
     PAGE,
@@ -29,6 +28,7 @@ from mbw.identify.files import (
     write_full_matrix,
 )
 from mbw.identify.page import render
+from mbw.identify.reference_shapes import Other, drawn_model, nothing, of_file
 from mbw.identify.remarks import remarks
 from mbw.identify.result import Checks, Result, gather
 from mbw.identify.schema import ModesFile

@@ -7,7 +7,7 @@ import numpy as np
 from identification.words import Complex, Integers, Layout, is_hammer
 from mbmodel.geometry.surfaces import Colour, Looks, Surface
 from mbw.page.html import packed, packed_complex, packed_integers
-from mbw.points import sensors
+from mbw.site_kinds import sensors
 
 _PALETTE = (
     "#4c78a8", "#e0a13c", "#59a14f", "#b07aa1", "#76b7b2", "#d3705c",

@@ -8,7 +8,7 @@ import numpy as np
 from identification.words import Complex, Dof, Input, Motor, Quantity, Real, UsageError
 from mbmodel import Evaluator, Model, Modes, Question
 from mbmodel.frf.ports import is_floor
-from mbw.points import hammers
+from mbw.site_kinds import hammers
 
 _MOTION = {
     "accelerance": ("m/s²", "rad/s²"),

@@ -26,10 +26,10 @@ from mbmodel import (
 from mbmodel.geometry.surfaces import looks
 from mbw.files import check_json, write_json, write_page
 from mbw.messages import SCREEN
-from mbw.points import hammers, sensors
 from mbw.predict.curves import Curves, asked, drive_points
 from mbw.predict.page import render
 from mbw.predict.prediction import Prediction, modes_file, predicted, table
+from mbw.site_kinds import hammers, sensors
 
 PAGE = "predict.html"
 _BAND = (0.0, 200.0)

@@ -8,10 +8,10 @@ from identification.words import Dof
 from mbw.page.html import fill, packed, packed_complex, warnings
 from mbw.page.numbers import UNITS, percent
 from mbw.remarks import limits, not_held
-from mbw.tune.pairs import pairs_section
+from mbw.tune.convergence import badges, starts_section, unknown_section
+from mbw.tune.mode_pairs import pairs_section
 from mbw.tune.parameters import parameter_rows
 from mbw.tune.pulls import pull_points, pulls_note, pulls_table
-from mbw.tune.trust import badges, starts_section, unknown_section
 from tuning import Level, Result, TunedFile
 from tuning.files.result import TUNED_JSON
 

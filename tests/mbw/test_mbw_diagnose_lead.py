@@ -12,7 +12,7 @@ from diagnosis.inference.evidence import Paired
 from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.files import read_result
 from mbw.diagnose.page import render
-from mbw.diagnose.words import gate_sentences
+from mbw.diagnose.sentences import gate_sentences
 from mbw.identify.schema import FaultRow
 
 

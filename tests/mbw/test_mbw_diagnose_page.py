@@ -17,7 +17,7 @@ from mbmodel import load_machine
 from mbw.command import app
 from mbw.diagnose.files import NAMES, read_result, write_files
 from mbw.diagnose.page import render
-from mbw.diagnose.words import place, placed
+from mbw.diagnose.sentences import place, placed
 
 RUNNER = CliRunner()
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mbw.diagnose import verb
-from mbw.diagnose.pulled import pulled_sentence
+from mbw.diagnose.pulled_tolerance import pulled_sentence
 from mbw.diagnose.result import unfinished
 from mbw.messages import SCREEN
 

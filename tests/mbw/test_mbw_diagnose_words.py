@@ -6,9 +6,8 @@ import pytest
 
 from diagnosis.labels import direction
 from diagnosis.verdict.schema import CauseRow
-from mbw.diagnose.tables import _cause
-from mbw.diagnose.values import number, parameter_lines, parameter_words
-from mbw.diagnose.words import (
+from mbw.diagnose.effect_parameters import number, parameter_lines, parameter_words
+from mbw.diagnose.sentences import (
     cause_parameters,
     closed_words,
     noise_sentences,
@@ -19,6 +18,7 @@ from mbw.diagnose.words import (
     twin_sentences,
     untested_sentences,
 )
+from mbw.diagnose.tables import _cause
 
 
 @pytest.mark.parametrize(

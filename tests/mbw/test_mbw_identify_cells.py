@@ -7,7 +7,7 @@ import pytest
 from campaign_folder import write_folder
 
 from identification.modal.campaign_modes import beside
-from mbw.identify.cells import cells_of
+from mbw.identify.frf_cells import cells_of
 from tuning import open_campaign
 
 LOST = ("acc3:+tx", "acc4:+tz", "acc6:+ty")  # of nine channels on the head: six are left

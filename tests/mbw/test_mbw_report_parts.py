@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 
 from mbw.command import app
 from mbw.page.numbers import moved, short, tolerance
+from mbw.tune.convergence import badges, starts_section, unknown_section
 from mbw.tune.page import render
 from mbw.tune.parameters import parameter_rows
 from mbw.tune.pulls import kind_of, pull_points, pulls_note, pulls_table
-from mbw.tune.trust import badges, starts_section, unknown_section
 from tuning import read_result
 from tuning.files.schema import CorrelationRow, UnseenRow
 

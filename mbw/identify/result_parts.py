@@ -19,7 +19,7 @@ from identification.modal import (
     synthesised,
 )
 from identification.words import ORDER, Campaign, Complex, Mask, ModalModel, Real
-from mbw.identify.against import Compared, Other, compared
+from mbw.identify.reference_shapes import Compared, Other, compared
 
 QUIET = 0.3  # noise of a channel relative to its FRF, above which it does not count
 

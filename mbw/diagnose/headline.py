@@ -3,9 +3,9 @@
 from diagnosis.inference.evidence import Pushed
 from diagnosis.labels import direction
 from diagnosis.verdict.schema import CauseRow
+from mbw.diagnose.effect_parameters import number
 from mbw.diagnose.result import Result
-from mbw.diagnose.values import number
-from mbw.diagnose.words import (
+from mbw.diagnose.sentences import (
     NOT_SHOWN,
     capital,
     cause_parameters,

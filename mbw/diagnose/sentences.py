@@ -8,8 +8,8 @@ from diagnosis.labels import direction, named
 from diagnosis.verdict.build import NONLINEAR
 from diagnosis.verdict.schema import CauseRow, Verdict
 from identification import FAULTS
+from mbw.diagnose.effect_parameters import interval_words, may_be_nothing, parameter_words
 from mbw.diagnose.schema import ShownFile
-from mbw.diagnose.values import interval_words, may_be_nothing, parameter_words
 
 _WITHOUT_COHERENCE = (
     "without coherence, or with one average or none stated, the noise is estimated from third "
