@@ -3,8 +3,8 @@
 100 have nothing missing, 60 are mis-tuned only, the others one effect each, at survival ratios 2,
 4 and 8. ``ONLY=diagnosis`` makes the reported campaigns, seeds 220000 and up. ``ONLY=calibrate``
 makes others, seeds 80000 and up, and fits the judgement's constants to them, which it writes to
-``diagnosis/inference/calibration.json``. Cases that are done are kept: both go on from where they were. Every
-twentieth is diagnosed by two threads too, which must say the same to the last digit.
+``diagnosis/inference/calibration.json``. Cases that are done are kept: both go on from where they
+were. Every twentieth is diagnosed by two threads too, which must say the same to the last digit.
 """
 
 import json

@@ -19,7 +19,7 @@ from identification.impacts import ImpactRecord, impact_record, impact_spectra, 
 from identification.matching import Match, at_channels, match, printed_match
 from identification.shapes import Shapes, read_shapes, rigid_modes
 from identification.words import ConvergenceError, Integers, Layout
-from truth.gondola import Structure, Trial, read_structure, strike
+from tests.helpers.virtual_gondola import Structure, Trial, read_structure, strike
 
 ASSETS = Path(__file__).parents[2] / "assets" / "gondola"
 SEEDS = range(10)

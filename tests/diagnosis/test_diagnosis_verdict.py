@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from diagnosis import EFFECTS, Scene, diagnose, oracle, report, verdict_of
-from diagnosis import refit as refit_module
+from diagnosis import EFFECTS, Scene, diagnose, oracle, verdict_of
 from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import judge
+from diagnosis.refits import refitting
 from diagnosis.search.score_test import scores
+from diagnosis.verdict import build
 from identification import Fault
 from mbw.command import app
 from tests.helpers.drawn import drawn
@@ -109,7 +110,7 @@ def test_what_no_effect_tests_is_not_excluded_by_hits_of_several_levels(case, mo
     leveled = replace(found, session=replace(found.session, campaign=campaign))
     unknown = {"friction", "backlash", "hardening"}
     assert unknown <= set(verdict_of(leveled).not_testable)
-    monkeypatch.setattr(report, "catalogue", lambda: {**EFFECTS, "friction": EFFECTS["drift"]})
+    monkeypatch.setattr(build, "catalogue", lambda: {**EFFECTS, "friction": EFFECTS["drift"]})
     assert unknown - set(verdict_of(leveled).not_testable) == {"friction"}
     assert unknown <= set(verdict_of(found).not_testable)  # of one level
 
@@ -154,7 +155,7 @@ def test_the_verdict_is_the_same_with_more_threads_and_by_the_command(case):
 def test_an_interrupt_ends_it_without_a_verdict(tmp_path, monkeypatch):
     session, _ = drawn(tmp_path, 72_015, lines=121)
     monkeypatch.setattr(
-        refit_module, "fit", lambda *a, **k: replace(fit(*a, **k), outcome="interrupted")
+        refitting, "fit", lambda *a, **k: replace(fit(*a, **k), outcome="interrupted")
     )
     with pytest.raises(KeyboardInterrupt):
         diagnose(session)

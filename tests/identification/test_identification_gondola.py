@@ -11,7 +11,7 @@ from identification.impacts import impact_record, impact_spectra, struck
 from identification.matching import at_channels, match
 from identification.shapes import read_shapes, rigid_modes
 from identification.words import Dof, InputError, UsageError
-from truth.gondola import Trial, _accelerated, read_structure, strike
+from tests.helpers.virtual_gondola import Trial, _accelerated, read_structure, strike
 
 ASSETS = Path(__file__).parents[2] / "assets" / "gondola"
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from identification import read_layout
 from mbw.command import app
 from mbw.match.schema import MatchFile
-from truth.gondola import Trial, read_structure, write_impacts
+from tests.helpers.virtual_gondola import Trial, read_structure, write_impacts
 
 ASSETS = Path(__file__).parents[2] / "assets" / "gondola"
 SHAPES = str(ASSETS / "shapes.vtu")

@@ -10,7 +10,7 @@ from mbw.command import app
 from mbw.match.page import render
 from mbw.match.result import read_result
 from tests.helpers.browser import CHROMIUM, GL, browse, data_of, unpacked
-from truth.gondola import Trial, read_structure, write_impacts
+from tests.helpers.virtual_gondola import Trial, read_structure, write_impacts
 
 ASSETS = Path(__file__).parents[2] / "assets" / "gondola"
 PROBE = """<script>setTimeout(() => {

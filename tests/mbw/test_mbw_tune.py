@@ -16,8 +16,7 @@ from identification.words import Dof
 from mbmodel import Evaluator, Question, as_drawn, load_machine
 from mbw.command import app
 from mbw.tune import verb
-from tuning import Progress, read_result
-from tuning import tuned as tuned_module
+from tuning import Progress, campaign_tuning, read_result
 
 RUNNER = CliRunner()
 
@@ -136,7 +135,7 @@ def test_the_folder_holds_three_files_and_no_traces(tuned):
 
 
 def test_an_interrupt_writes_the_best_so_far_and_exits_130(folder, tmp_path, monkeypatch):
-    whole = tuned_module.fit
+    whole = campaign_tuning.fit
 
     def interrupted(*args, report=None, **kwargs):
         def tell(step: Progress):
@@ -146,7 +145,7 @@ def test_an_interrupt_writes_the_best_so_far_and_exits_130(folder, tmp_path, mon
 
         return whole(*args, report=tell, **kwargs)
 
-    monkeypatch.setattr(tuned_module, "fit", interrupted)
+    monkeypatch.setattr(campaign_tuning, "fit", interrupted)
     result = mbw("tune", folder, "--out", tmp_path / "out")
     assert result.exit_code == 130
     assert "best parameters" in result.stderr
@@ -162,12 +161,12 @@ def test_an_interrupt_writes_the_best_so_far_and_exits_130(folder, tmp_path, mon
 
 
 def test_a_search_that_does_not_converge_exits_4_with_its_result(folder, tmp_path, monkeypatch):
-    whole = tuned_module.fit
+    whole = campaign_tuning.fit
 
     def tired(*args, **kwargs):
         return replace(whole(*args, **kwargs), outcome="out of evaluations", advice="allow more")
 
-    monkeypatch.setattr(tuned_module, "fit", tired)
+    monkeypatch.setattr(campaign_tuning, "fit", tired)
     result = mbw("tune", folder, "--out", tmp_path / "out", "--quiet")
     assert result.exit_code == 4
     assert "allow more" in result.stderr

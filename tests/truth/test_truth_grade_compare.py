@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from truth import rig
 from truth.campaign.file_formats import model_xml
 from truth.campaign.measure import Measurement
 from truth.campaign.uff import uff_bytes
 from truth.errors import TruthError
 from truth.grade.compare import compare
+from truth.machine import rig
 from truth.machine.station import Hammer
 
 FREQ = 10.0 + 0.5 * np.arange(120)

@@ -8,7 +8,8 @@ from small_machine import virtual_campaign
 
 from mbmodel import Evaluator, Model, Question
 from mbmodel.parts import JointPart
-from tuning import Misfit, Wishes, freedom, runs
+from tuning import Misfit, Wishes, freedom
+from tuning.misfit import accumulation
 
 # What varies: sensors have blocks of their own unless they are tied to others or within.
 WISHES = {
@@ -190,7 +191,7 @@ def test_how_many_lines_are_held_at_once_does_not_matter(whole, mixed, wished, m
     _, varies = wished
     cost, x = Misfit(whole, mixed, varies, allowance=0.1, logarithmic=True), somewhere(varies)
     at_once = cost.normal(x)
-    monkeypatch.setattr(runs, "_CHUNK", chunk)
+    monkeypatch.setattr(accumulation, "_CHUNK", chunk)
     piecewise = cost.normal(x)
     size = sizes(at_once[2])
     assert piecewise[0] == at_once[0]

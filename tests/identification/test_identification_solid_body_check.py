@@ -7,7 +7,7 @@ import pytest
 from solid_bodies import HITS, Case, draw, triaxials
 
 from identification import check_bodies
-from identification.solid import search
+from identification.solid import fault_search
 from identification.solid.body_channels import body_data, gather
 from identification.solid.ranking import _begun_elsewhere, _judge, rank
 from identification.solid.rigid_fit import Model, Moments, fit
@@ -363,7 +363,7 @@ def test_what_was_named_while_a_dead_channel_was_believed_is_asked_again(monkeyp
             probability=np.append(1.0, found.probability),
         )
 
-    monkeypatch.setattr(search, "rank", misled)
+    monkeypatch.setattr(fault_search, "rank", misled)
     found = check(Case(1201, lines=LINES, read=read_times(4, 0.0)))
     assert [one.effect for one in found.faults] == ["dead_channel"]
     assert asked == [0, 0, 1, 0, 1]  # misled, the dead one, the rest; then the dead one first

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis import refit as refit_module
 from diagnosis.algorithm import _twins
 from diagnosis.comparison.predictive import at_ease, foretold, rivals_of
 from diagnosis.hypothesis import together
 from diagnosis.inference.posterior import Judged
+from diagnosis.refits import refitting
 from diagnosis.refits.refitting import (
     FIRST,
     LAST,
@@ -71,8 +71,8 @@ def test_where_twice_as_much_was_measured_than_is_enough_half_the_score_counts(r
     scene, (right, _) = rivals
     (score,) = foretold(scene, (right,))
     assert plenty(right.session.campaign) < 1
-    enough = plenty(right.session.campaign) * refit_module._ENOUGH / 2
-    monkeypatch.setattr(refit_module, "_ENOUGH", enough)
+    enough = plenty(right.session.campaign) * refitting._ENOUGH / 2
+    monkeypatch.setattr(refitting, "_ENOUGH", enough)
     assert plenty(right.session.campaign) == pytest.approx(2)
     assert foretold(scene, (right,)) == [pytest.approx(score / 2, rel=1e-12)]
 
