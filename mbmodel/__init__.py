@@ -16,7 +16,7 @@ from mbmodel.meshes.compile import mesh_files
 from mbmodel.mjcf.edit import Addition, Edit, NotHeld, write_mjcf
 from mbmodel.model import Matrices, Model, as_drawn
 from mbmodel.modes.energy_shares import Energy, energy
-from mbmodel.modes.model_modes import Modes, model_modes, modes, shapes_at
+from mbmodel.modes.model_modes import Modes, model_modes, modes_of_matrices, shapes_at
 from mbmodel.modes.sensitivities import LinearisedModes, ModeEvaluator
 from mbmodel.parts import (
     AddedPart,
@@ -77,7 +77,7 @@ __all__ = [
     "loosened",
     "mesh_files",
     "model_modes",
-    "modes",
+    "modes_of_matrices",
     "parents_of",
     "parse_input",
     "respond",

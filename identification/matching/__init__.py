@@ -2,8 +2,8 @@
 
 from identification.matching.assignment import best_matching, pair_probabilities
 from identification.matching.hand_methods import ByHand, by_hand
-from identification.matching.impact_modes import ImpactModes, impact_modes, in_phase
 from identification.matching.likelihood import Beliefs, odds
+from identification.matching.measured_modes import ImpactModes, impact_modes, in_phase
 from identification.matching.mode_matching import Match, at_channels, channels_at, match
 from identification.matching.ratio_method import PrintedMatch, Reading, printed_match, steadiest
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.impacts import ImpactSpectra
-from identification.matching.impact_modes import ImpactModes
+from identification.matching.measured_modes import ImpactModes
 from identification.modal import (
     half_power_damping,
     least_squares_amplitude,

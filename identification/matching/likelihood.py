@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.matching.impact_modes import ImpactModes
+from identification.matching.measured_modes import ImpactModes
 from identification.words import Real
 
 

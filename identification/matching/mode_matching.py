@@ -8,8 +8,8 @@ import numpy as np
 
 from identification.impacts import ImpactSpectra
 from identification.matching.assignment import best_matching, pair_probabilities
-from identification.matching.impact_modes import ImpactModes, impact_modes
 from identification.matching.likelihood import Beliefs, odds
+from identification.matching.measured_modes import ImpactModes, impact_modes
 from identification.modal import mac
 from identification.shapes import How, Shapes, shapes_at
 from identification.words import Dof, Layout, Real, UsageError

@@ -40,7 +40,7 @@ class Modes(HasPoles):
         return self.poles.imag > 0
 
 
-def modes(matrices: Matrices) -> Modes:
+def modes_of_matrices(matrices: Matrices) -> Modes:
     """Solve the quadratic eigenproblem (s^2 M + s C + K) phi = 0.
 
     Two poles stand for each coordinate. Oscillating poles count once a pair; real poles
@@ -158,7 +158,7 @@ def model_modes(model: Model, theta: Real) -> Modes:
     rest by their largest coordinates.
     """
     assembly = model.assemble(theta)
-    found = modes(assembly.matrices)
+    found = modes_of_matrices(assembly.matrices)
     count = sum(1 for name in found.names if name)
     if not count:
         return found

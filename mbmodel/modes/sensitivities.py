@@ -30,7 +30,7 @@ from mbmodel.frf.request import Question
 from mbmodel.frf.solution import Solved
 from mbmodel.frf.solver import Solver
 from mbmodel.model import Assembly, Matrices, Model
-from mbmodel.modes.model_modes import Modes, modes
+from mbmodel.modes.model_modes import Modes, modes_of_matrices
 
 _COINCIDE = 1e-7  # relative distance of two poles below which their shapes have no derivative
 _CUT = 1e-5  # singular values of the bordered equation left out there
@@ -123,7 +123,7 @@ class ModeEvaluator:
         sensors = [change for change in assembly.point_changes if change.slot == "sensor"]
         here = changed(self._places, sensors, self.outputs, ())
         return LinearisedModes(
-            self.model, theta, self.outputs, assembly, here, modes(assembly.matrices)
+            self.model, theta, self.outputs, assembly, here, modes_of_matrices(assembly.matrices)
         )
 
 

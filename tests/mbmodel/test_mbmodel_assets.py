@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mbmodel_examples import ROOT, STATION
 
-from mbmodel import as_drawn, load_machine, modes
+from mbmodel import as_drawn, load_machine, modes_of_matrices
 from mbmodel.meshes.files import read_mesh
 from mbmodel.meshes.mass_properties import solid_of
 from mbmodel.meshes.surface import winding_number
@@ -144,7 +144,7 @@ def test_geoms_are_for_the_eye_only():
 
 
 def test_the_stations_first_modes_are_those_of_the_suspension(station_model):
-    found = modes(station_model.matrices(station_model.drawn))
+    found = modes_of_matrices(station_model.matrices(station_model.drawn))
     assert 10 < found.freq_hz[0] < 15  # 11.9 Hz in the report
     assert 15 <= (found.freq_hz < 200).sum() <= 18  # 16 in the report
 
@@ -188,7 +188,7 @@ def test_ends_of_legs_are_no_accelerometers(legs, station):
 
 def test_the_station_with_legs_has_36_oscillating_modes(legs):
     model = as_drawn(legs)
-    found = modes(model.matrices(model.drawn))
+    found = modes_of_matrices(model.matrices(model.drawn))
     assert len(found.freq_hz) == 36
     assert 10 < found.freq_hz[0] < 15
     assert (found.damping > 0.01).all()

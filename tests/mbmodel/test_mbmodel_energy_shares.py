@@ -8,7 +8,7 @@ from mbmodel_examples import mass_on_spring, mjcf, random_tree, taut, worst_of_c
 from test_mbmodel_slopes import skewed
 
 from identification.words import Dof
-from mbmodel import Question, as_drawn, energy, linearise, model_modes, modes, shapes_at
+from mbmodel import Question, as_drawn, energy, linearise, model_modes, modes_of_matrices, shapes_at
 
 BAR = '<inertial pos="0.1 0.2 -0.1" mass="4" diaginertia="0.3 0.4 0.5"/>'
 
@@ -40,7 +40,7 @@ def test_modes_add_up_to_the_receptance(from_text, seed):
 
 def test_shapes_solve_the_eigenproblem_and_have_unit_modal_mass(station_model, away):
     matrices = station_model.matrices(away)
-    found = modes(matrices)
+    found = modes_of_matrices(matrices)
     for pole, shape in zip(found.poles, found.shapes.T, strict=True):
         force = matrices.dynamic_stiffness(pole) @ shape
         size = np.abs(matrices.stiffness) @ np.abs(shape)
@@ -52,7 +52,7 @@ def test_shapes_solve_the_eigenproblem_and_have_unit_modal_mass(station_model, a
 def test_modes_without_symmetry_solve_their_eigenproblem_too(station):
     model = as_drawn(skewed(station))
     matrices = model.matrices(model.drawn)
-    found = modes(matrices)
+    found = modes_of_matrices(matrices)
     assert len(found.poles) >= 36
     for pole, shape in zip(found.poles, found.shapes.T, strict=True):
         force = matrices.dynamic_stiffness(pole) @ shape

@@ -5,7 +5,7 @@ import pytest
 from mbmodel_examples import mass_on_spring, mjcf, taut
 
 from identification.words import ConvergenceError, Dof
-from mbmodel import Question, as_drawn, linearise, modes
+from mbmodel import Question, as_drawn, linearise, modes_of_matrices
 
 G = 9.81
 DOWN = f"0 0 -{G}"
@@ -16,7 +16,7 @@ DIFFERENCES = 1e-9
 
 def frequencies(machine):
     model = as_drawn(machine)
-    return np.sort(modes(model.matrices(model.drawn)).freq_hz)
+    return np.sort(modes_of_matrices(model.matrices(model.drawn)).freq_hz)
 
 
 def pendulum(*, length=0.7, mass=3.0, inertia=1e-3, joint="", turn=0.0, gravity=DOWN):
@@ -53,7 +53,7 @@ def test_a_pendulum_on_a_ball_swings_both_ways_and_turns_freely(from_text):
     text = text.replace('diaginertia="0.001 0.001', 'diaginertia="0.002 0.001')
     model = as_drawn(from_text(text))
     swing = [np.sqrt(3 * G * 0.7 / (3 * 0.7**2 + about)) / (2 * np.pi) for about in (2e-3, 1e-3)]
-    found = np.sort(modes(model.matrices(model.drawn)).freq_hz)
+    found = np.sort(modes_of_matrices(model.matrices(model.drawn)).freq_hz)
     np.testing.assert_allclose(found[-2:], swing, rtol=DIFFERENCES)
     # Spinning is a double pole at zero: it splits by the root of the differences' 1e-10.
     assert (found[:-2] < 1e-4).all()
@@ -88,7 +88,7 @@ def test_an_inverted_pendulum_takes_m_g_l_from_its_spring(from_text):
 def test_an_inverted_pendulum_on_a_weak_spring_falls_with_a_real_pole(from_text):
     machine = from_text(pendulum(length=-0.7, joint='stiffness="5"'))
     model = as_drawn(machine)
-    poles = modes(model.matrices(model.drawn)).poles
+    poles = modes_of_matrices(model.matrices(model.drawn)).poles
     growth = np.sqrt((3 * G * 0.7 - 5) / (3 * 0.7**2 + 1e-3))
     np.testing.assert_allclose(np.sort(poles.real), [-growth, growth], rtol=DIFFERENCES)
 

@@ -15,7 +15,7 @@ from mbmodel import (
     joint_parts,
     linearise,
     load_machine,
-    modes,
+    modes_of_matrices,
     parse_input,
     sensor_parts,
     spring_parts,
@@ -186,7 +186,7 @@ def test_a_spinning_rotor_splits_its_tilting_mode_into_forward_and_backward(tmp_
     # A q'' -+ i H q' + k q = 0 for q = x + i y: w = sqrt(k/A + (H/2A)^2) -+ H/2A, H = polar rate.
     machine = spun(tmp_path, rotor(), drive=150.0)
     model = as_drawn(machine)
-    poles = modes(model.matrices(model.drawn)).poles
+    poles = modes_of_matrices(model.matrices(model.drawn)).poles
     half = 0.4 * 150 / (2 * 0.3)
     expected = np.sqrt(2000 / 0.3 + half**2) + half * np.array([-1, 1])
     found = np.sort(poles.imag[poles.imag > 1.0])

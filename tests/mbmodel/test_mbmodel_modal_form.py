@@ -15,7 +15,7 @@ from mbmodel_examples import (
 )
 
 from identification.words import Dof
-from mbmodel import Evaluator, Question, as_drawn, linearise, modes
+from mbmodel import Evaluator, Question, as_drawn, linearise, modes_of_matrices
 from mbmodel.frf.modal_form import modal_form
 
 # DESIGN: error of a fast FRF at most 1e-10. Relative to a channel's peak, as antiresonances are
@@ -54,7 +54,7 @@ def test_a_windowed_answer_is_that_of_the_direct_solve(station_model, away):
 def test_an_overdamped_station_is_answered_as_by_the_direct_solve(station_model, quantity):
     theta = station_model.drawn.copy()
     theta[[p.name.endswith("damping") for p in station_model.parameters]] *= 60
-    poles = modes(station_model.matrices(theta)).poles
+    poles = modes_of_matrices(station_model.matrices(theta)).poles
     assert (poles.imag == 0).sum() >= 10
     asked = question(station_model.machine, np.linspace(0, 250, 51), quantity=quantity)
     # Whether the modal form is exact enough here (2e-10 of a coordinate's peak) is the evaluator's

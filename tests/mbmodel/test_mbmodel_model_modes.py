@@ -5,12 +5,12 @@ import pytest
 from mbmodel_examples import mass_on_spring, mjcf, random_tree
 
 from identification.words import Dof
-from mbmodel import Modes, Question, as_drawn, modes, state_space
+from mbmodel import Modes, Question, as_drawn, modes_of_matrices, state_space
 
 
 def modes_of(machine):
     model = as_drawn(machine)
-    return modes(model.matrices(model.drawn))
+    return modes_of_matrices(model.matrices(model.drawn))
 
 
 def test_one_mass_has_the_pole_of_the_closed_form(from_text):
@@ -41,11 +41,11 @@ def test_an_undamped_mass_has_no_damping(from_text):
 
 
 def test_modes_are_listed_by_rising_frequency(station_model, away):
-    assert (np.diff(modes(station_model.matrices(away)).freq_hz) >= 0).all()
+    assert (np.diff(modes_of_matrices(station_model.matrices(away)).freq_hz) >= 0).all()
 
 
 def test_the_station_has_one_oscillation_for_each_coordinate(station_model):
-    found = modes(station_model.matrices(station_model.drawn))
+    found = modes_of_matrices(station_model.matrices(station_model.drawn))
     assert (found.poles.imag > 0).sum() + (found.poles.imag == 0).sum() / 2 == 36
 
 
@@ -56,14 +56,16 @@ def test_the_stations_poles_are_the_eigenvalues_of_its_state_space(station_model
     expected = eigenvalues[eigenvalues.imag >= 0]
     expected = expected[np.argsort(np.abs(expected))]
     # A is not balanced, its entries span 1e10: some digits go.
-    np.testing.assert_allclose(modes(station_model.matrices(away)).poles, expected, rtol=1e-9)
+    np.testing.assert_allclose(
+        modes_of_matrices(station_model.matrices(away)).poles, expected, rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_every_pole_of_a_skew_tree_makes_its_dynamic_stiffness_singular(from_text, seed):
     model = as_drawn(from_text(random_tree(seed)))
     matrices = model.matrices(model.drawn)
-    for pole in modes(matrices).poles:
+    for pole in modes_of_matrices(matrices).poles:
         Z = matrices.dynamic_stiffness(pole)
         scale = np.sqrt(np.diag(matrices.stiffness))
         values = np.linalg.svd(Z / np.outer(scale, scale), compute_uv=False)

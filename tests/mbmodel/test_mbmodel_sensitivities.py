@@ -15,7 +15,7 @@ from mbmodel import (
     as_drawn,
     body_parts,
     joint_parts,
-    modes,
+    modes_of_matrices,
     sensor_parts,
     spring_parts,
 )
@@ -185,4 +185,6 @@ def test_a_free_machine_has_derivatives_of_its_elastic_modes(from_text):
 
 def test_modes_are_those_of_the_model(station_model, away):
     now = ModeEvaluator(station_model, [Dof.parse("acc1:+tz")]).at(away)
-    np.testing.assert_array_equal(now.found.poles, modes(station_model.matrices(away)).poles)
+    np.testing.assert_array_equal(
+        now.found.poles, modes_of_matrices(station_model.matrices(away)).poles
+    )

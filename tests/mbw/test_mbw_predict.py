@@ -11,7 +11,15 @@ from small_machine import MJCF
 from typer.testing import CliRunner
 
 from identification.words import Dof
-from mbmodel import Evaluator, Question, as_drawn, energy, load_machine, model_modes, modes
+from mbmodel import (
+    Evaluator,
+    Question,
+    as_drawn,
+    energy,
+    load_machine,
+    model_modes,
+    modes_of_matrices,
+)
 from mbw.command import app
 
 RUNNER = CliRunner()
@@ -63,7 +71,9 @@ def mbw(*arguments):
 def test_modes_are_printed_and_written_as_json(drawing, tmp_path):
     result = mbw("predict", drawing, "--json", tmp_path / "modes.json")
     assert result.exit_code == 0
-    found = modes(as_drawn(load_machine(drawing)).matrices(as_drawn(load_machine(drawing)).drawn))
+    found = modes_of_matrices(
+        as_drawn(load_machine(drawing)).matrices(as_drawn(load_machine(drawing)).drawn)
+    )
     assert f"{found.freq_hz[0]:.3f}" in result.stdout
     content = json.loads((tmp_path / "modes.json").read_text())
     assert [row["frequency"] for row in content["modes"]] == pytest.approx(found.freq_hz.tolist())

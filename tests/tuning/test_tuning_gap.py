@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_machine import virtual_campaign
 
-from mbmodel import modes
+from mbmodel import modes_of_matrices
 from tuning import (
     STAGES,
     at_bodies,
@@ -96,7 +96,7 @@ def test_block_i_belongs_to_fold_i_modulo_five(n_freq, width, folds):
 
 
 def test_a_block_is_three_lower_quartiles_of_the_bandwidth_wide(model):
-    found = modes(model.matrices(model.drawn))
+    found = modes_of_matrices(model.matrices(model.drawn))
     inside = (found.freq_hz > 5) & (found.freq_hz < 165) & (found.poles.imag > 0)
     bandwidth = np.quantile(2 * found.damping[inside] * found.freq_hz[inside], 0.25)
     freq = np.arange(5.0, 165.0, bandwidth / 10)  # so fine that neither bound acts

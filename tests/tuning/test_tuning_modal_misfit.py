@@ -9,7 +9,7 @@ from small_machine import virtual_campaign
 
 from identification.modal import mac
 from identification.words import Dof, UsageError
-from mbmodel import modes, shapes_at
+from mbmodel import modes_of_matrices, shapes_at
 from tuning import (
     MODAL_STAGES,
     STAGES,
@@ -42,7 +42,7 @@ def measured(campaign):
 
 
 def test_the_modes_in_the_band_are_those_of_the_machine(model, true_theta, measured):
-    expected = modes(model.matrices(true_theta)).freq_hz
+    expected = modes_of_matrices(model.matrices(true_theta)).freq_hz
     assert len(measured.poles) == 5  # the sixth lies above the band
     np.testing.assert_allclose(np.sort(measured.freq_hz), expected[:5], rtol=2e-4)
     assert measured.shapes.shape == (len(measured.outputs), 5)
@@ -50,7 +50,7 @@ def test_the_modes_in_the_band_are_those_of_the_machine(model, true_theta, measu
 
 def test_the_cost_is_its_definition_written_out(model, measured):
     # Pairs by the least sum over all assignments, modes one by one, as a slow twin.
-    found = modes(model.matrices(model.drawn))
+    found = modes_of_matrices(model.matrices(model.drawn))
     shapes = shapes_at(model, model.drawn, found, measured.outputs)
     criterion = mac(measured.shapes, shapes)
     cost = np.zeros(criterion.shape)

@@ -8,7 +8,7 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from identification.words import Campaign, Complex, Integers, Mask, Real
-from mbmodel import Model, modes
+from mbmodel import Model, modes_of_matrices
 from tuning.fitting.checkpoint import Journal
 from tuning.fitting.fitter import Fit, descend
 from tuning.fitting.stages import LAST, counted_lines, thinned
@@ -69,7 +69,7 @@ def block_width(model: Model, theta: Real, freq_hz: Real) -> int:
         theta: its parameters.
         freq_hz: lines of the band; (n_freq,).
     """
-    found = modes(model.matrices(theta))
+    found = modes_of_matrices(model.matrices(theta))
     inside = (found.freq_hz >= freq_hz[0]) & (found.freq_hz <= freq_hz[-1]) & (found.poles.imag > 0)
     most = len(freq_hz) // 15
     if not inside.any() or len(freq_hz) < 2:

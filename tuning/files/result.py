@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from identification.words import Complex, InputError, Real
-from mbmodel import modes, write_mjcf
+from mbmodel import modes_of_matrices, write_mjcf
 from tuning.assessment.gap import Gap, block_shares
 from tuning.campaign_tuning import Comparison, Tuned
 from tuning.files.input_files import inputs
@@ -149,7 +149,7 @@ def _gap_row(gap: Gap) -> GapRow:
 
 
 def _modes(tuned: Tuned, theta: Real) -> list[ModeRow]:
-    found = modes(tuned.session.model.matrices(theta))
+    found = modes_of_matrices(tuned.session.model.matrices(theta))
     lowest, highest = tuned.session.campaign.freq_hz[[0, -1]]
     return [
         ModeRow(frequency=float(frequency), damping=float(damping))
