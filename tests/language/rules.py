@@ -1,0 +1,180 @@
+"""Rules of the project's language, checked in the syntax trees of the source.
+
+Each rule yields violations; ``tests/language/exceptions.toml`` lists those that stay, with reasons.
+``python -m tests.language PACKAGE ...`` prints what a package still breaks.
+"""
+
+import ast
+import re
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("identification", "mbmodel", "tuning", "diagnosis", "mbw", "mbworkbench")
+PRONOUNS = {"one", "own", "found", "made", "told", "other", "others", "ours", "theirs", "mine"}
+IRREGULAR = {
+    *("begun", "bent", "bound", "built", "cut", "drawn", "dealt", "foreseen", "foretold", "found"),
+    *("given", "held", "hit", "hung", "kept", "known", "laid", "left", "made", "met", "put"),
+    *("read_out", "seen", "set", "shown", "split", "spoken", "spun", "stuck", "struck", "swung"),
+    *("taken", "told", "thought", "torn", "won", "written"),
+}
+VERBS_IN_ED = {"need", "feed", "embed", "proceed", "seed", "speed", "exceed"}
+FORBIDDEN_FILES = {
+    *("known", "nothing", "gathered", "spoken", "looks", "question", "wishes", "views", "rest"),
+    *("still", "crossed", "foreseen", "stated", "lead"),
+}
+LONGEST_SENTENCE = 35
+
+
+@dataclass(frozen=True)
+class Violation:
+    """One place that breaks a rule.
+
+    Attributes:
+        rule: name of the rule.
+        path: file, relative to the root.
+        name: name that breaks it.
+    """
+
+    rule: str
+    path: str
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.rule}: {self.path}: {self.name}"
+
+
+def check_package(package: str) -> list[Violation]:
+    """Return what the files of one package break by themselves."""
+    violations: list[Violation] = []
+    for path, tree in parse_package(package).items():
+        violations += check_tree(str(path.relative_to(ROOT)), tree)
+    return violations
+
+
+def parse_package(package: str) -> Mapping[Path, ast.Module]:
+    """Return the syntax tree of every file of a package."""
+    files = sorted((ROOT / package).rglob("*.py"))
+    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in files}
+
+
+def check_tree(path: str, tree: ast.Module) -> list[Violation]:
+    """Return what one file breaks by itself: its name, variables, functions and docstrings."""
+    violations = []
+    if Path(path).stem in FORBIDDEN_FILES:
+        violations.append(Violation("file name", path, Path(path).stem))
+    names = {name for node in ast.walk(tree) for name in _bound_names(node)}
+    violations += [Violation("pronoun", path, name) for name in sorted(names & PRONOUNS)]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef) and is_participle(node.name) and not _is_value(node):
+            violations.append(Violation("participle", path, node.name))
+        if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.Module):
+            text = ast.get_docstring(node) or ""
+            if re.match(r"(the same|likewise|as before)\b", text, re.IGNORECASE):
+                name = getattr(node, "name", "module")
+                violations.append(Violation("docstring", path, name))
+    return violations
+
+
+def check_together(trees: Mapping[Path, ast.Module]) -> list[Violation]:
+    """Return what files of all packages break together: constants and classes of one name."""
+    constants, classes = defaultdict(set), defaultdict(set)
+    for path, tree in trees.items():
+        where = str(path.relative_to(ROOT))
+        for node in tree.body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                classes[node.name].add(where)
+            if isinstance(node, ast.Assign | ast.AnnAssign):
+                for name in _bound_names(node):
+                    if re.fullmatch(r"_[A-Z][A-Z0-9_]*", name):
+                        constants[name].add(where)
+    return [
+        Violation(rule, where, name)
+        for rule, table in (("constant twice", constants), ("class twice", classes))
+        for name, places in sorted(table.items())
+        if len(places) > 1
+        for where in sorted(places)
+    ]
+
+
+def check_exports(package: str) -> list[Violation]:
+    """Return the modules that bear the name of a function which their parent exports."""
+    violations = []
+    for init in sorted((ROOT / package).rglob("__init__.py")):
+        tree = ast.parse(init.read_text(encoding="utf-8"))
+        exported = {
+            alias.asname or alias.name
+            for node in tree.body
+            if isinstance(node, ast.ImportFrom)
+            for alias in node.names
+        }
+        children = {path.stem for path in init.parent.iterdir() if path.suffix in ("", ".py")}
+        where = str(init.relative_to(ROOT))
+        violations += [Violation("module", where, name) for name in sorted(exported & children)]
+    return violations
+
+
+def is_participle(name: str) -> bool:
+    """Return whether a function's name is a bare participle, such as ``asked`` or ``begun``."""
+    word = name.lstrip("_")
+    return word in IRREGULAR or (
+        "_" not in word and word.endswith("ed") and word not in VERBS_IN_ED
+    )
+
+
+def long_sentences(text: str, longest: int = LONGEST_SENTENCE) -> Iterator[str]:
+    """Yield the sentences of a Markdown text that have more words than allowed.
+
+    Code blocks, tables, headings and markers do not count; a list item is a text of its own.
+
+    Args:
+        text: Markdown.
+        longest: number of words that is still allowed.
+    """
+    text = re.sub(r"```.*?```|<!--.*?-->|^---\n.*?\n---\n", "\n\n", text, flags=re.DOTALL)
+    lines = [
+        "" if re.match(r"\s*(\||#|!!!|\?\?\?|:::|=== )", line) else line
+        for line in text.splitlines()
+    ]
+    text = re.sub(r"^\s*([-*]|\d+\.)\s", "\n", "\n".join(lines), flags=re.MULTILINE)
+    for paragraph in re.split(r"\n\s*\n", text):
+        plain = re.sub(r"`[^`]*`", "code", " ".join(paragraph.split()))
+        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", plain)
+        for sentence in re.split(r"(?<=[.!?:;])\s+", plain):
+            if len(sentence.split()) > longest:
+                yield sentence
+
+
+def excepted(violation: Violation, exceptions: Sequence[Mapping[str, str]]) -> bool:
+    """Return whether a violation stands in the list of exceptions."""
+    return any(
+        violation.rule in entry["rule"].split(", ")
+        and Path(violation.path).match(entry["path"])
+        and entry.get("name", violation.name) == violation.name
+        for entry in exceptions
+    )
+
+
+def _bound_names(node: ast.AST) -> Iterator[str]:
+    """Yield the names that a node binds: variables, arguments and fields."""
+    if isinstance(node, ast.Assign | ast.AnnAssign):
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        for target in targets:
+            yield from (part.id for part in ast.walk(target) if isinstance(part, ast.Name))
+    elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+        yield node.id
+    elif isinstance(node, ast.arg):
+        yield node.arg
+
+
+def _is_value(node: ast.FunctionDef) -> bool:
+    """Whether a function is read as a value: a property, or a test's fixture."""
+    names = {
+        part.id
+        for item in node.decorator_list
+        for part in ast.walk(item)
+        if isinstance(part, ast.Name)
+    }
+    return bool(names & {"property", "cached_property"})
