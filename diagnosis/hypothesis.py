@@ -1,15 +1,14 @@
 """What may be the one thing that a model lacks: an effect at a place, ready to be fitted."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import reduce
 
 import numpy as np
 
 from diagnosis.labels import direction, named
 from identification.words import Campaign, Real
-from mbmodel import Held, Machine, Model, Part
-from tuning import Freedom, Session, freedom
+from mbmodel import Machine, Model, Part, RigidDirection
+from tuning import Parametrisation, Session, parametrise
 
 Value = float | tuple[float, ...]
 Ends = tuple[float, float] | tuple[tuple[float, float], ...]  # of a vector one pair a component
@@ -37,7 +36,7 @@ class Scene:
 
     session: Session
     theta: Real
-    held: tuple[Held, ...] = ()
+    held: tuple[RigidDirection, ...] = ()
     pace: int = 1
     jobs: int = 1
     there: frozenset[str] = frozenset()
@@ -213,33 +212,9 @@ def released(
     return Hypothesis(effect, location, dof, release=names, state=state)
 
 
-def together(several: Sequence[Hypothesis]) -> Hypothesis:
-    """Several at once, called by the name of the first; what reforms the machine is one of them.
-
-    Bodies that bend know of each other: each reforms the machine for all.
-    """
-    if len(several) == 1:
-        return several[0]
-    corrections = [one.correct for one in several if one.correct is not None]
-
-    def correct(campaign: Campaign) -> Campaign:
-        return reduce(lambda seen, own: own(seen), corrections, campaign)
-
-    return replace(
-        several[0],
-        release=tuple(name for one in several for name in one.release),
-        parts=tuple(part for one in several for part in one.parts),
-        begin={name: value for one in several for name, value in one.begin.items()},
-        follow={name: other for one in several for name, other in one.follow.items()},
-        linear=tuple(name for one in several for name in one.linear),
-        correct=correct if corrections else None,
-        reform=next((one.reform for one in several if one.reform is not None), None),
-        is_held=all(one.is_held for one in several),
-        members=tuple(several),
-    )
-
-
-def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> Freedom:
+def freed(
+    varies: Parametrisation, model: Model, session: Session, one: Hypothesis
+) -> Parametrisation:
     """What varies under a hypothesis.
 
     Args:
@@ -248,11 +223,15 @@ def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> F
         session: whose tolerances hold.
         one: the hypothesis.
     """
-    extended = varies.extended(freedom(model, session.campaign.tolerance)) if one.parts else varies
-    free = extended.following(one.follow).released(one.release).linear(one.linear)
+    extended = (
+        varies.extend(parametrise(model, session.campaign.tolerance)) if one.parts else varies
+    )
+    free = extended.tie_parameters(one.follow).release_priors(one.release).vary_linearly(one.linear)
     fixed = free.fixed.copy()
     for k, parameter in enumerate(free.parameters):
-        if parameter.name in one.begin and free.member[k] < 0:  # a user has fixed it: as was found
+        if (
+            parameter.name in one.begin and free.coordinate_of[k] < 0
+        ):  # a user has fixed it: as was found
             fixed[k] = one.begin[parameter.name]
     lower, upper = free.lower.copy(), free.upper.copy()
     scale, has_prior = free.scale.copy(), free.has_prior.copy()
@@ -265,6 +244,6 @@ def freed(varies: Freedom, model: Model, session: Session, one: Hypothesis) -> F
                 lower[k], upper[k] = each.bounds[name]
             if name in each.believed:
                 deviation = each.believed[name]
-                scale[free.member == k], has_prior[k] = deviation, True
+                scale[free.coordinate_of == k], has_prior[k] = deviation, True
                 lower[k], upper[k] = lower[k] / deviation, upper[k] / deviation
     return replace(free, fixed=fixed, lower=lower, upper=upper, scale=scale, has_prior=has_prior)

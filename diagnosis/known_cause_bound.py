@@ -5,7 +5,7 @@ from typing import Any
 
 from diagnosis.algorithm import Diagnosis, level_of
 from diagnosis.data_checks.sensors import hypothesis_of
-from diagnosis.estimates.held_out_gap import Level
+from diagnosis.estimates.held_out_gap import HeldOutGap
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.inference.evidence import BENDS
 from identification import Fault
@@ -22,7 +22,7 @@ def told_of(answer: Mapping[str, Any]) -> Fault | None:
     return Fault(answer["effect"], answer["location"], answer.get("dof"), 1.0, parameters, 1.0)
 
 
-def oracle(found: Diagnosis, told: Fault, jobs: int = 1) -> Level | None:
+def oracle(found: Diagnosis, told: Fault, jobs: int = 1) -> HeldOutGap | None:
     """Fit with the effect that is there.
 
     Args:

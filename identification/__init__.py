@@ -1,52 +1,56 @@
-"""The measured side: hits to FRFs, solid bodies, modal model."""
+"""Measurements: readers, FRFs from hits, their noise, checks of solid bodies, modal models."""
 
 from identification.band import band_lines
-from identification.checks.channels import doubled, silent
-from identification.noise.line_independence import independent
-from identification.noise.repeatability import Unsteady, steadied, unsteady
+from identification.checks.channels import duplicate_channels, noise_only_channels
+from identification.noise.line_independence import lines_are_independent
+from identification.noise.repeatability import (
+    OverstatedNoise,
+    find_overstated_noise,
+    remove_overstated_noise,
+)
 from identification.noise.variance import coherence_variance, difference_variance, smooth_variance
 from identification.readers.campaign import correct_layout, read_campaign
 from identification.readers.campaign_toml import CampaignSettings, read_settings
 from identification.readers.layout import read_layout
 from identification.solid import (
-    FAULTS,
+    FAULT_PHRASES,
     BendingShape,
     BodyCheck,
     Fault,
-    bending_shape,
     body_inverse,
     check_bodies,
-    delayed,
-    mount,
+    delay_response,
+    estimate_bending_shape,
+    mount_response,
     reconstruct,
     reduce_to_bodies,
 )
 
 __all__ = [
-    "FAULTS",
+    "FAULT_PHRASES",
     "BendingShape",
     "BodyCheck",
     "CampaignSettings",
     "Fault",
-    "Unsteady",
+    "OverstatedNoise",
     "band_lines",
-    "bending_shape",
     "body_inverse",
     "check_bodies",
     "coherence_variance",
     "correct_layout",
-    "delayed",
+    "delay_response",
     "difference_variance",
-    "doubled",
-    "independent",
-    "mount",
+    "duplicate_channels",
+    "estimate_bending_shape",
+    "find_overstated_noise",
+    "lines_are_independent",
+    "mount_response",
+    "noise_only_channels",
     "read_campaign",
     "read_layout",
     "read_settings",
     "reconstruct",
     "reduce_to_bodies",
-    "silent",
+    "remove_overstated_noise",
     "smooth_variance",
-    "steadied",
-    "unsteady",
 ]

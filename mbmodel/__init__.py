@@ -1,21 +1,29 @@
-"""The modelled side: MJCF to machine, its equation of motion, and exact derivatives of it."""
+"""Multibody models: MJCF to machine, its linear equation of motion, and exact derivatives of it.
 
-from mbmodel.additions import by_joints, freed, hung, linked
-from mbmodel.compliance.flexible_body import Bending, with_bending
-from mbmodel.compliance.released_directions import Held, loosened
+"As drawn" means the nominal model, the MJCF as it was read ("the drawing").
+"""
+
+from mbmodel.additions import (
+    joint_coupling_writer,
+    link_elements,
+    released_joint_elements,
+    suspended_mass_elements,
+)
+from mbmodel.compliance.flexible_body import BendingMode, add_bending_mode
+from mbmodel.compliance.released_directions import RigidDirection, release_rigid_directions
 from mbmodel.export.state_space import state_space
-from mbmodel.export.transient import respond
-from mbmodel.frf.forward_sensitivities import Forward
+from mbmodel.export.transient import simulate
+from mbmodel.frf.forward_sensitivities import ForwardSensitivities
 from mbmodel.frf.linearised import Evaluator, Linearised, linearise
 from mbmodel.frf.ports import parse_input
-from mbmodel.frf.request import Question
-from mbmodel.geometry.surfaces import Looks, looks
+from mbmodel.frf.request import FrfRequest
+from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
 from mbmodel.linearisation.springs import Spring
-from mbmodel.machine import Machine, load_machine, parents_of
+from mbmodel.machine import Machine, load_machine, parent_bodies
 from mbmodel.meshes.compile import mesh_files
-from mbmodel.mjcf.edit import Addition, Edit, NotHeld, write_mjcf
+from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf, write_mjcf
 from mbmodel.model import Matrices, Model, as_drawn
-from mbmodel.modes.energy_shares import Energy, energy
+from mbmodel.modes.energy_shares import EnergyShares, energy_shares
 from mbmodel.modes.model_modes import Modes, model_modes, modes_of_matrices, shapes_at
 from mbmodel.modes.sensitivities import LinearisedModes, ModeEvaluator
 from mbmodel.parts import (
@@ -24,8 +32,8 @@ from mbmodel.parts import (
     HammerPart,
     Parameter,
     Part,
+    PartContext,
     SensorPart,
-    Situation,
     SpringPart,
     body_parts,
     hammer_parts,
@@ -38,55 +46,55 @@ from mbmodel.spatial import rotation_matrix, transport
 __all__ = [
     "AddedPart",
     "Addition",
-    "Bending",
+    "BendingMode",
     "Change",
     "Edit",
-    "Energy",
+    "EnergyShares",
     "Evaluator",
-    "Forward",
+    "ForwardSensitivities",
+    "FrfRequest",
     "HammerPart",
-    "Held",
     "Linearised",
     "LinearisedModes",
-    "Looks",
     "Machine",
+    "MachineGeometry",
     "Matrices",
     "ModeEvaluator",
     "Model",
     "Modes",
-    "NotHeld",
+    "NotInMjcf",
     "Parameter",
     "Part",
-    "Question",
+    "PartContext",
+    "RigidDirection",
     "SensorPart",
-    "Situation",
     "Spring",
     "SpringPart",
+    "add_bending_mode",
     "as_drawn",
     "body_parts",
-    "by_joints",
-    "energy",
-    "freed",
+    "energy_shares",
     "hammer_parts",
-    "hung",
+    "joint_coupling_writer",
     "joint_parts",
     "linearise",
-    "linked",
+    "link_elements",
     "load_machine",
-    "looks",
-    "loosened",
+    "machine_geometry",
     "mesh_files",
     "model_modes",
     "modes_of_matrices",
-    "parents_of",
+    "parent_bodies",
     "parse_input",
-    "respond",
+    "release_rigid_directions",
+    "released_joint_elements",
     "rotation_matrix",
     "sensor_parts",
     "shapes_at",
+    "simulate",
     "spring_parts",
     "state_space",
+    "suspended_mass_elements",
     "transport",
-    "with_bending",
     "write_mjcf",
 ]

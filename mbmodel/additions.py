@@ -1,13 +1,13 @@
-r"""What a machine lacks as elements that its MJCF can hold, the same to first order.
+"""MJCF elements for dynamics that a machine lacks, equivalent to first order.
 
     a coupling of joints    K = sum k v v'    fixed tendons with the coefficients v
     a link                                    a tendon between two sites, straight along its axis
     a mass on a spring                        a body on a slide, and such a tendon
-    a direction that gives way                a joint
+    a released direction                      a joint
 
 A tendon between sites half a length before and behind a point p, along the unit vector e, stretches
-by e.(motion of the one body at p - motion of the other): a shift along e adds nothing, as
-e.(w x e) = 0. It is as long as it is drawn, so that nothing is strained at rest.
+by e.(motion of the second body at p - motion of the first). A shift along e adds nothing, as
+e.(w x e) = 0. Its free length is its drawn length, so that nothing is strained at rest.
 """
 
 from collections.abc import Callable
@@ -16,69 +16,93 @@ import numpy as np
 
 from identification.words import Real
 from mbmodel.machine import Axle, Machine
-from mbmodel.mjcf.edit import Addition, Element, NotHeld, Values
+from mbmodel.mjcf.edit import Addition, Element, NotInMjcf, Values
 from mbmodel.parts import Change
 
-_LENGTH = 1.0  # m, of a tendon along its axis
-_LITTLE = 1e-9  # of the largest, what counts as no stiffness
-_BARE: Values = {"armature": "0", "frictionloss": "0", "limited": "false"}  # whatever the defaults
-_TURNING = 1e-3  # m, radius of inertia of a mass that only slides
+_TENDON_LENGTH_M = 1.0  # of a tendon along its axis: any length gives the same linear terms
+_MIN_RELATIVE_STIFFNESS = 1e-9  # of the largest: smaller eigenvalues and coefficients are rounding
+_GYRATION_RADIUS_M = 1e-3  # of a mass that only slides: MuJoCo needs an inertia above zero
+
+# Attributes of a joint that <default> could set otherwise.
+_NO_DEFAULTS: Values = {"armature": "0", "frictionloss": "0", "limited": "false"}
 
 
-def by_joints(
+def joint_coupling_writer(
     name: str, machine: Machine, finite: Callable[[Real], tuple[Change, ...]]
-) -> Callable[[Real], tuple[Addition | NotHeld, ...]]:
-    """How a change of joints is written: as springs and dampers between their coordinates.
+) -> Callable[[Real], tuple[Addition | NotInMjcf, ...]]:
+    """Return a function that writes a change of joints as springs and dampers between coordinates.
 
     Args:
-        name: of what is added.
+        name: of the addition.
         machine: as drawn.
-        finite: the change at theta.
+        finite: returns the change at theta.
+
+    Returns:
+        A function of theta for ``AddedPart.written``.
     """
 
-    def written(theta: Real) -> tuple[Addition | NotHeld, ...]:
+    def write(theta: Real) -> tuple[Addition | NotInMjcf, ...]:
         total = np.zeros((2, *machine.armature.shape))
-        for one in finite(theta):
-            total += one.left @ one.core[:2] @ one.right.T
-        return coupled(name, machine, *total)
+        for change in finite(theta):
+            total += change.left @ change.core[:2] @ change.right.T
+        return joint_coupling_elements(name, machine, *total)
 
-    return written
+    return write
 
 
-def coupled(
+def joint_coupling_elements(
     name: str, machine: Machine, stiffness: Real, damping: Real
-) -> tuple[Addition | NotHeld, ...]:
-    """Springs and dampers between joint coordinates.
+) -> tuple[Addition | NotInMjcf, ...]:
+    """Return fixed tendons that act as springs and dampers between joint coordinates.
+
+    Each matrix is split by its eigenvectors, scaled by its diagonal: one tendon per eigenvalue.
 
     Args:
-        name: of what is added.
+        name: of the addition.
         machine: as drawn.
-        stiffness: added [N/m, N m/rad, N/rad]; symmetric, (nv, nv).
-        damping: likewise.
+        stiffness: to add [N/m, N m/rad, N/rad]; symmetric, (nv, nv).
+        damping: to add [N s/m, N m s/rad, N s/rad]; symmetric, (nv, nv).
     """
-    found: list[Addition | NotHeld] = []
+    elements: list[Addition | NotInMjcf] = []
     for kind, matrix in (("stiffness", stiffness), ("damping", damping)):
         if not matrix.any():
             continue
         unit = np.sqrt(np.abs(np.diag(matrix)))
         unit[unit == 0] = unit.max() or 1.0
         values, vectors = np.linalg.eigh(matrix / np.outer(unit, unit))
-        kept = np.flatnonzero(np.abs(values) > _LITTLE * np.abs(values).max())
-        for number, (value, vector) in enumerate(zip(values[kept], vectors.T[kept], strict=True)):
+        significant = np.flatnonzero(
+            np.abs(values) > _MIN_RELATIVE_STIFFNESS * np.abs(values).max()
+        )
+        for number, (value, vector) in enumerate(
+            zip(values[significant], vectors.T[significant], strict=True)
+        ):
             size = float(np.abs(vector * unit).max())
             row = vector * unit / size
-            found.append(_fixed(f"{name}.{kind}{number}", machine, row, kind, value * size**2))
-    return tuple(found)
+            elements.append(
+                _fixed_tendon(f"{name}.{kind}{number}", machine, row, kind, value * size**2)
+            )
+    return tuple(elements)
 
 
-def _fixed(name: str, machine: Machine, row: Real, kind: str, size: float) -> Addition | NotHeld:
-    chosen = np.flatnonzero(np.abs(row) > _LITTLE)
+def _fixed_tendon(
+    name: str, machine: Machine, row: Real, kind: str, size: float
+) -> Addition | NotInMjcf:
+    """Return a fixed tendon of one stiffness or damping, or why an MJCF cannot hold it.
+
+    Args:
+        name: of the tendon.
+        machine: as drawn.
+        row: coefficients of the joint coordinates; (nv,).
+        kind: ``stiffness`` or ``damping``.
+        size: its value.
+    """
+    chosen = np.flatnonzero(np.abs(row) > _MIN_RELATIVE_STIFFNESS)
     joints = [machine.coordinates[k] for k in chosen]
-    strange = [joint for joint in joints if joint not in machine.drawing.joints]
-    if strange:
-        return NotHeld(name, f"{strange[0]} is no joint of the file")
+    released = [joint for joint in joints if joint not in machine.drawing.joints]
+    if released:
+        return NotInMjcf(name, f"the file has no joint {released[0]}")
     if len(joints) == 1 and size < 0:
-        return NotHeld(name, f"take {-size:.4g} from the {kind} of joint {joints[0]}")
+        return NotInMjcf(name, f"subtract {-size:.4g} from the {kind} of joint {joints[0]} by hand")
     children = tuple(
         Element("joint", {"joint": joint, "coef": float(row[k])})
         for joint, k in zip(joints, chosen, strict=True)
@@ -86,13 +110,13 @@ def _fixed(name: str, machine: Machine, row: Real, kind: str, size: float) -> Ad
     return Addition(name, "tendon", Element("fixed", {"name": name, kind: size}, children))
 
 
-def linked(
+def link_elements(
     name: str, machine: Machine, bodies: tuple[str, str], along: tuple[Real, Real], sizes: Real
 ) -> tuple[Addition, ...]:
-    """A spring and a damper between two bodies.
+    """Return two sites and a tendon: a spring and a damper between two bodies.
 
     Args:
-        name: of what is added.
+        name: of the addition.
         machine: as drawn.
         bodies: names of both.
         along: a point and the unit vector of the axis, in world axes [m]; (3,) each.
@@ -103,35 +127,35 @@ def linked(
         Addition(
             f"{name}.{which}",
             body,
-            Element("site", {"name": f"{name}.{which}", "pos": _local(machine, body, at)}),
+            Element("site", {"name": f"{name}.{which}", "pos": _local_position(machine, body, at)}),
         )
         for which, body, at in zip(
             "ab",
             bodies,
-            (point - axis * _LENGTH / 2, point + axis * _LENGTH / 2),
+            (point - axis * _TENDON_LENGTH_M / 2, point + axis * _TENDON_LENGTH_M / 2),
             strict=True,
         )
     )
-    return (*ends, _tendon(name, sizes))
+    return (*ends, _spatial_tendon(name, sizes))
 
 
-def hung(
+def suspended_mass_elements(
     name: str, machine: Machine, body: str, along: tuple[Real, Real], sizes: Real
 ) -> tuple[Addition, ...]:
-    """A mass that slides along an axis of the world, on a spring and a damper.
+    """Return a mass that slides along an axis of the world, suspended by a spring and a damper.
 
-    Its body stands on the ground, so that across the axis nobody feels it, and floats.
+    The mass is a body on the ground, without weight. So it exerts no force across the axis.
 
     Args:
-        name: of what is added.
+        name: of the addition.
         machine: as drawn.
-        body: that it hangs on.
+        body: name of the body that it is attached to.
         along: a point of the body and the unit vector, in world axes [m]; (3,) each.
         sizes: mass [kg], stiffness [N/m], damping [N s/m].
     """
     point, axis = along
     end = f"{name}.a"
-    moment = float(sizes[0]) * _TURNING**2
+    moment = float(sizes[0]) * _GYRATION_RADIUS_M**2
     inertia: Values = {
         "pos": "0 0 0",
         "mass": float(sizes[0]),
@@ -139,7 +163,7 @@ def hung(
     }
     frame: Values = {
         "name": name,
-        "pos": tuple((point + _LENGTH * axis).tolist()),
+        "pos": tuple((point + _TENDON_LENGTH_M * axis).tolist()),
         "gravcomp": "1",
     }
     slide: Values = {
@@ -148,7 +172,7 @@ def hung(
         "axis": tuple(axis.tolist()),
         "stiffness": "0",
         "damping": "0",
-        **_BARE,
+        **_NO_DEFAULTS,
     }
     children = (
         Element("inertial", inertia),
@@ -156,43 +180,46 @@ def hung(
         Element("site", {"name": f"{name}.b"}),
     )
     mass = Element("body", frame, children)
-    site = Element("site", {"name": end, "pos": _local(machine, body, point)})
+    site = Element("site", {"name": end, "pos": _local_position(machine, body, point)})
     return (
         Addition(end, body, site),
         Addition(name, "worldbody", mass),
-        _tendon(name, sizes[1:]),
+        _spatial_tendon(name, sizes[1:]),
     )
 
 
-def freed(name: str, machine: Machine, axle: Axle, sizes: Real) -> tuple[Addition, ...]:
-    """A joint more, that turns or slides along an axle.
+def released_joint_elements(
+    name: str, machine: Machine, axle: Axle, sizes: Real
+) -> tuple[Addition, ...]:
+    """Return a joint for a released direction: a hinge or slide along an axle.
 
     Args:
-        name: of what is added.
+        name: of the joint.
         machine: as drawn.
-        axle: where.
-        sizes: stiffness and damping [N/m, N s/m, or about the axle].
+        axle: the released direction.
+        sizes: stiffness and damping [N/m and N s/m, or N m/rad and N m s/rad].
     """
-    heavy = machine.drawing.bodies[axle.stage]
+    body = machine.drawing.bodies[axle.stage]
     values: Values = {
         "name": name,
         "type": "hinge" if axle.turns else "slide",
-        "pos": _local(machine, axle.stage, axle.anchor),
-        "axis": tuple((heavy.frame.T @ axle.axis).tolist()),
+        "pos": _local_position(machine, axle.stage, axle.anchor),
+        "axis": tuple((body.frame.T @ axle.axis).tolist()),
         "stiffness": float(sizes[0]),
         "damping": float(sizes[1]),
-        **_BARE,
+        **_NO_DEFAULTS,
     }
     return (Addition(name, axle.stage, Element("joint", values)),)
 
 
-def _tendon(name: str, sizes: Real) -> Addition:
+def _spatial_tendon(name: str, sizes: Real) -> Addition:
+    """Return a tendon between the sites ``<name>.a`` and ``<name>.b``."""
     sites = tuple(Element("site", {"site": f"{name}.{which}"}) for which in "ab")
     values: Values = {"name": name, "stiffness": float(sizes[0]), "damping": float(sizes[1])}
     return Addition(name, "tendon", Element("spatial", values, sites))
 
 
-def _local(machine: Machine, body: str, point: Real) -> tuple[float, ...]:
-    """A point of the world in a body's own frame."""
-    heavy = machine.drawing.bodies[body]
-    return tuple((heavy.frame.T @ (point - heavy.origin)).tolist())
+def _local_position(machine: Machine, body: str, point: Real) -> tuple[float, ...]:
+    """Return a point of the world in a body's own frame [m]."""
+    drawn_body = machine.drawing.bodies[body]
+    return tuple((drawn_body.frame.T @ (point - drawn_body.origin)).tolist())

@@ -1,4 +1,4 @@
-"""A machine: what the equation of motion needs of an MJCF, at static equilibrium."""
+"""A machine: everything that the equation of motion needs of an MJCF, at static equilibrium."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,20 +12,20 @@ from identification.words import (
     InputError,
     Layout,
     Real,
-    frozen,
-    is_hammer,
-    node_of,
+    frozen_array,
+    is_hammer_point,
+    node_number,
 )
-from mbmodel.linearisation.drawing import Drawing, drawing_of
+from mbmodel.linearisation.drawing import Drawing, read_drawing
 from mbmodel.linearisation.equilibrium import (
+    find_equilibrium,
     remaining_stiffness_and_damping,
-    settle,
     tendon_jacobian,
 )
-from mbmodel.linearisation.motors import Drive, motors_of
-from mbmodel.linearisation.remarks import rest_remarks
+from mbmodel.linearisation.motors import ActuatorGain, actuator_gains
+from mbmodel.linearisation.remarks import equilibrium_remarks
 from mbmodel.linearisation.spin import spin_remarks, spin_velocity
-from mbmodel.linearisation.springs import Spring, springs_of
+from mbmodel.linearisation.springs import Spring, find_springs
 from mbmodel.mjcf.read import body_name, compile_mjcf, coordinate_names, joint_name
 from mbmodel.spatial import spatial_inertia, transport
 
@@ -35,7 +35,7 @@ class Axle:
     """A slide or hinge at rest, in world axes.
 
     Args:
-        joint: its name.
+        joint: name of the joint.
         coordinate: its number among the joint coordinates.
         stage: name of the body that it carries.
         turns: whether it is a hinge.
@@ -52,7 +52,11 @@ class Axle:
 
     @property
     def dof(self) -> str:
-        """Such as ``tx``: as its joint's name ends, else the world axis that its own is nearest."""
+        """Direction of the axle, such as ``tx``.
+
+        It is the end of the joint's name if that is the stage's name, an underscore and a
+        direction. Otherwise it is the world axis nearest to the joint's axis.
+        """
         named = self.joint.removeprefix(f"{self.stage}_")
         if named in DIRECTIONS:
             return named
@@ -63,9 +67,11 @@ class Axle:
 class Machine:
     """Rigid bodies on joints, at static equilibrium, in joint coordinates q.
 
+    A "stage" is a body with all bodies welded to it.
+
     Args:
         name: of the model.
-        source: its MJCF.
+        source: path of the MJCF.
         layout: bodies, sensors and hammer points.
         coordinates: names of the joint coordinates; nv.
         jacobian: T, motion of the centres of mass per joint coordinate; (6 n_body, nv).
@@ -73,18 +79,21 @@ class Machine:
             (6 n_body, 6 n_body).
         armature: rotor inertia of joints and tendons [kg, kg m^2]; (nv, nv).
         springs: the linear springs and dampers of joints and tendons.
-        remaining_stiffness: of actuators, polynomial terms, a spinning rotor; like the armature
-            and the damping that remains it stays as drawn, whatever Parts do; (nv, nv).
-        remaining_damping: of actuators, fluids, a spinning rotor; (nv, nv).
+        remaining_stiffness: of actuators, polynomial terms and a spinning rotor. No Part changes
+            it, nor the remaining damping or the armature [N/m, N m/rad]; (nv, nv).
+        remaining_damping: of actuators, fluids and a spinning rotor [N s/m, N m s/rad]; (nv, nv).
         gravity: [m/s^2]; (3,).
-        weighed: how much of each body's weight its ``gravcomp`` leaves; (6 n_body,).
-        order: 1 where a coordinate comes before another on a chain, a half where neither does;
-            (nv, nv), see ``gravity``.
+        weight_fraction: share of each body's weight that its ``gravcomp`` leaves; (6 n_body,).
+        precedence: N of the geometric stiffness of gravity: 1 where a coordinate comes before
+            another on a chain, 1/2 where neither does; (nv, nv).
         axles: slides and hinges.
-        motors: what each actuator does per unit of its control.
-        drawing: where the MJCF's elements stand.
+        motors: forces of each actuator per unit of its control, by name.
+        drawing: elements of the MJCF in their bodies' frames.
         spinning: whether a hinge turns steadily.
-        remarks: what a user must know of this linearisation.
+        remarks: sentences for the user on this linearisation.
+
+    Raises:
+        ValueError: arrays whose shapes do not fit.
     """
 
     name: str
@@ -98,16 +107,16 @@ class Machine:
     remaining_stiffness: Real
     remaining_damping: Real
     gravity: Real
-    weighed: Real
-    order: Real
+    weight_fraction: Real
+    precedence: Real
     axles: tuple[Axle, ...]
-    motors: Mapping[str, Drive]
+    motors: Mapping[str, ActuatorGain]
     drawing: Drawing
     spinning: bool = False
     remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Validate and freeze."""
+        """Check and freeze the arrays."""
         nv, nb = len(self.coordinates), 6 * len(self.layout.bodies)
         for name, shape in {
             "jacobian": (nb, nv),
@@ -116,35 +125,43 @@ class Machine:
             "remaining_stiffness": (nv, nv),
             "remaining_damping": (nv, nv),
             "gravity": (3,),
-            "weighed": (nb,),
-            "order": (nv, nv),
+            "weight_fraction": (nb,),
+            "precedence": (nv, nv),
         }.items():
-            object.__setattr__(self, name, frozen(getattr(self, name), np.float64, shape, name))
+            object.__setattr__(
+                self, name, frozen_array(getattr(self, name), np.float64, shape, name)
+            )
 
     @property
     def mass(self) -> Real:
-        """T' Mb T + armature: the mass matrix of the joint coordinates; (nv, nv)."""
+        """Mass matrix of the joint coordinates, T' Mb T + armature [kg, kg m^2]; (nv, nv)."""
         mass: Real = self.jacobian.T @ self.body_mass @ self.jacobian + self.armature
         return mass
 
-    def reach(self, axle: Axle, origin: Real) -> Real:
-        """Motion of the centres of mass above a joint per twist at a point; (6 n_body, 6).
+    def motion_per_twist(self, axle: Axle, origin: Real) -> Real:
+        """Return the motion of the centres of mass above a joint per twist at a point.
 
         Args:
             axle: of the joint.
             origin: the point [m]; (3,).
+
+        Returns:
+            (6 n_body, 6); rows of bodies that the joint does not move are zero.
         """
-        moved = [bool(body.any()) for body in self.jacobian[:, axle.coordinate].reshape(-1, 6)]
+        is_moved = [bool(body.any()) for body in self.jacobian[:, axle.coordinate].reshape(-1, 6)]
         return np.concatenate(
             [
                 transport(centre - origin) if above else np.zeros((6, 6))
-                for centre, above in zip(self.layout.centres, moved, strict=True)
+                for centre, above in zip(self.layout.centres, is_moved, strict=True)
             ]
         )
 
     @property
-    def floor(self) -> Real:
-        """Motion of the centres of mass per motion of floor and machine as one; (6 n_body, 6)."""
+    def floor_jacobian(self) -> Real:
+        """Motion of the centres of mass per motion of the floor, the joints at rest; (6 n_body, 6).
+
+        Rows of bodies that the drawing lacks, such as bending modes, are zero.
+        """
         layout = self.layout
         return np.concatenate(
             [
@@ -154,34 +171,43 @@ class Machine:
         )
 
 
-def parents_of(machine: Machine) -> dict[str, str | None]:
-    """The body that each body stands on; None for the ground.
+def parent_bodies(machine: Machine) -> dict[str, str | None]:
+    """Return the body that each body stands on; None for the ground.
 
-    A body moves with all coordinates of those below it: its parent is the one with most of them.
+    A body moves with all coordinates of those below it: its parent is the body below with most of
+    them.
+
+    Args:
+        machine: with its Jacobian.
+
+    Returns:
+        Name of the parent by the name of the body.
     """
     bodies = machine.layout.bodies
     moving = [
         frozenset(np.flatnonzero(machine.jacobian[6 * k : 6 * k + 6].any(axis=0)).tolist())
         for k in range(len(bodies))
     ]
-    found: dict[str, str | None] = {}
-    for body, own in zip(bodies, moving, strict=True):
+    parents: dict[str, str | None] = {}
+    for body, coordinates in zip(bodies, moving, strict=True):
         below = [
-            (len(other), name) for name, other in zip(bodies, moving, strict=True) if other < own
+            (len(fewer), name)
+            for name, fewer in zip(bodies, moving, strict=True)
+            if fewer < coordinates
         ]
-        found[body] = max(below)[1] if below else None
-    return found
+        parents[body] = max(below)[1] if below else None
+    return parents
 
 
 def load_machine(path: Path, spin: Mapping[str, float] | None = None) -> Machine:
-    """Read an MJCF, let it settle, and take from it what the equation of motion needs.
+    """Read an MJCF, find its static equilibrium, and linearise the machine there.
 
-    Bodies without a joint between them count as one. Sites on bodies that cannot move are left
-    out.
+    Bodies without a joint between them count as one stage. Sites on bodies that cannot move are
+    left out.
 
     Args:
         path: the MJCF.
-        spin: hinges that turn steadily, and at what rate [rad/s]; their angle is frozen.
+        spin: rates of the hinges that turn steadily [rad/s], by name; their angle is frozen.
 
     Raises:
         InputError: what cannot be read or linearised, with the element and a remedy.
@@ -190,9 +216,9 @@ def load_machine(path: Path, spin: Mapping[str, float] | None = None) -> Machine
     """
     model = compile_mjcf(path)
     if not model.nv:
-        raise InputError(f"{path}: no body has a joint: a machine needs something that moves")
-    rest = settle(model, path)
-    data = rest.data
+        raise InputError(f"{path}: no body has a joint: give at least one body a joint")
+    equilibrium = find_equilibrium(model, path)
+    data = equilibrium.data
     stages = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
     masses, centres = zip(*(_rigid_body(model, data, stage) for stage in stages), strict=True)
     names = {body_name(model, stage): stage for stage in stages}
@@ -207,45 +233,47 @@ def load_machine(path: Path, spin: Mapping[str, float] | None = None) -> Machine
         jacobian=jacobian,
         body_mass=inertia,
         armature=_armature(model, data),
-        springs=springs_of(model, data, path, stages, centres),
+        springs=find_springs(model, data, path, stages, centres),
         remaining_stiffness=stiffness,
         remaining_damping=damping,
         gravity=_gravity(model),
-        weighed=_weighed(model, path, stages),
-        order=_order(model),
+        weight_fraction=_weight_fraction(model, path, stages),
+        precedence=_precedence(model),
         axles=_axles(model, data),
-        motors=motors_of(model, data, stages, centres, jacobian),
-        drawing=drawing_of(model, data, names, centres),
+        motors=actuator_gains(model, data, stages, centres, jacobian),
+        drawing=read_drawing(model, data, names, centres),
         spinning=bool(velocity.any()),
-        remarks=(*rest_remarks(model, rest), *spin_remarks(model, data, spin or {})),
+        remarks=(*equilibrium_remarks(model, equilibrium), *spin_remarks(model, data, spin or {})),
     )
 
 
 def _gravity(model: mujoco.MjModel) -> Real:
+    """Return the acceleration of gravity, zero if it is switched off [m/s^2]; (3,)."""
     off = bool(model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY)
     gravity: Real = np.zeros(3) if off else model.opt.gravity.copy()
     return gravity
 
 
-def _order(model: mujoco.MjModel) -> Real:
-    """N of ``gravity``: the later of two coordinates is turned by the earlier.
+def _precedence(model: mujoco.MjModel) -> Real:
+    """Return N of the geometric stiffness of gravity; (nv, nv).
 
-    The rotations of one ball or free joint act at once: to second order each turns the other by
-    half. Coordinates on different branches meet in no body, so their place does not matter.
+    The later of two coordinates is turned by the earlier. The rotations of one ball or free joint
+    act at once: to second order each turns the other by half. Coordinates on different branches
+    move no common body, so their entries do not matter.
     """
-    order = np.triu(np.ones((model.nv, model.nv)), 1) + 0.5 * np.eye(model.nv)
+    precedence = np.triu(np.ones((model.nv, model.nv)), 1) + 0.5 * np.eye(model.nv)
     for joint in range(model.njnt):
         dofs = np.flatnonzero(model.dof_jntid == joint)[-3:]
         if len(dofs) == 3:
-            order[np.ix_(dofs, dofs)] = 0.5
-    return order
+            precedence[np.ix_(dofs, dofs)] = 0.5
+    return precedence
 
 
-def _weighed(model: mujoco.MjModel, path: Path, stages: list[int]) -> Real:
-    """1 - gravcomp of each stage, six times each.
+def _weight_fraction(model: mujoco.MjModel, path: Path, stages: list[int]) -> Real:
+    """Return 1 - gravcomp of each stage, six times each; (6 n_body,).
 
     Raises:
-        InputError: welded bodies with different ``gravcomp``, or one that actuators give.
+        InputError: welded bodies with different ``gravcomp``, or ``gravcomp`` by actuators.
     """
     shares = []
     for stage in stages:
@@ -254,7 +282,7 @@ def _weighed(model: mujoco.MjModel, path: Path, stages: list[int]) -> Real:
         if np.ptp(compensated) > 0:
             raise InputError(
                 f"{path}: body {body_name(model, stage)!r} and those welded to it differ in "
-                "gravcomp: give them one"
+                "gravcomp: give all of them one value"
             )
         shares.append(1.0 - float(compensated[0]))
     if model.jnt_actgravcomp.any() and model.body_gravcomp.any():
@@ -266,6 +294,7 @@ def _weighed(model: mujoco.MjModel, path: Path, stages: list[int]) -> Real:
 
 
 def _axles(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Axle, ...]:
+    """Return the slides and hinges, in the order of the joints."""
     kinds = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
     return tuple(
         Axle(
@@ -282,12 +311,13 @@ def _axles(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Axle, ...]:
 
 
 def _model_name(model: mujoco.MjModel, path: Path) -> str:
+    """Return the name of the MJCF's model, or of its file if it has none."""
     name = model.names.split(b"\0", 1)[0].decode()
     return path.stem if name in ("", "MuJoCo Model") else name
 
 
 def _rigid_body(model: mujoco.MjModel, data: mujoco.MjData, stage: int) -> tuple[Real, Real]:
-    """Mass matrix about the centre of mass, and that centre, of all bodies welded to a stage."""
+    """Return mass matrix and centre of mass of all bodies of a stage together."""
     members = np.flatnonzero(model.body_weldid == stage)
     masses = model.body_mass[members]
     centre = masses @ data.xipos[members] / masses.sum()
@@ -301,6 +331,7 @@ def _rigid_body(model: mujoco.MjModel, data: mujoco.MjData, stage: int) -> tuple
 
 
 def _block_diagonal(blocks: tuple[Real, ...]) -> Real:
+    """Return a matrix with the 6 x 6 blocks on its diagonal."""
     matrix = np.zeros((6 * len(blocks), 6 * len(blocks)))
     for k, block in enumerate(blocks):
         matrix[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = block
@@ -310,6 +341,7 @@ def _block_diagonal(blocks: tuple[Real, ...]) -> Real:
 def _jacobian(
     model: mujoco.MjModel, data: mujoco.MjData, stages: list[int], centres: tuple[Real, ...]
 ) -> Real:
+    """Return T at the pose at rest; (6 n_body, nv)."""
     jacobian = np.zeros((6 * len(stages), model.nv))
     for k, (stage, centre) in enumerate(zip(stages, centres, strict=True)):
         block = jacobian[6 * k : 6 * k + 6]
@@ -320,6 +352,7 @@ def _jacobian(
 def _layout(
     model: mujoco.MjModel, data: mujoco.MjData, stages: list[int], centres: Real, path: Path
 ) -> Layout:
+    """Return bodies and named sites on moving bodies, in world axes."""
     sites = [
         s
         for s in range(model.nsite)
@@ -343,10 +376,11 @@ def _layout(
 
 
 def _refuse_shared_nodes(path: Path, names: list[str]) -> None:
-    seen: dict[tuple[int, bool], str] = {}
+    """Raise InputError if two sensors, or two hammer points, have the same node number."""
+    site_of_node: dict[tuple[int, bool], str] = {}
     for name in names:
-        if (node := node_of(name)) is not None:
-            first = seen.setdefault((node, is_hammer(name)), name)
+        if (node := node_number(name)) is not None:
+            first = site_of_node.setdefault((node, is_hammer_point(name)), name)
             if first != name:
                 raise InputError(
                     f"{path}: sites {first!r} and {name!r} both end in node {node}: renumber one"
@@ -354,6 +388,7 @@ def _refuse_shared_nodes(path: Path, names: list[str]) -> None:
 
 
 def _armature(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
+    """Return the rotor inertia of joints and tendons; (nv, nv)."""
     rows = tendon_jacobian(model, data)
     armature: Real = np.diag(model.dof_armature) + rows.T @ (model.tendon_armature[:, None] * rows)
     return armature

@@ -7,17 +7,29 @@ import numpy as np
 
 from identification.words import Real
 
-_THIN = 1e-6  # of all second moments: the least that a body has along an axis
+# Least second moment along an axis, as a share of the sum of all: keeps a body's mass from lying
+# in a plane exactly, where its inertia would be singular.
+_MIN_SECOND_MOMENT_SHARE = 1e-6
 
 
 def cross_matrix(vector: Real) -> Real:
-    """[v]x with [v]x w = v x w; (3, 3)."""
+    """Return the cross-product matrix ``[v]x`` with ``[v]x w = v x w``; (3, 3).
+
+    Args:
+        vector: v; (3,).
+    """
     x, y, z = vector
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def rotation_matrix(vector: Real) -> Real:
-    """R = exp([v]x), the rotation by |v| [rad] about v; (3, 3) (Barfoot 2017, eq. 7.11)."""
+    """Return the rotation by ``|v|`` [rad] about v, ``R = exp([v]x)``; (3, 3).
+
+    This is Rodrigues' formula (Barfoot 2017, eq. 7.11).
+
+    Args:
+        vector: rotation vector v [rad]; (3,).
+    """
     angle = float(np.linalg.norm(vector))
     k = cross_matrix(vector)
     matrix: Real = np.eye(3) + float(np.sinc(angle / np.pi)) * k + _versine(angle) * k @ k
@@ -25,15 +37,21 @@ def rotation_matrix(vector: Real) -> Real:
 
 
 def _versine(angle: float) -> float:
-    """(1 - cos a) / a^2."""
+    """Return ``(1 - cos a) / a^2``, well defined at ``a = 0``."""
     return float(0.5 * np.sinc(angle / (2 * np.pi)) ** 2)
 
 
 def rotation_slopes(vector: Real) -> Real:
-    r"""Derivatives of exp([v]x) by the entries of v; (3, 3, 3), the first axis over them.
+    """Return the derivatives of ``exp([v]x)`` with respect to the entries of v; (3, 3, 3).
 
-    dR/dv_i = [J e_i]x R with the left Jacobian
-    J = 1 + (1 - cos a)/a^2 [v]x + (a - sin a)/a^3 [v]x^2, a = |v| (Barfoot 2017, eq. 7.77).
+    ``dR/dv_i = [J e_i]x R`` with the left Jacobian of the rotation group,
+    ``J = 1 + (1 - cos a)/a^2 [v]x + (a - sin a)/a^3 [v]x^2``, a = ``|v|`` (Barfoot 2017, eq. 7.77).
+
+    Args:
+        vector: rotation vector v [rad]; (3,).
+
+    Returns:
+        The first axis runs over the entries of v.
     """
     angle = float(np.linalg.norm(vector))
     k = cross_matrix(vector)
@@ -47,16 +65,27 @@ def rotation_slopes(vector: Real) -> Real:
 
 
 def transport(arm: Real) -> Real:
-    """Motion at r + arm per motion at r of one body: v + w x arm, w; (6, 6)."""
+    """Return the motion at ``r + arm`` per motion at r of one rigid body; (6, 6).
+
+    The velocity becomes ``v + w x arm``, the rotation ``w`` stays.
+
+    Args:
+        arm: from the old to the new reference point [m]; (3,).
+    """
     matrix = np.eye(6)
     matrix[:3, 3:] = -cross_matrix(arm)
     return matrix
 
 
 def twist(turns: bool, arm: Real, axis: Real) -> Real:
-    """Motion of a body at the origin of ``arm`` per unit of a slide or hinge; (6,).
+    """Return the motion of a body per unit of a slide or hinge; (6,).
 
-    (a, 0) of a slide along a, (p x a, a) of a hinge through p.
+    A slide along a gives (a, 0), a hinge through p gives (p x a, a).
+
+    Args:
+        turns: whether the joint is a hinge.
+        arm: p, from the reference point of the motion to the joint [m]; (3,).
+        axis: a, unit vector; (3,).
     """
     if turns:
         return np.concatenate([cross_matrix(arm) @ axis, axis])
@@ -64,9 +93,10 @@ def twist(turns: bool, arm: Real, axis: Real) -> Real:
 
 
 def spatial_inertia(mass: float, offset: Real, inertia: Real) -> Real:
-    """Momentum about a reference point per motion of it; (6, 6).
+    """Return the momentum of a body about a reference point per motion of it; (6, 6).
 
-    [[m 1, -m [d]x], [m [d]x, I + m (d.d 1 - d d')]] for a centre of mass at d from the reference
+    For a centre of mass at d from the reference the matrix is
+    ``[[m 1, -m [d]x], [m [d]x, I + m (d.d 1 - d d')]]``
     (Featherstone 2008, eq. 2.63, translation first).
 
     Args:
@@ -84,7 +114,16 @@ def spatial_inertia(mass: float, offset: Real, inertia: Real) -> Real:
 
 
 def split_inertia(matrix: Real) -> tuple[float, Real, Real]:
-    """Mass, offset and inertia about the centre of mass of a spatial inertia."""
+    """Return mass, offset and inertia about the centre of mass of a spatial inertia.
+
+    This inverts ``spatial_inertia``.
+
+    Args:
+        matrix: spatial inertia about a reference point; (6, 6).
+
+    Returns:
+        Mass [kg], centre of mass from the reference point [m] (3,), and inertia [kg m^2] (3, 3).
+    """
     mass = float(matrix[0, 0])
     offset = np.array([matrix[5, 1], matrix[3, 2], matrix[4, 0]]) / mass
     k = cross_matrix(offset)
@@ -92,23 +131,25 @@ def split_inertia(matrix: Real) -> tuple[float, Real, Real]:
 
 
 def nearest_inertia(inertia: Real) -> Real:
-    r"""The inertia nearest to one that no body may have, about the same centre of mass.
+    """Return the physically consistent inertia nearest to a given one.
 
-    A body's second moments J = sum over its mass of r r' = tr(I)/2 1 - I have no eigenvalue below
-    zero: J_i = (I_j + I_k - I_i) / 2 is the triangle inequality of its moments of inertia. With a
-    mass above zero that is all that a body asks for (Wensing, Kim, Slotine 2018). Here
+    The second moments ``J = sum over the mass of r r' = tr(I)/2 1 - I`` of a body have no
+    eigenvalue below zero: ``J_i = (I_j + I_k - I_i) / 2 >= 0`` is the triangle inequality of its
+    moments of inertia. With a mass above zero this is sufficient (Wensing, Kim, Slotine 2018).
+    Eigenvalues below a millionth of the sum of the positive ones are raised to it:
 
-        I = tr(J) 1 - J,   J_i at least a millionth of the sum of those above zero,
+        I = tr(J) 1 - J,   J_i >= 1e-6 sum of max(J_j, 0).
 
-    the nearest by the sum of squares of the entries of J; what a body may have stays as it is.
+    This is the nearest in the Frobenius norm of J, with the centre of mass kept. A consistent
+    inertia is returned unchanged.
 
     Args:
         inertia: I about the centre of mass [kg m^2]; (3, 3).
     """
     second, axes = np.linalg.eigh(np.trace(inertia) / 2 * np.eye(3) - inertia)
-    least = _THIN * float(np.maximum(second, 0.0).sum())
+    least = _MIN_SECOND_MOMENT_SHARE * float(np.maximum(second, 0.0).sum())
     if second[0] >= least:
         return inertia
-    kept: Real = (axes * np.maximum(second, least)) @ axes.T
-    found: Real = np.trace(kept) * np.eye(3) - kept
-    return found
+    clipped: Real = (axes * np.maximum(second, least)) @ axes.T
+    nearest: Real = np.trace(clipped) * np.eye(3) - clipped
+    return nearest

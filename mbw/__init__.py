@@ -1,1 +1,1 @@
-"""The command and the report; computes nothing itself."""
+"""The command ``mbw`` with its verbs and pages; the other packages do the computation."""

@@ -1,4 +1,4 @@
-"""``python -m mbw``."""
+"""Entry point of ``python -m mbw``, which runs the command."""
 
 from mbw.command import main
 

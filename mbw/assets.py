@@ -1,4 +1,4 @@
-"""Where the built-in data lie: inside an installed package, beside it in a clone."""
+"""Paths of the built-in data: inside an installed package, beside it in a clone."""
 
 from pathlib import Path
 
@@ -6,11 +6,11 @@ _PACKAGE = Path(__file__).resolve().parent
 _FOLDERS = (_PACKAGE / "assets", _PACKAGE.parent / "assets")
 
 
-def asset(name: str) -> Path:
-    """Path of a built-in file or folder, such as ``demo``.
+def asset_path(name: str) -> Path:
+    """Return the path of a built-in file or folder, such as ``demo``.
 
     Raises:
-        FileNotFoundError: the installation is not complete.
+        FileNotFoundError: the installation lacks the file.
     """
     for folder in _FOLDERS:
         if (folder / name).exists():

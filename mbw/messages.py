@@ -1,4 +1,4 @@
-"""Messages and progress to stderr, errors to exit codes: one place for both."""
+"""Messages and progress bars on stderr, and the exit codes of errors."""
 
 import functools
 import signal
@@ -28,31 +28,31 @@ R = TypeVar("R")
 
 
 class Screen:
-    """Where messages go; ``--quiet`` and ``--debug`` are set once by the command.
+    """Printer of messages on stderr; the command sets ``quiet`` and ``debug`` once.
 
     Args:
-        quiet: say errors only.
-        debug: show tracebacks.
+        quiet: whether only errors are printed.
+        debug: whether errors show their traceback.
     """
 
     def __init__(self, *, quiet: bool = False, debug: bool = False) -> None:
         self.quiet, self.debug = quiet, debug
-        # Names of bodies and sites are text of users, in tables too: [b] and :x: mean themselves.
+        # Users choose the names of bodies and sites: [b] and :x: are text there, in tables too.
         self.console = Console(
             stderr=True, soft_wrap=True, highlight=False, markup=False, emoji=False
         )
 
     def say(self, text: str) -> None:
-        """Print one message, unless quiet."""
+        """Print a message, unless ``quiet`` is set."""
         if not self.quiet:
             self.console.print(text)
 
     def error(self, text: str) -> None:
-        """Print one sentence, quiet or not."""
+        """Print an error as one line, even if ``quiet`` is set."""
         self.console.print(f"mbw: {' '.join(text.split())}")
 
     def progress(self) -> Progress:
-        """A bar with a description, elapsed time and the count."""
+        """Return a progress bar with a description, a count and the elapsed time."""
         return Progress(
             TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=30),
@@ -68,12 +68,12 @@ SCREEN = Screen()
 
 
 @contextmanager
-def one_interrupt() -> Iterator[Callable[[], None]]:
-    """Let the first Ctrl-C through and no other, so that what was found can be written.
+def allow_one_interrupt() -> Iterator[Callable[[], None]]:
+    """Raise KeyboardInterrupt on the first Ctrl-C only, so that results can still be written.
 
     Yields:
-        What to call when the work is done and only writing is left: from then on none comes
-        through.
+        A function that makes the process ignore Ctrl-C from its call on. Call it when the
+        computation has ended and only the writing of files remains.
     """
     if threading.current_thread() is not threading.main_thread():
         yield lambda: None
@@ -81,26 +81,26 @@ def one_interrupt() -> Iterator[Callable[[], None]]:
 
     pressed = False
 
-    def ignore() -> None:
+    def ignore_interrupts() -> None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
 
-    def first(number: int, frame: FrameType | None) -> None:
+    def raise_once(number: int, frame: FrameType | None) -> None:
         nonlocal pressed
         del number, frame
         pressed = True
-        ignore()
+        ignore_interrupts()
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGINT, first)
+    previous_handler = signal.signal(signal.SIGINT, raise_once)
     try:
-        yield ignore
+        yield ignore_interrupts
     finally:
-        if not pressed:  # else the command is about to leave: nobody needs to hurry it
-            signal.signal(signal.SIGINT, before)
+        if not pressed:  # after a Ctrl-C the command ends soon by itself
+            signal.signal(signal.SIGINT, previous_handler)
 
 
-def guarded(verb: Callable[P, R]) -> Callable[P, R]:
-    """Turn every exception of a verb into one sentence and an exit code."""
+def handle_errors(verb: Callable[P, R]) -> Callable[P, R]:
+    """Wrap a verb so that every exception becomes one sentence on stderr and an exit code."""
 
     @functools.wraps(verb)
     def run(*args: P.args, **kwargs: P.kwargs) -> R:

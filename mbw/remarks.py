@@ -1,84 +1,94 @@
-"""What a reader of a result must know beside its figures, on the screen as in the report."""
+"""Remarks on a tuning that qualify its figures, for the terminal and for the page."""
 
 from collections.abc import Sequence
 
 from tuning import TunedFile
 from tuning.files.result import TUNED_JSON
-from tuning.parametrisation.parametrisation import BOUND
+from tuning.parametrisation.parametrisation import TOLERANCE_BOUND_SIGMA
 
-_FEW = 4
+_MAX_LISTED_NAMES = 4  # entries of a list that a sentence names; more would hide the sentence
 
 
-def remarks(summary: TunedFile) -> list[str]:
-    """One sentence for each thing that limits what a result says, as the screen has them."""
-    found = []
+def list_remarks(summary: TunedFile) -> list[str]:
+    """Return one sentence for each finding that limits the result, as the terminal shows them."""
+    sentences = []
     if summary.fit.doubts:
-        found.append(f"Not to be trusted: {'; '.join(summary.fit.doubts)}.")
+        sentences.append(f"Not to be trusted: {'; '.join(summary.fit.doubts)}.")
     if summary.unseen:
-        found.append(f"{_some([row.sentence for row in summary.unseen], '; ')}.")
+        sentences.append(f"{_join_first([row.sentence for row in summary.unseen], '; ')}.")
     if at_bound := sum(row.at_bound and row.prior is not None for row in summary.parameters):
-        found.append(
-            f"{_count(at_bound, 'tolerance')} reached {BOUND:g} standard deviations, their bound; "
-            f"the largest pulls without it: {_largest(summary)}."
+        sentences.append(
+            f"{_count(at_bound, 'tolerance')} reached the bound of {TOLERANCE_BOUND_SIGMA:g} "
+            f"standard deviations; the largest pulls without the bound: {_largest_pulls(summary)}."
         )
-    if lacking := not_held(summary.not_held_by_mjcf, TUNED_JSON):
-        found.append(lacking)
-    return found + limits(summary)
+    if missing := describe_not_in_mjcf(summary.not_held_by_mjcf, TUNED_JSON):
+        sentences.append(missing)
+    return sentences + list_limits(summary)
 
 
-def limits(summary: TunedFile) -> list[str]:
-    """What limits the figures themselves."""
-    found = []
+def list_limits(summary: TunedFile) -> list[str]:
+    """Return one sentence for each finding that limits the error figures and the mode pairs."""
+    sentences = []
     if summary.residuals[-1] == "modal":
-        found.append("Modes were fitted last: they know all lines, so that none is held out.")
-    elif summary.gap.sensors.held_out is None and not summary.interrupted:
-        found.append("The band is too narrow to hold lines out.")
-    lost = [f"{row.frequency:.4g}" for row in summary.pairs if row.tuned is None]
-    if lost:
-        found.append(f"Measured modes without one of the model's: {', '.join(lost)} Hz.")
-    if any(outcome != "converged" for outcome in summary.held_out_outcomes):
-        found.append("Some held-out fits did not converge: the held-out error may be too high.")
-    if any(test.variance_from == "differences" for test in summary.tests):
-        found.append(
-            "Without coherence, or with one average or none stated, the noise was estimated from "
-            "third differences along frequency."
+        sentences.append(
+            "Modes were fitted last: they depend on all frequency lines, so that no line is held "
+            "out."
         )
-    return found
+    elif summary.gap.sensors.held_out is None and not summary.interrupted:
+        sentences.append("The band is too narrow to hold frequency lines out.")
+    unpaired = [f"{row.frequency:.4g}" for row in summary.pairs if row.tuned is None]
+    if unpaired:
+        sentences.append(f"Measured modes without a mode of the model: {', '.join(unpaired)} Hz.")
+    if any(outcome != "converged" for outcome in summary.held_out_outcomes):
+        sentences.append("Some held-out fits did not converge: the held-out error may be too high.")
+    if any(test.variance_from == "differences" for test in summary.tests):
+        sentences.append(
+            "The noise was estimated from third differences along frequency: the files hold no "
+            "coherence, or they state no number of averages above one."
+        )
+    return sentences
 
 
-def not_held(names: Sequence[str], listed: str) -> str:
-    """What a tuned MJCF does not hold, gains and hits summed up; empty if it holds all.
+def describe_not_in_mjcf(names: Sequence[str], list_file: str) -> str:
+    """Return a sentence on what a tuned MJCF cannot hold; sum up sensor gains and hammer hits.
 
     Args:
-        names: of what it does not hold, each with its reason.
-        listed: the file that lists them all.
+        names: parameters that the MJCF does not hold, each with its reason in brackets.
+        list_file: name of the file that lists all of them.
+
+    Returns:
+        The sentence; empty if the MJCF holds everything.
     """
     gains = {name.split(".gain_")[0] for name in names if ".gain_" in name}
     hits = {name.split(")")[0] for name in names if name.startswith("hammer(")}
-    others = [name for name in names if ".gain_" not in name and not name.startswith("hammer(")]
-    found = [f"gains of {_count(len(gains), 'sensor')}"] if gains else []
-    found += [f"place and aim of {_count(len(hits), 'hit')}"] if hits else []
-    alike: dict[str, list[str]] = {}
-    for name in others:
-        what, _, why = name.partition(" (")
-        alike.setdefault(why, []).append(what)
-    found += [_some(names) + (f" ({why}" if why else "") for why, names in alike.items()]
-    if not found:
+    rest = [name for name in names if ".gain_" not in name and not name.startswith("hammer(")]
+    parts = [f"gains of {_count(len(gains), 'sensor')}"] if gains else []
+    parts += [f"place and direction of {_count(len(hits), 'hit')}"] if hits else []
+    by_reason: dict[str, list[str]] = {}
+    for name in rest:
+        parameter, _, reason = name.partition(" (")
+        by_reason.setdefault(reason, []).append(parameter)
+    parts += [
+        _join_first(parameters) + (f" ({reason}" if reason else "")
+        for reason, parameters in by_reason.items()
+    ]
+    if not parts:
         return ""
-    return f"The tuned MJCF does not hold: {', '.join(found)} ({listed} lists them)."
+    return f"The tuned MJCF does not hold: {', '.join(parts)} ({list_file} lists them)."
 
 
-def _largest(summary: TunedFile) -> str:
-    """The largest pulls, by name."""
+def _largest_pulls(summary: TunedFile) -> str:
+    """Return the largest pulls with their tolerances' names."""
     pulls = [(row.name, row.pull) for row in summary.parameters if row.pull is not None]
-    pulls.sort(key=lambda one: -abs(one[1]))
-    return ", ".join(f"{name} {pull:+.1f}" for name, pull in pulls[:_FEW])
+    pulls.sort(key=lambda row: -abs(row[1]))
+    return ", ".join(f"{name} {pull:+.1f}" for name, pull in pulls[:_MAX_LISTED_NAMES])
 
 
-def _some(texts: list[str], between: str = ", ") -> str:
-    """The first few, and how many more there are."""
-    more = f" and {len(texts) - _FEW} more" if len(texts) > _FEW else ""
-    return between.join(texts[:_FEW]) + more
+def _join_first(texts: list[str], separator: str = ", ") -> str:
+    """Join the first texts, and state how many more there are."""
+    omitted = len(texts) - _MAX_LISTED_NAMES
+    more = f" and {omitted} more" if omitted > 0 else ""
+    return separator.join(texts[:_MAX_LISTED_NAMES]) + more
 
 
 def _count(number: int, what: str) -> str:

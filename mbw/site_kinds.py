@@ -1,14 +1,17 @@
-"""Which sites of a machine are accelerometers, which hammer points."""
+"""Division of a machine's sites into accelerometers and hammer points."""
 
-from identification.words import Layout, is_hammer, node_of
-
-
-def sensors(layout: Layout) -> list[str]:
-    """Sites that end in a node's number and are no hammer points; else all that are none."""
-    points = [name for name in layout.points if not is_hammer(name)]
-    return [name for name in points if node_of(name) is not None] or points
+from identification.words import Layout, is_hammer_point, node_number
 
 
-def hammers(layout: Layout) -> list[str]:
-    """Hammer points."""
-    return [name for name in layout.points if is_hammer(name)]
+def sensor_sites(layout: Layout) -> list[str]:
+    """Return the accelerometers: sites with a node number that are not hammer points.
+
+    Without such a site, return all sites that are not hammer points.
+    """
+    points = [name for name in layout.points if not is_hammer_point(name)]
+    return [name for name in points if node_number(name) is not None] or points
+
+
+def hammer_sites(layout: Layout) -> list[str]:
+    """Return the hammer points."""
+    return [name for name in layout.points if is_hammer_point(name)]

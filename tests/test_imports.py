@@ -15,6 +15,7 @@ MAY_IMPORT = {
     "diagnosis": {"identification.words", "identification", "mbmodel", "tuning"},
     "truth": set(),
     "mbw": {"identification.words", "identification", "mbmodel", "tuning", "diagnosis", "truth"},
+    "mbworkbench": {"identification.words", "identification", "mbmodel", "tuning", "diagnosis"},
 }
 ONLY_BEHIND = {
     "mujoco": {"mbmodel"},
@@ -22,7 +23,7 @@ ONLY_BEHIND = {
     "pyuff": {"identification/readers/uff_datasets.py"},
     "meshio": {"mbmodel/meshes/files.py", "identification/shapes/fe_file.py"},
     "h5py": {"identification/readers/matlab73.py"},
-    "plotly": {"mbw/page/html.py"},
+    "plotly": {"mbw/page/html.py", "mbworkbench/plots.py"},
     "typer": {"mbw", "truth"},
     "rich": {"mbw"},
     "truth": {"truth", "mbw/blind"},

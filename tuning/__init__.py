@@ -1,112 +1,85 @@
-"""Where measurement and model meet: fits, gaps, held-out predictions."""
+"""Tuning of a model to a campaign: parametrisation, misfit, fits, gaps and held-out predictions."""
 
-from tuning.assessment.gap import (
-    ChannelGaps,
-    Gap,
-    at_bodies,
-    channel_gaps,
-    gap_at_bodies,
-    summarise,
-)
-from tuning.assessment.held_out import FOLDS, HeldOut, block_width, fit_held_out, fold_of_lines
-from tuning.assessment.parameter_confidence import (
-    PLAUSIBLE,
-    QUANTILE,
-    Confidence,
-    confidence,
-    pulls,
-)
-from tuning.assessment.predicted_tests import channel_noise, foreseen
-from tuning.campaign_tuning import Comparison, Tuned, Watch, stages_of, tune
+from tuning.assessment.gap import ChannelGaps, Gap, channel_gaps, gap_at_bodies, summarise_gaps
+from tuning.assessment.held_out import HeldOutFits, block_width, fit_held_out
+from tuning.assessment.parameter_confidence import ParameterConfidence, estimate_confidence
+from tuning.assessment.predicted_tests import mean_channel_variance, predict_tests
+from tuning.campaign_tuning import CampaignTuning, ProgressCallbacks, select_stages, tune
 from tuning.files.input_files import fingerprint
-from tuning.files.result import Level, Result, check_folder, files_of, read_result, write_result
-from tuning.files.schema import PairRow, PartnerRow, Place, Residual, ShareRow, TunedFile
-from tuning.fitting.checkpoint import CHECKPOINT, Journal
-from tuning.fitting.fitter import GAUSS_NEWTON, Fit, Progress, fit, random_starts
-from tuning.fitting.stages import STAGES, Stage, counted_lines, thinned
-from tuning.misfit.accumulation import Freed, Probed
+from tuning.files.result import (
+    LevelFrfs,
+    TuningResult,
+    check_output_folder,
+    read_result,
+    write_atomically,
+    write_result,
+)
+from tuning.files.schema import FrfPlace, ResidualKind, TunedFile
+from tuning.fitting.checkpoint import CHECKPOINT_FILE, Checkpoint
+from tuning.fitting.fitter import GAUSS_NEWTON, Fit, FitProgress, fit, random_starts
+from tuning.fitting.stages import STAGES, Stage, thin_lines, thinning_slice
 from tuning.misfit.batch import predict
 from tuning.misfit.misfit import Misfit
-from tuning.misfit.modal_misfit import (
-    MODAL_STAGES,
-    ModalCost,
-    ModalStage,
-    Pairs,
-    modes_in_band,
-    some_modes,
+from tuning.misfit.modal_misfit import modes_in_band, select_modes
+from tuning.parametrisation.parametrisation import TOLERANCE_BOUND_SIGMA, Parametrisation
+from tuning.parametrisation.user_specification import UserSpecification, parametrise
+from tuning.session import (
+    Session,
+    build_toleranced_model,
+    open_campaign,
+    open_session,
+    rebuild_for_machine,
 )
-from tuning.parametrisation.parametrisation import BOUND, Freedom
-from tuning.parametrisation.user_specification import Wishes, freedom
-from tuning.session import Session, on_machine, open_campaign, open_session, with_tolerances
-from tuning.solvers.nlopt_solver import Minimum, minimise
 
 __all__ = [
-    "BOUND",
-    "CHECKPOINT",
-    "FOLDS",
+    "CHECKPOINT_FILE",
     "GAUSS_NEWTON",
-    "MODAL_STAGES",
-    "PLAUSIBLE",
-    "QUANTILE",
     "STAGES",
+    "TOLERANCE_BOUND_SIGMA",
+    "CampaignTuning",
     "ChannelGaps",
-    "Comparison",
-    "Confidence",
+    "Checkpoint",
     "Fit",
-    "Freed",
-    "Freedom",
+    "FitProgress",
+    "FrfPlace",
     "Gap",
-    "HeldOut",
-    "Journal",
-    "Level",
-    "Minimum",
+    "HeldOutFits",
+    "LevelFrfs",
     "Misfit",
-    "ModalCost",
-    "ModalStage",
-    "PairRow",
-    "Pairs",
-    "PartnerRow",
-    "Place",
-    "Probed",
-    "Progress",
-    "Residual",
-    "Result",
+    "ParameterConfidence",
+    "Parametrisation",
+    "ProgressCallbacks",
+    "ResidualKind",
     "Session",
-    "ShareRow",
     "Stage",
-    "Tuned",
     "TunedFile",
-    "Watch",
-    "Wishes",
-    "at_bodies",
+    "TuningResult",
+    "UserSpecification",
     "block_width",
+    "build_toleranced_model",
     "channel_gaps",
-    "channel_noise",
-    "check_folder",
-    "confidence",
-    "counted_lines",
-    "files_of",
+    "check_output_folder",
+    "estimate_confidence",
     "fingerprint",
     "fit",
     "fit_held_out",
-    "fold_of_lines",
-    "foreseen",
-    "freedom",
     "gap_at_bodies",
-    "minimise",
+    "mean_channel_variance",
     "modes_in_band",
-    "on_machine",
     "open_campaign",
     "open_session",
+    "parametrise",
     "predict",
-    "pulls",
+    "predict_tests",
     "random_starts",
     "read_result",
-    "some_modes",
-    "stages_of",
-    "summarise",
-    "thinned",
+    "rebuild_for_machine",
+    "select_modes",
+    "select_stages",
+    "summarise_gaps",
+    "thin_lines",
+    "thinning_slice",
     "tune",
-    "with_tolerances",
+    "write_atomically",
     "write_result",
 ]

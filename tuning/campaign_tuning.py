@@ -1,4 +1,4 @@
-"""Tuning as a whole: fit, held-out fits, and the gap at the sensors and at the bodies."""
+"""Tuning of a campaign: fit, held-out fits, intervals, and the gap at the sensors and bodies."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -8,21 +8,25 @@ import numpy as np
 from identification.words import Campaign, Complex, ModalModel, Real
 from mbmodel import Model
 from tuning.assessment.frf_bands import magnitude_deviations
+from tuning.assessment.further_tests import rank_further_tests
 from tuning.assessment.gap import (
     ChannelGaps,
     Gap,
-    answers_at_bodies,
-    at_bodies,
     channel_gaps,
-    summarise,
+    reduce_answers_to_bodies,
+    reduce_campaign_to_bodies,
+    summarise_gaps,
 )
-from tuning.assessment.held_out import HeldOut, fit_held_out
-from tuning.assessment.parameter_confidence import PLAUSIBLE, Confidence, confidence
-from tuning.assessment.test_information import information
-from tuning.files.schema import GainRow, Place, Residual
-from tuning.fitting.checkpoint import Journal
-from tuning.fitting.fitter import GAUSS_NEWTON, Fit, Progress, fit, random_starts
-from tuning.fitting.stages import LAST, STAGES, Stage
+from tuning.assessment.held_out import HeldOutFits, fit_held_out
+from tuning.assessment.parameter_confidence import (
+    PLAUSIBLE_PULL_SIGMA,
+    ParameterConfidence,
+    estimate_confidence,
+)
+from tuning.files.schema import FrfPlace, GainRow, ResidualKind
+from tuning.fitting.checkpoint import Checkpoint
+from tuning.fitting.fitter import GAUSS_NEWTON, Fit, FitProgress, fit, random_starts
+from tuning.fitting.stages import LAST_STAGE, STAGES, Stage
 from tuning.misfit.batch import predict
 from tuning.misfit.modal_misfit import MODAL_STAGES, ModalStage
 from tuning.session import Session
@@ -33,12 +37,13 @@ class Comparison:
     """Model beside measurement, at the sensors or at the centres of mass.
 
     Args:
-        campaign: the measurement.
-        as_drawn: the model's answers to each test, as drawn; (n_freq, n_out, 1) each.
-        tuned: the same, of the tuned model.
-        bounded: the same, fitted with every tolerance within its bounds: what the gap is of.
+        campaign: measurements.
+        as_drawn: answers of the nominal model to each test; (n_freq, n_out, 1) each.
+        tuned: answers of the tuned model; (n_freq, n_out, 1) each.
+        bounded: answers of the fit with all tolerances within their bounds, to which the gap
+            refers; (n_freq, n_out, 1) each.
         deviation: standard deviation of the tuned model's magnitudes; None if interrupted.
-        held_out: the same, each line by a fit that did not see it; None if interrupted.
+        held_out: answers of the fits that left each line out; None if interrupted.
     """
 
     campaign: Campaign
@@ -49,88 +54,90 @@ class Comparison:
     held_out: tuple[Complex, ...] | None
 
     def gap(self, predicted: tuple[Complex, ...]) -> Gap:
-        """Sum up the gap of predictions."""
-        return summarise(self.channels(predicted))
+        """Return the gap of predictions."""
+        return summarise_gaps(self.channels(predicted))
 
     def channels(self, predicted: tuple[Complex, ...]) -> ChannelGaps:
-        """The gap of each channel."""
+        """Return the gap of each channel."""
         return channel_gaps(predicted, self.campaign)
 
 
 @dataclass(frozen=True, eq=False)
-class Tuned:
-    """Everything that a tuning found.
+class CampaignTuning:
+    """A tuning with everything that was computed from it.
 
     Args:
-        session: campaign and drawn model.
-        fit: to all lines, tolerances within their bounds: what it leaves is the gap.
-        free: the same without these bounds; ``fit`` itself if it reached none.
-        sure: what the tuned model is worth; None if interrupted before.
+        session: campaign and nominal model.
+        fit: fit to all lines with tolerances within their bounds, whose misfit is the gap.
+        unbounded_fit: fit without these bounds; equal to ``fit`` if that is at no bound.
+        confidence: confidence in the parameters; None if interrupted before.
         held_out: fits that left lines out; None if interrupted, if the band is too narrow, or if
-            modes were fitted last, which know all lines.
-        interrupted: whether fit or held-out fits were.
-        sensors: at the measured channels.
-        bodies: at the centres of mass.
-        residuals: what was minimised, in order.
-        measured: modes inside the band, if any were asked for.
-        algorithm: of the first stages.
+            modes were fitted last, which depend on all lines.
+        interrupted: whether fit or held-out fits were interrupted.
+        sensors: comparison at the measured channels.
+        bodies: comparison at the centres of mass.
+        residuals: residuals that were minimised, in order.
+        measured_modes: modes inside the band, if requested.
+        algorithm: algorithm of the first stages.
         at: where FRFs counted.
-        gains: what further measurements would tell, if that was asked for.
+        gains: information of further measurements, if requested.
     """
 
     session: Session
     fit: Fit
-    free: Fit
-    sure: Confidence | None
-    held_out: HeldOut | None
+    unbounded_fit: Fit
+    confidence: ParameterConfidence | None
+    held_out: HeldOutFits | None
     interrupted: bool
     sensors: Comparison
     bodies: Comparison
-    residuals: tuple[Residual, ...] = ("log",)
-    measured: ModalModel | None = None
+    residuals: tuple[ResidualKind, ...] = ("log",)
+    measured_modes: ModalModel | None = None
     algorithm: str = GAUSS_NEWTON
-    at: Place = "sensors"
+    at: FrfPlace = "sensors"
     gains: tuple[GainRow, ...] = ()
 
     @property
     def model_fit(self) -> Fit:
-        """The fit whose parameters are reported: without bounds, unless that hides a fault."""
-        return choose(self.fit, self.free)
+        """Fit whose parameters are reported: the unbounded one, unless that hides a fault."""
+        return choose_fit(self.fit, self.unbounded_fit)
 
 
-def choose(bounded: Fit, free: Fit) -> Fit:
-    """The fit without bounds on tolerances if these explain it, else the one within them.
+def choose_fit(bounded: Fit, unbounded: Fit) -> Fit:
+    """Return the fit without bounds on tolerances if its pulls are plausible, else the bounded one.
 
-    Among hundreds of tolerances some are beyond 2.5 standard deviations, and a bound there shifts
-    all else: intervals hold without it. A pull above 4.5 is a fault, which the tolerance must not
-    swallow.
+    Among hundreds of tolerances some exceed 2.5 standard deviations by chance. A bound there biases
+    all other parameters, so that intervals are valid without it only. A pull above 4.5 is a fault,
+    which the tolerance must not absorb.
     """
-    x = free.x[free.freedom.has_prior]
-    plausible = float(np.abs(x).max(initial=0.0)) <= PLAUSIBLE
-    return free if plausible and free.converged else bounded
+    pulls = unbounded.x[unbounded.parametrisation.has_prior]
+    is_plausible = float(np.abs(pulls).max(initial=0.0)) <= PLAUSIBLE_PULL_SIGMA
+    return unbounded if is_plausible and unbounded.converged else bounded
 
 
 @dataclass(frozen=True)
-class Watch:
-    """Who is told how a tuning goes on.
+class ProgressCallbacks:
+    """Callbacks for the progress of a tuning.
 
     Args:
-        evaluated: about each evaluation of the first fit.
-        folded: about each held-out fit.
+        on_evaluation: called at each evaluation of the first fit.
+        on_fold: called after each held-out fit.
     """
 
-    evaluated: Callable[[Progress], None] | None = None
-    folded: Callable[[int], None] | None = None
+    on_evaluation: Callable[[FitProgress], None] | None = None
+    on_fold: Callable[[int], None] | None = None
 
 
-def stages_of(
-    residuals: tuple[Residual, ...], at: Place = "sensors"
+def select_stages(
+    residuals: tuple[ResidualKind, ...], at: FrfPlace = "sensors"
 ) -> tuple[Stage | ModalStage, ...]:
-    """The stages of some residuals, in their order; after modes, FRFs need no first one.
+    """Return the stages of some residuals, in their order.
+
+    After modes, the first FRF stage is left out.
 
     Args:
-        residuals: what to minimise.
-        at: where FRFs count; logarithms of the first stages always at the channels.
+        residuals: residuals to minimise.
+        at: where FRFs count; logarithms in the first stages always count at the channels.
     """
     stages = tuple(
         replace(stage, at_bodies=at == "bodies" and not stage.logarithmic) for stage in STAGES
@@ -143,139 +150,145 @@ def stages_of(
 def tune(  # noqa: PLR0913  # one for each option
     session: Session,
     *,
-    residuals: tuple[Residual, ...] = ("log",),
+    residuals: tuple[ResidualKind, ...] = ("log",),
     measured: ModalModel | None = None,
     algorithm: str = GAUSS_NEWTON,
-    at: Place = "sensors",
+    at: FrfPlace = "sensors",
     starts: int = 1,
     seed: int = 0,
     jobs: int = 1,
     inform: bool = False,
-    watch: Watch | None = None,
-    journal: Journal | None = None,
-) -> Tuned:
-    """Tune all that varies, say how sure it is, and what gap remains on held-out lines.
+    callbacks: ProgressCallbacks | None = None,
+    checkpoint: Checkpoint | None = None,
+) -> CampaignTuning:
+    """Tune all parameters that vary; compute their intervals and the gap on held-out lines.
 
     Args:
-        session: campaign and drawn model.
-        residuals: what to minimise, in order: ``modal``, frequencies, damping ratios and shapes;
-            ``log``, the logarithm of the FRFs' ratio.
-        measured: modes inside the band; only reported where they are no residual.
-        algorithm: of NLopt, by name, for the first stages; Gauss-Newton by default.
+        session: campaign and nominal model.
+        residuals: residuals to minimise, in order: ``modal`` (frequencies, damping ratios and
+            shapes), ``log`` (FRFs, first by the logarithm of their ratio).
+        measured: modes inside the band; only reported if ``modal`` is not a residual.
+        algorithm: name of an algorithm of NLopt for the first stages; Gauss-Newton by default.
         at: where FRFs count: at the channels, or at the centres of mass with the covariance of
             their reduction.
-        starts: how many starts: the drawing, then factors exp(N(0, 0.5)) on it.
-        seed: of the random starts.
+        starts: number of starts: the nominal model, then random factors exp(N(0, 0.5)) on it.
+        seed: seed of the random starts.
         jobs: processes for starts and held-out fits.
-        inform: whether to say which further measurement would tell most.
-        watch: who is told.
-        journal: knows finished steps, which are not made again.
+        inform: whether to compute which further measurement would be most informative.
+        callbacks: callbacks for the progress.
+        checkpoint: finished steps, which are not repeated.
 
     Returns:
-        The tuning; interrupted, the best so far without held-out predictions.
+        The tuning; if interrupted, the best parameters so far without held-out predictions.
 
     Raises:
         UsageError: ``modal`` without a measured mode.
     """
-    watch = watch or Watch()
+    callbacks = callbacks or ProgressCallbacks()
     model, campaign = session.model, session.campaign
-    found = fit(
+    bounded = fit(
         model,
         campaign,
-        varies=session.freedom,
-        starts=random_starts(model, starts, seed, varies=session.freedom),
-        stages=stages_of(residuals, at),
+        parametrisation=session.parametrisation,
+        starts=random_starts(model, starts, seed, parametrisation=session.parametrisation),
+        stages=select_stages(residuals, at),
         measured=measured,
         algorithm=algorithm,
         jobs=jobs,
-        report=watch.evaluated,
-        journal=journal,
+        report=callbacks.on_evaluation,
+        checkpoint=checkpoint,
     )
-    free, sure, held_out = found, None, None
-    interrupted = found.outcome == "interrupted"
+    unbounded, confidence, held_out = bounded, None, None
+    interrupted = bounded.outcome == "interrupted"
     if not interrupted and residuals[-1] == "log":
         try:
-            free = without_bounds(model, campaign, found, jobs, journal)
-            sure = confidence(model, campaign, choose(found, free), jobs)
+            unbounded = refit_without_bounds(model, campaign, bounded, jobs, checkpoint)
+            confidence = estimate_confidence(model, campaign, choose_fit(bounded, unbounded), jobs)
         except KeyboardInterrupt:
             interrupted = True
     if not interrupted and residuals[-1] == "log":
         try:
             held_out = fit_held_out(
-                model, found, campaign, jobs=jobs, report=watch.folded, journal=journal
+                model, bounded, campaign, jobs=jobs, report=callbacks.on_fold, checkpoint=checkpoint
             )
         except KeyboardInterrupt:
             interrupted = True
     gains: tuple[GainRow, ...] = ()
     try:
-        sensors, bodies = _at_both(model, campaign, (found, free), sure, held_out)
-        if inform and sure is not None:
-            gains = information(session, sure)
+        sensors, bodies = _compare_at_both(
+            model, campaign, (bounded, unbounded), confidence, held_out
+        )
+        if inform and confidence is not None:
+            gains = rank_further_tests(session, confidence)
     except KeyboardInterrupt:
         interrupted = True
-        sensors, bodies = _at_both(model, campaign, (found, free), None, held_out)
-    return Tuned(
+        sensors, bodies = _compare_at_both(model, campaign, (bounded, unbounded), None, held_out)
+    return CampaignTuning(
         session=session,
-        fit=found,
-        free=free,
-        sure=sure,
+        fit=bounded,
+        unbounded_fit=unbounded,
+        confidence=confidence,
         held_out=held_out,
         interrupted=interrupted,
         sensors=sensors,
         bodies=bodies,
         residuals=residuals,
-        measured=measured,
+        measured_modes=measured,
         algorithm=algorithm,
         at=at,
         gains=gains,
     )
 
 
-def without_bounds(
-    model: Model, campaign: Campaign, found: Fit, jobs: int = 1, journal: Journal | None = None
+def refit_without_bounds(
+    model: Model,
+    campaign: Campaign,
+    bounded: Fit,
+    jobs: int = 1,
+    checkpoint: Checkpoint | None = None,
 ) -> Fit:
-    """The same fit, tolerances free to go beyond 2.5 standard deviations.
+    """Return the fit with the bounds of tolerances lifted, or the bounded fit if it is at none.
 
     Raises:
         KeyboardInterrupt: interrupted.
     """
-    varies = found.freedom
-    if not (varies.has_prior & varies.reached(found.x)).any():
-        return found
-    free = fit(
+    parametrisation = bounded.parametrisation
+    if not (parametrisation.has_prior & parametrisation.coordinates_at_bound(bounded.x)).any():
+        return bounded
+    unbounded = fit(
         model,
         campaign,
-        varies=varies.unbounded(),
-        starts=(found.theta,),
-        stages=(found.last or LAST,),
+        parametrisation=parametrisation.lift_bounds(),
+        starts=(bounded.theta,),
+        stages=(bounded.last_stage or LAST_STAGE,),
         jobs=jobs,
-        journal=journal,
+        checkpoint=checkpoint,
         name="without bounds",
     )
-    if free.outcome == "interrupted":
+    if unbounded.outcome == "interrupted":
         raise KeyboardInterrupt
-    return free
+    return unbounded
 
 
-def _at_both(
+def _compare_at_both(
     model: Model,
     campaign: Campaign,
     fits: tuple[Fit, Fit],
-    sure: Confidence | None,
-    held_out: HeldOut | None,
+    confidence: ParameterConfidence | None,
+    held_out: HeldOutFits | None,
 ) -> tuple[Comparison, Comparison]:
-    """At the sensors and at the centres of mass."""
-    sensors = _compare(model, fits, sure, held_out, campaign)
-    reduced = at_bodies(campaign)
+    """Return the comparisons at the sensors and at the centres of mass."""
+    sensors = _compare(model, fits, confidence, held_out, campaign)
+    reduced = reduce_campaign_to_bodies(campaign)
     bodies = Comparison(
         reduced,
-        as_drawn=answers_at_bodies(sensors.as_drawn, campaign),
-        tuned=answers_at_bodies(sensors.tuned, campaign),
-        bounded=answers_at_bodies(sensors.bounded, campaign),
-        deviation=None if sure is None else magnitude_deviations(model, sure, reduced),
+        as_drawn=reduce_answers_to_bodies(sensors.as_drawn, campaign),
+        tuned=reduce_answers_to_bodies(sensors.tuned, campaign),
+        bounded=reduce_answers_to_bodies(sensors.bounded, campaign),
+        deviation=None if confidence is None else magnitude_deviations(model, confidence, reduced),
         held_out=None
         if sensors.held_out is None
-        else answers_at_bodies(sensors.held_out, campaign),
+        else reduce_answers_to_bodies(sensors.held_out, campaign),
     )
     return sensors, bodies
 
@@ -283,17 +296,18 @@ def _at_both(
 def _compare(
     model: Model,
     fits: tuple[Fit, Fit],
-    sure: Confidence | None,
-    held_out: HeldOut | None,
+    confidence: ParameterConfidence | None,
+    held_out: HeldOutFits | None,
     campaign: Campaign,
 ) -> Comparison:
+    """Return the comparison at the sensors."""
     bounded = predict(model, fits[0].theta, campaign)
-    chosen = choose(*fits)
+    model_fit = choose_fit(*fits)
     return Comparison(
         campaign,
         as_drawn=predict(model, model.drawn, campaign),
-        tuned=bounded if chosen is fits[0] else predict(model, chosen.theta, campaign),
+        tuned=bounded if model_fit is fits[0] else predict(model, model_fit.theta, campaign),
         bounded=bounded,
-        deviation=None if sure is None else magnitude_deviations(model, sure, campaign),
+        deviation=None if confidence is None else magnitude_deviations(model, confidence, campaign),
         held_out=held_out.predict(model, campaign) if held_out else None,
     )

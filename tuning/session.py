@@ -1,4 +1,4 @@
-"""A campaign and its machine, opened together: what every tuning and diagnosis starts from."""
+"""A campaign opened together with its machine: the start of every tuning and diagnosis."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from identification import band_lines, correct_layout, read_campaign, read_settings
-from identification.words import Campaign, InputError, distinct
+from identification.words import Campaign, InputError, distinct_dofs
 from mbmodel import (
     HammerPart,
     Machine,
@@ -20,55 +20,58 @@ from mbmodel import (
     sensor_parts,
     spring_parts,
 )
-from tuning.parametrisation.parametrisation import Freedom
-from tuning.parametrisation.user_specification import Wishes, freedom
+from tuning.parametrisation.parametrisation import Parametrisation
+from tuning.parametrisation.user_specification import UserSpecification, parametrise
 
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """What was read.
+    """A campaign, its model, and the parameters that vary.
 
     Args:
         source: path of campaign.toml.
-        model: the machine as drawn, with the corrections of campaign.toml, all that can vary as
-            Parts.
-        campaign: its tests, the lines of the band only.
-        freedom: what varies.
+        model: nominal model with the corrections of campaign.toml, all that can vary as Parts.
+        campaign: tests, restricted to the lines of the band.
+        parametrisation: coordinates of the parameters that vary.
     """
 
     source: Path
     model: Model
     campaign: Campaign
-    freedom: Freedom
+    parametrisation: Parametrisation
 
 
-def open_session(path: Path, band: tuple[float, float] | None = None) -> Session:
+def open_session(
+    path: Path, band: tuple[float, float] | None = None, machine: Machine | None = None
+) -> Session:
     """Read a campaign folder and the model that it names, to tune it.
 
     Args:
         path: the folder, or its campaign.toml.
         band: lowest and highest frequency [Hz]; None for the lines with coherence.
+        machine: another machine than the one that campaign.toml names, or None.
 
     Raises:
-        InputError: anything that cannot be used, with file, element and remedy.
+        InputError: an input cannot be used; the message names file, element and remedy.
     """
-    source, machine, campaign = open_campaign(path, band)
+    source, machine, campaign = open_campaign(path, band, machine)
     if not as_drawn(machine).parameters:
         raise InputError(
-            f"{machine.source}: no joint or tendon has stiffness or damping to tune: draw them"
+            f"{machine.source}: no joint or tendon has stiffness or damping to tune: "
+            "add them to the model"
         )
-    model = with_tolerances(machine, campaign)
+    model = build_toleranced_model(machine, campaign)
     try:
-        varies = freedom(model, campaign.tolerance, _wishes(path))
+        parametrisation = parametrise(model, campaign.tolerance, _read_specification(path))
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
-    return Session(source, model, campaign, varies)
+    return Session(source, model, campaign, parametrisation)
 
 
-def _wishes(path: Path) -> Wishes:
-    """What ``[tuning]`` asks for."""
+def _read_specification(path: Path) -> UserSpecification:
+    """Read what a user specifies under ``[tuning]`` of campaign.toml."""
     tuning = read_settings(path)[1].tuning
-    return Wishes(
+    return UserSpecification(
         free=tuning.free,
         fix=tuning.fix,
         prior=tuning.prior,
@@ -77,67 +80,74 @@ def _wishes(path: Path) -> Wishes:
     )
 
 
-def with_tolerances(machine: Machine, campaign: Campaign) -> Model:
-    """All that can vary as Parts: springs, bodies, joints, sensors, each direction of the hammer.
+def build_toleranced_model(machine: Machine, campaign: Campaign) -> Model:
+    """Return the model with everything that can vary as Parts.
 
-    Sensors that no test reads are left out.
+    The Parts are springs, bodies, joints, sensors, and each direction of the hammer. Sensors that
+    no test reads are left out.
+
+    Args:
+        machine: the nominal machine.
+        campaign: tests, which say which sensors are read and where the hammer hits.
     """
-    read = {dof.point for test in campaign.tests for dof in test.estimate.frf.outputs}
-    hit = distinct(test.condition.reference.positive for test in campaign.tests)
+    read_points = {dof.point for test in campaign.tests for dof in test.estimate.frf.outputs}
+    hit = distinct_dofs(test.condition.reference.positive for test in campaign.tests)
     return Model(
         machine,
         (
             *spring_parts(machine),
             *body_parts(machine),
             *joint_parts(machine),
-            *(part for part in sensor_parts(machine) if part.point.name in read),
+            *(part for part in sensor_parts(machine) if part.point.name in read_points),
             *hammer_parts(machine, tuple(dof for dof in hit if dof.point in machine.layout.points)),
         ),
     )
 
 
-def on_machine(model: Model, machine: Machine) -> Model:
-    """The same Parts, made for a machine that has more coordinates and bodies.
+def rebuild_for_machine(model: Model, machine: Machine) -> Model:
+    """Return a model with equal Parts for a machine with more coordinates and bodies.
 
     Args:
-        model: of ``with_tolerances``.
-        machine: with all that its machine has.
+        model: model from ``build_toleranced_model``.
+        machine: machine that contains everything of the model's machine.
     """
     hit = tuple(part.dof for part in model.parts if isinstance(part, HammerPart))
-    made: tuple[Part, ...] = (
+    parts: tuple[Part, ...] = (
         *spring_parts(machine),
         *body_parts(machine),
         *joint_parts(machine),
         *sensor_parts(machine),
         *hammer_parts(machine, hit),
     )
-    known = {part.parameters: part for part in made}
-    return Model(machine, tuple(known[part.parameters] for part in model.parts))
+    by_parameters = {part.parameters: part for part in parts}
+    return Model(machine, tuple(by_parameters[part.parameters] for part in model.parts))
 
 
 def open_campaign(
-    path: Path, band: tuple[float, float] | None = None
+    path: Path, band: tuple[float, float] | None = None, machine: Machine | None = None
 ) -> tuple[Path, Machine, Campaign]:
     """Read a campaign folder and the machine that it names.
 
     Args:
         path: the folder, or its campaign.toml.
         band: lowest and highest frequency [Hz]; None for the lines with coherence.
+        machine: another machine than the one that campaign.toml names, or None.
 
     Returns:
         Path of campaign.toml, the machine with the corrections stated there, the tests with the
         lines of the band only.
 
     Raises:
-        InputError: anything that cannot be used, with file, element and remedy.
+        InputError: an input cannot be used; the message names file, element and remedy.
     """
     source, settings = read_settings(path)
-    if settings.model is None:
+    if machine is None and settings.model is None:
         raise InputError(f'{source} names no model, only a layout: add model = "model.xml"')
-    machine = load_machine(source.parent / settings.model)
+    if machine is None:
+        machine = load_machine(source.parent / str(settings.model))
     machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
     campaign = read_campaign(source, settings, machine.layout)
-    chosen = campaign.lines(band_lines(campaign, band, source))
+    chosen = campaign.select_lines(band_lines(campaign, band, source))
     if not any(np.abs(test.estimate.frf.values).any() for test in chosen.tests):
         raise InputError(f"{source}: all FRFs are zero in the band: check the export")
     return source, machine, chosen

@@ -15,7 +15,11 @@ from scipy.optimize import least_squares
 from shapes import Shell, together
 from stages import TARGETS, Target
 
-from mbmodel.meshes.mass_properties import Solid, solid_of, surface_solid
+from mbmodel.meshes.mass_properties import (
+    MassProperties,
+    read_mass_properties,
+    surface_mass_properties,
+)
 
 HERE = Path(__file__).resolve().parent
 MESHES = HERE / "meshes"
@@ -31,7 +35,7 @@ def main() -> None:
     for name, target in TARGETS.items():
         file = MESHES / f"{name}.stl"
         file.write_bytes(stl_bytes(together(target.shells(*dimensions(target))), name))
-        text = with_inertial(text, name, solid_of(file, target.density))
+        text = with_inertial(text, name, read_mass_properties(file, target.density))
     STATION.write_text(text, encoding="utf-8")
     write_legs(text, HERE / "station_legs.xml")
 
@@ -41,7 +45,7 @@ def dimensions(target: Target) -> NDArray[np.float64]:
     wanted = np.array([target.centre[axis] for axis in target.axes])
 
     def missing(free: NDArray[np.float64]) -> NDArray[np.float64]:
-        solid = surface_solid(*together(target.shells(*free)), target.density)
+        solid = surface_mass_properties(*together(target.shells(*free)), target.density)
         return np.r_[solid.mass / target.mass - 1, solid.centre[list(target.axes)] - wanted]
 
     first = np.array(list(target.free.values()))
@@ -67,7 +71,7 @@ def stl_bytes(shell: Shell, name: str) -> bytes:
     return head + np.uint32(len(triangles)).astype("<u4").tobytes() + facets.tobytes()
 
 
-def with_inertial(text: str, body: str, solid: Solid) -> str:
+def with_inertial(text: str, body: str, solid: MassProperties) -> str:
     """The MJCF with another <inertial> in a body, which must have one."""
     (xx, xy, xz), (_, yy, yz), (_, _, zz) = solid.inertia
     place = " ".join(f"{round(value, 9) + 0.0:.9g}" for value in solid.centre)

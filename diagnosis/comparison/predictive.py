@@ -21,19 +21,19 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.hypothesis import Scene
-from diagnosis.inference.posterior import Judged, Keys
+from diagnosis.inference.posterior import Keys, Posterior
 from diagnosis.null_model import with_outliers
 from diagnosis.refits.parallel import Call, side_by_side
 from diagnosis.refits.refitting import SOME, Refit, fitted, further, held_out, paced, plenty
 from diagnosis.search.ladder import Search
 from identification.words import Campaign, Real
-from tuning import HeldOut, Misfit, thinned
+from tuning import HeldOutFits, Misfit, thin_lines
 
 _RIVAL, _RIVALS = 0.05, 6  # probability of a cause that is worth a comparison, and how many are
 _KNOWN = 2.0  # values by which a noise's variance is known where lines were left out
 
 
-def rivals_of(judged: Judged, found: Search) -> list[tuple[Keys, Refit, float]]:
+def rivals_of(judged: Posterior, found: Search) -> list[tuple[Keys, Refit, float]]:
     """Causes, or pairs of them, each of which may be what is there, with their probabilities.
 
     As many at once as the verdict says are there beside what gates proved.
@@ -53,7 +53,7 @@ def rivals_of(judged: Judged, found: Search) -> list[tuple[Keys, Refit, float]]:
     return rivals[:_RIVALS]
 
 
-def at_ease(scene: Scene, found: Search, judged: Judged, outlier: float) -> Search:
+def at_ease(scene: Scene, found: Search, judged: Posterior, outlier: float) -> Search:
     """The same, tolerances of rivals beyond their bounds where an outlier explains what is left.
 
     A tolerance that is off by three standard deviations leaves more at its bound than rivals differ
@@ -97,7 +97,7 @@ def foretold(scene: Scene, rivals: Sequence[Refit]) -> list[float | None]:
     made = iter([refit.fit.cost for refit in fitted(scene, tasks)])
     found: list[float | None] = []
     for one, own, by_lines in zip(rivals, parts, lines, strict=True):
-        thin = thinned(one.session.campaign, stage.stride)
+        thin = thin_lines(one.session.campaign, stage.stride)
         times = len(one.session.campaign.freq_hz) / len(thin.freq_hz)
         # What these steps still gain of all hits is not what those left out cost.
         whole = min(_cost(one, one.fit.theta, thin), next(made))
@@ -108,15 +108,15 @@ def foretold(scene: Scene, rivals: Sequence[Refit]) -> list[float | None]:
     return found
 
 
-def _of_lines(one: Refit, held: HeldOut) -> float:
+def _of_lines(one: Refit, held: HeldOutFits) -> float:
     """What the fits without a fold leave of it."""
-    varies, campaign = one.session.freedom, one.session.campaign
+    varies, campaign = one.session.parametrisation, one.session.campaign
     found = 0.0
     for fold, theta in enumerate(held.thetas):
         if (held.folds == fold).any():
-            lines = campaign.lines(held.folds == fold)
-            problem = Misfit(one.session.model, lines, varies, allowance=0.0)
-            squares = problem.squares(varies.coordinates(theta))
+            lines = campaign.select_lines(held.folds == fold)
+            problem = Misfit(one.session.model, lines, varies, model_error_floor=0.0)
+            squares = problem.squared_residuals(varies.coordinates(theta))
             found += float(((_KNOWN + 1) * np.log1p(squares / _KNOWN)).sum())
     return found
 
@@ -139,6 +139,6 @@ def _without(one: Refit, part: tuple[int, ...]) -> Refit:
 
 def _cost(one: Refit, theta: Real, campaign: Campaign) -> float:
     """In nats, priors and all."""
-    varies = one.session.freedom
-    problem = Misfit(one.session.model, campaign, varies, allowance=0.0)
+    varies = one.session.parametrisation
+    problem = Misfit(one.session.model, campaign, varies, model_error_floor=0.0)
     return problem.value(varies.coordinates(theta))

@@ -17,7 +17,15 @@ from diagnosis.effects.points import three
 from diagnosis.effects.sensor_polarity import turned
 from diagnosis.hypothesis import Hypothesis, Value, released
 from diagnosis.inference.evidence import BENDS, Key
-from identification import BodyCheck, Fault, check_bodies, delayed, doubled, mount, silent
+from identification import (
+    BodyCheck,
+    Fault,
+    check_bodies,
+    delay_response,
+    duplicate_channels,
+    mount_response,
+    noise_only_channels,
+)
 from identification.words import Campaign, Dof, Real
 from tuning import Session
 
@@ -70,9 +78,9 @@ class Gate:
 
 def sensor_gate(campaign: Campaign) -> Gate:
     """Check every body, take out what is proven."""
-    checks, same = check_bodies(campaign), doubled(campaign)
+    checks, same = check_bodies(campaign), duplicate_channels(campaign)
     # What reads noise alone is dead, or still: either way it tells nothing, of a fault neither.
-    none = silent(campaign)
+    none = noise_only_channels(campaign)
     proven: dict[Key, Fault] = {}
     flexible = []
     for check in checks:
@@ -204,10 +212,10 @@ def hypothesis_of(
 def _reading(fault: Fault) -> Reading | None:
     """What a channel with the fault reads per motion; None of another kind of fault."""
     if fault.effect == "sensor_delay":
-        return partial(delayed, delay=_number(fault.parameters["delay"]))
+        return partial(delay_response, delay=_number(fault.parameters["delay"]))
     if fault.effect == "mount_resonance":
         frequency, damping = (_number(fault.parameters[k]) for k in ("frequency", "damping"))
-        return lambda freq_hz: mount(freq_hz, frequency, damping)
+        return lambda freq_hz: mount_response(freq_hz, frequency, damping)
     return None
 
 

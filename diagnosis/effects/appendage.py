@@ -16,7 +16,15 @@ import numpy as np
 
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Vague, Value
 from identification.words import Complex, Mask, Real
-from mbmodel import AddedPart, Addition, Change, Machine, Parameter, hung, transport
+from mbmodel import (
+    AddedPart,
+    Addition,
+    Change,
+    Machine,
+    Parameter,
+    suspended_mass_elements,
+    transport,
+)
 
 _SCANNED, _DAMPING = 80, 0.03  # in steps of 5 %, less than a resonance is wide
 _LOWEST, _HIGHEST = 1 / 40, 1.2  # of the highest line: it holds on to nothing, it is a mass
@@ -175,7 +183,9 @@ def _hung(
         sizes = masses[axis] * np.array([1.0, omega**2, 2 * zeta * omega])
         near = np.where(alone, 0.0, place) if alone[axis] else place
         along = centre + near, np.eye(3)[axis]
-        found += hung(f"{body}.appendage_{'xyz'[axis]}", machine, body, along, sizes)
+        found += suspended_mass_elements(
+            f"{body}.appendage_{'xyz'[axis]}", machine, body, along, sizes
+        )
     return tuple(found)
 
 
@@ -191,7 +201,7 @@ def _resonator(omega: float, zeta: float) -> Shape:
 
 
 def _by_frequency(omega: float, zeta: float) -> Shape:
-    """DR per unit of the frequency's parameter."""
+    """The slope ``dR`` per unit of the frequency's parameter."""
 
     def shape(laplace: Complex) -> Complex:
         spring = 2 * zeta * omega * laplace + omega**2
@@ -202,7 +212,7 @@ def _by_frequency(omega: float, zeta: float) -> Shape:
 
 
 def _by_damping(omega: float, zeta: float) -> Shape:
-    """DR per unit of the damping's parameter."""
+    """The slope ``dR`` per unit of the damping's parameter."""
 
     def shape(laplace: Complex) -> Complex:
         spring = 2 * zeta * omega * laplace + omega**2

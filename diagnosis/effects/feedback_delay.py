@@ -77,7 +77,7 @@ class _Loop:
         return AddedPart(location, parameters, self.finite, self.derivatives)
 
     def finite(self, theta: Real) -> tuple[Change, ...]:
-        """K (exp(-s tau u) - 1); nothing without a delay."""
+        """The law ``k (exp(-s tau u) - 1)``; nothing without a delay."""
         late = _late(self._tau * float(theta[0]))
         return (self._change(np.array(theta[1]), late),) if theta[0] else ()
 

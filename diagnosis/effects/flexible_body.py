@@ -1,6 +1,6 @@
 """A body that bends in a mode of its own: a gate proves it, a fit finds how.
 
-Frequency and damping are those of the free body (``mbmodel.bending``). A mode
+Frequency and damping are those of the free body (``mbmodel.compliance.flexible_body``). A mode
 whose peak lies above the band is seen as a compliance alone: its frequency is not stated.
 """
 
@@ -11,9 +11,9 @@ from functools import partial, reduce
 import numpy as np
 
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
-from identification import Fault, bending_shape
+from identification import Fault, estimate_bending_shape
 from identification.words import Campaign
-from mbmodel import Bending, Machine, with_bending
+from mbmodel import BendingMode, Machine, add_bending_mode
 from tuning import Session
 
 _FARTHEST = 20.0  # units of the logarithms of frequency and damping
@@ -43,12 +43,12 @@ def bent(
     base = Hypothesis(
         fault.effect, fault.location, is_held=False, state=lambda _: dict(fault.parameters)
     )
-    seen = bending_shape(good, body)
+    seen = estimate_bending_shape(good, body)
     if seen is None:
         return base
 
     def reformed(machine: Machine) -> Machine:
-        return reduce(with_bending, bodies, machine)
+        return reduce(add_bending_mode, bodies, machine)
 
     machine = reformed(session.model.machine)
     layout = machine.layout
@@ -57,12 +57,12 @@ def bent(
     points = dict.fromkeys(test.condition.reference.point for test in session.campaign.tests)
     known = {*layout.points, *layout.bodies}
     hit = tuple(p for p in points if p in known and layout.body_name(p) == body)
-    part = Bending(machine, body, times * seen.frequency, read, hit)
+    part = BendingMode(machine, body, times * seen.frequency, read, hit)
     begin = {f"{d.point}_{d.direction[-1]}": _SHOWN * v for d, v in seen.readings.items()}
     return replace(
         base,
         parts=(part.part(),),
-        begin=part.begin(begin),
+        begin=part.start_values(begin),
         bounds=dict.fromkeys(part.names[:2], (-_FARTHEST, _FARTHEST)),
         reform=reformed,
         is_held=True,
@@ -70,9 +70,9 @@ def bent(
     )
 
 
-def _stated(part: Bending, highest: float, found: Mapping[str, float]) -> dict[str, Value]:
+def _stated(part: BendingMode, highest: float, found: Mapping[str, float]) -> dict[str, Value]:
     steps = np.array([found.get(name, 0.0) for name in part.names[:2]])
-    frequency, damping = part.at(np.clip(steps, -_FARTHEST, _FARTHEST))
+    frequency, damping = part.frequency_and_damping(np.clip(steps, -_FARTHEST, _FARTHEST))
     return {"frequency": frequency, "damping": damping} if frequency <= highest else {}
 
 

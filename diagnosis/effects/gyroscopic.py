@@ -14,7 +14,7 @@ import numpy as np
 
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Condition, Real
-from mbmodel import AddedPart, Change, NotHeld, Parameter
+from mbmodel import AddedPart, Change, NotInMjcf, Parameter
 
 _UNIT = 10.0  # kg m2/s per unit of the parameters
 
@@ -50,11 +50,11 @@ def _by_speed(speeds: Sequence[float]) -> Callable[[Condition], float] | None:
     return lambda condition: condition.spindle_speed / highest
 
 
-def _written(body: str, theta: Real) -> tuple[NotHeld, ...]:
+def _written(body: str, theta: Real) -> tuple[NotInMjcf, ...]:
     """MuJoCo holds it as a motion, not as an element."""
     spin = ", ".join(f"{_UNIT * value:.4g}" for value in theta)
     why = f"draw the rotor as a body on a hinge of {body} and let it spin"
-    return (NotHeld(f"{body}: angular momentum ({spin}) kg m2/s", why),)
+    return (NotInMjcf(f"{body}: angular momentum ({spin}) kg m2/s", why),)
 
 
 EFFECT = Effect(

@@ -13,7 +13,7 @@ import numpy as np
 from diagnosis.effects.points import jointed, springs_of
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
-from mbmodel import AddedPart, Change, Parameter, by_joints
+from mbmodel import AddedPart, Change, Parameter, joint_coupling_writer
 
 _UNIT = 0.01  # m per unit of the parameters
 
@@ -59,7 +59,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             tuple(parameters),
             coupling.finite,
             coupling.derivatives,
-            written=by_joints(f"{stage}.coupling", machine, coupling.finite),
+            written=joint_coupling_writer(f"{stage}.coupling", machine, coupling.finite),
         )
 
         def state(found: Mapping[str, float], offset: tuple[str, ...] = names) -> dict[str, Value]:

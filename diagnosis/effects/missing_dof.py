@@ -1,9 +1,9 @@
 r"""A direction that the drawing holds rigid gives way, along or about an axis of the joint's own.
 
 The machine of the scene has a coordinate for each such direction, on a spring k0 far stiffer than
-anything in the band and a damper k0 tau (``mbmodel.loosened``). Where the joint stands askew, the
-direction has the name of the world axis that it is nearest to. In series with a compliance
-theta u, theta >= 0, they become
+anything in the band and a damper k0 tau (``mbmodel.compliance.released_directions``). Where the
+joint stands askew, the direction has the name of the world axis that it is nearest to. In series
+with a compliance theta u, theta >= 0, they become
 
     k + s c,   k = 1 / (1 / k0 + theta u),   c = k tau.
 
@@ -18,7 +18,15 @@ import numpy as np
 from diagnosis.effects.points import springs_of
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
-from mbmodel import AddedPart, Addition, Change, Held, Machine, Parameter, freed
+from mbmodel import (
+    AddedPart,
+    Addition,
+    Change,
+    Machine,
+    Parameter,
+    RigidDirection,
+    released_joint_elements,
+)
 
 _STEP = 0.5  # of the logarithm of tau per unit of its parameter
 _FARTHEST = 20.0  # steps
@@ -43,7 +51,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         )
 
 
-def _usual(scene: Scene, held: Held) -> float:
+def _usual(scene: Scene, held: RigidDirection) -> float:
     """Stiffness of the joint's own springs of the kind, else one that shows in the band."""
     machine = scene.model.machine
     kind = {axle.joint: axle.turns for axle in machine.axles if axle.stage == held.stage}
@@ -56,7 +64,7 @@ def _usual(scene: Scene, held: Held) -> float:
 class _Way:
     """What a direction has lost of the stiffness that holds it."""
 
-    def __init__(self, machine: Machine, held: Held, frame: Real) -> None:
+    def __init__(self, machine: Machine, held: RigidDirection, frame: Real) -> None:
         self.machine, self.held, self.frame = machine, held, frame
         name = f"{held.stage}.{held.dof}"
         self.unit = 1 / held.reference
@@ -105,7 +113,9 @@ class _Way:
         own = self.held.coordinate
         axle = next(one for one in self.machine.axles if one.coordinate == own)
         sizes = np.array([stiffness, stiffness * tau])
-        return freed(f"{self.held.stage}_{self.held.dof}", self.machine, axle, sizes)
+        return released_joint_elements(
+            f"{self.held.stage}_{self.held.dof}", self.machine, axle, sizes
+        )
 
     def state(self, found: Mapping[str, float]) -> dict[str, Value]:
         """Stiffness and damping in SI."""

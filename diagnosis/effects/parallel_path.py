@@ -26,7 +26,16 @@ import numpy as np
 from diagnosis.effects.points import joined, springs_of
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
-from mbmodel import AddedPart, Addition, Change, Machine, NotHeld, Parameter, linked, transport
+from mbmodel import (
+    AddedPart,
+    Addition,
+    Change,
+    Machine,
+    NotInMjcf,
+    Parameter,
+    link_elements,
+    transport,
+)
 
 _PART = 0.01  # of the softer body's mass times the square of a frequency in the middle of the band
 _ARM = 0.1  # m per unit of the point's parameters
@@ -172,7 +181,7 @@ class _Link:
         found_k, found_c = (self._units * np.maximum(means, 0.0)).tolist()
         return {"stiffness": found_k, "damping": found_c}
 
-    def written(self, theta: Real) -> tuple[Addition | NotHeld, ...]:
+    def written(self, theta: Real) -> tuple[Addition | NotInMjcf, ...]:
         """A tendon along each axis of the springs, and of the dampers where these are others."""
         both = self._matrices(theta) * self._units[:, None, None]
         stiffness, damping = both
@@ -186,16 +195,18 @@ class _Link:
             of_springs, of_dampers = (np.linalg.eigh(one)[1].T for one in both)
             rows = [("k", axis, (axis @ stiffness @ axis, 0.0)) for axis in of_springs]
             rows += [("c", axis, (0.0, axis @ damping @ axis)) for axis in of_dampers]
-        found: list[Addition | NotHeld] = []
+        found: list[Addition | NotInMjcf] = []
         largest = np.abs(both).max(axis=(1, 2))
         for number, (kind, axis, sizes) in enumerate(rows):
             name = f"{self.name}.{kind}{number % 3}"
             if any(sizes < -_SLIGHT * largest):
-                found.append(NotHeld(name, "a spring or damper of less than nothing"))
+                found.append(NotInMjcf(name, "a spring or damper of less than nothing"))
             elif any(np.abs(sizes) > _SLIGHT * largest):
                 low, high = self._bodies
                 along = point, axis
-                found += linked(name, self._machine, (low, high), along, np.maximum(sizes, 0.0))
+                found += link_elements(
+                    name, self._machine, (low, high), along, np.maximum(sizes, 0.0)
+                )
         return tuple(found)
 
 

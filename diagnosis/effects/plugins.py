@@ -17,7 +17,7 @@ import numpy as np
 
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Complex, InputError, Real
-from mbmodel import AddedPart, Addition, Change, Machine, NotHeld, Part, Situation
+from mbmodel import AddedPart, Addition, Change, Machine, NotInMjcf, Part, PartContext
 
 GROUP = "mbw.effects"
 _KINDS = "joint", "body", "sensor", "hammer", "pair"
@@ -136,11 +136,11 @@ class _Written:
     told: str
     call: Callable[..., Any]
 
-    def __call__(self, theta: Real) -> tuple[Addition | NotHeld, ...]:
+    def __call__(self, theta: Real) -> tuple[Addition | NotInMjcf, ...]:
         try:
             return tuple(self.call(theta))
         except Exception as error:
-            return (NotHeld(self.told, f"written fails ({type(error).__name__}: {error})"),)
+            return (NotInMjcf(self.told, f"written fails ({type(error).__name__}: {error})"),)
 
 
 def _fault(one: Hypothesis, scene: Scene, seen: dict[str, Part]) -> str | None:
@@ -174,7 +174,7 @@ def _misnamed(one: Hypothesis, scene: Scene, seen: dict[str, Part]) -> str | Non
                     f"its parameter {name} is drawn as {parameter.drawn:g}, as something on the "
                     "drawing: say drawn 0.0 and positive=False"
                 )
-    varies = set(scene.session.freedom.names)
+    varies = set(scene.session.parametrisation.names)
     there = {parameter.name for parameter in scene.model.parameters}
     begun = {name for values in (one.begin, *one.otherwise) for name in values}
     unknown = {*one.release, *one.scored} - own - varies
@@ -196,7 +196,7 @@ def _misfit(one: Hypothesis, scene: Scene) -> str | None:
         beside = [np.clip(begins[n] + _STEP, *one.bounds.get(n, (-np.inf, np.inf))) for n in names]
         step = _SMALL * np.ones(len(names))
         for condition in {test.condition: None for test in campaign.tests}:
-            at = Situation(machine, condition)
+            at = PartContext(machine, condition)
             for slope in part.slopes(theta, at):
                 if fault := _unfit(slope, (len(names),), machine, laplace):
                     return f"of a slope {fault}"

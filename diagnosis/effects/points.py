@@ -3,25 +3,27 @@
 from itertools import groupby
 
 from diagnosis.hypothesis import Scene
-from identification.words import Dof, distinct, is_hammer, node_of
-from mbmodel import Machine, parents_of
+from identification.words import Dof, distinct_dofs, is_hammer_point, node_number
+from mbmodel import Machine, parent_bodies
 
 
 def names_of(scene: Scene) -> set[str]:
     """What varies."""
-    return set(scene.session.freedom.names)
+    return set(scene.session.parametrisation.names)
 
 
 def sensors(scene: Scene) -> list[str]:
     """Sites that some test reads, in the order of the layout."""
     read = {dof.point for test in scene.session.campaign.tests for dof in test.estimate.frf.outputs}
     points = scene.model.machine.layout.points
-    return [p for p in points if p in read and node_of(p) is not None and not is_hammer(p)]
+    return [
+        p for p in points if p in read and node_number(p) is not None and not is_hammer_point(p)
+    ]
 
 
 def hits(scene: Scene) -> tuple[Dof, ...]:
     """Points and directions that were hit."""
-    return distinct(test.condition.reference.positive for test in scene.session.campaign.tests)
+    return distinct_dofs(test.condition.reference.positive for test in scene.session.campaign.tests)
 
 
 def three(prefix: str) -> tuple[str, ...]:
@@ -44,5 +46,5 @@ def springs_of(machine: Machine, stage: str) -> tuple[str, ...]:
 
 def joined(machine: Machine, lower: str, upper: str) -> bool:
     """Whether a joint joins two bodies."""
-    parents = parents_of(machine)
+    parents = parent_bodies(machine)
     return parents.get(upper) == lower or parents.get(lower) == upper

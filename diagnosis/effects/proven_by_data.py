@@ -1,7 +1,7 @@
 """Effects that gates prove from spare channels alone, without a hypothesis to be refitted."""
 
 from diagnosis.hypothesis import Effect
-from identification import FAULTS
+from identification import FAULT_PHRASES
 
 
 def _nothing(_: object) -> tuple[()]:
@@ -12,25 +12,25 @@ def _nothing(_: object) -> tuple[()]:
 PROVEN = {
     "dead_channel": Effect(
         _nothing,
-        noun=FAULTS["dead_channel"],
+        noun=FAULT_PHRASES["dead_channel"],
         means="{channel} holds no motion",
         confirm="look at cable and plug of {channel}, and repeat one hit",
     ),
     "mount_resonance": Effect(
         _nothing,
-        noun=FAULTS["mount_resonance"],
+        noun=FAULT_PHRASES["mount_resonance"],
         means="{place} resonates on its mounting",
         confirm="glue or screw {place} on anew and repeat one hit: the resonance moves up",
     ),
     "sensor_delay": Effect(
         _nothing,
-        noun=FAULTS["sensor_delay"],
+        noun=FAULT_PHRASES["sensor_delay"],
         means="the channels of {place} come late",
         confirm="give {place} another input of the analyser and repeat one hit",
     ),
     "sensor_swap": Effect(
         _nothing,
-        noun=FAULTS["sensor_swap"],
+        noun=FAULT_PHRASES["sensor_swap"],
         means="channels are exchanged: {channel}",
         confirm="knock at {place} along each axis in turn and see which channel answers",
     ),

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from diagnosis.effects.points import names_of, sensors
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
-from identification import FAULTS
+from identification import FAULT_PHRASES
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -19,7 +19,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 EFFECT = Effect(
     propose,
-    noun=FAULTS["sensor_gain"],
+    noun=FAULT_PHRASES["sensor_gain"],
     means="the calibration value of {channel} is wrong",
     confirm="exchange {place} and repeat one hit: the gain goes with it",
     undoes=True,

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from diagnosis.effects.points import names_of, sensors, three
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
-from identification import FAULTS
+from identification import FAULT_PHRASES
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -18,7 +18,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 EFFECT = Effect(
     propose,
-    noun=FAULTS["sensor_misalignment"],
+    noun=FAULT_PHRASES["sensor_misalignment"],
     means="the axes of {place} are turned beyond tolerance",
     confirm="glue {place} anew along the drawing's axes and repeat one hit",
     undoes=True,

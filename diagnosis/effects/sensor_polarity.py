@@ -12,7 +12,7 @@ import numpy as np
 from diagnosis.corrections import channels_of, divided
 from diagnosis.effects.points import names_of, sensors
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
-from identification import FAULTS
+from identification import FAULT_PHRASES
 from identification.words import Complex, Real
 
 
@@ -34,7 +34,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 EFFECT = Effect(
     propose,
-    noun=FAULTS["sensor_polarity"],
+    noun=FAULT_PHRASES["sensor_polarity"],
     means="{channel} has the wrong sign",
     confirm="turn the sign of {channel} back, or look how its axis points",
 )

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from diagnosis.effects.points import names_of, sensors, three
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
-from identification import FAULTS
+from identification import FAULT_PHRASES
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -18,7 +18,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 EFFECT = Effect(
     propose,
-    noun=FAULTS["sensor_position"],
+    noun=FAULT_PHRASES["sensor_position"],
     means="{place} sits elsewhere than drawn",
     confirm="measure where {place} sits, or glue it anew and repeat one hit",
     undoes=True,

@@ -45,7 +45,7 @@ class Timed:
 
 
 def constant(laplace: Complex) -> Complex:
-    """F = 1."""
+    """The law ``f = 1``."""
     return np.ones_like(laplace)
 
 

@@ -11,7 +11,7 @@ from identification.words import Complex
 
 
 def lossy(laplace: Complex) -> Complex:
-    """I sign(w); (n_freq,)."""
+    """The law ``i sign(w)``; (n_freq,)."""
     return np.asarray(1j * np.sign(laplace.imag), complex)
 
 

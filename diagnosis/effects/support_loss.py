@@ -26,7 +26,7 @@ import numpy as np
 from diagnosis.effects.points import jointed, springs_of
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Complex, Real
-from mbmodel import AddedPart, Change, Parameter, by_joints
+from mbmodel import AddedPart, Change, Parameter, joint_coupling_writer
 
 _CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
 _ALONG = 1 - 1e-6  # cosine with a world axis
@@ -87,7 +87,7 @@ class _Stand:
             *(Parameter(name, value, "of the joint") for name, value in follows),
         )
         place = f"joint:{self._stage}"
-        written = by_joints(f"{self._stage}.lost", self._machine, self.finite)
+        written = joint_coupling_writer(f"{self._stage}.lost", self._machine, self.finite)
         return AddedPart(place, parameters, self.finite, self.derivatives, written=written)
 
     def finite(self, theta: Real) -> tuple[Change, ...]:

@@ -37,12 +37,12 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 @lru_cache(1024)  # those of all joints are one: their columns are formed together
 def _maxwell(tau: float) -> Shape:
-    """S tau / (1 + s tau)."""
+    """The law ``s tau / (1 + s tau)``."""
     return lambda laplace: np.asarray(laplace * tau / (1 + laplace * tau), complex)
 
 
 def _by_time(tau: float) -> Shape:
-    """S tau / (1 + s tau)^2."""
+    """Its slope by log tau, ``s tau / (1 + s tau)^2``."""
     return lambda laplace: np.asarray(laplace * tau / (1 + laplace * tau) ** 2, complex)
 
 

@@ -22,18 +22,18 @@ from identification.words import Campaign, Complex, Mask, Real
 from tuning import (
     ChannelGaps,
     Gap,
-    HeldOut,
+    HeldOutFits,
     Session,
     Stage,
     block_width,
     channel_gaps,
     predict,
-    summarise,
+    summarise_gaps,
 )
 
 
 @dataclass(frozen=True, eq=False)
-class Level:
+class HeldOutGap:
     """A fit, and how far it is from what was measured.
 
     Args:
@@ -45,7 +45,7 @@ class Level:
     """
 
     refit: Refit
-    held_out: HeldOut | None
+    held_out: HeldOutFits | None
     predicted: tuple[Complex, ...]
     campaign: Campaign
     stride: int
@@ -58,7 +58,7 @@ class Level:
     @cached_property
     def gap(self) -> Gap:
         """On held-out lines, or on all if there are none."""
-        return summarise(self.channels)
+        return summarise_gaps(self.channels)
 
     @property
     def width(self) -> int | None:
@@ -80,8 +80,10 @@ class Level:
 
     def on(self, lines: Mask) -> Gap:
         """The gap on some lines; (n_freq,)."""
-        return summarise(
-            channel_gaps([values[lines] for values in self.predicted], self.campaign.lines(lines))
+        return summarise_gaps(
+            channel_gaps(
+                [values[lines] for values in self.predicted], self.campaign.select_lines(lines)
+            )
         )
 
 
@@ -92,7 +94,7 @@ def levels(
     before: Mapping[Hypothesis | None, Refit],
     *,
     exact: bool,
-) -> tuple[Level, Level | None, Known | None]:
+) -> tuple[HeldOutGap, HeldOutGap | None, Known | None]:
     """Levels without any effect and with what is there, and the parameters of that, side by side.
 
     Args:
@@ -126,7 +128,7 @@ def begun(base: Scene, one: Hypothesis | None, whole: Session) -> Refit:
     return refit(base, one, whole.campaign, stages)
 
 
-def level(base: Scene, made: Refit, width: int | None) -> Level:
+def level(base: Scene, made: Refit, width: int | None) -> HeldOutGap:
     """The level of a refit.
 
     Args:
@@ -143,11 +145,11 @@ def _stage(base: Scene, *, exact: bool) -> Stage:
     return stage
 
 
-def _level(made: Refit, stage: Stage, held: HeldOut | None) -> Level:
+def _level(made: Refit, stage: Stage, held: HeldOutFits | None) -> HeldOutGap:
     session = made.session
     predicted = (
         predict(session.model, made.fit.theta, session.campaign)
         if held is None
         else held.predict(session.model, session.campaign)
     )
-    return Level(made, held, predicted, session.campaign, stage.stride)
+    return HeldOutGap(made, held, predicted, session.campaign, stage.stride)

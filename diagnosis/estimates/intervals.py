@@ -8,7 +8,14 @@ import numpy as np
 from diagnosis.hypothesis import Ends, Hypothesis, Vague, Value
 from diagnosis.refits.refitting import FINAL, Refit, named, uninterrupted
 from identification.words import Real
-from tuning import PLAUSIBLE, QUANTILE, Confidence, Freedom, confidence, fit, thinned
+from tuning import (
+    ParameterConfidence,
+    Parametrisation,
+    estimate_confidence,
+    fit,
+    thin_lines,
+)
+from tuning.assessment.parameter_confidence import NORMAL_QUANTILE_95, PLAUSIBLE_PULL_SIGMA
 
 _BESIDE, _STEP = 1e-5, 1e-7  # standard deviations: where slopes are taken, and over what
 _FLAT = 1e-6  # of a slope, what is none
@@ -26,14 +33,14 @@ class Known:
         converged: whether the fit that they come from went to its end.
     """
 
-    freedom: Freedom
+    parametrisation: Parametrisation
     theta: Real
-    sure: Confidence
+    sure: ParameterConfidence
     converged: bool = True
 
     def stated(self, one: Hypothesis) -> dict[str, Value]:
         """What the verdict states of a hypothesis."""
-        return one.state(named(self.freedom, self.theta))
+        return one.state(named(self.parametrisation, self.theta))
 
     def intervals(self, one: Hypothesis) -> dict[str, Ends]:
         """Of a hypothesis' parameters, 95 %; none of those that were not fitted.
@@ -51,22 +58,22 @@ class Known:
         None is said of what goes with a size that may as well be nothing, such as the place of a
         mass: a quotient has bounds only where its divisor is not zero (Fieller 1954).
         """
-        read = _Read(named(self.freedom, self.theta))
+        read = _Read(named(self.parametrisation, self.theta))
         middle = one.state(read)
-        own = [k for k, name in enumerate(self.freedom.names) if name in read.names]
+        own = [k for k, name in enumerate(self.parametrisation.names) if name in read.names]
         if not own or not middle:
             return {}
         deviation = self.sure.deviation[own]
         correlation = self.sure.covariance[np.ix_(own, own)] / np.outer(deviation, deviation)
-        sizes = one.scored or self.freedom.names
-        shapes = [k for k in own if self.freedom.names[k] not in sizes]
-        ends = self.freedom.lower[shapes], self.freedom.upper[shapes]
+        sizes = one.scored or self.parametrisation.names
+        shapes = [k for k in own if self.parametrisation.names[k] not in sizes]
+        ends = self.parametrisation.lower[shapes], self.parametrisation.upper[shapes]
 
         def at(units: Real) -> Real:
             x = self.sure.x.copy()
             x[own] += deviation * units
             x[shapes] = np.clip(x[shapes], *ends)
-            stated = middle | one.state(named(self.freedom, self.freedom.theta(x)))
+            stated = middle | one.state(named(self.parametrisation, self.parametrisation.theta(x)))
             return _flat({name: stated[name] for name in middle})
 
         slopes = _slopes(at, self._inwards(own))
@@ -74,14 +81,14 @@ class Known:
         root = _root(kept @ correlation @ kept)
         ways = np.vstack([slopes @ root, _strewn(len(own))])
         ways = ways[ways.any(axis=1)]
-        farthest = QUANTILE * ways / np.linalg.norm(ways, axis=1)[:, None] @ root
+        farthest = NORMAL_QUANTILE_95 * ways / np.linalg.norm(ways, axis=1)[:, None] @ root
         points = [_flat(middle), *(at(sign * one) for one in farthest for sign in (-1, 1))]
         return _told(_paired(middle, np.min(points, axis=0), np.max(points, axis=0)))
 
     def _inwards(self, own: list[int]) -> Real:
         """Where no two are equal, a little inside of bounds: 1e-5 of a deviation away."""
         x = self.sure.x[own]
-        above = self.freedom.upper[own] - x < x - self.freedom.lower[own]
+        above = self.parametrisation.upper[own] - x < x - self.parametrisation.lower[own]
         away = _BESIDE * np.arange(1, len(own) + 1) / len(own)
         return np.where(above, -away, away)
 
@@ -150,16 +157,16 @@ def known(found: Refit, theta: Real, stride: int, jobs: int = 1) -> Known:
         stride: every so manyth line counts.
         jobs: threads.
     """
-    model, campaign, varies = found.session.model, found.session.campaign, found.fit.freedom
+    model, campaign, varies = found.session.model, found.session.campaign, found.fit.parametrisation
     stage = replace(FINAL, stride=stride)
-    for own in (varies.unbounded(), varies):
+    for own in (varies.lift_bounds(), varies):
         best = uninterrupted(
-            fit(model, campaign, varies=own, starts=(theta,), stages=(stage,), jobs=jobs)
+            fit(model, campaign, parametrisation=own, starts=(theta,), stages=(stage,), jobs=jobs)
         )
-        if np.abs(best.x[own.has_prior]).max(initial=0.0) <= PLAUSIBLE:
+        if np.abs(best.x[own.has_prior]).max(initial=0.0) <= PLAUSIBLE_PULL_SIGMA:
             break
-    sure = confidence(model, thinned(campaign, stride), best, jobs)
-    return Known(best.freedom, best.theta, sure, best.converged)
+    sure = estimate_confidence(model, thin_lines(campaign, stride), best, jobs)
+    return Known(best.parametrisation, best.theta, sure, best.converged)
 
 
 def _flat(stated: Mapping[str, Value]) -> Real:

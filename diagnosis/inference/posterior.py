@@ -67,7 +67,7 @@ Shares = tuple[tuple[Key, float], ...]
 
 
 @dataclass(frozen=True)
-class Judged:
+class Posterior:
     """Probabilities.
 
     Args:
@@ -122,7 +122,7 @@ def _word(none: float, unexplained: float, several: float) -> str:
     return max(options, key=lambda name: options[name])
 
 
-def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
+def judge(seen: Evidence, by: Calibration | None = None) -> Posterior:
     """Weigh what is left.
 
     Args:
@@ -166,7 +166,7 @@ def judge(seen: Evidence, by: Calibration | None = None) -> Judged:
     if word == "several" and others > _LIKELY:
         many = sum(share for keys, share in beside.items() if _count(keys) > 1)
         present += _likeliest(beside, _rows(beside), several=2 * many > others)
-    return Judged(
+    return Posterior(
         doubt / 2, rest - doubt / 2, several, causes, where, present, tuple(beside.items())
     )
 
@@ -178,13 +178,13 @@ def _judged(
     causes: Shares,
     sets: Mapping[Keys, float],
     where: tuple[tuple[str, float], ...],
-) -> Judged:
+) -> Posterior:
     """With what is there: the likeliest set of several causes if they are, else of one."""
     word = _word(none, unexplained, several)
     present: Keys = ()
     if word in ("explained", "several"):
         present = _likeliest(sets, causes, several=word == "several")
-    return Judged(none, unexplained, several, causes, where, present, tuple(sets.items()))
+    return Posterior(none, unexplained, several, causes, where, present, tuple(sets.items()))
 
 
 def _likeliest(sets: Mapping[Keys, float], causes: Shares, *, several: bool) -> Keys:

@@ -32,8 +32,8 @@ from identification.words import (
     Campaign,
     Dof,
     Real,
-    distinct,
-    node_of,
+    distinct_dofs,
+    node_number,
 )
 from mbmodel import (
     AddedPart,
@@ -44,8 +44,15 @@ from mbmodel import (
     Part,
     hammer_parts,
 )
-from tuning import Freedom, Misfit, channel_noise, foreseen, freedom, thinned
-from tuning.assessment.parameter_confidence import WIDEST
+from tuning import (
+    Misfit,
+    Parametrisation,
+    mean_channel_variance,
+    parametrise,
+    predict_tests,
+    thin_lines,
+)
+from tuning.assessment.parameter_confidence import FREE_PRIOR_SD
 
 _STRIDE = 8
 _SURE = 30.0  # nats: who gains more decides, then the least effort does
@@ -116,7 +123,7 @@ def best_experiment(
         campaign: what was measured.
         rivals: refits with their probabilities.
     """
-    thin = thinned(campaign, _STRIDE)
+    thin = thin_lines(campaign, _STRIDE)
     before = {one: _before(one) for one, _ in rivals}
     best: tuple[Experiment, float] | None = None
     for several in _by_effort(campaign, [one for one, _ in rivals]):
@@ -135,9 +142,9 @@ def _by_effort(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[list[Exp
     """Further hits; then causes that can be taken out of the machine; then known masses."""
     machine = rivals[0].session.model.machine
     layout = machine.layout
-    made = distinct(test.condition.reference.positive for test in campaign.tests)
+    made = distinct_dofs(test.condition.reference.positive for test in campaign.tests)
     hits = []
-    for point in (one for one in layout.points if node_of(one) is not None):
+    for point in (one for one in layout.points if node_number(one) is not None):
         inputs = tuple(dof for dof in (Dof.of(point, axis) for axis in range(3)) if dof not in made)
         if inputs:
             axes = " and ".join(dof.direction[2:] for dof in inputs)
@@ -198,9 +205,9 @@ def _gain(
     """Nats that an experiment is foreseen to gain."""
     total = sum(share for _, share in rivals)
     posed = {one: _posed(asked, one) for one, _ in rivals}
-    noise, gain = channel_noise(thin), 0.0
+    noise, gain = mean_channel_variance(thin), 0.0
     for true, share in rivals:
-        told = foreseen(posed[true].model, posed[true].theta, thin, noise, asked.inputs)
+        told = predict_tests(posed[true].model, posed[true].theta, thin, noise, asked.inputs)
         for rival, other in rivals:
             if rival is not true:
                 left = _left(posed[rival], told, before[rival], lines / len(thin.freq_hz))
@@ -214,7 +221,7 @@ class _Posed:
 
     model: Model
     theta: Real
-    freedom: Freedom
+    parametrisation: Parametrisation
     pinned: frozenset[str]
 
 
@@ -230,21 +237,21 @@ def _posed(asked: Experiment, rival: Refit) -> _Posed:
         if one.key == asked.undone:
             pinned |= set(one.coordinates)
             theta = np.where(np.isin(names, one.coordinates), model.drawn, theta)
-    varies = session.freedom.extended(freedom(model, session.campaign.tolerance))
+    varies = session.parametrisation.extend(parametrise(model, session.campaign.tolerance))
     return _Posed(model, theta, varies, frozenset(pinned))
 
 
 def _left(rival: _Posed, told: Campaign, before: Real, times: float) -> float:
     """D: what a rival leaves of foreseen FRFs, tuned to them and to what was measured."""
-    varies = rival.freedom
-    problem = Misfit(rival.model, told, varies, allowance=0.0)
+    varies = rival.parametrisation
+    problem = Misfit(rival.model, told, varies, model_error_floor=0.0)
     x = varies.coordinates(rival.theta)
-    value, gradient, normal = problem.normal(x)
+    value, gradient, normal = problem.quadratic_model(x)
     cost = (value - problem.prior(x)) * times
     slope = (gradient - np.where(varies.has_prior, x, 0.0)) * times
     whole = normal.dense() * times
     whole[: len(before), : len(before)] += before
-    whole += np.diag(np.where(varies.has_prior, 1.0, WIDEST**-2))
+    whole += np.diag(np.where(varies.has_prior, 1.0, FREE_PRIOR_SD**-2))
     free = np.array([name not in rival.pinned for name in varies.names])
     scale = 1 / np.sqrt(np.diag(whole)[free])
     inner = whole[np.ix_(free, free)] * np.outer(scale, scale)
@@ -255,9 +262,9 @@ def _left(rival: _Posed, told: Campaign, before: Real, times: float) -> float:
 def _before(rival: Refit) -> Real:
     """Normal equations of what was measured; (n_x, n_x)."""
     session = rival.session
-    thin = thinned(session.campaign, _STRIDE)
-    problem = Misfit(session.model, thin, session.freedom, allowance=0.0)
-    x = session.freedom.coordinates(rival.fit.theta)
+    thin = thin_lines(session.campaign, _STRIDE)
+    problem = Misfit(session.model, thin, session.parametrisation, model_error_floor=0.0)
+    x = session.parametrisation.coordinates(rival.fit.theta)
     times = len(session.campaign.freq_hz) / len(thin.freq_hz)
-    found: Real = problem.normal(x)[2].dense() * times
+    found: Real = problem.quadratic_model(x)[2].dense() * times
     return found

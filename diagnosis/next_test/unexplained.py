@@ -4,7 +4,7 @@ from collections import Counter
 
 from diagnosis.algorithm import Diagnosis
 from identification.words import Campaign, Dof
-from mbmodel import Machine, parents_of
+from mbmodel import Machine, parent_bodies
 
 _SEEN = 6  # channels on a body, as of two triaxial sensors: its motion is known but for a turn
 
@@ -66,5 +66,5 @@ def _beside(place: str, machine: Machine) -> list[str]:
     kind, _, name = place.partition(":")
     if kind not in ("joint", "body") or name not in machine.layout.bodies:
         return []
-    below = parents_of(machine).get(name) if kind == "joint" else None
+    below = parent_bodies(machine).get(name) if kind == "joint" else None
     return [name] if below is None else [below, name]

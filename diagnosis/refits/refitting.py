@@ -14,15 +14,15 @@ from mbmodel import Model
 from tuning import (
     STAGES,
     Fit,
-    Freedom,
-    HeldOut,
+    HeldOutFits,
+    Parametrisation,
     Session,
     Stage,
-    counted_lines,
     fit,
     fit_held_out,
-    on_machine,
-    thinned,
+    rebuild_for_machine,
+    thin_lines,
+    thinning_slice,
 )
 
 # Allowances fall from where hypotheses were scored to the noise alone, lines grow more. A wrong
@@ -34,7 +34,7 @@ SOME = replace(STAGES[4], tolerance=1e-3, max_steps=6)
 ALL = replace(STAGES[5], tolerance=1e-5, max_steps=6)
 _PROMISE = 0.1  # nats: of a fit whose parameters are stated
 # Of 100000 values 0.03 nats: a quarter of a standard deviation.
-FINAL = replace(STAGES[5], tolerance=3e-7, max_steps=60, curved=True)
+FINAL = replace(STAGES[5], tolerance=3e-7, max_steps=60, exact_curvature=True)
 CLOSE = (*FIRST, replace(STAGES[4], stride=8, tolerance=1e-3, max_steps=6))
 LAST = (replace(STAGES[4], tolerance=3e-4, max_steps=10),)
 # The way to the weights of the noise leads by the logarithm and its large allowance: a fit without
@@ -47,7 +47,7 @@ FROM_AFAR = (replace(STAGES[1], stride=8), LEVELLED, *CLOSE)
 SOON = (replace(STAGES[4], max_steps=4),)
 # Who leads and has not arrived may creep along a valley: of a strong link sixty steps by the normal
 # equations alone went 6 % of the way to the minimum, as many by its own curvature 76 %.
-LONG = (replace(STAGES[4], tolerance=1e-5, max_steps=20, curved=True),)
+LONG = (replace(STAGES[4], tolerance=1e-5, max_steps=20, exact_curvature=True),)
 # A shape that begins as a guess, nothing pushing it, needs the logarithm and its large allowance.
 SHAPED = (
     replace(STAGES[2], stride=8, max_steps=20),
@@ -111,11 +111,11 @@ class Refit(Gapped):
 
     def stated(self, one: Hypothesis, theta: Real) -> dict[str, Value]:
         """What the verdict states of a hypothesis at a theta."""
-        return one.state(named(self.fit.freedom, theta))
+        return one.state(named(self.fit.parametrisation, theta))
 
     def along(self, one: Hypothesis) -> str | None:
         """The direction that the fit gives a hypothesis."""
-        return one.along(named(self.fit.freedom, self.fit.theta))
+        return one.along(named(self.fit.parametrisation, self.fit.theta))
 
 
 def measured(campaign: Campaign) -> int:
@@ -133,7 +133,7 @@ def paced(stages: tuple[Stage, ...], pace: int) -> tuple[Stage, ...]:
     return tuple(replace(stage, stride=stage.stride * pace) for stage in stages)
 
 
-def named(varies: Freedom, theta: Real) -> dict[str, float]:
+def named(varies: Parametrisation, theta: Real) -> dict[str, float]:
     """Parameters in SI by name."""
     names = (parameter.name for parameter in varies.parameters)
     return dict(zip(names, theta.tolist(), strict=True))
@@ -152,14 +152,14 @@ def posed(scene: Scene, one: Hypothesis | None, campaign: Campaign) -> Session:
         return session
     model = session.model
     if one.reform is not None:
-        model = on_machine(model, one.reform(model.machine))
+        model = rebuild_for_machine(model, one.reform(model.machine))
     model = Model(model.machine, (*model.parts, *one.parts))
     corrected = campaign if one.correct is None else one.correct(campaign)
     return replace(
         session,
         model=model,
         campaign=corrected,
-        freedom=freed(session.freedom, model, session, one),
+        parametrisation=freed(session.parametrisation, model, session, one),
     )
 
 
@@ -183,7 +183,7 @@ def go_on(scene: Scene, found: Refit, stages: tuple[Stage, ...]) -> Refit:
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class RefitTask:
     """A refit to be made.
 
     Args:
@@ -201,26 +201,26 @@ class Task:
 
 def asked(
     scene: Scene, one: Hypothesis | None, campaign: Campaign, stages: tuple[Stage, ...]
-) -> Task:
+) -> RefitTask:
     """What ``refit`` does, to be made beside others."""
     session = posed(scene, one, campaign)
-    return Task(one, session, _start(scene, session, one), stages)
+    return RefitTask(one, session, _start(scene, session, one), stages)
 
 
-def further(found: Refit, stages: tuple[Stage, ...]) -> Task:
+def further(found: Refit, stages: tuple[Stage, ...]) -> RefitTask:
     """A refit's further stages, to be made beside others."""
-    return Task(found.hypothesis, found.session, found.fit.theta, stages)
+    return RefitTask(found.hypothesis, found.session, found.fit.theta, stages)
 
 
-def begun_at(task: Task, other: Refit) -> Task:
+def begun_at(task: RefitTask, other: Refit) -> RefitTask:
     """The same, begun where another refit ended, in the parameters that both have."""
-    there = named(other.fit.freedom, other.fit.theta)
-    here = named(task.session.freedom, task.start)
+    there = named(other.fit.parametrisation, other.fit.theta)
+    here = named(task.session.parametrisation, task.start)
     start = np.array([there.get(name, value) for name, value in here.items()])
     return replace(task, start=start)
 
 
-def fitted(scene: Scene, tasks: Sequence[Task]) -> Iterator[Refit]:
+def fitted(scene: Scene, tasks: Sequence[RefitTask]) -> Iterator[Refit]:
     """Refits that do not wait for each other, in processes; each as soon as those before are there.
 
     Sessions are sent: hypotheses, which are known by what they are, stay here.
@@ -232,7 +232,7 @@ def fitted(scene: Scene, tasks: Sequence[Task]) -> Iterator[Refit]:
     ]
     made = side_by_side(sent, scene.jobs)
     for task, (found, chi_square, serial) in zip(tasks, made, strict=True):
-        own = replace(uninterrupted(found), freedom=task.session.freedom)
+        own = replace(uninterrupted(found), parametrisation=task.session.parametrisation)
         doubt = BADLY_KNOWN[source_of(task.session.campaign)]
         yield Refit(task.hypothesis, task.session, own, chi_square, serial, doubt)
 
@@ -249,7 +249,7 @@ def unbounded(scene: Scene, made: Refit) -> Refit:
 
 def free(scene: Scene, made: Refit) -> Refit:
     """The same, tolerances without bounds."""
-    session = replace(made.session, freedom=made.session.freedom.unbounded())
+    session = replace(made.session, parametrisation=made.session.parametrisation.lift_bounds())
     found = replace(made, session=session)
     for stages in (SOON, LONG):
         found = go_on(scene, found, stages)
@@ -260,7 +260,7 @@ def free(scene: Scene, made: Refit) -> Refit:
 
 def pull_of(found: Refit) -> float:
     """The largest of all tolerances, in standard deviations."""
-    return float(np.abs(found.fit.x[found.fit.freedom.has_prior]).max(initial=0.0))
+    return float(np.abs(found.fit.x[found.fit.parametrisation.has_prior]).max(initial=0.0))
 
 
 def off_by(found: Refit, one: Hypothesis) -> float | None:
@@ -279,7 +279,7 @@ def off_by(found: Refit, one: Hypothesis) -> float | None:
     """
     if one.parts or one.correct is not None or one.reform is not None or not one.release:
         return None
-    x = found.fit.x[np.isin(np.array(found.fit.freedom.names), one.release)]
+    x = found.fit.x[np.isin(np.array(found.fit.parametrisation.names), one.release)]
     tail = max(float(chi2.sf(x @ x, x.size)), np.finfo(float).tiny)
     return float(norm.isf(tail / 2))
 
@@ -293,23 +293,23 @@ def _fit(
     session: Session, start: Real, stages: tuple[Stage, ...], threads: int, independent: bool
 ) -> tuple[Fit, float, float | None]:
     """A fit, its chi square, and what neighbouring lines share of what it leaves."""
-    varies, last = session.freedom, stages[-1]
+    varies, last = session.parametrisation, stages[-1]
     found = fit(
         session.model,
         session.campaign,
-        varies=varies,
+        parametrisation=varies,
         starts=(start,),
         stages=stages,
         jobs=threads,
     )
-    problem = last.misfit(session.model, thinned(session.campaign, last.stride), varies)
+    problem = last.build_misfit(session.model, thin_lines(session.campaign, last.stride), varies)
     data = found.cost - problem.prior(found.x)
     serial = None
-    if independent and not last.allowance:
-        whole = last.misfit(session.model, session.campaign, varies)
+    if independent and not last.model_error_floor:
+        whole = last.build_misfit(session.model, session.campaign, varies)
         lines = len(session.campaign.freq_hz)
-        seen = np.isin(np.arange(lines), np.arange(lines)[counted_lines(lines, last.stride)])
-        serial = whole.serial(found.x, _LAGS, seen)
+        seen = np.isin(np.arange(lines), np.arange(lines)[thinning_slice(lines, last.stride)])
+        serial = whole.serial_covariance(found.x, _LAGS, seen)
     return found, data / max(problem.values, 1), serial
 
 
@@ -325,7 +325,9 @@ def _start(scene: Scene, session: Session, one: Hypothesis | None) -> Real:
     return theta
 
 
-def held_out(found: Refit, stage: Stage, jobs: int = 1, width: int | None = None) -> HeldOut | None:
+def held_out(
+    found: Refit, stage: Stage, jobs: int = 1, width: int | None = None
+) -> HeldOutFits | None:
     """The same to all lines of a stage but each fold of them.
 
     Args:
@@ -334,9 +336,9 @@ def held_out(found: Refit, stage: Stage, jobs: int = 1, width: int | None = None
         jobs: threads.
         width: lines in a block; by the modes of this model if None.
     """
-    session, begun = found.session, replace(found.fit, last=stage)
+    session, begun = found.session, replace(found.fit, last_stage=stage)
     return fit_held_out(
-        session.model, begun, session.campaign, jobs=jobs, width=width, promise=_PROMISE
+        session.model, begun, session.campaign, jobs=jobs, width=width, min_gain_nats=_PROMISE
     )
 
 

@@ -26,7 +26,8 @@ from diagnosis.hypothesis import Scene
 from diagnosis.inference.evidence import Pushed
 from diagnosis.search.score_test import Factor
 from identification.words import Campaign, Real
-from tuning import Fit, Freed, Misfit, thinned
+from tuning import Fit, Misfit, thin_lines
+from tuning.misfit.accumulation import FreeForceReduction
 
 _STRIDE = 16
 _COMMON = 100.0  # p |u|^2 of the median line, for all directions
@@ -77,14 +78,14 @@ class _Work:
     """
 
     def __init__(self, scene: Scene, found: Fit) -> None:
-        self._x, varies = found.x, found.freedom
-        thin = thinned(scene.session.campaign, _STRIDE * scene.pace)
+        self._x, varies = found.x, found.parametrisation
+        thin = thin_lines(scene.session.campaign, _STRIDE * scene.pace)
         model = scene.session.model
-        self._runs = [Misfit(model, one, varies, allowance=0.0) for one in _apart(thin)]
-        whole = Misfit(model, thin, varies, allowance=0.0)
-        _, self._gradient, normal = whole.normal(self._x)
+        self._runs = [Misfit(model, one, varies, model_error_floor=0.0) for one in _apart(thin)]
+        whole = Misfit(model, thin, varies, model_error_floor=0.0)
+        _, self._gradient, normal = whole.quadratic_model(self._x)
         self._matrix = normal.dense() + np.diag(varies.has_prior.astype(float))
-        self._free = np.flatnonzero(~varies.reached(self._x))
+        self._free = np.flatnonzero(~varies.coordinates_at_bound(self._x))
         self._scale = 1 / np.sqrt(np.maximum(np.diag(self._matrix), np.finfo(float).tiny))
 
     def gains(self, forces: Real, power: float) -> Real:
@@ -95,10 +96,10 @@ class _Work:
 
     def _some(self, forces: Real, power: float) -> Real:
         before = self._left(self._matrix, self._gradient)
-        found = Freed.nothing(forces.shape[1], len(self._x))
+        found = FreeForceReduction.zeros(forces.shape[1], len(self._x))
         for runs in self._runs:
-            runs.freed(self._x, forces, power, found)
-        gains = found.value - found.chance
+            runs.add_force_reduction(self._x, forces, power, found)
+        gains = found.value - found.expected_gain
         for k, (normal, slope) in enumerate(zip(found.normal, found.gradient, strict=True)):
             gains[k] += self._left(self._matrix - normal, self._gradient - slope) - before
         return gains

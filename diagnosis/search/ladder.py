@@ -24,7 +24,7 @@ from diagnosis.refits.refitting import (
 )
 from diagnosis.search.free_force import pushes
 from diagnosis.search.score_test import ALLOWANCE, Score, gains, lines_over, ranked
-from diagnosis.search.screening import REFITTED, Direction, Screen, best_of
+from diagnosis.search.screening import REFITTED, Direction, Screening, best_of
 from tuning import Fit
 
 _THERE = 9  # of effects where free forces explain most, so many are fitted beside
@@ -93,7 +93,7 @@ class Hunt:
         early, first, nothing = without
         say("scores of all hypotheses, free forces at every place")
         calls: list[Call] = [
-            (gains, (scene, first.fit, proposed, FIRST[-1].allowance)),
+            (gains, (scene, first.fit, proposed, FIRST[-1].model_error_floor)),
             (pushes, (scene, nothing.fit)),
         ]
         gained, self._pushed = side_by_side(calls, scene.jobs)
@@ -105,13 +105,13 @@ class Hunt:
         say("scores of the best with other allowances")
         near = [*some, *there]
         calls = [
-            (gains, (scene, nothing.fit, near, PATIENT[-1].allowance)),
+            (gains, (scene, nothing.fit, near, PATIENT[-1].model_error_floor)),
             (gains, (scene, early, some, ALLOWANCE)),
         ]
         near_gained, some_gained = side_by_side(calls, scene.jobs)
         self._rounds = [scored, ranked(near, near_gained), ranked(some, some_gained)]
-        self._far = Screen(scene, first, FIRST, self._rounds, say)
-        self._close = Screen(scene, nothing, CLOSE, [self._rounds[1]], say)
+        self._far = Screening(scene, first, FIRST, self._rounds, say)
+        self._close = Screening(scene, nothing, CLOSE, [self._rounds[1]], say)
         self._scene, self._nothing, self._forced, self._say = scene, nothing, forced, say
         self._promising = self._far.best()
         self._elsewhere: list[list[Hypothesis]] = []
@@ -291,7 +291,7 @@ def beginnings(one: Hypothesis, scene: Scene) -> list[Hypothesis]:
     A fit without a strong effect has made springs a hundred times as stiff; but with one that is
     there already it need not have: then each begins from that fit too, before.
     """
-    varies = set(scene.session.freedom.names) - scene.there
+    varies = set(scene.session.parametrisation.names) - scene.there
     names = zip(scene.model.parameters, scene.model.drawn.tolist(), strict=True)
     drawn = {one.name: value for one, value in names if one.name in varies}
     fits = ({}, drawn) if scene.there else (drawn,)

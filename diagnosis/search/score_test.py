@@ -21,7 +21,16 @@ from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.inference.evidence import Key
 from identification.words import Integers, Real
 from mbmodel import Model
-from tuning import STAGES, Fit, Freedom, Misfit, Probed, counted_lines, freedom, thinned
+from tuning import (
+    STAGES,
+    Fit,
+    Misfit,
+    Parametrisation,
+    parametrise,
+    thin_lines,
+    thinning_slice,
+)
+from tuning.misfit.accumulation import ProbedEquations
 
 ALLOWANCE = 0.1
 _STRIDE = 12
@@ -47,7 +56,7 @@ class Score:
 
 
 def scores(
-    scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis], allowance: float
+    scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis], model_error_floor: float
 ) -> list[Score]:
     """Score hypotheses about a fit made with the allowance, the most promising first.
 
@@ -55,9 +64,9 @@ def scores(
         scene: campaign and drawn model.
         found: the fit about which all is linear.
         hypotheses: what may be missing.
-        allowance: of that fit.
+        model_error_floor: of that fit.
     """
-    return ranked(hypotheses, gains(scene, found, hypotheses, allowance))
+    return ranked(hypotheses, gains(scene, found, hypotheses, model_error_floor))
 
 
 def lines_over(lines: int, pace: int) -> float:
@@ -68,7 +77,7 @@ def lines_over(lines: int, pace: int) -> float:
         pace: of the scene.
     """
     fitted, scored = (
-        len(range(lines)[counted_lines(lines, stride * pace)])
+        len(range(lines)[thinning_slice(lines, stride * pace)])
         for stride in (STAGES[4].stride, _STRIDE)
     )
     return fitted / scored
@@ -89,39 +98,43 @@ def ranked(hypotheses: Sequence[Hypothesis], gained: Sequence[Gained]) -> list[S
 
 
 def gains(
-    scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis], allowance: float
+    scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis], model_error_floor: float
 ) -> list[Gained]:
     """Of each hypothesis gain and step; arguments as of ``scores``."""
     # Parts that act in some tests only make every test an evaluation of its own.
     machine = scene.model.machine
-    always = [all(Model(machine, one.parts).acting(None)) for one in hypotheses]
+    always = [all(Model(machine, one.parts).acting_fractions(None)) for one in hypotheses]
     made: dict[int, Gained] = {}
     for when in (True, False):
         own = [k for k, acts in enumerate(always) if acts is when]
         some = [hypotheses[k] for k in own]
-        made |= zip(own, _scored(scene, found, some, allowance) if some else (), strict=True)
+        made |= zip(
+            own, _scored(scene, found, some, model_error_floor) if some else (), strict=True
+        )
     return [made[k] for k in range(len(hypotheses))]
 
 
 def _scored(
-    scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis], allowance: float
+    scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis], model_error_floor: float
 ) -> Iterator[Gained]:
     """Gains and steps in the order of the hypotheses."""
     model, whole, x = _extended(scene, found, hypotheses)
-    count = found.freedom.size
+    count = found.parametrisation.size
     wanted = {name for one in hypotheses for name in one.coordinates}
     asked = np.array([name in wanted for name in whole.names[count:]], bool)
-    varies = whole.only(np.arange(whole.size) < count, x)
-    probes = whole.only(np.append(np.zeros(count, bool), asked), x)
-    thin = thinned(scene.session.campaign, _STRIDE * scene.pace)
-    probed = Misfit(model, thin, varies, allowance=allowance).probed(found.x, probes)
-    fitted = _Fitted(found.freedom, found.x, probed)
+    varies = whole.restrict(np.arange(whole.size) < count, x)
+    probes = whole.restrict(np.append(np.zeros(count, bool), asked), x)
+    thin = thin_lines(scene.session.campaign, _STRIDE * scene.pace)
+    probed = Misfit(model, thin, varies, model_error_floor=model_error_floor).probe_coordinates(
+        found.x, probes
+    )
+    fitted = _Fitted(found.parametrisation, found.x, probed)
     place = {name: k for k, name in enumerate((*varies.names, *probes.names))}
     for one in hypotheses:
         yield fitted.score(one, np.array([place[name] for name in one.coordinates], np.intp))
 
 
-def cosines(scene: Scene, found: Fit, leading: Sequence[Score], allowance: float) -> Real:
+def cosines(scene: Scene, found: Fit, leading: Sequence[Score], model_error_floor: float) -> Real:
     """How alike the changes of FRFs are that hypotheses make, all else projected out.
 
     With d the change by a hypothesis' step at the weights of the allowance and P what takes from
@@ -131,22 +144,28 @@ def cosines(scene: Scene, found: Fit, leading: Sequence[Score], allowance: float
         scene: as of the scores.
         found: the fit about which they were made.
         leading: hypotheses, each with its step.
-        allowance: of that fit.
+        model_error_floor: of that fit.
 
     Returns:
         (n_leading, n_leading).
     """
     model, whole, x = _extended(scene, found, [one.hypothesis for one in leading])
-    count = found.freedom.size
-    thin = thinned(scene.session.campaign, _STRIDE * scene.pace)
-    normal = Misfit(model, thin, whole, allowance=allowance).normal(x)[2].dense()
+    count = found.parametrisation.size
+    thin = thin_lines(scene.session.campaign, _STRIDE * scene.pace)
+    normal = (
+        Misfit(model, thin, whole, model_error_floor=model_error_floor)
+        .quadratic_model(x)[2]
+        .dense()
+    )
     place = {name: k for k, name in enumerate(whole.names)}
     steps = np.zeros((whole.size, len(leading)))
     for column, one in enumerate(leading):
         for name, step in zip(one.hypothesis.coordinates, one.step, strict=True):
             steps[place[name], column] = step
     released = np.isin(np.arange(whole.size), np.flatnonzero(steps.any(axis=1)))
-    others = np.flatnonzero(~released & ~whole.reached(x) & (np.arange(whole.size) < count))
+    others = np.flatnonzero(
+        ~released & ~whole.coordinates_at_bound(x) & (np.arange(whole.size) < count)
+    )
     precision = np.diag(whole.has_prior[others].astype(float))
     factor = Factor.of(normal[np.ix_(others, others)] + precision)
     cross = normal[others] @ steps
@@ -158,13 +177,13 @@ def cosines(scene: Scene, found: Fit, leading: Sequence[Score], allowance: float
 
 def _extended(
     scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis]
-) -> tuple[Model, Freedom, Real]:
+) -> tuple[Model, Parametrisation, Real]:
     """Model and coordinates with the Parts of hypotheses, and where the fit is in them."""
     session = scene.session
     parts = dict.fromkeys(part for one in hypotheses for part in one.parts)
     model = Model(session.model.machine, (*session.model.parts, *parts))
-    whole = found.freedom.extended(freedom(model, session.campaign.tolerance))
-    return model, whole, np.append(found.x, np.zeros(whole.size - found.freedom.size))
+    whole = found.parametrisation.extend(parametrise(model, session.campaign.tolerance))
+    return model, whole, np.append(found.x, np.zeros(whole.size - found.parametrisation.size))
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,9 +196,9 @@ class _Fitted:
         probed: normal equations, and those of what may be missing.
     """
 
-    varies: Freedom
+    varies: Parametrisation
     x: Real
-    probed: Probed
+    probed: ProbedEquations
 
     @cached_property
     def _normal(self) -> Real:
@@ -188,7 +207,7 @@ class _Fitted:
     @cached_property
     def _free(self) -> Integers:
         """Coordinates that no bound holds."""
-        return np.flatnonzero(~self.varies.reached(self.x))
+        return np.flatnonzero(~self.varies.coordinates_at_bound(self.x))
 
     def _factor(self, others: Integers) -> "Factor":
         precision = np.diag(self.varies.has_prior[others].astype(float))
@@ -238,7 +257,7 @@ class Factor:
         return cls(lower, scale)
 
     def solve(self, right: Real) -> Real:
-        """X of A x = right."""
+        """The solution ``x`` of ``A x = right``."""
         halved = scipy.linalg.solve_triangular(
             self.lower, right * self.scale[:, None], lower=True, check_finite=False
         )

@@ -19,7 +19,7 @@ _SHAPES = 2  # of what leads, of each effect, place and direction
 
 
 @dataclass
-class Screen:
+class Screening:
     """First refits with one allowance, which tell who is worth more.
 
     Args:

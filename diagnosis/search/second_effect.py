@@ -15,7 +15,8 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.effects import catalogue
-from diagnosis.hypothesis import Hypothesis, Scene, together
+from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.hypothesis_set import together
 from diagnosis.inference.calibration import calibrated
 from diagnosis.inference.evidence import Key
 from diagnosis.refits.refitting import (
@@ -24,7 +25,7 @@ from diagnosis.refits.refitting import (
     LONG,
     ONWARD,
     Refit,
-    Task,
+    RefitTask,
     asked,
     begun_at,
     fitted,
@@ -209,7 +210,7 @@ def ordered(scene: Scene, pairs: Sequence[Refit]) -> tuple[Refit, ...]:
     return (unbounded(scene, best) if best.gap > best.exact else best, *others)
 
 
-def by_itself(scene: Scene, second: Refit, proposed: Sequence[Hypothesis]) -> Task:
+def by_itself(scene: Scene, second: Refit, proposed: Sequence[Hypothesis]) -> RefitTask:
     """The second effect without the first; beside it shapes may have been others."""
     known = None if second.hypothesis is None else second.hypothesis.identity
     same = (one for one in proposed if one.identity == known)

@@ -6,7 +6,7 @@ from scipy.stats import t as student
 from diagnosis.algorithm import Diagnosis
 from diagnosis.data_checks.sensors import RELEASED
 from diagnosis.effects import catalogue
-from diagnosis.estimates.held_out_gap import Level
+from diagnosis.estimates.held_out_gap import HeldOutGap
 from diagnosis.inference.evidence import BENDS, Key
 from diagnosis.next_test.discriminating import next_experiment
 from diagnosis.verdict.schema import (
@@ -21,7 +21,7 @@ from diagnosis.verdict.schema import (
 )
 from identification.words import Real
 from mbmodel import HammerPart, SensorPart
-from tuning import Gap, channel_gaps, predict, summarise
+from tuning import Gap, channel_gaps, predict, summarise_gaps
 
 _HIDDEN = 1.1  # excess below which no share and no closing exists
 NONLINEAR = ("friction", "backlash", "hardening")
@@ -91,7 +91,9 @@ def step_intervals(found: Diagnosis) -> dict[str, tuple[float, float] | None]:
     kept = [held.folds != fold for fold in range(int(held.folds.max()) + 1)]
     drawn = predict(session.model, session.model.drawn, session.campaign)
     parts = [
-        summarise(channel_gaps([one[lines] for one in drawn], session.campaign.lines(lines)))
+        summarise_gaps(
+            channel_gaps([one[lines] for one in drawn], session.campaign.select_lines(lines))
+        )
         for lines in kept
     ]
     ends = {
@@ -105,7 +107,7 @@ def step_intervals(found: Diagnosis) -> dict[str, tuple[float, float] | None]:
     return {name: ends.get(name) for name in ("as_drawn", *levels, "noise")}
 
 
-def _interval(retuned: Level, after: Level | None, *, visible: bool) -> Interval:
+def _interval(retuned: HeldOutGap, after: HeldOutGap | None, *, visible: bool) -> Interval:
     """By leaving one fold of the blocks out (delete-group jackknife, Student with its folds)."""
     if after is None or after.held_out is None:
         return Interval()
@@ -184,7 +186,7 @@ def _not_testable(found: Diagnosis) -> list[str]:
     if len(references) < 2 and len(setups) < 2:
         missing.append("drift")
     named = {effect for (effect, _, _), _ in found.judged.causes}
-    if any(check.spare < _SPARE for check in found.gate.checks):
+    if any(check.redundant < _SPARE for check in found.gate.checks):
         missing += [effect for effect in _OF_SPARE if effect not in named]
     elif BENDS not in named and _bare(found):
         missing.append(BENDS)
@@ -193,8 +195,8 @@ def _not_testable(found: Diagnosis) -> list[str]:
 
 def _kept(found: Diagnosis) -> list[str]:
     """Effects that release a tolerance which a user keeps as drawn, where no gate asks for them."""
-    free = set(found.session.freedom.names)
-    spared = {check.body for check in found.gate.checks if check.spare >= _SPARE}
+    free = set(found.session.parametrisation.names)
+    spared = {check.body for check in found.gate.checks if check.redundant >= _SPARE}
     kept: dict[str, None] = {}
     for part in found.session.model.parts:
         ours: dict[str, str] = {}

@@ -47,7 +47,7 @@ class GapSteps(_Row):
 
 
 class Where(_Row):
-    """A place, and its share of the gap."""
+    """A place, and the probability that the cause sits there, normalised over places."""
 
     location: str
     share: float | None

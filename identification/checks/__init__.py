@@ -1,1 +1,1 @@
-"""Checks of the measured channels and set-ups before they are used."""
+"""Checks of measured channels and set-ups before their FRFs are used."""

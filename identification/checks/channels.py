@@ -1,4 +1,4 @@
-"""Channels that cannot be what they say: dead, doubled, exchanged with the drive point."""
+"""Check of channels: which read zero, noise alone, or the numbers of another channel."""
 
 from dataclasses import dataclass
 
@@ -6,154 +6,168 @@ import numpy as np
 
 from identification.words import Campaign, Dof, FrfEstimate, Test
 
-_DEAD = 0.1  # coherence below which a channel holds nothing of the hit
-_MARGIN = 1.25  # over what noise alone has
-_ALIVE = 0.5  # coherence of the others, which shows that the hit itself was good
-_LOUD = 10.0  # power over the noise's of the others, likewise
-_SAME = 1e-6  # relative difference below which two channels hold the same numbers
+_MAX_DEAD_COHERENCE = 0.1  # coherence below which a channel holds no response to the hit
+_NOISE_MARGIN = 1.25  # factor on the coherence or power ratio of noise alone
+# Median over channels that shows that the hit was good, of coherence and of power over noise.
+_MIN_GOOD_COHERENCE, _MIN_GOOD_POWER_RATIO = 0.5, 10.0
+_MAX_EQUAL_DIFFERENCE = 1e-6  # relative difference below which two channels hold the same numbers
+_TINY_SIZE = 1e-300  # avoids a division by zero
 
 
 def channel_remarks(campaign: Campaign) -> tuple[str, ...]:
-    """One sentence for each channel that cannot be used as it stands.
+    """Return one sentence for each channel that should not be used.
 
-    A channel is dead that reads zero; one whose coherence is lost in every test while that of the
-    others is good is dead too, or nothing moves there; two that hold the same numbers, but for
-    sign, are one written twice.
+    Such channels read zero, read noise alone in every test, or hold the numbers of another channel
+    up to their sign.
     """
-    found: dict[str, list[str]] = {}
+    faults: dict[str, list[str]] = {}
     for test in campaign.tests:
-        for words in (*_dead(test), *_doubled(test)):
-            found.setdefault(words, []).append(str(test.condition.reference))
-    every = len(campaign.tests)
+        for sentence in (*_describe_dead(test), *_describe_duplicates(test)):
+            faults.setdefault(sentence, []).append(str(test.condition.reference))
+    n_test = len(campaign.tests)
     return (
         *(
-            f"{words}, {'in every test' if len(hits) == every else 'hit at ' + ', '.join(hits)}"
-            for words, hits in found.items()
+            f"{sentence}, {'in every test' if len(hits) == n_test else 'hit at ' + ', '.join(hits)}"
+            for sentence, hits in faults.items()
         ),
-        *_silent(campaign),
+        *_describe_noise_only(campaign),
     )
 
 
-def silent(campaign: Campaign) -> dict[Dof, str]:
-    """Channels that read noise alone whatever is hit.
+def noise_only_channels(campaign: Campaign) -> dict[Dof, str]:
+    """Find channels that read noise alone in every test.
 
-    Of noise alone n averages give a coherence with the median 1 - 2^(-1 / (n - 1)) (Bendat and
-    Piersol, ch. 9): with few averages that is not little. Without coherence the power of an FRF
-    over the variance of its noise has the mean 1 there. Where the others hear little too, the hit
-    was weak and says nothing; one good hit of all is enough.
+    Without coherence the measure is the power of the FRF over the variance of its noise, which has
+    the mean 1 for noise alone. A test counts as good if the median over channels is high; at least
+    one good test is needed, since in a weak one all channels read noise.
 
     Returns:
-        By channel, how little it reads and what others do, in words.
+        For each such channel, its measure and that of the other channels, as part of a sentence.
     """
-    known: dict[Dof, list[_Heard]] = {}
+    levels: dict[Dof, list[_SignalLevel]] = {}
     for test in campaign.tests:
         estimate = test.estimate
-        still = np.abs(estimate.frf.values[:, :, 0]).max(axis=0) == 0
-        for dof, heard, none in zip(estimate.frf.outputs, _heard(estimate), still, strict=True):
-            if not none:
-                known.setdefault(dof.positive, []).append(heard)
+        is_zero = np.abs(estimate.frf.values[:, :, 0]).max(axis=0) == 0
+        for dof, level, zero in zip(
+            estimate.frf.outputs, _signal_levels(estimate), is_zero, strict=True
+        ):
+            if not zero:
+                levels.setdefault(dof.positive, []).append(level)
     return {
-        dof: max(good, key=lambda heard: heard.value).words
-        for dof, found in known.items()
-        if all(heard.nothing for heard in found) and (good := [one for one in found if one.good])
+        dof: max(good, key=lambda level: level.value).description
+        for dof, of_tests in levels.items()
+        if all(level.is_noise for level in of_tests)
+        and (good := [level for level in of_tests if level.is_good_test])
     }
 
 
 @dataclass(frozen=True)
-class _Heard:
-    """What a channel of a test reads, and the median of what all read.
+class _SignalLevel:
+    """Measure of the signal of a channel in one test, and its median over channels.
 
     Args:
-        value, others: coherence, or power over the noise's.
-        noise: below which there is nothing of the hit.
-        loud: above which the others show that the hit itself was good.
-        unit: what they are.
+        value: coherence of the channel, or its power over that of its noise.
+        median: median of this measure over all channels.
+        max_noise: value below which the channel holds no response to the hit.
+        min_good: median above which the hit was good.
+        measure: name of the measure, with its article.
     """
 
     value: float
-    others: float
-    noise: float
-    loud: float
-    unit: str
+    median: float
+    max_noise: float
+    min_good: float
+    measure: str
 
     @property
-    def nothing(self) -> bool:
-        return self.value < self.noise
+    def is_noise(self) -> bool:
+        """Whether the channel holds no response to the hit."""
+        return self.value < self.max_noise
 
     @property
-    def good(self) -> bool:
-        return self.others > self.loud
+    def is_good_test(self) -> bool:
+        """Whether the hit was good, by the median over channels."""
+        return self.median > self.min_good
 
     @property
-    def words(self) -> str:
-        return f"{self.unit} of at most {self.value:.2g} where others have {self.others:.2g}"
+    def description(self) -> str:
+        """Measure of the channel and of the other channels, as part of a sentence."""
+        return f"{self.measure} of at most {self.value:.2g} where others have {self.median:.2g}"
 
 
-def _heard(estimate: FrfEstimate) -> list[_Heard]:
-    """Of every channel."""
+def _signal_levels(estimate: FrfEstimate) -> list[_SignalLevel]:
+    """Return the signal level of every channel."""
     coherence = estimate.coherence
     if coherence is not None:
-        each = np.median(coherence[:, :, 0], axis=0)
-        limits = (_coherence_of_noise(estimate.averages), _ALIVE, "a coherence")
+        values = np.median(coherence[:, :, 0], axis=0)
+        limits = (_coherence_of_noise(estimate.averages), _MIN_GOOD_COHERENCE, "a coherence")
     else:
         power, variance = np.abs(estimate.frf.values[:, :, 0]) ** 2, estimate.variance[:, :, 0]
-        exact = np.where(power > 0, np.inf, 0.0)  # where nothing is known to be noise
-        each = np.divide(power, variance, out=exact, where=variance > 0).mean(axis=0)
-        limits = (_MARGIN, _LOUD, "a power over that of its noise")
-    others = float(np.median(each))
-    return [_Heard(float(value), others, *limits) for value in each]
+        exact = np.where(power > 0, np.inf, 0.0)  # where no noise is known
+        values = np.divide(power, variance, out=exact, where=variance > 0).mean(axis=0)
+        limits = (_NOISE_MARGIN, _MIN_GOOD_POWER_RATIO, "a power over that of its noise")
+    median = float(np.median(values))
+    return [_SignalLevel(float(value), median, *limits) for value in values]
 
 
 def _coherence_of_noise(averages: int | None) -> float:
-    """Median coherence below which a channel holds nothing of the hit."""
+    """Return the median coherence below which a channel holds no response to the hit.
+
+    For noise alone, the coherence from n averages has the median 1 - 2^(-1 / (n - 1)) (Bendat and
+    Piersol 2010, ch. 9), which is not small for few averages.
+    """
     if averages is None or averages < 2:
-        return _DEAD
+        return _MAX_DEAD_COHERENCE
     median = 1 - float(np.exp2(-1 / (averages - 1)))
-    return max(_DEAD, min(_MARGIN * median, _ALIVE))
+    return max(_MAX_DEAD_COHERENCE, min(_NOISE_MARGIN * median, _MIN_GOOD_COHERENCE))
 
 
-def _silent(campaign: Campaign) -> list[str]:
+def _describe_noise_only(campaign: Campaign) -> list[str]:
+    """Return one sentence for each channel that reads noise alone."""
     return [
-        f"{dof} reads noise alone in every test, with {words}: its cable is off, or nothing moves "
+        f"{dof} reads noise alone in every test, with {level}: its cable is off, or nothing moves "
         "there"
-        for dof, words in silent(campaign).items()
+        for dof, level in noise_only_channels(campaign).items()
     ]
 
 
-def _dead(test: Test) -> list[str]:
+def _describe_dead(test: Test) -> list[str]:
+    """Return one sentence for each channel of a test that reads zero."""
     estimate = test.estimate
     outputs, values = estimate.frf.outputs, estimate.frf.values[:, :, 0]
-    still = np.abs(values).max(axis=0) == 0
+    is_zero = np.abs(values).max(axis=0) == 0
     return [
-        f"{dof} is dead: it reads zero; ignore it, or mend its cable"
-        for dof, none in zip(outputs, still, strict=True)
-        if none
+        f"{dof} is dead: it reads zero; ignore it, or repair its cable"
+        for dof, zero in zip(outputs, is_zero, strict=True)
+        if zero
     ]
 
 
-def doubled(campaign: Campaign) -> frozenset[Dof]:
-    """Channels that in every test hold the same numbers as another, but for sign."""
-    each = (
-        {test.estimate.frf.outputs[k].positive for pair in _pairs(test) for k in pair}
+def duplicate_channels(campaign: Campaign) -> frozenset[Dof]:
+    """Find channels that hold the numbers of another channel, up to their sign, in every test."""
+    of_tests = (
+        {test.estimate.frf.outputs[k].positive for pair in _equal_pairs(test) for k in pair}
         for test in campaign.tests
     )
-    return frozenset(set.intersection(*each))
+    return frozenset(set.intersection(*of_tests))
 
 
-def _doubled(test: Test) -> list[str]:
+def _describe_duplicates(test: Test) -> list[str]:
+    """Return one sentence for each pair of channels of a test with equal numbers."""
     outputs = test.estimate.frf.outputs
     return [
-        f"{outputs[one]} and {outputs[other]} hold the same numbers: one is exported twice"
-        for one, other in _pairs(test)
+        f"{outputs[first]} and {outputs[second]} hold the same numbers: one is exported twice"
+        for first, second in _equal_pairs(test)
     ]
 
 
-def _pairs(test: Test) -> list[tuple[int, int]]:
-    """Places of two channels that hold the same numbers."""
+def _equal_pairs(test: Test) -> list[tuple[int, int]]:
+    """Return the index pairs of channels that hold the same numbers, up to their sign."""
     frf = test.estimate.frf
     values = frf.values[:, :, 0]
     sizes = np.linalg.norm(values, axis=0)
     scaled = values / np.where(sizes > 0, sizes, 1.0)
-    alike = np.triu(1 - np.abs(scaled.conj().T @ scaled) < _SAME, 1)
-    alike &= (sizes > 0)[:, None] & (np.abs(sizes[:, None] / np.maximum(sizes, 1e-300) - 1) < _SAME)
-    return [(int(one), int(other)) for one, other in np.argwhere(alike)]
+    is_equal = np.triu(1 - np.abs(scaled.conj().T @ scaled) < _MAX_EQUAL_DIFFERENCE, 1)
+    size_difference = np.abs(sizes[:, None] / np.maximum(sizes, _TINY_SIZE) - 1)
+    is_equal &= (sizes > 0)[:, None] & (size_difference < _MAX_EQUAL_DIFFERENCE)
+    return [(int(first), int(second)) for first, second in np.argwhere(is_equal)]

@@ -1,4 +1,4 @@
-"""A roving hammer's test, seen as if its fixed sensors were the hammer."""
+"""Roving-hammer campaigns, and their conversion by reciprocity to roving sensors."""
 
 from dataclasses import dataclass, replace
 
@@ -7,34 +7,35 @@ import numpy as np
 from identification.words import Campaign, Complex, Dof, Frf, FrfEstimate, Real, Test
 
 
-def is_roved(campaign: Campaign) -> bool:
-    """Whether the hammer moved and the sensors stayed: more points hit than channels measured."""
+def is_roving_hammer(campaign: Campaign) -> bool:
+    """Return whether the hammer roved: there are more references than channels."""
     return len(campaign.inputs) > len(campaign.outputs)
 
 
 def shape_points(campaign: Campaign) -> tuple[Dof, ...]:
-    """Where shapes are known: channels, or of a roving hammer the points that were hit."""
-    return campaign.inputs if is_roved(campaign) else campaign.outputs
+    """Return the degrees of freedom of shapes: channels, or references of a roving hammer."""
+    return campaign.inputs if is_roving_hammer(campaign) else campaign.outputs
 
 
-def exchanged(campaign: Campaign) -> Campaign:
-    """The campaign with hits as channels and channels as hits, by reciprocity H_ij = H_ji.
+def exchange_hits_and_channels(campaign: Campaign) -> Campaign:
+    """Exchange references and channels of a campaign by reciprocity, H_ij = H_ji.
 
-    So the motion of all points that were hit, to a force at each sensor, is there to be looked at,
-    as whether bodies are solid. A point that was hit in several tests counts by the first.
+    The result holds the motion of all points that were hit, per force at each sensor. Checks such
+    as that of solid bodies need many channels for each reference. If a point was hit in several
+    tests, the first one counts.
     """
     cells: dict[Dof, list[_Cell]] = {}
     for test in campaign.tests:
         for row, dof in enumerate(test.estimate.frf.outputs):
             if test.estimate.measured[row, 0]:
                 cells.setdefault(dof.positive, []).append(_Cell.of(test, row))
-    tests = tuple(_test(sensor, own) for sensor, own in cells.items())
+    tests = tuple(_test(sensor, sensor_cells) for sensor, sensor_cells in cells.items())
     return replace(campaign, tests=tests)
 
 
 @dataclass(frozen=True, eq=False)
 class _Cell:
-    """One FRF of a test: the sensor along its positive axis."""
+    """One FRF of a test, with the sensor along its positive axis."""
 
     test: Test
     values: Complex
@@ -43,6 +44,7 @@ class _Cell:
 
     @classmethod
     def of(cls, test: Test, row: int) -> "_Cell":
+        """Take the FRF of one channel from a test."""
         estimate = test.estimate
         coherence = None if estimate.coherence is None else estimate.coherence[:, row, 0]
         sign = estimate.frf.outputs[row].sign
@@ -51,12 +53,13 @@ class _Cell:
 
 
 def _test(sensor: Dof, cells: list[_Cell]) -> Test:
-    own = {cell.test.condition.reference.positive: cell for cell in reversed(cells)}
-    kept = [cell for cell in cells if own[cell.test.condition.reference.positive] is cell]
+    """Build the test with the sensor as reference and the points that were hit as channels."""
+    by_point = {cell.test.condition.reference.positive: cell for cell in reversed(cells)}
+    kept = [cell for cell in cells if by_point[cell.test.condition.reference.positive] is cell]
     first = kept[0].test.estimate
     hits = tuple(cell.test.condition.reference for cell in kept)
     known = [cell.coherence for cell in kept if cell.coherence is not None]
-    whole = len(known) == len(kept)
+    has_coherence = len(known) == len(kept)
     estimate = FrfEstimate(
         frf=Frf(
             first.frf.freq_hz,
@@ -68,7 +71,7 @@ def _test(sensor: Dof, cells: list[_Cell]) -> Test:
         variance=np.stack([cell.variance for cell in kept], axis=1)[:, :, None],
         variance_source=first.variance_source,
         measured=np.ones((len(kept), 1), bool),
-        coherence=np.stack(known, axis=1)[:, :, None] if whole else None,
+        coherence=np.stack(known, axis=1)[:, :, None] if has_coherence else None,
         averages=first.averages,
         window_tau=first.window_tau,
     )

@@ -1,19 +1,19 @@
-"""From hits to FRFs: records of force and motion in, estimates with their variance out."""
+"""Estimation of FRFs with their variance from time records of hammer hits."""
 
 from identification.hits.detection import find_blows
 from identification.hits.drive_point import DrivePoint, drive_point_signs
-from identification.hits.estimators import Averages, average, estimate_frf
-from identification.hits.hit_frfs import estimate, estimate_all
+from identification.hits.estimators import AveragedSpectra, average_spectra, estimate_frf
+from identification.hits.hit_frfs import estimate_hit_frf, estimate_hit_frfs
 from identification.hits.settings import HitSettings
 
 __all__ = [
-    "Averages",
+    "AveragedSpectra",
     "DrivePoint",
     "HitSettings",
-    "average",
+    "average_spectra",
     "drive_point_signs",
-    "estimate",
-    "estimate_all",
     "estimate_frf",
+    "estimate_hit_frf",
+    "estimate_hit_frfs",
     "find_blows",
 ]

@@ -1,4 +1,4 @@
-"""One length of block, one pre-trigger for all hits of a campaign, so that their lines agree."""
+"""Block length and pre-trigger, one for all hits of a campaign so that frequency lines agree."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,20 +10,21 @@ from identification.hits.detection import Blow
 from identification.hits.settings import HitSettings
 from identification.words import InputError, Records
 
-_PRETRIGGER = 0.02  # of the time between hits
-_WIDTHS = 3  # of a pulse: the least pre-trigger
-_LATEST = 0.25  # of a record of one hit, up to which all before the hit is pre-trigger
-_SHORT = 0.5  # of the median time to the next hit: less does not set the length of all blocks
-_LEAST = 32  # samples of a block
+_PRETRIGGER_SHARE = 0.02  # of the time between hits
+_MIN_PRETRIGGER_WIDTHS = 3  # pulse widths
+_MAX_PRETRIGGER_SHARE = 0.25  # of a record with one hit, if all before the hit is pre-trigger
+_MIN_SPAN_SHARE = 0.5  # of the median time to the next hit: less does not limit all blocks
+_MIN_SINGLE_HIT_SHARE = 0.5  # of the records: with more, every record is taken as one block
+_MIN_BLOCK_SAMPLES = 32  # samples of a block
 
 
 @dataclass(frozen=True)
-class Plan:
-    """How blocks are cut.
+class BlockPlan:
+    """Block length and pre-trigger of all hits.
 
     Args:
-        block: samples.
-        pretrigger: samples of it before the first rise of the force.
+        block: length of a block [samples].
+        pretrigger: part of a block before the first rise of the force [samples].
     """
 
     block: int
@@ -34,91 +35,96 @@ def plan_blocks(
     records: Sequence[Records],
     blows: Sequence[Sequence[Blow]],
     settings: Sequence[HitSettings],
-) -> Plan:
-    """Choose block and pre-trigger for all records of a campaign.
+) -> BlockPlan:
+    """Choose block length and pre-trigger for all records of a campaign.
 
-    A block reaches from the pre-trigger before its hit to the next hit's, or to the end of the
-    record. The shortest sets the length of all, but for those below half the median: such hits
-    are rejected instead. Where every record holds one hit, all of the record is the block if the
-    pre-trigger is at most a quarter of it; else the pre-trigger is 2 % of the time to the next
-    hit, and at least three widths of a pulse.
+    A block reaches from its pre-trigger to the pre-trigger of the next hit, or to the end of the
+    record. The shortest block sets the length of all. Blocks below half the median are ignored
+    here, and their hits are rejected later.
+
+    If most records hold one hit, the whole record is the block, provided that the pre-trigger is at
+    most a quarter of it. Otherwise the pre-trigger is 2 % of the time to the next hit, and at least
+    three pulse widths.
 
     Args:
-        records: of every reference, at one rate.
-        blows: of each; at least one altogether.
-        settings: of each; what one of them states holds for all.
+        records: records of every reference, all with one sampling rate.
+        blows: hits in each of the records.
+        settings: settings of each of the records; a given value holds for all.
 
     Raises:
-        InputError: settings that contradict one another or the records, no hit at all.
+        InputError: settings contradict one another or the records, or records have no hit.
     """
     rate = records[0].rate_hz
-    for own in records:
-        if own.rate_hz != rate:
+    for reference in records:
+        if reference.rate_hz != rate:
             raise InputError(
-                f"{own.test} was sampled at {own.rate_hz:g} Hz and {records[0].test} at {rate:g} "
-                "Hz: records of one campaign share their rate; resample one of them"
+                f"{reference.test} was sampled at {reference.rate_hz:g} Hz and {records[0].test} "
+                f"at {rate:g} Hz: records of one campaign need one rate; resample one of them"
             )
-    for own, found in zip(records, blows, strict=True):
-        if not found:
+    for reference, hits in zip(records, blows, strict=True):
+        if not hits:
             raise InputError(
-                f"{own.test}: there is no hit in the force along {own.reference}: check which "
-                "channel is the force"
+                f"{reference.test}: there is no hit in the force along {reference.reference}: "
+                "check which channel is the force"
             )
-    every = [blow for found in blows for blow in found]
-    spans = np.array([blow.until for blow in every])
-    span = int(spans[spans >= _SHORT * np.median(spans)].min())
-    pretrigger, single = _pretrigger(records, blows, span)
-    stated = common(records, settings, "pretrigger_s")
-    if stated is not None:
-        pretrigger, single = round(stated * rate), False
-    length = common(records, settings, "block_s")
+    all_blows = [blow for hits in blows for blow in hits]
+    spans = np.array([blow.span for blow in all_blows])
+    span = int(spans[spans >= _MIN_SPAN_SHARE * np.median(spans)].min())
+    pretrigger, is_single = _choose_pretrigger(records, blows, span)
+    setting = common_setting(records, settings, "pretrigger_s")
+    if setting is not None:
+        pretrigger, is_single = round(setting * rate), False
+    length = common_setting(records, settings, "block_s")
     if length is not None:
         block = round(length * rate)
-    elif single:
-        block = min(own.force.shape[1] for own in records)
+    elif is_single:
+        block = min(reference.force.shape[1] for reference in records)
     else:
-        # The next hit's own pre-trigger is still free of it.
-        between = [b.until - pretrigger for b in every if not b.is_last and b.until >= span]
+        # The block ends where the pre-trigger of the next hit begins.
+        between = [b.span - pretrigger for b in all_blows if not b.is_last and b.span >= span]
         block = 2 * scipy.fft.prev_fast_len((pretrigger + min([span, *between])) // 2)
     block -= block % 2
-    if block < max(_LEAST, 2 * pretrigger):
+    if block < max(_MIN_BLOCK_SAMPLES, 2 * pretrigger):
         raise InputError(
             f"{records[0].test}: blocks of {block} samples with {pretrigger} before the hit are "
-            "too short: state block_s and pretrigger_s"
+            "too short: set block_s and pretrigger_s"
         )
-    return Plan(block, pretrigger)
+    return BlockPlan(block, pretrigger)
 
 
-def _pretrigger(
+def _choose_pretrigger(
     records: Sequence[Records], blows: Sequence[Sequence[Blow]], span: int
 ) -> tuple[int, bool]:
-    """Samples before a hit, and whether every record is one block."""
-    first = [
-        [blow.onset for blow in found if blow.main.record == number]
-        for own, found in zip(records, blows, strict=True)
-        for number in range(len(own.force))
+    """Return the pre-trigger [samples], and whether every record is one block."""
+    onsets_of_records = [
+        [blow.onset for blow in hits if blow.main.record == number]
+        for reference, hits in zip(records, blows, strict=True)
+        for number in range(len(reference.force))
     ]
-    samples = min(own.force.shape[1] for own in records)
-    early = int(np.median([onsets[0] for onsets in first if onsets]))
-    alone = np.mean([len(onsets) <= 1 for onsets in first]) > _SHORT
-    if alone and early <= _LATEST * samples:
-        return early, True
-    width = max(blow.main.width for found in blows for blow in found)
-    return max(round(_PRETRIGGER * span), _WIDTHS * width), False
+    n_sample = min(reference.force.shape[1] for reference in records)
+    first_onset = int(np.median([onsets[0] for onsets in onsets_of_records if onsets]))
+    single_share = np.mean([len(onsets) <= 1 for onsets in onsets_of_records])
+    is_single = single_share > _MIN_SINGLE_HIT_SHARE
+    if is_single and first_onset <= _MAX_PRETRIGGER_SHARE * n_sample:
+        return first_onset, True
+    width = max(blow.main.width for hits in blows for blow in hits)
+    return max(round(_PRETRIGGER_SHARE * span), _MIN_PRETRIGGER_WIDTHS * width), False
 
 
-def common(records: Sequence[Records], settings: Sequence[HitSettings], key: str) -> float | None:
-    """What any of the settings states, the same for all.
+def common_setting(
+    records: Sequence[Records], settings: Sequence[HitSettings], key: str
+) -> float | None:
+    """Return the value of a setting that all records share, or None if no record sets it.
 
     Raises:
-        InputError: two different values.
+        InputError: two records set different values.
     """
-    stated = {
-        value: own.test
-        for own, setting in zip(records, settings, strict=True)
+    test_of = {
+        value: reference.test
+        for reference, setting in zip(records, settings, strict=True)
         if (value := getattr(setting, key)) is not None
     }
-    if len(stated) > 1:
-        texts = ", ".join(f"{value:g} s for {test}" for value, test in stated.items())
-        raise InputError(f"{key} is {texts}: tests of one campaign share it; state one value")
-    return next(iter(stated), None)
+    if len(test_of) > 1:
+        texts = ", ".join(f"{value:g} s for {test}" for value, test in test_of.items())
+        raise InputError(f"{key} is {texts}: tests of one campaign share it; set one value")
+    return next(iter(test_of), None)

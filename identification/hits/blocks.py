@@ -1,4 +1,4 @@
-"""Blocks of one hit each, cut out of the records, their zero lines taken off."""
+"""Blocks of one hit each, cut from the records, with their offsets removed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -6,36 +6,40 @@ from typing import Self
 
 import numpy as np
 
-from identification.hits.block_plan import Plan
+from identification.hits.block_plan import BlockPlan
 from identification.hits.detection import Blow, quiet_force
-from identification.words import Mask, Real, Records, Rejected
+from identification.words import HitRejection, Mask, Real, Records
 
-_QUIET = 16  # samples before the first hit that make a zero line of the motion
-_SLACK = 0.5  # of the pre-trigger, by which a block may be moved to stay in its record
+_MIN_OFFSET_SAMPLES = 16  # samples before the first hit, for the offset of the motion
+_MAX_BLOCK_MOVE = 0.5  # of the pre-trigger, by which a block may move to stay in its record
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """The hits of one reference side by side.
+    """Blocks of the hits of one reference.
 
     Args:
-        records: where they were cut.
-        blows: the hits; n_hit.
+        records: records from which the blocks were cut.
+        blows: hits; n_hit.
         starts: first sample of each block in its record; n_hit.
-        plan: length and pre-trigger.
-        force: without its zero line; (n_hit, n_sample).
-        motion: likewise; (n_hit, n_out, n_sample).
+        plan: block length and pre-trigger.
+        force: force without its offset [N]; (n_hit, n_sample).
+        motion: motion without its offset; (n_hit, n_out, n_sample).
     """
 
     records: Records
     blows: tuple[Blow, ...]
     starts: tuple[int, ...]
-    plan: Plan
+    plan: BlockPlan
     force: Real
     motion: Real
 
     def keep(self, chosen: Mask) -> Self:
-        """Keep these hits; (n_hit,)."""
+        """Return the blocks of these hits alone.
+
+        Args:
+            chosen: mask of the hits; (n_hit,).
+        """
         numbers = np.flatnonzero(chosen)
         return replace(
             self,
@@ -46,29 +50,32 @@ class Blocks:
         )
 
 
-def rejected(blow: Blow, rate_hz: float, reason: str) -> Rejected:
-    """Name a hit that is left out."""
-    return Rejected(blow.main.record + 1, blow.number, blow.onset / rate_hz, reason)
+def rejection(blow: Blow, rate_hz: float, reason: str) -> HitRejection:
+    """Return the rejection of a hit with its reason."""
+    return HitRejection(blow.main.record + 1, blow.number, blow.onset / rate_hz, reason)
 
 
 def cut_blocks(
-    records: Records, blows: Sequence[Blow], plan: Plan
-) -> tuple[Blocks, tuple[Rejected, ...]]:
-    """Cut a block around every hit that has room for one in its record.
+    records: Records, blows: Sequence[Blow], plan: BlockPlan
+) -> tuple[Blocks, tuple[HitRejection, ...]]:
+    """Cut a block around every hit whose block fits into its record.
 
-    The zero line of the force is the median of its block, that of a motion its mean before the
-    first hit of the record, if at least 16 samples are there: a machine on soft springs need not
-    have a mean of zero afterwards.
+    The offset of the force is the median of its block. The offset of a motion is its mean before
+    the first hit of the record, if there are at least 16 samples. The mean after a hit does not
+    serve: a machine on soft springs need not return to its place within the record.
+
+    Returns:
+        The blocks, and the hits that have none.
     """
-    motion = records.motion - _zero_lines(records, blows)[:, :, None]
-    samples, kept, starts, left_out = motion.shape[2], [], [], []
+    motion = records.motion - _motion_offsets(records, blows)[:, :, None]
+    n_sample, kept, starts, left_out = motion.shape[2], [], [], []
     for blow in blows:
         wanted = blow.onset - plan.pretrigger
-        start = min(max(wanted, 0), samples - plan.block)
-        moved = abs(start - wanted) > _SLACK * plan.pretrigger
-        if start < 0 or moved or blow.onset == 0 or blow.end - start > plan.block:
+        start = min(max(wanted, 0), n_sample - plan.block)
+        is_moved_far = abs(start - wanted) > _MAX_BLOCK_MOVE * plan.pretrigger
+        if start < 0 or is_moved_far or blow.onset == 0 or blow.end - start > plan.block:
             reason = "its block leaves the record" if blow.onset else "it begins before the record"
-            left_out.append(rejected(blow, records.rate_hz, reason))
+            left_out.append(rejection(blow, records.rate_hz, reason))
         else:
             kept.append(blow)
             starts.append(start)
@@ -89,7 +96,10 @@ def cut_blocks(
 
 
 def quiet_samples(blows: Sequence[Blow], n_record: int, n_sample: int) -> list[int]:
-    """Samples before the first hit of each record, a width of its pulse left aside; n_record."""
+    """Return the number of samples before the first hit of each record; n_record.
+
+    One pulse width before the hit is left out.
+    """
     quiet = [n_sample] * n_record
     for blow in blows:
         record = blow.main.record
@@ -97,9 +107,10 @@ def quiet_samples(blows: Sequence[Blow], n_record: int, n_sample: int) -> list[i
     return quiet
 
 
-def _zero_lines(records: Records, blows: Sequence[Blow]) -> Real:
-    lines = np.zeros(records.motion.shape[:2])
+def _motion_offsets(records: Records, blows: Sequence[Blow]) -> Real:
+    """Return the means of the motion before the first hit; (n_record, n_out)."""
+    offsets = np.zeros(records.motion.shape[:2])
     for record, count in enumerate(quiet_samples(blows, *records.force.shape)):
-        if count >= _QUIET:
-            lines[record] = records.motion[record, :, :count].mean(axis=1)
-    return lines
+        if count >= _MIN_OFFSET_SAMPLES:
+            offsets[record] = records.motion[record, :, :count].mean(axis=1)
+    return offsets

@@ -1,4 +1,4 @@
-"""The files of a campaign that hold time records instead of FRFs."""
+"""Tests of a campaign from files that hold time records instead of FRFs."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -6,16 +6,22 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.hits.hit_frfs import estimate_all
+from identification.hits.hit_frfs import estimate_hit_frfs
 from identification.hits.settings import HitSettings
 from identification.readers.array_frfs import load_arrays
-from identification.readers.array_records import are_records, read_array_records
+from identification.readers.array_records import holds_time_records, read_array_records
 from identification.readers.campaign_toml import CampaignSettings, SensorSettings, TestSettings
-from identification.readers.file_kinds import is_arrays, is_universal, refuse_stated, stated
-from identification.readers.uff_records import holds_records, read_uff_records
+from identification.readers.file_kinds import (
+    array_description,
+    is_arrays,
+    is_universal,
+    refuse_array_description,
+)
+from identification.readers.uff_records import holds_uff_time_records, read_uff_records
 from identification.words import Condition, Dof, HitEstimate, InputError, Records, Test
 
-_KEYS = (
+# Keys of a [[test]] that only time records use.
+_RECORD_KEYS = (
     "block_s",
     "pretrigger_s",
     "force_window_s",
@@ -24,92 +30,99 @@ _KEYS = (
     "reject",
 )
 
-_Arrays = dict[str, np.ndarray]  # of a .mat or .npz file, by name
+_Arrays = dict[str, np.ndarray]  # content of a .mat or .npz file, by name
 
-# Sites instead of node numbers: of the responses and the references of a file.
-Located = tuple[tuple[Dof, ...], tuple[Dof, ...]]
-Locate = Callable[[Path, tuple[Dof, ...], tuple[Dof, ...]], Located]
+# Returns responses and references of a file at sites instead of node numbers.
+SiteNamer = Callable[
+    [Path, tuple[Dof, ...], tuple[Dof, ...]], tuple[tuple[Dof, ...], tuple[Dof, ...]]
+]
 
 
-def raw_tests(
-    path: Path, settings: CampaignSettings, locate: Locate
+def tests_from_records(
+    path: Path, settings: CampaignSettings, name_sites: SiteNamer
 ) -> tuple[dict[str, list[Test]], tuple[str, ...]]:
-    """Tests of all files with time records, cut, windowed and averaged alike.
+    """Estimate the tests of all files with time records, with common blocks and windows.
 
     Args:
-        path: of campaign.toml.
-        settings: its content.
-        locate: names the sites of a file's responses and references.
+        path: path of campaign.toml.
+        settings: content of campaign.toml.
+        name_sites: function that names the sites of responses and references of a file.
 
     Returns:
-        Tests by file, and what a reader must know of the hits.
+        Tests by file, and remarks on the hits.
 
     Raises:
-        InputError: records that cannot be used, keys that the kind of file has no use for.
+        InputError: records cannot be used, or a key does not apply to the kind of file.
     """
     entries: list[TestSettings] = []
     records: list[Records] = []
     for entry in settings.test:
-        for own in _read(path, entry, settings.sensor, locate):
+        for reference in _read(path, entry, settings.sensor, name_sites):
             entries.append(entry)
-            records.append(own)
+            records.append(reference)
     if not records:
         return {}, ()
-    found = estimate_all(records, [_hit_settings(entry) for entry in entries])
+    estimates = estimate_hit_frfs(records, [_hit_settings(entry) for entry in entries])
     tests: dict[str, list[Test]] = {}
     remarks: list[str] = []
-    for entry, hits in zip(entries, found, strict=True):
+    for entry, hits in zip(entries, estimates, strict=True):
         condition = Condition(
             entry.file, hits.reference, entry.level, entry.spindle_speed, entry.setup
         )
         tests.setdefault(entry.file, []).append(Test(condition, hits.estimate, hits))
-        remarks += [*hits.remarks, *_counted(entry, hits)]
+        remarks += [*hits.remarks, *_hit_count_remarks(entry, hits)]
     return tests, tuple(remarks)
 
 
 def _read(
-    path: Path, entry: TestSettings, corrections: dict[str, SensorSettings], locate: Locate
+    path: Path, entry: TestSettings, corrections: dict[str, SensorSettings], name_sites: SiteNamer
 ) -> Iterator[Records]:
-    """Records of a file at their sites, without the channels that are ignored."""
+    """Yield the records of a file at their sites, without the channels that are ignored."""
     file = path.parent / entry.file
     arrays = load_arrays(file) if is_arrays(file) else None
-    if not _is_raw(file, arrays):
-        for key in _KEYS:
+    if not _has_time_records(file, arrays):
+        for key in _RECORD_KEYS:
             if getattr(entry, key) is not None:
                 raise InputError(
-                    f"{file} holds FRFs, and {key} is for time records: remove {key} from its "
+                    f"{file} holds FRFs, but {key} is for time records: remove {key} from its "
                     "[[test]]"
                 )
         return
     if entry.window_tau or entry.time_sign == "-":
         key = "window_tau" if entry.window_tau else "time_sign"
         raise InputError(
-            f"{file} holds time records, and {key} is for FRFs: remove {key} from its [[test]]"
-            + (", or state exponential_tau" if entry.window_tau else "")
+            f"{file} holds time records, but {key} is for FRFs: remove {key} from its [[test]]"
+            + (", or set exponential_tau" if entry.window_tau else "")
         )
-    ignored = {(site, axis) for site, wanted in corrections.items() for axis in wanted.ignore}
-    for own in _records(file, entry, arrays):
-        outputs, (reference,) = locate(file, own.outputs, (own.reference,))
+    ignored = {(site, axis) for site, sensor in corrections.items() for axis in sensor.ignore}
+    for records in _read_records(file, entry, arrays):
+        outputs, (reference,) = name_sites(file, records.outputs, (records.reference,))
         kept = np.array([(dof.point, dof.direction[-1]) not in ignored for dof in outputs])
         if not kept.any():
-            raise InputError(f"{file}: no channel is left for reference {reference}: ignore fewer")
-        yield replace(own, outputs=outputs, reference=reference, test=entry.file).channels(kept)
+            raise InputError(
+                f"{file}: all channels of reference {reference} are ignored: ignore fewer"
+            )
+        located = replace(records, outputs=outputs, reference=reference, test=entry.file)
+        yield located.select_channels(kept)
 
 
-def _is_raw(file: Path, arrays: _Arrays | None) -> bool:
+def _has_time_records(file: Path, arrays: _Arrays | None) -> bool:
+    """Return whether a file holds time records."""
     if arrays is not None:
-        return are_records(arrays)
-    return is_universal(file) and holds_records(file)
+        return holds_time_records(arrays)
+    return is_universal(file) and holds_uff_time_records(file)
 
 
-def _records(file: Path, entry: TestSettings, arrays: _Arrays | None) -> tuple[Records, ...]:
+def _read_records(file: Path, entry: TestSettings, arrays: _Arrays | None) -> tuple[Records, ...]:
+    """Read the time records of a file, with points named as in the file."""
     if arrays is not None:
-        return read_array_records(file, arrays, **stated(file, entry))
-    refuse_stated(file, entry)
+        return read_array_records(file, arrays, **array_description(file, entry))
+    refuse_array_description(file, entry)
     return read_uff_records(file, entry.quantity)
 
 
 def _hit_settings(entry: TestSettings) -> HitSettings:
+    """Return the settings of the hits from a ``[[test]]``."""
     return HitSettings(
         block_s=entry.block_s,
         pretrigger_s=entry.pretrigger_s,
@@ -120,11 +133,12 @@ def _hit_settings(entry: TestSettings) -> HitSettings:
     )
 
 
-def _counted(entry: TestSettings, hits: HitEstimate) -> list[str]:
-    found = len(hits.kept) + len(hits.rejected)
-    if entry.averages in (None, found):
+def _hit_count_remarks(entry: TestSettings, hits: HitEstimate) -> list[str]:
+    """Return a remark if the number of hits is not that of campaign.toml."""
+    n_hit = len(hits.kept) + len(hits.rejected)
+    if entry.averages in (None, n_hit):
         return []
     return [
-        f"{entry.file}, hammer at {hits.reference}: {found} hits were found, campaign.toml says "
-        f"averages = {entry.averages}"
+        f"{entry.file}, hammer at {hits.reference}: {n_hit} hits were found, but campaign.toml "
+        f"says averages = {entry.averages}"
     ]

@@ -1,66 +1,91 @@
-"""Amplitude spectral densities of hits, and of the noise before them."""
+"""Amplitude spectral densities of hits and of the noise before them."""
 
 import numpy as np
 import scipy.fft
 
 from identification.hits.blocks import Blocks, quiet_samples
 from identification.hits.detection import Blow
-from identification.words import Densities, Real, Records
+from identification.words import Real, Records, SpectralDensities
 
-_LEAST = 64  # samples of noise that make a spectrum
+_MIN_NOISE_SAMPLES = 64  # samples before the hits, for a spectrum of the noise
+_SMOOTHING_SHARE = 8  # the spectrum of the noise is smoothed over 1/8 of its lines to each side
 
 
-def hit_densities(blocks: Blocks) -> Densities:
-    """Root of the mean over hits of 2 dt |X|^2 / N, X the sum of x exp(-i w t); 0 Hz without the 2.
+def hit_densities(blocks: Blocks) -> SpectralDensities:
+    """Compute the amplitude spectral densities of force and motion from the blocks of hits.
 
-    A transient has an energy, not a power: these densities are those of its block.
+    They are the root of the mean over hits of 2 dt |X|^2 / N, where ``X`` is the sum of
+    x exp(-i w t); the factor 2 is absent at 0 Hz and at half the sampling rate. A transient has an
+    energy, not a power, so these densities depend on the length of the block.
     """
     n_sample, rate = blocks.plan.block, blocks.records.rate_hz
     factor = np.full(n_sample // 2 + 1, 2.0 / (rate * n_sample))
     factor[0] /= 2
-    factor[-1] /= 2  # the block is even, so that the last line is half the rate
+    factor[-1] /= 2  # the block is even, so the last line is half the sampling rate
     force = (np.abs(scipy.fft.rfft(blocks.force)) ** 2).mean(axis=0)
     motion = (np.abs(scipy.fft.rfft(blocks.motion)) ** 2).mean(axis=0)
     freq = np.arange(len(factor)) * rate / n_sample
-    return Densities(freq, np.sqrt(factor * force), np.sqrt(factor * motion).T)
+    return SpectralDensities(freq, np.sqrt(factor * force), np.sqrt(factor * motion).T)
 
 
-def noise_densities(records: Records, blows: tuple[Blow, ...], block: int) -> Densities | None:
-    """Root of Welch's estimate of what is before the first hit of each record; None if too short.
+def noise_densities(
+    records: Records, blows: tuple[Blow, ...], block: int
+) -> SpectralDensities | None:
+    """Estimate the amplitude spectral densities of the noise before the first hit of each record.
 
-    Hann windows of at most a block, half overlapping, of every record that has as much as the
-    longest of a quarter of the longest (Bendat and Piersol 2010, ch. 11.5).
+    This is Welch's method with Hann windows that overlap by half (Bendat and Piersol 2010,
+    ch. 11.5). A window is as long as the longest quiet part, and at most a block; records with a
+    shorter quiet part are left out.
+
+    Args:
+        records: records of one reference.
+        blows: hits of the records.
+        block: length of a block [samples].
+
+    Returns:
+        The densities, or None if fewer than 64 samples are quiet in every record.
     """
-    # With scipy.stats nearly a second of every start, which only this needs.
+    # scipy.signal imports scipy.stats, which takes nearly a second and serves only this function.
     from scipy.signal import welch  # noqa: PLC0415
 
     quiet = quiet_samples(blows, *records.force.shape)
     length = min(max(quiet), block)
-    if length < _LEAST:
+    if length < _MIN_NOISE_SAMPLES:
         return None
     freq, sums, count = np.zeros(0), [], 0
     for record, available in enumerate(quiet):
         if available < length:
             continue
-        both = np.vstack([records.force[record, :available], records.motion[record, :, :available]])
-        freq, power = welch(both, records.rate_hz, nperseg=length)
+        signals = np.vstack(
+            [records.force[record, :available], records.motion[record, :, :available]]
+        )
+        freq, power = welch(signals, records.rate_hz, nperseg=length)
         weight = max(available // length, 1)
         sums.append(weight * power)
         count += weight
     density: Real = np.sqrt(np.sum(sums, axis=0) / count)
-    return Densities(freq, density[0], density[1:].T)
+    return SpectralDensities(freq, density[0], density[1:].T)
 
 
-def noise_powers(noise: Densities | None, freq_hz: Real) -> tuple[Real, Real] | None:
-    """Powers of the noise at other lines, for the ratio that Hv needs; (n_freq,), (n_freq, n_out).
+def noise_powers(noise: SpectralDensities | None, freq_hz: Real) -> tuple[Real, Real] | None:
+    """Interpolate smooth noise powers at the lines of the FRFs, for the noise ratio of Hv.
 
-    The median over lines of each channel's density would ignore its colour, the single lines
-    scatter: the logarithm is smoothed over an eighth of the lines.
+    The logarithm of each density is smoothed by a running mean over an eighth of the lines to each
+    side: single lines scatter, and one mean over all lines would ignore the colour of the noise.
+
+    Args:
+        noise: densities of the noise, or None.
+        freq_hz: frequencies of the FRFs [Hz]; (n_freq,).
+
+    Returns:
+        Powers of force (n_freq,) and motion (n_freq, n_out); None without noise at every line.
     """
     if noise is None or not (noise.force[1:] > 0).all() or not (noise.motion[1:] > 0).all():
         return None
-    logs = np.log(np.column_stack([noise.force, noise.motion])[1:])  # the mean was taken off
-    width = max(len(logs) // 8, 1)
+    logs = np.log(
+        np.column_stack([noise.force, noise.motion])[1:]
+    )  # 0 Hz left out: Welch removes the mean
+    width = max(len(logs) // _SMOOTHING_SHARE, 1)
     padded = np.pad(logs, ((width, width), (0, 0)), mode="edge")
     kernel = np.ones(2 * width + 1) / (2 * width + 1)
     smooth = np.stack([np.convolve(c, kernel, "valid") for c in padded.T], axis=1)

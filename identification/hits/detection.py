@@ -1,9 +1,10 @@
-"""Hits in a record of force: where they begin, how long the hammer touches, whether it bounces.
+"""Detection of hits in records of force: onset, contact time, and bounces (double hits).
 
-A sample belongs to a pulse where the force without its median is above 3 % of the largest and above
-8 times the noise, whose standard deviation is 1.4826 times the median of the absolute deviation (a
-normal distribution; the few samples of the pulses do not move a median). From its peak a pulse
-reaches as far as the force is above 1 % of that peak and 3 times the noise (hysteresis).
+A pulse is where the force without its median exceeds 3 % of the largest force and 8 standard
+deviations of its noise. The standard deviation is 1.4826 times the median absolute deviation, which
+the few samples of the pulses do not change. From its peak a pulse extends as far as the force
+exceeds 1 % of that peak and 3 standard deviations of the noise (hysteresis). Pulses that follow
+each other too fast to be deliberate hits form one hit, with bounces.
 """
 
 from collections.abc import Sequence
@@ -14,23 +15,25 @@ import numpy as np
 
 from identification.words import Real, Records
 
-_SHARE, _NOISES = 0.03, 8.0  # of the largest force, of the noise: what is a pulse
-_FOOT, _FOOT_NOISES = 0.01, 3.0  # of its own peak, of the noise: how far it reaches
-_MAD = 1.4826
-_TALL = 0.25  # of the median of all pulses, weighted by their height
-_BOUNCE = 0.1  # of the time between deliberate hits: sooner, a pulse belongs to the one before
-_FASTEST = 0.5  # s: hits by hand are further apart
-_RINGS = 4  # widths of a pulse beside it, in which hammer and filters may ring
-_RING = 0.25  # of the pulse
-_LOBE = 0.4  # of a lobe, that the one of the other sign beside it has
+# A pulse exceeds this share of the largest force and these standard deviations of the noise.
+_MIN_PULSE_SHARE, _MIN_PULSE_DEVIATIONS = 0.03, 8.0
+# It extends down to this share of its own peak and these standard deviations of the noise.
+_PULSE_FOOT_SHARE, _PULSE_FOOT_DEVIATIONS = 0.01, 3.0
+_NORMAL_MAD_FACTOR = 1.4826  # standard deviation over median absolute deviation
+_MIN_HIT_HEIGHT = 0.25  # of the height-weighted median of all pulses: deliberate hits are higher
+_MAX_BOUNCE_TIME = 0.1  # of the time between deliberate hits: later pulses are hits
+_MIN_HIT_INTERVAL_S = 0.5  # s: hits by hand are further apart
+_RINGING_WIDTHS = 4  # pulse widths beside a pulse in which hammer and filters may ring
+_MAX_RINGING_HEIGHT = 0.25  # of the pulse
+_MIN_LOBE_HEIGHT = 0.4  # of a lobe of ringing, that its neighbour of opposite sign has
 
 
 @dataclass(frozen=True)
 class Pulse:
-    """One contact of the hammer.
+    """Pulse of force: one contact of the hammer.
 
     Args:
-        record: from 0.
+        record: index of the record, from 0.
         onset: first sample.
         end: sample after the last.
         height: largest force, signed [N].
@@ -43,26 +46,26 @@ class Pulse:
 
     @property
     def width(self) -> int:
-        """Samples from first to last, at least two."""
+        """Number of samples, at least two."""
         return max(self.end - self.onset, 2)
 
 
 @dataclass(frozen=True)
 class Blow:
-    """A pulse with what came too soon after or before it to be another hit.
+    """Detected hit: its largest pulse, and pulses too close to it to be another hit.
 
     Args:
-        main: its largest pulse.
-        bounces: the others, without the ringing of hammer and filters.
-        number: from 1, through all records by time.
-        until: samples from the first rise to the next blow, or to the record's end.
-        is_last: whether the record ends there.
+        main: largest pulse.
+        bounces: other pulses, without the ringing of hammer and filters.
+        number: number of the hit through all records by time, from 1.
+        span: samples from the first rise to the next hit, or to the end of the record.
+        is_last: whether this is the last hit of its record.
     """
 
     main: Pulse
     bounces: tuple[Pulse, ...]
     number: int
-    until: int
+    span: int
     is_last: bool
 
     @property
@@ -72,96 +75,109 @@ class Blow:
 
     @property
     def end(self) -> int:
-        """Sample after the last of the last pulse."""
+        """Sample after the end of the last pulse."""
         return max(pulse.end for pulse in (self.main, *self.bounces))
 
 
 def find_blows(records: Records) -> tuple[Blow, ...]:
-    """Find the hits of all records, by record and time."""
-    pulses = [_pulses(number, force) for number, force in enumerate(records.force)]
-    gap = _bounce_time(pulses, records.force.shape[1], records.rate_hz)
+    """Find the hits of all records, in the order of record and time."""
+    pulses = [_find_pulses(number, force) for number, force in enumerate(records.force)]
+    max_bounce = _bounce_time(pulses, records.force.shape[1], records.rate_hz)
     blows: list[Blow] = []
-    for own in pulses:
+    for of_record in pulses:
         groups: list[list[Pulse]] = []
-        for pulse in own:
-            if groups and pulse.onset - groups[-1][-1].onset < gap:
+        for pulse in of_record:
+            if groups and pulse.onset - groups[-1][-1].onset < max_bounce:
                 groups[-1].append(pulse)
             else:
                 groups.append([pulse])
-        for place, group in enumerate(groups):
-            last = place == len(groups) - 1
-            stop = records.force.shape[1] if last else groups[place + 1][0].onset
-            blows.append(_blow(group, len(blows) + 1, stop, last))
+        for position, group in enumerate(groups):
+            is_last = position == len(groups) - 1
+            stop = records.force.shape[1] if is_last else groups[position + 1][0].onset
+            blows.append(_blow(group, len(blows) + 1, stop, is_last))
     return tuple(blows)
 
 
 def _blow(group: list[Pulse], number: int, stop: int, is_last: bool) -> Blow:
+    """Build a hit from pulses that belong together; ``stop`` is the sample where its span ends."""
     main = max(group, key=lambda pulse: abs(pulse.height))
     bounces = tuple(
-        pulse for pulse in group if pulse is not main and not _rings(pulse, main, group)
+        pulse for pulse in group if pulse is not main and not _is_ringing(pulse, main, group)
     )
     first = min([main, *bounces], key=lambda pulse: pulse.onset)
     return Blow(main, bounces, number, stop - first.onset, is_last)
 
 
-def _rings(pulse: Pulse, main: Pulse, group: Sequence[Pulse]) -> bool:
-    """Whether a pulse is a lobe of what rings about zero beside the main one, not a bounce.
+def _is_ringing(pulse: Pulse, main: Pulse, group: Sequence[Pulse]) -> bool:
+    """Return whether a pulse is a lobe of ringing about zero beside the main pulse, not a bounce.
 
-    Close to it, below a quarter of it, and of the other sign or beside a lobe of the other sign.
+    A lobe is close to the main pulse and below a quarter of it. It has the opposite sign, or a
+    neighbour with the opposite sign.
     """
-    reach = _RINGS * main.width
-    near = main.onset - reach <= pulse.onset <= main.end + reach
-    if not near or abs(pulse.height) >= _RING * abs(main.height):
+    reach = _RINGING_WIDTHS * main.width
+    is_near = main.onset - reach <= pulse.onset <= main.end + reach
+    if not is_near or abs(pulse.height) >= _MAX_RINGING_HEIGHT * abs(main.height):
         return False
-    beside = 2 * pulse.width
-    lobes = [p.height for p in group if p is not main and abs(p.onset - pulse.onset) <= beside]
-    swing = max(-np.sign(main.height) * height for height in lobes)
-    return pulse.height * main.height < 0 or swing >= _LOBE * abs(pulse.height)
+    distance = 2 * pulse.width
+    lobes = [p.height for p in group if p is not main and abs(p.onset - pulse.onset) <= distance]
+    opposite = max(-np.sign(main.height) * height for height in lobes)
+    return pulse.height * main.height < 0 or opposite >= _MIN_LOBE_HEIGHT * abs(pulse.height)
 
 
 def quiet_force(force: Real) -> tuple[Real, float]:
-    """Force without its median, and the standard deviation of its noise; any shape (n_sample,)."""
+    """Return the force without its median, and the standard deviation of its noise.
+
+    Args:
+        force: force [N]; (n_sample,).
+
+    Returns:
+        Force without its offset [N] (n_sample,), and the standard deviation [N].
+    """
     level = force - np.median(force)
-    return level, float(_MAD * np.median(np.abs(level)))
+    return level, float(_NORMAL_MAD_FACTOR * np.median(np.abs(level)))
 
 
-def _pulses(record: int, force: Real) -> list[Pulse]:
+def _find_pulses(record: int, force: Real) -> list[Pulse]:
+    """Find the pulses of one record, by time."""
     level, noise = quiet_force(force)
     size = np.abs(level)
-    above = size > max(_NOISES * noise, _SHARE * size.max())
-    sides = np.concatenate([[0], np.where(above, np.sign(level), 0.0), [0]])
-    turns = np.flatnonzero(np.diff(sides))
-    found: list[Pulse] = []
-    for start, stop in pairwise(turns):
-        if sides[start + 1] == 0 or (found and start < found[-1].end):
-            continue  # between pulses, or the same one, above the threshold once more
+    is_above = size > max(_MIN_PULSE_DEVIATIONS * noise, _MIN_PULSE_SHARE * size.max())
+    signs = np.concatenate([[0], np.where(is_above, np.sign(level), 0.0), [0]])
+    crossings = np.flatnonzero(np.diff(signs))
+    pulses: list[Pulse] = []
+    for start, stop in pairwise(crossings):
+        if signs[start + 1] == 0 or (pulses and start < pulses[-1].end):
+            continue  # between pulses, or inside the last pulse
         peak = start + int(np.argmax(size[start:stop]))
-        foot = max(_FOOT_NOISES * noise, _FOOT * size[peak])
+        foot = max(_PULSE_FOOT_DEVIATIONS * noise, _PULSE_FOOT_SHARE * size[peak])
         outside = np.flatnonzero(np.sign(level[peak]) * level <= foot)
-        at = int(np.searchsorted(outside, peak))
-        onset = int(outside[at - 1]) + 1 if at else 0
-        end = int(outside[at]) if at < len(outside) else len(level)
+        after = int(np.searchsorted(outside, peak))
+        onset = int(outside[after - 1]) + 1 if after else 0
+        end = int(outside[after]) if after < len(outside) else len(level)
         tallest = onset + int(np.argmax(size[onset:end]))
-        found.append(Pulse(record, onset, end, float(level[tallest])))
-    return found
+        pulses.append(Pulse(record, onset, end, float(level[tallest])))
+    return pulses
 
 
-def _bounce_time(pulses: Sequence[list[Pulse]], samples: int, rate_hz: float) -> float:
-    """Samples within which a pulse belongs to the one before.
+def _bounce_time(pulses: Sequence[list[Pulse]], n_sample: int, rate_hz: float) -> float:
+    """Return the samples within which a pulse belongs to the previous one.
 
-    A tenth of the median time between hits. Times that are at once below half a second and below
-    a tenth of the mean time a pulse has are no times between deliberate hits.
+    It is a tenth of the median time between deliberate hits. Times below half a second are not
+    counted if they are also below a tenth of the record time for each pulse.
     """
-    heights = np.sort([abs(pulse.height) for own in pulses for pulse in own])
+    heights = np.sort([abs(pulse.height) for of_record in pulses for pulse in of_record])
     if not heights.size:
         return 0.0
-    # Half of the sum of all heights: neither the many lobes of ringing nor one bang decide.
+    # The median weighted by height depends neither on many lobes of ringing nor on one hard hit.
     total = heights.cumsum()
-    tall = _TALL * heights[np.searchsorted(total, total[-1] / 2)]
-    onsets = [np.array([p.onset for p in own if abs(p.height) >= tall]) for own in pulses]
-    share = samples * len(pulses) / sum(len(own) for own in onsets)
-    shortest = min(_BOUNCE * share, _FASTEST * rate_hz)
-    times = np.concatenate([np.diff(own) for own in onsets])
-    times = times[times >= shortest]
-    typical = float(np.median(times)) if times.size else share
-    return _BOUNCE * typical
+    min_height = _MIN_HIT_HEIGHT * heights[np.searchsorted(total, total[-1] / 2)]
+    onsets = [
+        np.array([p.onset for p in of_record if abs(p.height) >= min_height])
+        for of_record in pulses
+    ]
+    mean_interval = n_sample * len(pulses) / sum(len(of_record) for of_record in onsets)
+    shortest = min(_MAX_BOUNCE_TIME * mean_interval, _MIN_HIT_INTERVAL_S * rate_hz)
+    intervals = np.concatenate([np.diff(of_record) for of_record in onsets])
+    intervals = intervals[intervals >= shortest]
+    typical = float(np.median(intervals)) if intervals.size else mean_interval
+    return _MAX_BOUNCE_TIME * typical

@@ -1,36 +1,40 @@
-"""What the reader of a result must know about its hits, in sentences."""
+"""Remarks on the hits of a test, for a reader of its FRFs."""
 
 from identification.words import HitEstimate
 
-_HALF = 0.5
-_LEFT = 0.01  # of the response, cut off the blocks without an exponential window
+_MIN_KEPT_SHARE = 0.5  # of the hits: with fewer kept hits the test should be repeated
+_MIN_KEPT_HITS = 2.0
+# Residual response that matters without an exponential window.
+_MAX_RESIDUAL_RESPONSE = 0.01
 
 
-def remarks_of(found: HitEstimate) -> tuple[str, ...]:
-    """Rejections, too few hits left, windows; nothing of what went without saying."""
-    where = f"{found.test}, hammer at {found.reference}"
-    kept, total = len(found.kept), len(found.kept) + len(found.rejected)
+def hit_remarks(hits: HitEstimate) -> tuple[str, ...]:
+    """Return sentences on rejected hits, too few hits, single hits and exponential windows."""
+    test = f"{hits.test}, hammer at {hits.reference}"
+    kept, total = len(hits.kept), len(hits.kept) + len(hits.rejected)
     remarks = []
-    if found.rejected:
-        reasons = "; ".join(map(str, found.rejected))
-        remarks.append(f"{where}: {total - kept} of {total} hits were left out: {reasons}")
-    if total > kept and kept < max(2.0, _HALF * total):
-        remarks.append(f"{where}: only {kept} of {total} hits are left: repeat this test")
+    if hits.rejected:
+        reasons = "; ".join(map(str, hits.rejected))
+        remarks.append(f"{test}: {total - kept} of {total} hits were left out: {reasons}")
+    if total > kept and kept < max(_MIN_KEPT_HITS, _MIN_KEPT_SHARE * total):
+        remarks.append(f"{test}: only {kept} of {total} hits are left: repeat this test")
     if kept == 1:
         remarks.append(
-            f"{where}: one hit has no coherence: the variance comes from differences along "
+            f"{test}: a single hit has no coherence: the variance comes from differences along "
             "frequency, which is less certain"
         )
-    tau = found.estimate.window_tau
+    tau = hits.estimate.window_tau
     if tau > 0:
         remarks.append(
-            f"{where}: {100 * found.left:.2g} % of the response was left at the end of its block "
-            f"of {found.block_s:.4g} s: force and responses have an exponential window of tau = "
-            f"{tau:.4g} s, which adds 1/(tau omega) to a damping ratio; it is taken off again"
+            f"{test}: {100 * hits.residual_response:.2g} % of the response was left at the end "
+            f"of the block of {hits.block_s:.4g} s: force and responses have an exponential window "
+            f"with tau = {tau:.4g} s, which adds 1/(tau omega) to a damping ratio; the modal fit "
+            "subtracts it"
         )
-    elif found.left > _LEFT:
+    elif hits.residual_response > _MAX_RESIDUAL_RESPONSE:
         remarks.append(
-            f"{where}: {100 * found.left:.2g} % of the response is left at the end of its block of "
-            f"{found.block_s:.4g} s, and there is no exponential window: shapes are off by as much"
+            f"{test}: {100 * hits.residual_response:.2g} % of the response is left at the end "
+            f"of the block of {hits.block_s:.4g} s without an exponential window: shapes have "
+            "errors of this size"
         )
     return tuple(remarks)

@@ -1,4 +1,4 @@
-"""How hits become FRFs: what a user may state, and what is found from the records otherwise."""
+"""Settings for the estimation of FRFs from hits."""
 
 from dataclasses import dataclass
 
@@ -7,16 +7,16 @@ from identification.words import Estimator
 
 @dataclass(frozen=True)
 class HitSettings:
-    """The keys of a ``[[test]]`` of time records; None leaves the choice to the records.
+    """Settings of a ``[[test]]`` of time records; None chooses a value from the records.
 
     Args:
         block_s: length of the block of each hit [s].
-        pretrigger_s: part of it before the hit's first rise [s].
-        force_window_s: how long the force is kept from its first rise on [s]; 0 keeps all of it.
-        exponential_tau: time constant of the exponential window [s]; 0 for none.
-        estimator: H1 (noise on the responses), H2 (on the force), Hv (on both).
-        reject: whether double, clipped, weak, copied and outlying hits are left out. Hits whose
-            block leaves the record always are.
+        pretrigger_s: part of the block before the first rise of the force [s].
+        force_window_s: duration from its first rise for which the force is kept [s]; 0 for all.
+        exponential_tau: time constant of the exponential window [s]; 0 for no window.
+        estimator: H1 (noise on the responses), H2 (noise on the force) or Hv (noise on both).
+        reject: whether to leave out double, clipped, weak, copied and outlying hits. Hits whose
+            block does not fit into the record are always left out.
     """
 
     block_s: float | None = None

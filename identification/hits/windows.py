@@ -1,16 +1,16 @@
-r"""Force and exponential windows.
+r"""Force windows and exponential windows.
 
-Both force and motion are multiplied by w(t) = exp(-(t - t_0) / tau), t_0 the hit. From
-x(t) = int h(u) f(t - u) du, h the response to a unit impulse,
+Force and motion are both multiplied by w(t) = exp(-(t - t_0) / tau), with t_0 the time of the hit.
+From x(t) = int h(u) f(t - u) du, with the impulse response ``h``,
 
-    w(t) x(t) = int [h(u) exp(-u / tau)] [w(t - u) f(t - u)] du
+    w(t) x(t) = int [h(u) exp(-u / tau)] [w(t - u) f(t - u)] du,
 
-since w(t) = exp(-u / tau) w(t - u). The windowed motion is the windowed force through the system
-h(t) exp(-t / tau), whose transform is H(i w + 1/tau): exact, whatever the force, as long as the
-block holds all of it (Ewins 2000, ch. 3.7, has the simpler case of an impulse). Were the window on
-the responses alone, the force would have to be short against tau. A pole s_r appears at
-s_r - 1/tau, which adds 1 / (tau omega) to a damping ratio; the modal fit evaluates s = i w + 1/tau
-and has s_r itself.
+since w(t) = exp(-u / tau) w(t - u). The windowed motion is thus the response of the system
+h(t) exp(-t / tau) to the windowed force; the transform of that system is H(i w + 1/tau). This is
+exact for any force that the block holds completely (Ewins 2000, ch. 3.7, treats the impulse). A
+window on the responses alone would need a force that is short compared with tau. A pole s_r appears
+at s_r - 1/tau, which adds 1 / (tau omega) to a damping ratio. The modal fit evaluates
+s = i w + 1/tau and so obtains s_r itself.
 """
 
 from collections.abc import Sequence
@@ -20,24 +20,28 @@ import numpy as np
 from identification.hits.blocks import Blocks
 from identification.words import Real
 
-_REACH = 4  # widths of the pulse beside it: ringing of the hammer is force too
-_FILTER = 32  # samples beside the pulse, at least: so long a filter against aliases may ring
-_LEFT = 0.0005  # of the largest response: below it, what is cut off a block does not count
-_CHUNKS = 20  # of a block, whose energies tell how far the response has decayed
-_SURE = 3.0  # standard deviations of the noise's share in the last chunk
-_MEANT = 0.1  # of the largest peak of all channels: a channel that shows the decay
+_PULSE_WIDTHS_KEPT = 4  # pulse widths beside the pulse: ringing of the hammer is force too
+_MIN_SAMPLES_KEPT = 32  # samples beside the pulse: ringing of the anti-aliasing filter
+_NEGLIGIBLE_RESPONSE = 0.0005  # of the largest response, at the end of a block
+_N_CHUNK = 20  # chunks of a block, whose energies show the decay of the response
+_NOISE_DEVIATIONS = 3.0  # standard deviations of the noise in the last chunk, subtracted
+_MIN_CHANNEL_PEAK = 0.1  # of the largest peak of all channels, for a channel to count
 
 
 def force_windows(blocks: Blocks, length_s: float | None) -> Real:
-    """One over the pulse with its bounces, cosines down to zero beside it; (n_hit, n_sample).
+    """Compute the force windows: 1 over the pulse and its bounces, with cosine tapers beside.
 
-    It reaches four widths of the pulse beyond the first rise and the last pulse, and at least 32
-    samples: both the hammer and the filters against aliases ring, and what is cut off them is an
-    error of the FRF. Half of that again it falls. Behind the pulse the length may be stated.
+    The window is 1 from four pulse widths before the first rise to four after the last pulse, with
+    at least 32 samples on each side. Hammer and anti-aliasing filters ring, and ringing that
+    is cut off becomes an error of the FRF. The tapers are half as long.
 
     Args:
-        blocks: the hits.
-        length_s: from the first rise on [s]; None for the above, 0 for no window.
+        blocks: blocks of the hits.
+        length_s: length of the window from the first rise [s]; None for the length above, 0 for
+            no window.
+
+    Returns:
+        Windows; (n_hit, n_sample).
     """
     n_hit, n_sample = blocks.force.shape
     windows = np.ones((n_hit, n_sample))
@@ -45,7 +49,7 @@ def force_windows(blocks: Blocks, length_s: float | None) -> Real:
         return windows
     time = np.arange(n_sample)
     for hit, (blow, start) in enumerate(zip(blocks.blows, blocks.starts, strict=True)):
-        reach = max(_REACH * blow.main.width, _FILTER)
+        reach = max(_PULSE_WIDTHS_KEPT * blow.main.width, _MIN_SAMPLES_KEPT)
         first, last = blow.onset - start - reach, blow.end - start + reach
         if length_s is not None:
             last = blow.onset - start + round(length_s * blocks.records.rate_hz)
@@ -55,7 +59,15 @@ def force_windows(blocks: Blocks, length_s: float | None) -> Real:
 
 
 def exponential_windows(blocks: Blocks, tau: float) -> Real:
-    """exp(-(t - t_0) / tau), or ones where tau is 0; (n_hit, n_sample)."""
+    """Compute the exponential windows exp(-(t - t_0) / tau), or ones if tau is 0.
+
+    Args:
+        blocks: blocks of the hits, which give the times t_0.
+        tau: time constant [s].
+
+    Returns:
+        Windows; (n_hit, n_sample).
+    """
     if tau == 0:
         return np.ones_like(blocks.force)
     hit = np.array([b.onset - s for b, s in zip(blocks.blows, blocks.starts, strict=True)])
@@ -64,65 +76,77 @@ def exponential_windows(blocks: Blocks, tau: float) -> Real:
     return windows
 
 
-def left_over(blocks: Blocks) -> float:
-    """Share of the response that is left where the blocks end, of its largest: amplitudes.
+def residual_response(blocks: Blocks) -> float:
+    """Estimate the amplitude of the response at the end of the blocks over its largest amplitude.
 
-    Energies of twenty chunks of a block, each hit's motion over its impulse, y_h. With several
-    hits noise leaves no bias in sum over pairs of y_h y_h' = |sum y_h|^2 - sum |y_h|^2; three
-    standard deviations of what noise may leave by chance are taken off. The channel that rings
-    longest counts, of those that move at least a tenth of the one that moves most (a channel of
-    other units, a rotation, may not be the one).
+    The estimate compares the energies of the last and the strongest of twenty chunks of a block.
+    Let y_h be the motion of hit h over its impulse. With several hits the energy is the sum over
+    pairs y_h y_h', |sum y_h|^2 - sum |y_h|^2, in which noise leaves no bias. Three standard
+    deviations of the noise in it are subtracted. The result is that of the channel that rings
+    longest, among those with at least a tenth of the largest peak. Rotations have another unit, so
+    this limit may exclude them.
     """
     impulse = blocks.force.sum(axis=1)
     n_hit, n_out, n_sample = blocks.motion.shape
-    length = n_sample // _CHUNKS
-    motion = blocks.motion[:, :, n_sample - _CHUNKS * length :] / impulse[:, None, None]
-    own = (motion**2).sum(axis=0)
+    length = n_sample // _N_CHUNK
+    motion = blocks.motion[:, :, n_sample - _N_CHUNK * length :] / impulse[:, None, None]
+    squares = (motion**2).sum(axis=0)
     if n_hit > 1:
-        energy = (motion.sum(axis=0) ** 2 - own) / (n_hit * (n_hit - 1))
+        energy = (motion.sum(axis=0) ** 2 - squares) / (n_hit * (n_hit - 1))
         pairs = n_hit * (n_hit - 1) / 2
-        own = own / n_hit
+        squares = squares / n_hit
     else:
-        energy, pairs = own, 1.0
-    chunked = energy.reshape(n_out, _CHUNKS, length).sum(axis=2)
-    chance = own.reshape(n_out, _CHUNKS, length).sum(axis=2)[:, -1] / np.sqrt(length * pairs)
-    noise = _SURE * chance if n_hit > 1 else _noise(blocks, impulse, length)
+        energy, pairs = squares, 1.0
+    chunked = energy.reshape(n_out, _N_CHUNK, length).sum(axis=2)
+    last = squares.reshape(n_out, _N_CHUNK, length).sum(axis=2)[:, -1]
+    deviation = last / np.sqrt(length * pairs)
+    noise = _NOISE_DEVIATIONS * deviation if n_hit > 1 else _max_noise(blocks, impulse, length)
     peak = chunked.max(axis=1)
-    meant = peak > _MEANT**2 * peak.max()
-    share = np.maximum(chunked[:, -1] - noise, 0.0)[meant] / peak[meant]
+    counts = peak > _MIN_CHANNEL_PEAK**2 * peak.max()
+    share = np.maximum(chunked[:, -1] - noise, 0.0)[counts] / peak[counts]
     return float(np.sqrt(np.clip(share, 0.0, 1.0)).max(initial=0.0))
 
 
-def _noise(blocks: Blocks, impulse: Real, length: int) -> Real:
-    """Most energy that noise has in a chunk of a single hit, over its impulse squared; (n_out,).
+def _max_noise(blocks: Blocks, impulse: Real, length: int) -> Real:
+    """Return the largest energy of noise in a chunk of a single hit, over its impulse squared.
 
-    From the mean square before the hit; the variance of a mean square of n values is 2 / n of it.
+    It comes from the mean square before the hit. A mean square of n values has the relative
+    variance 2 / n.
+
+    Args:
+        blocks: block of one hit.
+        impulse: impulse of the hit; (1,).
+        length: samples of a chunk.
+
+    Returns:
+        Energies; (n_out,).
     """
     blow, start = blocks.blows[0], blocks.starts[0]
     before = blocks.motion[0, :, : max(blow.onset - start - blow.main.width, 0)]
     count = before.shape[1]
     if not count:
         return np.zeros(before.shape[0])
-    most = 1 + _SURE * np.sqrt(2 / length + 2 / count)
-    noise: Real = most * length * (before**2).mean(axis=1) / impulse[0] ** 2
+    factor = 1 + _NOISE_DEVIATIONS * np.sqrt(2 / length + 2 / count)
+    noise: Real = factor * length * (before**2).mean(axis=1) / impulse[0] ** 2
     return noise
 
 
-def choose_tau(blocks: Sequence[Blocks], left: Sequence[float]) -> float:
-    """Time constant that brings what is left at the end of the blocks down to 0.05 %; 0 if it is.
+def choose_tau(blocks: Sequence[Blocks], residuals: Sequence[float]) -> float:
+    """Choose the time constant that reduces the response at the end of the blocks to 0.05 %.
 
-    exp(-T / tau) left = 0.0005, T from the hit to the end of the block. Below that share the error
-    of cutting a block off is below those of sensors (1 % of gain) and nothing is done.
+    It solves exp(-T / tau) r = 0.0005, with ``r`` the largest residual response and T the time from
+    the hit to the end of the block. Below 0.05 % there is no window: the truncation error is then
+    far below those of sensors (1 % of gain).
 
     Args:
-        blocks: of every reference of the campaign.
-        left: what is left of each (``left_over``).
+        blocks: blocks of every reference of the campaign.
+        residuals: residual response of each reference (``residual_response``).
 
     Returns:
-        tau [s], for all.
+        Common time constant tau [s]; 0 for no window.
     """
     plan, rate = blocks[0].plan, blocks[0].records.rate_hz
-    most = max(left)
-    if most <= _LEFT:
+    largest = max(residuals)
+    if largest <= _NEGLIGIBLE_RESPONSE:
         return 0.0
-    return float((plan.block - plan.pretrigger) / rate / np.log(most / _LEFT))
+    return float((plan.block - plan.pretrigger) / rate / np.log(largest / _NEGLIGIBLE_RESPONSE))

@@ -1,20 +1,20 @@
-"""Impacts without a measured force: records with clocks of their own, spectra."""
+"""Impact tests with unmeasured force: channels with clocks of their own, and spectra."""
 
 from identification.impacts.campaign import ImpactCampaign, read_impacts
-from identification.impacts.common_clock import Struck, struck
-from identification.impacts.records import ImpactRecord, Stamped, impact_record, read_impact
-from identification.impacts.spectra import ImpactSpectra, impact_spectra, smoothed
+from identification.impacts.common_clock import SynchronisedImpact, synchronise
+from identification.impacts.records import ImpactRecord, StampedChannel, impact_record, read_impact
+from identification.impacts.spectra import ImpactSpectra, impact_spectra, sliding_average
 
 __all__ = [
     "ImpactCampaign",
     "ImpactRecord",
     "ImpactSpectra",
-    "Stamped",
-    "Struck",
+    "StampedChannel",
+    "SynchronisedImpact",
     "impact_record",
     "impact_spectra",
     "read_impact",
     "read_impacts",
-    "smoothed",
-    "struck",
+    "sliding_average",
+    "synchronise",
 ]

@@ -1,12 +1,13 @@
-r"""One clock for channels that keep their own, and the moment of the impact on it.
+"""Common clock of channels that keep their own time, and the onset of the impact on it.
 
 Each channel is a band-limited signal y(t) known at its stamps t_i. A spline of fifth order through
-them has an error of (2 pi f d)^6 / 1000 or so of a tone f at spacings d: at 1260 samples a second
-1e-4 at 100 Hz, whatever the jitter. It is read on an even grid of the mean rate.
+them has an error of about (2 pi f d)^6 / 1000 for a tone f at spacings d. At 1260 samples a second
+this is 1e-4 at 100 Hz, whatever the jitter. The spline is evaluated on an even grid of the mean
+rate.
 
-The impact is where the channels together rise out of what they read before: e(t) what a quarter of
-the channels exceed of (y / rms before)^2, smoothed over some milliseconds, since a spike of one
-channel is no impact; where it first is a set part of its largest value.
+The impact begins where the channels together rise out of their noise. The energy e(t) is what a
+quarter of the channels exceed of (y / rms before)^2, smoothed over some milliseconds, since a spike
+of one channel is no impact. The onset is where it first reaches a set share of its largest value.
 """
 
 from dataclasses import dataclass
@@ -18,31 +19,34 @@ from scipy.ndimage import uniform_filter1d
 from identification.impacts.records import ImpactRecord
 from identification.words import Dof, InputError, Mask, Real
 
-_ORDER = 5
-_GAP = 8.0  # times the median spacing: a channel that pauses for longer knows nothing there
-_SMOOTH = 4e-3  # s
-_NORMAL = 1.4826  # standard deviations in the median of absolute deviations
-_HEAR = 0.25  # of the channels, that an impact rises in
-_RISES = 0.02  # of the largest, where the impact begins
-_LOUD = 25.0  # times what is read before: less is no impact
-_BEFORE = 0.02  # of the record, its least quiet part
-_SILENT = 1e-3  # of the median channel, of what it reads after the impact
-_BLOCKS = 64  # samples, by whose variance a channel is heard
-_NOISE = 2.0  # times the variance before, where a channel never reads more after
-_HEARD = 400.0  # times that, what the others read: an impact that every channel must hear
+_SPLINE_ORDER = 5  # order of the interpolating spline, so that its error is negligible
+# Pause over the median spacing beyond which a channel cannot be interpolated.
+_MAX_GAP_SPACINGS = 8.0
+_SMOOTHING_S = 4e-3  # window of the energy [s], so that the spike of one channel is no impact
+_MAD_TO_NOISE_SD = 1.4826  # standard deviation over median absolute deviation, normal distribution
+_ONSET_CHANNEL_SHARE = 0.25  # share of the channels whose energy rises at an impact, at least
+_ONSET_LEVEL = 0.02  # energy over its largest value at which the impact begins
+_MIN_IMPACT_ENERGY = 25.0  # energy over that before the impact, at least
+_QUIET_SHARE = 0.02  # length of the quietest stretch, as a share of the record
+_MAX_SILENT_RANGE = 1e-3  # range over that of the median channel below which one is silent
+_VARIANCE_BLOCK = 64  # samples of a block whose variance is compared with that of the noise
+# Largest variance after the impact over that before it, below which a channel may be deaf.
+_MAX_DEAF_RISE = 2.0
+# Median over channels of that ratio, above which every channel must respond to the impact.
+_MIN_AUDIBLE_RISE = 400.0
 
 
 @dataclass(frozen=True, eq=False)
-class Struck:
-    """One impact on a common clock.
+class SynchronisedImpact:
+    """One impact whose channels share a clock.
 
     Args:
-        source: the file.
-        dofs: of the channels, along their positive directions; n_channel.
-        rate_hz: of the grid.
-        before: samples ahead of the impact, but the last ones; (n_channel, n_before) [m/s2].
+        source: file of the record.
+        dofs: degrees of freedom of the channels, along their positive directions; n_channel.
+        rate_hz: sampling rate of the grid [Hz].
+        before: samples before the impact, except the last ones; (n_channel, n_before) [m/s2].
         after: samples from the impact on; (n_channel, n_after) [m/s2].
-        start: of the impact on the record's clock [s].
+        start: time of the impact on the record's clock [s].
     """
 
     source: str
@@ -53,40 +57,41 @@ class Struck:
     start: float
 
 
-def struck(record: ImpactRecord) -> Struck:
-    """Put an impact's channels on one clock and find it.
+def synchronise(record: ImpactRecord) -> SynchronisedImpact:
+    """Resample the channels of an impact on one clock and find its onset.
 
     Raises:
-        InputError: channels that share no time, a pause, no impact, a silent channel.
+        InputError: channels that share no time, a pause, no impact, or a silent channel.
     """
-    start = max(float(one.time[0]) for one in record.channels)
-    end = min(float(one.time[-1]) for one in record.channels)
-    spacing = [float(np.median(np.diff(one.time))) for one in record.channels]
+    start = max(float(channel.time[0]) for channel in record.channels)
+    end = min(float(channel.time[-1]) for channel in record.channels)
+    spacing = [float(np.median(np.diff(channel.time))) for channel in record.channels]
     rate = 1 / float(np.median(spacing))
-    if end - start < _SMOOTH:
+    if end - start < _SMOOTHING_S:
         raise InputError(
             f"{record.source}: its channels have no time in common ({start:.6g} s is the last "
-            f"start, {end:.6g} s the first end). Are their stamps of one clock?"
+            f"start, {end:.6g} s the first end). Check that their stamps are of one clock."
         )
     grid = np.arange(start, end, 1 / rate)
     rows = []
-    for one, own in zip(record.channels, spacing, strict=True):
-        _check_gaps(record.source, str(one.dof), one.time, own, (start, end))
-        sign = -1.0 if one.dof != one.dof.positive else 1.0
-        rows.append(sign * make_interp_spline(one.time, one.value, k=_ORDER)(grid))
+    for channel, channel_spacing in zip(record.channels, spacing, strict=True):
+        _check_gaps(record.source, str(channel.dof), channel.time, channel_spacing, (start, end))
+        sign = -1.0 if channel.dof != channel.dof.positive else 1.0
+        rows.append(sign * make_interp_spline(channel.time, channel.value, k=_SPLINE_ORDER)(grid))
     values = np.array(rows)
-    dofs = tuple(one.dof.positive for one in record.channels)
-    first = _onset(record.source, values, rate)
-    # The force may begin a little before it is seen.
-    before, after = values[:, : max(first - 3 * round(_SMOOTH * rate), 0)], values[:, first:]
+    dofs = tuple(channel.dof.positive for channel in record.channels)
+    first = _find_onset(record.source, values, rate)
+    # The force may begin a little before the response is detected.
+    before, after = values[:, : max(first - 3 * round(_SMOOTHING_S * rate), 0)], values[:, first:]
     _check_silent(record.source, dofs, before, after)
-    return Struck(record.source, dofs, rate, before, after, float(grid[first]))
+    return SynchronisedImpact(record.source, dofs, rate, before, after, float(grid[first]))
 
 
 def _check_gaps(
     source: str, name: str, time: Real, spacing: float, common: tuple[float, float]
 ) -> None:
-    gaps = np.flatnonzero(np.diff(time) > _GAP * spacing)
+    """Refuse a channel with a pause in the time that all channels share."""
+    gaps = np.flatnonzero(np.diff(time) > _MAX_GAP_SPACINGS * spacing)
     for k in gaps.tolist():
         if time[k + 1] > common[0] and time[k] < common[1]:
             raise InputError(
@@ -95,48 +100,52 @@ def _check_gaps(
             )
 
 
-def _onset(source: str, values: Real, rate: float) -> int:
-    """Number of the first sample of the impact."""
-    width = max(1, round(_SMOOTH * rate))
+def _find_onset(source: str, values: Real, rate: float) -> int:
+    """Return the number of the first sample of the impact."""
+    width = max(1, round(_SMOOTHING_S * rate))
     centred = values - np.median(values, axis=1, keepdims=True)
-    # What is read before is not known yet: of each channel the quietest stretch.
-    quiet = max(width, int(_BEFORE * values.shape[1]))
-    power = uniform_filter1d(centred**2, quiet, axis=1, mode="nearest").min(axis=1)
-    heard = power > 0
-    if not heard.any():
+    # The onset is not known yet: the quietest stretch of each channel stands for its noise.
+    quiet_samples = max(width, int(_QUIET_SHARE * values.shape[1]))
+    power = uniform_filter1d(centred**2, quiet_samples, axis=1, mode="nearest").min(axis=1)
+    has_noise = power > 0
+    if not has_noise.any():
         raise InputError(f"{source}: all channels are silent. Check cables and ranges.")
-    each = uniform_filter1d(centred[heard] ** 2 / power[heard, None], width, mode="nearest")
-    energy = np.quantile(each, 1 - _HEAR, axis=0, method="lower")
-    if energy.max() < _LOUD:
+    channel_energy = uniform_filter1d(
+        centred[has_noise] ** 2 / power[has_noise, None], width, mode="nearest"
+    )
+    energy = np.quantile(channel_energy, 1 - _ONSET_CHANNEL_SHARE, axis=0, method="lower")
+    if energy.max() < _MIN_IMPACT_ENERGY:
         raise InputError(
-            f"{source} holds no impact: its channels never rise {np.sqrt(_LOUD):.0f} times above "
-            "their quietest stretch."
+            f"{source} holds no impact: its channels never rise "
+            f"{np.sqrt(_MIN_IMPACT_ENERGY):.0f} times above their quietest stretch."
         )
-    level = max(_RISES * float(energy.max()), float(np.sqrt(energy.max())))
+    level = max(_ONSET_LEVEL * float(energy.max()), float(np.sqrt(energy.max())))
     first = int(np.argmax(energy > level)) + width // 2
     return min(first, int(values.shape[1]) - 2)
 
 
 def _check_silent(source: str, dofs: tuple[Dof, ...], before: Real, after: Real) -> None:
-    """A channel that is still, or whose noise goes on as if nothing had happened."""
-    size = np.ptp(after, axis=1)
-    dead = np.flatnonzero((size <= _SILENT * np.median(size)) | _deaf(before, after))
-    if len(dead):
-        names = ", ".join(str(dofs[k]) for k in dead)
+    """Refuse a channel that reads nothing, or whose noise continues as if there were no impact."""
+    ranges = np.ptp(after, axis=1)
+    silent = np.flatnonzero(
+        (ranges <= _MAX_SILENT_RANGE * np.median(ranges)) | _find_deaf_channels(before, after)
+    )
+    if len(silent):
+        names = ", ".join(str(dofs[k]) for k in silent)
         raise InputError(
-            f"{source}: {names} {'is' if len(dead) == 1 else 'are'} silent after the impact. Check "
-            "the cable, or leave the channel out with ignore."
+            f"{source}: {names} {'is' if len(silent) == 1 else 'are'} silent after the impact. "
+            "Check the cable, or leave the channel out with ignore."
         )
 
 
-def _deaf(before: Real, after: Real) -> Mask:
-    """Channels whose noise does not change where most of the others rise far out of theirs."""
-    count = after.shape[1] // _BLOCKS
-    if before.shape[1] < _BLOCKS or not count:
+def _find_deaf_channels(before: Real, after: Real) -> Mask:
+    """Return channels whose noise does not change where most others rise far above theirs."""
+    count = after.shape[1] // _VARIANCE_BLOCK
+    if before.shape[1] < _VARIANCE_BLOCK or not count:
         return np.zeros(len(after), bool)
-    parts = after[:, : count * _BLOCKS].reshape(len(after), count, _BLOCKS)
-    level = np.median(before, axis=1, keepdims=True)  # a spike is no noise
-    noise = (_NORMAL * np.median(np.abs(before - level), axis=1)) ** 2
-    rise = parts.var(axis=2).max(axis=1) / np.maximum(noise, 1e-300)
-    deaf: Mask = (rise < _NOISE) & (np.median(rise) > _HEARD)
-    return deaf
+    blocks = after[:, : count * _VARIANCE_BLOCK].reshape(len(after), count, _VARIANCE_BLOCK)
+    level = np.median(before, axis=1, keepdims=True)  # the median ignores spikes
+    noise = (_MAD_TO_NOISE_SD * np.median(np.abs(before - level), axis=1)) ** 2
+    rise = blocks.var(axis=2).max(axis=1) / np.maximum(noise, 1e-300)
+    is_deaf: Mask = (rise < _MAX_DEAF_RISE) & (np.median(rise) > _MIN_AUDIBLE_RISE)
+    return is_deaf

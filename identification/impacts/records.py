@@ -1,8 +1,8 @@
-"""Records of one impact whose channels keep their own time: each sample has a stamp.
+"""Records of one impact in which each channel keeps its own time: every sample has a stamp.
 
 A file holds, for every channel, its stamps [s] and its accelerations [m/s2]: ``time_acc1_x`` and
 ``value_acc1_x`` in .npz or .mat, or rows of ``channel,time,value`` in .csv, such as
-``acc1_x,0.00079,-0.013``. ``acc1_x`` is site and axis; ``acc1_-x`` reads the other way round.
+``acc1_x,0.00079,-0.013``. ``acc1_x`` is site and axis; ``acc1_-x`` reads in the opposite direction.
 """
 
 import csv
@@ -17,12 +17,12 @@ import scipy.io
 
 from identification.words import Dof, InputError, Real
 
-_CHANNEL = re.compile(r"(.+)_([-+]?)([xyz])$")
-_LEAST = 16  # samples of a channel
+_CHANNEL_PATTERN = re.compile(r"(.+)_([-+]?)([xyz])$")
+_MIN_SAMPLES = 16  # samples of a channel, for a spline of fifth order
 
 
 @dataclass(frozen=True, eq=False)
-class Stamped:
+class StampedChannel:
     """A channel with its own clock.
 
     Args:
@@ -37,7 +37,7 @@ class Stamped:
 
     @property
     def name(self) -> str:
-        """Site and axis, whichever way it reads: ``acc1_x``."""
+        """Site and axis, without the sign: ``acc1_x``."""
         return f"{self.dof.point}_{self.dof.direction[-1]}"
 
 
@@ -46,12 +46,12 @@ class ImpactRecord:
     """All channels of one impact.
 
     Args:
-        source: the file.
-        channels: each once.
+        source: file of the record.
+        channels: each channel once.
     """
 
     source: str
-    channels: tuple[Stamped, ...]
+    channels: tuple[StampedChannel, ...]
 
 
 def read_impact(path: Path) -> ImpactRecord:
@@ -61,34 +61,36 @@ def read_impact(path: Path) -> ImpactRecord:
         path: .npz, .mat or .csv.
 
     Raises:
-        InputError: no such file, a channel without stamps, a clock that runs backwards.
+        InputError: no such file, a channel without stamps, or a clock that runs backwards.
     """
     if not path.is_file():
         raise InputError(f"{path} is not there. Give a record as .npz, .mat or .csv.")
-    found = _from_csv(path) if path.suffix.lower() == ".csv" else _from_arrays(path)
-    return impact_record(str(path), found)
+    channels = _from_csv(path) if path.suffix.lower() == ".csv" else _from_arrays(path)
+    return impact_record(str(path), channels)
 
 
-def impact_record(source: str, found: Mapping[str, tuple[Any, Any]]) -> ImpactRecord:
-    """Check the channels of one impact.
+def impact_record(source: str, channels_by_name: Mapping[str, tuple[Any, Any]]) -> ImpactRecord:
+    """Check the channels of one impact and return them as a record.
 
     Args:
-        source: where they are from, for messages.
-        found: stamps and values by site and axis.
+        source: origin of the channels, for messages.
+        channels_by_name: stamps and values by site and axis.
 
     Raises:
-        InputError: as of ``read_impact``.
+        InputError: as for ``read_impact``.
     """
-    if not found:
+    if not channels_by_name:
         raise InputError(
             f"{source} has no channels. Name arrays time_acc1_x and value_acc1_x, or give rows of "
             "channel,time,value."
         )
     channels = tuple(
-        _checked(source, name, np.asarray(time, float).ravel(), np.asarray(value, float).ravel())
-        for name, (time, value) in found.items()
+        _check_channel(
+            source, name, np.asarray(time, float).ravel(), np.asarray(value, float).ravel()
+        )
+        for name, (time, value) in channels_by_name.items()
     )
-    positive = [one.dof.positive for one in channels]
+    positive = [channel.dof.positive for channel in channels]
     twice = sorted({str(dof) for dof in positive if positive.count(dof) > 1})
     if twice:
         raise InputError(f"{source} has {', '.join(twice)} twice. Leave one of them out.")
@@ -96,26 +98,28 @@ def impact_record(source: str, found: Mapping[str, tuple[Any, Any]]) -> ImpactRe
 
 
 def _from_arrays(path: Path) -> dict[str, tuple[Any, Any]]:
+    """Read stamps and values from .npz or .mat."""
     try:
         if path.suffix.lower() == ".mat":
-            held = scipy.io.loadmat(path)
+            arrays = scipy.io.loadmat(path)
         else:
             with np.load(path) as file:
-                held = {name: file[name] for name in file.files}
+                arrays = {name: file[name] for name in file.files}
     except Exception as error:
         raise InputError(f"{path} cannot be read as .npz or .mat. Write it again.") from error
-    names = [key.removeprefix("time_") for key in held if key.startswith("time_")]
-    values = [key.removeprefix("value_") for key in held if key.startswith("value_")]
-    alone = sorted(set(names) ^ set(values))
-    if alone:
+    names = [key.removeprefix("time_") for key in arrays if key.startswith("time_")]
+    values = [key.removeprefix("value_") for key in arrays if key.startswith("value_")]
+    unpaired = sorted(set(names) ^ set(values))
+    if unpaired:
         raise InputError(
-            f"{path}: {alone[0]} has stamps or values alone. Give time_{alone[0]} and "
-            f"value_{alone[0]}."
+            f"{path}: {unpaired[0]} has only stamps or only values. Give time_{unpaired[0]} and "
+            f"value_{unpaired[0]}."
         )
-    return {name: (held[f"time_{name}"], held[f"value_{name}"]) for name in names}
+    return {name: (arrays[f"time_{name}"], arrays[f"value_{name}"]) for name in names}
 
 
 def _from_csv(path: Path) -> dict[str, tuple[Any, Any]]:
+    """Read stamps and values from rows of channel, time and value."""
     rows: dict[str, tuple[list[float], list[float]]] = {}
     with path.open(encoding="utf-8", newline="") as file:
         for number, row in enumerate(csv.reader(file), start=1):
@@ -123,9 +127,9 @@ def _from_csv(path: Path) -> dict[str, tuple[Any, Any]]:
                 continue
             try:
                 name, time, value = row
-                own = rows.setdefault(name.strip(), ([], []))
-                own[0].append(float(time))
-                own[1].append(float(value))
+                channel = rows.setdefault(name.strip(), ([], []))
+                channel[0].append(float(time))
+                channel[1].append(float(value))
             except ValueError as error:
                 raise InputError(
                     f"{path}, row {number}: {','.join(row)!r} is not channel,time,value."
@@ -133,14 +137,15 @@ def _from_csv(path: Path) -> dict[str, tuple[Any, Any]]:
     return dict(rows)
 
 
-def _checked(source: str, name: str, time: Real, value: Real) -> Stamped:
-    match = _CHANNEL.match(name)
+def _check_channel(source: str, name: str, time: Real, value: Real) -> StampedChannel:
+    """Check one channel and return it with its degree of freedom."""
+    match = _CHANNEL_PATTERN.match(name)
     if match is None:
         raise InputError(f"{source}: {name!r} names no axis. Call it by site and axis, as acc1_x.")
     if len(time) != len(value):
         raise InputError(f"{source}: {name} has {len(time)} stamps for {len(value)} values.")
-    if len(time) < _LEAST:
-        raise InputError(f"{source}: {name} has {len(time)} samples; {_LEAST} are the least.")
+    if len(time) < _MIN_SAMPLES:
+        raise InputError(f"{source}: {name} has {len(time)} samples; {_MIN_SAMPLES} are the least.")
     if not (np.isfinite(time).all() and np.isfinite(value).all()):
         raise InputError(f"{source}: {name} holds values that are no numbers. Leave these out.")
     back = np.flatnonzero(np.diff(time) <= 0)
@@ -152,4 +157,4 @@ def _checked(source: str, name: str, time: Real, value: Real) -> Stamped:
             "where it was reset."
         )
     site, sign, axis = match.groups()
-    return Stamped(Dof.parse(f"{site}:{sign or '+'}t{axis}"), time, value)
+    return StampedChannel(Dof.parse(f"{site}:{sign or '+'}t{axis}"), time, value)

@@ -1,13 +1,14 @@
-r"""Spectra of impacts whose force nobody measured.
+"""Spectra of impacts whose force was not measured.
 
-From the impact on a structure decays freely, a sum of exponentials A exp(lambda t), whose spectrum
+After the impact a structure decays freely, as a sum of exponentials A exp(lambda t), whose spectrum
 
     Y(f) = integral_0^T y(t) exp(-i 2 pi f t) dt = sum A / (i 2 pi f - lambda) + ..
 
-has the shapes of its modes in the residues A = phi gamma, one factor gamma for each impact and mode
-(eq. 10 with f unknown): all that ratios of channels need. The noise of a line is that of the
-record before the impact, of the same length of time. What sways below the band (ropes) decays for
-long and says nothing in it: the length is that of what is heard in the band.
+has the shapes of its modes in the residues A = phi gamma, with one factor gamma for each impact and
+mode (eq. 10 with an unknown force). Ratios of channels need no more. The noise of a frequency line
+is that of the record before the impact, for an equal length of time. Motion below the band, as of
+ropes, decays slowly and holds no information in the band: the length is that of the response in the
+band.
 """
 
 from collections.abc import Sequence
@@ -16,23 +17,23 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import butter, czt, sosfiltfilt
 
-from identification.impacts.common_clock import Struck
+from identification.impacts.common_clock import SynchronisedImpact
 from identification.words import Complex, Dof, InputError, Real
 
-_LEAST_BEFORE = 32  # samples, for the noise to be known
-_ENDED = 1.5  # times the energy before the impact: it has died away
+_MIN_SAMPLES_BEFORE = 32  # samples before the impact from which the noise can be estimated
+_DECAYED_ENERGY = 1.5  # energy over that before the impact, below which the response has decayed
 
 
 @dataclass(frozen=True, eq=False)
 class ImpactSpectra:
-    """Spectra of several impacts at the same channels.
+    """Spectra of several impacts at common channels.
 
     Args:
-        sources: the files; n_impact.
-        dofs: of the channels; n_channel.
-        freq_hz: lines, evenly spaced; (n_freq,).
+        sources: files; n_impact.
+        dofs: degrees of freedom of the channels; n_channel.
+        freq_hz: frequency lines, evenly spaced [Hz]; (n_freq,).
         values: Y [m/s2 s]; (n_freq, n_channel, n_impact).
-        variance: of their noise, E|error|^2; (n_channel, n_impact).
+        variance: E|error|^2 of their noise; (n_channel, n_impact).
     """
 
     sources: tuple[str, ...]
@@ -43,63 +44,72 @@ class ImpactSpectra:
 
 
 def impact_spectra(
-    impacts: Sequence[Struck], band: tuple[float, float], *, finer: int = 1
+    impacts: Sequence[SynchronisedImpact], band: tuple[float, float], *, finer: int = 1
 ) -> ImpactSpectra:
-    """Spectra on lines that all impacts share.
+    """Compute spectra on frequency lines that all impacts share.
 
-    The record from the impact on is cut where the slowest of them has died away, so that the lines
-    are as far apart as there is something to see; all are cut at the same length.
+    The records are cut where the slowest response has decayed, so that the lines are no closer than
+    the information in them. All are cut at one length.
 
     Args:
-        impacts: on common clocks, with the same channels.
+        impacts: impacts on common clocks, with equal channels.
         band: lowest and highest line [Hz].
-        finer: so many times as close as independent lines, to look at: what lies between these is
-            exact, for the decay is complete, and tells nothing new.
+        finer: number of lines per independent line, for plots. Values in between are exact, since
+            the decay is complete, and hold no new information.
 
     Raises:
-        InputError: impacts with other channels, a record too short before the impact, a band
-            above half the rate.
+        InputError: impacts with different channels, a record too short before the impact, or a band
+            above half the sampling rate.
     """
     first = impacts[0]
-    for one in impacts[1:]:
-        if set(one.dofs) != set(first.dofs):
-            other = sorted(map(str, set(one.dofs) ^ set(first.dofs)))
+    for impact in impacts[1:]:
+        if set(impact.dofs) != set(first.dofs):
+            differing = sorted(map(str, set(impact.dofs) ^ set(first.dofs)))
             raise InputError(
-                f"{one.source} and {first.source} differ in {', '.join(other)}. Impacts must be "
-                "read by the same channels."
+                f"{impact.source} and {first.source} differ in {', '.join(differing)}. All impacts "
+                "must be read by the same channels."
             )
-    slowest = min(one.rate_hz for one in impacts)
-    if band[1] > slowest / 2:
+    lowest_rate = min(impact.rate_hz for impact in impacts)
+    if band[1] > lowest_rate / 2:
         raise InputError(
-            f"the band ends at {band[1]:g} Hz, above half of the {slowest:.4g} samples a second."
+            f"the band ends at {band[1]:g} Hz, above half of the {lowest_rate:.4g} samples a "
+            "second. Lower its end."
         )
-    length = min(max(_lasts(one, band) for one in impacts), *(_seconds(one) for one in impacts))
-    every = finer * length
-    lines = np.arange(np.ceil(band[0] * every), np.floor(band[1] * every) + 1) / every
-    if len(lines) < 8 * finer:
+    length = min(
+        max(_audible_duration(impact, band) for impact in impacts),
+        *(_duration_after(impact) for impact in impacts),
+    )
+    lines_per_hz = finer * length
+    freq_hz = (
+        np.arange(np.ceil(band[0] * lines_per_hz), np.floor(band[1] * lines_per_hz) + 1)
+        / lines_per_hz
+    )
+    if len(freq_hz) < 8 * finer:
         raise InputError(
-            f"the impacts last {length:.3g} s, {len(lines) // finer} lines between {band[0]:g} and "
-            f"{band[1]:g} Hz. Record for longer, or widen the band."
+            f"the impacts last {length:.3g} s, which gives {len(freq_hz) // finer} frequency lines "
+            f"between {band[0]:g} and {band[1]:g} Hz. Record for longer, or widen the band."
         )
-    values = np.zeros((len(lines), len(first.dofs), len(impacts)), complex)
+    values = np.zeros((len(freq_hz), len(first.dofs), len(impacts)), complex)
     variance = np.zeros((len(first.dofs), len(impacts)))
-    for k, one in enumerate(impacts):
-        order = [one.dofs.index(dof) for dof in first.dofs]
-        count = int(length * one.rate_hz)
-        after = one.after[order, :count]
-        level = one.before[order].mean(axis=1, keepdims=True) if one.before.size else 0.0
-        values[:, :, k] = _transformed(after - level, one.rate_hz, lines)
-        variance[:, k] = _noise(one.before[order], one.rate_hz, lines) * length
-    return ImpactSpectra(tuple(one.source for one in impacts), first.dofs, lines, values, variance)
+    for k, impact in enumerate(impacts):
+        order = [impact.dofs.index(dof) for dof in first.dofs]
+        count = int(length * impact.rate_hz)
+        after = impact.after[order, :count]
+        level = impact.before[order].mean(axis=1, keepdims=True) if impact.before.size else 0.0
+        values[:, :, k] = _fourier_integral(after - level, impact.rate_hz, freq_hz)
+        variance[:, k] = _noise_density(impact.before[order], impact.rate_hz, freq_hz) * length
+    return ImpactSpectra(
+        tuple(impact.source for impact in impacts), first.dofs, freq_hz, values, variance
+    )
 
 
-def smoothed(values: Real, freq_hz: Real, width_hz: float) -> Real:
-    """Sliding average over a width in Hz; the ends by what there is.
+def sliding_average(values: Real, freq_hz: Real, width_hz: float) -> Real:
+    """Return the sliding average over a width in Hz; at the ends, over the lines that there are.
 
     Args:
         values: amplitudes; (n_freq, ...).
-        freq_hz: evenly spaced lines.
-        width_hz: of the average; below a line's spacing nothing changes.
+        freq_hz: evenly spaced lines [Hz].
+        width_hz: width of the average; below the line spacing nothing changes.
     """
     spacing = float(freq_hz[1] - freq_hz[0])
     half = int(width_hz / spacing / 2)
@@ -111,46 +121,56 @@ def smoothed(values: Real, freq_hz: Real, width_hz: float) -> Real:
     return averaged
 
 
-def _seconds(one: Struck) -> float:
-    return int(one.after.shape[1]) / one.rate_hz
+def _duration_after(impact: SynchronisedImpact) -> float:
+    """Return the length of a record from the impact on [s]."""
+    return int(impact.after.shape[1]) / impact.rate_hz
 
 
-def _lasts(one: Struck, band: tuple[float, float]) -> float:
-    """How long it is heard in the band [s]: until its energy is that of the noise."""
-    if one.before.shape[1] < _LEAST_BEFORE:
-        return _seconds(one)
-    edges = (band[0], min(band[1], 0.45 * one.rate_hz))
-    only = butter(2, edges, "bandpass", fs=one.rate_hz, output="sos")
-    before, after = sosfiltfilt(only, one.before, axis=1), sosfiltfilt(only, one.after, axis=1)
+def _audible_duration(impact: SynchronisedImpact, band: tuple[float, float]) -> float:
+    """Return how long an impact exceeds the noise in the band [s]."""
+    if impact.before.shape[1] < _MIN_SAMPLES_BEFORE:
+        return _duration_after(impact)
+    edges = (band[0], min(band[1], 0.45 * impact.rate_hz))
+    bandpass = butter(2, edges, "bandpass", fs=impact.rate_hz, output="sos")
+    before, after = (
+        sosfiltfilt(bandpass, impact.before, axis=1),
+        sosfiltfilt(bandpass, impact.after, axis=1),
+    )
     noise = before.var(axis=1)
     block = max(8, after.shape[1] // 200)
     count = after.shape[1] // block
-    parts = after[:, : count * block].reshape(len(noise), count, block)
-    energy = (parts.var(axis=2) / np.maximum(noise, 1e-300)[:, None]).mean(axis=0)
-    heard = np.flatnonzero(energy > _ENDED)
-    return (int(heard[-1]) + 1) * block / one.rate_hz if len(heard) else _seconds(one)
+    blocks = after[:, : count * block].reshape(len(noise), count, block)
+    energy = (blocks.var(axis=2) / np.maximum(noise, 1e-300)[:, None]).mean(axis=0)
+    audible = np.flatnonzero(energy > _DECAYED_ENERGY)
+    return (
+        (int(audible[-1]) + 1) * block / impact.rate_hz if len(audible) else _duration_after(impact)
+    )
 
 
-def _transformed(values: Real, rate: float, lines: Real) -> Complex:
-    """Integral of y exp(-i w t) by the trapezoid rule, a chirp z-transform; (n_freq, n_channel)."""
+def _fourier_integral(values: Real, rate: float, lines: Real) -> Complex:
+    """Compute the integral of y exp(-i w t) by the trapezoid rule, as a chirp z-transform.
+
+    Returns:
+        (n_freq, n_channel).
+    """
     weights = np.full(values.shape[1], 1 / rate)
     weights[0] /= 2
     step, first = lines[1] - lines[0], lines[0]
-    ratio, begin = np.exp(-2j * np.pi * np.array([step, -first]) / rate)
-    found: Complex = czt(values * weights, len(lines), ratio, begin, axis=1).T
-    return found
+    ratio, origin = np.exp(-2j * np.pi * np.array([step, -first]) / rate)
+    integral: Complex = czt(values * weights, len(lines), ratio, origin, axis=1).T
+    return integral
 
 
-def _noise(before: Real, rate: float, lines: Real) -> Real:
-    """Power of the noise per Hz in the band [.. s per s of record]; (n_channel,)."""
-    if before.shape[1] < _LEAST_BEFORE:
+def _noise_density(before: Real, rate: float, lines: Real) -> Real:
+    """Return the power of the noise per Hz in the band [.. s per s of record]; (n_channel,)."""
+    if before.shape[1] < _MIN_SAMPLES_BEFORE:
         raise InputError(
-            f"only {before.shape[1]} samples lie before the impact: begin to record earlier, so "
-            "that the noise is known"
+            f"only {before.shape[1]} samples lie before the impact: start the record earlier, so "
+            "that the noise can be estimated"
         )
     spectrum = np.abs(np.fft.rfft(before - before.mean(axis=1, keepdims=True), axis=1)) ** 2
     freq = np.fft.rfftfreq(before.shape[1], 1 / rate)
-    inside = (freq >= lines[0]) & (freq <= lines[-1])
-    chosen = spectrum[:, inside] if inside.sum() > 2 else spectrum[:, 1:]
-    found: Real = chosen.mean(axis=1) / before.shape[1] / rate
-    return found
+    in_band = (freq >= lines[0]) & (freq <= lines[-1])
+    powers = spectrum[:, in_band] if in_band.sum() > 2 else spectrum[:, 1:]
+    density: Real = powers.mean(axis=1) / before.shape[1] / rate
+    return density

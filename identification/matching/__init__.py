@@ -1,28 +1,38 @@
-"""Measured modes matched with simulated ones: as printed, and with all that is known."""
+"""Matching of measured modes to simulated ones: by likelihood, and by the ratios of the paper."""
 
 from identification.matching.assignment import best_matching, pair_probabilities
-from identification.matching.hand_methods import ByHand, by_hand
-from identification.matching.likelihood import Beliefs, odds
-from identification.matching.measured_modes import ImpactModes, impact_modes, in_phase
-from identification.matching.mode_matching import Match, at_channels, channels_at, match
-from identification.matching.ratio_method import PrintedMatch, Reading, printed_match, steadiest
+from identification.matching.hand_methods import HandEstimate, estimate_by_hand
+from identification.matching.likelihood import MatchingPriors, pairing_odds
+from identification.matching.measured_modes import ImpactModes, impact_modes, rotate_to_real
+from identification.matching.mode_matching import (
+    ModeMatch,
+    channel_geometry,
+    match_modes,
+    shapes_at_channels,
+)
+from identification.matching.ratio_method import (
+    RatioMatch,
+    RatioReference,
+    choose_reference,
+    match_by_ratios,
+)
 
 __all__ = [
-    "Beliefs",
-    "ByHand",
+    "HandEstimate",
     "ImpactModes",
-    "Match",
-    "PrintedMatch",
-    "Reading",
-    "at_channels",
+    "MatchingPriors",
+    "ModeMatch",
+    "RatioMatch",
+    "RatioReference",
     "best_matching",
-    "by_hand",
-    "channels_at",
+    "channel_geometry",
+    "choose_reference",
+    "estimate_by_hand",
     "impact_modes",
-    "in_phase",
-    "match",
-    "odds",
+    "match_by_ratios",
+    "match_modes",
     "pair_probabilities",
-    "printed_match",
-    "steadiest",
+    "pairing_odds",
+    "rotate_to_real",
+    "shapes_at_channels",
 ]

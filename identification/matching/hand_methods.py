@@ -1,11 +1,12 @@
-r"""Damping and amplitude of impacts by hand, as tables 2 and 3 of the gondola's paper print them.
+"""Damping and amplitude of impacts by single-mode methods, as in the gondola's paper.
 
-At a channel where a mode peaks, zeta is the width of the peak (eq. 16), and C comes from the lines
-of that width by least squares (eq. 18) and from the peak alone, C = 2 zeta Im y(i w_r). What is
-seen of the accelerance C H(s), eq. 11, begins when the force is over: it lacks C times the force's
-own spectrum, so y = C (H - 1), whose imaginary part at resonance is C / (2 zeta) as before. The
-moment of the force is known to some milliseconds, which turns a mode's values at all channels by
-one phase: they are turned back until they lie along the imaginary axis at resonance.
+Tables 2 and 3 of the paper hold them. At a channel where a mode peaks, zeta follows from the
+half-power bandwidth (eq. 16). C follows from the lines of that band by least squares (eq. 18) and
+from the peak alone, C = 2 zeta Im y(i w_r). The measured part of the accelerance C H(s), eq. 11,
+begins when the force has ended. It lacks C times the spectrum of the force, so y = C (H - 1), whose
+imaginary part at resonance is C / (2 zeta) too. The time of the force is known to some
+milliseconds, which rotates the values of a mode at all channels by one phase. They are rotated back
+until they lie along the imaginary axis at resonance.
 """
 
 from dataclasses import dataclass
@@ -22,21 +23,21 @@ from identification.modal import (
 )
 from identification.words import Dof, InputError
 
-_LEAST_LINES = 3
+_MIN_PEAK_LINES = 3  # lines between the half-power points, for a least-squares amplitude
 
 
 @dataclass(frozen=True)
-class ByHand:
+class HandEstimate:
     """One channel's row of tables 2 and 3.
 
     Args:
-        dof: of the channel.
+        dof: degree of freedom of the channel.
         impact: number of the impact.
-        lower, upper: where the peak has fallen by 3 dB [Hz].
-        peak: its line [Hz].
+        lower, upper: frequencies at which the peak has fallen by 3 dB [Hz].
+        peak: frequency line of the peak [Hz].
         damping: zeta, eq. 16.
         least_squares: C by eq. 18 [m/s2 s].
-        maximum: C by the peak, likewise.
+        maximum: C by the peak [m/s2 s].
     """
 
     dof: Dof
@@ -49,51 +50,52 @@ class ByHand:
     maximum: float
 
 
-def by_hand(
-    spectra: ImpactSpectra, modes: ImpactModes, mode: int, count: int = 3
-) -> tuple[ByHand, ...]:
-    """Tables 2 and 3 for a mode: the channels that move most, in the impact that it shows in most.
+def estimate_by_hand(
+    spectra: ImpactSpectra, modes: ImpactModes, mode: int, max_rows: int = 3
+) -> tuple[HandEstimate, ...]:
+    """Compute tables 2 and 3 for a mode, at the channels that move most.
 
-    Channels whose peak does not fall by 3 dB on both sides, for another mode stands beside it, or
-    whose peak is narrower than three lines, have no row.
+    The impact is the one that excites the mode most. A channel has no row if its peak does not fall
+    by 3 dB on both sides, because of another mode beside it, or if the peak is narrower than three
+    lines.
 
     Args:
-        spectra: of all impacts.
-        modes: identified in them.
-        mode: number of one.
-        count: channels at most.
+        spectra: spectra of all impacts.
+        modes: modes identified in them.
+        mode: number of the mode.
+        max_rows: number of channels, at most.
     """
-    freq, impact = spectra.freq_hz, int(np.argmax(modes.excited[mode]))
+    freq, impact = spectra.freq_hz, int(np.argmax(modes.excitation[mode]))
     natural, damping = float(modes.frequencies[mode]), float(modes.dampings[mode])
     values = spectra.values[:, :, impact]
-    turn = np.sqrt((values[np.argmin(np.abs(freq - natural))] ** 2).sum())
-    values = 1j * values * np.conj(turn) / max(abs(turn), 1e-300)
+    rotation = np.sqrt((values[np.argmin(np.abs(freq - natural))] ** 2).sum())
+    values = 1j * values * np.conj(rotation) / max(abs(rotation), 1e-300)
     reach = max(damping * natural, 2 * float(freq[1] - freq[0]))
-    near = np.flatnonzero(np.abs(freq - natural) <= reach)
+    nearby = np.flatnonzero(np.abs(freq - natural) <= reach)
     rows = []
     for channel in np.argsort(-np.abs(modes.shapes[mode]), kind="stable"):
         amplitude = np.abs(values[:, channel])
-        peak = int(near[np.argmax(amplitude[near])])
+        peak = int(nearby[np.argmax(amplitude[nearby])])
         try:
             zeta, lower, upper = half_power_damping(freq, amplitude, peak)
-        except InputError:  # not alone: this channel says nothing
+        except InputError:  # another mode is close in this channel
             continue
         lines = (freq >= lower) & (freq <= upper)
-        if lines.sum() < _LEAST_LINES:
+        if lines.sum() < _MIN_PEAK_LINES:
             continue
-        seen = unit_response(freq[lines], float(freq[peak]), zeta) - 1
+        response = unit_response(freq[lines], float(freq[peak]), zeta) - 1
         rows.append(
-            ByHand(
+            HandEstimate(
                 spectra.dofs[channel],
                 impact,
                 lower,
                 upper,
                 float(freq[peak]),
                 zeta,
-                float(least_squares_amplitude(values[lines, channel], seen)),
+                float(least_squares_amplitude(values[lines, channel], response)),
                 float(peak_amplitude(values[peak, channel], zeta)),
             )
         )
-        if len(rows) == count:
+        if len(rows) == max_rows:
             break
     return tuple(rows)

@@ -1,20 +1,22 @@
-r"""How well a measured shape is a simulated one: signed, all channels at once, none privileged.
+"""Likelihood that a measured shape is a simulated one: signed, all channels at once.
 
-A measured shape f (real after its phase is taken off, n channels) of a mode that the simulation
-has as p_a is f = c (p_a + sum_b m_ab p_b) + e, with any factor c: of a structure that differs from
-the drawing by dK, relative, a mode holds others by the first order m_ab = dK_ab / (ln w_a^2 - ln
-w_b^2), and of two at one frequency any mixture. With dK_ab ~ N(0, coupling^2) that is
+No channel is the reference. Let f be a measured shape (real after its phase is removed, n channels)
+of a mode that the simulation has as p_a. It is modelled as f = c (p_a + sum_b m_ab p_b) + e, with
+any factor ``c``. The real structure differs from the nominal one by dK, relative. To first order
+its mode holds m_ab = dK_ab / (ln w_a^2 - ln w_b^2) of mode b. Two modes at one frequency can mix in
+any way. With dK_ab ~ N(0, coupling^2) that is
 
     m_ab^2 = 1/2 (2 coupling)^2 / ((2 coupling)^2 + (ln w_a^2 / w_b^2)^2)
 
-in the mean. The error e has the measurement's variance v and what is left of the other structure: a
-part eps of the shape's size. With size s^2 = f' f,
+in the mean. The error e has the variance v of the measurement and a model discrepancy: a part eps
+of the shape's size. With size s^2 = f' f,
 
     f ~ N(0, s^2 P P' / tr P'P + V),   P = [p_a, m_ab p_b ..],   V = diag(v) + eps^2 s^2 / n
 
-against f ~ N(0, s^2 / n + V) of a shape that the simulation does not have: the odds are the ratio
-of both densities, to the power n_eff / n, for errors of neighbouring places are alike, times that
-of the frequencies: log(measured / simulated) ~ N(0, spread^2) against anywhere in the band.
+against f ~ N(0, s^2 / n + V) for a shape that the simulation does not have. The odds are the ratio
+of both densities, to the power n_eff / n, since errors of neighbouring places are correlated. They
+are multiplied by the odds of the frequencies: log(measured / simulated) ~ N(0, spread^2) against
+anywhere in the band.
 """
 
 from dataclasses import dataclass
@@ -26,90 +28,95 @@ from identification.words import Real
 
 
 @dataclass(frozen=True)
-class Beliefs:
-    """What is believed before a test.
+class MatchingPriors:
+    """Prior assumptions of a match.
 
     Args:
-        shape_error: eps, of the shape's size.
+        shape_error: eps, relative to the shape's size.
         frequency_error: standard deviation of log(measured / simulated).
         coupling: standard deviation of dK_ab.
-        independent: n_eff, at most.
-        none: probability that a measured mode is none of the simulated.
+        independent_channels: n_eff, at most.
+        no_match: probability that a measured mode is none of the simulated.
     """
 
     shape_error: float = 0.45
     frequency_error: float = 0.15
     coupling: float = 0.005
-    independent: float = 8.0
-    none: float = 0.2
+    independent_channels: float = 8.0
+    no_match: float = 0.2
 
 
-def odds(
+def pairing_odds(
     measured: ImpactModes,
-    at: Real,
+    simulated: Real,
     simulated_hz: Real,
     band: tuple[float, float],
-    beliefs: Beliefs | None = None,
+    priors: MatchingPriors | None = None,
 ) -> Real:
-    """Odds of each pair against no match.
+    """Compute the odds of each pair against no match.
 
     Args:
-        measured: modes.
-        at: simulated modes at the channels, signed, in one normalisation by mass; (n_simulated,
-            n_channel).
-        simulated_hz: (n_simulated,).
-        band: in which measured modes were looked for [Hz].
-        beliefs: before the test.
+        measured: modes of the impacts.
+        simulated: simulated modes at the channels, signed, in one normalisation by mass;
+            (n_simulated, n_channel).
+        simulated_hz: (n_simulated,) [Hz].
+        band: band in which modes were identified [Hz].
+        priors: prior assumptions.
 
     Returns:
         W; (n_measured, n_simulated).
     """
-    beliefs = beliefs or Beliefs()
-    found = np.zeros((len(measured.shapes), len(at)))
+    priors = priors or MatchingPriors()
+    table = np.zeros((len(measured.shapes), len(simulated)))
     width = np.log(band[1] / band[0])
-    share = (1 - beliefs.none) / beliefs.none
-    mixed = mixing(simulated_hz, beliefs.coupling)
+    prior_odds = (1 - priors.no_match) / priors.no_match
+    mixed = mixing(simulated_hz, priors.coupling)
     shapes = zip(measured.frequencies, measured.shapes, measured.variance, strict=True)
     for m, (frequency, shape, noise) in enumerate(shapes):
         count, size = len(shape), float(shape @ shape)
-        base = noise + beliefs.shape_error**2 * size / count
-        power = min(beliefs.independent, count) / count
-        none = _density(shape, base + size / count, np.zeros((count, 0)))
-        for a in range(len(at)):
-            away = np.log(frequency / simulated_hz[a]) / beliefs.frequency_error
-            nearer = -0.5 * away**2 - np.log(np.sqrt(2 * np.pi) * beliefs.frequency_error / width)
-            # Its share of each other mode, in one normalisation; and as large as what was measured.
-            parts = mixed[a][:, None] * at
-            unit = np.sqrt(size / max(float((parts**2).sum()), 1e-300))
-            better = power * (_density(shape, base, unit * parts.T) - none)
-            found[m, a] = share * np.exp(min(better + nearer, 600.0))
-    return found
+        base = noise + priors.shape_error**2 * size / count
+        power = min(priors.independent_channels, count) / count
+        log_none = _log_density(shape, base + size / count, np.zeros((count, 0)))
+        for a in range(len(simulated)):
+            mismatch = np.log(frequency / simulated_hz[a]) / priors.frequency_error
+            log_frequency = -0.5 * mismatch**2 - np.log(
+                np.sqrt(2 * np.pi) * priors.frequency_error / width
+            )
+            # The mode with its parts of all others, scaled to the size of the measured shape.
+            mixture = mixed[a][:, None] * simulated
+            unit = np.sqrt(size / max(float((mixture**2).sum()), 1e-300))
+            log_shape = power * (_log_density(shape, base, unit * mixture.T) - log_none)
+            table[m, a] = prior_odds * np.exp(min(log_shape + log_frequency, 600.0))
+    return table
 
 
 def mixing(simulated_hz: Real, coupling: float) -> Real:
-    """How much of each other mode a mode of the real structure holds, standard deviations.
+    """Compute how much of each other mode a mode of the real structure holds (standard deviation).
 
     Args:
-        simulated_hz: (n_simulated,).
+        simulated_hz: (n_simulated,) [Hz].
         coupling: relative; see above.
 
     Returns:
         m, 1 on the diagonal; (n_simulated, n_simulated).
     """
     logarithm = 2 * np.log(np.maximum(simulated_hz, 1e-300))
-    apart = logarithm[:, None] - logarithm
-    square = 0.5 * (2 * coupling) ** 2 / np.maximum((2 * coupling) ** 2 + apart**2, 1e-300)
+    difference = logarithm[:, None] - logarithm
+    square = 0.5 * (2 * coupling) ** 2 / np.maximum((2 * coupling) ** 2 + difference**2, 1e-300)
     np.fill_diagonal(square, 1.0)
-    found: Real = np.sqrt(square)
-    return found
+    amplitudes: Real = np.sqrt(square)
+    return amplitudes
 
 
-def _density(shape: Real, diagonal: Real, along: Real) -> float:
-    """Log density of N(0, diag + along along'), constants left out; along (n_channel, n)."""
+def _log_density(shape: Real, diagonal: Real, along: Real) -> float:
+    """Return the log density of N(0, diag + along along'), without constants; along (n_channel, n).
+
+    Inverse and determinant follow from the Woodbury identity.
+    """
     whitened = along / np.sqrt(diagonal)[:, None]
     unit = shape / np.sqrt(diagonal)
-    inside = np.eye(whitened.shape[1]) + whitened.T @ whitened
-    pulled = whitened.T @ unit
-    square = float(unit @ unit - pulled @ np.linalg.solve(inside, pulled))
-    logarithm = float(np.log(diagonal).sum() + np.linalg.slogdet(inside)[1])
+    capacitance = np.eye(whitened.shape[1]) + whitened.T @ whitened
+    projected = whitened.T @ unit
+    square = float(unit @ unit - projected @ np.linalg.solve(capacitance, projected))
+    logarithm = float(np.log(diagonal).sum() + np.linalg.slogdet(capacitance)[1])
     return -0.5 * (square + logarithm)

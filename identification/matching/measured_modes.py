@@ -1,14 +1,14 @@
-"""Modes of impacts: poles of all channels and impacts at once, shapes weighted by both."""
+"""Modes of impacts: poles from all channels and impacts at once, shapes weighted by excitation."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from identification.impacts import ImpactSpectra
-from identification.modal import Data, Tolerances, identify_modes, mpc
+from identification.modal import ModeCriteria, WeightedFrfs, identify_modes, mpc
 from identification.words import Complex, ConvergenceError, Real
 
-_EXCITED = 3.0  # deviations: an impact that a mode shows in
+_MIN_EXCITATION_SD = 3.0  # excitation of a mode by an impact over its standard deviation, at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,13 +16,14 @@ class ImpactModes:
     """Measured modes.
 
     Args:
-        frequencies: natural [Hz]; (n_mode,).
-        dampings: ratios; (n_mode,).
-        frequency_sd: (n_mode,) [Hz].
-        damping_sd: (n_mode,).
+        frequencies: natural frequencies [Hz]; (n_mode,).
+        dampings: damping ratios; (n_mode,).
+        frequency_sd: standard deviations of the natural frequencies [Hz]; (n_mode,).
+        damping_sd: standard deviations of the damping ratios; (n_mode,).
         shapes: real, of unit size; (n_mode, n_channel).
-        variance: of their values; (n_mode, n_channel).
-        excited: how far each impact excites each mode, in deviations of it; (n_mode, n_impact).
+        variance: variance of their values; (n_mode, n_channel).
+        excitation: excitation of each mode by each impact, in its standard deviations; (n_mode,
+            n_impact).
         collinearity: MPC of the complex shapes; (n_mode,).
     """
 
@@ -32,63 +33,66 @@ class ImpactModes:
     damping_sd: Real
     shapes: Real
     variance: Real
-    excited: Real
+    excitation: Real
     collinearity: Real
 
 
-def impact_modes(spectra: ImpactSpectra, tolerances: Tolerances | None = None) -> ImpactModes:
-    r"""Identify the modes of impacts.
+def impact_modes(spectra: ImpactSpectra, criteria: ModeCriteria | None = None) -> ImpactModes:
+    """Identify the modes of impacts.
 
-    The spectrum of a free decay is that of a receptance's kind, sum A / (s - lambda) and its twin,
-    A = shape times how far the impact excites the mode: impacts are inputs of unknown size, and one
-    that does not excite a mode tells nothing of it. Of a single mode the residue of a channel has
-    the variance 2 |Re lambda| d v, d the spacing of lines [Hz] and v their variance; over impacts
-    the shape's values are averaged with weights of what excites it.
+    The spectrum of a free decay has the form of a receptance, sum A / (s - lambda) and its
+    conjugate. A is the shape times the excitation of the mode by the impact: impacts are inputs of
+    unknown size. An impact that does not excite a mode holds no information on it. For a single
+    mode the residue of a channel has the variance 2 |Re lambda| d v, with d the spacing of
+    frequency lines [Hz] and v their variance. Over impacts the values of the shape are averaged
+    with weights by excitation.
 
     Args:
-        spectra: of all impacts.
-        tolerances: when poles count as one mode.
+        spectra: spectra of all impacts.
+        criteria: when poles count as one mode.
 
     Raises:
         ConvergenceError: no mode in the band.
     """
     laplace = np.asarray(2j * np.pi * spectra.freq_hz, complex)
     weights = np.ones((len(laplace), 1, 1))
-    data = Data(laplace, 0, spectra.values, weights, 1 / np.maximum(spectra.variance, 1e-300))
-    found = identify_modes(data, spectra.freq_hz, tolerances)
-    fit = found.fit
-    inside = found.inside
+    data = WeightedFrfs(
+        laplace, 0, spectra.values, weights, 1 / np.maximum(spectra.variance, 1e-300)
+    )
+    identified = identify_modes(data, spectra.freq_hz, criteria)
+    fit = identified.fit
+    inside = identified.inside
     spacing = float(spectra.freq_hz[1] - spectra.freq_hz[0])
     decay = np.abs(fit.poles.real)
     # |l|^2 / var(A) of each mode, channel and impact.
     residue = 2 * decay[:, None, None] * spacing * spectra.variance
-    told = (np.abs(fit.participation.T[:, None, :]) ** 2 / residue).sum(axis=2)
+    information = (np.abs(fit.participation.T[:, None, :]) ** 2 / residue).sum(axis=2)
     deviation = np.sqrt(residue.mean(axis=1))
     size = np.sqrt((np.abs(fit.shapes.T) ** 2).mean(axis=1))
-    excited = np.abs(fit.participation.T) * size[:, None] / deviation
-    inside = inside & (excited.max(axis=1) > _EXCITED)
+    excitation = np.abs(fit.participation.T) * size[:, None] / deviation
+    inside = inside & (excitation.max(axis=1) > _MIN_EXCITATION_SD)
     if not inside.any():
         raise ConvergenceError(
-            f"no mode between {spectra.freq_hz[0]:g} and {spectra.freq_hz[-1]:g} Hz stands out of "
-            "the noise. Hit harder, or elsewhere."
+            f"no mode between {spectra.freq_hz[0]:g} and {spectra.freq_hz[-1]:g} Hz exceeds the "
+            "noise. Hit harder, or at another place."
         )
-    real = np.array([in_phase(shape) for shape in fit.shapes.T])
+    real = np.array([rotate_to_real(shape) for shape in fit.shapes.T])
     unit = np.linalg.norm(real, axis=1)[:, None]
     poles = fit.poles[inside]
     return ImpactModes(
         np.abs(poles) / (2 * np.pi),
         -poles.real / np.abs(poles),
-        found.freq_sd[inside],
-        found.damping_sd[inside],
+        identified.freq_sd[inside],
+        identified.damping_sd[inside],
         (real / unit)[inside],
-        (0.5 / np.maximum(told, 1e-300) / unit**2)[inside],  # the other half is out of phase
-        excited[inside],
+        (0.5 / np.maximum(information, 1e-300) / unit**2)[inside],  # the other half is out of phase
+        excitation[inside],
         mpc(fit.shapes)[inside],
     )
 
 
-def in_phase(shape: Complex) -> Real:
-    """A complex shape as real: its phase taken off, as far as it has one."""
-    turn = np.sqrt((shape**2).sum())
-    size = abs(turn)
-    return np.asarray((shape * np.conj(turn) / size).real if size > 0 else shape.real, float)
+def rotate_to_real(shape: Complex) -> Real:
+    """Rotate a complex shape to its dominant phase and return the real part."""
+    rotation = np.sqrt((shape**2).sum())
+    size = abs(rotation)
+    return np.asarray((shape * np.conj(rotation) / size).real if size > 0 else shape.real, float)

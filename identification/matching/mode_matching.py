@@ -1,4 +1,4 @@
-"""The whole of a match: shapes at channels, modes of impacts, odds, probabilities."""
+"""Match of measured to simulated modes: shapes at channels, odds and probabilities."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,68 +8,74 @@ import numpy as np
 
 from identification.impacts import ImpactSpectra
 from identification.matching.assignment import best_matching, pair_probabilities
-from identification.matching.likelihood import Beliefs, odds
+from identification.matching.likelihood import MatchingPriors, pairing_odds
 from identification.matching.measured_modes import ImpactModes, impact_modes
 from identification.modal import mac
-from identification.shapes import How, Shapes, shapes_at
+from identification.shapes import Shapes, ShapeSampling, shapes_at
 from identification.words import Dof, Layout, Real, UsageError
 
 
 @dataclass(frozen=True, eq=False)
-class Match:
+class ModeMatch:
     """Measured and simulated modes, paired.
 
     Args:
         measured: modes of the impacts.
-        simulated_hz: (n_simulated,).
-        at: simulated modes at the channels, signed; (n_simulated, n_channel).
-        odds: of each pair against no match; (n_measured, n_simulated).
+        simulated_hz: (n_simulated,) [Hz].
+        simulated_shapes: simulated modes at the channels, signed; (n_simulated, n_channel).
+        odds: odds of each pair against no match; (n_measured, n_simulated).
     """
 
     measured: ImpactModes
     simulated_hz: Real
-    at: Real
+    simulated_shapes: Real
     odds: Real
 
     @cached_property
     def probability(self) -> Real:
-        """Of every pair, one to one; (n_measured, n_simulated)."""
+        """Return the probability of every pair, one to one; (n_measured, n_simulated)."""
         return pair_probabilities(self.odds)
 
     @cached_property
     def pairs(self) -> dict[int, int]:
-        """Simulated mode of each measured one, by the likeliest matching of all."""
+        """Return the simulated mode of each measured one, by the most probable matching."""
         return best_matching(self.odds)
 
     @cached_property
     def mac(self) -> Real:
-        """Signed shapes at the channels; (n_measured, n_simulated)."""
-        one, other = self.measured.shapes.T.astype(complex), self.at.T.astype(complex)
-        return mac(one, other)
+        """Return the MAC of signed shapes at the channels; (n_measured, n_simulated)."""
+        measured, simulated = (
+            self.measured.shapes.T.astype(complex),
+            self.simulated_shapes.T.astype(complex),
+        )
+        return mac(measured, simulated)
 
-    def channels(self, mode: int, count: int = 3) -> tuple[int, ...]:
-        """Those that tell a measured mode's best candidate from its second, the best first."""
+    def telling_channels(self, mode: int, count: int = 3) -> tuple[int, ...]:
+        """Return the channels that best distinguish a measured mode's two best candidates."""
         best = np.argsort(-self.odds[mode], kind="stable")[:2]
-        if len(best) < 2:  # nothing to be told from
+        if len(best) < 2:  # no second candidate
             return ()
         shape = self.measured.shapes[mode]
-        away = [
-            np.abs(shape - other * float(shape @ other) / max(float(other @ other), 1e-300))
-            for other in self.at[best]
+        residuals = [
+            np.abs(
+                shape
+                - candidate * float(shape @ candidate) / max(float(candidate @ candidate), 1e-300)
+            )
+            for candidate in self.simulated_shapes[best]
         ]
-        return tuple(np.argsort(away[0] - away[1], kind="stable")[:count].tolist())
+        return tuple(np.argsort(residuals[0] - residuals[1], kind="stable")[:count].tolist())
 
 
-def at_channels(
-    shapes: Shapes, layout: Layout, dofs: Sequence[Dof], how: How = "interpolated"
+def shapes_at_channels(
+    shapes: Shapes, layout: Layout, dofs: Sequence[Dof], sampling: ShapeSampling = "interpolated"
 ) -> Real:
-    """Shapes along the channels' directions.
+    """Compute shapes along the directions of channels.
 
     Args:
         shapes: modes on a mesh, in the layout's axes.
-        layout: where the channels' sites are, and how they are turned.
+        layout: places and orientations of the channels' sites.
         dofs: the channels.
-        how: as of ``shapes_at``.
+        sampling: as for ``shapes_at``.
 
     Returns:
         (n_mode, n_channel).
@@ -78,14 +84,14 @@ def at_channels(
         UsageError: a channel at no site of the layout.
         InputError: a site off the mesh.
     """
-    places, axes = channels_at(layout, dofs)
-    vectors = shapes_at(shapes, places, [dof.point for dof in dofs], how=how)
-    found: Real = np.einsum("mcx,cx->mc", vectors, axes)
-    return found
+    places, axes = channel_geometry(layout, dofs)
+    vectors = shapes_at(shapes, places, [dof.point for dof in dofs], sampling=sampling)
+    displacements: Real = np.einsum("mcx,cx->mc", vectors, axes)
+    return displacements
 
 
-def channels_at(layout: Layout, dofs: Sequence[Dof]) -> tuple[Real, Real]:
-    """Where channels are [m], and along what they read; (n_channel, 3) each.
+def channel_geometry(layout: Layout, dofs: Sequence[Dof]) -> tuple[Real, Real]:
+    """Return the places of channels [m] and the axes along which they read; (n_channel, 3) each.
 
     Raises:
         UsageError: a channel at no site of the layout.
@@ -93,29 +99,29 @@ def channels_at(layout: Layout, dofs: Sequence[Dof]) -> tuple[Real, Real]:
     unknown = [dof.point for dof in dofs if dof.point not in layout.points]
     if unknown:
         raise UsageError(f"{unknown[0]} has no place. Give [site.{unknown[0]}] in the layout.")
-    own = [layout.points.index(dof.point) for dof in dofs]
-    axes = [layout.axes[k][:, dof.axis % 3] for k, dof in zip(own, dofs, strict=True)]
-    return layout.positions[own], np.array(axes)
+    sites = [layout.points.index(dof.point) for dof in dofs]
+    axes = [layout.axes[k][:, dof.axis % 3] for k, dof in zip(sites, dofs, strict=True)]
+    return layout.positions[sites], np.array(axes)
 
 
-def match(
+def match_modes(
     shapes: Shapes,
     layout: Layout,
     spectra: ImpactSpectra,
-    how: How = "interpolated",
-    beliefs: Beliefs | None = None,
-) -> Match:
-    """Identify the modes of impacts and say which simulated mode each is.
+    sampling: ShapeSampling = "interpolated",
+    priors: MatchingPriors | None = None,
+) -> ModeMatch:
+    """Identify the modes of impacts and match them to simulated modes.
 
     Args:
-        shapes: modes on a mesh, without those at rest.
-        layout: of the channels.
-        spectra: of the impacts.
-        how: as of ``shapes_at``.
-        beliefs: before the test.
+        shapes: modes on a mesh, without unsupported rigid modes.
+        layout: layout of the channels.
+        spectra: spectra of the impacts.
+        sampling: as for ``shapes_at``.
+        priors: prior assumptions of the match.
     """
-    at = at_channels(shapes, layout, spectra.dofs, how)
+    simulated = shapes_at_channels(shapes, layout, spectra.dofs, sampling)
     measured = impact_modes(spectra)
     band = (float(spectra.freq_hz[0]), float(spectra.freq_hz[-1]))
-    table = odds(measured, at, shapes.frequencies, band, beliefs)
-    return Match(measured, shapes.frequencies, at, table)
+    table = pairing_odds(measured, simulated, shapes.frequencies, band, priors)
+    return ModeMatch(measured, shapes.frequencies, simulated, table)

@@ -1,6 +1,6 @@
 """From FRFs to modes: poles, automatic selection, refinement, indicators."""
 
-from identification.modal.campaign_modes import Measured, beside, identify
+from identification.modal.campaign_modes import MeasuredFrfs, combine_tests, identify
 from identification.modal.circle_fit_method import Circle, circle_fit
 from identification.modal.half_power_method import (
     half_power_damping,
@@ -10,6 +10,7 @@ from identification.modal.half_power_method import (
 )
 from identification.modal.indicators import (
     auto_mac,
+    classify_pole_stability,
     cmif,
     comac,
     frac,
@@ -17,54 +18,54 @@ from identification.modal.indicators import (
     mmif,
     mpc,
     mpd,
-    paired,
+    pair_shapes,
     signed_comac,
-    stability,
 )
 from identification.modal.lscf_method import Poles, lscf
-from identification.modal.mode_selection import Identified, identify_modes
-from identification.modal.pole_clusters import Tolerances
-from identification.modal.refinement import Data, ModalFit
+from identification.modal.mode_selection import IdentifiedModes, identify_modes
+from identification.modal.pole_clusters import ModeCriteria
+from identification.modal.refinement import ModalFit, WeightedFrfs
 from identification.modal.shapes import (
     UNIT_MASS,
     BodyShapes,
-    Scaled,
+    ScaledModes,
     real_shapes,
-    scaled,
+    scale_shapes,
     shapes_at_bodies,
 )
-from identification.modal.single_mode_checks import ClassicalMode, classical_checks
+from identification.modal.single_mode_checks import SingleModeCheck, check_single_modes
 from identification.modal.synthesis import (
     SynthesisError,
-    full_matrix,
-    reciprocal,
+    full_matrix_model,
+    select_reciprocal_modes,
     synthesis_error,
-    synthesised,
+    synthesise_frfs,
 )
-from identification.modal.user_choices import Wishes
+from identification.modal.user_choices import ModeChoices
 
 __all__ = [
     "UNIT_MASS",
     "BodyShapes",
     "Circle",
-    "ClassicalMode",
-    "Data",
-    "Identified",
-    "Measured",
+    "IdentifiedModes",
+    "MeasuredFrfs",
     "ModalFit",
+    "ModeChoices",
+    "ModeCriteria",
     "Poles",
-    "Scaled",
+    "ScaledModes",
+    "SingleModeCheck",
     "SynthesisError",
-    "Tolerances",
-    "Wishes",
+    "WeightedFrfs",
     "auto_mac",
-    "beside",
+    "check_single_modes",
     "circle_fit",
-    "classical_checks",
+    "classify_pole_stability",
     "cmif",
     "comac",
+    "combine_tests",
     "frac",
-    "full_matrix",
+    "full_matrix_model",
     "half_power_damping",
     "identify",
     "identify_modes",
@@ -74,15 +75,14 @@ __all__ = [
     "mmif",
     "mpc",
     "mpd",
-    "paired",
+    "pair_shapes",
     "peak_amplitude",
     "real_shapes",
-    "reciprocal",
-    "scaled",
+    "scale_shapes",
+    "select_reciprocal_modes",
     "shapes_at_bodies",
     "signed_comac",
-    "stability",
     "synthesis_error",
-    "synthesised",
+    "synthesise_frfs",
     "unit_response",
 ]

@@ -1,16 +1,16 @@
-"""All tests of a campaign to one modal model."""
+"""Modal identification of a campaign: all its tests are combined and give one modal model."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.checks.roving_hammer import is_roved
-from identification.modal.mode_selection import Identified, identify_modes
-from identification.modal.pole_clusters import Tolerances
-from identification.modal.refinement import Data
-from identification.modal.user_choices import Wishes
+from identification.checks.roving_hammer import is_roving_hammer
+from identification.modal.mode_selection import IdentifiedModes, identify_modes
+from identification.modal.pole_clusters import ModeCriteria
+from identification.modal.refinement import WeightedFrfs
+from identification.modal.user_choices import ModeChoices
 from identification.words import (
-    ORDER,
+    DERIVATIVE_ORDER,
     Campaign,
     Complex,
     Dof,
@@ -20,24 +20,27 @@ from identification.words import (
     Real,
 )
 
-_PARTS = 8  # of the band
-_FAR = 2.0  # times its mean, what the variance of a cell must be in a part to count there
-_EVEN = 1e-6  # unevenness of the lines, relative to their spacing
+# Sub-bands in which the noise of a cell is compared with its mean; a count.
+_N_NOISE_BANDS = 8
+# Variance of a cell in one sub-band over its mean above which that sub-band sets its weight.
+_LOCAL_NOISE_RATIO = 2.0
+# Spread of the line spacing over its mean; files round frequencies to some seven digits.
+_MAX_SPACING_UNEVENNESS = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """The tests of a campaign side by side.
+class MeasuredFrfs:
+    """FRFs of all tests of a campaign, combined in one array.
 
     Args:
-        freq_hz: lines above 0 Hz [Hz]; (n_freq,).
+        freq_hz: frequency lines above 0 Hz [Hz]; (n_freq,).
         values: FRFs, zero where not measured; (n_freq, n_out, n_in).
-        variance: of them; likewise.
-        measured: (n_out, n_in).
-        outputs: along positive axes; n_out.
-        inputs: likewise; n_in.
-        order: q of the quantity.
-        decay: 1 / tau of the exponential window still in the data [1/s].
+        variance: E|error|^2 of the FRFs; (n_freq, n_out, n_in).
+        measured: whether the FRF of an output and an input was measured; (n_out, n_in).
+        outputs: degrees of freedom along positive axes; n_out.
+        inputs: degrees of freedom along positive axes; n_in.
+        order: q of the quantity: 0, 1, 2 for receptance, mobility, accelerance.
+        decay: 1 / tau of the exponential window that is still in the data [1/s].
     """
 
     freq_hz: Real
@@ -51,11 +54,11 @@ class Measured:
 
     @property
     def laplace(self) -> Complex:
-        """The s of every line; (n_freq,)."""
+        """Laplace variable ``s = decay + i w`` of every line [rad/s]; (n_freq,)."""
         return np.asarray(self.decay + 2j * np.pi * self.freq_hz, np.complex128)
 
-    def exchanged(self) -> "Measured":
-        """Inputs for outputs, by reciprocity H_oi = H_io."""
+    def transpose(self) -> "MeasuredFrfs":
+        """Return the FRFs with inputs and outputs exchanged, by reciprocity H_oi = H_io."""
         return replace(
             self,
             values=self.values.transpose(0, 2, 1),
@@ -65,65 +68,76 @@ class Measured:
             inputs=self.outputs,
         )
 
-    def data(self) -> Data:
-        """What is fitted, weighted by the variance of lines times that of cells.
+    def weight_by_variance(self) -> WeightedFrfs:
+        """Return the FRFs with weights of one over their variance, separable in lines and cells.
 
-        The variance of a cell over that of another hardly depends on the line where noise is the
-        sensors' own, so that the product of both means serves; one set of sums over lines then
-        serves all cells.
+        The variance of a cell over that of another hardly depends on the line where the noise is
+        that of the sensors. The variance is therefore approximated by a product of line and cell,
+        so that one set of sums over lines serves all cells.
 
-        An exponential window makes the errors of neighbouring lines alike. White noise times
-        exp(-t / tau) in blocks of T has the correlation 2 / (2 + i w tau) between lines w apart,
-        so that (T / tau) coth(T / tau) lines tell as much as one.
+        An exponential window correlates the errors of neighbouring lines. White noise times exp(-t
+        / tau) in blocks of T has the correlation 2 / (2 + i w tau) between lines w apart. So (T /
+        tau) coth(T / tau) lines hold the information of one independent line.
         """
-        known = self.measured
-        mean = np.where(known, self.variance.mean(axis=0), 1.0)
-        relative = np.where(known, self.variance / mean, np.nan)
-        lines = np.nanmedian(relative.reshape(len(self.freq_hz), -1), axis=1)
-        # A cell that is far noisier in a part of the band weighs by that part: its noise there
-        # would pass for modes.
-        parts = np.stack(
-            [part.mean(axis=0) for part in np.array_split(relative / lines[:, None, None], _PARTS)]
+        measured = self.measured
+        mean = np.where(measured, self.variance.mean(axis=0), 1.0)
+        relative = np.where(measured, self.variance / mean, np.nan)
+        line_variance = np.nanmedian(relative.reshape(len(self.freq_hz), -1), axis=1)
+        # A cell that is far noisier in one sub-band is weighted by the noise of that sub-band,
+        # which would otherwise be fitted as modes.
+        bands = np.stack(
+            [
+                band.mean(axis=0)
+                for band in np.array_split(relative / line_variance[:, None, None], _N_NOISE_BANDS)
+            ]
         )
-        worst = np.nan_to_num(parts.max(axis=0), nan=1.0)
-        cells = np.where(known, 1.0 / (mean * np.where(worst > _FAR, worst, 1.0)), 0.0)
-        alike = 1.0
+        worst = np.nan_to_num(bands.max(axis=0), nan=1.0)
+        cell_weights = np.where(
+            measured, 1.0 / (mean * np.where(worst > _LOCAL_NOISE_RATIO, worst, 1.0)), 0.0
+        )
+        correlated_lines = 1.0
         if self.decay:
-            lengths = self.decay / float(self.freq_hz[1] - self.freq_hz[0])
-            alike = lengths / np.tanh(lengths)
-        return Data(
+            decay_per_line = self.decay / float(self.freq_hz[1] - self.freq_hz[0])
+            correlated_lines = decay_per_line / np.tanh(decay_per_line)
+        return WeightedFrfs(
             self.laplace,
             self.order,
-            self.values * known,
-            (1.0 / (alike * lines))[:, None, None],
-            cells,
-            alike,
+            self.values * measured,
+            (1.0 / (correlated_lines * line_variance))[:, None, None],
+            cell_weights,
+            correlated_lines,
         )
 
 
-def beside(campaign: Campaign) -> Measured:
-    """Put the tests of a campaign side by side.
+def combine_tests(campaign: Campaign) -> MeasuredFrfs:
+    """Combine the tests of a campaign in one array of FRFs.
 
-    A cell that several tests measured keeps the one with the least variance.
+    Where several tests measured a cell, the test with the smallest variance is kept.
+
+    Args:
+        campaign: tests on common frequency lines.
+
+    Returns:
+        FRFs along positive axes.
 
     Raises:
-        InputError: lines that are not evenly spaced, or different exponential windows.
+        InputError: unevenly spaced lines, fewer than 16 lines, or different exponential windows.
     """
     taus = {test.estimate.window_tau for test in campaign.tests}
     if len(taus) > 1:
         raise InputError(
             f"{campaign.name}: tests carry different exponential windows "
-            f"({', '.join(f'{tau:g} s' for tau in sorted(taus))}): identify them one by one"
+            f"({', '.join(f'{tau:g} s' for tau in sorted(taus))}): identify each test separately"
         )
-    moving = campaign.freq_hz > 0
-    freq = campaign.freq_hz[moving]
+    above_zero = campaign.freq_hz > 0
+    freq = campaign.freq_hz[above_zero]
     spacing = np.diff(freq)
     if len(freq) < 16:
         raise InputError(
             f"{campaign.name}: {len(freq)} lines above 0 Hz are too few for modes: widen the band "
             "to 16 or more"
         )
-    if np.ptp(spacing) > _EVEN * spacing.mean():
+    if np.ptp(spacing) > _MAX_SPACING_UNEVENNESS * spacing.mean():
         raise InputError(
             f"{campaign.name}: lines are unevenly spaced, from {spacing.min():g} to "
             f"{spacing.max():g} Hz: export FRFs on one even axis"
@@ -137,51 +151,59 @@ def beside(campaign: Campaign) -> Measured:
         frf, reference = test.estimate.frf, test.condition.reference
         column = inputs.index(reference.positive)
         for row, dof in enumerate(frf.outputs):
-            place = (slice(None), outputs.index(dof.positive), column)
-            own = test.estimate.variance[moving, row, 0]
-            if test.estimate.measured[row, 0] and own.sum() < variance[place].sum():
-                values[place] = dof.sign * reference.sign * frf.values[moving, row, 0]
-                variance[place], measured[place[1:]] = own, True
+            cell = (slice(None), outputs.index(dof.positive), column)
+            variances = test.estimate.variance[above_zero, row, 0]
+            if test.estimate.measured[row, 0] and variances.sum() < variance[cell].sum():
+                values[cell] = dof.sign * reference.sign * frf.values[above_zero, row, 0]
+                variance[cell], measured[cell[1:]] = variances, True
     tau = taus.pop()
-    # A cell of zeros has no variance; a line of zeros, as of AC coupling, is no line.
+    # A cell of zeros has no variance. AC coupling can leave a line of zeros, which is dropped.
     measured &= (variance > 0).mean(axis=0) > 0.5
-    there = ((variance > 0) | ~measured).all(axis=(1, 2))
-    return Measured(
-        freq[there],
-        (values * measured)[there],
-        np.where(measured, variance, 0.0)[there],
+    usable = ((variance > 0) | ~measured).all(axis=(1, 2))
+    return MeasuredFrfs(
+        freq[usable],
+        (values * measured)[usable],
+        np.where(measured, variance, 0.0)[usable],
         measured,
         outputs,
         inputs,
-        ORDER[campaign.tests[0].estimate.frf.quantity],
+        DERIVATIVE_ORDER[campaign.tests[0].estimate.frf.quantity],
         1.0 / tau if tau else 0.0,
     )
 
 
 def identify(
-    campaign: Campaign, tolerances: Tolerances | None = None, wishes: Wishes | None = None
-) -> tuple[ModalModel, Identified, Measured]:
-    """The modal model of a campaign, how it was found, and what it was found from.
+    campaign: Campaign, criteria: ModeCriteria | None = None, choices: ModeChoices | None = None
+) -> tuple[ModalModel, IdentifiedModes, MeasuredFrfs]:
+    """Identify the modal model of a campaign.
 
-    Modes beside the band stay in the model, after those inside it, since the residuals alone do
-    not stand for them; ``Identified.inside`` counts the modes found.
+    Modes outside the band stay in the model, after those inside it, since the residuals alone
+    cannot stand for them. ``IdentifiedModes.inside`` marks the modes of the band.
 
-    The shape of a roving hammer is in its inputs: by reciprocity the points that were hit are the
-    outputs of all three, the sensors their inputs.
+    In a roving-hammer test the shape lies in the inputs. By reciprocity the impact points are then
+    the outputs of all three results, and the sensors their inputs.
+
+    Args:
+        campaign: tests on common frequency lines.
+        criteria: when poles count as one mode, and which modes are accepted.
+        choices: modes that the user adds, drops or forces.
+
+    Returns:
+        The modal model, the identified modes with their statistics, and the FRFs that were fitted.
 
     Raises:
-        InputError: tests that cannot stand side by side, no cell with a known variance.
-        UsageError: a wish that the data cannot grant.
+        InputError: tests that cannot be combined, or no cell with a known variance.
+        UsageError: a choice that the data do not allow.
     """
-    measured = beside(campaign)
-    if is_roved(campaign):
-        measured = measured.exchanged()
-    data = measured.data()
+    measured = combine_tests(campaign)
+    if is_roving_hammer(campaign):
+        measured = measured.transpose()
+    data = measured.weight_by_variance()
     if not data.cells.any():
         raise InputError(f"{campaign.name}: no channel has a known variance: check the export")
-    found = identify_modes(data, measured.freq_hz, tolerances, wishes)
-    order = np.argsort(~found.inside, kind="stable")
-    fit = found.fit
+    identified = identify_modes(data, measured.freq_hz, criteria, choices)
+    order = np.argsort(~identified.inside, kind="stable")
+    fit = identified.fit
     model = ModalModel(
         poles=fit.poles[order],
         shapes=fit.shapes[:, order],
@@ -190,7 +212,7 @@ def identify(
         upper=fit.upper,
         outputs=measured.outputs,
         inputs=measured.inputs,
-        freq_sd=found.freq_sd[order],
-        damping_sd=found.damping_sd[order],
+        freq_sd=identified.freq_sd[order],
+        damping_sd=identified.damping_sd[order],
     )
-    return model, found, measured
+    return model, identified, measured

@@ -1,18 +1,19 @@
-r"""Circle fit of one mode in the Nyquist plane (Kennelly and Pancu 1947; Ewins 2000, ch. 4.3).
+"""Circle fit of one mode in the Nyquist plane (Kennelly and Pancu 1947; Ewins 2000, ch. 4.3).
 
 With viscous damping the mobility of one mode, time convention exp(+i w t),
 
     Y(w) = i w A / (w_r^2 - w^2 + 2 i zeta w_r w) + B,
 
-is an exact circle of diameter A / (2 zeta w_r) through B, the sum of all other modes, taken to be
-constant. The receptance of structural damping is one too; that of light viscous damping nearly.
-Seen from the centre the angle sweeps twice the mode's phase: with tan(phi) = (w^2 - w_r^2) /
-(2 zeta w_r w),
+is an exact circle of diameter A / (2 zeta w_r) through B. B is the sum of all other modes, assumed
+to be constant. The receptance with structural damping is an exact circle too; the receptance with
+light viscous damping is nearly one. Seen from the centre the angle sweeps twice the phase of the
+mode: with tan(phi) = (w^2 - w_r^2) / (2 zeta w_r w),
 
     theta(w) = theta_r - 2 phi,
 
 so that natural frequency, damping and the angle at resonance follow from the sweep of all lines at
-once; A is the diameter times 2 zeta w_r, its phase that of the diameter at resonance.
+once. The modulus of A is the diameter times 2 zeta w_r; its phase is that of the diameter at
+resonance.
 """
 
 from dataclasses import dataclass
@@ -22,21 +23,23 @@ import scipy.optimize
 
 from identification.words import Complex, InputError, Real
 
-_LEAST = 5  # lines on a circle: three numbers make one, three more the sweep
-_ARC = np.pi / 3  # least sweep around the centre that tells a circle from a line
+# Lines on a circle: centre and radius are three numbers, the angle sweep has three more.
+_MIN_CIRCLE_LINES = 5
+# Sweep around the centre [rad] below which the values are as well a straight line as a circle.
+_MIN_ARC_RAD = np.pi / 3
 
 
 @dataclass(frozen=True)
 class Circle:
-    """A circle through one mode, and what its sweep says.
+    """A circle through the values around one resonance, and the mode that its angle sweep gives.
 
     Args:
         natural_hz: w_r / 2 pi [Hz].
         damping: zeta.
-        modal_constant: A, complex; its phase is 0 or pi where the mode is real
-            [unit of the mobility times rad/s].
-        centre: of the circle [unit of the mobility].
-        radius: likewise.
+        modal_constant: A, complex; its phase is 0 or pi for a real mode [unit of the mobility times
+            rad/s].
+        centre: centre of the circle [unit of the mobility].
+        radius: radius of the circle [unit of the mobility].
         scatter: rms distance of the values from the circle, relative to the radius.
     """
 
@@ -49,15 +52,15 @@ class Circle:
 
     @property
     def phase(self) -> float:
-        """Of the modal constant, -pi .. pi [rad]."""
+        """Phase of the modal constant, -pi .. pi [rad]."""
         return float(np.angle(self.modal_constant))
 
 
 def circle_fit(freq_hz: Real, values: Complex, order: int) -> Circle:
-    """Fit a circle to the lines around one resonance.
+    """Fit a circle to the frequency lines around one resonance.
 
-    The circle is Kasa's, |z|^2 = 2 Re(conj(c) z) + const by linear least squares, refined to the
-    least sum of squared distances; then the sweep of the angle gives frequency and damping.
+    The algebraic circle of Kasa (1976), |z|^2 = 2 Re(conj(c) z) + const by linear least squares, is
+    refined to the least sum of squared distances. Then the angle sweep gives frequency and damping.
 
     Args:
         freq_hz: lines around the peak, rising, above 0 Hz [Hz]; (n_freq,).
@@ -71,20 +74,20 @@ def circle_fit(freq_hz: Real, values: Complex, order: int) -> Circle:
         InputError: too few lines, or values that do not go round a circle.
     """
     freq = np.asarray(freq_hz, float)
-    if len(freq) < _LEAST or freq[0] <= 0:
+    if len(freq) < _MIN_CIRCLE_LINES or freq[0] <= 0:
         raise InputError(
-            f"{len(freq)} lines from {freq[0] if len(freq) else 0:g} Hz: a circle needs at least "
-            f"{_LEAST} above 0 Hz; measure longer"
+            f"{len(freq)} frequency lines from {freq[0] if len(freq) else 0:g} Hz are too few: a "
+            f"circle fit needs at least {_MIN_CIRCLE_LINES} above 0 Hz; measure longer"
         )
     mobility = np.asarray(values) * (2j * np.pi * freq) ** (1 - order)
-    centre, radius = _refined(mobility, *_kasa(mobility))
+    centre, radius = _refine_circle(mobility, *_fit_kasa_circle(mobility))
     angle = np.unwrap(np.angle(mobility - centre))
-    if angle[0] - angle[-1] < _ARC:
+    if angle[0] - angle[-1] < _MIN_ARC_RAD:
         raise InputError(
-            f"the FRF does not go round a circle in {freq[0]:.4g}..{freq[-1]:.4g} Hz: no mode is "
-            "alone there, take the fitted poles"
+            f"the FRF does not go round a circle in {freq[0]:.4g}..{freq[-1]:.4g} Hz: no single "
+            "mode dominates there; use the fitted poles"
         )
-    natural, damping, resonance = _sweep(freq, angle)
+    natural, damping, resonance = _fit_angle_sweep(freq, angle)
     diameter = 2 * radius * np.exp(1j * resonance)
     distance = np.abs(mobility - centre) - radius
     return Circle(
@@ -97,8 +100,8 @@ def circle_fit(freq_hz: Real, values: Complex, order: int) -> Circle:
     )
 
 
-def _kasa(values: Complex) -> tuple[complex, float]:
-    """Centre and radius of the algebraic circle (Kasa 1976), of values scaled to their mean."""
+def _fit_kasa_circle(values: Complex) -> tuple[complex, float]:
+    """Return centre and radius of the algebraic circle (Kasa 1976), fitted to scaled values."""
     middle = values.mean()
     size = float(np.abs(values - middle).max()) or 1.0
     z = (values - middle) / size
@@ -108,28 +111,35 @@ def _kasa(values: Complex) -> tuple[complex, float]:
     return complex(middle + size * (x + 1j * y)), float(size * radius)
 
 
-def _refined(values: Complex, centre: complex, radius: float) -> tuple[complex, float]:
-    """The least sum of squared distances, from the algebraic circle, whose arcs come out small."""
+def _refine_circle(values: Complex, centre: complex, radius: float) -> tuple[complex, float]:
+    """Minimise the sum of squared distances, starting from the algebraic circle.
+
+    The algebraic circle of a short arc is biased towards a small radius.
+    """
     size = radius or 1.0
 
     def distances(x: Real) -> Real:
-        found: Real = np.abs((values - centre) / size - (x[0] + 1j * x[1])) - x[2]
-        return found
+        radial: Real = np.abs((values - centre) / size - (x[0] + 1j * x[1])) - x[2]
+        return radial
 
-    def slopes(x: Real) -> Real:
+    def jacobian(x: Real) -> Real:
         from_centre = (values - centre) / size - (x[0] + 1j * x[1])
         unit = from_centre / np.maximum(np.abs(from_centre), np.finfo(float).tiny)
         return -np.column_stack([unit.real, unit.imag, np.ones(len(unit))])
 
     start = [0.0, 0.0, radius / size]
-    found = scipy.optimize.least_squares(distances, start, slopes, method="lm").x
-    return complex(centre + size * (found[0] + 1j * found[1])), float(size * abs(found[2]))
+    solution = scipy.optimize.least_squares(distances, start, jacobian, method="lm").x
+    return complex(centre + size * (solution[0] + 1j * solution[1])), float(size * abs(solution[2]))
 
 
-def _sweep(freq: Real, angle: Real) -> tuple[float, float, float]:
-    """Natural frequency, damping ratio and the angle at resonance from theta(w).
+def _fit_angle_sweep(freq: Real, angle: Real) -> tuple[float, float, float]:
+    """Fit natural frequency, damping ratio and the angle at resonance to theta(w).
 
-    The fastest sweep is where the resonance is; the three numbers are refined on all lines.
+    The fit starts where the angle sweeps fastest, and uses all lines (Levenberg-Marquardt).
+
+    Args:
+        freq: lines [Hz]; (n_freq,).
+        angle: theta, unwrapped [rad]; (n_freq,).
     """
     rate = np.diff(angle) / np.diff(freq)
     fastest = int(np.argmin(rate))
@@ -137,21 +147,24 @@ def _sweep(freq: Real, angle: Real) -> tuple[float, float, float]:
     width = max(-4.0 / (rate[fastest] * start), 1e-6)  # d theta / dw = -2 / (zeta w_r)
     zeta = width / 2
 
-    def off(x: Real) -> Real:
-        natural, losses = start * np.exp(x[0]), zeta * np.exp(x[1])
-        phase = np.arctan((freq**2 - natural**2) / (2 * losses * natural * freq))
-        found: Real = angle - (x[2] - 2 * phase)
-        return found
+    def angle_residuals(x: Real) -> Real:
+        natural, ratio = start * np.exp(x[0]), zeta * np.exp(x[1])
+        phase = np.arctan((freq**2 - natural**2) / (2 * ratio * natural * freq))
+        residuals: Real = angle - (x[2] - 2 * phase)
+        return residuals
 
-    def slopes(x: Real) -> Real:
-        natural, losses = start * np.exp(x[0]), zeta * np.exp(x[1])
-        tangent = (freq**2 - natural**2) / (2 * losses * natural * freq)
-        by_natural = -(freq**2 + natural**2) / (2 * losses * natural * freq)
+    def jacobian(x: Real) -> Real:
+        natural, ratio = start * np.exp(x[0]), zeta * np.exp(x[1])
+        tangent = (freq**2 - natural**2) / (2 * ratio * natural * freq)
+        by_natural = -(freq**2 + natural**2) / (2 * ratio * natural * freq)
         rate = 2 / (1 + tangent**2)
         return np.column_stack([rate * by_natural, -rate * tangent, -np.ones(len(freq))])
 
     middle = (angle[fastest] + angle[fastest + 1]) / 2
     scale = [zeta, 0.3, 0.3]
-    begin = [0.0, 0.0, middle]
-    found = scipy.optimize.least_squares(off, begin, slopes, x_scale=scale, method="lm").x
-    return float(start * np.exp(found[0])), float(zeta * np.exp(found[1])), float(found[2])
+    initial = [0.0, 0.0, middle]
+    solution = scipy.optimize.least_squares(
+        angle_residuals, initial, jacobian, x_scale=scale, method="lm"
+    ).x
+    natural, damping = start * np.exp(solution[0]), zeta * np.exp(solution[1])
+    return float(natural), float(damping), float(solution[2])

@@ -1,4 +1,4 @@
-"""How many modes there are, and how alike and how real their shapes are."""
+"""Mode indicator functions, and criteria of how well shapes correlate and how real they are."""
 
 from collections.abc import Sequence
 
@@ -8,11 +8,14 @@ import scipy.optimize
 from identification.modal.lscf_method import Poles
 from identification.words import Complex, Integers, Real
 
-NOT_PHYSICAL, NEW, FREQUENCY, DAMPING, STABLE = range(5)  # of a pole beside the order below
+# Levels of a pole in a stabilisation diagram, compared with the poles of the order below.
+NOT_PHYSICAL, NEW, FREQUENCY, DAMPING, STABLE = range(5)
 
 
 def cmif(values: Complex) -> Real:
-    """Complex mode indicator function: squared singular values of H (seed, eq. 3.1 and 3.2).
+    """Compute the complex mode indicator function: squared singular values of H.
+
+    The method is that of Shih et al. (1988); seed, eq. 3.1 and 3.2.
 
     Args:
         values: FRFs; (n_freq, n_out, n_in).
@@ -24,11 +27,11 @@ def cmif(values: Complex) -> Real:
 
 
 def mmif(values: Complex) -> Real:
-    """Multivariate mode indicator function of accelerances or receptances.
+    """Compute the multivariate mode indicator function of accelerances or receptances.
 
-    The force patterns f that make the motion as much out of phase as can be:
-    min f' Re H' Re H f / f' (Re H' Re H + Im H' Im H) f, zero at an undamped resonance of real
-    modes (Williams, Crowley and Vold 1985).
+    The force patterns f make the motion as much out of phase as possible: min f' Re H' Re H f / f'
+    (Re H' Re H + Im H' Im H) f. The minimum is zero at an undamped resonance of real modes
+    (Williams, Crowley and Vold 1985).
 
     Args:
         values: FRFs whose resonances are imaginary; (n_freq, n_out, n_in).
@@ -36,69 +39,85 @@ def mmif(values: Complex) -> Real:
     Returns:
         Smallest first, 0 .. 1; (n_freq, n_in).
     """
-    parts = [np.swapaxes(part, 1, 2) @ part for part in (values.real, values.imag)]
-    real, total = parts[0], parts[0] + parts[1]
+    grams = [np.swapaxes(part, 1, 2) @ part for part in (values.real, values.imag)]
+    real, total = grams[0], grams[0] + grams[1]
     size = np.trace(total, axis1=1, axis2=2)[:, None, None]
-    silent = size == 0  # a line without motion is none of a mode: 1
-    total = np.where(silent, np.eye(total.shape[1]), total + 1e-12 * size * np.eye(total.shape[1]))
-    half = np.linalg.inv(np.linalg.cholesky(total))
-    found: Real = np.linalg.eigvalsh(half @ np.where(silent, total, real) @ np.swapaxes(half, 1, 2))
-    return found
+    is_silent = size == 0  # a line without motion shows no mode: its indicator is 1
+    total = np.where(
+        is_silent, np.eye(total.shape[1]), total + 1e-12 * size * np.eye(total.shape[1])
+    )
+    whitening = np.linalg.inv(np.linalg.cholesky(total))
+    indicator: Real = np.linalg.eigvalsh(
+        whitening @ np.where(is_silent, total, real) @ np.swapaxes(whitening, 1, 2)
+    )
+    return indicator
 
 
-def mac(one: Complex, other: Complex) -> Real:
-    """Modal assurance criterion |a^H b|^2 / (a^H a b^H b) of every pair; (n_one, n_other).
+def mac(first: Complex, second: Complex) -> Real:
+    """Compute the modal assurance criterion |a^H b|^2 / (a^H a b^H b) of every pair of shapes.
+
+    The criterion is that of Allemang and Brown (1982).
 
     Args:
-        one: shapes in columns; (n, n_one).
-        other: likewise; (n, n_other).
+        first: shapes in columns; (n, n_first).
+        second: shapes in columns; (n, n_second).
+
+    Returns:
+        0 .. 1, zero for a shape of zeros; (n_first, n_second).
     """
-    product = np.abs(one.conj().T @ other) ** 2
-    sizes = np.outer((np.abs(one) ** 2).sum(axis=0), (np.abs(other) ** 2).sum(axis=0))
+    product = np.abs(first.conj().T @ second) ** 2
+    sizes = np.outer((np.abs(first) ** 2).sum(axis=0), (np.abs(second) ** 2).sum(axis=0))
     criterion: Real = product / np.where(sizes > 0, sizes, 1.0)
     return criterion
 
 
 def auto_mac(shapes: Complex) -> Real:
-    """MAC of every shape with every other; (n_mode, n_mode)."""
+    """Compute the MAC of every shape with every shape of one set; (n_mode, n_mode)."""
     return mac(shapes, shapes)
 
 
-def frac(one: Complex, other: Complex) -> Real:
-    """Frequency response assurance criterion |a^H b|^2 / (a^H a b^H b) of FRFs one by one.
+def frac(first: Complex, second: Complex) -> Real:
+    """Compute the frequency response assurance criterion |a^H b|^2 / (a^H a b^H b) of each FRF.
 
-    As MAC, over lines (Heylen and Lammens 1996); zero where one of both vanishes.
+    It is the MAC over frequency lines (Heylen and Lammens 1996), zero where either FRF vanishes.
 
     Args:
-        one: FRFs; (n_freq, ...).
-        other: likewise.
+        first: FRFs; (n_freq, ...).
+        second: FRFs; (n_freq, ...).
 
     Returns:
         0 .. 1; without the first axis.
     """
-    product = np.abs((one.conj() * other).sum(axis=0))
-    sizes = [np.linalg.norm(values, axis=0) for values in (one, other)]
-    first, second = (np.where(size > 0, size, 1.0) for size in sizes)
-    criterion: Real = (product / first / second) ** 2
+    product = np.abs((first.conj() * second).sum(axis=0))
+    sizes = [np.linalg.norm(values, axis=0) for values in (first, second)]
+    first_norm, second_norm = (np.where(size > 0, size, 1.0) for size in sizes)
+    criterion: Real = (product / first_norm / second_norm) ** 2
     return criterion
 
 
-def comac(one: Complex, other: Complex) -> Real:
-    """Coordinate MAC of paired shapes: agreement of each degree of freedom over all modes; (n,).
+def comac(first: Complex, second: Complex) -> Real:
+    """Compute the coordinate MAC of paired shapes: agreement of each degree of freedom.
 
-    (sum_r |a_r b_r|)^2 / (sum |a_r|^2 sum |b_r|^2) (Lieven and Ewins 1988).
+    (sum_r |a_r b_r|)^2 / (sum |a_r|^2 sum |b_r|^2), sums over all modes (Lieven and Ewins 1988).
+
+    Args:
+        first: shapes in columns; (n, n_mode).
+        second: their counterparts in columns; (n, n_mode).
+
+    Returns:
+        0 .. 1; (n,).
     """
-    product = (np.abs(one * other)).sum(axis=1) ** 2
-    sizes = (np.abs(one) ** 2).sum(axis=1) * (np.abs(other) ** 2).sum(axis=1)
+    product = (np.abs(first * second)).sum(axis=1) ** 2
+    sizes = (np.abs(first) ** 2).sum(axis=1) * (np.abs(second) ** 2).sum(axis=1)
     criterion: Real = product / np.where(sizes > 0, sizes, 1.0)
     return criterion
 
 
 def mpc(shapes: Complex) -> Real:
-    """Modal phase collinearity: 1 where a shape is real but for one phase; (n_mode,).
+    """Compute the modal phase collinearity: 1 for a shape that is real but for a phase; (n_mode,).
 
-    With S the covariance of real and imaginary parts, the squared ratio of difference and sum of
-    its eigenvalues (Pappa, Elliott and Schenk 1993).
+    With S the covariance of real and imaginary parts, the criterion is the squared ratio of
+    difference and sum of its eigenvalues (Pappa, Elliott and Schenk 1993).
     """
     xx = (shapes.real**2).sum(axis=0)
     yy = (shapes.imag**2).sum(axis=0)
@@ -109,10 +128,12 @@ def mpc(shapes: Complex) -> Real:
 
 
 def mpd(shapes: Complex) -> Real:
-    """Mean phase deviation from the line through the shape's points, weighted by size [rad].
+    """Compute the mean phase deviation from the line through the points of a shape [rad].
+
+    Each degree of freedom is weighted by its amplitude.
 
     Args:
-        shapes: in columns; (n, n_mode).
+        shapes: shapes in columns; (n, n_mode).
 
     Returns:
         (n_mode,).
@@ -128,44 +149,52 @@ def mpd(shapes: Complex) -> Real:
     return deviations
 
 
-def signed_comac(one: Complex, other: Complex, weights: Real | None = None) -> Real:
-    """Correlation of each degree of freedom over all modes, with its sign; (n,).
+def signed_comac(first: Complex, second: Complex, weights: Real | None = None) -> Real:
+    """Compute the signed correlation of each degree of freedom over all modes; (n,).
 
-    Re sum_r a_r b_r^* / sqrt(sum |a_r|^2 sum |b_r|^2) of shapes scaled to one norm and phase each:
-    -1 where a channel is turned round, which the COMAC, made of absolute values, does not see.
+    Re sum_r a_r b_r^* / sqrt(sum |a_r|^2 sum |b_r|^2) of shapes that are scaled to one norm and
+    phase each. A channel with inverted polarity gives -1. The COMAC is made of absolute values and
+    cannot show it.
 
     Args:
-        one: shapes in columns; (n, n_mode).
-        other: their counterparts; likewise.
-        weights: of the modes; (n_mode,), all alike if None.
+        first: shapes in columns; (n, n_mode).
+        second: their counterparts in columns; (n, n_mode).
+        weights: weights of the modes; (n_mode,), equal if None.
     """
-    size, other_size = np.linalg.norm(one, axis=0), np.linalg.norm(other, axis=0)
-    product = (one.conj() * other).sum(axis=0)
+    first_norm, second_norm = np.linalg.norm(first, axis=0), np.linalg.norm(second, axis=0)
+    product = (first.conj() * second).sum(axis=0)
     phase = np.where(product != 0, product / np.where(product != 0, np.abs(product), 1.0), 1.0)
-    weight = np.ones(one.shape[1]) if weights is None else weights
-    a = one * weight / np.where(size > 0, size, 1.0)
-    b = other * weight / np.where(other_size > 0, other_size * phase, 1.0)
+    weight = np.ones(first.shape[1]) if weights is None else weights
+    a = first * weight / np.where(first_norm > 0, first_norm, 1.0)
+    b = second * weight / np.where(second_norm > 0, second_norm * phase, 1.0)
     sizes = np.sqrt((np.abs(a) ** 2).sum(axis=1) * (np.abs(b) ** 2).sum(axis=1))
     correlation: Real = (a.conj() * b).real.sum(axis=1) / np.where(sizes > 0, sizes, 1.0)
     return correlation
 
 
-def paired(criterion: Real, least: float = 0.5) -> list[tuple[int, int]]:
-    """Pairs of shapes, each once, with the largest sum of MAC; rows rising.
+def pair_shapes(criterion: Real, min_mac: float = 0.5) -> list[tuple[int, int]]:
+    """Pair shapes one to one such that the sum of their MAC is largest.
+
+    The assignment is solved by the Hungarian method (Kuhn 1955).
 
     Args:
-        criterion: MAC; (n_one, n_other).
-        least: MAC below which two shapes are no pair.
+        criterion: MAC; (n_first, n_second).
+        min_mac: MAC below which two shapes are no pair.
+
+    Returns:
+        Pairs of row and column, rows rising.
     """
-    rows, columns = scipy.optimize.linear_sum_assignment(-np.where(criterion < least, 0, criterion))
+    rows, columns = scipy.optimize.linear_sum_assignment(
+        -np.where(criterion < min_mac, 0, criterion)
+    )
     return [
         (int(row), int(column))
         for row, column in zip(rows, columns, strict=True)
-        if criterion[row, column] >= least
+        if criterion[row, column] >= min_mac
     ]
 
 
-def stability(
+def classify_pole_stability(
     orders: Sequence[Poles],
     *,
     frequency: float,
@@ -173,30 +202,39 @@ def stability(
     participation: float,
     highest_damping: float,
 ) -> tuple[Integers, ...]:
-    """How each pole of each order compares with the order below, for a stabilisation diagram.
+    """Compare the poles of each order with the order below, for a stabilisation diagram.
 
     Args:
         orders: poles of every order, rising.
-        frequency: largest relative difference.
-        damping: likewise.
-        participation: least MAC of the participation.
-        highest_damping: ratio above which a pole is no mode.
+        frequency: largest relative difference of frequency.
+        damping: largest relative difference of damping.
+        participation: smallest MAC of the participation.
+        highest_damping: damping ratio above which a pole is not physical.
 
     Returns:
-        For each order, for each pole: 0 negative or too much damping, 1 new, 2 with a like
-        frequency below it, 3 with frequency and damping, 4 with participation too: stable.
+        A level for each pole of each order. 0: damping negative or too high; 1: new; 2: frequency
+            agrees with the order below; 3: damping agrees too; 4: participation agrees too, so the
+            pole is stable.
     """
-    found: list[Integers] = []
+    levels: list[Integers] = []
     for below, here in zip([None, *orders[:-1]], orders, strict=True):
         physical = (here.damping > 0) & (here.damping <= highest_damping)
-        kind = np.where(physical, NEW, NOT_PHYSICAL).astype(np.intp)
+        level = np.where(physical, NEW, NOT_PHYSICAL).astype(np.intp)
         if below is not None and len(below.poles):
             ratio = np.maximum(np.abs(below.damping), 1e-300)
-            alike = np.abs(here.freq_hz[:, None] / below.freq_hz - 1) <= frequency
-            alike &= (below.damping > 0) & (below.damping <= highest_damping)
-            damped = alike & (np.abs(here.damping[:, None] - below.damping) <= damping * ratio)
-            same = damped & (mac(here.participation, below.participation) >= participation)
-            for level, criterion in ((FREQUENCY, alike), (DAMPING, damped), (STABLE, same)):
-                kind = np.where(physical & criterion.any(axis=1), level, kind)
-        found.append(kind)
-    return tuple(found)
+            same_frequency = np.abs(here.freq_hz[:, None] / below.freq_hz - 1) <= frequency
+            same_frequency &= (below.damping > 0) & (below.damping <= highest_damping)
+            same_damping = same_frequency & (
+                np.abs(here.damping[:, None] - below.damping) <= damping * ratio
+            )
+            same_participation = same_damping & (
+                mac(here.participation, below.participation) >= participation
+            )
+            for criterion_level, matches in (
+                (FREQUENCY, same_frequency),
+                (DAMPING, same_damping),
+                (STABLE, same_participation),
+            ):
+                level = np.where(physical & matches.any(axis=1), criterion_level, level)
+        levels.append(level)
+    return tuple(levels)

@@ -1,234 +1,279 @@
-"""From clusters of poles to all modes: the remainder is searched, what noise explains dropped.
+"""Complete the modes of a fit: find modes in its residual, remove those that noise explains.
 
-A mode that the polynomials missed shows as a peak of the weighted remainder; it stays if it lowers
-the cost by several times what noise would. Modes beside the band are searched too, since the real
-residuals of LSFD cannot hold those that lie next to it: without them the modes at the ends of the
-band are biased by more than their standard deviations.
+A mode that the polynomials missed shows as a peak of the weighted residual. It is added if it
+lowers the cost by several times what noise would. Poles beside the band are searched too, since the
+real residual terms of LSFD cannot describe modes next to the band. Without these poles the modes at
+the ends of the band are biased by more than their standard deviations.
 """
 
 import numpy as np
 
 from identification.modal.indicators import mac
-from identification.modal.pole_clusters import Tolerances
+from identification.modal.pole_clusters import ModeCriteria
 from identification.modal.refinement import (
-    Data,
     ModalFit,
-    contradiction,
-    cost_without,
+    WeightedFrfs,
+    cost_rise_without,
     fit_shapes,
+    reduced_chi_square,
     refine,
     weighted_error,
 )
 from identification.words import Complex, Mask, Real
 
-_ADDED, _GUARDS = 12, 6  # poles searched in what is left and beside the band, at most
-_NOISE = 3.0  # times the number of its parameters that a mode must lower the cost
-_GUARD = 0.7  # the same of a pole beside the band; noise alone gives 0.5
-_ALONE = 0.3  # of the drop that is asked for, which the new pole must give while others stay
-_SOON = 3.0  # times as rough it may be until then
-_ALIKE = 0.999  # modal assurance criterion of what the halves of a split mode share
-_NARROW = 0.002  # of the band: where a pole was refused, none is searched again in these lines
-_REFUSED = 3  # poles refused before the search ends: the highest peak may be a few cells' noise
-_ROUGH = 0.05  # of the former, at which a search on the way has settled
-_REACH = 5.0  # times the end of the band: further away a pole is a constant
-_FIRST = 10  # steps before the search: while many modes are missing, the fit creeps
-_ABOVE, _BELOW = (1.04, 1.15, 1.4, 2.0), (0.9, 0.6)  # where guards start, of the band's ends
+# Poles that are added inside the band and beside it, at most; counts.
+_MAX_ADDED_MODES, _MAX_GUARD_POLES = 12, 6
+# Drop of the cost that an added mode must give, per parameter; noise alone gives 0.5.
+_MIN_COST_DROP = 3.0
+# Drop of the cost that a pole beside the band must give, per parameter: just above noise.
+_MIN_GUARD_COST_DROP = 0.7
+# Share of the required drop that a new pole must give while all other poles stay fixed.
+_MIN_SOLO_SHARE = 0.3
+# Factor on the cost tolerance of a fit while all other poles stay fixed.
+_SOLO_ROUGHNESS = 3.0
+# MAC of the participation, or of the shapes, above which two overlapping poles are one mode.
+_MIN_SPLIT_MAC = 0.999
+# Half-width around a refused pole in which none is searched again, relative to the band's end.
+_REFUSED_BAND_SHARE = 0.002
+# Poles refused before the search ends: the highest peak may be the noise of a few cells.
+_MAX_REFUSALS = 3
+# Cost tolerance of an intermediate fit, relative to the required drop of a mode.
+_ROUGH_COST_SHARE = 0.05
+# Frequency of a pole over the band's end beyond which it acts as a constant in the band.
+_MAX_BAND_DISTANCE = 5.0
+# Steps of the fit before the search: it converges slowly while many modes are missing.
+_FIRST_STEPS = 10
+# Start frequencies of poles beside the band, relative to its last and its first line.
+_GUARD_STARTS_ABOVE, _GUARD_STARTS_BELOW = (1.04, 1.15, 1.4, 2.0), (0.9, 0.6)
 
 
-def completed(
-    data: Data,
+def add_missing_modes(
+    data: WeightedFrfs,
     freq_hz: Real,
     poles: Complex,
     participation: Complex,
-    tolerances: Tolerances,
+    criteria: ModeCriteria,
 ) -> tuple[ModalFit, Real]:
-    """Refine, add what the remainder shows, drop what noise could explain."""
-    found, _ = refine(data, poles, participation, settled=_rough(data), steps=_FIRST)
-    found = _with_more(data, freq_hz, found, inside=True)
-    found = _with_more(data, freq_hz, found, inside=False)
-    while (worst := _superfluous(data, freq_hz, found, tolerances)) is not None:
-        found = rough_fit(data, *_without(found, worst))
-    found, matrix = refine(data, found.poles, found.participation)
-    while (worst := _superfluous(data, freq_hz, found, tolerances)) is not None:
-        found, matrix = refine(data, *_without(found, worst))
-    return found, matrix
+    """Refine the fit, add the modes that its residual shows, remove those that noise explains.
 
+    Args:
+        data: FRFs and weights.
+        freq_hz: lines [Hz]; (n_freq,).
+        poles: start values [rad/s]; (n_mode,).
+        participation: start values; (n_in, n_mode).
+        criteria: which modes are physical.
 
-def _superfluous(data: Data, freq_hz: Real, found: ModalFit, tolerances: Tolerances) -> int | None:
-    """The pole that explains least, if that is no more than noise would, or if it is no mode.
-
-    One at a time: of two poles that stand for one another either may go, not both.
+    Returns:
+        The fit, and its normal matrix as ``refine`` gives it.
     """
-    if not len(found.poles):
+    fitted, _ = refine(
+        data, poles, participation, cost_tolerance=_rough_cost_drop(data), max_steps=_FIRST_STEPS
+    )
+    fitted = _add_poles(data, freq_hz, fitted, inside=True)
+    fitted = _add_poles(data, freq_hz, fitted, inside=False)
+    while (worst := _find_superfluous(data, freq_hz, fitted, criteria)) is not None:
+        fitted = fit_roughly(data, *_remove_pole(fitted, worst))
+    fitted, matrix = refine(data, fitted.poles, fitted.participation)
+    while (worst := _find_superfluous(data, freq_hz, fitted, criteria)) is not None:
+        fitted, matrix = refine(data, *_remove_pole(fitted, worst))
+    return fitted, matrix
+
+
+def _find_superfluous(
+    data: WeightedFrfs, freq_hz: Real, fitted: ModalFit, criteria: ModeCriteria
+) -> int | None:
+    """Return the pole that explains least, if noise explains as much or it is no mode; else None.
+
+    Only one pole is removed at a time: of two poles that can replace each other, one must stay.
+    """
+    if not len(fitted.poles):
         return None
-    inside = inside_band(found, freq_hz)
-    worth = cost_without(data, found) / np.where(inside, _NOISE, _GUARD)
-    worth /= _contradictions(data, freq_hz, found)
-    worth[inside & ~_physical(found, tolerances)] = 0.0
-    worth[_remote(found, freq_hz)] = 0.0
-    weaker = splits(found) & (worth[:, None] <= worth)
-    worth[inside & weaker.any(axis=1)] = 0.0
-    worst = int(np.argmin(worth))
-    return worst if worth[worst] <= _parameters(data) else None
+    inside = is_inside_band(fitted, freq_hz)
+    relative_rise = cost_rise_without(data, fitted) / np.where(
+        inside, _MIN_COST_DROP, _MIN_GUARD_COST_DROP
+    )
+    relative_rise /= _local_chi_squares(data, freq_hz, fitted)
+    relative_rise[inside & ~_is_physical(fitted, criteria)] = 0.0
+    relative_rise[_is_remote(fitted, freq_hz)] = 0.0
+    weaker = find_split_modes(fitted) & (relative_rise[:, None] <= relative_rise)
+    relative_rise[inside & weaker.any(axis=1)] = 0.0
+    worst = int(np.argmin(relative_rise))
+    return worst if relative_rise[worst] <= _count_parameters(data) else None
 
 
-def _without(found: ModalFit, worst: int) -> tuple[Complex, Complex]:
-    keep = np.arange(len(found.poles)) != worst
-    return found.poles[keep], found.participation[:, keep]
+def _remove_pole(fitted: ModalFit, pole: int) -> tuple[Complex, Complex]:
+    """Return poles and participation without one pole."""
+    keep = np.arange(len(fitted.poles)) != pole
+    return fitted.poles[keep], fitted.participation[:, keep]
 
 
-def rough_fit(data: Data, poles: Complex, participation: Complex) -> ModalFit:
-    """A fit on the way, which stops where noise begins."""
-    fitted, _ = refine(data, poles, participation, settled=_rough(data))
+def fit_roughly(data: WeightedFrfs, poles: Complex, participation: Complex) -> ModalFit:
+    """Refine a fit only until its cost changes by less than noise does."""
+    fitted, _ = refine(data, poles, participation, cost_tolerance=_rough_cost_drop(data))
     return fitted
 
 
-def _rough(data: Data) -> float:
-    return _ROUGH * _NOISE * _parameters(data)
+def _rough_cost_drop(data: WeightedFrfs) -> float:
+    """Return the cost tolerance of an intermediate fit."""
+    return _ROUGH_COST_SHARE * _MIN_COST_DROP * _count_parameters(data)
 
 
-def _with_more(data: Data, freq_hz: Real, found: ModalFit, *, inside: bool) -> ModalFit:
-    """Add poles while they lower the cost by more than noise would, inside the band or beside it.
+def _add_poles(data: WeightedFrfs, freq_hz: Real, fitted: ModalFit, *, inside: bool) -> ModalFit:
+    """Add poles inside the band or beside it while they lower the cost by more than noise would.
 
-    A pole beside the band stands for all modes there, which matter most to the modes next to
-    them; it need be neither a mode nor damped, so that less has to speak for it.
+    A pole beside the band stands for all modes there, which affect the modes next to them most. It
+    need be neither a mode nor damped, so that a smaller drop of the cost suffices.
     """
-    threshold = (_NOISE if inside else _GUARD) * _parameters(data)
-    refused, passed = np.zeros(len(freq_hz), bool), 0
-    for _ in range(_ADDED if inside else _GUARDS):
-        error = weighted_error(data, found) * ~refused[:, None, None]
-        starts = [_peak(freq_hz, error, found)] if inside else _beside(data, freq_hz, error, found)
-        more = [_with(data, found, pole, row) for pole, row in starts]
-        if not inside:  # those that stayed there
-            most = (~inside_band(found, freq_hz)).sum()
-            more = [
+    threshold = (_MIN_COST_DROP if inside else _MIN_GUARD_COST_DROP) * _count_parameters(data)
+    refused, n_refused = np.zeros(len(freq_hz), bool), 0
+    for _ in range(_MAX_ADDED_MODES if inside else _MAX_GUARD_POLES):
+        error = weighted_error(data, fitted) * ~refused[:, None, None]
+        starts = (
+            [_start_at_peak(freq_hz, error, fitted)]
+            if inside
+            else _start_beside_band(data, freq_hz, error, fitted)
+        )
+        candidates = [_add_pole(data, fitted, pole, row) for pole, row in starts]
+        if not inside:  # keep the candidates whose pole has stayed beside the band
+            n_outside = (~is_inside_band(fitted, freq_hz)).sum()
+            candidates = [
                 fit
-                for fit in more
-                if (~inside_band(fit, freq_hz)).sum() > most and not _remote(fit, freq_hz)[-1]
+                for fit in candidates
+                if (~is_inside_band(fit, freq_hz)).sum() > n_outside
+                and not _is_remote(fit, freq_hz)[-1]
             ]
-        better = min(more, key=lambda fit: fit.cost, default=found)
-        split = inside and better is not found and bool(splits(better)[-1].any())
-        if not split and found.cost - better.cost > _ALONE * threshold:
-            better = rough_fit(data, better.poles, better.participation)
-            drop = threshold * _contradictions(data, freq_hz, better)[-1]
-            if found.cost - better.cost >= drop:
-                found = better
+        best = min(candidates, key=lambda fit: fit.cost, default=fitted)
+        is_split = inside and best is not fitted and bool(find_split_modes(best)[-1].any())
+        if not is_split and fitted.cost - best.cost > _MIN_SOLO_SHARE * threshold:
+            best = fit_roughly(data, best.poles, best.participation)
+            drop = threshold * _local_chi_squares(data, freq_hz, best)[-1]
+            if fitted.cost - best.cost >= drop:
+                fitted = best
                 continue
-        passed += not split
-        if not inside or passed > _REFUSED:
+        n_refused += not is_split
+        if not inside or n_refused > _MAX_REFUSALS:
             break
-        width = max(2 * abs(better.damping[-1]), _NARROW) * freq_hz[-1]
+        width = max(2 * abs(best.damping[-1]), _REFUSED_BAND_SHARE) * freq_hz[-1]
         refused |= np.abs(freq_hz - starts[0][0].imag / (2 * np.pi)) <= width
-    return found
-
-
-def _with(data: Data, found: ModalFit, pole: complex, row: Complex) -> ModalFit:
-    """One pole more, moved until it settles while the others stay where they are."""
-    poles, rows = np.append(found.poles, pole), np.column_stack([found.participation, row])
-    only = np.arange(len(poles)) == len(found.poles)
-    fitted, _ = refine(data, poles, rows, settled=_SOON * _rough(data), only=only)
     return fitted
 
 
-def splits(fitted: ModalFit) -> Mask:
-    """Which pairs of poles are one mode, split; (n_mode, n_mode).
+def _add_pole(data: WeightedFrfs, fitted: ModalFit, pole: complex, row: Complex) -> ModalFit:
+    """Add one pole and fit it while all other poles stay fixed."""
+    poles, rows = np.append(fitted.poles, pole), np.column_stack([fitted.participation, row])
+    is_new = np.arange(len(poles)) == len(fitted.poles)
+    moved, _ = refine(
+        data,
+        poles,
+        rows,
+        cost_tolerance=_SOLO_ROUGHNESS * _rough_cost_drop(data),
+        free_modes=is_new,
+    )
+    return moved
 
-    Where FRFs of one machine contradict one another, since it warms up between hits or sensors
-    load it, two poles fit one resonance better than one: H_o = phi_o l / (s - s_r - d_o) is about
-    phi_o l / (s - s_r) + d_o phi_o l / (s - s_r)^2. They share their participation (or their
-    shape, where the contradiction is between hits) to 1e-3, which two modes nearly never do.
+
+def find_split_modes(fitted: ModalFit) -> Mask:
+    """Return which pairs of poles describe one mode that the fit has split; (n_mode, n_mode).
+
+    FRFs of one machine contradict each other when it warms up between hits or when sensors load it.
+    Two poles then fit one resonance better than one pole: H_o = phi_o l / (s - s_r - d_o) is about
+    phi_o l / (s - s_r) + d_o phi_o l / (s - s_r)^2. The two poles share their participation to
+    1e-3, or their shape if the contradiction is between hits. Two separate modes hardly ever do.
     """
     poles = fitted.poles
-    alike = np.zeros((len(poles), len(poles)), bool)
+    is_split = np.zeros((len(poles), len(poles)), bool)
     for vectors in (fitted.participation, fitted.shapes):
         if len(vectors) > 1:
-            alike |= mac(vectors, vectors) > _ALIKE
-    reach = np.abs(poles.real)
-    alike &= np.abs(poles[:, None] - poles) < reach[:, None] + reach
-    np.fill_diagonal(alike, val=False)
-    return alike
+            is_split |= mac(vectors, vectors) > _MIN_SPLIT_MAC
+    half_width = np.abs(poles.real)
+    is_split &= np.abs(poles[:, None] - poles) < half_width[:, None] + half_width
+    np.fill_diagonal(is_split, val=False)
+    return is_split
 
 
-def _contradictions(data: Data, freq_hz: Real, fitted: ModalFit) -> Real:
-    """Squared remainder over variance near each mode, 1 at least; (n_mode,).
+def _local_chi_squares(data: WeightedFrfs, freq_hz: Real, fitted: ModalFit) -> Real:
+    """Return the squared residual over variance near each mode, at least 1; (n_mode,).
 
-    Where the FRFs of a resonance contradict one another, so much more than noise must speak for
-    one mode more there. For a pole beside the band all lines count.
+    Where the FRFs of a resonance contradict each other, the drop of the cost that an additional
+    mode must give is larger by this factor. For a pole beside the band all lines count.
     """
     cells = int((data.cells > 0).sum())
-    left = (np.abs(weighted_error(data, fitted)) ** 2).sum(axis=(1, 2)) * data.alike / cells
-    found = np.full(len(fitted.poles), contradiction(data, fitted))
-    for mode in np.flatnonzero(inside_band(fitted, freq_hz)):
-        away = np.abs(freq_hz - fitted.freq_hz[mode])
-        near = away <= 2 * abs(fitted.damping[mode]) * fitted.freq_hz[mode]
-        near |= away <= np.partition(away, 4)[4]
-        found[mode] = max(1.0, left[near].mean())
-    return found
+    squared_error = (
+        (np.abs(weighted_error(data, fitted)) ** 2).sum(axis=(1, 2)) * data.correlated_lines / cells
+    )
+    chi_squares = np.full(len(fitted.poles), reduced_chi_square(data, fitted))
+    for mode in np.flatnonzero(is_inside_band(fitted, freq_hz)):
+        distance = np.abs(freq_hz - fitted.freq_hz[mode])
+        near = distance <= 2 * abs(fitted.damping[mode]) * fitted.freq_hz[mode]
+        near |= distance <= np.partition(distance, 4)[4]
+        chi_squares[mode] = max(1.0, squared_error[near].mean())
+    return chi_squares
 
 
-def _parameters(data: Data) -> int:
-    """Real numbers that a mode takes."""
+def _count_parameters(data: WeightedFrfs) -> int:
+    """Return the number of real parameters of a mode."""
     n_out, n_in = data.cells.shape
     return int(2 + 2 * (n_in - 1) + 2 * n_out)
 
 
-def inside_band(found: ModalFit, freq_hz: Real) -> Mask:
-    """Which modes lie between the first line and the last; (n_mode,)."""
-    inside: Mask = (found.freq_hz >= freq_hz[0]) & (found.freq_hz <= freq_hz[-1])
+def is_inside_band(fitted: ModalFit, freq_hz: Real) -> Mask:
+    """Return which modes lie between the first line and the last; (n_mode,)."""
+    inside: Mask = (fitted.freq_hz >= freq_hz[0]) & (fitted.freq_hz <= freq_hz[-1])
     return inside
 
 
-def _remote(found: ModalFit, freq_hz: Real) -> Mask:
-    """Poles so far beside the band that residuals are all they are; (n_mode,).
+def _is_remote(fitted: ModalFit, freq_hz: Real) -> Mask:
+    """Return which poles lie so far from the band that they act as residual terms; (n_mode,).
 
-    They fit noise, and creep on for ever, since nothing tells how far away they lie.
+    Such poles fit noise. Their frequency is not identifiable, so that the fit never converges.
     """
-    remote: Mask = found.freq_hz > _REACH * freq_hz[-1]
-    remote |= found.freq_hz < freq_hz[0] / _REACH
+    remote: Mask = fitted.freq_hz > _MAX_BAND_DISTANCE * freq_hz[-1]
+    remote |= fitted.freq_hz < freq_hz[0] / _MAX_BAND_DISTANCE
     return remote
 
 
-def _peak(freq_hz: Real, error: Complex, found: ModalFit) -> tuple[complex, Complex]:
-    """A pole where the weighted remainder is largest."""
+def _start_at_peak(freq_hz: Real, error: Complex, fitted: ModalFit) -> tuple[complex, Complex]:
+    """Return the start of a pole at the largest weighted residual: pole and participation."""
     size = np.linalg.norm(error, ord=2, axis=(1, 2)) ** 2
     peak = int(np.argmax(np.convolve(size, np.ones(5) / 5, mode="same")))
-    return start_at(freq_hz, freq_hz[peak], error, found)
+    return start_pole_at(freq_hz, freq_hz[peak], error, fitted)
 
 
-def _beside(
-    data: Data, freq_hz: Real, error: Complex, found: ModalFit
+def _start_beside_band(
+    data: WeightedFrfs, freq_hz: Real, error: Complex, fitted: ModalFit
 ) -> list[tuple[complex, Complex]]:
-    """One pole above and one below the band, for what the weighted remainder asks at its ends."""
+    """Return the start of a pole above and of one below the band, from the residual at its ends."""
     count = max(8, len(freq_hz) // 8)
     starts = []
     for places, part in (
-        (freq_hz[-1] * np.array(_ABOVE), error[-count:]),
-        (freq_hz[0] * np.array(_BELOW), error[:count]),
+        (freq_hz[-1] * np.array(_GUARD_STARTS_ABOVE), error[-count:]),
+        (freq_hz[0] * np.array(_GUARD_STARTS_BELOW), error[:count]),
     ):
         flat = part.reshape(-1, error.shape[2])
-        most = np.linalg.eigh((flat.conj().T @ flat).real)[1][:, -1] + 0j
-        rows = np.column_stack([found.participation, most])
-        poles = [_pole(place, found) for place in places]
-        costs = [fit_shapes(data, np.append(found.poles, pole), rows).cost for pole in poles]
-        starts.append((poles[int(np.argmin(costs))], most))
+        strongest = np.linalg.eigh((flat.conj().T @ flat).real)[1][:, -1] + 0j
+        rows = np.column_stack([fitted.participation, strongest])
+        poles = [_pole_at(place, fitted) for place in places]
+        costs = [fit_shapes(data, np.append(fitted.poles, pole), rows).cost for pole in poles]
+        starts.append((poles[int(np.argmin(costs))], strongest))
     return starts
 
 
-def start_at(
-    freq_hz: Real, place: float, error: Complex, found: ModalFit
+def start_pole_at(
+    freq_hz: Real, frequency: float, error: Complex, fitted: ModalFit
 ) -> tuple[complex, Complex]:
-    """A pole at a frequency [Hz], with the participation that the weighted remainder has there."""
-    line = int(np.abs(freq_hz - place).argmin())
+    """Return the start of a pole at a frequency [Hz], with the participation of the residual."""
+    line = int(np.abs(freq_hz - frequency).argmin())
     rows = np.linalg.svd(error[max(0, line - 2) : line + 3].reshape(-1, error.shape[2]))[2]
-    return _pole(place, found), rows[0]
+    return _pole_at(frequency, fitted), rows[0]
 
 
-def _pole(place: float, found: ModalFit) -> complex:
-    """At a frequency [Hz], damped as the others are."""
-    damping = float(np.clip(np.median(found.damping), 1e-4, 0.1)) if len(found.poles) else 0.01
-    return complex(2 * np.pi * place * (-damping + 1j * np.sqrt(1 - damping**2)))
+def _pole_at(frequency: float, fitted: ModalFit) -> complex:
+    """Return a pole at a frequency [Hz] with the median damping of the other poles."""
+    damping = float(np.clip(np.median(fitted.damping), 1e-4, 0.1)) if len(fitted.poles) else 0.01
+    return complex(2 * np.pi * frequency * (-damping + 1j * np.sqrt(1 - damping**2)))
 
 
-def _physical(found: ModalFit, tolerances: Tolerances) -> Mask:
-    physical: Mask = (found.damping > 0) & (found.damping < tolerances.highest_damping)
+def _is_physical(fitted: ModalFit, criteria: ModeCriteria) -> Mask:
+    """Return which modes have a damping ratio between zero and the highest allowed; (n_mode,)."""
+    physical: Mask = (fitted.damping > 0) & (fitted.damping < criteria.highest_damping)
     return physical

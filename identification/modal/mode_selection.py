@@ -1,9 +1,9 @@
-"""From FRFs to modes without a click: clusters of stable poles, refined, completed, pruned.
+"""Automatic modal identification: clusters of stable poles, refined, completed and pruned.
 
-Poles of the upper half of the model orders that agree in frequency, damping and participation make
-a cluster; those that keep coming back start the refinement (``fit``). What the fit leaves is then
-searched for modes that the polynomials missed (``complete``); last come the user's own
-(``wishes``).
+Poles of the upper half of the model orders that agree in frequency, damping and participation form
+a cluster. Clusters that recur in enough orders start the refinement (``refinement``). Then the
+residual of the fit is searched for modes that the polynomials missed (``missing_modes``). At last
+the choices of the user are applied (``user_choices``).
 """
 
 from dataclasses import dataclass, replace
@@ -12,29 +12,32 @@ import numpy as np
 
 from identification.modal.indicators import mpc, mpd
 from identification.modal.lscf_method import Poles, lscf
-from identification.modal.missing_modes import completed, inside_band
-from identification.modal.pole_clusters import Cluster, Tolerances, cluster_poles
-from identification.modal.refinement import Data, ModalFit
-from identification.modal.user_choices import Wishes, edited
+from identification.modal.missing_modes import add_missing_modes, is_inside_band
+from identification.modal.pole_clusters import ModeCriteria, PoleCluster, cluster_poles
+from identification.modal.refinement import ModalFit, WeightedFrfs
+from identification.modal.user_choices import ModeChoices, apply_choices
 from identification.words import Mask, Real
 
-_ROOTS = 120  # of the highest order, over all inputs
-_ROUND = 1e-13  # of the largest eigenvalue of a normal matrix, below which only rounding is left
+# Roots of the highest model order, over all inputs; some ten times the modes of a usual band.
+_N_ROOTS = 120
+# Eigenvalue of a normal matrix over its largest below which only rounding is left.
+_EIGENVALUE_FLOOR = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
-class Identified:
+class IdentifiedModes:
     """Modes of measured FRFs.
 
     Args:
         fit: all poles that were fitted, by rising frequency.
-        inside: which are modes of the band: the others stand for what lies beside it, or are less
-            real than was asked.
+        inside: which poles are modes of the band. The others stand for modes outside it, or their
+            shapes are less real than was required.
         freq_sd: standard deviations of the natural frequencies [Hz]; (n_mode,).
-        damping_sd: of the damping ratios; (n_mode,).
+        damping_sd: standard deviations of the damping ratios; (n_mode,).
         orders: poles of every order, for a stabilisation diagram.
         clusters: where the refinement started.
-        misfit: sum of |error|^2 over variance, per value that the fit left free: 1 is the noise.
+        misfit: reduced chi-square: sum of |error|^2 over variance per degree of freedom; noise
+            gives 1.
     """
 
     fit: ModalFit
@@ -42,86 +45,89 @@ class Identified:
     freq_sd: Real
     damping_sd: Real
     orders: tuple[Poles, ...]
-    clusters: tuple[Cluster, ...]
+    clusters: tuple[PoleCluster, ...]
     misfit: float
 
 
 def identify_modes(
-    data: Data,
+    data: WeightedFrfs,
     freq_hz: Real,
-    tolerances: Tolerances | None = None,
-    wishes: Wishes | None = None,
+    criteria: ModeCriteria | None = None,
+    choices: ModeChoices | None = None,
     *,
-    roots: int = _ROOTS,
-) -> Identified:
-    """Find the modes of a set of FRFs.
+    roots: int = _N_ROOTS,
+) -> IdentifiedModes:
+    """Identify the modes of a set of FRFs.
 
-    Where there are more inputs than outputs, as of a roving hammer, both are exchanged on the way.
+    If there are more inputs than outputs, as in a roving-hammer test, both are exchanged
+    internally.
 
     Args:
-        data: FRFs and weights of one over the variance.
+        data: FRFs, and weights of one over their variance.
         freq_hz: evenly spaced lines [Hz]; (n_freq,).
-        tolerances: when poles count as one mode.
-        wishes: modes to add, drop or force.
-        roots: of the highest order.
+        criteria: when poles count as one mode, and which modes are accepted.
+        choices: modes to add, drop or force.
+        roots: number of roots of the highest order.
 
     Returns:
         Modes with their standard deviations; those of forced poles are 0.
 
     Raises:
-        UsageError: a wish that the data cannot grant.
+        UsageError: a choice that the data do not allow.
     """
-    tolerances = tolerances or Tolerances()
+    criteria = criteria or ModeCriteria()
     values = data.values
     if values.shape[2] > values.shape[1]:
-        turned = identify_modes(_exchanged(data), freq_hz, tolerances, wishes, roots=roots)
-        return replace(turned, fit=_exchanged_fit(turned.fit))
+        transposed = identify_modes(_transpose_data(data), freq_hz, criteria, choices, roots=roots)
+        return replace(transposed, fit=_transpose_fit(transposed.fit))
     n_in = values.shape[2]
     size = np.sqrt((np.abs(values) ** 2).mean(axis=(0, 2)))
     rows = values[:, size > 0] / size[size > 0, None]
     highest = min(-(-roots // n_in), len(freq_hz) // 2 - 1)
     orders = lscf(freq_hz, rows, highest)
-    clusters = cluster_poles(orders, (freq_hz[0], freq_hz[-1]), tolerances)
+    clusters = cluster_poles(orders, (freq_hz[0], freq_hz[-1]), criteria)
     # An exponential window moves the poles that the polynomials see by its own decay.
     poles = np.array([cluster.pole for cluster in clusters]) + data.laplace[0].real
     participation = np.array([cluster.participation for cluster in clusters]).T.reshape(n_in, -1)
-    found, matrix = completed(data, freq_hz, poles, participation, tolerances)
-    held = np.zeros(len(found.poles), bool)
-    if wishes:
-        found, matrix, held = edited(data, freq_hz, found, wishes)
-    order = np.argsort(np.abs(found.poles))
-    misfit = _misfit(data, found, len(matrix))
-    freq_sd, damping_sd = (max(1.0, misfit) ** 0.5 * sd for sd in _deviations(found, matrix, held))
-    found = replace(
-        found,
-        poles=found.poles[order],
-        participation=found.participation[:, order],
-        shapes=found.shapes[:, order],
+    fitted, matrix = add_missing_modes(data, freq_hz, poles, participation, criteria)
+    fixed = np.zeros(len(fitted.poles), bool)
+    if choices:
+        fitted, matrix, fixed = apply_choices(data, freq_hz, fitted, choices)
+    order = np.argsort(np.abs(fitted.poles))
+    reduced_cost = _reduced_cost(data, fitted, len(matrix))
+    freq_sd, damping_sd = (
+        max(1.0, reduced_cost) ** 0.5 * sd for sd in _standard_deviations(fitted, matrix, fixed)
     )
-    return Identified(
-        found,
-        inside_band(found, freq_hz) & _real_enough(found, tolerances),
+    fitted = replace(
+        fitted,
+        poles=fitted.poles[order],
+        participation=fitted.participation[:, order],
+        shapes=fitted.shapes[:, order],
+    )
+    return IdentifiedModes(
+        fitted,
+        is_inside_band(fitted, freq_hz) & _meets_phase_criteria(fitted, criteria),
         freq_sd[order],
         damping_sd[order],
         orders,
         clusters,
-        misfit,
+        reduced_cost,
     )
 
 
-def _real_enough(found: ModalFit, tolerances: Tolerances) -> Mask:
-    """Modes whose phases stray no more than was asked.
+def _meets_phase_criteria(fitted: ModalFit, criteria: ModeCriteria) -> Mask:
+    """Return which modes meet the limits of MPC and MPD; (n_mode,).
 
-    The others stay in the fit, like poles beside the band: without them their neighbours would
-    have to stand for them, and stray in their turn.
+    The others stay in the fit, like poles beside the band. Without them their neighbours would fit
+    their part of the response, and would become complex too.
     """
-    kept: Mask = mpc(found.shapes) >= tolerances.collinearity
-    kept &= mpd(found.shapes) <= tolerances.phase_deviation
-    return kept
+    accepted: Mask = mpc(fitted.shapes) >= criteria.collinearity
+    accepted &= mpd(fitted.shapes) <= criteria.phase_deviation
+    return accepted
 
 
-def _exchanged(data: Data) -> Data:
-    """Outputs for inputs: of a roving hammer the few fixed sensors are the references."""
+def _transpose_data(data: WeightedFrfs) -> WeightedFrfs:
+    """Exchange outputs and inputs: with a roving hammer the few fixed sensors are references."""
     return replace(
         data,
         values=data.values.transpose(0, 2, 1),
@@ -130,7 +136,8 @@ def _exchanged(data: Data) -> Data:
     )
 
 
-def _exchanged_fit(fit: ModalFit) -> ModalFit:
+def _transpose_fit(fit: ModalFit) -> ModalFit:
+    """Exchange outputs and inputs of a fit."""
     return replace(
         fit,
         participation=fit.shapes,
@@ -140,36 +147,46 @@ def _exchanged_fit(fit: ModalFit) -> ModalFit:
     )
 
 
-def _misfit(data: Data, found: ModalFit, curved: int) -> float:
-    """Cost per free value: a complex value has two numbers, a parameter takes one of them."""
+def _reduced_cost(data: WeightedFrfs, fitted: ModalFit, n_pole_parameters: int) -> float:
+    """Return the cost per degree of freedom.
+
+    A complex value has two real numbers, of which each parameter takes one.
+
+    Args:
+        data: FRFs and weights.
+        fitted: fit with its cost.
+        n_pole_parameters: number of real parameters of poles and participation.
+    """
     cells = int((data.cells > 0).sum())
     n_out, n_in = data.cells.shape
-    taken = curved + n_out * (2 * len(found.poles) + 2 * n_in)
-    return float(found.cost * data.alike / max(cells * len(data.laplace) - taken / 2, 1.0))
+    n_parameters = n_pole_parameters + n_out * (2 * len(fitted.poles) + 2 * n_in)
+    return float(
+        fitted.cost * data.correlated_lines / max(cells * len(data.laplace) - n_parameters / 2, 1.0)
+    )
 
 
-def _deviations(found: ModalFit, matrix: Real, held: Mask) -> tuple[Real, Real]:
-    """Standard deviations of frequency [Hz] and damping ratio; (n_mode,) each.
+def _standard_deviations(fitted: ModalFit, matrix: Real, fixed: Mask) -> tuple[Real, Real]:
+    """Return standard deviations of frequency [Hz] and damping ratio; (n_mode,) each.
 
-    cov(Re s, Im s) is half the inverse of the normal matrix; |s| and -Re s / |s| follow to first
-    order. What the model does not hold is not in them.
+    cov(Re s, Im s) is half the inverse of the normal matrix. |s| and -Re s / |s| follow to first
+    order. Errors of the model itself are not included.
     """
-    sds = np.zeros((2, len(held)))
-    m = int((~held).sum())
-    if not m:
+    sds = np.zeros((2, len(fixed)))
+    count = int((~fixed).sum())
+    if not count:
         return sds[0], sds[1]
-    size = np.sqrt(np.maximum(np.diag(matrix), _ROUND * np.diag(matrix).max()))
+    size = np.sqrt(np.maximum(np.diag(matrix), _EIGENVALUE_FLOOR * np.diag(matrix).max()))
     values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
-    # Poles far beside the band are hardly told apart: rounding must not make that negative.
+    # Poles far beside the band are nearly collinear: rounding must not give negative variances.
     scaled = vectors / size[:, None]
-    covariance = scaled / np.maximum(values, _ROUND * values[-1]) @ scaled.T / 2
-    own = np.arange(m)
-    poles = found.poles[~held]
+    covariance = scaled / np.maximum(values, _EIGENVALUE_FLOOR * values[-1]) @ scaled.T / 2
+    place = np.arange(count)
+    poles = fitted.poles[~fixed]
     real, imag, size = poles.real, poles.imag, np.abs(poles)
-    var_r, var_i = covariance[own, own], covariance[m + own, m + own]
-    both = covariance[own, m + own]
-    frequency = (real**2 * var_r + imag**2 * var_i + 2 * real * imag * both) / size**2
+    var_r, var_i = covariance[place, place], covariance[count + place, count + place]
+    covariance_ri = covariance[place, count + place]
+    frequency = (real**2 * var_r + imag**2 * var_i + 2 * real * imag * covariance_ri) / size**2
     slope_r, slope_i = -(imag**2) / size**3, real * imag / size**3
-    damping = slope_r**2 * var_r + slope_i**2 * var_i + 2 * slope_r * slope_i * both
-    sds[:, ~held] = np.sqrt(frequency) / (2 * np.pi), np.sqrt(damping)
+    damping = slope_r**2 * var_r + slope_i**2 * var_i + 2 * slope_r * slope_i * covariance_ri
+    sds[:, ~fixed] = np.sqrt(frequency) / (2 * np.pi), np.sqrt(damping)
     return sds[0], sds[1]

@@ -1,4 +1,4 @@
-"""Poles of several model orders that are one mode."""
+"""Clusters of poles of several model orders that describe one mode."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,17 +10,17 @@ from identification.words import Complex
 
 
 @dataclass(frozen=True)
-class Tolerances:
-    """When two poles count as the same mode, and which poles are physical.
+class ModeCriteria:
+    """Criteria by which two poles count as one mode, and by which a mode is accepted.
 
     Args:
-        frequency: relative difference.
-        damping: relative difference.
-        participation: least modal assurance criterion of the participation.
-        persistence: least share of the orders in which a mode comes back.
-        highest_damping: ratio above which a pole is no mode.
-        collinearity: least modal phase collinearity (MPC) of a shape.
-        phase_deviation: greatest mean phase deviation (MPD) of a shape [rad].
+        frequency: largest relative difference of frequency in a cluster.
+        damping: largest relative difference of damping in a cluster.
+        participation: smallest MAC of the participation in a cluster.
+        persistence: smallest share of the orders in which a mode recurs.
+        highest_damping: damping ratio above which a pole is not physical.
+        collinearity: smallest modal phase collinearity (MPC) of a shape.
+        phase_deviation: largest mean phase deviation (MPD) of a shape [rad].
     """
 
     frequency: float = 0.01
@@ -33,13 +33,13 @@ class Tolerances:
 
 
 @dataclass(frozen=True, eq=False)
-class Cluster:
-    """Poles of several orders that are one mode.
+class PoleCluster:
+    """Poles of several model orders that describe one mode.
 
     Args:
-        pole: their median [rad/s].
-        participation: of the pole nearest to it; (n_in,).
-        count: orders in which it comes back.
+        pole: median of the poles [rad/s].
+        participation: participation of the pole nearest to the median; (n_in,).
+        count: number of orders in which the pole recurs.
         freq_sd, damping_sd: standard deviations over the orders [Hz, 1].
     """
 
@@ -51,47 +51,57 @@ class Cluster:
 
 
 def cluster_poles(
-    orders: Sequence[Poles], band: tuple[float, float], tolerances: Tolerances
-) -> tuple[Cluster, ...]:
-    """Group the physical poles of the upper half of the orders.
+    orders: Sequence[Poles], band: tuple[float, float], criteria: ModeCriteria
+) -> tuple[PoleCluster, ...]:
+    """Group the physical poles of the upper half of the model orders.
 
-    The pole with neighbours in most other orders makes the first cluster, the next of those left
-    the second, until they come back in too few orders.
+    The pole with neighbours in most other orders forms the first cluster. The next of the remaining
+    poles forms the second, until a pole recurs in too few orders.
+
+    Args:
+        orders: poles of every order, rising.
+        band: lowest and highest frequency [Hz].
+        criteria: when poles count as one mode.
+
+    Returns:
+        Clusters by rising frequency.
     """
-    upper = orders[len(orders) // 2 :]
-    freq = np.concatenate([order.freq_hz for order in upper])
-    damping = np.concatenate([order.damping for order in upper])
-    poles = np.concatenate([order.poles for order in upper])
-    shapes = np.hstack([order.participation for order in upper])
-    number = np.repeat(np.arange(len(upper)), [len(order.poles) for order in upper])
-    physical = (damping > 0) & (damping < tolerances.highest_damping)
+    upper_orders = orders[len(orders) // 2 :]
+    freq = np.concatenate([order.freq_hz for order in upper_orders])
+    damping = np.concatenate([order.damping for order in upper_orders])
+    poles = np.concatenate([order.poles for order in upper_orders])
+    shapes = np.hstack([order.participation for order in upper_orders])
+    order_index = np.repeat(
+        np.arange(len(upper_orders)), [len(order.poles) for order in upper_orders]
+    )
+    physical = (damping > 0) & (damping < criteria.highest_damping)
     physical &= (freq >= band[0]) & (freq <= band[1])
     freq, damping, poles = freq[physical], damping[physical], poles[physical]
-    shapes, number = shapes[:, physical], number[physical]
-    alike = np.abs(freq[:, None] / freq - 1) <= tolerances.frequency
-    alike &= np.abs(damping[:, None] - damping) <= tolerances.damping * damping
-    alike &= np.abs(shapes.conj().T @ shapes) ** 2 >= tolerances.participation
-    left = np.ones(len(freq), bool)
-    order_of = (number[:, None] == np.arange(len(upper))).astype(np.float32)
-    counts = alike.astype(np.float32) @ order_of
+    shapes, order_index = shapes[:, physical], order_index[physical]
+    agrees = np.abs(freq[:, None] / freq - 1) <= criteria.frequency
+    agrees &= np.abs(damping[:, None] - damping) <= criteria.damping * damping
+    agrees &= np.abs(shapes.conj().T @ shapes) ** 2 >= criteria.participation
+    is_free = np.ones(len(freq), bool)
+    order_indicator = (order_index[:, None] == np.arange(len(upper_orders))).astype(np.float32)
+    counts = agrees.astype(np.float32) @ order_indicator
     clusters = []
-    while left.any():
-        seen = (counts > 0.5).sum(axis=1) * left
-        best = int(np.argmax(seen))
-        if seen[best] < max(2.0, tolerances.persistence * len(upper)):
+    while is_free.any():
+        n_orders = (counts > 0.5).sum(axis=1) * is_free
+        best = int(np.argmax(n_orders))
+        if n_orders[best] < max(2.0, criteria.persistence * len(upper_orders)):
             break
-        own = np.flatnonzero(alike[best] & left)
-        middle = np.median(poles[own].real) + 1j * np.median(poles[own].imag)
-        nearest = own[np.argmin(np.abs(poles[own] - middle))]
+        members = np.flatnonzero(agrees[best] & is_free)
+        median = np.median(poles[members].real) + 1j * np.median(poles[members].imag)
+        nearest = members[np.argmin(np.abs(poles[members] - median))]
         clusters.append(
-            Cluster(
-                complex(middle),
+            PoleCluster(
+                complex(median),
                 shapes[:, nearest],
-                int(seen[best]),
-                float(freq[own].std()),
-                float(damping[own].std()),
+                int(n_orders[best]),
+                float(freq[members].std()),
+                float(damping[members].std()),
             )
         )
-        left[own] = False
-        counts -= alike[:, own].astype(np.float32) @ order_of[own]
+        is_free[members] = False
+        counts -= agrees[:, members].astype(np.float32) @ order_indicator[members]
     return tuple(sorted(clusters, key=lambda cluster: abs(cluster.pole)))

@@ -1,16 +1,16 @@
-r"""Poles, participation, shapes and residuals fitted together to FRFs, weighted by variance.
+"""Joint fit of poles, participation, shapes and residuals to FRFs, weighted by their variance.
 
     H_oi(s) = s^q [ sum_r (phi_or l_ri / (s - s_r) + its conjugate) + v_oi / s^2 + u_oi ]
 
-with s = i w, q = 0, 1, 2 for receptance, mobility, accelerance, and the residuals v, u of modes
-below and above the band, real (Ewins 2000, ch. 4). Given poles s_r and participation l_r all else
-is linear, output by output (least-squares frequency domain, LSFD). So each step of Gauss and
-Newton is taken in poles and participation alone, the shapes eliminated block by block (variable
-projection, Golub and Pereyra 1973): exact, since the normal equations of an output only hold sums
-over lines of products of the 4 m + 2 kernels s^q / (s - s_r), its square, their conjugate twins,
-s^q and s^(q - 2).
+with s = i w and q = 0, 1, 2 for receptance, mobility, accelerance. The real residuals v and u stand
+for modes below and above the band (Ewins 2000, ch. 4). Given poles s_r and participation l_r all
+else is linear, output by output (least-squares frequency domain, LSFD). Each Gauss-Newton step is
+therefore taken in poles and participation alone, with the shapes eliminated by the Schur complement
+(variable projection, Golub and Pereyra 1973). This is exact, since the normal equations of an
+output are sums over lines of products of 4 m + 2 kernels. The kernels are s^q / (s - s_r), its
+square, their conjugates, s^q and s^(q - 2).
 
-The largest participation of each mode is held, since phi_r c and l_r / c are the same mode.
+The largest participation of each mode is fixed, since phi_r c and l_r / c are the same mode.
 """
 
 from dataclasses import dataclass, replace
@@ -19,25 +19,27 @@ import numpy as np
 
 from identification.words import Complex, HasPoles, Integers, Mask, Real, modal_sum
 
-_STEPS = 40
-_SETTLED = 0.02  # drop of the cost at which a fit has settled: with weights of one over the
-# variance, a parameter one standard deviation off costs a half
-_RIDGE = 1e-12  # of each diagonal, where data do not tell two columns apart
+_MAX_REFINE_STEPS = 40  # Gauss-Newton steps; a fit converges in some ten
+# Drop of the cost in one step at which a fit has converged. With weights of one over the
+# variance, a parameter one standard deviation off its optimum costs 0.5.
+_COST_TOLERANCE = 0.02
+# Added to each diagonal entry of a normal matrix, relative to it, for collinear columns.
+_NORMAL_RIDGE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Data:
-    """FRFs and how well they are known.
+class WeightedFrfs:
+    """FRFs and their weights in a fit.
 
     Args:
-        laplace: s of every line; (n_freq,).
-        order: q.
+        laplace: s of every line [rad/s]; (n_freq,).
+        order: q: 0, 1, 2 for receptance, mobility, accelerance.
         values: H, zero where not measured; (n_freq, n_out, n_in).
-        weights: one over the variance, zero where not measured; (n_freq, n_out, n_in), or
-            (n_freq, 1, 1) times ``cells`` if they are separable.
-        cells: (n_out, n_in) weights of the cells beside those of the lines.
-        alike: lines whose errors are so alike that they tell as much as one; the weights have it
-            in them.
+        weights: one over the variance, zero where not measured; (n_freq, n_out, n_in), or (n_freq,
+            1, 1) times ``cells`` if they are separable.
+        cells: weights of the cells beside those of the lines; (n_out, n_in).
+        correlated_lines: number of lines that hold the information of one independent line; the
+            weights include it.
     """
 
     laplace: Complex
@@ -45,17 +47,17 @@ class Data:
     values: Complex
     weights: Real
     cells: Real
-    alike: float = 1.0
+    correlated_lines: float = 1.0
 
     @property
     def separable(self) -> bool:
-        """Whether all cells weigh the lines alike."""
+        """Whether the weights of lines are equal in all cells."""
         return self.weights.shape[1:] == (1, 1)
 
 
 @dataclass(frozen=True, eq=False)
 class ModalFit(HasPoles):
-    """A modal model of measured FRFs.
+    """A modal model that was fitted to measured FRFs.
 
     Args:
         poles: s_r, Im > 0 [rad/s]; (n_mode,).
@@ -73,12 +75,12 @@ class ModalFit(HasPoles):
     cost: float
 
     def values(self, laplace: Complex, order: int) -> Complex:
-        """H; (n_freq, n_out, n_in)."""
+        """Compute H of a quantity of order q; (n_freq, n_out, n_in)."""
         return modal_sum(self, laplace, order)
 
 
-def kernels(data: Data, poles: Complex) -> Complex:
-    """s^q / (s - s_r), its twin, their squares, s^q, s^(q-2); (n_freq, 4 m + 2)."""
+def build_kernels(data: WeightedFrfs, poles: Complex) -> Complex:
+    """Compute s^q / (s - s_r), its conjugate, their squares, s^q and s^(q-2); (n_freq, 4 m + 2)."""
     s = data.laplace[:, None]
     scale = s**data.order
     away, twin = 1.0 / (s - poles), 1.0 / (s - poles.conj())
@@ -88,12 +90,12 @@ def kernels(data: Data, poles: Complex) -> Complex:
     return columns
 
 
-class _Sums:
-    """Sums over lines of products of kernels with one another and with the data."""
+class _KernelSums:
+    """Sums over lines of products of kernels with each other and with the data."""
 
-    def __init__(self, data: Data, poles: Complex) -> None:
+    def __init__(self, data: WeightedFrfs, poles: Complex) -> None:
         self.data = data
-        self.kernels = kernels(data, poles)
+        self.kernels = build_kernels(data, poles)
         n_out, n_in = data.cells.shape
         weights = np.broadcast_to(data.weights, (len(data.laplace), *data.weights.shape[1:]))
         scaled = self.kernels.conj()
@@ -110,7 +112,7 @@ class _Sums:
                     self.grams[out, inp] = (scaled * weights[:, out, inp, None]).T @ self.kernels
 
     def project(self, values: Complex) -> Complex:
-        """K^H W h of every cell; (n_out, n_in, 4 m + 2)."""
+        """Return K^H W h of every cell; (n_out, n_in, 4 m + 2)."""
         if self.data.separable:  # the lines' weights are in the kernels
             summed = self.weighted @ values.reshape(len(values), -1)
         else:
@@ -120,22 +122,22 @@ class _Sums:
 
 
 def _linear_frame(participation: Complex) -> Complex:
-    """Kernels to the columns of Re phi, Im phi, v, u; (n_in, 4 m + 2, 2 m + 2 n_in)."""
+    """Return the map from Re phi, Im phi, v, u to kernels; (n_in, 4 m + 2, 2 m + 2 n_in)."""
     n_in, m = participation.shape
     frame = np.zeros((n_in, 4 * m + 2, 2 * m + 2 * n_in), complex)
     mode = np.arange(m)
-    for inp, own in enumerate(participation):
-        frame[inp, mode, mode] = own
-        frame[inp, m + mode, mode] = own.conj()
-        frame[inp, mode, m + mode] = 1j * own
-        frame[inp, m + mode, m + mode] = -1j * own.conj()
+    for inp, row in enumerate(participation):
+        frame[inp, mode, mode] = row
+        frame[inp, m + mode, mode] = row.conj()
+        frame[inp, mode, m + mode] = 1j * row
+        frame[inp, m + mode, m + mode] = -1j * row.conj()
         frame[inp, 4 * m, 2 * m + n_in + inp] = 1.0
         frame[inp, 4 * m + 1, 2 * m + inp] = 1.0
     return frame
 
 
-def fit_shapes(data: Data, poles: Complex, participation: Complex) -> ModalFit:
-    """Shapes and residuals by linear least squares (LSFD).
+def fit_shapes(data: WeightedFrfs, poles: Complex, participation: Complex) -> ModalFit:
+    """Fit shapes and residuals by linear least squares (LSFD).
 
     Args:
         data: FRFs and weights.
@@ -149,10 +151,13 @@ def fit_shapes(data: Data, poles: Complex, participation: Complex) -> ModalFit:
     return fitted
 
 
-def _fit_shapes(data: Data, poles: Complex, participation: Complex) -> tuple[ModalFit, "_Linear"]:
-    sums = _Sums(data, poles)
+def _fit_shapes(
+    data: WeightedFrfs, poles: Complex, participation: Complex
+) -> tuple[ModalFit, "_LinearFit"]:
+    """Fit shapes and residuals, and return the intermediate results of the linear fit too."""
+    sums = _KernelSums(data, poles)
     frame = _linear_frame(participation)
-    normal = _normal(data, sums, frame)
+    normal = _normal_matrices_of_outputs(data, sums, frame)
     right = np.einsum(
         "oi,ikb,oik->ob", data.cells, frame.conj(), sums.project(data.values), optimize=True
     ).real
@@ -163,43 +168,43 @@ def _fit_shapes(data: Data, poles: Complex, participation: Complex) -> tuple[Mod
     fitted = ModalFit(poles, participation, shapes, lower, upper, 0.0)
     error = data.values - fitted.values(data.laplace, data.order)
     cost = float((np.abs(error) ** 2 * data.weights * data.cells).sum())
-    return replace(fitted, cost=cost), _Linear(sums, frame, normal, error)
+    return replace(fitted, cost=cost), _LinearFit(sums, frame, normal, error)
 
 
 @dataclass(frozen=True, eq=False)
-class _Linear:
-    """What the linear fit leaves for the nonlinear one."""
+class _LinearFit:
+    """Intermediate results of the linear fit that the nonlinear fit uses."""
 
-    sums: _Sums
+    sums: _KernelSums
     frame: Complex
     normal: Real
     error: Complex
 
 
-def _normal(data: Data, sums: _Sums, frame: Complex) -> Real:
-    """Normal equations of the shapes of every output; (n_out, n_b, n_b)."""
+def _normal_matrices_of_outputs(data: WeightedFrfs, sums: _KernelSums, frame: Complex) -> Real:
+    """Compute the normal matrix of the shapes of every output; (n_out, n_b, n_b)."""
     if data.separable:
-        inner = np.stack([(own.conj().T @ sums.grams[0, 0] @ own).real for own in frame])
+        inner = np.stack([(row.conj().T @ sums.grams[0, 0] @ row).real for row in frame])
         normal: Real = np.einsum("oi,iab->oab", data.cells, inner)
     else:
         normal = np.zeros((len(data.cells), frame.shape[2], frame.shape[2]))
-        for inp, own in enumerate(frame):
+        for inp, row in enumerate(frame):
             grams = sums.grams[:, inp] * data.cells[:, inp, None, None]
-            normal += (own.conj().T @ grams @ own).real
+            normal += (row.conj().T @ grams @ row).real
     diagonal = np.arange(normal.shape[1])
-    normal[:, diagonal, diagonal] *= 1 + _RIDGE
+    normal[:, diagonal, diagonal] *= 1 + _NORMAL_RIDGE
     empty = normal[:, diagonal, diagonal] == 0
     normal[:, diagonal, diagonal] += empty
     return normal
 
 
 @dataclass(frozen=True, eq=False)
-class _Free:
-    """What varies beside the shapes: poles, and participation but for the largest of a mode.
+class _FreeParameters:
+    """Nonlinear parameters that vary: poles, and all but the largest participation of each mode.
 
     Args:
-        poles: numbers of those that vary; (n_pole,).
-        inputs, modes: of the participations that vary; (n_free,).
+        poles: numbers of the poles that vary; (n_pole,).
+        inputs, modes: input and mode of each participation that varies; (n_free,).
     """
 
     poles: Integers
@@ -208,179 +213,208 @@ class _Free:
 
     @property
     def size(self) -> int:
-        """Real numbers: Re s, Im s, Re l, Im l."""
+        """Number of real parameters: Re s, Im s, Re l, Im l."""
         return 2 * len(self.poles) + 2 * len(self.inputs)
 
 
-def _free(participation: Complex, moving: Mask, turning: Mask) -> _Free:
-    """Poles of the modes that may move, participation of those that may turn; (n_mode,) each."""
+def _free_parameters(
+    participation: Complex, moving_poles: Mask, moving_rows: Mask
+) -> _FreeParameters:
+    """List the parameters that vary.
+
+    Args:
+        participation: (n_in, n_mode).
+        moving_poles: modes whose poles vary; (n_mode,).
+        moving_rows: modes whose participation varies; (n_mode,).
+    """
     largest = np.abs(participation).argmax(axis=0)
-    inputs, modes = np.nonzero((np.arange(len(participation))[:, None] != largest) & turning)
-    return _Free(np.flatnonzero(moving), inputs, modes)
+    inputs, modes = np.nonzero((np.arange(len(participation))[:, None] != largest) & moving_rows)
+    return _FreeParameters(np.flatnonzero(moving_poles), inputs, modes)
 
 
 @dataclass(frozen=True, eq=False)
-class _Curves:
-    """Columns of Re s, Im s, Re l, Im l for one input: two kernels each, with their factors.
+class _ParameterColumns:
+    """Jacobian columns of Re s, Im s, Re l, Im l for one input: two kernels and their factors.
 
     Args:
-        columns: which parameters move this input; (n_own,).
-        shared: how many of them, the first, move the other inputs too.
-        first, second: kernels; (n_own,).
-        one, other: their factors for each output; (n_out, n_own).
+        columns: numbers of the parameters that affect this input; (n_own,).
+        shared: how many of them, the first, affect the other inputs too.
+        first, second: numbers of the kernels; (n_own,).
+        first_factor, second_factor: their factors for each output; (n_out, n_own).
     """
 
     columns: Integers
     shared: int
     first: Integers
     second: Integers
-    one: Complex
-    other: Complex
+    first_factor: Complex
+    second_factor: Complex
 
     @property
     def pairs(self) -> tuple[tuple[Integers, Complex], tuple[Integers, Complex]]:
-        """Kernels with factors, twice."""
-        return (self.first, self.one), (self.second, self.other)
+        """Both kernels with their factors."""
+        return (self.first, self.first_factor), (self.second, self.second_factor)
 
 
-def _curves(fitted: ModalFit, free: _Free, inp: int) -> _Curves:
+def _parameter_columns(fitted: ModalFit, free: _FreeParameters, inp: int) -> _ParameterColumns:
+    """Build the Jacobian columns of one input."""
     m, k, count = len(fitted.poles), len(free.poles), len(free.inputs)
-    place, mode, own = np.arange(k), free.poles, np.flatnonzero(free.inputs == inp)
-    turned = free.modes[own]
+    pole, mode, number = np.arange(k), free.poles, np.flatnonzero(free.inputs == inp)
+    mode_of = free.modes[number]
     residue = fitted.shapes[:, mode] * fitted.participation[inp, mode]
-    shape = fitted.shapes[:, turned]
-    one = np.hstack([residue, 1j * residue, shape, 1j * shape])
-    return _Curves(
-        np.concatenate([place, k + place, 2 * k + own, 2 * k + count + own]),
+    shape = fitted.shapes[:, mode_of]
+    factor = np.hstack([residue, 1j * residue, shape, 1j * shape])
+    return _ParameterColumns(
+        np.concatenate([pole, k + pole, 2 * k + number, 2 * k + count + number]),
         2 * k,
-        np.concatenate([2 * m + mode, 2 * m + mode, turned, turned]),
-        np.concatenate([3 * m + mode, 3 * m + mode, m + turned, m + turned]),
-        one,
-        one.conj(),
+        np.concatenate([2 * m + mode, 2 * m + mode, mode_of, mode_of]),
+        np.concatenate([3 * m + mode, 3 * m + mode, m + mode_of, m + mode_of]),
+        factor,
+        factor.conj(),
     )
 
 
-def _schur(data: Data, fitted: ModalFit, linear: _Linear, free: _Free) -> tuple[Real, Real]:
-    """Normal matrix and right side of poles and participation, shapes eliminated."""
+def _schur_complement(
+    data: WeightedFrfs, fitted: ModalFit, linear: _LinearFit, free: _FreeParameters
+) -> tuple[Real, Real]:
+    """Compute normal matrix and right side of poles and participation, shapes eliminated."""
     size = free.size
-    curved = np.zeros((size, size))
-    crossed = np.zeros((len(data.cells), linear.frame.shape[2], size))
+    matrix = np.zeros((size, size))
+    cross = np.zeros((len(data.cells), linear.frame.shape[2], size))
     right = np.zeros(size)
     projected = linear.sums.project(linear.error)
     for inp in range(len(fitted.participation)):
-        own = _curves(fitted, free, inp)
+        jacobian = _parameter_columns(fitted, free, inp)
         weight = data.cells[:, inp, None]
         grams = linear.sums.grams[:1, inp] if data.separable else linear.sums.grams[:, inp]
         adjoint = linear.frame[inp].conj().T
-        one, other = adjoint @ grams[:, :, own.first], adjoint @ grams[:, :, own.second]
-        _cross(crossed, own, (weight * own.one), (one.real + other.real, other.imag - one.imag))
-        for kernel, factor in own.pairs:
-            right[own.columns] += (weight * factor.conj() * projected[:, inp, kernel]).real.sum(0)
-            for twins, twin in own.pairs:
+        first, second = (
+            adjoint @ grams[:, :, jacobian.first],
+            adjoint @ grams[:, :, jacobian.second],
+        )
+        _add_cross_terms(
+            cross,
+            jacobian,
+            (weight * jacobian.first_factor),
+            (first.real + second.real, second.imag - first.imag),
+        )
+        for kernel, factor in jacobian.pairs:
+            right[jacobian.columns] += (
+                weight * factor.conj() * projected[:, inp, kernel]
+            ).real.sum(0)
+            for twins, twin in jacobian.pairs:
                 gram = grams[:, kernel[:, None], twins]
                 if data.separable:
                     product = ((weight * factor).conj().T @ twin) * gram[0]
                 else:
                     product = np.einsum("op,oq,opq->pq", (weight * factor).conj(), twin, gram)
-                curved[np.ix_(own.columns, own.columns)] += product.real
-    solved = np.linalg.solve(linear.normal, crossed)
-    return curved - crossed.reshape(-1, size).T @ solved.reshape(-1, size), right
+                matrix[np.ix_(jacobian.columns, jacobian.columns)] += product.real
+    solved = np.linalg.solve(linear.normal, cross)
+    return matrix - cross.reshape(-1, size).T @ solved.reshape(-1, size), right
 
 
-def _cross(crossed: Real, own: _Curves, factor: Complex, parts: tuple[Real, Real]) -> None:
-    """Add Re (one f + other conj f), in real numbers and output by output: the longest sum of all.
+def _add_cross_terms(
+    cross: Real, jacobian: _ParameterColumns, factor: Complex, parts: tuple[Real, Real]
+) -> None:
+    """Add Re (first f + second conj f) in real numbers, output by output; this is the largest sum.
 
     Args:
-        crossed: normal equations between shapes and curves; (n_out, n_b, size).
-        own: curves of one input.
+        cross: normal equations between shapes and nonlinear parameters; (n_out, n_b, size).
+        jacobian: Jacobian columns of one input.
         factor: f; (n_out, n_own).
-        parts: Re one + Re other, Im other - Im one; (1 or n_out, n_b, n_own).
+        parts: Re first + Re second, Im second - Im first; (1 or n_out, n_b, n_own).
     """
-    poles, rest = own.shared, own.columns[own.shared :]
+    poles, unshared = jacobian.shared, jacobian.columns[jacobian.shared :]
     for out, (real, imag) in enumerate(zip(factor.real, factor.imag, strict=True)):
         first, second = (part[min(out, len(part) - 1)] for part in parts)
-        added = first * real
-        added += second * imag
-        crossed[out, :, :poles] += added[:, :poles]
-        crossed[out, :, rest] = added[:, poles:].T
+        term = first * real
+        term += second * imag
+        cross[out, :, :poles] += term[:, :poles]
+        cross[out, :, unshared] = term[:, poles:].T
 
 
-def contradiction(data: Data, fitted: ModalFit) -> float:
-    """Cost per value, 1 at least: what is below it in the cost, noise or model errors can make."""
-    values = int((data.cells > 0).sum()) * len(data.laplace)
-    return max(1.0, fitted.cost * data.alike / values)
+def reduced_chi_square(data: WeightedFrfs, fitted: ModalFit) -> float:
+    """Return the cost per value, at least 1.
+
+    Drops of the cost below it can result from noise or from errors of the model.
+    """
+    n_values = int((data.cells > 0).sum()) * len(data.laplace)
+    return max(1.0, fitted.cost * data.correlated_lines / n_values)
 
 
-def weighted_error(data: Data, fitted: ModalFit) -> Complex:
-    """What a fit leaves, over its standard deviation; (n_freq, n_out, n_in)."""
+def weighted_error(data: WeightedFrfs, fitted: ModalFit) -> Complex:
+    """Return the residual of a fit over its standard deviation; (n_freq, n_out, n_in)."""
     error: Complex = data.values - fitted.values(data.laplace, data.order)
     return np.asarray(error * np.sqrt(data.weights * data.cells))
 
 
-def cost_without(data: Data, fitted: ModalFit) -> Real:
-    """How much the cost would rise without each mode, shapes of the others fitted again; (n_mode,).
+def cost_rise_without(data: WeightedFrfs, fitted: ModalFit) -> Real:
+    """Compute how much the cost would rise without each mode, the others refitted; (n_mode,).
 
-    Leaving columns S out of a least-squares fit with normal matrix G and solution x raises the
-    cost by x_S' [(G^-1)_SS]^-1 x_S.
+    Leaving columns S out of a least-squares fit with normal matrix G and solution x raises the cost
+    by x_S' [(G^-1)_SS]^-1 x_S.
     """
-    again, linear = _fit_shapes(data, fitted.poles, fitted.participation)
+    refitted, linear = _fit_shapes(data, fitted.poles, fitted.participation)
     inverse = np.linalg.inv(linear.normal)
     m = len(fitted.poles)
     pairs = np.stack([np.arange(m), m + np.arange(m)], axis=1)
     blocks = inverse[:, pairs[:, :, None], pairs[:, None, :]]
-    parts = np.stack([again.shapes.real, again.shapes.imag], axis=-1)
+    parts = np.stack([refitted.shapes.real, refitted.shapes.imag], axis=-1)
     solved = np.linalg.solve(blocks, parts[..., None])[..., 0]
     rise: Real = (parts * solved).sum(axis=(0, 2))
     return rise
 
 
 def refine(
-    data: Data,
+    data: WeightedFrfs,
     poles: Complex,
     participation: Complex,
     *,
-    settled: float = _SETTLED,
-    steps: int = _STEPS,
-    held: Mask | None = None,
-    only: Mask | None = None,
+    cost_tolerance: float = _COST_TOLERANCE,
+    max_steps: int = _MAX_REFINE_STEPS,
+    fixed: Mask | None = None,
+    free_modes: Mask | None = None,
 ) -> tuple[ModalFit, Real]:
     """Fit poles, participation, shapes and residuals together.
 
-    Gauss-Newton steps, damped (Levenberg and Marquardt) where a step does not lower the cost.
+    Gauss-Newton steps are damped (Levenberg-Marquardt) where a step does not lower the cost.
 
     Args:
         data: FRFs and weights.
-        poles: where to start; (n_mode,).
-        participation: likewise; (n_in, n_mode).
-        settled: drop of the cost in one step at which to stop, in units of the noise or, where
-            that is more, of what the fit leaves.
-        steps: at most.
-        held: poles that stay where they are; (n_mode,).
-        only: modes of which pole and participation vary, the shapes of all; (n_mode,).
+        poles: start values [rad/s]; (n_mode,).
+        participation: start values; (n_in, n_mode).
+        cost_tolerance: drop of the cost in one step at which to stop, in units of the noise or of
+            the reduced chi-square if that is more.
+        max_steps: number of steps, at most.
+        fixed: poles that do not vary; (n_mode,).
+        free_modes: modes whose pole and participation vary, all if None; (n_mode,). The shapes of
+            all modes vary.
 
     Returns:
-        The fit, and the normal matrix of (Re s, Im s, Re l, Im l) with the shapes eliminated, of
-        what varies: with weights of one over the variance, half its inverse is their covariance.
+        The fit, and the normal matrix of the varying (Re s, Im s, Re l, Im l) with the shapes
+            eliminated. With weights of one over the variance, half its inverse is their covariance.
     """
-    turning = np.ones(len(poles), bool) if only is None else only
-    moving = turning if held is None else turning & ~held
+    moving_rows = np.ones(len(poles), bool) if free_modes is None else free_modes
+    moving_poles = moving_rows if fixed is None else moving_rows & ~fixed
     fitted, linear = _fit_shapes(data, poles, participation)
     if not len(poles):
         return fitted, np.zeros((0, 0))
     damping = 1e-6
-    free = _free(participation, moving, turning)
-    matrix, right = _schur(data, fitted, linear, free)
-    for _ in range(steps if free.size else 0):
+    free = _free_parameters(participation, moving_poles, moving_rows)
+    matrix, right = _schur_complement(data, fitted, linear, free)
+    for _ in range(max_steps if free.size else 0):
         scaled = matrix + damping * np.diag(np.diag(matrix))
         step = np.asarray(np.linalg.solve(scaled, right), np.float64)
-        moved = _moved(fitted, step, free)
-        after, linear = _fit_shapes(data, *moved)
-        if np.isfinite(after.cost) and after.cost <= fitted.cost and (after.poles.imag > 0).all():
-            ends = fitted.cost - after.cost <= settled * contradiction(data, after)
-            fitted, damping = after, damping / 10
-            free = _free(fitted.participation, moving, turning)
-            matrix, right = _schur(data, fitted, linear, free)
-            if ends:
+        candidate = _apply_step(fitted, step, free)
+        refit, linear = _fit_shapes(data, *candidate)
+        if np.isfinite(refit.cost) and refit.cost <= fitted.cost and (refit.poles.imag > 0).all():
+            has_converged = fitted.cost - refit.cost <= cost_tolerance * reduced_chi_square(
+                data, refit
+            )
+            fitted, damping = refit, damping / 10
+            free = _free_parameters(fitted.participation, moving_poles, moving_rows)
+            matrix, right = _schur_complement(data, fitted, linear, free)
+            if has_converged:
                 break
         else:
             damping *= 10
@@ -389,7 +423,8 @@ def refine(
     return fitted, matrix
 
 
-def _moved(fitted: ModalFit, step: Real, free: _Free) -> tuple[Complex, Complex]:
+def _apply_step(fitted: ModalFit, step: Real, free: _FreeParameters) -> tuple[Complex, Complex]:
+    """Return poles and participation after a step."""
     k, count = len(free.poles), len(free.inputs)
     poles, participation = fitted.poles.copy(), fitted.participation.copy()
     poles[free.poles] += step[:k] + 1j * step[k : 2 * k]

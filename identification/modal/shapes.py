@@ -1,13 +1,13 @@
-r"""Mode shapes to be read: scaled by a_r, real, at centres of mass; the FRFs that they promise.
+"""Scaling of mode shapes by a_r, real mode shapes, and shapes at the centres of mass of bodies.
 
 With eigenvalues s_r (seed, eq. 3.4), shapes phi_r and one scaling a_r a mode, receptance is
 
     H(s) = sum_r phi_r phi_r^T / (a_r (s - s_r)) + its conjugate   (seed, eq. 3.5 to 3.7),
 
-accelerance s^2 times that; s = i w, convention exp(+i w t). A shape c phi_r has the scaling
-c^2 a_r, so that phi_r^T A phi_r = a_r with the state matrix A = [C M; M 0] (Ewins 2000, ch. 2.8).
-A real mode of modal mass m has a_r = 2 i w_d m, w_d = Im s_r: here shapes are given the phase and
-size at which a_r = 2 i w_d * 1 kg, which is phi^T M phi = 1 where modes are real.
+accelerance s^2 times that; s = i w, convention exp(+i w t). A shape c phi_r has the scaling c^2
+a_r, so that phi_r^T A phi_r = a_r with the state matrix A = [C M; M 0] (Ewins 2000, ch. 2.8). A
+real mode of modal mass m has a_r = 2 i w_d m, w_d = Im s_r. Here shapes are given the phase and
+size at which a_r = 2 i w_d * 1 kg. For real modes this is phi^T M phi = 1.
 """
 
 from collections.abc import Sequence
@@ -34,16 +34,16 @@ UNIT_LARGEST = "largest entry 1"
 
 
 @dataclass(frozen=True, eq=False)
-class Scaled:
-    """A modal model with the size of its shapes fixed.
+class ScaledModes:
+    """A modal model whose shapes have a defined size.
 
     Args:
-        model: shapes phi_r c_r, participation l_r / c_r: the same FRFs.
+        model: shapes phi_r c_r and participation l_r / c_r, which give the same FRFs.
         normalisation: ``unit modal mass``, a_r = 2 i Im s_r kg and shapes in kg^-1/2; without a
             drive point ``largest entry 1``, without a unit.
         modal_a: a_r of receptance [kg/s]; (n_mode,), empty without a drive point.
-        reciprocity: MAC of shape and participation at the drive points, 1 where forces and
-            motions may be exchanged; (n_mode,), empty with fewer than two drive points.
+        reciprocity: MAC of shape and participation at the drive points, 1 where forces and motions
+            may be exchanged; (n_mode,), empty with fewer than two drive points.
     """
 
     model: ModalModel
@@ -57,45 +57,49 @@ class Scaled:
         return self.normalisation == UNIT_MASS
 
 
-def scaled(model: ModalModel, layout: Layout | None = None) -> Scaled:
-    """Give every shape its size and phase, the largest entry with a positive real part.
+def scale_shapes(model: ModalModel, layout: Layout | None = None) -> ScaledModes:
+    """Scale every shape in size and phase, such that its largest entry has a positive real part.
 
-    Where no input is an output too, what the solid body under the hammer makes at its place and
-    along its direction stands for the shape there.
+    If no input is an output too, the shape at the impact point is that of the hammered body's rigid
+    motion, along the direction of the force.
 
     Args:
         model: any scaling.
         layout: bodies and points, if known.
     """
-    driven, participation = _drive_points(model, layout)
+    driven, participation = _drive_point_shapes(model, layout)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = drive_point_scale(driven, participation)
-    known = len(driven) > 0 and bool((np.isfinite(scale) & (scale != 0)).all())
-    largest, modal_a = _largest(model.shapes), np.asarray(2j * model.poles.imag, np.complex128)
-    if known:
+    has_scale_factor = len(driven) > 0 and bool((np.isfinite(scale) & (scale != 0)).all())
+    largest, modal_a = (
+        _largest_entries(model.shapes),
+        np.asarray(2j * model.poles.imag, np.complex128),
+    )
+    if has_scale_factor:
         factor = np.sqrt(modal_a / scale)
         factor = factor * np.where((largest * factor).real < 0, -1.0, 1.0)
     else:
         factor = 1.0 / np.where(largest == 0, 1.0, largest)
-    changed = replace(
+    rescaled = replace(
         model, shapes=model.shapes * factor, participation=model.participation / factor
     )
-    several = known and len(driven) > 1
-    return Scaled(
-        changed,
-        UNIT_MASS if known else UNIT_LARGEST,
-        modal_a if known else np.zeros(0, np.complex128),
-        np.diag(mac(driven, participation)).copy() if several else np.zeros(0),
+    has_several = has_scale_factor and len(driven) > 1
+    return ScaledModes(
+        rescaled,
+        UNIT_MASS if has_scale_factor else UNIT_LARGEST,
+        modal_a if has_scale_factor else np.zeros(0, np.complex128),
+        np.diag(mac(driven, participation)).copy() if has_several else np.zeros(0),
     )
 
 
-def _largest(shapes: Complex) -> Complex:
+def _largest_entries(shapes: Complex) -> Complex:
+    """Return the entry of largest modulus of each shape; (n_mode,)."""
     entries: Complex = shapes[np.abs(shapes).argmax(axis=0), np.arange(shapes.shape[1])]
     return entries
 
 
-def _drive_points(model: ModalModel, layout: Layout | None) -> tuple[Complex, Complex]:
-    """Shapes and participation where both are known; (n, n_mode) each."""
+def _drive_point_shapes(model: ModalModel, layout: Layout | None) -> tuple[Complex, Complex]:
+    """Return shapes and participation at the points where both are known; (n, n_mode) each."""
     driven, participation = model.drive_points
     if len(driven) or layout is None:
         return driven, participation
@@ -103,65 +107,68 @@ def _drive_points(model: ModalModel, layout: Layout | None) -> tuple[Complex, Co
     places = set(layout.points) - {
         p for p in layout.points if layout.body_name(p) in bodies.undetermined
     }
-    hit = [(k, d) for k, d in enumerate(model.inputs) if isinstance(d, Dof) and d.point in places]
-    reads = layout.rows([dof for _, dof in hit])
-    motion = np.zeros((reads.shape[1], len(model.poles)), np.complex128)
+    known_inputs = [
+        (k, d) for k, d in enumerate(model.inputs) if isinstance(d, Dof) and d.point in places
+    ]
+    channel_rows = layout.rows([dof for _, dof in known_inputs])
+    motion = np.zeros((channel_rows.shape[1], len(model.poles)), np.complex128)
     motion[[layout.body_dofs().index(dof) for dof in bodies.dofs]] = bodies.values
-    driven = reads @ motion
-    return driven, model.participation[[k for k, _ in hit]]
+    driven = channel_rows @ motion
+    return driven, model.participation[[k for k, _ in known_inputs]]
 
 
 def real_shapes(shapes: Complex) -> Real:
-    """The real part of each shape, turned to the phase at which that part is largest.
+    """Return the real part of each shape, rotated to the phase at which that part is largest.
 
-    Sum Re(phi e^-ia)^2 = (sum |phi|^2 + Re(e^-2ia sum phi^2)) / 2 is largest at
-    a = arg(sum phi^2) / 2. The size is that of the shape: mass-normalised stays so.
+    Sum Re(phi e^-ia)^2 = (sum |phi|^2 + Re(e^-2ia sum phi^2)) / 2 is largest at a = arg(sum phi^2)
+    / 2. The size of the shape is kept: a mass-normalised shape stays mass-normalised.
 
     Args:
-        shapes: in columns; (n, n_mode).
+        shapes: shapes in columns; (n, n_mode).
 
     Returns:
-        The largest entry positive; (n, n_mode).
+        Real shapes whose largest entry is positive; (n, n_mode).
     """
     angle = np.angle((shapes**2).sum(axis=0)) / 2
     turned: Real = (shapes * np.exp(-1j * angle)).real
-    return turned * np.where(_largest(turned.astype(complex)).real < 0, -1.0, 1.0)
+    return turned * np.where(_largest_entries(turned.astype(complex)).real < 0, -1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class BodyShapes:
-    """Shapes at centres of mass, and what solid bodies would make the channels read.
+    """Shapes at centres of mass, and the readings of the channels that they give.
 
     Args:
-        dofs: determined directions of the bodies, in world axes; n.
+        dofs: determined degrees of freedom of the bodies, in world axes; n.
         values: translations [as the shapes], rotations [the same per m]; (n, n_mode).
-        rebuilt: channels from the bodies' motion; (n_out, n_mode), zero where not solid.
-        solid: channels on fully determined bodies; (n_out,).
-        undetermined: bodies that lack a direction.
+        rebuilt: readings reconstructed from the motion of the bodies; (n_out, n_mode), zero where
+            the body is not fully determined.
+        solid: whether a channel is on a fully determined body; (n_out,).
+        undetermined: bodies of which a degree of freedom is not determined.
     """
 
     dofs: tuple[Dof, ...]
     values: Complex
-    rebuilt: Complex
+    reconstructed: Complex
     solid: Mask
     undetermined: tuple[str, ...]
 
 
 def shapes_at_bodies(shapes: Complex, outputs: Sequence[Dof], layout: Layout) -> BodyShapes:
-    """Least-squares motion of each solid body, all channels weighing the same (seed, eq. 2.5).
+    """Compute the least-squares motion of each solid body, with equal weights (seed, eq. 2.5).
 
     Args:
-        shapes: in columns; (n_out, n_mode).
+        shapes: shapes in columns; (n_out, n_mode).
         outputs: their labels, points of the layout.
         layout: bodies and points.
     """
     outputs = tuple(outputs)
     count = shapes.shape[1]
-    some = shapes if count else np.zeros((len(outputs), 1), complex)
-    reduced = reduce_to_bodies(_as_estimate(some, outputs), layout).frf
-    have = set(reduced.outputs)
-    whole = {b for b in layout.bodies if all(Dof.of(b, axis) in have for axis in range(6))}
-    solid = np.array([layout.body_name(dof.point) in whole for dof in outputs], bool)
+    nonempty = shapes if count else np.zeros((len(outputs), 1), complex)
+    reduced = reduce_to_bodies(_shapes_as_estimate(nonempty, outputs), layout).frf
+    determined = set(reduced.outputs)
+    complete = {b for b in layout.bodies if all(Dof.of(b, axis) in determined for axis in range(6))}
+    solid = np.array([layout.body_name(dof.point) in complete for dof in outputs], bool)
     rebuilt = np.zeros(shapes.shape, complex)
     if solid.any():
         kept = tuple(dof for dof, inside in zip(outputs, solid, strict=True) if inside)
@@ -171,12 +178,12 @@ def shapes_at_bodies(shapes: Complex, outputs: Sequence[Dof], layout: Layout) ->
         reduced.values[:count, :, 0].T,
         rebuilt,
         solid,
-        tuple(body for body in layout.bodies if body not in whole),
+        tuple(body for body in layout.bodies if body not in complete),
     )
 
 
-def _as_estimate(shapes: Complex, outputs: tuple[Dof, ...]) -> FrfEstimate:
-    """Shapes as the lines of an FRF: a mode is to bodies what a line is."""
+def _shapes_as_estimate(shapes: Complex, outputs: tuple[Dof, ...]) -> FrfEstimate:
+    """Store shapes as the lines of an FRF, since bodies reduce modes and lines equally."""
     values = shapes.T[:, :, None]
     lines = np.arange(1, shapes.shape[1] + 1, dtype=np.float64)
     frf = Frf(lines, values, outputs, (outputs[0],), "receptance")

@@ -1,45 +1,50 @@
-"""Identified modes beside what the hand methods say of them, where a mode is alone enough."""
+"""Comparison of identified modes with single-mode methods, in channels that one mode dominates."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from identification.modal.campaign_modes import Measured
+from identification.modal.campaign_modes import MeasuredFrfs
 from identification.modal.circle_fit_method import Circle, circle_fit
 from identification.modal.half_power_method import (
-    difference,
     half_power_damping,
     least_squares_amplitude,
     peak_amplitude,
+    relative_difference,
     unit_response,
 )
 from identification.words import Complex, InputError, Integers, ModalModel, Real, modal_sum
 
-_ALONE = 0.3  # of a mode's part of an FRF, what all else may be at most
-_QUIET = 0.05  # noise of a line, relative to it
-_WIDE = 1.5  # half-power bandwidths from which a circle is taken, halved
-_LEAST_LINES = 5  # in the half-power band
-_MOST_CIRCLES = 12
+# Response of everything else over that of the mode, at most, on all lines of its half-power band.
+_MAX_OTHER_RESPONSE = 0.3
+# Standard deviation of a line over the response of the mode, at most.
+_MAX_RELATIVE_NOISE = 0.05
+# Half-width of the band of a circle fit over zeta f_r: 1.5 half-power bandwidths in all.
+_CIRCLE_HALF_WIDTH = 1.5
+# Lines in the half-power band below which the single-mode methods are not used.
+_MIN_HALF_POWER_LINES = 5
+# Channels, the strongest, to which a circle is fitted.
+_MAX_CIRCLES = 12
 
 
 @dataclass(frozen=True, eq=False)
-class ClassicalMode:
-    """One identified mode, and what the hand methods say of it; None where they say nothing.
+class SingleModeCheck:
+    """One identified mode, and what the single-mode methods give; None where they give nothing.
 
-    A channel is an (output, input) in which the mode makes all but a small part of the FRF over
-    its half-power band. An exponential window still in the data is taken off.
+    A channel is an (output, input) pair in which the mode dominates the FRF over its half-power
+    band. The damping of an exponential window is removed.
 
     Args:
-        freq_hz, damping: as identified [Hz, 1].
+        freq_hz, damping: identified natural frequency and damping ratio [Hz, 1].
         channels: numbers of output and input; (n_channel, 2).
         half_power_damping: median of eq. 16 over the channels that fall by 3 dB on both sides.
-        half_power_channels: how many do.
+        half_power_channels: number of these channels.
         circle_freq_hz, circle_damping: medians of the circles of the strongest channels [Hz, 1].
-        circle_channels: how many could be fitted.
+        circle_channels: number of circles that could be fitted.
         least_squares: C of each channel by eq. 18, signed; (n_channel,).
         peak: C of each channel from the value at resonance, signed; (n_channel,).
-        amplitude_difference: median of their relative difference, as in table 3.
-        reason: why something is missing; empty if nothing is.
+        amplitude_difference: median of the relative difference of both amplitudes, as in table 3.
+        reason: why a result is missing; empty if none is.
     """
 
     freq_hz: float
@@ -56,112 +61,123 @@ class ClassicalMode:
     reason: str
 
 
-def classical_checks(measured: Measured, model: ModalModel) -> tuple[ClassicalMode, ...]:
-    """Half-power damping, circle fit and both amplitudes for every mode inside the band.
+def check_single_modes(measured: MeasuredFrfs, model: ModalModel) -> tuple[SingleModeCheck, ...]:
+    """Apply half-power damping, circle fit and both amplitudes to every mode inside the band.
 
     Args:
-        measured: FRFs that the modes were found from.
-        model: the modes, with those beside the band if there are any.
+        measured: FRFs from which the modes were identified.
+        model: the modes, including those beside the band.
 
     Returns:
         One entry a mode inside the band, in the order of the model.
     """
     lowest, highest = measured.freq_hz[[0, -1]]
     inside = (model.freq_hz >= lowest) & (model.freq_hz <= highest) & (model.damping > 0)
-    return tuple(_check(measured, model, int(mode)) for mode in np.flatnonzero(inside))
+    return tuple(_check_mode(measured, model, int(mode)) for mode in np.flatnonzero(inside))
 
 
-def _check(measured: Measured, model: ModalModel, mode: int) -> ClassicalMode:
+def _check_mode(measured: MeasuredFrfs, model: ModalModel, mode: int) -> SingleModeCheck:
+    """Apply the single-mode methods to one mode."""
     pole = model.poles[mode] - measured.decay  # as it shows in the data
     natural, damping = float(abs(pole)) / (2 * np.pi), float(-pole.real / abs(pole))
     freq = measured.freq_hz
     lines = np.flatnonzero(np.abs(freq - natural) <= damping * natural)
     channels = np.zeros((0, 2), np.intp)
     reason = ""
-    if len(lines) < _LEAST_LINES:
+    if len(lines) < _MIN_HALF_POWER_LINES:
         reason = (
-            f"{len(lines)} lines in the half-power band of {2 * damping * natural:.3g} Hz, at "
-            f"least {_LEAST_LINES} are needed: measure longer"
+            f"{len(lines)} frequency lines lie in the half-power band of "
+            f"{2 * damping * natural:.3g} Hz, at least {_MIN_HALF_POWER_LINES} are needed: "
+            "measure longer"
         )
     else:
-        channels = _alone(measured, model, mode, lines)
+        channels = _dominated_channels(measured, model, mode, lines)
         if not len(channels):
-            reason = "no channel in which this mode stands alone: not to be resolved by hand"
-    widths = _half_power(measured, channels, lines)
-    circles = _circles(measured, channels, np.abs(freq - natural) <= _WIDE * damping * natural)
+            reason = "this mode dominates no channel, so that single-mode methods cannot be applied"
+    half_power = _half_power_dampings(measured, channels, lines)
+    circles = _fit_circles(
+        measured, channels, np.abs(freq - natural) <= _CIRCLE_HALF_WIDTH * damping * natural
+    )
     values = measured.values[lines][:, channels[:, 0], channels[:, 1]]
     response = unit_response(freq[lines], natural, damping, measured.order)
-    one = least_squares_amplitude(values, response) if len(channels) else np.zeros(0)
-    other = peak_amplitude(_at(freq[lines], values, natural), damping, measured.order)
-    return ClassicalMode(
+    least_squares = least_squares_amplitude(values, response) if len(channels) else np.zeros(0)
+    peak = peak_amplitude(_interpolate(freq[lines], values, natural), damping, measured.order)
+    return SingleModeCheck(
         freq_hz=float(model.freq_hz[mode]),
         damping=float(model.damping[mode]),
         channels=channels,
-        half_power_damping=_corrected(natural, _median(widths), measured.decay)[1],
-        half_power_channels=len(widths),
-        circle_freq_hz=_circle(circles, measured.decay)[0],
-        circle_damping=_circle(circles, measured.decay)[1],
+        half_power_damping=_without_window(natural, _median(half_power), measured.decay)[1],
+        half_power_channels=len(half_power),
+        circle_freq_hz=_median_circle(circles, measured.decay)[0],
+        circle_damping=_median_circle(circles, measured.decay)[1],
         circle_channels=len(circles),
-        least_squares=one,
-        peak=other,
-        amplitude_difference=_median(difference(one, other)[one != 0]),
-        reason=reason or _missing(widths, circles),
+        least_squares=least_squares,
+        peak=peak,
+        amplitude_difference=_median(relative_difference(least_squares, peak)[least_squares != 0]),
+        reason=reason or _missing_reason(half_power, circles),
     )
 
 
-def _alone(measured: Measured, model: ModalModel, mode: int, lines: Integers) -> Integers:
-    """Channels in which one mode makes the FRF all over its half-power band, strongest first."""
+def _dominated_channels(
+    measured: MeasuredFrfs, model: ModalModel, mode: int, lines: Integers
+) -> Integers:
+    """Return the channels whose FRF one mode dominates in its half-power band, strongest first."""
     s = measured.laplace[lines]
-    whole = modal_sum(model, s, measured.order)
+    synthesis = modal_sum(model, s, measured.order)
     residue = np.outer(model.shapes[:, mode], model.participation[:, mode])
     pole, power = model.poles[mode], (s**measured.order)[:, None, None]
-    away, twin = (1 / (s - root)[:, None, None] for root in (pole, pole.conj()))
-    own = power * (residue * away + residue.conj() * twin)
-    size = np.abs(own)
-    others = np.maximum(np.abs(whole - own), np.abs(measured.values[lines] - own))
+    direct, conjugate = (1 / (s - root)[:, None, None] for root in (pole, pole.conj()))
+    modal_part = power * (residue * direct + residue.conj() * conjugate)
+    size = np.abs(modal_part)
+    rest = np.maximum(np.abs(synthesis - modal_part), np.abs(measured.values[lines] - modal_part))
     noise = np.sqrt(measured.variance[lines])
-    alone = measured.measured & (others <= _ALONE * size).all(axis=0)
-    alone &= (noise <= _QUIET * size).all(axis=0) & (size > 0).all(axis=0)
-    found = np.argwhere(alone)
-    strength = size.max(axis=0)[found[:, 0], found[:, 1]]
-    return found[np.argsort(-strength, kind="stable")]
+    is_dominated = measured.measured & (rest <= _MAX_OTHER_RESPONSE * size).all(axis=0)
+    is_dominated &= (noise <= _MAX_RELATIVE_NOISE * size).all(axis=0) & (size > 0).all(axis=0)
+    channels = np.argwhere(is_dominated)
+    strength = size.max(axis=0)[channels[:, 0], channels[:, 1]]
+    return channels[np.argsort(-strength, kind="stable")]
 
 
-def _half_power(measured: Measured, channels: Integers, lines: Integers) -> list[float]:
-    found = []
+def _half_power_dampings(
+    measured: MeasuredFrfs, channels: Integers, lines: Integers
+) -> list[float]:
+    """Return the half-power damping of each channel whose peak falls by 3 dB on both sides."""
+    dampings = []
     for out, inp in channels:
         amplitude = np.abs(measured.values[:, out, inp])
         peak = int(lines[np.argmax(amplitude[lines])])
         try:
-            found.append(half_power_damping(measured.freq_hz, amplitude, peak)[0])
-        except InputError:  # no 3 dB on one side: this channel says nothing
+            dampings.append(half_power_damping(measured.freq_hz, amplitude, peak)[0])
+        except InputError:  # the peak of this channel does not fall by 3 dB on both sides
             continue
-    return found
+    return dampings
 
 
-def _circles(measured: Measured, channels: Integers, near: np.ndarray) -> list[Circle]:
-    found = []
+def _fit_circles(measured: MeasuredFrfs, channels: Integers, nearby: np.ndarray) -> list[Circle]:
+    """Fit circles to the mobility of the strongest channels."""
+    circles = []
     mobility = (
-        measured.values[near] * (measured.laplace[near] ** (1 - measured.order))[:, None, None]
+        measured.values[nearby] * (measured.laplace[nearby] ** (1 - measured.order))[:, None, None]
     )
-    for out, inp in channels[:_MOST_CIRCLES]:
+    for out, inp in channels[:_MAX_CIRCLES]:
         try:
-            found.append(circle_fit(measured.freq_hz[near], mobility[:, out, inp], 1))
-        except InputError:  # no circle: this channel says nothing
+            circles.append(circle_fit(measured.freq_hz[nearby], mobility[:, out, inp], 1))
+        except InputError:  # the values of this channel do not form a circle
             continue
-    return found
+    return circles
 
 
-def _circle(circles: list[Circle], decay: float) -> tuple[float | None, float | None]:
+def _median_circle(circles: list[Circle], decay: float) -> tuple[float | None, float | None]:
+    """Return medians of natural frequency [Hz] and damping, without the exponential window."""
     natural = _median([circle.natural_hz for circle in circles])
     damping = _median([circle.damping for circle in circles])
-    return (None, None) if natural is None else _corrected(natural, damping, decay)
+    return (None, None) if natural is None else _without_window(natural, damping, decay)
 
 
-def _corrected(
+def _without_window(
     natural: float, damping: float | None, decay: float
 ) -> tuple[float | None, float | None]:
-    """Natural frequency and damping without the exponential window: s = s_seen + 1 / tau."""
+    """Remove the exponential window from frequency and damping: ``s = s_seen + 1 / tau``."""
     if damping is None:
         return None, None
     omega = 2 * np.pi * natural
@@ -169,17 +185,21 @@ def _corrected(
     return abs(pole) / (2 * np.pi), -pole.real / abs(pole)
 
 
-def _at(freq: Real, values: Complex, natural: float) -> Complex:
-    """Values at a frequency between two lines; (n_channel,)."""
-    found: Complex = np.array([np.interp(natural, freq, column) for column in values.T], complex)
-    return found
+def _interpolate(freq: Real, values: Complex, natural: float) -> Complex:
+    """Interpolate values at a frequency between two lines; (n_channel,)."""
+    interpolated: Complex = np.array(
+        [np.interp(natural, freq, column) for column in values.T], complex
+    )
+    return interpolated
 
 
 def _median(values: "list[float] | Real") -> float | None:
+    """Return the median, or None of nothing."""
     return float(np.median(values)) if len(values) else None
 
 
-def _missing(widths: list[float], circles: list[Circle]) -> str:
-    if not widths:
-        return "no channel falls by 3 dB on both sides of the peak: no damping by its width"
-    return "" if circles else "no channel goes round a circle"
+def _missing_reason(dampings: list[float], circles: list[Circle]) -> str:
+    """Say which single-mode result is missing, and why."""
+    if not dampings:
+        return "no channel falls by 3 dB on both sides of the peak: no half-power damping"
+    return "" if circles else "no channel goes round a circle: no circle fit"

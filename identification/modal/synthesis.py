@@ -1,22 +1,24 @@
-"""FRFs from a modal model: between all outputs, and beside every measured one with its error."""
+"""FRFs synthesised from a modal model, between all outputs, and their errors."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.modal.campaign_modes import Measured
+from identification.modal.campaign_modes import MeasuredFrfs
 from identification.modal.indicators import frac
-from identification.modal.shapes import Scaled
+from identification.modal.shapes import ScaledModes
 from identification.words import Complex, Mask, ModalModel, Real, UsageError, modal_sum
 
-_RECIPROCAL = 0.8  # MAC of shape and participation at the drive points
+# MAC of shape and participation at the drive points above which a pole is one reciprocal mode.
+_MIN_RECIPROCITY_MAC = 0.8
 
 
-def reciprocal(whole: Scaled, inside: int) -> Mask:
-    """Which poles belong in the full matrix; (n_mode,).
+def select_reciprocal_modes(whole: ScaledModes, inside: int) -> Mask:
+    """Select the poles of the full FRF matrix; (n_mode,).
 
-    All modes inside the band, which come first; of the poles that stand for what lies beside it,
-    those whose shape and participation agree at the drive points: the others are no single mode.
+    All modes inside the band, which come first, are selected. Of the poles that stand for the
+    response outside the band, those are selected whose shape and participation agree at the drive
+    points: the others are no single mode.
 
     Args:
         whole: modes with scaling.
@@ -24,22 +26,24 @@ def reciprocal(whole: Scaled, inside: int) -> Mask:
     """
     chosen = np.arange(len(whole.model.poles)) < inside
     if len(whole.reciprocity):
-        chosen |= whole.reciprocity >= _RECIPROCAL
+        chosen |= whole.reciprocity >= _MIN_RECIPROCITY_MAC
     return chosen
 
 
-def full_matrix(whole: Scaled, chosen: Mask | None = None) -> ModalModel:
-    """The model whose inputs are all its outputs: its FRFs are the n x n matrix of eq. 3.6.
+def full_matrix_model(whole: ScaledModes, chosen: Mask | None = None) -> ModalModel:
+    """Return the modal model whose inputs are all its outputs: its FRFs are the n x n matrix.
 
-    Its participation is phi_r / a_r. Residuals are zero: they were only measured in the columns
-    that were hit, so that the full matrix lacks part of what lies beside the band.
+    Its participation is phi_r / a_r (eq. 3.6). Its residuals are zero, since they were measured
+    only in the columns of the real inputs. So the full matrix lacks part of the response outside
+    the band.
 
     Args:
         whole: n outputs, with scaling.
         chosen: which modes; all if None.
 
     Returns:
-        n inputs; ``synthesise`` gives H_syn (seed, eq. 3.6 and 3.7), (n_freq, n, n).
+        Model with n inputs; ``ModalModel.synthesise`` gives H_syn (seed, eq. 3.6 and 3.7), (n_freq,
+            n, n).
 
     Raises:
         UsageError: no drive point, so no a_r.
@@ -47,17 +51,17 @@ def full_matrix(whole: Scaled, chosen: Mask | None = None) -> ModalModel:
     if not whole.has_scale:
         raise UsageError(
             "no input is measured as an output too: without a drive point modes have no scale, "
-            "and FRFs between other points cannot be synthesised"
+            "and FRFs between other points cannot be synthesised; measure one drive-point FRF"
         )
     model, n = whole.model, len(whole.model.outputs)
-    kept = np.ones(len(model.poles), bool) if chosen is None else chosen
+    selected = np.ones(len(model.poles), bool) if chosen is None else chosen
     return replace(
         model,
-        poles=model.poles[kept],
-        shapes=model.shapes[:, kept],
-        participation=model.shapes[:, kept] / whole.modal_a[kept],
-        freq_sd=model.freq_sd[kept],
-        damping_sd=model.damping_sd[kept],
+        poles=model.poles[selected],
+        shapes=model.shapes[:, selected],
+        participation=model.shapes[:, selected] / whole.modal_a[selected],
+        freq_sd=model.freq_sd[selected],
+        damping_sd=model.damping_sd[selected],
         lower=np.zeros((n, n)),
         upper=np.zeros((n, n)),
         inputs=model.outputs,
@@ -66,10 +70,10 @@ def full_matrix(whole: Scaled, chosen: Mask | None = None) -> ModalModel:
 
 @dataclass(frozen=True, eq=False)
 class SynthesisError:
-    """How a synthesis answers beside each measured FRF; (n_out, n_in) each, zero if not measured.
+    """Error of a synthesis at each measured FRF; (n_out, n_in) each, zero if not measured.
 
     Args:
-        known: which were measured and do not vanish.
+        known: which FRFs were measured and do not vanish.
         error: ||H_syn - H|| / ||H|| over the band.
         noise: sqrt(sum of the variance) / ||H||: the error of a perfect model.
         frac: frequency response assurance criterion.
@@ -81,12 +85,12 @@ class SynthesisError:
     frac: Real
 
 
-def synthesis_error(measured: Measured, values: Complex) -> SynthesisError:
+def synthesis_error(measured: MeasuredFrfs, values: Complex) -> SynthesisError:
     """Compare a synthesis with every measured FRF.
 
     Args:
-        measured: what was measured.
-        values: synthesised on its lines; (n_freq, n_out, n_in).
+        measured: measured FRFs.
+        values: FRFs synthesised on their lines; (n_freq, n_out, n_in).
     """
     size = np.linalg.norm(measured.values, axis=0)
     known = measured.measured & (size > 0)
@@ -99,6 +103,14 @@ def synthesis_error(measured: Measured, values: Complex) -> SynthesisError:
     )
 
 
-def synthesised(model: ModalModel, measured: Measured) -> Complex:
-    """The model on the lines of a measurement, with its window's decay; (n_freq, n_out, n_in)."""
+def synthesise_frfs(model: ModalModel, measured: MeasuredFrfs) -> Complex:
+    """Synthesise FRFs on the lines of a measurement, with the decay of its window.
+
+    Args:
+        model: modes and residuals.
+        measured: lines, quantity and window.
+
+    Returns:
+        H; (n_freq, n_out, n_in).
+    """
     return modal_sum(model, measured.laplace, measured.order)

@@ -1,1 +1,1 @@
-"""The variance of measured FRFs, and checks of what counts as noise."""
+"""Variance of measured FRFs, and checks of the noise that it is computed from."""

@@ -1,74 +1,95 @@
-r"""Whether neighbouring lines have noise of their own: what they share is no noise then.
+r"""Test of whether the noise of neighbouring frequency lines is independent.
 
-White noise gives third differences over steps of one line and of two the same variance. A window
-in time, or an average along frequency, makes neighbours alike, or opposite where it is highest in
-the middle of the block: an exponential window that falls to exp(-4) leaves of those over one line
-0.62 of the noise's, of those over two 0.88; a Hann window 2.1 and 0.75. An FRF itself is no
-polynomial either, which those over two show first: so what counts is the tenth of all windows of
-lines and channels, but no fewer than 200, in which the noise is largest beside the FRF,
+The statistic compares third differences over steps of one line and of two lines,
 
     r = median of log(mean |difference over one|^2 / mean |difference over two|^2),
 
-0 of white noise.
+where the means are over windows of 15 lines of a channel. White noise gives both differences the
+same variance, so that r = 0. A window in time, or an average along frequency, correlates
+neighbouring lines: positively, or negatively if the window is highest in the middle of the block.
+An exponential window that falls to exp(-4) scales the variance over one line by 0.62 and over two
+lines by 0.88; a Hann window by 2.1 and 0.75.
+
+The FRF itself is not a polynomial, which raises the differences over two lines first. The median
+is therefore over the tenth of all windows with the most noise relative to the FRF, and over at
+least 200 of them. If the lines are independent, parts that they share are not noise.
 """
 
 import numpy as np
 
 from identification.words import Campaign, Complex, FrfEstimate, Real
 
-_WINDOW = 15  # lines
-_NOISIEST = 0.1  # of them
-# Of r, which an exponential window has that falls to exp(-1.5) over a block: lines that are three
-# to six apart share 1.3 % of its noise. Sharp modes bring it to 0.15.
-_ALIKE = 0.2
-_ALONE = 0.35  # the same of a single test
-_FALLS = 0.8  # time constants of a window that is known: 0.4 % are shared
-_FEWEST = 200  # windows of channels: r of as many scatters by 0.05
+_WINDOW_LINES = 15  # lines of a window over which squares are averaged
+_NOISIEST_SHARE = 0.1  # of all windows: those with the most noise relative to the FRF
+_MIN_WINDOWS = 200  # windows of channels: with so many, r scatters by 0.05
+# Largest |r| of independent lines. An exponential window that falls to exp(-1.5) over a block has
+# this r; lines three to six apart share 1.3 % of its noise. Sharp modes raise r to 0.15.
+_MAX_LOG_RATIO = 0.2
+_MAX_LOG_RATIO_OF_TEST = 0.35  # for a single test, whose r scatters more
+# Block length over time constant of a known exponential window: at 0.8 lines share 0.4 % of noise.
+_MAX_WINDOW_DECAY = 0.8
 
 
-def independent(campaign: Campaign) -> bool:
-    """Whether the noise of neighbouring lines is independent; no where too few lines tell."""
+def lines_are_independent(campaign: Campaign) -> bool:
+    """Return whether the noise of neighbouring lines is independent.
+
+    The answer is no if there are too few lines for a decision.
+    """
     estimates = [test.estimate for test in campaign.tests]
-    if any(_falls(one) > _FALLS for one in estimates):
+    if any(_window_decay(estimate) > _MAX_WINDOW_DECAY for estimate in estimates):
         return False
-    each = [_cells(one) for one in estimates]
-    whole = _ratio(np.concatenate(each, axis=1))
-    # Of a single test r scatters more, and a window in it must not hide among the others.
-    apart = (ratio for cells in each if (ratio := _ratio(cells)) is not None)
-    return whole is not None and abs(whole) < _ALIKE and all(abs(r) < _ALONE for r in apart)
+    windows = [_window_means(estimate) for estimate in estimates]
+    whole = _log_ratio(np.concatenate(windows, axis=1))
+    # A window in time in one test must not be averaged out by the tests without.
+    of_tests = (ratio for means in windows if (ratio := _log_ratio(means)) is not None)
+    return (
+        whole is not None
+        and abs(whole) < _MAX_LOG_RATIO
+        and all(abs(ratio) < _MAX_LOG_RATIO_OF_TEST for ratio in of_tests)
+    )
 
 
-def _falls(estimate: FrfEstimate) -> float:
-    """By how many time constants the window falls over a block that the data are known to carry."""
+def _window_decay(estimate: FrfEstimate) -> float:
+    """Return the block length over the time constant of the exponential window, 0 without one."""
     freq_hz = estimate.frf.freq_hz
     if not estimate.window_tau or len(freq_hz) < 2:
         return 0.0
     return float(1 / ((freq_hz[1] - freq_hz[0]) * estimate.window_tau))
 
 
-def _ratio(cells: Real) -> float | None:
-    """The logarithm r; None of too few windows."""
-    power, variance, one, two = cells[:, (cells > 0).all(axis=0)]
-    if power.size < _FEWEST:
+def _log_ratio(means: Real) -> float | None:
+    """Return the statistic r, or None if there are too few windows.
+
+    Args:
+        means: means from ``_window_means``; (4, n_window).
+    """
+    power, variance, over_one, over_two = means[:, (means > 0).all(axis=0)]
+    if power.size < _MIN_WINDOWS:
         return None
-    noisy = np.argsort(power / variance)[: max(_FEWEST, round(_NOISIEST * power.size))]
-    return float(np.median(np.log(one[noisy] / two[noisy])))
+    noisy = np.argsort(power / variance)[: max(_MIN_WINDOWS, round(_NOISIEST_SHARE * power.size))]
+    return float(np.median(np.log(over_one[noisy] / over_two[noisy])))
 
 
-def _cells(estimate: FrfEstimate) -> Real:
-    """Means of |H|^2, of the variance, of squared third differences over 1 and 2; (4, n_cell)."""
+def _window_means(estimate: FrfEstimate) -> Real:
+    """Return means over windows of lines; (4, n_window).
+
+    The rows are |H|^2, the variance, and squared third differences over one and two lines.
+    """
     values = estimate.frf.values[:, estimate.measured]
-    count = max(len(values) - 6, 0) // _WINDOW
+    count = max(len(values) - 6, 0) // _WINDOW_LINES
     over_one = np.diff(values, 3, axis=0)[1:]
-    power, one, two = (np.abs(part) ** 2 for part in (values[3:], over_one, _over_two(values)))
-    squares = power, estimate.variance[3:, estimate.measured], one, two
-    parts = [part[: count * _WINDOW].reshape(count, _WINDOW, values.shape[1]) for part in squares]
-    return np.stack([part.mean(axis=1).ravel() for part in parts])
+    power, one_line, two_lines = (
+        np.abs(part) ** 2 for part in (values[3:], over_one, _differences_over_two(values))
+    )
+    squares = power, estimate.variance[3:, estimate.measured], one_line, two_lines
+    shape = count, _WINDOW_LINES, values.shape[1]
+    windows = [part[: count * _WINDOW_LINES].reshape(shape) for part in squares]
+    return np.stack([part.mean(axis=1).ravel() for part in windows])
 
 
-def _over_two(values: Complex) -> Complex:
-    """Third differences over two lines."""
+def _differences_over_two(values: Complex) -> Complex:
+    """Return third differences over steps of two lines."""
     count = max(len(values) - 6, 0)
     first, second, third, fourth = (values[2 * k :][:count] for k in range(4))
-    found: Complex = fourth - 3 * third + 3 * second - first
-    return found
+    differences: Complex = fourth - 3 * third + 3 * second - first
+    return differences

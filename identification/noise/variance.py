@@ -1,60 +1,71 @@
-"""How well each complex FRF value is known."""
+"""Variance of measured FRFs, from coherence or from differences along frequency."""
 
 import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from identification.words import Complex, FrfEstimate, Real
 
-# Coherences are clipped here: 0 and 1 stand for "no" and "perfect" knowledge, which no data give.
-_LOWEST, _HIGHEST = 1e-4, 1 - 1e-7
-_WINDOW = 31  # lines
-_SHORTEST = 2  # lines on either side
-# A variance from n hits has 2 (n - 1) degrees of freedom a line. Noise changes slowly along
-# frequency: averaged over lines to this many, the variance scatters by 14 %, its mean over
-# channels by far less, and weights by it are not biased.
-_DEGREES = 100
+# Coherences are clipped to this range: 0 and 1 would mean infinite and zero variance.
+_MIN_COHERENCE, _MAX_COHERENCE = 1e-4, 1 - 1e-7
+_MEDIAN_LINES = 31  # lines of the running median of squared differences
+_MIN_HALF_WINDOW = 2  # lines on either side, in the shorter windows towards 0 Hz
+# The variance from n hits has 2 (n - 1) degrees of freedom at each line. Noise changes slowly along
+# frequency, so the variance is averaged over lines up to this many degrees of freedom. It then
+# scatters by 14 %, its mean over channels by far less, and weights by it are not biased.
+_DEGREES_OF_FREEDOM = 100
 
 
 def coherence_variance(values: Complex, coherence: Real, averages: int) -> Real:
-    """Variance of H1, real plus imaginary part: |H|^2 (1 - g2) / (g2 (n - 1)).
+    """Compute the variance of H1 from the ordinary coherence.
+
+    The sum of the variances of real and imaginary part is, for one input (Bendat and Piersol 2010,
+    ch. 9), with coherence g2 and n averages,
+
+        E|error|^2 = |H|^2 (1 - g2) / (g2 (n - 1))
 
     Args:
-        values: H; any shape.
-        coherence: ordinary coherence g2; the same shape.
-        averages: hits n, at least 2.
+        values: FRFs H; any shape.
+        coherence: ordinary coherence g2; the shape of ``values``.
+        averages: number n of averaged hits, at least 2.
 
     Returns:
-        E|error|^2; the same shape (Bendat and Piersol 2010, ch. 9, for one input).
+        E|error|^2 [square of the unit of the FRFs]; the shape of ``values``.
     """
-    clipped = np.clip(coherence, _LOWEST, _HIGHEST)
+    clipped = np.clip(coherence, _MIN_COHERENCE, _MAX_COHERENCE)
     variance: Real = np.abs(values) ** 2 * (1 - clipped) / (clipped * (averages - 1))
     return variance
 
 
 def difference_variance(values: Complex) -> Real:
-    """Variance from third differences along frequency, for tests without coherence or averages.
+    """Estimate the variance of FRFs from third differences along frequency.
 
-    White noise of variance v gives third differences of variance 20 v (1 + 9 + 9 + 1), a smooth
-    FRF none; |difference|^2 is exponential, so its running median over 31 lines is ln 2 of its
-    mean. Sharp resonances raise it: an upper bound where the lines are too few. The last lines have
-    the median of the last 31. Towards 0 Hz the noise of buildings and sensors rises steeply: at the
-    first lines, shorter windows, half as wide as the frequency is high, count where they say more.
+    This difference-based variance estimator serves tests without coherence or number of averages.
+    White noise of variance v gives third differences of variance 20 v (1 + 9 + 9 + 1); a smooth FRF
+    hardly contributes. |difference|^2 has an exponential distribution, so its running median over
+    31 lines is ln 2 times its mean. Sharp resonances raise the estimate, which is then an upper
+    bound. The last lines have the median of the last 31.
+
+    Towards 0 Hz the noise of buildings and sensors rises steeply. At the first lines, windows that
+    reach half the line number to either side count too; the larger estimate is used.
 
     Args:
-        values: H; (n_freq, ...), at least 4 lines.
+        values: FRFs H; (n_freq, ...), at least 4 lines.
 
     Returns:
-        E|error|^2; the same shape.
+        E|error|^2 [square of the unit of the FRFs]; the shape of ``values``.
+
+    Raises:
+        ValueError: there are fewer than 4 lines.
     """
     if len(values) < 4:
-        raise ValueError(f"{len(values)} lines are too few for third differences")
+        raise ValueError(f"{len(values)} lines are too few for third differences, which need 4")
     squares = np.abs(np.diff(values, 3, axis=0)) ** 2 / 20
-    window = (min(_WINDOW, len(squares)),) + (1,) * (values.ndim - 1)
+    window = (min(_MEDIAN_LINES, len(squares)),) + (1,) * (values.ndim - 1)
     smooth = median_filter(squares, size=window, mode="nearest") / np.log(2)
-    last = len(smooth) - (window[0] - 1) // 2  # from there the filter repeats the last difference
+    last = len(smooth) - (window[0] - 1) // 2  # from here on the filter repeats the last difference
     smooth[last:] = smooth[last - 1]
-    for line in range(min(_WINDOW, len(squares))):
-        half = max(_SHORTEST, line // 2)
+    for line in range(min(_MEDIAN_LINES, len(squares))):
+        half = max(_MIN_HALF_WINDOW, line // 2)
         near = squares[max(0, line - half) : line + half + 1]
         smooth[line] = np.maximum(smooth[line], np.median(near, axis=0) / np.log(2))
     edges = np.clip(np.arange(len(values)) - 1, 0, len(squares) - 1)
@@ -63,18 +74,20 @@ def difference_variance(values: Complex) -> Real:
 
 
 def smooth_variance(estimate: FrfEstimate) -> Real:
-    """Variance without the scatter of few hits: averaged over neighbouring lines, as weights need.
+    """Average the variance over neighbouring lines, which removes the scatter of few hits.
+
+    Weights need such a variance. One from differences is smooth already and stays as it is.
 
     Args:
         estimate: FRFs with their variance.
 
     Returns:
-        E|error|^2; (n_freq, n_out, n_in).
+        E|error|^2 [square of the unit of the FRFs]; (n_freq, n_out, n_in).
     """
     variance = estimate.variance
     if estimate.variance_source != "coherence":
         return variance  # differences are smoothed already
     hits = estimate.averages or 2
-    width = 2 * int(np.ceil(_DEGREES / max(2 * (hits - 1), 1) / 2)) + 1
+    width = 2 * int(np.ceil(_DEGREES_OF_FREEDOM / max(2 * (hits - 1), 1) / 2)) + 1
     smooth: Real = uniform_filter1d(variance, min(width, len(variance)), axis=0, mode="nearest")
     return smooth

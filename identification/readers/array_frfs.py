@@ -1,4 +1,4 @@
-"""FRF tables from MATLAB and numpy files, whose channels campaign.toml has to name."""
+"""FRFs from MATLAB and numpy files, whose channels campaign.toml names."""
 
 import re
 from pathlib import Path
@@ -10,10 +10,10 @@ from identification.readers.frf_table import FrfTable
 from identification.readers.matlab73 import read_matlab73
 from identification.words import Complex, Dof, InputError, Quantity, Real, UsageError
 
-_NODES = re.compile(r"nodes\s+(?P<nodes>[\d\s.,]+?),?\s+(?P<axes>[xyz]+)")
-_STANDARD_GRAVITY = 9.80665
-_TIME = {"receptance": "m", "mobility": "m/s", "accelerance": "m/s^2"}
-_LENGTH = {"": 1.0, "m": 1e-3, "u": 1e-6, "n": 1e-9}
+_CHANNEL_RANGE = re.compile(r"nodes\s+(?P<nodes>[\d\s.,]+?),?\s+(?P<axes>[xyz]+)")
+_STANDARD_GRAVITY = 9.80665  # m/s^2 in one g
+_SI_MOTION_UNITS = {"receptance": "m", "mobility": "m/s", "accelerance": "m/s^2"}
+_LENGTH_PREFIXES = {"": 1.0, "m": 1e-3, "u": 1e-6, "n": 1e-9}
 
 
 def read_arrays(
@@ -24,23 +24,26 @@ def read_arrays(
     quantity: Quantity,
     unit: str | None,
 ) -> FrfTable:
-    """Read FRFs, COHs, freqs of a .mat file, or frf, coherence, freq_hz of an .npz.
+    """Read the FRFs of a .mat file (FRFs, COHs, freqs) or .npz file (frf, coherence, freq_hz).
 
-    The FRFs may be (out, in, freq), as MATLAB users keep them, or (freq, out, in): the lengths of
-    the three axes decide, and freq-first wins where both fit. Coherence may be missing.
+    The axes of the FRFs are (out, in, freq), as is usual in MATLAB, or (freq, out, in). The
+    lengths of the three axes decide; if both fit, frequency is the first axis. Coherence is
+    optional.
 
     Args:
         path: the file.
         channels: ``"nodes 1..23, xyz"`` or a list of labels.
-        references: labels.
-        quantity: what the values are.
-        unit: such as ``m/s^2/N``, ``g/N``, ``mm/s^2/N``; None for SI.
+        references: labels of the references.
+        quantity: quantity of the FRFs.
+        unit: unit such as ``m/s^2/N``, ``g/N``, ``mm/s^2/N``; None for SI.
 
     Raises:
-        InputError: with the file and what does not fit.
+        InputError: the file is unreadable, or its arrays contradict channels or references.
     """
     responses = parse_channels(path, channels)
-    inputs = _distinct(path, "references", tuple(_parse(path, text) for text in references))
+    inputs = _refuse_duplicates(
+        path, "references", tuple(_parse(path, text) for text in references)
+    )
     names = ("FRFs", "COHs", "freqs") if path.suffix.lower() == ".mat" else (
         "frf", "coherence", "freq_hz")  # fmt: skip
     arrays = load_arrays(path)
@@ -50,7 +53,7 @@ def read_arrays(
                 f"{path} has no variable {name!r} (it has {', '.join(sorted(arrays)) or 'none'}): "
                 "save it under that name"
             )
-    _refuse_texts(path, arrays, names)
+    _refuse_non_numbers(path, arrays, names)
     freq_hz = np.real(arrays[names[2]]).astype(float).ravel()
     shape = (len(freq_hz), len(responses), len(inputs))
     values: Complex = _freq_first(path, names[0], np.asarray(arrays[names[0]]), shape) + 0j
@@ -61,7 +64,9 @@ def read_arrays(
         coherence = np.clip(coherence, 0.0, 1.0)
     _refuse_nan(path, names[0], values, responses, inputs)
     if not (np.isfinite(freq_hz).all() and (np.diff(freq_hz) > 0).all() and freq_hz.size):
-        raise InputError(f"{path}: {names[2]} does not rise strictly: sort it, drop repeated lines")
+        raise InputError(
+            f"{path}: {names[2]} does not increase strictly: sort it and drop repeated lines"
+        )
     return FrfTable(
         freq_hz=freq_hz,
         values=values * unit_factor(path, quantity, unit),
@@ -74,10 +79,10 @@ def read_arrays(
 
 
 def load_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Read all variables of a .mat (any version) or .npz.
+    """Read all variables of a .mat file (any version) or .npz file.
 
     Raises:
-        InputError: missing or unreadable.
+        InputError: the file is missing or unreadable.
     """
     if not path.is_file():
         raise InputError(f"{path} does not exist: name the file of the test")
@@ -87,14 +92,15 @@ def load_arrays(path: Path) -> dict[str, np.ndarray]:
         else:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
                 content = dict(archive)
-    except NotImplementedError:  # version 7.3 is another format altogether
-        content = _load_73(path)
-    except Exception as error:  # the readers raise whatever the bytes lead them to
+    except NotImplementedError:  # scipy does not read version 7.3, which is HDF5
+        content = _load_matlab73(path)
+    except Exception as error:  # on corrupt bytes the readers raise errors of many types
         raise InputError(f"{path} cannot be read ({error}): save it again") from error
     return {name: value for name, value in content.items() if not name.startswith("__")}
 
 
-def _load_73(path: Path) -> dict[str, np.ndarray]:
+def _load_matlab73(path: Path) -> dict[str, np.ndarray]:
+    """Read a MATLAB 7.3 file and report failures as ``InputError``."""
     try:
         return read_matlab73(path)
     except Exception as error:
@@ -103,17 +109,19 @@ def _load_73(path: Path) -> dict[str, np.ndarray]:
         ) from error
 
 
-def _refuse_texts(path: Path, arrays: dict[str, np.ndarray], names: tuple[str, ...]) -> None:
+def _refuse_non_numbers(path: Path, arrays: dict[str, np.ndarray], names: tuple[str, ...]) -> None:
+    """Refuse arrays without numbers, and complex frequencies."""
     for name in names:
         if name in arrays and np.asarray(arrays[name]).dtype.kind not in "fiuc":
-            raise InputError(f"{path}: {name} holds no numbers: save an array of numbers")
+            raise InputError(f"{path}: {name} is not an array of numbers: save it as one")
     if np.any(np.imag(arrays[names[2]])):
-        raise InputError(f"{path}: {names[2]} is complex: save frequencies in Hz")
+        raise InputError(f"{path}: {names[2]} is complex: save real frequencies in Hz")
 
 
 def _freq_first(
     path: Path, name: str, array: np.ndarray, shape: tuple[int, int, int]
 ) -> np.ndarray:
+    """Return an array with the axes (freq, out, in) of the given shape."""
     if array.ndim == 2 and shape[2] == 1:
         array = array[:, :, None] if array.shape == shape[:2] else array[:, None, :]
     if array.shape == shape:
@@ -121,8 +129,8 @@ def _freq_first(
     if array.shape == (*shape[1:], shape[0]):
         return np.moveaxis(array, 2, 0)
     raise InputError(
-        f"{path}: {name} has shape {array.shape}; {shape[1]} channels, {shape[2]} references and "
-        f"{shape[0]} frequencies make {(*shape[1:], shape[0])}: mend channels or references"
+        f"{path}: {name} has shape {array.shape}, but {shape[1]} channels, {shape[2]} references "
+        f"and {shape[0]} frequencies need {(*shape[1:], shape[0])}: correct channels or references"
     )
 
 
@@ -133,6 +141,7 @@ def _refuse_nan(
     responses: tuple[Dof, ...],
     inputs: tuple[Dof, ...],
 ) -> None:
+    """Refuse an array with NaN or infinity; name its line and its channel."""
     bad = np.argwhere(~np.isfinite(array))
     if bad.size:
         line, row, column = bad[0]
@@ -143,17 +152,17 @@ def _refuse_nan(
 
 
 def parse_channels(path: Path, channels: str | list[str]) -> tuple[Dof, ...]:
-    """Labels of ``nodes 1..4 7, xyz`` (node by node) or of a list.
+    """Return the channels of ``"nodes 1..4 7, xyz"`` (node by node) or of a list of labels.
 
     Raises:
-        InputError: neither of the two, or a channel twice.
+        InputError: the text is neither, there is no channel, or a channel appears twice.
     """
     if isinstance(channels, str):
-        match = _NODES.fullmatch(channels.strip())
+        match = _CHANNEL_RANGE.fullmatch(channels.strip())
         if match is None:
             raise InputError(
-                f'{path}: channels = "{channels}" is not understood: write "nodes 1..23, xyz" or a '
-                "list of labels"
+                f'{path}: channels = "{channels}" is not a range of channels: write '
+                '"nodes 1..23, xyz" or a list of labels'
             )
         dofs = tuple(
             Dof(str(node), f"+t{axis}")
@@ -163,26 +172,29 @@ def parse_channels(path: Path, channels: str | list[str]) -> tuple[Dof, ...]:
         )
     else:
         dofs = tuple(_parse(path, text) for text in channels)
-    return _distinct(path, "channels", dofs)
+    return _refuse_duplicates(path, "channels", dofs)
 
 
-def _distinct(path: Path, key: str, dofs: tuple[Dof, ...]) -> tuple[Dof, ...]:
+def _refuse_duplicates(path: Path, key: str, dofs: tuple[Dof, ...]) -> tuple[Dof, ...]:
+    """Return the degrees of freedom unless there is none or one appears twice."""
     if not dofs or len({dof.positive for dof in dofs}) < len(dofs):
-        raise InputError(f"{path}: {key} name one twice, or none: mend them")
+        raise InputError(f"{path}: {key} are empty or name a degree of freedom twice: correct them")
     return dofs
 
 
 def _node_range(path: Path, text: str) -> range:
+    """Return the nodes of ``7`` or ``1..23``."""
     ends = text.split("..")
     if not 1 <= len(ends) <= 2 or not all(end.isdecimal() for end in ends):
-        raise InputError(f"{path}: {text!r} is no range of nodes: write 1..23")
+        raise InputError(f"{path}: {text!r} is not a range of nodes: write 1..23")
     nodes = range(int(ends[0]), int(ends[-1]) + 1)
     if not nodes:
-        raise InputError(f"{path}: the range {text!r} falls: write the lower node first")
+        raise InputError(f"{path}: the range {text!r} is empty: write the lower node first")
     return nodes
 
 
 def _parse(path: Path, text: str) -> Dof:
+    """Parse a label and report failures with the file."""
     try:
         return Dof.parse(text)
     except UsageError as error:
@@ -190,15 +202,24 @@ def _parse(path: Path, text: str) -> Dof:
 
 
 def unit_factor(path: Path, quantity: Quantity, unit: str | None) -> float:
-    """Value in SI per value in ``unit``."""
-    motion = _TIME[quantity]
+    """Return the factor that converts FRFs from a unit to SI.
+
+    Args:
+        path: the file, for messages.
+        quantity: quantity of the FRFs.
+        unit: unit such as ``g/N``; None for SI.
+
+    Raises:
+        InputError: the unit does not belong to the quantity.
+    """
+    motion = _SI_MOTION_UNITS[quantity]
     if unit is None:
         return 1.0
-    units = {f"{prefix}{motion}/N": factor for prefix, factor in _LENGTH.items()}
+    units = {f"{prefix}{motion}/N": factor for prefix, factor in _LENGTH_PREFIXES.items()}
     if quantity == "accelerance":
         units["g/N"] = _STANDARD_GRAVITY
     if unit not in units:
         raise InputError(
-            f"{path}: unit {unit!r} is no unit of {quantity}: write one of {', '.join(units)}"
+            f"{path}: unit {unit!r} is not a unit of {quantity}: write one of {', '.join(units)}"
         )
     return units[unit]

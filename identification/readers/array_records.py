@@ -1,4 +1,4 @@
-"""Time records from MATLAB and numpy files: force, response and rate_hz (or fs)."""
+"""Time records from MATLAB and numpy files: variables force, response and rate_hz (or fs)."""
 
 from pathlib import Path
 
@@ -7,14 +7,16 @@ import numpy as np
 from identification.readers.array_frfs import parse_channels, unit_factor
 from identification.words import InputError, Quantity, Real, Records
 
-_FORCE, _RESPONSE = "force", "response"
-_RATES = ("rate_hz", "fs")
-_FRFS = ("FRFs", "frf")
+# Names of variables.
+_FORCE_NAME, _RESPONSE_NAME = "force", "response"
+_RATE_NAMES = ("rate_hz", "fs")
+_FRF_NAMES = ("FRFs", "frf")
 
 
-def are_records(arrays: dict[str, np.ndarray]) -> bool:
-    """Whether the arrays of a file have force and response, and no FRF."""
-    return {_FORCE, _RESPONSE} <= arrays.keys() and not any(name in arrays for name in _FRFS)
+def holds_time_records(arrays: dict[str, np.ndarray]) -> bool:
+    """Return whether the arrays of a file have force and response, and no FRFs."""
+    has_records = {_FORCE_NAME, _RESPONSE_NAME} <= arrays.keys()
+    return has_records and not any(name in arrays for name in _FRF_NAMES)
 
 
 def read_array_records(
@@ -26,42 +28,42 @@ def read_array_records(
     quantity: Quantity,
     unit: str | None,
 ) -> tuple[Records, ...]:
-    """Read force (hit, sample), response (hit, channel, sample) and the rate.
+    """Read force (hit, sample), response (hit, channel, sample) and the sampling rate.
 
-    With several references both have one more axis before the others. One recording of many hits
-    may be (sample,) and (channel, sample).
+    With several references both arrays have the reference as an additional first axis. A single
+    recording of many hits may have the shapes (sample,) and (channel, sample).
 
     Args:
         path: the file.
-        arrays: its content by name, as ``load_arrays`` reads it.
+        arrays: content of the file by name, as ``load_arrays`` reads it.
         channels: ``"nodes 1..23, xyz"`` or a list of labels.
-        references: labels.
-        quantity: of the FRFs: accelerance of accelerations.
-        unit: of motion per force, such as ``g/N``; None for SI.
+        references: labels of the references.
+        quantity: quantity of the resulting FRFs: accelerance if the response is acceleration.
+        unit: unit of motion per force, such as ``g/N``; None for SI.
 
     Returns:
         One ``Records`` for each reference.
 
     Raises:
-        InputError: with the file and what does not fit.
+        InputError: the arrays contradict channels or references, or the rate is missing.
     """
     outputs, inputs = parse_channels(path, channels), parse_channels(path, references)
-    force, motion = _numbers(path, arrays, _FORCE), _numbers(path, arrays, _RESPONSE)
+    force, motion = _numbers(path, arrays, _FORCE_NAME), _numbers(path, arrays, _RESPONSE_NAME)
     rate = _rate(path, arrays)
     n_in, n_out, n_sample = len(inputs), len(outputs), force.shape[-1]
     fits = n_sample > 0 and force.size % (n_in * n_sample) == 0
     hits = force.size // (n_in * n_sample) if fits else 0
     axes = (((n_in,) if n_in > 1 else ()), ((hits,) if force.ndim > 1 else ()))
-    before = axes[0] + axes[1]
+    leading = axes[0] + axes[1]
     squeezed = hits == 1 and motion.shape == (*axes[0], n_out, n_sample)
-    if force.shape != (*before, n_sample) or not (
-        squeezed or motion.shape == (*before, n_out, n_sample)
+    if force.shape != (*leading, n_sample) or not (
+        squeezed or motion.shape == (*leading, n_out, n_sample)
     ):
         raise InputError(
-            f"{path}: {_FORCE} has shape {force.shape} and {_RESPONSE} {motion.shape}; with "
-            f"{n_in} references and {n_out} channels they are {'(reference, ' * (n_in > 1)}"
-            f"{'(' * (n_in == 1)}hit, sample) and the same with {n_out} channels before the "
-            "samples: mend channels, references or the order of the axes"
+            f"{path}: {_FORCE_NAME} has shape {force.shape} and {_RESPONSE_NAME} {motion.shape}, "
+            f"but {n_in} references and {n_out} channels need {'(reference, ' * (n_in > 1)}"
+            f"{'(' * (n_in == 1)}hit, sample) and in addition {n_out} channels before the "
+            "samples: correct channels, references or the order of the axes"
         )
     force = force.reshape(n_in, hits, n_sample)
     motion = motion.reshape(n_in, hits, n_out, n_sample) * unit_factor(path, quantity, unit)
@@ -75,19 +77,23 @@ def read_array_records(
 
 
 def _numbers(path: Path, arrays: dict[str, np.ndarray], name: str) -> Real:
+    """Return a variable as real numbers."""
     if name not in arrays:
         raise InputError(f"{path} has no variable {name!r}: save it under that name")
     values = np.asarray(arrays[name])
     if values.dtype.kind not in "fiu" or values.ndim == 0:
-        raise InputError(f"{path}: {name} holds no real numbers: save an array of them")
+        raise InputError(f"{path}: {name} is not an array of real numbers: save it as one")
     return values.astype(np.float64)
 
 
 def _rate(path: Path, arrays: dict[str, np.ndarray]) -> float:
-    found = [name for name in _RATES if name in arrays]
-    if not found:
-        raise InputError(f"{path} does not say its rate: save rate_hz, samples per second")
-    values = _numbers(path, {found[0]: np.atleast_1d(arrays[found[0]])}, found[0])
+    """Return the sampling rate [Hz]."""
+    name = next((name for name in _RATE_NAMES if name in arrays), None)
+    if name is None:
+        raise InputError(f"{path} has no sampling rate: save rate_hz, samples per second")
+    values = _numbers(path, {name: np.atleast_1d(arrays[name])}, name)
     if values.size != 1 or not np.isfinite(values).all() or values.min() <= 0:
-        raise InputError(f"{path}: {found[0]} is no rate: save samples per second, one number")
+        raise InputError(
+            f"{path}: {name} is not a sampling rate: save samples per second, one number"
+        )
     return float(values.ravel()[0])

@@ -1,4 +1,4 @@
-"""A campaign in: files, units, nodes and corrections become labelled tests."""
+"""Reader of a campaign: its files become labelled tests in SI units."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,12 +9,17 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from identification.checks.channels import channel_remarks
-from identification.hits.campaign import raw_tests
+from identification.hits.campaign import tests_from_records
 from identification.hits.drive_point import drive_point_signs
 from identification.noise.variance import coherence_variance, difference_variance
 from identification.readers.array_frfs import read_arrays
 from identification.readers.campaign_toml import CampaignSettings, SensorSettings, TestSettings
-from identification.readers.file_kinds import is_arrays, is_universal, refuse_stated, stated
+from identification.readers.file_kinds import (
+    array_description,
+    is_arrays,
+    is_universal,
+    refuse_array_description,
+)
 from identification.readers.frf_table import FrfTable
 from identification.readers.uff_frfs import read_uff
 from identification.words import (
@@ -31,26 +36,27 @@ from identification.words import (
     Test,
     Tolerance,
     VarianceSource,
-    node_of,
+    node_number,
 )
 
-_PERFECT = 1 - 1e-9  # coherence that noise never leaves
+_MIN_PERFECT_COHERENCE = 1 - 1e-9  # coherence that measured noise never reaches on all lines
+_TINY_SQUARED_FRF = 1e-300  # avoids a division by zero
 
 
 def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Campaign:
-    """Read all tests of a campaign, of FRFs or of time records.
+    """Read all tests of a campaign, from files of FRFs or of time records.
 
     Args:
-        path: of campaign.toml, to which its files are relative.
-        settings: its content.
+        path: path of campaign.toml; the files are relative to its folder.
+        settings: content of campaign.toml.
         layout: bodies and points, corrected by ``correct_layout``.
 
     Raises:
-        InputError: a file that cannot be used, with the element and a remedy.
+        InputError: a file cannot be used; the message names the element and a remedy.
     """
-    raw, said = raw_tests(path, settings, partial(_sites, layout))
+    raw, hit_remarks = tests_from_records(path, settings, partial(_name_sites, layout))
     tests: list[Test] = []
-    remarks = list(said)
+    remarks = list(hit_remarks)
     for entry in settings.test:
         if entry.file in raw:
             tests += raw[entry.file]
@@ -63,8 +69,8 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
         campaign = Campaign(path.resolve().parent.name, layout, tuple(tests), tolerance)
     except ValueError as error:
         raise InputError(
-            f"{path}: {error}: tests of one campaign share axis and quantity"
-            + ("; that of time records is set by block_s" if raw else "")
+            f"{path}: {error}: tests of one campaign need one frequency axis and one quantity"
+            + ("; block_s sets the axis of time records" if raw else "")
         ) from error
     signs = [point.remark for point in drive_point_signs(campaign)]
     remarks += [*channel_remarks(campaign), *(sign for sign in signs if sign)]
@@ -72,14 +78,20 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
 
 
 def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> Layout:
-    """Apply the ``[sensor]`` corrections: true axes = drawn axes turned, then flipped.
+    """Apply the ``[sensor]`` corrections of campaign.toml to a layout.
 
-    ``turn`` is a rotation vector [rad] in world axes; ``body`` moves the sensor to another body.
-    The hammer is not corrected: where it hits at the node of a corrected sensor, a point
-    ``hit<node>`` keeps the drawn place and axes.
+    The true axes are the drawn axes, turned and then flipped. ``turn`` is a rotation vector [rad]
+    in world axes; ``body`` moves the sensor to another body. The corrections do not apply to the
+    hammer: at the node of a corrected sensor, a new point ``hit<node>`` keeps the drawn position
+    and axes.
+
+    Args:
+        path: path of campaign.toml, for messages.
+        settings: content of campaign.toml.
+        layout: layout as drawn.
 
     Raises:
-        InputError: a site or body that the model does not have.
+        InputError: the layout does not have a site or body that a correction names.
     """
     for site, correction in settings.sensor.items():
         if site not in layout.points:
@@ -88,35 +100,41 @@ def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> La
             )
         if correction.body is not None and correction.body not in layout.bodies:
             raise InputError(
-                f"{path}: sensor.{site}: the model has no body {correction.body!r}: mend it"
+                f"{path}: sensor.{site}: the model has no body {correction.body!r}: name one of "
+                "its bodies"
             )
         signs = [-1.0 if axis in correction.flip else 1.0 for axis in "xyz"]
         drawn = layout.axes[layout.points.index(site)]
-        turned = Rotation.from_rotvec(correction.turn).as_matrix() @ drawn * signs
-        node = node_of(site)
-        moved = correction.flip or any(correction.turn) or correction.body
-        if moved and node is not None and layout.hammer(node) == site:
-            layout = layout.with_copy(site, f"hit{node}")
-        layout = layout.turned(site, turned, correction.body)
+        axes = Rotation.from_rotvec(correction.turn).as_matrix() @ drawn * signs
+        node = node_number(site)
+        is_changed = correction.flip or any(correction.turn) or correction.body
+        if is_changed and node is not None and layout.hammer_at_node(node) == site:
+            layout = layout.with_copied_point(site, f"hit{node}")
+        layout = layout.with_point_axes(site, axes, correction.body)
     return layout
 
 
 def _table(path: Path, entry: TestSettings, layout: Layout) -> FrfTable:
+    """Read the FRFs of one file at the sites of the layout, in the convention exp(+i w t)."""
     file = path.parent / entry.file
-    table = _of_several_hits(file, _on_sites(file, _read_table(file, entry), layout))
+    table = _drop_perfect_coherence(file, _on_sites(file, _read_table(file, entry), layout))
     return replace(table, values=table.values.conj()) if entry.time_sign == "-" else table
 
 
-def _of_several_hits(file: Path, table: FrfTable) -> FrfTable:
-    """Without a coherence that is one everywhere, as of a single hit: it tells no noise."""
+def _drop_perfect_coherence(file: Path, table: FrfTable) -> FrfTable:
+    """Remove a coherence that is 1 on every line, as a single hit gives it.
+
+    Such a coherence says nothing about the noise.
+    """
     if table.coherence is None:
         return table
     known = table.coherence[:, table.measured]
-    if not np.isfinite(known).any() or np.nanmin(known) < _PERFECT:
+    if not np.isfinite(known).any() or np.nanmin(known) < _MIN_PERFECT_COHERENCE:
         return table
     remark = (
-        f"{file.name}: its coherence is 1 on every line, as of a single hit, and tells nothing: "
-        "the noise is estimated from third differences along frequency; export it over all hits"
+        f"{file.name}: its coherence is 1 on every line, as from a single hit, and is not used: "
+        "the noise is estimated from third differences along frequency; export the coherence over "
+        "all hits"
     )
     return replace(table, coherence=None, remarks=(*table.remarks, remark))
 
@@ -124,11 +142,14 @@ def _of_several_hits(file: Path, table: FrfTable) -> FrfTable:
 def _tests_of_table(
     file: Path, entry: TestSettings, corrections: dict[str, SensorSettings], table: FrfTable
 ) -> list[Test]:
-    ignored = {(site, axis) for site, wanted in corrections.items() for axis in wanted.ignore}
+    """Build one test for each reference, without the channels that are ignored."""
+    ignored = {(site, axis) for site, sensor in corrections.items() for axis in sensor.ignore}
     kept = np.array([(d.point, d.direction[-1]) not in ignored for d in table.responses])
     for column, reference in enumerate(table.references):
         if not (table.measured[:, column] & kept).any():
-            raise InputError(f"{file}: no channel is left for reference {reference}: ignore fewer")
+            raise InputError(
+                f"{file}: all channels of reference {reference} are ignored: ignore fewer"
+            )
     try:
         return [
             _test(entry, table, reference, table.measured[:, column] & kept)
@@ -139,24 +160,28 @@ def _tests_of_table(
 
 
 def _read_table(file: Path, entry: TestSettings) -> FrfTable:
+    """Read the FRFs of one file, with points named as in the file."""
     if is_arrays(file):
-        return read_arrays(file, **stated(file, entry))
+        return read_arrays(file, **array_description(file, entry))
     if not is_universal(file):
-        raise InputError(f"{file}: unknown kind of file: give .uff, .unv, .mat or .npz")
-    refuse_stated(file, entry)
+        raise InputError(f"{file} is of an unknown kind: give a .uff, .unv, .mat or .npz file")
+    refuse_array_description(file, entry)
     return read_uff(file, entry.quantity)
 
 
 def _on_sites(file: Path, table: FrfTable, layout: Layout) -> FrfTable:
-    """Name the sites of the model instead of node numbers."""
-    responses, references = _sites(layout, file, table.responses, table.references)
+    """Return the table with the sites of the layout instead of node numbers."""
+    responses, references = _name_sites(layout, file, table.responses, table.references)
     return replace(table, responses=responses, references=references)
 
 
-def _sites(
+def _name_sites(
     layout: Layout, file: Path, responses: tuple[Dof, ...], references: tuple[Dof, ...]
 ) -> tuple[tuple[Dof, ...], tuple[Dof, ...]]:
-    def located(dof: Dof, find: Callable[[int], str | None]) -> Dof:
+    """Return responses and references at the sites of the layout instead of node numbers."""
+
+    def name_site(dof: Dof, find: Callable[[int], str | None]) -> Dof:
+        """Return the degree of freedom at the site that the function finds for its node."""
         named = dof.point if dof.point in layout.points else None
         site = find(int(dof.point)) if dof.point.isdecimal() else named
         if site is None:
@@ -166,22 +191,24 @@ def _sites(
             )
         return Dof(site, dof.direction)
 
-    responses = tuple(located(dof, layout.sensor) for dof in responses)
-    references = tuple(located(dof, layout.hammer) for dof in references)
+    responses = tuple(name_site(dof, layout.sensor_at_node) for dof in responses)
+    references = tuple(name_site(dof, layout.hammer_at_node) for dof in references)
     for dofs in (responses, references):
         if len({dof.positive for dof in dofs}) < len(dofs):
             names = ", ".join(map(str, dofs))
-            raise InputError(f"{file}: one point and direction has two names in it ({names})")
+            raise InputError(
+                f"{file} holds a point and direction under two names ({names}): remove one"
+            )
     return responses, references
 
 
 def _test(entry: TestSettings, table: FrfTable, reference: Dof, rows: Mask) -> Test:
-    """One column of a file's table."""
+    """Build the test of one reference from a column of the table of a file."""
     column = [table.references.index(reference)]
     outputs = tuple(dof for dof, keep in zip(table.responses, rows, strict=True) if keep)
     values = table.values[:, rows][:, :, column]
     coherence = None if table.coherence is None else table.coherence[:, rows][:, :, column]
-    coherence = _filled(values, coherence, entry.averages)
+    coherence = _complete_coherence(values, coherence, entry.averages)
     variance, source = _variance(values, coherence, entry.averages)
     estimate = FrfEstimate(
         frf=Frf(table.freq_hz, values, outputs, (reference,), table.quantity),
@@ -196,10 +223,14 @@ def _test(entry: TestSettings, table: FrfTable, reference: Dof, rows: Mask) -> T
     return Test(condition, estimate)
 
 
-def _filled(values: Complex, coherence: Real | None, averages: int | None) -> Real | None:
-    """Coherence, in cells that have none that which third differences along frequency imply.
+def _complete_coherence(
+    values: Complex, coherence: Real | None, averages: int | None
+) -> Real | None:
+    """Fill cells without coherence with the one that third differences along frequency imply.
 
-    None where no cell has it, or where the number of averages is not known.
+    With the variance v of H1 from ``difference_variance`` and n averages that coherence is
+    1 / (1 + (n - 1) v / |H|^2). Return None if no cell has a coherence, or if cells lack it and
+    the number of averages is unknown or 1.
     """
     if coherence is None or not np.isfinite(coherence).any():
         return None
@@ -208,13 +239,18 @@ def _filled(values: Complex, coherence: Real | None, averages: int | None) -> Re
         return coherence
     if averages is None or averages < 2:
         return None
-    ratio = (averages - 1) * difference_variance(values) / np.maximum(np.abs(values) ** 2, 1e-300)
+    ratio = (
+        (averages - 1)
+        * difference_variance(values)
+        / np.maximum(np.abs(values) ** 2, _TINY_SQUARED_FRF)
+    )
     return np.asarray(np.where(missing, 1 / (1 + ratio), coherence), float)
 
 
 def _variance(
     values: Complex, coherence: Real | None, averages: int | None
 ) -> tuple[Real, VarianceSource]:
+    """Return the variance of H1 from coherence if possible, else from third differences."""
     if coherence is not None and averages is not None and averages > 1:
         return coherence_variance(values, coherence, averages), "coherence"
     return difference_variance(values), "differences"

@@ -1,4 +1,4 @@
-"""campaign.toml in: checked key by key before anything else is read."""
+"""Reader of campaign.toml, which checks every key before any other file is read."""
 
 import tomllib
 from pathlib import Path
@@ -8,23 +8,26 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from identification.words import Estimator, InputError, Quantity
 
-_FULL_TURN = 6.3  # rad
-_SHORTEST_WINDOW = 1e-4  # s
-Checked = TypeVar("Checked", bound=BaseModel)
+_MAX_TURN_RAD = 6.3  # just above a full turn: larger values are degrees by mistake
+_MIN_WINDOW_TAU_S = 1e-4  # s: shorter time constants are no exponential windows of hits
+TomlModel = TypeVar("TomlModel", bound=BaseModel)
 
 
 class _Strict(BaseModel):
+    """Model that refuses unknown keys, NaN, infinity and values of another type."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
 
 
 class TestSettings(_Strict):
-    """One ``[[test]]``: a file and what was special about it.
+    """Settings of one ``[[test]]``: a file and its conditions.
 
-    For files of time records, all optional, in seconds: ``block_s`` is the length of a hit's
-    block, ``pretrigger_s`` the part of it before the hit, ``force_window_s`` how long the force is
-    kept (0: all of it), ``exponential_tau`` the time constant of the exponential window on force
-    and responses (0: none); ``estimator`` is H1 unless stated; ``reject = false`` keeps bad hits.
-    Block, pre-trigger and exponential window of one file hold for all files of the campaign.
+    Files of time records have optional keys, in seconds. ``block_s`` is the length of the block
+    of a hit, and ``pretrigger_s`` its part before the hit. The force is kept for
+    ``force_window_s`` (0: all of it). ``exponential_tau`` is the time constant of the exponential
+    window on force and responses (0: none). ``estimator`` is H1 by default; ``reject = false``
+    keeps bad hits. Block, pre-trigger and exponential window of one file hold for all files of
+    the campaign.
     """
 
     __test__ = False
@@ -49,10 +52,10 @@ class TestSettings(_Strict):
 
 
 class SensorSettings(_Strict):
-    """One ``[sensor.<site>]``: corrections without touching the MJCF."""
+    """Settings of one ``[sensor.<site>]``: corrections that leave the MJCF as it is."""
 
     flip: list[Literal["x", "y", "z"]] = []
-    turn: list[Annotated[float, Field(ge=-_FULL_TURN, le=_FULL_TURN)]] = Field(
+    turn: list[Annotated[float, Field(ge=-_MAX_TURN_RAD, le=_MAX_TURN_RAD)]] = Field(
         default=[0.0, 0.0, 0.0], min_length=3, max_length=3
     )
     ignore: list[Literal["x", "y", "z"]] = []
@@ -60,7 +63,7 @@ class SensorSettings(_Strict):
 
 
 class ToleranceSettings(_Strict):
-    """``[tolerance]``: one standard deviation of what the drawings say."""
+    """Settings of ``[tolerance]``: standard deviations of the real machine about its drawings."""
 
     mass: float = Field(default=0.02, ge=0)
     inertia: float = Field(default=0.05, ge=0)
@@ -74,11 +77,12 @@ class ToleranceSettings(_Strict):
 
 
 class TuningSettings(_Strict):
-    """``[tuning]``: which parameters vary, by name or pattern (``*``, ``?``).
+    """Settings of ``[tuning]``: which parameters vary, by name or pattern (``*``, ``?``).
 
-    ``free`` are tuned outright, ``fix`` stay as drawn, ``prior`` gives one standard deviation about
-    the drawing (relative of sizes, else in SI), ``bounds`` the lowest and highest value in SI,
-    ``tie`` groups that share one factor on their drawn values.
+    Parameters in ``free`` have no prior, those in ``fix`` stay as drawn. ``prior`` gives the
+    standard deviation about the drawing (relative for sizes, else in SI units), ``bounds`` the
+    lowest and highest value in SI units. Parameters of one group in ``tie`` share one factor on
+    their drawn values.
     """
 
     free: list[str] = []
@@ -89,7 +93,7 @@ class TuningSettings(_Strict):
 
 
 class CampaignSettings(_Strict):
-    """The whole of campaign.toml."""
+    """Content of campaign.toml."""
 
     model: str | None = Field(default=None, min_length=1)
     layout: str | None = None
@@ -100,41 +104,44 @@ class CampaignSettings(_Strict):
 
 
 def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
-    """Read the campaign.toml of a folder (or the file itself).
+    """Read and check the campaign.toml of a folder, given the folder or the file.
 
     Returns:
         The path of campaign.toml, and its content.
 
     Raises:
-        InputError: missing file, TOML syntax (with the line), unknown or wrong keys.
+        InputError: the file is missing, its syntax is wrong (with the line), or a key is unknown
+            or has a wrong value.
     """
-    path = campaign_file(folder)
-    if "impact" in plain_toml(path):
+    path = find_campaign_file(folder)
+    if "impact" in load_toml(path):
         raise InputError(
-            f"{path} is a campaign of impacts whose force nobody measured: mbw match reads it; "
-            "FRFs need [[test]] blocks with files of both"
+            f"{path} is a campaign of impacts without measured force, which mbw match reads: "
+            "for FRFs write [[test]] blocks with files of force and response"
         )
     settings = read_toml(path, CampaignSettings)
     files = [(path.parent / test.file).resolve() for test in settings.test]
     for test, file in zip(settings.test, files, strict=True):
         if files.count(file) > 1:
-            raise InputError(f"{path}: {test.file} stands in two [[test]] blocks: remove one")
+            raise InputError(f"{path}: {test.file} appears in two [[test]] blocks: remove one")
         for key in ("window_tau", "exponential_tau"):
-            if 0 < (getattr(test, key) or 0.0) < _SHORTEST_WINDOW:
+            if 0 < (getattr(test, key) or 0.0) < _MIN_WINDOW_TAU_S:
                 raise InputError(
-                    f"{path}: {key} = {getattr(test, key):g} s is no exponential window: give "
-                    "seconds"
+                    f"{path}: {key} = {getattr(test, key):g} s is too short for an exponential "
+                    "window: give the time constant in seconds"
                 )
     if (settings.model is None) == (settings.layout is None):
-        raise InputError(f"{path}: name a model, or a layout in its stead")
+        raise InputError(
+            f"{path} must name either a model or a layout: add one, or remove one of both"
+        )
     return path, settings
 
 
-def campaign_file(folder: Path) -> Path:
-    """The campaign.toml of a folder, or the file itself.
+def find_campaign_file(folder: Path) -> Path:
+    """Return the path of the campaign.toml of a folder, given the folder or the file.
 
     Raises:
-        InputError: it is not there.
+        InputError: the file is missing.
     """
     path = folder if folder.suffix == ".toml" else folder / "campaign.toml"
     if not path.is_file():
@@ -142,38 +149,39 @@ def campaign_file(folder: Path) -> Path:
     return path
 
 
-def read_toml(path: Path, model: type[Checked]) -> Checked:
-    """A TOML file, checked key by key.
+def read_toml(path: Path, model: type[TomlModel]) -> TomlModel:
+    """Read a TOML file and check every key against a model.
 
     Raises:
-        InputError: no UTF-8, TOML syntax (with the line), unknown or wrong keys.
+        InputError: the file is not UTF-8, its syntax is wrong (with the line), or a key is unknown
+            or has a wrong value.
     """
     try:
-        return model.model_validate(plain_toml(path))
+        return model.model_validate(load_toml(path))
     except ValidationError as error:
-        raise InputError(f"{path}: {_first_fault(error)}") from error
+        raise InputError(f"{path}: {_describe_first_error(error)}") from error
 
 
-def plain_toml(path: Path) -> dict[str, object]:
-    """A TOML file as it is.
+def load_toml(path: Path) -> dict[str, object]:
+    """Read a TOML file without checking its keys.
 
     Raises:
-        InputError: no UTF-8, TOML syntax (with the line).
+        InputError: the file is not UTF-8, or its syntax is wrong (with the line).
     """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not UTF-8 text: save it as such") from error
+        raise InputError(f"{path} is not UTF-8 text: save it with this encoding") from error
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: TOML syntax: {error}; mend that line") from error
+        raise InputError(f"{path}: TOML syntax: {error}; correct that line") from error
 
 
-def _first_fault(error: ValidationError) -> str:
-    """The first thing that is wrong with a TOML file, in words."""
+def _describe_first_error(error: ValidationError) -> str:
+    """Return a sentence on the first error of a TOML file."""
     fault = error.errors()[0]
     where = ".".join(str(step + 1) if isinstance(step, int) else step for step in fault["loc"])
     if fault["type"] == "extra_forbidden":
-        return f"unknown key {where}: mend its spelling or remove it"
+        return f"unknown key {where}: correct its spelling or remove it"
     if fault["type"] == "missing":
         return f"key {where} is missing: add it"
     return f"{where} = {fault['input']!r}: {fault['msg']}"

@@ -1,4 +1,4 @@
-"""Kinds of files, and what campaign.toml has to state of a test of each kind."""
+"""Kinds of measurement files, and the keys of campaign.toml that each kind needs."""
 
 from pathlib import Path
 from typing import TypedDict
@@ -6,13 +6,14 @@ from typing import TypedDict
 from identification.readers.campaign_toml import TestSettings
 from identification.words import InputError, Quantity
 
-_ARRAYS = (".mat", ".npz")
-_UNIVERSAL = (".uff", ".unv", ".uf", ".bunv")
-_SAID_INSIDE = ("channels", "references", "unit")
+_ARRAY_SUFFIXES = (".mat", ".npz")
+_UNIVERSAL_SUFFIXES = (".uff", ".unv", ".uf", ".bunv")
+# Keys that describe an array file; a universal file holds this information itself.
+_DESCRIPTION_KEYS = ("channels", "references", "unit")
 
 
-class Stated(TypedDict):
-    """What an array file does not say itself, as its readers want it."""
+class ArrayDescription(TypedDict):
+    """Channels, references, quantity and unit of an array file, as its readers need them."""
 
     channels: str | list[str]
     references: list[str]
@@ -21,24 +22,26 @@ class Stated(TypedDict):
 
 
 def is_arrays(file: Path) -> bool:
-    """Whether a file is one of MATLAB or numpy, by its suffix."""
-    return file.suffix.lower() in _ARRAYS
+    """Return whether a file is a MATLAB or numpy file, by its suffix."""
+    return file.suffix.lower() in _ARRAY_SUFFIXES
 
 
 def is_universal(file: Path) -> bool:
-    """Whether a file is a universal file, by its suffix."""
-    return file.suffix.lower() in _UNIVERSAL
+    """Return whether a file is a universal file, by its suffix."""
+    return file.suffix.lower() in _UNIVERSAL_SUFFIXES
 
 
-def stated(file: Path, entry: TestSettings) -> Stated:
-    """What the ``[[test]]`` of an array file states: the quantity is accelerance unless it does.
+def array_description(file: Path, entry: TestSettings) -> ArrayDescription:
+    """Return the description of an array file from its ``[[test]]``.
+
+    The quantity is accelerance by default.
 
     Raises:
-        InputError: without channels or references.
+        InputError: channels or references are missing.
     """
     if entry.channels is None or entry.references is None:
         raise InputError(
-            f"{file} does not say its channels: add channels and references to its [[test]]"
+            f"{file} does not name its channels: add channels and references to its [[test]]"
         )
     return {
         "channels": entry.channels,
@@ -48,12 +51,12 @@ def stated(file: Path, entry: TestSettings) -> Stated:
     }
 
 
-def refuse_stated(file: Path, entry: TestSettings) -> None:
-    """Refuse a ``[[test]]`` that states what its universal file says itself.
+def refuse_array_description(file: Path, entry: TestSettings) -> None:
+    """Refuse a ``[[test]]`` that describes a universal file, which describes itself.
 
     Raises:
-        InputError: with the key.
+        InputError: a key describes the file.
     """
-    for key in _SAID_INSIDE:
+    for key in _DESCRIPTION_KEYS:
         if getattr(entry, key) is not None:
-            raise InputError(f"{file} says its {key} itself: remove {key} from its [[test]]")
+            raise InputError(f"{file} itself holds its {key}: remove {key} from its [[test]]")

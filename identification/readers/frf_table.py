@@ -1,4 +1,4 @@
-"""The (response, reference) table of one file before its nodes are matched to sites."""
+"""Table (response, reference) of the FRFs of one file, before nodes are matched to sites."""
 
 from dataclasses import dataclass
 
@@ -7,16 +7,16 @@ from identification.words import Complex, Dof, Mask, Quantity, Real
 
 @dataclass(frozen=True, eq=False)
 class FrfTable:
-    """FRFs of one file, in SI and exp(+i w t), points still named by node number.
+    """FRFs of one file, in SI units, with points named by node number; convention exp(+i w t).
 
     Args:
-        freq_hz: (n_freq,) [Hz].
-        values: zeros where not measured; (n_freq, n_out, n_in).
-        coherence: likewise, NaN in cells that the file has none for; or None.
-        measured: (n_out, n_in).
-        responses, references: such as ``11:+tx``.
+        freq_hz: frequencies [Hz]; (n_freq,).
+        values: FRFs, zero in cells that were not measured; (n_freq, n_out, n_in).
+        coherence: coherence, NaN in cells without it, or None; (n_freq, n_out, n_in).
+        measured: which cells were measured; (n_out, n_in).
+        responses, references: degrees of freedom such as ``11:+tx``.
         quantity: receptance, mobility or accelerance.
-        remarks: what a reader must know, as records that are there twice.
+        remarks: sentences on the file, for example that it holds a record twice.
     """
 
     freq_hz: Real

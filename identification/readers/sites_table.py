@@ -1,4 +1,4 @@
-"""Sites of sensors as a table: site,x,y,z,axes with places [m] and the axes that are read."""
+"""Table of sensor sites: columns site,x,y,z,axes with positions [m] and measured axes."""
 
 import csv
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ SITES_HEADER = ("site", "x", "y", "z", "axes")
 
 
 def sites_layout(names: Sequence[str], positions: Real) -> Layout:
-    """Sites of one structure, their axes those of the world.
+    """Return the layout of sites on one structure, with world axes.
 
     Args:
-        names: of the sites.
-        positions: (n, 3) [m].
+        names: names of the sites; n.
+        positions: positions of the sites [m]; (n, 3).
     """
     axes = np.tile(np.eye(3), (len(names), 1, 1))
     body = np.zeros(len(names), np.intp)
@@ -24,20 +24,24 @@ def sites_layout(names: Sequence[str], positions: Real) -> Layout:
 
 
 def read_sites(path: Path) -> tuple[Layout, tuple[Dof, ...]]:
-    """Sites, places and axes of a table.
+    """Read a table of sites.
+
+    Returns:
+        The layout, and the measured degrees of freedom in the order of the rows.
 
     Raises:
-        InputError: no such file, other columns, a row that is none, a site twice.
+        InputError: the file is missing, its columns differ, a row is invalid, or a site is there
+            twice.
     """
     try:
         text = path.read_text("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
             f"{path} cannot be read as text: give a table {','.join(SITES_HEADER)}"
-        ) from (error)
+        ) from error
     rows = list(csv.reader(text.splitlines()))
     if not rows or tuple(rows[0]) != SITES_HEADER:
-        raise InputError(f"{path}: the first row must be {','.join(SITES_HEADER)}.")
+        raise InputError(f"{path}: the first row must be {','.join(SITES_HEADER)}; correct it")
     names, places, dofs = [], [], []
     for number, row in enumerate(rows[1:], start=2):
         try:
@@ -45,16 +49,19 @@ def read_sites(path: Path) -> tuple[Layout, tuple[Dof, ...]]:
             place = [float(x) for x in numbers]
             if len(place) != 3 or not np.isfinite(place).all() or not set(axes) <= set("xyz"):
                 raise ValueError(row)
-            own = [Dof.parse(f"{site}:+t{axis}") for axis in dict.fromkeys(axes)]
+            measured = [Dof.parse(f"{site}:+t{axis}") for axis in dict.fromkeys(axes)]
         except (ValueError, UsageError) as error:
             raise InputError(
-                f"{path}: row {number} is no site: give a name, three numbers [m], axes such as xz"
+                f"{path}: row {number} is not a site: give a name, three numbers [m] and "
+                "axes such as xz"
             ) from error
-        if site in names or not own:
-            raise InputError(f"{path}: row {number}: {site} is there twice, or reads no axis.")
+        if site in names or not measured:
+            raise InputError(
+                f"{path}: row {number}: {site} is there twice, or has no axis: correct the row"
+            )
         names.append(site)
         places.append(place)
-        dofs += own
+        dofs += measured
     if not names:
-        raise InputError(f"{path} has no site. Give one a row.")
+        raise InputError(f"{path} has no site: add one row for each")
     return sites_layout(names, np.array(places)), tuple(dofs)

@@ -1,4 +1,4 @@
-"""FRFs and coherences of a universal file: function types 4 and 6 of dataset 58 and 58b."""
+"""FRFs and coherences of universal files: function types 4 and 6 of datasets 58 and 58b."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,40 +8,42 @@ import numpy as np
 from identification.readers.frf_table import FrfTable
 from identification.readers.uff_datasets import (
     Record,
-    ends_of,
     read_records,
     refuse_malformed,
+    response_and_reference,
     unit_factors,
 )
 from identification.words import Dof, InputError, Quantity
 
-_FRF, _COHERENCE = 4, 6
-_SAME = 1e-5  # relative difference below which two records are one, written twice
-_QUANTITIES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
+FRF_TYPE, _COHERENCE_TYPE = 4, 6  # function types
+_MAX_DUPLICATE_DIFFERENCE = 1e-5  # relative: below it two records are one, written twice
+_MAX_AXIS_DIFFERENCE = 1e-3  # of the spacing of lines: frequency axes differ by rounding alone
+_TINY_NORM = 1e-300  # avoids a division by zero
+QUANTITY_OF_ORDINATE: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
 
 
 def read_uff(path: Path, quantity: Quantity | None = None) -> FrfTable:
     """Read the FRFs and coherences of a universal file.
 
-    Of several records with one response and reference the one with the best coherence is used;
-    the table's remarks name them.
+    If several records have one response and reference, the one with the best coherence is used.
+    The remarks of the table name such records.
 
     Args:
         path: the file.
-        quantity: what campaign.toml says; needed where the ordinate's type is 0 (unknown).
+        quantity: quantity that campaign.toml gives; needed if the ordinate type is 0 (unknown).
 
     Raises:
-        InputError: with file and record: missing file, truncated or malformed record, NaN,
-            unequal axes, a scalar direction, no FRF at all.
+        InputError: the file is missing or holds no FRF; or a record is truncated or malformed, has
+            NaN, a scalar direction or another frequency axis. The message names the record.
     """
     records = read_records(path)
     factors = unit_factors(path, records)
     functions = [
         (number, record)
         for number, record in records
-        if record.get("type") == 58 and record["func_type"] in (_FRF, _COHERENCE)
+        if record.get("type") == 58 and record["func_type"] in (FRF_TYPE, _COHERENCE_TYPE)
     ]
-    frfs = [item for item in functions if item[1]["func_type"] == _FRF]
+    frfs = [item for item in functions if item[1]["func_type"] == FRF_TYPE]
     if not frfs:
         raise InputError(f"{path} holds no FRF (dataset 58, function type 4): export FRFs")
     freq_hz = _common_axis(path, functions)
@@ -50,12 +52,12 @@ def read_uff(path: Path, quantity: Quantity | None = None) -> FrfTable:
     cells: dict[tuple[int, int], _Cell] = {}
     kinds = set()
     for number, record in functions:
-        response, reference = ends_of(path, number, record)
+        response, reference = response_and_reference(path, number, record)
         if response.positive not in responses or reference.positive not in references:
             continue  # a coherence without its FRF
         place = responses[response.positive][0], references[reference.positive][0]
         cell = cells.setdefault(place, _Cell(f"{response}, {reference}"))
-        if record["func_type"] == _COHERENCE:
+        if record["func_type"] == _COHERENCE_TYPE:
             cell.coherences.append(np.clip(np.real(record["data"]), 0.0, 1.0))
             continue
         kinds.add(_quantity(path, number, record, quantity))
@@ -71,11 +73,11 @@ def read_uff(path: Path, quantity: Quantity | None = None) -> FrfTable:
     for place, cell in cells.items():
         if not cell.frfs:
             continue
-        best, remark = cell.chosen(path)
+        best, cell_remarks = cell.choose_record(path)
         table[:, *place], measured[place] = cell.frfs[best][1], True
         if len(cell.coherences) == len(cell.frfs):
             coherence[:, *place] = cell.coherences[best]
-        remarks += remark
+        remarks += cell_remarks
     return FrfTable(
         freq_hz=freq_hz,
         values=table,
@@ -96,19 +98,23 @@ class _Cell:
     frfs: list[tuple[int, np.ndarray]] = field(default_factory=list)
     coherences: list[np.ndarray] = field(default_factory=list)
 
-    def chosen(self, path: Path) -> tuple[int, list[str]]:
-        """Which record counts: of several the one with the best coherence, else the first."""
+    def choose_record(self, path: Path) -> tuple[int, list[str]]:
+        """Return the index of the record to use, and remarks on duplicates.
+
+        It is the record with the highest mean coherence, or the first if coherences are missing.
+        """
         if len(self.frfs) == 1:
             return 0, []
         known = len(self.coherences) == len(self.frfs)
         best = int(np.argmax([c.mean() for c in self.coherences])) if known else 0
         number, values = self.frfs[best]
-        size = max(float(np.linalg.norm(values)), 1e-300)
-        apart = max(float(np.linalg.norm(other - values)) for _, other in self.frfs) / size
-        numbers = ", ".join(str(other) for other, _ in self.frfs)
-        how = "are the same" if apart < _SAME else f"differ by up to {100 * apart:.2g} %"
-        better = "its coherence is best" if known else "the first"
-        why = "they count once" if apart < _SAME else better
+        size = max(float(np.linalg.norm(values)), _TINY_NORM)
+        difference = max(float(np.linalg.norm(frf - values)) for _, frf in self.frfs) / size
+        numbers = ", ".join(str(record) for record, _ in self.frfs)
+        is_duplicate = difference < _MAX_DUPLICATE_DIFFERENCE
+        how = "are identical" if is_duplicate else f"differ by up to {100 * difference:.2g} %"
+        better = "its coherence is best" if known else "it is the first"
+        why = "they count once" if is_duplicate else better
         return best, [
             f"{path.name}: records {numbers} hold one response and reference ({self.dofs}) and "
             f"{how}: record {number} is used, {why}"
@@ -116,6 +122,7 @@ class _Cell:
 
 
 def _to_si(factors: tuple[float, float], response: Dof, reference: Dof) -> float:
+    """Return the factor that converts an FRF to SI units, given those of length and force."""
     length, force = factors
     numerator = 1.0 if response.is_rotation else length
     denominator = force * length if reference.is_rotation else force
@@ -123,57 +130,62 @@ def _to_si(factors: tuple[float, float], response: Dof, reference: Dof) -> float
 
 
 def _common_axis(path: Path, functions: list[tuple[int, Record]]) -> np.ndarray:
+    """Return the frequency axis [Hz] that all records share; (n_freq,)."""
     for number, record in functions:
         refuse_malformed(f"{path}, record {number}", record)
     first_number, first = functions[0]
     axis = np.asarray(first["x"], float)
     if not (np.diff(axis) > 0).all():
         raise InputError(
-            f"{path}, record {first_number}: its frequencies do not rise; export again"
+            f"{path}, record {first_number}: its frequencies do not increase; export it again"
         )
     spacing = np.diff(axis).min() if axis.size > 1 else 1.0
     for number, record in functions:
-        other = np.asarray(record["x"], float)
-        if other.shape != axis.shape or np.abs(other - axis).max() > 1e-3 * spacing:
+        freq_hz = np.asarray(record["x"], float)
+        tolerance = _MAX_AXIS_DIFFERENCE * spacing
+        if freq_hz.shape != axis.shape or np.abs(freq_hz - axis).max() > tolerance:
             raise InputError(
                 f"{path}: records {first_number} and {number} have unequal frequency axes "
-                f"({_span(axis)}; {_span(other)}): export all records with one axis"
+                f"({_span(axis)}; {_span(freq_hz)}): export all records with one axis"
             )
     return axis
 
 
 def _span(axis: np.ndarray) -> str:
+    """Return the number of lines and the frequency range of an axis as text."""
     return f"{axis.size} lines {axis[0]:g}..{axis[-1]:g} Hz"
 
 
 def _labels(
     path: Path, frfs: list[tuple[int, Record]]
 ) -> tuple[dict[Dof, tuple[int, int]], dict[Dof, tuple[int, int]]]:
-    """Position and first sign of every response and reference, in order of appearance."""
+    """Return index and first sign of every response and reference, in order of appearance."""
     responses: dict[Dof, tuple[int, int]] = {}
     references: dict[Dof, tuple[int, int]] = {}
     for number, record in frfs:
-        response, reference = ends_of(path, number, record)
+        response, reference = response_and_reference(path, number, record)
         responses.setdefault(response.positive, (len(responses), response.sign))
         references.setdefault(reference.positive, (len(references), reference.sign))
     return responses, references
 
 
-def _quantity(path: Path, number: int, record: Record, stated: Quantity | None) -> Quantity:
+def _quantity(path: Path, number: int, record: Record, expected: Quantity | None) -> Quantity:
+    """Return the quantity of an FRF, which must not contradict campaign.toml."""
     kind = int(record["ordinate_spec_data_type"])
-    if int(record["orddenom_spec_data_type"]) in _QUANTITIES:
+    if int(record["orddenom_spec_data_type"]) in QUANTITY_OF_ORDINATE:
         raise InputError(
-            f"{path}, record {number} is motion per motion, a transmissibility: export FRFs per "
+            f"{path}, record {number} is a transmissibility, motion per motion: export FRFs per "
             "force"
         )
-    found = _QUANTITIES.get(kind) or (stated if kind in (0, 1) else None)
-    if found and stated and found != stated:
+    quantity = QUANTITY_OF_ORDINATE.get(kind) or (expected if kind in (0, 1) else None)
+    if quantity and expected and quantity != expected:
         raise InputError(
-            f"{path}, record {number} is {found}, but campaign.toml says {stated}: mend one of them"
+            f"{path}, record {number} is {quantity}, but campaign.toml says {expected}: "
+            "correct one of them"
         )
-    if found is None:
+    if quantity is None:
         raise InputError(
             f"{path}, record {number}: ordinate type {kind} is none of displacement (8), "
-            'velocity (11), acceleration (12): state quantity = "accelerance" in campaign.toml'
+            'velocity (11), acceleration (12): set quantity = "accelerance" in campaign.toml'
         )
-    return found
+    return quantity

@@ -1,10 +1,10 @@
 """Mode shapes to universal files: datasets 55 and 2414, with nodes (15, 2411), units and header.
 
-A mode is a complex eigenvalue of first order (analysis type 3): its record holds the eigenvalue
-s_r and modal A = a_r of receptance, H = sum_r phi_r phi_r^T / (a_r (s - s_r)) + its conjugate, and
-modal B = -s_r a_r. A node's three values are its translation along world axes: the channels of a
-sensor, each along its own axis, added as vectors; an unmeasured direction is zero. Rotations
-have no place here. Numbers have the six digits of the format, E13.5.
+A mode is written as a complex eigenvalue of first order (analysis type 3). Its record holds the
+eigenvalue s_r, modal A = a_r and modal B = -s_r a_r. The receptance is
+H = sum_r phi_r phi_r^T / (a_r (s - s_r)) + conjugate. The three values of a node are its
+translation along world axes: the channels of a sensor, each along its axis, added as vectors. An
+unmeasured direction is zero; rotations are left out. Numbers have the six digits of E13.5.
 """
 
 from collections.abc import Sequence
@@ -22,11 +22,11 @@ from identification.words import (
     Layout,
     Mask,
     Real,
-    frozen,
-    node_of,
+    frozen_array,
+    node_number,
 )
 
-_MARK = f"{-1:6d}\n"
+_MARK_LINE = f"{-1:6d}\n"  # begins and ends each dataset
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,17 +34,20 @@ class NodeShapes(HasPoles):
     """Modes with their translations at numbered nodes.
 
     Args:
-        poles: s_r [rad/s]; (n_mode,).
-        modal_a: a_r of receptance [kg/s], zero where unknown; (n_mode,).
-        nodes: numbers; (n_node,).
-        places: of the nodes, zero where the file does not say [m]; (n_node, 3).
-        values: along world axes; (n_node, 3, n_mode).
+        poles: poles s_r [rad/s]; (n_mode,).
+        modal_a: modal scaling a_r of receptance [kg/s], zero if unknown; (n_mode,).
+        nodes: numbers of the nodes; (n_node,).
+        positions: positions of the nodes [m], zero if unknown; (n_node, 3).
+        values: translations along world axes; (n_node, 3, n_mode).
+
+    Raises:
+        ValueError: the shape of an array contradicts this description.
     """
 
     poles: Complex
     modal_a: Complex
     nodes: Integers
-    places: Real
+    positions: Real
     values: Complex
 
     def __post_init__(self) -> None:
@@ -54,68 +57,77 @@ class NodeShapes(HasPoles):
             ("poles", np.complex128, (m,)),
             ("modal_a", np.complex128, (m,)),
             ("nodes", np.intp, (n,)),
-            ("places", np.float64, (n, 3)),
+            ("positions", np.float64, (n, 3)),
             ("values", np.complex128, (n, 3, m)),
         ):
-            object.__setattr__(self, name, frozen(getattr(self, name), kind, shape, name))
+            object.__setattr__(self, name, frozen_array(getattr(self, name), kind, shape, name))
 
-    def at(self, outputs: Sequence[Dof], layout: Layout) -> tuple[Complex, Mask]:
-        """The shapes as channels would read them; (n_out, n_mode), and which are there; (n_out,).
+    def at_channels(self, outputs: Sequence[Dof], layout: Layout) -> tuple[Complex, Mask]:
+        """Return the shapes along the axes of channels, and which channels have a value.
 
         Args:
-            outputs: translations at points whose names end in a node's number.
-            layout: the points' axes.
+            outputs: channels at points whose names end in a node number.
+            layout: layout with the axes of the points.
+
+        Returns:
+            Shapes (n_out, n_mode), zero at channels without a value; mask of channels whose node
+            is known and which are translations (n_out,).
         """
         rows = {int(node): row for row, node in enumerate(self.nodes)}
         points = list(dict.fromkeys(dof.point for dof in outputs))
-        numbers = dict(zip(points, _numbered(points), strict=True))
+        numbers = dict(zip(points, _number_points(points), strict=True))
         shapes = np.zeros((len(outputs), len(self.poles)), complex)
-        there = np.zeros(len(outputs), bool)
+        is_available = np.zeros(len(outputs), bool)
         for k, dof in enumerate(outputs):
             row = rows.get(numbers[dof.point])
             if row is not None and not dof.is_rotation:
                 shapes[k] = _axis(dof, layout) @ self.values[row]
-                there[k] = True
-        return shapes, there
+                is_available[k] = True
+        return shapes, is_available
 
 
 def node_shapes(
     poles: Complex, modal_a: Complex, shapes: Complex, outputs: Sequence[Dof], layout: Layout
 ) -> NodeShapes:
-    """Shapes of channels as vectors at nodes, for a universal file.
+    """Combine the shapes of channels to vectors at nodes, for a universal file.
 
     Args:
-        poles: s_r [rad/s]; (n_mode,).
-        modal_a: a_r [kg/s], or empty where there is no scale.
-        shapes: (n_out, n_mode).
-        outputs: channels; those that are rotations are left out.
-        layout: where the sensors are, and their axes.
+        poles: poles s_r [rad/s]; (n_mode,).
+        modal_a: modal scaling a_r of receptance [kg/s]; empty if unknown.
+        shapes: mode shapes of the channels; (n_out, n_mode).
+        outputs: channels; rotations are left out.
+        layout: layout with positions and axes of the sensors.
     """
-    moving = [k for k, dof in enumerate(outputs) if not dof.is_rotation]
-    points = list(dict.fromkeys(outputs[k].point for k in moving))
-    numbers = _numbered(points)
+    translations = [k for k, dof in enumerate(outputs) if not dof.is_rotation]
+    points = list(dict.fromkeys(outputs[k].point for k in translations))
+    numbers = _number_points(points)
     values = np.zeros((len(points), 3, len(poles)), complex)
-    for k in moving:
+    for k in translations:
         values[points.index(outputs[k].point)] += np.multiply.outer(
             _axis(outputs[k], layout), shapes[k]
         )
-    places = np.array([layout.positions[layout.points.index(p)] for p in points]).reshape(-1, 3)
+    positions = np.array([layout.positions[layout.points.index(p)] for p in points]).reshape(-1, 3)
     scale = modal_a if len(modal_a) else np.zeros(len(poles), complex)
-    return NodeShapes(poles, scale, np.array(numbers, np.intp), places, values)
+    return NodeShapes(poles, scale, np.array(numbers, np.intp), positions, values)
 
 
 def _axis(dof: Dof, layout: Layout) -> Real:
+    """Return the signed axis of a channel in world axes; (3,)."""
     axis: Real = dof.sign * layout.axes[layout.points.index(dof.point)][:, dof.axis % 3]
     return axis
 
 
 def _node(point: str) -> int:
-    number = node_of(point)
+    """Return the node number in which a name ends, or -1."""
+    number = node_number(point)
     return -1 if number is None else number
 
 
-def _numbered(points: Sequence[str]) -> list[int]:
-    """The number in which each name ends; of names without one, those after the largest."""
+def _number_points(points: Sequence[str]) -> list[int]:
+    """Return the node number in which each name ends.
+
+    A name without a number, or with one already in use, gets the next above the largest.
+    """
     largest = max((_node(point) for point in points), default=0)
     numbers = []
     for point in points:
@@ -128,12 +140,12 @@ def _numbered(points: Sequence[str]) -> list[int]:
 
 
 def write_uff_modes(path: Path, modes: NodeShapes, title: str, written: datetime) -> None:
-    """Write modes as an ASCII universal file: 151, 164, 15, 2411, and 55 and 2414 of each mode.
+    """Write modes as an ASCII universal file: 151, 164, 15, 2411, and 55 and 2414 for each mode.
 
     Args:
-        path: of the file, replaced if there is one.
-        modes: what to write.
-        title: of the header and of each mode, cut at 80 characters.
+        path: path of the file, which is replaced if it exists.
+        modes: modes at nodes.
+        title: title of the header and of each mode, cut at 80 characters.
         written: date and time of the header.
     """
     name = " ".join(title.split())[:80] or "NONE"
@@ -144,10 +156,12 @@ def write_uff_modes(path: Path, modes: NodeShapes, title: str, written: datetime
 
 
 def _dataset(kind: int, lines: Sequence[str]) -> str:
-    return "".join([_MARK, f"{kind:6d}\n", *(line + "\n" for line in lines), _MARK])
+    """Return a dataset between its two marks."""
+    return "".join([_MARK_LINE, f"{kind:6d}\n", *(line + "\n" for line in lines), _MARK_LINE])
 
 
 def _header(name: str, written: datetime) -> str:
+    """Return the header, dataset 151."""
     stamp = f"{written:%d-%b-%y} {written:%H:%M:%S} "
     date = f"{stamp[:10]:10}{stamp[10:20]:10}"
     lines = [name, "modal model", "mbworkbench", f"{date}{0:10d}{0:10d}{0:10d}", date]
@@ -155,14 +169,15 @@ def _header(name: str, written: datetime) -> str:
 
 
 def _units() -> str:
-    """SI: factors of one."""
+    """Return the units, dataset 164: SI, with factors of one."""
     factors = f"{1:25.16E}{1:25.16E}{1:25.16E}".replace("E", "D")
     offset = f"{273.15:25.16E}".replace("E", "D")
     return _dataset(164, [f"{1:10d}{'SI: Meter (newton)':20}{2:10d}", factors, offset])
 
 
 def _nodes(modes: NodeShapes) -> tuple[str, str]:
-    rows = list(zip(modes.nodes, modes.places, strict=True))
+    """Return the nodes as datasets 15 and 2411."""
+    rows = list(zip(modes.nodes, modes.positions, strict=True))
     single = [f"{n:10d}{0:10d}{0:10d}{0:10d}" + "".join(f"{v:13.5E}" for v in p) for n, p in rows]
     double = [
         f"{n:10d}{0:10d}{0:10d}{0:10d}\n" + "".join(f"{v:25.16E}" for v in p) for n, p in rows
@@ -171,21 +186,25 @@ def _nodes(modes: NodeShapes) -> tuple[str, str]:
 
 
 def _eigenvalue(modes: NodeShapes, number: int) -> str:
+    """Return the line with s_r, modal A and modal B."""
     pole, scale = modes.poles[number], modes.modal_a[number]
     return _row([pole, scale, -pole * scale])
 
 
 def _row(values: Sequence[complex] | Complex) -> str:
+    """Return complex values as text, real and imaginary parts in E13.5."""
     return "".join(f"{part:13.5E}" for value in values for part in (value.real, value.imag))
 
 
 def _identity(modes: NodeShapes, number: int, name: str) -> list[str]:
+    """Return the five identification lines of a mode."""
     freq, damping = modes.freq_hz[number], modes.damping[number]
     state = f"MODE {number + 1:10d} FREQUENCY {freq:13.5E} HZ DAMPING {100 * damping:10.4f} %"
     return [name, "complex mode shape", "NONE", "NONE", state]
 
 
 def _values(modes: NodeShapes, number: int) -> list[str]:
+    """Return the lines of node numbers and values of a mode."""
     return [
         f"{node:10d}\n{_row(value)}"
         for node, value in zip(modes.nodes, modes.values[:, :, number], strict=True)
@@ -193,6 +212,7 @@ def _values(modes: NodeShapes, number: int) -> list[str]:
 
 
 def _shape_55(modes: NodeShapes, number: int, name: str) -> str:
+    """Return one mode as dataset 55."""
     kinds = "".join(f"{kind:10d}" for kind in (1, 3, 2, 8, 5, 3))
     head = [*_identity(modes, number, name), kinds]
     count = "".join(f"{k:10d}" for k in (2, 6, 1, number + 1))
@@ -200,14 +220,15 @@ def _shape_55(modes: NodeShapes, number: int, name: str) -> str:
 
 
 def _shape_2414(modes: NodeShapes, number: int, name: str) -> str:
+    """Return one mode as dataset 2414."""
     kinds = "".join(f"{kind:10d}" for kind in (1, 3, 2, 8, 5, 3))
     head = [f"{number + 1:10d}", name, f"{1:10d}", *_identity(modes, number, name), kinds]
     integers = "".join(f"{k:10d}" for k in (0, 0, 1, 0, 1, number + 1, 0, 0))
-    others = f"{0:10d}{0:10d}"
+    reserved = f"{0:10d}{0:10d}"
     return _dataset(
         2414,
         [
-            *head, integers, others, _row([0j, 0j, 0j]),
+            *head, integers, reserved, _row([0j, 0j, 0j]),
             _eigenvalue(modes, number), *_values(modes, number),
         ],
     )  # fmt: skip

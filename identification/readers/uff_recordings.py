@@ -1,10 +1,10 @@
-"""Which time records of a universal file were recorded together.
+"""Groups of time records of a universal file that were recorded together.
 
-No field of dataset 58 says. Where every force of a load case is followed by motions of distinct
-channels (or all are followed by their force), those are its own; else, of the records with one
-load case, response and reference, the first is of the first hit or recording, the second of the
-second. The reference of a motion is the hammer's place; where it has none (node 0), the force's own
-node and direction are.
+No field of dataset 58 identifies a recording. If in a load case every force is followed by motions
+of distinct channels, or preceded by them, those motions belong to this force. Otherwise records
+are matched by order: of the records with one load case, response and reference, the first belongs
+to the first recording, the second to the second. The reference of a motion is the hammer point. If
+a motion has none (node 0), node and direction of the force apply.
 """
 
 from collections.abc import Iterable, Iterator
@@ -13,21 +13,23 @@ from pathlib import Path
 
 from identification.words import Dof, InputError, Quantity, Real
 
-_Key = tuple[int, Dof, int]  # load case, place of the hammer, number among its records
+_RecordingKey = tuple[int, Dof, int]  # load case, hammer point, order among its records
+_MAX_START_DIFFERENCE = 0.5  # samples: by which the starts of synchronous records may differ
 
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One time record.
+    """Time record of one channel.
 
     Args:
-        number: in the file.
+        number: number of the record in the file.
         case: load case.
-        dof: where and along what.
-        reference: of a motion, if it has one.
-        quantity: of a motion; None for a force.
-        start, rate: of the samples [s, Hz].
-        values: in SI; (n_sample,).
+        dof: degree of freedom of the force or motion.
+        reference: reference of a motion, or None.
+        quantity: quantity of the FRFs that a motion gives; None for a force.
+        start: time of the first sample [s].
+        rate: sampling rate [Hz].
+        values: samples in SI units; (n_sample,).
     """
 
     number: int
@@ -40,64 +42,69 @@ class Channel:
     values: Real
 
 
-def takes_of(path: Path, forces: list[Channel], motions: list[Channel]) -> list[list[Channel]]:
-    """Sets of synchronous channels, the force first.
+def group_recordings(
+    path: Path, forces: list[Channel], motions: list[Channel]
+) -> list[list[Channel]]:
+    """Group the channels into synchronous recordings, each with its force first.
 
     Raises:
-        InputError: channels without their force, a force without channels, contradicting
-            references, unequal lengths, rates or starts.
+        InputError: a motion has no force, a force has no motion, references contradict the force,
+            or lengths, rates or starts differ within a recording.
     """
-    takes, in_order = _of_forces(forces)
-    own_force = _beside([*forces, *motions])
-    keys = {take[0].number: key for key, take in takes.items()}
-    for order, motion in _numbered(motions):
+    recordings, in_order = _begin_recordings(forces)
+    adjacent = _adjacent_forces([*forces, *motions])
+    keys = {recording[0].number: key for key, recording in recordings.items()}
+    for order, motion in _count_repetitions(motions):
         reference = motion.reference
-        if motion.number in own_force:
-            key: _Key | None = keys[own_force[motion.number]]
+        if motion.number in adjacent:
+            key: _RecordingKey | None = keys[adjacent[motion.number]]
         elif reference is None:
             key = in_order.get((motion.case, order))
         else:
             key = motion.case, reference.positive, order
-        if key is None or key not in takes:
+        if key is None or key not in recordings:
             raise InputError(
-                f"{path}, record {motion.number} is number {order + 1} of {motion.dof} in load "
-                f"case {motion.case}, and there is no such record of the force"
+                f"{path}, record {motion.number} is motion {order + 1} of {motion.dof} in load "
+                f"case {motion.case}, but the force has no such record"
                 + (f" at {reference}" if reference else "")
                 + ": export forces and motions together"
             )
-        force = takes[key][0]
+        force = recordings[key][0]
         if reference is not None and reference != force.dof:
             raise InputError(
-                f"{path}: the reference of record {motion.number} is {reference}, the direction of "
-                f"its force in record {force.number} is {force.dof}: mend one of them"
+                f"{path}: the reference of record {motion.number} is {reference}, but its force in "
+                f"record {force.number} acts at {force.dof}: correct one of them"
             )
-        takes[key].append(motion)
-    for take in takes.values():
-        if len(take) == 1:
+        recordings[key].append(motion)
+    for recording in recordings.values():
+        if len(recording) == 1:
             raise InputError(
-                f"{path}, record {take[0].number} is a force without any motion: delete it"
+                f"{path}, record {recording[0].number} is a force without any motion: delete it"
             )
-        refuse_unequal(path, take)
-    return list(takes.values())
+        refuse_unequal(path, recording)
+    return list(recordings.values())
 
 
-def _of_forces(
+def _begin_recordings(
     forces: list[Channel],
-) -> tuple[dict[_Key, list[Channel]], dict[tuple[int, int], _Key]]:
-    """A take for each force, and its key by load case and order in it."""
-    takes: dict[_Key, list[Channel]] = {}
-    in_order: dict[tuple[int, int], _Key] = {}
-    for order, force in _numbered(forces):
+) -> tuple[dict[_RecordingKey, list[Channel]], dict[tuple[int, int], _RecordingKey]]:
+    """Begin a recording for each force; return them, and their keys by load case and order."""
+    recordings: dict[_RecordingKey, list[Channel]] = {}
+    in_order: dict[tuple[int, int], _RecordingKey] = {}
+    for order, force in _count_repetitions(forces):
         key = force.case, force.dof.positive, order
-        takes[key] = [force]
-        before = sum(case == force.case for case, _ in in_order)
-        in_order[force.case, before] = key
-    return takes, in_order
+        recordings[key] = [force]
+        earlier = sum(case == force.case for case, _ in in_order)
+        in_order[force.case, earlier] = key
+    return recordings, in_order
 
 
-def _beside(channels: list[Channel]) -> dict[int, int]:
-    """Number of the force that each motion stands next to, in load cases where that is clear."""
-    found: dict[int, int] = {}
+def _adjacent_forces(channels: list[Channel]) -> dict[int, int]:
+    """Return the record of the force that precedes or follows the records of motions.
+
+    Load cases in which that is ambiguous are left out.
+    """
+    adjacent: dict[int, int] = {}
     for case in {channel.case for channel in channels}:
         order = sorted((c for c in channels if c.case == case), key=lambda c: c.number)
         for rows in (order, order[::-1]):
@@ -105,39 +112,39 @@ def _beside(channels: list[Channel]) -> dict[int, int]:
             ends = [*starts[1:], len(rows)]
             parts = [rows[start:end] for start, end in zip(starts, ends, strict=False)]
             names = [[row.dof.positive for row in part[1:]] for part in parts]
-            if starts[:1] == [0] and all(own and len(set(own)) == len(own) for own in names):
-                found |= {row.number: part[0].number for part in parts for row in part[1:]}
+            if starts[:1] == [0] and all(dofs and len(set(dofs)) == len(dofs) for dofs in names):
+                adjacent |= {row.number: part[0].number for part in parts for row in part[1:]}
                 break
-    return found
+    return adjacent
 
 
-def _numbered(channels: Iterable[Channel]) -> Iterator[tuple[int, Channel]]:
-    """Each channel with the number of those of its kind before it in its load case."""
-    seen: dict[tuple[int, Dof, Dof | None], int] = {}
+def _count_repetitions(channels: Iterable[Channel]) -> Iterator[tuple[int, Channel]]:
+    """Yield each channel with the number of earlier ones of its load case, DOF and reference."""
+    counts: dict[tuple[int, Dof, Dof | None], int] = {}
     for channel in channels:
         reference = None if channel.reference is None else channel.reference.positive
         key = channel.case, channel.dof.positive, reference
-        order = seen.get(key, 0)
-        seen[key] = order + 1
+        order = counts.get(key, 0)
+        counts[key] = order + 1
         yield order, channel
 
 
-def refuse_unequal(path: Path, take: list[Channel]) -> None:
-    """Refuse channels of other length, rate or start than the first.
+def refuse_unequal(path: Path, recording: list[Channel]) -> None:
+    """Refuse channels whose length, rate or start differs from that of the first.
 
     Raises:
-        InputError: with both records.
+        InputError: two records differ; the message names both.
     """
-    first = take[0]
-    for channel in take[1:]:
+    first = recording[0]
+    for channel in recording[1:]:
         if len(channel.values) != len(first.values) or channel.rate != first.rate:
             raise InputError(
-                f"{path}: records {first.number} and {channel.number} belong together and have "
+                f"{path}: records {first.number} and {channel.number} belong together but have "
                 f"{len(first.values)} samples at {first.rate:g} Hz and {len(channel.values)} at "
                 f"{channel.rate:g} Hz: export them with one length and rate"
             )
-        if abs(channel.start - first.start) * first.rate > 0.5:
+        if abs(channel.start - first.start) * first.rate > _MAX_START_DIFFERENCE:
             raise InputError(
-                f"{path}: records {first.number} and {channel.number} belong together and start at "
+                f"{path}: records {first.number} and {channel.number} belong together but start at "
                 f"{first.start:g} s and {channel.start:g} s: export them with one start"
             )

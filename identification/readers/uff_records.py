@@ -1,7 +1,7 @@
-"""Time records of a universal file: function type 1 of dataset 58 and 58b.
+"""Time records of universal files: function type 1 of datasets 58 and 58b.
 
-The force is the channel whose ordinate is an excitation force (13); motions are displacement (8),
-velocity (11) and acceleration (12).
+The force is the channel with the ordinate type excitation force (13). Motions have the types
+displacement (8), velocity (11) and acceleration (12).
 """
 
 from dataclasses import replace
@@ -11,50 +11,51 @@ import numpy as np
 
 from identification.readers.uff_datasets import (
     Record,
-    ends_of,
     function_types,
     read_records,
     refuse_malformed,
+    response_and_reference,
     unit_factors,
 )
-from identification.readers.uff_recordings import Channel, refuse_unequal, takes_of
+from identification.readers.uff_frfs import FRF_TYPE, QUANTITY_OF_ORDINATE
+from identification.readers.uff_recordings import Channel, group_recordings, refuse_unequal
 from identification.words import Dof, InputError, Quantity, Records
 
-_TIME, _FRF = 1, 4
-_FORCE, _REACTION = 13, 9
-_QUANTITIES: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
-_EVEN = 1e-3  # of a step, by which samples may be off their clock
+_TIME_TYPE = 1  # function type
+_EXCITATION_FORCE, _REACTION_FORCE = 13, 9  # ordinate types
+# Samples may lie off an even axis by this part of a step, and by the rounding of six digits.
+_MAX_STEP_DEVIATION, _DIGIT_ROUNDING = 1e-3, 1e-5
 
 
-def holds_records(path: Path) -> bool:
-    """Whether a universal file has time records and no FRF.
+def holds_uff_time_records(path: Path) -> bool:
+    """Return whether a universal file has time records and no FRFs.
 
     Raises:
-        InputError: missing or truncated.
+        InputError: the file is missing or truncated.
     """
     types = function_types(path)
-    return _TIME in types and _FRF not in types
+    return _TIME_TYPE in types and FRF_TYPE not in types
 
 
 def read_uff_records(path: Path, quantity: Quantity | None = None) -> tuple[Records, ...]:
     """Read the time records of a universal file, one ``Records`` for each reference.
 
-    Set-ups of other channels with the same reference make ``Records`` of their own. A direction
-    or reference of the other sign flips its values to those of the first.
+    Set-ups with one reference but different channels become separate ``Records``. Values whose
+    direction has the opposite sign in a later recording are negated.
 
     Args:
         path: the file.
-        quantity: what campaign.toml says of motions whose ordinate is of type 0 or 1.
+        quantity: quantity that campaign.toml gives for motions with ordinate type 0 or 1.
 
     Raises:
-        InputError: with file and record: no force or no motion, ends that are no degree of
-            freedom, unequal lengths, rates or quantities.
+        InputError: force or motions are missing, a direction is invalid, or lengths, rates or
+            quantities differ. The message names file and record.
     """
     records = read_records(path)
     factors = unit_factors(path, records)
     channels = []
     for number, record in records:
-        if record.get("type") == 58 and record["func_type"] == _TIME:
+        if record.get("type") == 58 and record["func_type"] == _TIME_TYPE:
             refuse_malformed(f"{path}, record {number}", record)
             channels.append(_channel(path, number, record, factors[number], quantity))
     forces = [channel for channel in channels if channel.quantity is None]
@@ -62,12 +63,12 @@ def read_uff_records(path: Path, quantity: Quantity | None = None) -> tuple[Reco
     if not forces or not motions:
         missing = "motions (ordinate types 8, 11, 12)" if forces else "the force (ordinate type 13)"
         raise InputError(f"{path} holds no time record of {missing}: export all channels together")
-    takes = takes_of(path, forces, motions)
+    recordings = group_recordings(path, forces, motions)
     groups: dict[tuple[Dof, tuple[Dof, ...]], list[list[Channel]]] = {}
-    for take in takes:
-        names = tuple(channel.dof.positive for channel in take[1:])
-        groups.setdefault((take[0].dof.positive, names), []).append(take)
-    return tuple(_stacked(path, group) for group in groups.values())
+    for recording in recordings:
+        names = tuple(channel.dof.positive for channel in recording[1:])
+        groups.setdefault((recording[0].dof.positive, names), []).append(recording)
+    return tuple(_stack_recordings(path, group) for group in groups.values())
 
 
 def _channel(
@@ -75,21 +76,22 @@ def _channel(
     number: int,
     record: Record,
     factors: tuple[float, float],
-    stated: Quantity | None,
+    expected: Quantity | None,
 ) -> Channel:
+    """Convert a record to a channel in SI units."""
     name = f"{path}, record {number}"
     if np.iscomplexobj(record["data"]):
         raise InputError(f"{name} is a complex time record: export it as real")
     no_reference = int(record["ref_node"]) == 0 or int(record["ref_dir"]) == 0
     if no_reference:
         record = record | {"ref_node": record["rsp_node"], "ref_dir": record["rsp_dir"]}
-    dof, reference = ends_of(path, number, record)
+    dof, reference = response_and_reference(path, number, record)
     kind = int(record["ordinate_spec_data_type"])
-    quantity = None if kind == _FORCE else _quantity(name, kind, stated)
+    quantity = None if kind == _EXCITATION_FORCE else _quantity(name, kind, expected)
     length, force = factors
     scale = force if quantity is None else 1.0
     if dof.is_rotation == (quantity is None):
-        scale *= length  # a moment, or a translation
+        scale *= length  # the factor of a moment, or of a translation
     start, rate = _clock(name, record)
     return Channel(
         number,
@@ -103,27 +105,35 @@ def _channel(
     )
 
 
-def _quantity(name: str, kind: int, stated: Quantity | None) -> Quantity:
-    found = _QUANTITIES.get(kind) or (stated if kind in (0, 1) else None)
-    if found and stated and found != stated:
-        raise InputError(f"{name} makes {found}, but campaign.toml says {stated}: mend one of them")
-    if found is None:
-        hint = "a reaction force (9); the hammer's is an excitation force (13)"
-        other = f"of ordinate type {kind}, none of force (13) and motion (8, 11, 12)"
+def _quantity(name: str, kind: int, expected: Quantity | None) -> Quantity:
+    """Return the quantity of a motion's FRFs, which must not contradict campaign.toml."""
+    quantity = QUANTITY_OF_ORDINATE.get(kind) or (expected if kind in (0, 1) else None)
+    if quantity and expected and quantity != expected:
         raise InputError(
-            f"{name} is {hint if kind == _REACTION else other}: export it with its type, or delete "
-            "it"
+            f"{name} gives {quantity}, but campaign.toml says {expected}: correct one of them"
         )
-    return found
+    if quantity is None:
+        reaction = "a reaction force (9), but the hammer needs an excitation force (13)"
+        unknown = f"of ordinate type {kind}, which is neither force (13) nor motion (8, 11, 12)"
+        raise InputError(
+            f"{name} is {reaction if kind == _REACTION_FORCE else unknown}: export it with its "
+            "type, or delete it"
+        )
+    return quantity
 
 
 def _clock(name: str, record: Record) -> tuple[float, float]:
-    """First time [s] and rate [Hz]; the rate that a text of six digits stands for."""
+    """Return the first time [s] and the sampling rate [Hz].
+
+    The rate has at most two decimals if its step has the six digits of the file.
+    """
     time = np.asarray(record["x"], np.float64)
     if len(time) < 2:
         raise InputError(f"{name} has a single sample: export the whole record")
     step = (time[-1] - time[0]) / (len(time) - 1)
-    if step <= 0 or np.abs(np.diff(time) - step).max() > _EVEN * step + 1e-5 * abs(time[-1]):
+    if step <= 0 or np.abs(np.diff(time) - step).max() > (
+        _MAX_STEP_DEVIATION * step + _DIGIT_ROUNDING * abs(time[-1])
+    ):
         raise InputError(f"{name} is not sampled evenly: resample it")
     even = int(record["abscissa_spacing"]) == 1
     step = float(record["abscissa_inc"]) if even else float(step)
@@ -134,20 +144,24 @@ def _clock(name: str, record: Record) -> tuple[float, float]:
     return float(time[0]), 1.0 / step
 
 
-def _stacked(path: Path, takes: list[list[Channel]]) -> Records:
-    first = takes[0]
-    kinds = {channel.quantity for take in takes for channel in take[1:]} - {None}
+def _stack_recordings(path: Path, recordings: list[list[Channel]]) -> Records:
+    """Stack recordings with one reference and the same channels into ``Records``."""
+    first = recordings[0]
+    kinds = {channel.quantity for recording in recordings for channel in recording[1:]} - {None}
     if len(kinds) > 1:
         raise InputError(
             f"{path} mixes records for {' and '.join(sorted(map(str, kinds)))}: give one file for "
             "each"
         )
-    for take in takes[1:]:
-        refuse_unequal(path, [first[0], replace(take[0], start=first[0].start)])
+    for recording in recordings[1:]:
+        refuse_unequal(path, [first[0], replace(recording[0], start=first[0].start)])
     values = np.array(
         [
-            [c.values * c.dof.sign * head.dof.sign for c, head in zip(take, first, strict=True)]
-            for take in takes
+            [
+                c.values * c.dof.sign * head.dof.sign
+                for c, head in zip(recording, first, strict=True)
+            ]
+            for recording in recordings
         ]
     )
     kind = next(kind for kind in (channel.quantity for channel in first[1:]) if kind)

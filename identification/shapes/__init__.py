@@ -1,27 +1,27 @@
-"""Shapes of a finite-element model: from files, at sensors, what they weigh, where to sense."""
+"""Mode shapes of a finite-element model: reading, values at sensors, mass, sensor placement."""
 
 from identification.shapes.fe_file import read_shapes
 from identification.shapes.fe_shapes import Shapes
 from identification.shapes.rigid_mass import RigidModes, check_mass, rigid_modes
 from identification.shapes.sensor_placement import (
-    Telling,
+    ModeDistinction,
     antinodes,
+    distinguish_modes,
     effective_independence,
-    telling,
 )
-from identification.shapes.sensor_shapes import How, closest, shapes_at
+from identification.shapes.sensor_shapes import ShapeSampling, closest_barycentric, shapes_at
 
 __all__ = [
-    "How",
+    "ModeDistinction",
     "RigidModes",
+    "ShapeSampling",
     "Shapes",
-    "Telling",
     "antinodes",
     "check_mass",
-    "closest",
+    "closest_barycentric",
+    "distinguish_modes",
     "effective_independence",
     "read_shapes",
     "rigid_modes",
     "shapes_at",
-    "telling",
 ]

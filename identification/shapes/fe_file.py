@@ -1,8 +1,9 @@
-"""Finite-element shapes from files: any mesh that meshio reads, a shape each in its point data.
+"""Finite-element shapes from files: any mesh that meshio reads, with one shape per point data.
 
-Only here and in ``mbmodel.meshfile`` is meshio. Frequencies come from a table beside the mesh, or
-from the names of the point data: ``mode 7 (34.51 Hz)``, ``f=34.51``, or ``DEPL[6] - 34.51`` as MED
-files name steps by their value; so are the steps of an XDMF series named.
+Only this module and ``mbmodel.meshes.files`` use meshio. Frequencies come from a table beside the
+mesh, or from the names of the point data: ``mode 7 (34.51 Hz)``, ``f=34.51``, or ``DEPL[6] -
+34.51``. The last is how MED files name steps by their value; steps of an XDMF series are given such
+names.
 """
 
 import contextlib
@@ -16,25 +17,27 @@ import numpy as np
 from identification.shapes.fe_shapes import Shapes
 from identification.words import InputError, Integers, Real
 
-_NUMBER = r"(?<![\d.,])([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)"
-_HERTZ = re.compile(r"\bHz\b", re.IGNORECASE)
-_NAMED = (
-    re.compile(_NUMBER + r"\s*Hz\b", re.IGNORECASE),
-    re.compile(r"\bf(?:req(?:uency)?)?\s*[=:]\s*" + _NUMBER, re.IGNORECASE),
-    re.compile(r"\[\d+\]\s*-\s*" + _NUMBER + r"$"),
+_NUMBER_PATTERN = r"(?<![\d.,])([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)"
+_HERTZ_PATTERN = re.compile(r"\bHz\b", re.IGNORECASE)
+_FREQUENCY_PATTERNS = (
+    re.compile(_NUMBER_PATTERN + r"\s*Hz\b", re.IGNORECASE),
+    re.compile(r"\bf(?:req(?:uency)?)?\s*[=:]\s*" + _NUMBER_PATTERN, re.IGNORECASE),
+    re.compile(r"\[\d+\]\s*-\s*" + _NUMBER_PATTERN + r"$"),
 )
 Face = tuple[int, ...]
-# How faces of so many points are cut into triangles; quadratic ones at the middles of their sides.
-_CUT: dict[int, tuple[Face, ...]] = {
+# Triangles of a face by its number of points; quadratic faces are split at their mid-side points.
+_TRIANGLES_OF_FACE: dict[int, tuple[Face, ...]] = {
     3: ((0, 1, 2),),
     4: ((0, 1, 2), (0, 2, 3)),
     6: ((0, 3, 5), (3, 1, 4), (4, 2, 5), (3, 4, 5)),
     8: ((0, 4, 7), (4, 1, 5), (5, 2, 6), (6, 3, 7), (4, 5, 6), (4, 6, 7)),
 }
-_ROUNDING = 1e-3  # of the highest frequency: modes at rest come in any order
-_SHELLS = {"triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8, "quad9": 8}
-_TETRA: tuple[Face, ...] = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3))
-_BOX: tuple[Face, ...] = (
+# Fall between successive frequencies, relative to the highest: rigid modes come in any order.
+_MAX_FREQUENCY_FALL = 1e-3
+# Points of a shell element that its faces use; the centre of nine is left out.
+_CORNERS_OF_SHELL = {"triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8, "quad9": 8}
+_TETRA_FACES: tuple[Face, ...] = ((0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3))
+_BOX_FACES: tuple[Face, ...] = (
     (0, 3, 2, 1),
     (4, 5, 6, 7),
     (0, 1, 5, 4),
@@ -42,39 +45,40 @@ _BOX: tuple[Face, ...] = (
     (2, 3, 7, 6),
     (3, 0, 4, 7),
 )
-_WEDGE: tuple[Face, ...] = ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5))
-# Faces of volumes by their corners, whatever lies between these.
-_VOLUMES = {"tetra": _TETRA, "hexahedron": _BOX, "wedge": _WEDGE}
+_WEDGE_FACES: tuple[Face, ...] = ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5))
+# Faces of volume elements by their corners; mid-side points are left out.
+_FACES_OF_VOLUME = {"tetra": _TETRA_FACES, "hexahedron": _BOX_FACES, "wedge": _WEDGE_FACES}
 
 
 def read_shapes(path: Path, frequencies: Path | None = None) -> Shapes:
     """Read modes from a mesh file.
 
     Args:
-        path: VTU, MED, XDMF and whatever else meshio reads; in metres.
-        frequencies: a text file with a frequency [Hz] in each row, the mode's number before it or
-            not, in the order of the shapes; None to find them in the names of the point data.
+        path: VTU, MED, XDMF or another format of meshio; in metres.
+        frequencies: text file with a frequency [Hz] in each row, with or without the mode's number
+            before it, in the order of the shapes; None to read them from the names of the point
+            data.
 
     Returns:
         The modes, by rising frequency.
 
     Raises:
-        InputError: no such file, no shapes, frequencies that do not fit them.
+        InputError: no such file, no shapes, or frequencies that do not fit them.
     """
-    mesh = _mesh(path)
+    mesh = _read_mesh(path)
     points = np.zeros((len(mesh.points), 3))
     points[:, : mesh.points.shape[1]] = mesh.points
-    data = {name: np.asarray(one, float) for name, one in mesh.point_data.items()}
-    names = sorted((n for n, one in data.items() if _is_shape(one)), key=_natural)
+    data = {name: np.asarray(array, float) for name, array in mesh.point_data.items()}
+    names = sorted((name for name, array in data.items() if _is_shape(array)), key=_natural_order)
     if not names:
         raise InputError(
             f"{path} has no shapes: each must be point data of three components (it has "
-            f"{', '.join(sorted(data)) or 'none'}). Write displacements of modes as vectors."
+            f"{', '.join(sorted(data)) or 'none'}). Write the displacements of modes as vectors."
         )
     if frequencies is None:
-        values, names = _from_names(path, names)
+        values, names = _frequencies_from_names(path, names)
     else:
-        values = _table(frequencies)
+        values = _read_frequency_table(frequencies)
         if len(values) != len(names):
             raise InputError(
                 f"{frequencies} has {len(values)} frequencies for the {len(names)} shapes of "
@@ -84,18 +88,18 @@ def read_shapes(path: Path, frequencies: Path | None = None) -> Shapes:
     if not np.isfinite(vectors).all():
         bad = names[int(np.flatnonzero(~np.isfinite(vectors).all(axis=(1, 2)))[0])]
         raise InputError(f"{path}: {bad} holds values that are no numbers. Write the mode again.")
-    _check(str(frequencies or path), values)
+    _check_frequencies(str(frequencies or path), values)
     order = np.argsort(values, kind="stable")
     return Shapes(str(path), points, _triangles(path, mesh), values[order], vectors[order])
 
 
-def _mesh(path: Path) -> meshio.Mesh:
-    """Read through meshio, which prints what went wrong and ends the program."""
+def _read_mesh(path: Path) -> meshio.Mesh:
+    """Read a mesh through meshio, which prints errors and ends the program."""
     if not path.is_file():
         raise InputError(f"{path} is not there. Give a mesh file with shapes as point data.")
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            return _steps(path) if _is_series(path) else meshio.read(path)
+            return _read_series(path) if _is_series(path) else meshio.read(path)
     except (SystemExit, Exception) as error:
         reason = str(error) if isinstance(error, OSError | meshio.ReadError) else ""
         raise InputError(
@@ -105,57 +109,60 @@ def _mesh(path: Path) -> meshio.Mesh:
 
 
 def _is_series(path: Path) -> bool:
-    """Whether an XDMF file holds steps, each at a value."""
+    """Return whether an XDMF file holds steps, each with a value."""
     return path.suffix in {".xdmf", ".xmf"} and 'CollectionType="Temporal"' in path.read_text(
         "utf-8", errors="replace"
     )
 
 
-def _steps(path: Path) -> meshio.Mesh:
-    """The mesh of a series with the shape of each step, whose value is the mode's frequency."""
+def _read_series(path: Path) -> meshio.Mesh:
+    """Read the mesh of a series, and the shape of each step, whose value is its frequency."""
     with meshio.xdmf.TimeSeriesReader(path) as reader:
         points, cells = reader.read_points_cells()
         shapes: dict[str, Real] = {}
         for step in range(reader.num_steps):
             value, data, _ = reader.read_data(step)
-            for name, one in data.items():
-                shapes[f"{name}[{step}] - {float(value)!r}"] = one
+            for name, values in data.items():
+                shapes[f"{name}[{step}] - {float(value)!r}"] = values
     return meshio.Mesh(points, cells, point_data=shapes)
 
 
 def _is_shape(values: Real) -> bool:
-    """Three displacements a point, or these and three rotations."""
+    """Return whether point data have three displacements a point, or these and three rotations."""
     return values.ndim == 2 and values.shape[1] in (3, 6)
 
 
-def _natural(name: str) -> tuple[tuple[int, float, str], ...]:
-    """Mode 10 after mode 9."""
+def _natural_order(name: str) -> tuple[tuple[int, float, str], ...]:
+    """Return a sort key that puts mode 10 after mode 9."""
     parts = re.split(r"(\d+(?:\.\d+)?)", name)
-    return tuple((1, float(one), "") if k % 2 else (0, 0.0, one) for k, one in enumerate(parts))
+    return tuple((1, float(part), "") if k % 2 else (0, 0.0, part) for k, part in enumerate(parts))
 
 
-def _from_names(path: Path, names: list[str]) -> tuple[Real, list[str]]:
-    """Frequencies that are named, and the point data that name one."""
-    found = {}
+def _frequencies_from_names(path: Path, names: list[str]) -> tuple[Real, list[str]]:
+    """Return the frequencies in names of point data, and the names that hold one."""
+    frequencies = {}
     for name in names:
-        match = next((m for pattern in _NAMED if (m := pattern.search(name))), None)
+        match = next((m for pattern in _FREQUENCY_PATTERNS if (m := pattern.search(name))), None)
         if match is not None:
-            found[name] = float(match[1])
-        elif _HERTZ.search(name):
+            frequencies[name] = float(match[1])
+        elif _HERTZ_PATTERN.search(name):
             raise InputError(
-                f"{path}: the name {name!r} tells no frequency. Write it as 'mode 1 (34.5 Hz)', "
+                f"{path}: the name {name!r} holds no frequency. Write it as 'mode 1 (34.5 Hz)', "
                 "with a point."
             )
-    if not found:
+    if not frequencies:
         raise InputError(
             f"{path}: the point data ({', '.join(names[:3])} ..) name no frequencies. Name them "
             "as 'mode 1 (34.5 Hz)', or give a file with --frequencies."
         )
-    return np.array(list(found.values())), list(found)
+    return np.array(list(frequencies.values())), list(frequencies)
 
 
-def _table(path: Path) -> Real:
-    """A frequency of each row, alone or after the mode's number; words and # comments are none."""
+def _read_frequency_table(path: Path) -> Real:
+    """Read a frequency from each row, alone or after the mode's number.
+
+    Rows without a number and # comments are skipped.
+    """
     try:
         text = path.read_text("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -164,20 +171,22 @@ def _table(path: Path) -> Real:
         ) from error
     rows: list[list[float]] = []
     for number, line in enumerate(text.splitlines(), start=1):
-        stated = line.partition("#")[0]
-        cells = [cell for cell in re.split(r"[\s;]+|,\s*", stated) if cell]
-        own = [value for cell in cells if (value := _number(cell)) is not None]
-        numbered = len(own) == 2 and own[0] % 1 == 0
-        if numbered and rows and "," in stated:  # or decimals have a comma
-            numbered = own[0] == rows[-1][0] + 1
-        if (len(own) > 1 and not numbered) or (not own and any(map(str.isdigit, stated))):
+        text_cells = line.partition("#")[0]
+        cells = [cell for cell in re.split(r"[\s;]+|,\s*", text_cells) if cell]
+        numbers = [value for cell in cells if (value := _parse_number(cell)) is not None]
+        has_mode_number = len(numbers) == 2 and numbers[0] % 1 == 0
+        if has_mode_number and rows and "," in text_cells:  # or decimals have a comma
+            has_mode_number = numbers[0] == rows[-1][0] + 1
+        if (len(numbers) > 1 and not has_mode_number) or (
+            not numbers and any(map(str.isdigit, text_cells))
+        ):
             raise InputError(
                 f"{path}: row {number}, {line.strip()!r}, is not a frequency, nor a mode's number "
                 "and its frequency. Write decimals with a point, and nothing else in a row."
             )
-        rows += [own] if own else []
+        rows += [numbers] if numbers else []
     values = np.array([row[-1] for row in rows])
-    falls = np.flatnonzero(np.diff(values) < -_ROUNDING * np.abs(values).max(initial=0.0))
+    falls = np.flatnonzero(np.diff(values) < -_MAX_FREQUENCY_FALL * np.abs(values).max(initial=0.0))
     if len(falls):
         raise InputError(
             f"{path}: frequencies fall from {values[falls[0]]:g} to {values[falls[0] + 1]:g} Hz, "
@@ -187,15 +196,16 @@ def _table(path: Path) -> Real:
     return values
 
 
-def _number(cell: str) -> float | None:
+def _parse_number(cell: str) -> float | None:
+    """Return a number, or None if the text is none."""
     try:
         return float(cell)
     except ValueError:
         return None
 
 
-def _check(source: str, values: Real) -> None:
-    """Frequencies that can be those of modes."""
+def _check_frequencies(source: str, values: Real) -> None:
+    """Refuse frequencies that cannot be those of modes."""
     if not np.isfinite(values).all():
         raise InputError(
             f"{source}: the frequency of shape {int(np.argmin(np.isfinite(values))) + 1} is no "
@@ -208,31 +218,32 @@ def _check(source: str, values: Real) -> None:
 
 
 def _triangles(path: Path, mesh: meshio.Mesh) -> Integers:
-    """Faces on the outside of volumes, and all of shells; (n, 3)."""
-    found: list[Integers] = []
+    """Return triangles of the outer faces of volumes and of all shells; (n, 3)."""
+    triangles: list[Integers] = []
     sides: dict[int, list[Integers]] = {}
     for block in mesh.cells:
         data = np.asarray(block.data, np.intp)
-        if block.type in _SHELLS:
-            found += _cut(data[:, : _SHELLS[block.type]])
+        if block.type in _CORNERS_OF_SHELL:
+            triangles += _split_faces(data[:, : _CORNERS_OF_SHELL[block.type]])
         if block.type.rstrip("0123456789") == "line":
-            found.append(data[:, [0, 1, 1]])  # a beam: a face without width
-        for face in _VOLUMES.get(block.type.rstrip("0123456789"), ()):
+            triangles.append(data[:, [0, 1, 1]])  # a beam becomes a face without width
+        for face in _FACES_OF_VOLUME.get(block.type.rstrip("0123456789"), ()):
             sides.setdefault(len(face), []).append(data[:, face])
     for faces in sides.values():
-        found += _cut(_outside(np.concatenate(faces)))
-    if not found:
+        triangles += _split_faces(_outer_faces(np.concatenate(faces)))
+    if not triangles:
         kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "no cells"
         raise InputError(f"{path} has no faces ({kinds}). Give beams, shells or volumes.")
-    return np.concatenate(found)
+    return np.concatenate(triangles)
 
 
-def _cut(faces: Integers) -> list[Integers]:
-    return [faces[:, part] for part in _CUT[faces.shape[1]]]
+def _split_faces(faces: Integers) -> list[Integers]:
+    """Split faces into triangles."""
+    return [faces[:, corners] for corners in _TRIANGLES_OF_FACE[faces.shape[1]]]
 
 
-def _outside(faces: Integers) -> Integers:
-    """Those that no other volume shares."""
+def _outer_faces(faces: Integers) -> Integers:
+    """Return the faces that no other volume shares."""
     _, place, counts = np.unique(
         np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True
     )

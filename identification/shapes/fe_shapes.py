@@ -1,4 +1,4 @@
-"""Mode shapes of a finite-element model: points, displacements, frequencies, faces."""
+"""Mode shapes of a finite-element model on its mesh."""
 
 from dataclasses import dataclass
 
@@ -12,11 +12,12 @@ class Shapes:
     """Modes on a mesh.
 
     Args:
-        source: the file they come from.
+        source: file that they were read from.
         points: (n_point, 3) [m].
         triangles: faces as corners, for places between points and for pictures; (n_triangle, 3).
         frequencies: rising; (n_mode,) [Hz].
-        vectors: displacements, in any normalisation, one for all modes; (n_mode, n_point, 3).
+        vectors: displacements, in any normalisation that is common to all modes; (n_mode, n_point,
+            3).
     """
 
     source: str
@@ -26,7 +27,7 @@ class Shapes:
     vectors: Real
 
     def __len__(self) -> int:
-        """How many modes there are."""
+        """Return the number of modes."""
         return len(self.frequencies)
 
     @property
@@ -34,8 +35,8 @@ class Shapes:
         """Diagonal of the box around the mesh [m]."""
         return float(np.linalg.norm(np.ptp(self.points, axis=0)))
 
-    def only(self, modes: Integers | Mask) -> "Shapes":
-        """Some of the modes."""
+    def select(self, modes: Integers | Mask) -> "Shapes":
+        """Return some of the modes."""
         return Shapes(
             self.source,
             self.points,

@@ -1,21 +1,21 @@
-"""Solid bodies: from sensors to motions and back, up to where that holds, and which sensor lies."""
+"""Solid bodies: reduction of sensors to rigid motions, reconstruction, and sensor faults."""
 
-from identification.solid.bending_shapes import BendingShape, bending_shape
+from identification.solid.bending_shapes import BendingShape, estimate_bending_shape
 from identification.solid.body_check import BodyCheck, Fault, check_bodies
 from identification.solid.reduction import body_inverse, reconstruct, reduce_to_bodies
-from identification.solid.sensor_faults import delayed, mount
-from identification.solid.sentences import FAULTS
+from identification.solid.sensor_faults import delay_response, mount_response
+from identification.solid.sentences import FAULT_PHRASES
 
 __all__ = [
-    "FAULTS",
+    "FAULT_PHRASES",
     "BendingShape",
     "BodyCheck",
     "Fault",
-    "bending_shape",
     "body_inverse",
     "check_bodies",
-    "delayed",
-    "mount",
+    "delay_response",
+    "estimate_bending_shape",
+    "mount_response",
     "reconstruct",
     "reduce_to_bodies",
 ]

@@ -1,4 +1,4 @@
-"""The channels of one body over all tests, in units of their noise."""
+"""Channels of one body from all tests, whitened by their noise."""
 
 from dataclasses import dataclass, replace
 
@@ -8,21 +8,21 @@ from identification.noise.variance import smooth_variance
 from identification.solid.sensor_errors import Sensors
 from identification.words import Campaign, Complex, Dof, Mask, Real, Test
 
-# What no tolerance describes: cross-axis sensitivity, linearity, the sensor's own size. Below
-# this share of a body's motion nothing is said about solidity; it also bounds weights.
-FLOOR = 2e-3
+# Model-error floor, relative to the motion of the body, for errors that no tolerance describes:
+# cross-axis sensitivity, nonlinearity, the size of a sensor. It also bounds the weights.
+MODEL_ERROR_FLOOR = 2e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
-    """All channels of a campaign, a column per hit that its tests share.
+class ChannelTable:
+    """All channels of a campaign, one column for each excitation that its tests share.
 
     Args:
-        freq_hz: lines [Hz]; (n_freq,).
-        channels: along their positive directions; n_channel.
+        freq_hz: frequency lines [Hz]; (n_freq,).
+        channels: degrees of freedom along their positive directions; n_channel.
         values: FRFs, zero where not measured; (n_column, n_freq, n_channel).
-        variance: E|error|^2; the same shape.
-        measured: (n_column, n_channel).
+        variance: E|error|^2; (n_column, n_freq, n_channel).
+        measured: whether a channel was measured; (n_column, n_channel).
     """
 
     freq_hz: Real
@@ -34,22 +34,24 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class BodyData:
-    """One body's channels: data, their variances, and the scales that make noise one.
+    """Channels of one body: FRFs, variances, and the scales that whiten their noise.
 
-    Weights are separable, var = line x channel, so that sums over lines hold all that a fit
-    needs. ``noise`` says what remains of the variance after whitening, where it is not.
+    The weights are separable, variance = line x channel, so that sums over lines hold all that a
+    fit needs. Where the variance is not separable, ``noise`` holds what remains of it after
+    whitening.
 
     Args:
-        body: its name.
-        sensors: its channels and where they are.
-        freq_hz: lines [Hz]; (n_freq,).
+        body: name of the body.
+        sensors: its channels and their places.
+        freq_hz: frequency lines [Hz]; (n_freq,).
         values: FRFs; (n_column, n_freq, n_channel).
-        variance: E|error|^2; the same shape.
-        measured: (n_column, n_channel).
+        variance: E|error|^2; (n_column, n_freq, n_channel).
+        measured: whether a channel was measured; (n_column, n_channel).
         white: values over the noise; (n_column, n_freq, n_channel).
-        noise: variance over the weights' one, 1 or less where the floor counts; the same shape.
-        scale: 1 / channel's part of the noise; (n_channel,).
-        line: 1 / line's part of the noise, zero for lines left out; (n_column, n_freq).
+        noise: variance over that of the weights, 1 or less where the model-error floor counts;
+            (n_column, n_freq, n_channel).
+        scale: 1 / the channel's factor of the noise; (n_channel,).
+        line: 1 / the line's factor of the noise, zero for lines left out; (n_column, n_freq).
     """
 
     body: str
@@ -64,11 +66,11 @@ class BodyData:
     line: Real
 
 
-def gather(campaign: Campaign) -> Table:
-    """Join the tests of one reference, level and speed: FRFs are per force, so hits need not agree.
+def join_tests(campaign: Campaign) -> ChannelTable:
+    """Join the tests of one reference, force level and speed in one column.
 
-    A test that brings no channel of its own stands beside the others as a column; a channel that
-    several set-ups measured is taken from the first.
+    FRFs are per force, so that tests with different hits can be joined. A test without a new
+    channel becomes a column of its own. If several set-ups measured a channel, the first is used.
     """
     channels = campaign.outputs
     columns: list[tuple[object, dict[Dof, tuple[Test, int]]]] = []
@@ -83,9 +85,13 @@ def gather(campaign: Campaign) -> Table:
             for row, dof in enumerate(test.estimate.frf.outputs)
             if test.estimate.measured[row, 0]
         }
-        joined = [have for other, have in columns if other == key and cells.keys() - have.keys()]
-        if joined:
-            joined[0].update({dof: cell for dof, cell in cells.items() if dof not in joined[0]})
+        matching = [
+            known_cells
+            for known_key, known_cells in columns
+            if known_key == key and cells.keys() - known_cells.keys()
+        ]
+        if matching:
+            matching[0].update({dof: cell for dof, cell in cells.items() if dof not in matching[0]})
         else:
             columns.append((key, cells))
     shape = (len(columns), len(campaign.freq_hz), len(channels))
@@ -99,17 +105,17 @@ def gather(campaign: Campaign) -> Table:
             values[column, :, place] = frf.values[:, row, 0] * sign
             variance[column, :, place] = smooth[id(test)][:, row]
             measured[column, place] = True
-    return Table(campaign.freq_hz, channels, values, variance, measured)
+    return ChannelTable(campaign.freq_hz, channels, values, variance, measured)
 
 
-def body_data(table: Table, campaign: Campaign, body: str) -> BodyData | None:
-    """The channels of one body, or None if it has none."""
+def body_data(table: ChannelTable, campaign: Campaign, body: str) -> BodyData | None:
+    """Return the channels of one body, or None if it has none."""
     layout = campaign.layout
     places = [k for k, dof in enumerate(table.channels) if layout.body_name(dof.point) == body]
     if not places:
         return None
     sensors = Sensors.of(layout, tuple(table.channels[k] for k in places))
-    return whitened(
+    return whiten(
         body,
         sensors,
         table.freq_hz,
@@ -119,10 +125,19 @@ def body_data(table: Table, campaign: Campaign, body: str) -> BodyData | None:
     )
 
 
-def whitened(  # the parts of one table
+def whiten(  # the parts of one table
     body: str, sensors: Sensors, freq_hz: Real, values: Complex, variance: Real, *, measured: Mask
 ) -> BodyData:
-    """Fit var = line x channel in the mean of logarithms and divide the data by it."""
+    """Fit variance = line x channel to the mean of logarithms, and divide the data by it.
+
+    Args:
+        body: name of the body.
+        sensors: its channels and their places.
+        freq_hz: frequency lines [Hz]; (n_freq,).
+        values: FRFs; (n_column, n_freq, n_channel).
+        variance: E|error|^2; (n_column, n_freq, n_channel).
+        measured: whether a channel was measured; (n_column, n_channel).
+    """
     cells = np.broadcast_to(measured[:, None, :], values.shape)
     power = np.abs(values) ** 2 * cells
     turning = sensors.turning
@@ -130,7 +145,7 @@ def whitened(  # the parts of one table
     for kind in (turning, ~turning):
         count = np.maximum(cells[:, :, kind].sum(axis=2), 1)
         motion[:, :, kind] = (power[:, :, kind].sum(axis=2) / count)[:, :, None]
-    total = np.where(cells, variance + FLOOR**2 * motion, 0.0)
+    total = np.where(cells, variance + MODEL_ERROR_FLOOR**2 * motion, 0.0)
     known = total > 0
     logarithm = np.log(np.where(known, total, 1.0))
     channel = np.zeros(values.shape[2])
@@ -140,7 +155,7 @@ def whitened(  # the parts of one table
         line = ((logarithm - channel) * known).sum(axis=2) / count
         count = np.maximum(known.sum(axis=(0, 1)), 1)
         channel = ((logarithm - line[:, :, None]) * known).sum(axis=(0, 1)) / count
-    used = known.sum(axis=2) == cells.sum(axis=2)  # a line with a channel of no weight is left
+    used = known.sum(axis=2) == cells.sum(axis=2)  # a line with a channel of no weight is left out
     weight = np.where(known, np.exp(-line[:, :, None] - channel), 0.0) * used[:, :, None]
     return BodyData(
         body,
@@ -156,8 +171,14 @@ def whitened(  # the parts of one table
     )
 
 
-def exchanged(data: BodyData, order: list[int], signs: Real) -> BodyData:
-    """The same body if channel k had read what channel ``order[k]`` did, times a sign."""
+def exchange_channels(data: BodyData, order: list[int], signs: Real) -> BodyData:
+    """Return the data in which channel k has the readings of channel ``order[k]``, times a sign.
+
+    Args:
+        data: channels of a body.
+        order: number of the channel whose readings each channel gets; n_channel.
+        signs: factor of each channel, 1 or -1; (n_channel,).
+    """
     return replace(
         data,
         values=data.values[:, :, order] * signs,

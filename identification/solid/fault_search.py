@@ -1,4 +1,4 @@
-"""One fault after the other: the most probable is taken out while none is improbable."""
+"""Forward selection of faults: the most probable fault is accepted until none is probable."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,207 +7,240 @@ import numpy as np
 from scipy.stats import gamma
 
 from identification.solid.body_channels import BodyData
-from identification.solid.ranking import Judged, Ranking, rank
-from identification.solid.rigid_fit import Moments, fit, project
+from identification.solid.ranking import RankedFault, Ranking, rank_faults
+from identification.solid.rigid_fit import Moments, fit_errors, project
 from identification.solid.sensor_faults import (
-    Hypothesis,
+    BelievedBody,
+    FaultHypothesis,
     Key,
-    State,
-    hypotheses,
-    without_channel,
+    leave_out_channel,
+    list_hypotheses,
 )
 from identification.words import Real, Tolerance
 
-# A fault is named when "no further fault" has become less probable than this.
-_DOUBT = 0.05
-_MOST_FAULTS = 3
-# Structures with more points than a stage has sensors are looked at as a whole: one sensor's fault
-# among so many is for the modal model to show.
-_MOST_SPARE = 30
-_DEAD = 0.1  # of its gain, below which a channel that holds no more than noise is called dead
-# Power over that of noise, in the best tenth of the blocks, above which it holds more: beyond
-# chance, and beyond how well the noise is known.
-_CHANCE, _KNOWN = 1e-3, 1.2
-_READINGS = ("mount_resonance", "sensor_delay")  # a sensor has one of them
+# Posterior probability of "no further fault" below which a fault is accepted.
+_MAX_NULL_PROBABILITY = 0.05
+_MAX_FAULTS = 3  # faults of one body
+# Redundant channels above which single sensors are not searched: a structure with many points is
+# checked as a whole, and the modal model shows a fault of one sensor.
+_MAX_REDUNDANT = 30
+# Relative gain below which a channel that reads no more than noise is dead.
+_MAX_DEAD_GAIN = 0.1
+# A channel reads more than noise if its power, in the best tenth of the blocks, exceeds the
+# quantile of noise at this chance by this factor, which allows for errors of the stated noise.
+_FALSE_ALARM_CHANCE, _MIN_SIGNAL_TO_NOISE = 1e-3, 1.2
+_READING_EFFECTS = ("mount_resonance", "sensor_delay")  # a sensor has at most one of them
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
-    """A fault that was taken out.
+class AcceptedFault:
+    """A fault that was accepted.
 
     Args:
-        hypothesis: which.
-        probability: of its effect at its place, whatever the direction.
-        parameters: of its reading, if it has one.
-        dead: whether it is a channel that reads nothing and is left out from then on.
+        hypothesis: the fault.
+        probability: probability of its effect at its place, whatever the direction.
+        parameters: parameters of its reading, if it has one.
+        dead: whether it is a dead channel, which is left out from then on.
     """
 
-    hypothesis: Hypothesis
+    hypothesis: FaultHypothesis
     probability: float
     parameters: tuple[float, ...]
     dead: bool = False
 
     @property
-    def shaped(self) -> bool:
-        """Whether it freed a shape."""
-        return self.hypothesis.shaped or self.dead
+    def frees_shape(self) -> bool:
+        """Whether the fault has a free shape."""
+        return self.hypothesis.frees_shape or self.dead
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
-    """What forward selection gave for one body.
+class FaultSearch:
+    """Result of the forward selection for one body.
 
     Args:
-        data: as measured.
-        rank: how many of the six motions its channels determine.
-        spare: channels beyond those.
-        rankings: one more than faults taken; none with fewer than two spare channels.
-        taken: the faults.
-        state: the body as believed in the end.
-        errors: of its sensors.
+        data: measured channels.
+        rank: how many of the six rigid motions the channels determine.
+        redundant: number of channels beyond those.
+        rankings: one more than accepted faults; none with fewer than two redundant channels.
+        accepted: the faults.
+        state: the body with all accepted faults.
+        errors: errors of its sensors; (n_error,).
         noise_scale: variance of the noise over the stated one.
-        more: whether something significant remains.
-        nats: what the whole explanation costs.
+        has_unexplained: whether a significant residual remains.
+        nats: negative log evidence of the whole explanation.
     """
 
     data: BodyData
     rank: int
-    spare: int
+    redundant: int
     rankings: tuple[Ranking, ...]
-    taken: tuple[Taken, ...]
-    state: State
+    accepted: tuple[AcceptedFault, ...]
+    state: BelievedBody
     errors: Real
     noise_scale: float
-    more: bool
+    has_unexplained: bool
     nats: float
 
     def excess(self, number: int) -> float:
-        """Residual over noise with so many faults taken out; 1 is noise alone."""
+        """Return residual over noise after a number of accepted faults; noise alone gives 1."""
         if not self.rankings:
             return 1.0
-        look = self.rankings[number].look
-        return float(np.sqrt(max(1.0 + look.healthy.data / look.values, 0.0)))
+        body_fit = self.rankings[number].body_fit
+        return float(np.sqrt(max(1.0 + body_fit.healthy.data / body_fit.noise_energy, 0.0)))
 
 
-def search(data: BodyData, tolerance: Tolerance) -> Search:
-    """Take the most probable fault out, again and again, while one is more probable than none."""
-    state = State.healthy(data, tolerance)
-    known, spare = _counts(data)
-    if spare < 2 or spare > _MOST_SPARE:
-        fitted = fit(state.model, Moments.of(data, blocks=1))
-        nats = fitted.data + fitted.prior
-        return Search(data, known, spare, (), (), state, fitted.errors, 1.0, more=False, nats=nats)
-    dead: tuple[Taken, ...] = ()
-    while True:
-        found = _forward(state, tolerance, (known, spare), dead)
-        known_dead = tuple(one for one in found.taken if one.dead)
-        if found.taken[: len(known_dead)] == known_dead:
-            return found
-        # What was taken while a channel that reads nothing was believed is asked again without it.
-        dead = known_dead
-
-
-def _forward(
-    state: State, tolerance: Tolerance, counts: tuple[int, int], dead: Sequence[Taken]
-) -> Search:
-    """Forward selection.
+def search_faults(data: BodyData, tolerance: Tolerance) -> FaultSearch:
+    """Accept the most probable fault repeatedly, while it is more probable than no fault.
 
     Args:
-        state: of the body, healthy.
-        tolerance: of its sensors.
+        data: channels of the body.
+        tolerance: tolerances of its sensors.
+    """
+    state = BelievedBody.healthy(data, tolerance)
+    rank, redundant = _count_channels(data)
+    if redundant < 2 or redundant > _MAX_REDUNDANT:
+        fitted = fit_errors(state.model, Moments.of(data, blocks=1))
+        nats = fitted.data + fitted.prior
+        return FaultSearch(
+            data,
+            rank,
+            redundant,
+            (),
+            (),
+            state,
+            fitted.errors,
+            1.0,
+            has_unexplained=False,
+            nats=nats,
+        )
+    dead: tuple[AcceptedFault, ...] = ()
+    while True:
+        result = _forward_selection(state, tolerance, (rank, redundant), dead)
+        dead_faults = tuple(fault for fault in result.accepted if fault.dead)
+        if result.accepted[: len(dead_faults)] == dead_faults:
+            return result
+        # Faults accepted before a channel was known to be dead are searched again without it.
+        dead = dead_faults
+
+
+def _forward_selection(
+    state: BelievedBody,
+    tolerance: Tolerance,
+    counts: tuple[int, int],
+    dead: Sequence[AcceptedFault],
+) -> FaultSearch:
+    """Select faults one after the other (stepwise forward selection).
+
+    Args:
+        state: the healthy body.
+        tolerance: tolerances of its sensors.
         counts: rank, and channels beyond it.
-        dead: channels that are known to be, taken first.
+        dead: channels that are known to be dead, accepted first.
     """
     data = state.data
-    known, spare = counts
-    taken: list[Taken] = []
+    rank, redundant = counts
+    accepted: list[AcceptedFault] = []
     rankings: list[Ranking] = []
     done: set[Key] = set()
     while True:
-        before = rankings[0].judged[rankings[0].none].data if rankings else None
-        ranking = rank(state, tolerance, frozenset(done), before)
+        before = rankings[0].candidates[rankings[0].null_index].data if rankings else None
+        ranking = rank_faults(state, tolerance, frozenset(done), before)
         rankings.append(ranking)
-        best, none = ranking.judged[0], ranking.judged[ranking.none]
-        found = bool(ranking.probability[ranking.none] < _DOUBT)
-        room = spare - state.extra.shape[1] > 1 and len(taken) < _MOST_FAULTS
-        if len(taken) < len(dead):
-            one = dead[len(taken)]
-        elif best.hypothesis is not None and found and room:
-            share = _present(ranking, best.hypothesis)
-            one = Taken(best.hypothesis, share, best.parameters, _is_dead(best, data))
+        best, null = ranking.candidates[0], ranking.candidates[ranking.null_index]
+        has_fault = bool(ranking.probability[ranking.null_index] < _MAX_NULL_PROBABILITY)
+        has_room = redundant - state.extra.shape[1] > 1 and len(accepted) < _MAX_FAULTS
+        if len(accepted) < len(dead):
+            fault = dead[len(accepted)]
+        elif best.hypothesis is not None and has_fault and has_room:
+            probability = _effect_probability(ranking, best.hypothesis)
+            fault = AcceptedFault(
+                best.hypothesis, probability, best.parameters, _is_dead(best, data)
+            )
         else:
             break
-        taken.append(one)
-        done |= _settled(one, state)
-        state = without_channel(state, one.hypothesis.channels[0]) if one.dead else best.state
-    scale = ranking.look.scale
-    nats = ranking.look.base + sum(one.hypothesis.cost for one in taken)
-    return Search(
+        accepted.append(fault)
+        done |= _exclude_keys(fault, state)
+        state = leave_out_channel(state, fault.hypothesis.channels[0]) if fault.dead else best.state
+    scale = ranking.body_fit.noise_scale
+    nats = ranking.body_fit.base_nats + sum(fault.hypothesis.cost for fault in accepted)
+    return FaultSearch(
         data,
-        known,
-        spare,
+        rank,
+        redundant,
         tuple(rankings),
-        tuple(taken),
+        tuple(accepted),
         state,
-        none.fitted.errors,
+        null.fitted.errors,
         scale,
-        more=found,
+        has_unexplained=has_fault,
         nats=nats,
     )
 
 
-def _settled(taken: Taken, state: State) -> set[Key]:
-    """What is asked no more once a fault is taken out of a state."""
-    one = taken.hypothesis
-    done = set() if one.effect == "flexible_body" else {one.key}
-    if taken.dead:
-        done |= {other.key for other in hypotheses(state) if _on(other, one)}
-    if one.effect in _READINGS:
-        done |= {other.key for other in hypotheses(state) if _reads(other, one)}
+def _exclude_keys(fault: AcceptedFault, state: BelievedBody) -> set[Key]:
+    """Return the hypotheses that are no longer considered once a fault is accepted."""
+    hypothesis = fault.hypothesis
+    done = set() if hypothesis.effect == "flexible_body" else {hypothesis.key}
+    if fault.dead:
+        done |= {
+            candidate.key
+            for candidate in list_hypotheses(state)
+            if _concerns_channel(candidate, hypothesis)
+        }
+    if hypothesis.effect in _READING_EFFECTS:
+        done |= {
+            candidate.key
+            for candidate in list_hypotheses(state)
+            if _has_same_reading(candidate, hypothesis)
+        }
     return done
 
 
-def _is_dead(best: Judged, data: BodyData) -> bool:
-    """Whether a channel with hardly a gain holds nothing but noise; one that reads a tenth does."""
-    one = best.hypothesis
-    if one is None or one.effect != "sensor_gain":
+def _is_dead(best: RankedFault, data: BodyData) -> bool:
+    """Return whether a channel with nearly no gain reads only noise.
+
+    A channel that reads a tenth of the motion is not dead.
+    """
+    hypothesis = best.hypothesis
+    if hypothesis is None or hypothesis.effect != "sensor_gain":
         return False
-    (channel,) = one.channels
-    if abs(1 + float(best.fitted.errors[channel])) >= _DEAD:
+    (channel,) = hypothesis.channels
+    if abs(1 + float(best.fitted.errors[channel])) >= _MAX_DEAD_GAIN:
         return False
     moments = Moments.of(data)
-    seen, noise = moments.gram[..., channel, channel], moments.noise[..., channel]
-    some = noise > 0
-    count = np.maximum(moments.count[some], 1.0)
-    # Of n complex values of noise the power over its mean is distributed as Gamma(n) / n.
-    heard = seen[some] / noise[some] * count / gamma.isf(_CHANCE, count)
-    return not len(heard) or float(np.quantile(heard, 0.9)) < _KNOWN
+    power, noise = moments.gram[..., channel, channel], moments.noise[..., channel]
+    usable = noise > 0
+    count = np.maximum(moments.count[usable], 1.0)
+    # The power of n complex values of noise over its mean is distributed as Gamma(n) / n.
+    excess = power[usable] / noise[usable] * count / gamma.isf(_FALSE_ALARM_CHANCE, count)
+    return not len(excess) or float(np.quantile(excess, 0.9)) < _MIN_SIGNAL_TO_NOISE
 
 
-def _reads(one: Hypothesis, taken: Hypothesis) -> bool:
-    """Whether a hypothesis is of how the same sensor reads in time."""
-    return one.effect in _READINGS and one.location == taken.location
+def _has_same_reading(hypothesis: FaultHypothesis, accepted: FaultHypothesis) -> bool:
+    """Return whether a hypothesis concerns the reading in time of an accepted fault's sensor."""
+    return hypothesis.effect in _READING_EFFECTS and hypothesis.location == accepted.location
 
 
-def _on(one: Hypothesis, dead: Hypothesis) -> bool:
-    """Whether a hypothesis speaks of a dead channel alone."""
-    return (one.location, one.dof) == (dead.location, dead.dof)
+def _concerns_channel(hypothesis: FaultHypothesis, dead: FaultHypothesis) -> bool:
+    """Return whether a hypothesis concerns only a dead channel."""
+    return (hypothesis.location, hypothesis.dof) == (dead.location, dead.dof)
 
 
-def _counts(data: BodyData) -> tuple[int, int]:
-    """How many of the six motions the channels determine, and how many channels are left."""
+def _count_channels(data: BodyData) -> tuple[int, int]:
+    """Return how many of the six rigid motions the channels determine, and the redundant ones."""
     rows = data.sensors.rows(np.zeros(data.sensors.count)) * data.scale[:, None]
     ranks = [project(rows, mask).rank if mask.any() else 0 for mask in data.measured]
-    spare = max(int(m.sum()) - r for m, r in zip(data.measured, ranks, strict=True))
-    return max(ranks), spare
+    redundant = max(int(m.sum()) - r for m, r in zip(data.measured, ranks, strict=True))
+    return max(ranks), redundant
 
 
-def _present(ranking: Ranking, best: Hypothesis) -> float:
-    """Probability of an effect at its place, whatever its direction."""
+def _effect_probability(ranking: Ranking, best: FaultHypothesis) -> float:
+    """Return the probability of an effect at its place, whatever its direction."""
     return float(
         sum(
             share
-            for share, one in zip(ranking.probability, ranking.judged, strict=True)
-            if one.hypothesis is not None and one.hypothesis.key[:2] == best.key[:2]
+            for share, candidate in zip(ranking.probability, ranking.candidates, strict=True)
+            if candidate.hypothesis is not None and candidate.hypothesis.key[:2] == best.key[:2]
         )
     )

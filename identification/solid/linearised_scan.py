@@ -1,9 +1,13 @@
-"""A first look at every hypothesis from one linearisation, and at readings that vary along lines.
+"""Approximate cost of hypotheses from one linearisation, also of readings that vary along lines.
 
-At the errors p of the healthy fit the cost of other data or other priors is, after one step of
-Gauss and Newton, tr(P (G - V)) + p^T L p / 2 - g^T (2 N + L)^-1 g / 2 with g the gradient of what
-precedes it, N from the same data and L the priors' precision. Data divided by readings h need
-only sums of z z^H / h and z z^H / |h|^2, for all h of a scan at once.
+The fit is linearised at the errors p of the healthy body. One Gauss-Newton step changes the cost of
+other data or other priors to
+
+    tr(P (G - V)) + p^T L p / 2 - g^T (2 N + L)^-1 g / 2
+
+with g the gradient of the first two terms, N the information of the data and L the precision of the
+priors. Data divided by readings ``h`` need only the sums of z z^H / h and z z^H / |h|^2, for all
+``h`` of a scan at once.
 """
 
 from dataclasses import dataclass
@@ -11,54 +15,63 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.solid.body_channels import BodyData
-from identification.solid.rigid_fit import Model, Moments, Projection, project
+from identification.solid.rigid_fit import Moments, Projection, RigidFitModel, project
 from identification.words import Complex, Real
 
-_LOOKED_AT = 250  # lines
+_MAX_SCAN_LINES = 250  # lines to which a scan thins the data; a mount or a delay is broad
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised:
-    """A body's fit, linearised at its errors.
+class LinearisedFit:
+    """Fit of a body, linearised at its errors.
 
     Args:
         errors: p; (n_error,).
-        projections: of each group of columns.
-        slopes: of the whitened rows; (n_error, n_channel, 6).
-        seen: the slopes in each group's spare channels; (n_group, n_error, n_channel, 6).
+        projections: projection of each group of columns.
+        slopes: derivatives of the whitened rows; (n_error, n_channel, 6).
+        projected_slopes: the slopes after projection of all motions; (n_group, n_error, n_channel,
+            6).
     """
 
     errors: Real
     projections: tuple[Projection, ...]
     slopes: Real
-    seen: Real
+    projected_slopes: Real
 
     @classmethod
-    def of(cls, model: Model, moments: Moments, errors: Real) -> "Linearised":
+    def of(cls, model: RigidFitModel, moments: Moments, errors: Real) -> "LinearisedFit":
         """Linearise a model at these errors."""
         rows = model.rows(errors) * model.scale[:, None]
         slopes = model.sensors.slopes(errors) * model.scale[:, None]
         projections = tuple(project(rows, mask) for mask in moments.mask)
-        seen = np.array([split.spare @ slopes for split in projections])
-        return cls(errors, projections, slopes, seen)
+        projected_slopes = np.array(
+            [projection.residual_projector @ slopes for projection in projections]
+        )
+        return cls(errors, projections, slopes, projected_slopes)
 
     def cost(self, clean: Real, spread: Real, noise_scale: float) -> float:
-        """Data over the noise's scale and prior, after one step.
+        """Return the data's cost over the noise scale plus the prior's cost, after one step.
 
         Args:
             clean: G - V of each group; (n_group, n_channel, n_channel).
-            spread: of the errors; (n_error,).
+            spread: prior standard deviation of the errors; (n_error,).
             noise_scale: variance of the noise over the stated one.
         """
         data, gradient = 0.0, np.zeros(len(self.errors))
         information = np.zeros((len(self.errors), len(self.errors)))
-        for one, split, seen in zip(clean, self.projections, self.seen, strict=True):
-            inverse = split.inverse[:6]
-            data += float(np.sum(split.spare * one))
-            gradient -= 2 * np.tensordot(self.slopes, (inverse @ one @ split.spare).T, 2)
-            flat = seen.reshape(len(self.errors), -1)
-            moved = (seen @ _positive(inverse @ one @ inverse.T)).reshape(len(self.errors), -1)
-            information += moved @ flat.T
+        for moments, projection, projected_slopes in zip(
+            clean, self.projections, self.projected_slopes, strict=True
+        ):
+            inverse = projection.inverse[:6]
+            data += float(np.sum(projection.residual_projector * moments))
+            gradient -= 2 * np.tensordot(
+                self.slopes, (inverse @ moments @ projection.residual_projector).T, 2
+            )
+            flat = projected_slopes.reshape(len(self.errors), -1)
+            mapped = (
+                projected_slopes @ _nearest_semidefinite(inverse @ moments @ inverse.T)
+            ).reshape(len(self.errors), -1)
+            information += mapped @ flat.T
         precision = 1 / spread**2
         slope = gradient / noise_scale + precision * self.errors
         curvature = 2 * information / noise_scale + np.diag(precision)
@@ -67,35 +80,45 @@ class Linearised:
 
 
 @dataclass(frozen=True, eq=False)
-class Spectra:
-    """Sums over the columns of a group, per line: z z^H (n_group, n_freq, n, n) and its noise."""
+class LineSums:
+    """Sums over the columns of a group, per line: z z^H and the variance of its noise.
+
+    Args:
+        power: z z^H; (n_group, n_freq, n_channel, n_channel).
+        noise: its diagonal due to noise alone; (n_group, n_freq, n_channel).
+        every: number of lines of the data for one line kept.
+    """
 
     power: Complex
     noise: Real
     every: int
 
     @classmethod
-    def of(cls, data: BodyData, reading: Complex) -> "Spectra":
-        """Of a body's data, thinned to some 250 lines."""
-        every = max(1, len(data.freq_hz) // _LOOKED_AT)
+    def of(cls, data: BodyData, reading: Complex) -> "LineSums":
+        """Sum the data of a body, thinned to some 250 lines."""
+        every = max(1, len(data.freq_hz) // _MAX_SCAN_LINES)
         white = (data.white / reading)[:, ::every]
         noise = (data.noise / np.abs(reading) ** 2)[:, ::every]
         patterns, group = np.unique(data.measured, axis=0, return_inverse=True)
         power, total = [], []
         for g in np.flatnonzero(patterns.any(axis=1)):
-            chosen = np.ravel(group) == g
-            z = white[chosen]
+            in_group = np.ravel(group) == g
+            z = white[in_group]
             power.append(np.einsum("kfc,kfd->fcd", z, z.conj()))
-            total.append(noise[chosen].sum(axis=0))
+            total.append(noise[in_group].sum(axis=0))
         return cls(np.array(power), np.array(total), every)
 
-    def divided(self, readings: Complex) -> "Divided":
-        """Sums over lines of the data divided by each reading; (n_reading, n_freq)."""
+    def divide(self, readings: Complex) -> "CorrectedSums":
+        """Sum over lines the data divided by each reading.
+
+        Args:
+            readings: h of each reading; (n_reading, n_freq).
+        """
         inverse = 1 / readings[:, :: self.every]
         square = np.abs(inverse) ** 2
         shape = (len(self.power), len(inverse), *self.power.shape[2:])
         flat = self.power.reshape(*self.power.shape[:2], -1)
-        return Divided(
+        return CorrectedSums(
             self.every * self.power.real.sum(axis=1),
             self.every * (inverse @ flat).real.reshape(shape),
             self.every * (square @ flat.real).reshape(shape),
@@ -105,39 +128,50 @@ class Spectra:
 
 
 @dataclass(frozen=True, eq=False)
-class Divided:
-    """G with no channel, one of two, and both divided; V with the channel not and divided."""
+class CorrectedSums:
+    """Sums of products of two channels, with neither, one or both of them divided by a reading.
 
-    plain: Real
-    single: Real
-    double: Real
+    Args:
+        gram: G with no channel divided; (n_group, n, n).
+        half_corrected: G with one of two channels divided; (n_group, n_reading, n, n).
+        corrected: G with both channels divided; (n_group, n_reading, n, n).
+        noise: V with the channel not divided; (n_group, n).
+        corrected_noise: V with the channel divided; (n_group, n_reading, n).
+    """
+
+    gram: Real
+    half_corrected: Real
+    corrected: Real
     noise: Real
-    noise_double: Real
+    corrected_noise: Real
 
     def clean(self, reading: int, channels: list[int]) -> Real:
-        """G - V with these channels divided by one reading; (n_group, n, n)."""
-        gram, noise = self.plain.copy(), self.noise.copy()
-        single, double = self.single[:, reading], self.double[:, reading]
-        gram[:, channels] = single[:, channels]
-        gram[:, :, channels] = np.swapaxes(single[:, channels], 1, 2)
+        """Return G - V with these channels divided by one reading; (n_group, n, n)."""
+        gram, noise = self.gram.copy(), self.noise.copy()
+        half_corrected, corrected = self.half_corrected[:, reading], self.corrected[:, reading]
+        gram[:, channels] = half_corrected[:, channels]
+        gram[:, :, channels] = np.swapaxes(half_corrected[:, channels], 1, 2)
         for a in channels:
-            gram[:, a, channels] = double[:, a, channels]
-        noise[:, channels] = self.noise_double[:, reading][:, channels]
+            gram[:, a, channels] = corrected[:, a, channels]
+        noise[:, channels] = self.corrected_noise[:, reading][:, channels]
         places = np.arange(gram.shape[1])
         gram[:, places, places] -= noise
         return gram
 
 
-def clean_of(moments: Moments) -> Real:
-    """G - V over all blocks; (n_group, n, n)."""
+def subtract_noise(moments: Moments) -> Real:
+    """Return G - V summed over all blocks; (n_group, n, n)."""
     clean: Real = moments.gram.sum(axis=1)
     places = np.arange(clean.shape[1])
     clean[:, places, places] -= moments.noise.sum(axis=1)
     return clean
 
 
-def _positive(matrix: Real) -> Real:
-    """The nearest matrix without negative eigenvalues: noise taken off can leave some."""
+def _nearest_semidefinite(matrix: Real) -> Real:
+    """Return the nearest positive semidefinite matrix.
+
+    Subtracting noise can leave negative eigenvalues.
+    """
     values, vectors = np.linalg.eigh(matrix)
     nearest: Real = (vectors * np.maximum(values, 0)) @ vectors.T
     return nearest

@@ -1,4 +1,8 @@
-"""Which hypothesis: the promising ones judged on blocks of lines that no fit has seen."""
+"""Ranking of fault hypotheses by their held-out cost, with posterior probabilities.
+
+The promising hypotheses are compared on blocks of lines that their fits have not used (two-fold
+cross-validation).
+"""
 
 from dataclasses import dataclass, replace
 
@@ -6,36 +10,40 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import softmax
 
-from identification.solid.rigid_fit import Fitted, Moments, fit
-from identification.solid.screening import Look, promising, shapes_of
-from identification.solid.sensor_faults import Hypothesis, Key, State, lowest
-from identification.solid.shared_shape import Shape, folds
+from identification.solid.rigid_fit import FittedErrors, Moments, fit_errors
+from identification.solid.screening import BodyFit, fit_free_shapes, screen_faults
+from identification.solid.sensor_faults import BelievedBody, FaultHypothesis, Key, min_parameters
+from identification.solid.shared_shape import FreeShape, folds
 from identification.words import Real, Tolerance
 
-_STEPS = 8
-_EVALUATIONS = 50
-_REACH = ((-1.0, 1.0), (-2.5, 2.0))  # logarithms, about the best of a coarse scan
-_INEXACT = 1e-3  # nats a value that decide as little as one: no body is so rigid, no noise so known
-_LAW = 2e-3  # of what faults have explained, likewise: no law of a fault is so exact
-_EVERY = 250  # lines of an evaluation while parameters of a reading are refined
+_MAX_SHAPE_STEPS = 8  # Gauss-Newton steps of a fit with a free shape
+_MAX_EVALUATIONS = 50  # evaluations of the Nelder-Mead refinement
+# Bounds of the logarithms of a reading's parameters, relative to the best of a coarse scan.
+_PARAMETER_BOUNDS_LOG = ((-1.0, 1.0), (-2.5, 2.0))
+# Model error, in nats a value: no body is exactly rigid, and no noise is known exactly.
+_MODEL_ERROR_PER_VALUE = 1e-3
+# Model error relative to the cost that faults have explained: no law of a fault is exact.
+_EXPLAINED_ERROR = 2e-3
+# Lines of an evaluation while the parameters of a reading are refined.
+_REFINEMENT_LINES = 250
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
-    """A hypothesis with its best state and what it costs.
+class RankedFault:
+    """A hypothesis with its best state and its cost.
 
     Args:
-        hypothesis: None for a body without (a further) fault.
-        state: the body if it is true.
-        fitted: errors at their best, all lines.
-        cost: nats beside the data's.
-        data: the data's part, held out, beyond noise.
-        parameters: of its reading, if it has one.
+        hypothesis: None for the body without a (further) fault, the null model.
+        state: the body under the hypothesis.
+        fitted: errors fitted to all lines.
+        cost: cost of priors and penalties [nats].
+        data: held-out cost of the data, beyond noise.
+        parameters: parameters of its reading, if it has one.
     """
 
-    hypothesis: Hypothesis | None
-    state: State
-    fitted: Fitted
+    hypothesis: FaultHypothesis | None
+    state: BelievedBody
+    fitted: FittedErrors
     cost: float
     data: float
     parameters: tuple[float, ...] = ()
@@ -43,77 +51,98 @@ class Judged:
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """All that was judged, the most probable first.
+    """All hypotheses that were compared, the most probable first.
 
     Args:
-        judged: with the body without a further fault among them.
-        nats: what each costs in all, the least zero.
-        probability: of each.
-        look: at the body before.
+        candidates: hypotheses, among them the null model.
+        nats: total cost of each, relative to the least [nats]; (n_candidate,).
+        probability: posterior probability of each; (n_candidate,).
+        body_fit: fit of the body without a further fault.
     """
 
-    judged: tuple[Judged, ...]
+    candidates: tuple[RankedFault, ...]
     nats: Real
     probability: Real
-    look: Look
+    body_fit: BodyFit
 
     @property
-    def none(self) -> int:
-        """Where the body without a further fault stands."""
-        return next(k for k, one in enumerate(self.judged) if one.hypothesis is None)
+    def null_index(self) -> int:
+        """Position of the body without a further fault."""
+        return next(
+            k for k, candidate in enumerate(self.candidates) if candidate.hypothesis is None
+        )
 
 
-def rank(
-    state: State, tolerance: Tolerance, done: frozenset[Key], before: float | None = None
+def rank_faults(
+    state: BelievedBody,
+    tolerance: Tolerance,
+    excluded: frozenset[Key],
+    data_before: float | None = None,
 ) -> Ranking:
-    """Judge a believed body against everything that may be wrong with it beside ``done``.
+    """Rank everything that may be wrong with a believed body, except what is excluded.
 
     Args:
-        state: what is believed.
-        tolerance: of the drawings.
-        done: what has been taken out.
-        before: the data's part before that; None if nothing has.
+        state: the believed body.
+        tolerance: tolerances of the sensors.
+        excluded: hypotheses that are not considered, such as accepted faults.
+        data_before: held-out cost of the data at the nominal body; None for that body itself.
     """
-    look = Look.at(state, tolerance)
-    judged = [_judge(None, state, look)]
-    for found in promising(look, done):
-        one = found.hypothesis
-        if one.grid:
-            parameters = _refined(one, found.parameters, look)
-            new = _judge(one, one.read(state, parameters), look)
-            judged.append(replace(new, parameters=parameters))
-        elif one.shaped:
-            judged.append(_judge_shape(one, look))
+    body_fit = BodyFit.at(state, tolerance)
+    candidates = [_held_out_cost(None, state, body_fit)]
+    for screened in screen_faults(body_fit, excluded):
+        hypothesis = screened.hypothesis
+        if hypothesis.grid:
+            parameters = _refine_parameters(hypothesis, screened.parameters, body_fit)
+            candidate = _held_out_cost(hypothesis, hypothesis.read(state, parameters), body_fit)
+            candidates.append(replace(candidate, parameters=parameters))
+        elif hypothesis.frees_shape:
+            candidates.append(_held_out_shape_cost(hypothesis, body_fit))
         else:
-            judged.append(_judge(one, found.state, look))
-    judged[0] = _begun_elsewhere(judged, state, look)
-    miss = min(one.data for one in judged) / look.scale / look.values
-    temper = look.scale * (1.0 + max(0.0, miss)) + _INEXACT * look.values
-    if before is not None:
-        temper += _LAW * max(before - next(one.data for one in judged if one.hypothesis is None), 0)
-    nats = np.array([one.data / temper + one.cost for one in judged])
+            candidates.append(_held_out_cost(hypothesis, screened.state, body_fit))
+    candidates[0] = _restart_null(candidates, state, body_fit)
+    misfit = (
+        min(hypothesis.data for hypothesis in candidates)
+        / body_fit.noise_scale
+        / body_fit.noise_energy
+    )
+    temper = (
+        body_fit.noise_scale * (1.0 + max(0.0, misfit))
+        + _MODEL_ERROR_PER_VALUE * body_fit.noise_energy
+    )
+    if data_before is not None:
+        temper += _EXPLAINED_ERROR * max(
+            data_before
+            - next(hypothesis.data for hypothesis in candidates if hypothesis.hypothesis is None),
+            0,
+        )
+    nats = np.array([hypothesis.data / temper + hypothesis.cost for hypothesis in candidates])
     order = np.argsort(nats, kind="stable")
     nats = nats[order] - nats.min()
-    return Ranking(tuple(judged[k] for k in order), nats, softmax(-nats), look)
+    return Ranking(tuple(candidates[k] for k in order), nats, softmax(-nats), body_fit)
 
 
-def _refined(one: Hypothesis, start: tuple[float, ...], look: Look) -> tuple[float, ...]:
-    """Parameters of a reading at their best, errors fitted with them (Nelder and Mead)."""
+def _refine_parameters(
+    hypothesis: FaultHypothesis, start: tuple[float, ...], body_fit: BodyFit
+) -> tuple[float, ...]:
+    """Minimise the cost over the parameters of a reading, errors fitted (Nelder and Mead 1965)."""
     signs, sizes = np.sign(start), np.abs(start)
-    every = max(1, len(look.state.data.freq_hz) // _EVERY)
+    every = max(1, len(body_fit.state.data.freq_hz) // _REFINEMENT_LINES)
 
     def cost(logarithms: Real) -> float:
-        tried = one.read(look.state, tuple(signs * sizes * np.exp(logarithms)))
-        total = Moments.of(tried.data, tried.reading, blocks=1, every=every)
-        fitted = fit(tried.model, total, start=look.state.start, steps=3)
-        return every * fitted.data / look.scale + fitted.prior
+        trial = hypothesis.read(body_fit.state, tuple(signs * sizes * np.exp(logarithms)))
+        total = Moments.of(trial.data, trial.reading, blocks=1, every=every)
+        fitted = fit_errors(trial.model, total, start=body_fit.state.start, steps=3)
+        return every * fitted.data / body_fit.noise_scale + fitted.prior
 
     simplex = np.vstack([np.zeros(len(start)), 0.1 * np.eye(len(start))])
-    options = {"maxfev": _EVALUATIONS, "initial_simplex": simplex, "fatol": 0.1, "xatol": 1e-3}
+    options = {"maxfev": _MAX_EVALUATIONS, "initial_simplex": simplex, "fatol": 0.1, "xatol": 1e-3}
     bounds = [
         (max(low, np.log(least / size)), high)
         for (low, high), size, least in zip(
-            _REACH, sizes, lowest(one, look.state.data.freq_hz), strict=False
+            _PARAMETER_BOUNDS_LOG,
+            sizes,
+            min_parameters(hypothesis, body_fit.state.data.freq_hz),
+            strict=False,
         )
     ]
     first = np.zeros(len(start))
@@ -121,57 +150,72 @@ def _refined(one: Hypothesis, start: tuple[float, ...], look: Look) -> tuple[flo
     return tuple(float(x) for x in signs * sizes * np.exp(best))
 
 
-def _judge(one: Hypothesis | None, state: State, look: Look) -> Judged:
-    """Held-out cost: fitted on every other block, judged on the rest, and the reverse."""
+def _held_out_cost(
+    hypothesis: FaultHypothesis | None, state: BelievedBody, body_fit: BodyFit
+) -> RankedFault:
+    """Compute the held-out cost by two-fold cross-validation over alternate blocks of lines."""
     moments = Moments.of(state.data, state.reading)
     data = 0.0
-    fitted = fit(state.model, moments.over(slice(None)), start=state.start)
+    fitted = fit_errors(state.model, moments.sum_blocks(slice(None)), start=state.start)
     for train in folds(moments.gram.shape[1]):
-        part = fit(state.model, moments.over(train), start=fitted.errors)
-        data += state.model.data(moments.over(~train), part.errors)
-    cost = fitted.prior + state.penalty(fitted.errors, look.tolerance)
-    cost += 0.0 if one is None else one.cost
-    return Judged(one, replace(state, start=fitted.errors), fitted, cost, data)
+        part = fit_errors(state.model, moments.sum_blocks(train), start=fitted.errors)
+        data += state.model.data(moments.sum_blocks(~train), part.errors)
+    cost = fitted.prior + state.penalty(fitted.errors, body_fit.tolerance)
+    cost += 0.0 if hypothesis is None else hypothesis.cost
+    return RankedFault(hypothesis, replace(state, start=fitted.errors), fitted, cost, data)
 
 
-def _begun_elsewhere(judged: list[Judged], state: State, look: Look) -> Judged:
-    """The body without a further fault, from where the best with one ended, if that ends better.
+def _restart_null(
+    candidates: list[RankedFault], state: BelievedBody, body_fit: BodyFit
+) -> RankedFault:
+    """Refit the null model from the errors of the best hypothesis, and keep it if it ends better.
 
-    Few spare channels leave a fit several ends: one that a fault's release got past may leave a
-    tolerance of two standard deviations where the healthy body seemed to have ones of ten.
+    With few redundant channels a fit has several minima. Releasing a fault can lead past one of
+    them, to errors of two standard deviations where the null model ended with errors of ten.
     """
-    healthy, *others = judged
-    known = [one for one in others if one.hypothesis is not None and not one.hypothesis.shaped]
-    if not known:
+    healthy, *rivals = candidates
+    with_fault = [
+        candidate
+        for candidate in rivals
+        if candidate.hypothesis is not None and not candidate.hypothesis.frees_shape
+    ]
+    if not with_fault:
         return healthy
 
-    def nats(one: Judged) -> float:
-        return one.data / look.scale + one.cost
+    def nats(candidate: RankedFault) -> float:
+        return candidate.data / body_fit.noise_scale + candidate.cost
 
-    best = min(known, key=nats)
+    best = min(with_fault, key=nats)
     if nats(best) >= nats(healthy):
         return healthy
-    again = _judge(None, replace(state, start=best.fitted.errors), look)
-    return min(healthy, again, key=nats)
+    restarted = _held_out_cost(None, replace(state, start=best.fitted.errors), body_fit)
+    return min(healthy, restarted, key=nats)
 
 
-def _judge_shape(one: Hypothesis, look: Look) -> Judged:
-    """The same with a shape found where the errors are, its amplitude free in each block."""
-    state, moments = look.state, look.moments
-    start = look.healthy.errors if look.quiet else state.start
+def _held_out_shape_cost(hypothesis: FaultHypothesis, body_fit: BodyFit) -> RankedFault:
+    """Compute the held-out cost of a free shape, with a free amplitude in each block."""
+    state, moments = body_fit.state, body_fit.moments
+    start = body_fit.healthy.errors if body_fit.is_quiet else state.start
 
-    def shapes(own: Moments) -> list[Shape]:
-        return shapes_of(one, state, own, start, _STEPS)
+    def shapes(part: Moments) -> list[FreeShape]:
+        return fit_free_shapes(hypothesis, state, part, start, _MAX_SHAPE_STEPS)
 
     halves = [
-        [look.shape_data(moments.of_blocks(~train), shape) for shape in shapes(part)]
+        [body_fit.shape_data(moments.select_blocks(~train), shape) for shape in shapes(part)]
         for train in folds(moments.gram.shape[1])
-        for part in [moments.of_blocks(train)]
+        for part in [moments.select_blocks(train)]
     ]
-    judged = []
-    for found, *data in zip(shapes(moments), *halves, strict=True):
-        errors = found.fitted.errors
-        cost = found.fitted.prior + state.penalty(errors, look.tolerance) + one.cost + found.price
-        new = replace(state, extra=np.column_stack([state.extra, found.shape]), start=errors)
-        judged.append(Judged(one, new, found.fitted, cost, sum(data)))
-    return min(judged, key=lambda each: each.data + each.cost)
+    candidates = []
+    for fitted_shape, *data in zip(shapes(moments), *halves, strict=True):
+        errors = fitted_shape.fitted.errors
+        cost = (
+            fitted_shape.fitted.prior
+            + state.penalty(errors, body_fit.tolerance)
+            + hypothesis.cost
+            + fitted_shape.price
+        )
+        wider = replace(
+            state, extra=np.column_stack([state.extra, fitted_shape.shape]), start=errors
+        )
+        candidates.append(RankedFault(hypothesis, wider, fitted_shape.fitted, cost, sum(data)))
+    return min(candidates, key=lambda each: each.data + each.cost)

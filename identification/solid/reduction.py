@@ -1,4 +1,4 @@
-"""From accelerometers to the six degrees of freedom of each solid body (seed, ch. 2.1)."""
+"""Reduction of accelerometers to the six degrees of freedom of each solid body (seed, ch. 2.1)."""
 
 from dataclasses import replace
 
@@ -6,20 +6,20 @@ import numpy as np
 
 from identification.words import Dof, Frf, FrfEstimate, Layout, Mask, Real
 
-_FULL_RANK = 1e-8
-_KNOWN = 1e-6
+_MIN_SINGULAR_VALUE = 1e-8  # singular value over the largest below which a motion is undetermined
+_MAX_MIXING = 1e-6  # part of a determined degree of freedom in undetermined motions
 
 
 def reduce_to_bodies(estimate: FrfEstimate, layout: Layout) -> FrfEstimate:
-    """Motion of each body's centre of mass from any number of channels on it.
+    """Compute the motion of each body's centre of mass from any number of channels on it.
 
     The channels y of a body move as y = R x, with R the rows of its layout (seed, eq. 2.2 to 2.4)
-    in each channel's own axes, and x = pinv(R) y (eq. 2.5). The errors of channels are
-    independent, so var x = pinv(R)^2 var y. Lengths are scaled by the sensors' distance from the
-    centre, so that the inverse does not depend on the unit of length.
+    in each channel's own axes, and x = pinv(R) y (eq. 2.5). The errors of channels are independent,
+    so var x = pinv(R)^2 var y. Lengths are scaled by the distance of the sensors from the centre,
+    so that the inverse does not depend on the unit of length.
 
-    A degree of freedom that the channels on a body do not determine is left out, all others are
-    kept; where channels are missing for one input only, its cell is masked.
+    A degree of freedom that the channels on a body do not determine is left out. If channels are
+    missing for one input only, its cell is masked.
 
     Args:
         estimate: measured FRFs at points of the layout.
@@ -38,10 +38,10 @@ def reduce_to_bodies(estimate: FrfEstimate, layout: Layout) -> FrfEstimate:
         for body in range(len(layout.bodies)):
             block = slice(6 * body, 6 * body + 6)
             local = channels & rows[:, block].any(axis=1)
-            inverse, known = body_inverse(rows[local, block])
+            inverse, determined = body_inverse(rows[local, block])
             values[:, block, column] = frf.values[:, local, column] @ inverse.T
             variance[:, block, column] = estimate.variance[:, local, column] @ (inverse**2).T
-            measured[block, column] = known
+            measured[block, column] = determined
     kept = np.flatnonzero(measured.any(axis=1))
     dofs = tuple(layout.body_dofs()[k] for k in kept)
     return replace(
@@ -54,11 +54,11 @@ def reduce_to_bodies(estimate: FrfEstimate, layout: Layout) -> FrfEstimate:
 
 
 def reconstruct(reduced: Frf, outputs: tuple[Dof, ...], layout: Layout) -> Frf:
-    """What the sensors would read if the bodies were solid (seed, ch. 2.2).
+    """Compute the readings of sensors on solid bodies (seed, ch. 2.2).
 
     Args:
-        reduced: FRFs at all six degrees of freedom of the bodies asked about.
-        outputs: where.
+        reduced: FRFs at all six degrees of freedom of the bodies concerned.
+        outputs: sensors whose readings are computed.
         layout: bodies and points.
 
     Raises:
@@ -73,20 +73,20 @@ def reconstruct(reduced: Frf, outputs: tuple[Dof, ...], layout: Layout) -> Frf:
 
 
 def body_inverse(rows: Real) -> tuple[Real, Mask]:
-    """Pseudo-inverse of a body's channels, lengths scaled by their distance from its centre.
+    """Compute the pseudo-inverse of a body's rows, lengths scaled by the sensors' distance.
 
     Args:
-        rows: of the channels; (n, 6).
+        rows: readings of the channels per motion of the body; (n, 6).
 
     Returns:
-        (6, n), zero for what is not determined, and which of the six are; (6,).
+        (6, n), zero for undetermined degrees of freedom, and which of the six are determined; (6,).
     """
     if not len(rows):
         return np.zeros((6, 0)), np.zeros(6, bool)
     arm = np.sqrt((rows[:, 3:] ** 2).sum() / max((rows[:, :3] ** 2).sum(), 1e-300))
     scale = np.array([1.0] * 3 + [arm if arm > 0 and np.isfinite(arm) else 1.0] * 3)
     left, values, right = np.linalg.svd(rows / scale, full_matrices=False)
-    kept = values > _FULL_RANK * values[0]
-    known = np.abs(1.0 - (right[kept] ** 2).sum(axis=0)) < _KNOWN
+    kept = values > _MIN_SINGULAR_VALUE * values[0]
+    determined = np.abs(1.0 - (right[kept] ** 2).sum(axis=0)) < _MAX_MIXING
     inverse = (right[kept].T / values[kept]) @ left[:, kept].T / scale[:, None]
-    return inverse * known[:, None], known
+    return inverse * determined[:, None], determined

@@ -1,13 +1,13 @@
-r"""Errors of sensors from rigid motion: all motions projected out, tolerances as priors.
+"""Fit of sensor errors with all rigid motions projected out and tolerances as priors.
 
 With z the whitened channels of a line and a hit, B(p) the whitened rows and x free,
 
     min_x |z - B x|^2 = z^H P z,   P = 1 - B B^+,
 
-and its sum over lines and hits is tr(P G), G = sum Re(z z^H): a fit needs no more than one small
-matrix per block of lines. Noise alone gives tr(P V), V its diagonal, so that tr(P (G - V)) is not
-biased by noise however weights were chosen (errors in variables with known noise; Fuller 1987,
-ch. 2). One unit is one nat: z has the density exp(-|z - B x|^2).
+and its sum over lines and hits is tr(P G), G = sum Re(z z^H): a fit needs only one small matrix per
+block of lines. Noise alone gives tr(P V), V its diagonal. So tr(P (G - V)) is not biased by noise,
+however weights were chosen (errors in variables with known noise; Fuller 1987, ch. 2). One unit is
+one nat: z has the density exp(-|z - B x|^2).
 """
 
 from dataclasses import dataclass
@@ -19,23 +19,23 @@ from identification.solid.body_channels import BodyData
 from identification.solid.sensor_errors import Sensors
 from identification.words import Complex, Integers, Mask, Real
 
-_NOTHING = 1e-9  # of the longest column: what rounding leaves of a motion that is none
-_RANK = 1e-6
-_STEPS = 8
-_HALVINGS = 6
-_DONE = 1e-2  # nats
-BLOCKS = 24
+_MIN_COLUMN_NORM = 1e-9  # norm of a column over the largest below which it is rounding
+_RIGID_RANK_TOLERANCE = 1e-6  # singular value over the largest below which a motion is undetermined
+_MAX_FIT_STEPS = 8  # Gauss-Newton steps
+_MAX_HALVINGS = 6  # halvings of a step that does not lower the cost
+_MIN_DECREASE_NATS = 1e-2  # decrease of the cost below which a fit has converged [nats]
+N_BLOCKS = 24  # blocks of lines of the cross-validation
 
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Sums over lines and hits, per group of columns with the same channels and block of lines.
+    """Sums over lines and hits, per group of columns with equal channels and per block of lines.
 
     Args:
         mask: channels of each group; (n_group, n_channel).
         gram: sum Re(z z^H); (n_group, n_block, n_channel, n_channel).
-        noise: what noise alone would give on its diagonal; (n_group, n_block, n_channel).
-        count: values summed; (n_group, n_block).
+        noise: its diagonal due to noise alone; (n_group, n_block, n_channel).
+        count: number of values summed; (n_group, n_block).
     """
 
     mask: Mask
@@ -45,15 +45,20 @@ class Moments:
 
     @classmethod
     def of(
-        cls, data: BodyData, reading: Complex | None = None, *, blocks: int = BLOCKS, every: int = 1
+        cls,
+        data: BodyData,
+        reading: Complex | None = None,
+        *,
+        blocks: int = N_BLOCKS,
+        every: int = 1,
     ) -> "Moments":
-        """Sum a body's data, divided by what its channels read per motion.
+        """Sum the data of a body, divided by the readings of its channels per motion.
 
         Args:
-            data: of a body.
-            reading: H of each channel, 1 for a good one; (n_freq, n_channel).
-            blocks: of lines, in how many sums.
-            every: take this many-th line only, for a first look.
+            data: channels of a body.
+            reading: H of each channel, 1 for a healthy one; (n_freq, n_channel).
+            blocks: number of blocks of lines.
+            every: use every so many-th line only, for a screening.
         """
         patterns, group = np.unique(data.measured, axis=0, return_inverse=True)
         white, noise = data.white[:, ::every], data.noise[:, ::every]
@@ -73,14 +78,14 @@ class Moments:
         keep = patterns.any(axis=1)
         return cls(patterns[keep], gram[keep], total[keep], count[keep])
 
-    def of_blocks(self, blocks: Mask) -> "Moments":
-        """Keep these blocks."""
+    def select_blocks(self, blocks: Mask) -> "Moments":
+        """Return the sums of some blocks."""
         return Moments(
             self.mask, self.gram[:, blocks], self.noise[:, blocks], self.count[:, blocks]
         )
 
-    def over(self, blocks: Mask | slice) -> "Moments":
-        """Sum these blocks into one."""
+    def sum_blocks(self, blocks: Mask | slice) -> "Moments":
+        """Return the sum of some blocks as one block."""
         return Moments(
             self.mask,
             self.gram[:, blocks].sum(axis=1, keepdims=True),
@@ -89,47 +94,47 @@ class Moments:
         )
 
 
-def block_edges(lines: int, blocks: int = BLOCKS) -> Integers:
-    """Where blocks of lines begin and end; (n_block + 1,)."""
+def block_edges(lines: int, blocks: int = N_BLOCKS) -> Integers:
+    """Return the first lines of all blocks and the end of the last; (n_block + 1,)."""
     return np.linspace(0, lines, min(blocks, lines) + 1).astype(np.intp)
 
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """What rigid motion spans in a group's whitened channels.
+    """Projection of a group's whitened channels on the span of rigid motions and off it.
 
     Args:
-        spare: P; (n_channel, n_channel).
+        residual_projector: P; (n_channel, n_channel).
         inverse: B^+; (n_column, n_channel).
-        rank: of B.
+        rank: rank of B.
     """
 
-    spare: Real
+    residual_projector: Real
     inverse: Real
     rank: int
 
 
 def project(rows: Real, mask: Mask) -> Projection:
-    """Split channels into what rows span and what they leave spare.
+    """Compute the projector off the span of rows, and their pseudo-inverse.
 
     Args:
         rows: B; (n_channel, n_column).
-        mask: channels that are there; (n_channel,).
+        mask: channels that were measured; (n_channel,).
     """
     rows = rows * mask[:, None]
     norm = np.linalg.norm(rows, axis=0)
-    there = norm > _NOTHING * norm.max(initial=0.0)
-    rows, norm = rows * there, np.where(there, norm, 1.0)
+    has_motion = norm > _MIN_COLUMN_NORM * norm.max(initial=0.0)
+    rows, norm = rows * has_motion, np.where(has_motion, norm, 1.0)
     left, values, right = np.linalg.svd(rows / norm, full_matrices=False)
-    kept = int((values > _RANK * max(values[0], 1e-300)).sum())
+    kept = int((values > _RIGID_RANK_TOLERANCE * max(values[0], 1e-300)).sum())
     left, values, right = left[:, :kept], values[:kept], right[:kept]
-    spare = np.diag(mask.astype(float)) - left @ left.T
-    return Projection(spare, ((right.T / values) @ left.T) / norm[:, None], kept)
+    residual_projector = np.diag(mask.astype(float)) - left @ left.T
+    return Projection(residual_projector, ((right.T / values) @ left.T) / norm[:, None], kept)
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
-    """Errors that fit, what they leave and what they cost.
+class FittedErrors:
+    """Fitted errors of sensors and their cost.
 
     Args:
         errors: p; (n_error,).
@@ -145,14 +150,14 @@ class Fitted:
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
-    """What a fit takes for granted.
+class RigidFitModel:
+    """Model of a body's channels: rigid motions, errors of sensors and free shapes.
 
     Args:
-        sensors: drawn places and axes.
+        sensors: nominal places and axes.
         scale: 1 / noise of each channel; (n_channel,).
-        spread: one standard deviation of each error; (n_error,).
-        extra: shapes of other motions whose amplitude is free, as columns; (n_channel, n).
+        spread: prior standard deviation of each error; (n_error,).
+        extra: shapes of other motions with free amplitude, as columns; (n_channel, n).
     """
 
     sensors: Sensors
@@ -161,61 +166,77 @@ class Model:
     extra: Real
 
     def rows(self, errors: Real) -> Real:
-        """Rigid motions and the extra shapes; (n_channel, 6 + n)."""
+        """Return rigid motions and extra shapes as columns; (n_channel, 6 + n)."""
         return np.hstack([self.sensors.rows(errors), self.extra])
 
     def data(self, moments: Moments, errors: Real) -> float:
-        """tr(P (G - V)), over all groups and blocks of the moments."""
+        """Compute tr(P (G - V)) over all groups and blocks of the moments."""
         rows = self.rows(errors) * self.scale[:, None]
         total = 0.0
         for mask, gram, noise in zip(moments.mask, moments.gram, moments.noise, strict=True):
-            spare = project(rows, mask).spare
-            total += float(np.sum(spare * gram.sum(axis=0)) - np.diag(spare) @ noise.sum(axis=0))
+            residual_projector = project(rows, mask).residual_projector
+            total += float(
+                np.sum(residual_projector * gram.sum(axis=0))
+                - np.diag(residual_projector) @ noise.sum(axis=0)
+            )
         return total
 
     def slopes(self, moments: Moments, errors: Real) -> tuple[Real, Real]:
-        """Gradient of ``data`` (n_error,) and N, half its curvature (Gauss and Newton)."""
+        """Compute the gradient of ``data``, (n_error,), and N, half its Gauss-Newton curvature."""
         rows = self.rows(errors) * self.scale[:, None]
         slopes = self.sensors.slopes(errors) * self.scale[:, None]
         gradient = np.zeros(len(slopes))
         information = np.zeros((len(slopes), len(slopes)))
         for mask, gram, noise in zip(moments.mask, moments.gram, moments.noise, strict=True):
             clean = gram.sum(axis=0) - np.diag(noise.sum(axis=0))
-            split = project(rows, mask)
-            inverse = split.inverse[:6]
+            projection = project(rows, mask)
+            inverse = projection.inverse[:6]
             values, vectors = np.linalg.eigh(inverse @ clean @ inverse.T)
             root = vectors * np.sqrt(np.maximum(values, 0))
-            moved = np.einsum("cd,pdq->pcq", split.spare, slopes) @ root
-            flat = moved.reshape(len(slopes), -1)
+            mapped = np.einsum("cd,pdq->pcq", projection.residual_projector, slopes) @ root
+            flat = mapped.reshape(len(slopes), -1)
             information += flat @ flat.T
-            gradient -= 2 * np.einsum("pcq,qc->p", slopes, inverse @ clean @ split.spare)
+            gradient -= 2 * np.einsum(
+                "pcq,qc->p", slopes, inverse @ clean @ projection.residual_projector
+            )
         return gradient, information
 
 
-def fit(
-    model: Model, moments: Moments, *, start: Real | None = None, steps: int = _STEPS
-) -> Fitted:
-    """Least cost over the errors: data + p^2 / (2 spread^2), by damped Gauss and Newton."""
+def fit_errors(
+    model: RigidFitModel,
+    moments: Moments,
+    *,
+    start: Real | None = None,
+    steps: int = _MAX_FIT_STEPS,
+) -> FittedErrors:
+    """Minimise the cost over the errors: data + p^2 / (2 spread^2), by damped Gauss-Newton steps.
+
+    Args:
+        model: sensors, priors and free shapes.
+        moments: sums of the data.
+        start: errors at the start, zero if None; (n_error,).
+        steps: number of steps, at most.
+    """
     precision = 1 / model.spread**2
     errors = np.zeros(model.sensors.count) if start is None else start
     data, prior = model.data(moments, errors), 0.5 * float(precision @ errors**2)
     information = np.zeros((len(errors), len(errors)))
     for _ in range(steps):
         gradient, information = model.slopes(moments, errors)
-        # In units of the spread the curvature is one and more, however wide a spread is.
+        # In units of the spread the curvature is at least one, so that the solution is stable.
         scaled = 2 * information * np.outer(model.spread, model.spread)
         slope = (gradient + precision * errors) * model.spread
         step = np.linalg.solve(scaled + np.eye(len(scaled)), slope)
         change = -np.asarray(step * model.spread, float)
         before = data + prior
-        for _ in range(_HALVINGS):
-            new = model.sensors.step(errors, change)
-            new_data = model.data(moments, new)
-            new_prior = 0.5 * float(precision @ new**2)
-            if new_data + new_prior < before:
-                errors, data, prior = new, new_data, new_prior
+        for _ in range(_MAX_HALVINGS):
+            trial = model.sensors.step(errors, change)
+            trial_data = model.data(moments, trial)
+            trial_prior = 0.5 * float(precision @ trial**2)
+            if trial_data + trial_prior < before:
+                errors, data, prior = trial, trial_data, trial_prior
                 break
             change = change / 2
-        if before - data - prior < _DONE:
+        if before - data - prior < _MIN_DECREASE_NATS:
             break
-    return Fitted(errors, data, prior, information)
+    return FittedErrors(errors, data, prior, information)

@@ -1,286 +1,333 @@
-"""A first look at every hypothesis, on all lines, to see which deserve to be judged."""
+"""Screening: approximate cost of every hypothesis on all lines, to select those to be ranked."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from identification.solid.linearised_scan import Linearised, Spectra, clean_of
-from identification.solid.mount_resonance import mount_of
-from identification.solid.rigid_fit import Fitted, Moments, fit, project
-from identification.solid.sensor_faults import READINGS, Hypothesis, Key, State, hypotheses, lowest
+from identification.solid.linearised_scan import LinearisedFit, LineSums, subtract_noise
+from identification.solid.mount_resonance import estimate_mount
+from identification.solid.rigid_fit import FittedErrors, Moments, fit_errors, project
+from identification.solid.sensor_faults import (
+    READING_RESPONSES,
+    BelievedBody,
+    FaultHypothesis,
+    Key,
+    list_hypotheses,
+    min_parameters,
+)
 from identification.solid.shared_shape import (
-    Shape,
+    FreeShape,
     amplitude_gain,
     channel_shape,
     common_shape,
-    noise_scale,
+    estimate_noise_scale,
     shared_channels,
 )
 from identification.words import Real, Tolerance
 
-# Variances stated from few hits, by other software, are off by tens of per cent at most; a larger
-# misfit everywhere in the band is not noise.
-HIGHEST_NOISE = 1.5
-_QUIET = 60.0  # nats of prior and of misfit up to which one step from the healthy fit is enough
-_FIRST_STEPS = 4
-_RANK = 1e-6  # of the largest: what no motion shows of a place
-_SHAPE_NATS = 2.0  # for each direction that a shape may take
-_SHARED_NATS = 0.7  # for the one that several sensors share: half of all plates bend that way
-_FEW = 10
-_SCANS = 2
-_COARSE = 3  # of a scan's parameters, one in three when little can be found
-_CLOSE = 15.0  # nats behind the best
-_COARSELY = 0.01  # of what the best explains, by which a first look may miss
-_HOPELESS = 1.0  # nats behind the believed body: not looked at again
+# Variance of the noise over the stated one, at most. Variances that other software states from few
+# hits are off by tens of per cent; a larger misfit everywhere in the band is not noise.
+MAX_NOISE_SCALE = 1.5
+# Prior and misfit [nats] up to which one step from the healthy fit is accurate enough.
+_MAX_QUIET_NATS = 60.0
+_SCREENING_STEPS = 4  # Gauss-Newton steps of a screening fit
+# Singular value over the largest below which no motion shows a component of a sensor's place.
+_PLACE_RANK_TOLERANCE = 1e-6
+_NATS_PER_SHAPE_DIRECTION = 2.0  # cost of each direction that a free shape may take [nats]
+# Cost of the direction that several sensors share [nats]: log 2, since half of all plates bend
+# that way.
+_NATS_OF_SHARED_SHAPE = 0.7
+_MAX_CLOSE_FAULTS = 10  # hypotheses close to the best that are ranked
+_MAX_SCANNED_FAULTS = 2  # hypotheses with scanned parameters that are ranked besides
+_COARSE_GRID_STEP = 3  # step through the grid of a scan when the body is nearly healthy
+_MAX_GAP_NATS = 15.0  # difference to the best hypothesis up to which one is ranked [nats]
+_SCREENING_ERROR = 0.01  # error of the screening, relative to what the best hypothesis explains
+# Difference to the believed body from which a hypothesis is discarded [nats].
+_MAX_EXCESS_NATS = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
-    """A believed body, its fit and its noise.
+class BodyFit:
+    """A believed body with its fit and its noise.
 
     Args:
-        state: what is believed.
-        tolerance: of the drawings.
-        moments: of its data, by block.
-        healthy: its fit.
-        scale: variance of the noise over the stated one.
+        state: the believed body.
+        tolerance: tolerances of the sensors.
+        moments: sums of its data, by block.
+        healthy: fit without a further fault.
+        noise_scale: variance of the noise over the stated one.
         linear: the fit, linearised.
-        quiet: whether one step from the fit tells what a hypothesis would change.
+        is_quiet: whether one step from the fit gives the effect of a hypothesis accurately enough.
     """
 
-    state: State
+    state: BelievedBody
     tolerance: Tolerance
     moments: Moments
-    healthy: Fitted
-    scale: float
-    linear: Linearised
-    quiet: bool
+    healthy: FittedErrors
+    noise_scale: float
+    linear: LinearisedFit
+    is_quiet: bool
 
     @classmethod
-    def at(cls, state: State, tolerance: Tolerance) -> "Look":
+    def at(cls, state: BelievedBody, tolerance: Tolerance) -> "BodyFit":
         """Fit a believed body."""
         moments = Moments.of(state.data, state.reading)
-        healthy = fit(state.model, moments.over(slice(None)), start=state.start)
-        scale = noise_scale(state.model, moments, healthy.errors, HIGHEST_NOISE)
+        healthy = fit_errors(state.model, moments.sum_blocks(slice(None)), start=state.start)
+        scale = estimate_noise_scale(state.model, moments, healthy.errors, MAX_NOISE_SCALE)
         misfit = healthy.data / scale - 5 * np.sqrt(moments.noise.sum())
-        linear = Linearised.of(state.model, moments, healthy.errors)
-        quiet = bool(misfit < _QUIET and healthy.prior < _QUIET)
-        return cls(state, tolerance, moments, healthy, scale, linear, quiet)
+        linear = LinearisedFit.of(state.model, moments, healthy.errors)
+        is_quiet = bool(misfit < _MAX_QUIET_NATS and healthy.prior < _MAX_QUIET_NATS)
+        return cls(state, tolerance, moments, healthy, scale, linear, is_quiet)
 
     @cached_property
     def clean(self) -> Real:
-        """G - V of each group; (n_group, n_channel, n_channel)."""
-        return clean_of(self.moments)
+        """Return G - V of each group; (n_group, n_channel, n_channel)."""
+        return subtract_noise(self.moments)
 
     @property
-    def base(self) -> float:
-        """Nats of the believed body as it is."""
+    def base_nats(self) -> float:
+        """Cost of the believed body without a further fault [nats]."""
         penalty = self.state.penalty(self.healthy.errors, self.tolerance)
-        return self.healthy.data / self.scale + self.healthy.prior + penalty
+        return self.healthy.data / self.noise_scale + self.healthy.prior + penalty
 
     @property
-    def values(self) -> float:
-        """Noise in the data, in its own units: their number, less where the floor counts."""
+    def noise_energy(self) -> float:
+        """Noise in the data in its own units: the number of values, less where the floor counts."""
         return max(float(self.moments.noise.sum()), 1.0)
 
-    def shape_data(self, moments: Moments, found: Shape) -> float:
-        """The data's part with a free amplitude along a shape in each block."""
-        model, errors = self.state.model, found.fitted.errors
-        gain, _ = amplitude_gain(model, moments, errors, found.shape, self.scale)
-        return model.data(moments, errors) - self.scale * gain
+    def shape_data(self, moments: Moments, shape: FreeShape) -> float:
+        """Return the data's cost with a free amplitude along a shape in each block."""
+        model, errors = self.state.model, shape.fitted.errors
+        gain, _ = amplitude_gain(model, moments, errors, shape.shape, self.noise_scale)
+        return model.data(moments, errors) - self.noise_scale * gain
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """What a first look gave.
+class ScreenedFault:
+    """Result of the screening of one hypothesis.
 
     Args:
-        nats: data, prior and what the hypothesis costs.
-        hypothesis: which.
-        state: its best.
-        parameters: of its reading, if it has one.
+        nats: approximate cost of data, prior and hypothesis [nats].
+        hypothesis: the hypothesis.
+        state: its best state.
+        parameters: parameters of its reading, if it has one.
     """
 
     nats: float
-    hypothesis: Hypothesis
-    state: State
+    hypothesis: FaultHypothesis
+    state: BelievedBody
     parameters: tuple[float, ...] = ()
 
 
-def promising(look: Look, done: frozenset[Key]) -> list[Found]:
-    """Hypotheses that may be better than none: those close to the best, and the best few scans.
+def screen_faults(body_fit: BodyFit, excluded: frozenset[Key]) -> list[ScreenedFault]:
+    """Select the hypotheses that may explain the data better than no further fault.
 
-    Scans are coarse, so they stay in with larger costs, unless something else explains the data.
+    These are the hypotheses close to the best, and the best few scans. Scans are coarse, so they
+    stay with larger costs, unless another hypothesis explains the data.
+
+    Args:
+        body_fit: fit of the believed body.
+        excluded: hypotheses that are not considered.
     """
-    found = [
-        one
-        for one in first_looks(look)
-        if one.hypothesis.key not in done and one.nats < look.base + _HOPELESS
+    screened = [
+        fault
+        for fault in screen_all(body_fit)
+        if fault.hypothesis.key not in excluded
+        and fault.nats < body_fit.base_nats + _MAX_EXCESS_NATS
     ]
-    better = sorted(found, key=lambda one: one.nats)
-    near = _CLOSE + _COARSELY * (look.base - better[0].nats) if better else 0.0
-    close = [one for one in better[:_FEW] if one.nats < better[0].nats + near]
-    if not better or better[0].nats < _QUIET + 5 * np.sqrt(look.values):
-        return close
-    scans = [one for one in better if one.hypothesis.grid and one not in close]
-    return close + _mounts(found, look, done) + scans[:_SCANS]
-
-
-def _mounts(found: list[Found], look: Look, done: frozenset[Key]) -> list[Found]:
-    """Resonant mounts of the channels that explain most when they are left to themselves."""
-    alone = sorted(
-        (one for one in found if one.hypothesis.effect == "sensor_unknown"),
-        key=lambda one: one.nats,
+    ranked = sorted(screened, key=lambda fault: fault.nats)
+    margin = (
+        _MAX_GAP_NATS + _SCREENING_ERROR * (body_fit.base_nats - ranked[0].nats) if ranked else 0.0
     )
-    mounts = {one.key: one for one in hypotheses(look.state) if one.effect == "mount_resonance"}
-    more = []
-    for one in alone[:_SCANS]:
-        key = ("mount_resonance", one.hypothesis.location, one.hypothesis.dof)
-        (left_out,) = shapes_of(
-            one.hypothesis, look.state, look.moments, look.state.start, _FIRST_STEPS
+    close = [fault for fault in ranked[:_MAX_CLOSE_FAULTS] if fault.nats < ranked[0].nats + margin]
+    if not ranked or ranked[0].nats < _MAX_QUIET_NATS + 5 * np.sqrt(body_fit.noise_energy):
+        return close
+    scans = [fault for fault in ranked if fault.hypothesis.grid and fault not in close]
+    return close + _estimate_mounts(screened, body_fit, excluded) + scans[:_MAX_SCANNED_FAULTS]
+
+
+def _estimate_mounts(
+    screened: list[ScreenedFault], body_fit: BodyFit, excluded: frozenset[Key]
+) -> list[ScreenedFault]:
+    """Estimate resonant mounts of the channels that explain most if their readings are free."""
+    unknown = sorted(
+        (fault for fault in screened if fault.hypothesis.effect == "sensor_unknown"),
+        key=lambda fault: fault.nats,
+    )
+    mounts = {
+        hypothesis.key: hypothesis
+        for hypothesis in list_hypotheses(body_fit.state)
+        if hypothesis.effect == "mount_resonance"
+    }
+    estimated = []
+    for fault in unknown[:_MAX_SCANNED_FAULTS]:
+        key = ("mount_resonance", fault.hypothesis.location, fault.hypothesis.dof)
+        (left_out,) = fit_free_shapes(
+            fault.hypothesis,
+            body_fit.state,
+            body_fit.moments,
+            body_fit.state.start,
+            _SCREENING_STEPS,
         )
-        at = mount_of(look.state, left_out, one.hypothesis.channels[0])
-        least = lowest(mounts[key], look.state.data.freq_hz)
-        if at is not None and at[0] > least[0] and key not in done:
-            more.append(Found(one.nats, mounts[key], look.state, at))
-    return more
+        parameters = estimate_mount(body_fit.state, left_out, fault.hypothesis.channels[0])
+        smallest = min_parameters(mounts[key], body_fit.state.data.freq_hz)
+        if parameters is not None and parameters[0] > smallest[0] and key not in excluded:
+            estimated.append(ScreenedFault(fault.nats, mounts[key], body_fit.state, parameters))
+    return estimated
 
 
-def first_looks(look: Look) -> list[Found]:
-    """Cost of each hypothesis on all lines, after few steps."""
-    everything = list(hypotheses(look.state))
-    found = _scans([one for one in everything if one.grid], look)
-    for one in everything:
-        if one.shaped:
-            found.append(_look_at_shape(one, look))
-        elif not one.grid:
-            found += _look_at(one, look)
-    return found
+def screen_all(body_fit: BodyFit) -> list[ScreenedFault]:
+    """Compute the approximate cost of each hypothesis on all lines, after few steps."""
+    every_hypothesis = list(list_hypotheses(body_fit.state))
+    screened = _screen_scans(
+        [hypothesis for hypothesis in every_hypothesis if hypothesis.grid], body_fit
+    )
+    for hypothesis in every_hypothesis:
+        if hypothesis.frees_shape:
+            screened.append(_screen_shape(hypothesis, body_fit))
+        elif not hypothesis.grid:
+            screened += _screen_one(hypothesis, body_fit)
+    return screened
 
 
-def shapes_of(
-    one: Hypothesis, state: State, moments: Moments, start: Real, steps: int
-) -> list[Shape]:
-    """The channel's shape, or common shapes, with errors fitted beside them.
+def fit_free_shapes(
+    hypothesis: FaultHypothesis, state: BelievedBody, moments: Moments, start: Real, steps: int
+) -> list[FreeShape]:
+    """Fit the shape of one channel, or common shapes of all, with errors fitted beside them.
 
-    A channel left to itself is a shape too, and where errors of sensors took the shape's part a fit
-    of both from these does not come back: so it begins where the best of the channels ended too. A
-    direction that channels of several sensors share need not be found among all spare ones.
+    A channel that is left free is a shape too. Where errors of sensors have absorbed a part of the
+    shape, a fit of both does not return from there. So the common shape is fitted a second time
+    from the end of the best single channel. A direction that channels of several sensors share has
+    a smaller prior cost, since it need not be found among all redundant ones.
     """
     model = state.model
-    if one.effect != "flexible_body":
-        return [channel_shape(model, moments, one.channels[0], start, steps)]
+    if hypothesis.effect != "flexible_body":
+        return [channel_shape(model, moments, hypothesis.channels[0], start, steps)]
     mask, channels = moments.mask[0], range(len(state.data.scale))
-    alone = [channel_shape(model, moments, channel, start, steps) for channel in channels]
-    best = min(alone, key=lambda shape: shape.fitted.data)
-    spare = int(mask.sum()) - project(model.rows(start) * model.scale[:, None], mask).rank
-    price = _SHAPE_NATS * max(spare - 1, 0)
-    found = [
+    single_channels = [channel_shape(model, moments, channel, start, steps) for channel in channels]
+    best = min(single_channels, key=lambda shape: shape.fitted.data)
+    redundant = int(mask.sum()) - project(model.rows(start) * model.scale[:, None], mask).rank
+    price = _NATS_PER_SHAPE_DIRECTION * max(redundant - 1, 0)
+    shapes = [
         replace(common_shape(model, moments, errors, steps), price=price)
         for errors in (start, best.fitted.errors)
     ]
     shared = shared_channels(model, mask, start)
-    return found + [replace(alone[k], price=_SHARED_NATS) for k in shared]
+    return shapes + [replace(single_channels[k], price=_NATS_OF_SHARED_SHAPE) for k in shared]
 
 
-def _scans(scanned: list[Hypothesis], look: Look) -> list[Found]:
-    """Readings that vary along lines: one step from the healthy fit for each of a grid.
+def _screen_scans(scanned: list[FaultHypothesis], body_fit: BodyFit) -> list[ScreenedFault]:
+    """Screen readings that vary along lines: one step from the healthy fit for each grid value.
 
-    What is grossly wrong has driven that fit's errors away: then from where it began.
+    A gross fault drives the errors of that fit far off. Then the step is taken from its start.
     """
-    state = look.state
-    spectra = Spectra.of(state.data, state.reading)
+    state = body_fit.state
+    spectra = LineSums.of(state.data, state.reading)
     freq, spread = state.data.freq_hz, state.spread
-    linear = look.linear
-    if not look.quiet:
-        linear = Linearised.of(state.model, look.moments, state.start)
-    found = []
-    for effect, whole in dict.fromkeys((one.effect, one.grid) for one in scanned):
-        grid = whole[:: _COARSE if look.quiet else 1]
-        divided = spectra.divided(np.array([READINGS[effect](freq, *at) for at in grid]))
-        without = linear.cost(divided.clean(0, []), spread, look.scale)
-        base = look.base if look.quiet else without
-        for one in scanned:
-            if (one.effect, one.grid) == (effect, whole):
-                channels = list(one.channels)
+    linear = body_fit.linear
+    if not body_fit.is_quiet:
+        linear = LinearisedFit.of(state.model, body_fit.moments, state.start)
+    screened = []
+    for effect, full_grid in dict.fromkeys(
+        (hypothesis.effect, hypothesis.grid) for hypothesis in scanned
+    ):
+        grid = full_grid[:: _COARSE_GRID_STEP if body_fit.is_quiet else 1]
+        corrected = spectra.divide(np.array([READING_RESPONSES[effect](freq, *at) for at in grid]))
+        null_cost = linear.cost(corrected.clean(0, []), spread, body_fit.noise_scale)
+        base_nats = body_fit.base_nats if body_fit.is_quiet else null_cost
+        for hypothesis in scanned:
+            if (hypothesis.effect, hypothesis.grid) == (effect, full_grid):
+                channels = list(hypothesis.channels)
                 costs = [
-                    linear.cost(divided.clean(k, channels), spread, look.scale)
+                    linear.cost(corrected.clean(k, channels), spread, body_fit.noise_scale)
                     for k in range(len(grid))
                 ]
                 best = int(np.argmin(costs))
-                nats = base + costs[best] - without + one.cost
-                found.append(Found(nats, one, state, grid[best]))
-    return found
+                nats = base_nats + costs[best] - null_cost + hypothesis.cost
+                screened.append(ScreenedFault(nats, hypothesis, state, grid[best]))
+    return screened
 
 
-def _look_at(one: Hypothesis, look: Look) -> list[Found]:
-    """An error released, channels exchanged: one step if the body is quiet, else a fit.
+def _screen_one(hypothesis: FaultHypothesis, body_fit: BodyFit) -> list[ScreenedFault]:
+    """Screen a released error or exchanged channels: one step if the body is quiet, else a fit.
 
     Returns:
-        What was found; nothing of an exchange that leaves more than the believed body does.
+        The hypothesis with its cost; empty for an exchange that costs more than the believed body.
     """
-    if look.quiet:
-        order, signs = one.exchange(len(look.state.data.scale))
-        clean = look.clean[:, order][:, :, order] * np.outer(signs, signs)
-        # An exchange leaves the priors as they are: what leaves too much need not be built.
-        tried = look.state if one.pairs else one.states(look.state)[0]
-        cost = look.linear.cost(clean, tried.spread, look.scale)
-        nats = cost + tried.penalty(look.healthy.errors, look.tolerance) + one.cost
-        if one.pairs:
-            if nats >= look.base + _HOPELESS:
+    if body_fit.is_quiet:
+        order, signs = hypothesis.channel_order(len(body_fit.state.data.scale))
+        clean = body_fit.clean[:, order][:, :, order] * np.outer(signs, signs)
+        # An exchange does not change the priors, so that the state is only built if it is needed.
+        trial = body_fit.state if hypothesis.pairs else hypothesis.states(body_fit.state)[0]
+        cost = body_fit.linear.cost(clean, trial.spread, body_fit.noise_scale)
+        nats = cost + trial.penalty(body_fit.healthy.errors, body_fit.tolerance) + hypothesis.cost
+        if hypothesis.pairs:
+            if nats >= body_fit.base_nats + _MAX_EXCESS_NATS:
                 return []
-            tried = one.states(look.state)[0]
-        return [Found(nats, one, replace(tried, start=look.healthy.errors))]
-    states = one.states(look.state)
+            trial = hypothesis.states(body_fit.state)[0]
+        return [ScreenedFault(nats, hypothesis, replace(trial, start=body_fit.healthy.errors))]
+    states = hypothesis.states(body_fit.state)
     total = Moments.of(states[0].data, states[0].reading, blocks=1)
-    if one.effect == "sensor_position":
-        states += [replace(states[0], start=_displaced(one, states[0], total))]
+    if hypothesis.effect == "sensor_position":
+        states += [replace(states[0], start=_solve_displacement(hypothesis, states[0], total))]
     elif len(states) > 2:
-        starts = [tried.model.data(total, tried.start) for tried in states]
+        starts = [trial.model.data(total, trial.start) for trial in states]
         states = [states[k] for k in np.argsort(starts)[:2]] + states[:1]
-    found = []
-    for tried in states:
-        fitted = fit(tried.model, total, start=tried.start, steps=_FIRST_STEPS)
-        prior = fitted.prior + tried.penalty(fitted.errors, look.tolerance)
-        begun = replace(tried, start=fitted.errors)
-        found.append(Found(fitted.data / look.scale + prior + one.cost, one, begun))
-    return [min(found, key=lambda x: x.nats)]
+    screened = []
+    for trial in states:
+        fitted = fit_errors(trial.model, total, start=trial.start, steps=_SCREENING_STEPS)
+        prior = fitted.prior + trial.penalty(fitted.errors, body_fit.tolerance)
+        started = replace(trial, start=fitted.errors)
+        screened.append(
+            ScreenedFault(
+                fitted.data / body_fit.noise_scale + prior + hypothesis.cost, hypothesis, started
+            )
+        )
+    return [min(screened, key=lambda x: x.nats)]
 
 
-def _displaced(one: Hypothesis, state: State, total: Moments) -> Real:
-    """Errors with one sensor where the others tell that it is, by least squares; (n_error,).
+def _solve_displacement(hypothesis: FaultHypothesis, state: BelievedBody, total: Moments) -> Real:
+    """Return errors with one sensor at the place that the others determine, by least squares.
 
-    A far place is many steps away from the drawn one, and other errors follow on the way. But
-    readings are linear in it: with the motion x = W z by all other channels, those of this sensor
-    are rows x + sum_j d_j slope_j x, with offsets d_j.
+    A distant place is many steps away from the nominal one, and other errors would adapt on the
+    way. But readings are linear in the place. With the motion x = W z by all other channels, the
+    readings of this sensor are rows x + sum_j d_j slope_j x, with offsets ``d_j``.
+
+    Returns:
+        Errors; (n_error,).
     """
     model, start = state.model, state.start.copy()
-    errors = list(one.channels)
+    errors = list(hypothesis.channels)
     start[errors] = 0.0
     rows = model.rows(start) * model.scale[:, None]
     slopes = model.sensors.slopes(start)[errors] * model.scale[:, None]
-    own = slopes.any(axis=(0, 2))
+    is_own = slopes.any(axis=(0, 2))
     square, linear = np.zeros((3, 3)), np.zeros(3)
     for mask, gram, noise in zip(total.mask, total.gram, total.noise, strict=True):
         clean = gram.sum(axis=0) - np.diag(noise.sum(axis=0))
-        others = project(rows, mask & ~own).inverse[:6]
-        read = np.eye(len(mask))[own] - rows[own, :6] @ others
-        by = slopes[:, own] @ others
-        square += np.einsum("jcp,pq,lcq->jl", by, clean, by)
-        linear += np.einsum("cp,pq,jcq->j", read, clean, by)
-    start[errors] = np.linalg.lstsq(square, linear, rcond=_RANK)[0]
+        inverse_of_others = project(rows, mask & ~is_own).inverse[:6]
+        reading = np.eye(len(mask))[is_own] - rows[is_own, :6] @ inverse_of_others
+        slope_readings = slopes[:, is_own] @ inverse_of_others
+        square += np.einsum("jcp,pq,lcq->jl", slope_readings, clean, slope_readings)
+        linear += np.einsum("cp,pq,jcq->j", reading, clean, slope_readings)
+    start[errors] = np.linalg.lstsq(square, linear, rcond=_PLACE_RANK_TOLERANCE)[0]
     return start
 
 
-def _look_at_shape(one: Hypothesis, look: Look) -> Found:
-    # What is grossly wrong has driven the healthy fit's errors away: begin anew.
-    start, steps = (look.healthy.errors, 2) if look.quiet else (look.state.start, _FIRST_STEPS)
+def _screen_shape(hypothesis: FaultHypothesis, body_fit: BodyFit) -> ScreenedFault:
+    """Screen a hypothesis with a free shape."""
+    # A gross fault has driven the errors of the healthy fit far off, so that the fit starts anew.
+    start, steps = (
+        (body_fit.healthy.errors, 2)
+        if body_fit.is_quiet
+        else (body_fit.state.start, _SCREENING_STEPS)
+    )
     nats = [
-        look.shape_data(look.moments, shape) / look.scale
+        body_fit.shape_data(body_fit.moments, shape) / body_fit.noise_scale
         + shape.fitted.prior
-        + look.state.penalty(shape.fitted.errors, look.tolerance)
+        + body_fit.state.penalty(shape.fitted.errors, body_fit.tolerance)
         + shape.price
-        for shape in shapes_of(one, look.state, look.moments, start, steps)
+        for shape in fit_free_shapes(hypothesis, body_fit.state, body_fit.moments, start, steps)
     ]
-    return Found(min(nats) + one.cost, one, look.state)
+    return ScreenedFault(min(nats) + hypothesis.cost, hypothesis, body_fit.state)

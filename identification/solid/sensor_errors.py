@@ -1,4 +1,4 @@
-"""The sensors of one body with their errors: gain of each channel, angles and place of each."""
+"""Sensors of one body with their errors: gain of each channel, angles and place of each sensor."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -8,25 +8,25 @@ from scipy.spatial.transform import Rotation
 
 from identification.words import Dof, Integers, Layout, Mask, Real, Tolerance
 
-_SMALLEST = 1e-6
-_UNITS = np.eye(3)
+_MIN_TOLERANCE = 1e-6  # of a gain [1], an angle [rad] or a place [m], so that priors stay proper
+_UNIT_VECTORS = np.eye(3)  # world axes
 
 
 @dataclass(frozen=True, eq=False)
 class Sensors:
-    """Drawn places and axes of a body's channels, in world axes.
+    """Nominal places and axes of a body's channels, in world axes.
 
     The errors p are one vector: relative gain of each channel, then three angles of each sensor
     [rad], then three offsets of each sensor [m]; (n_channel + 6 n_sensor,).
 
     Args:
-        channels: along their positive directions; n_channel.
-        names: of the sensors, each once; n_sensor.
+        channels: degrees of freedom along their positive directions; n_channel.
+        names: names of the sensors, each once; n_sensor.
         sensor_of: number of the sensor of each channel; (n_channel,).
         axes: unit vectors along which channels read; (n_channel, 3).
-        arms: sensors from the centre of mass [m]; (n_sensor, 3).
-        moving: projector onto the motions that the body makes, all unless some were measured to
-            be none; (6, 6).
+        arms: places of the sensors from the centre of mass [m]; (n_sensor, 3).
+        moving: projector onto the motions that the body makes; all, unless some were measured to
+            vanish; (6, 6).
     """
 
     channels: tuple[Dof, ...]
@@ -38,54 +38,54 @@ class Sensors:
 
     @classmethod
     def of(cls, layout: Layout, channels: tuple[Dof, ...]) -> "Sensors":
-        """The sensors of these channels, all on one body."""
+        """Return the sensors of these channels, which are all on one body."""
         names = tuple(dict.fromkeys(dof.point for dof in channels))
-        place = [layout.points.index(name) if name in layout.points else None for name in names]
+        site = [layout.points.index(name) if name in layout.points else None for name in names]
         body = layout.bodies.index(layout.body_name(names[0]))
-        frames = [np.eye(3) if k is None else layout.axes[k] for k in place]
+        frames = [np.eye(3) if k is None else layout.axes[k] for k in site]
         centre = layout.centres[body]
         return cls(
             channels,
             names,
             np.array([names.index(dof.point) for dof in channels]),
             np.array([frames[names.index(dof.point)][:, dof.axis % 3] for dof in channels]),
-            np.array([np.zeros(3) if k is None else layout.positions[k] - centre for k in place]),
+            np.array([np.zeros(3) if k is None else layout.positions[k] - centre for k in site]),
         )
 
     @property
     def count(self) -> int:
-        """How many errors there are."""
+        """Number of errors."""
         return len(self.channels) + 6 * len(self.names)
 
     @cached_property
     def turning(self) -> Mask:
-        """Which channels read a rotation; (n_channel,)."""
+        """Whether a channel reads a rotation; (n_channel,)."""
         return np.array([dof.is_rotation for dof in self.channels])
 
     def gains(self, sensor: int) -> list[int]:
-        """Numbers of the channels of a sensor, which are those of their gains in p."""
+        """Return the numbers of a sensor's channels, which index their gains in p too."""
         return [int(c) for c in np.flatnonzero(self.sensor_of == sensor)]
 
     def angles(self, sensor: int) -> list[int]:
-        """Where a sensor's angles are in p."""
+        """Return the positions of a sensor's angles in p."""
         start = len(self.channels) + 3 * sensor
         return [start, start + 1, start + 2]
 
     def offsets(self, sensor: int) -> list[int]:
-        """Where a sensor's offsets are in p."""
+        """Return the positions of a sensor's offsets in p."""
         start = len(self.channels) + 3 * (len(self.names) + sensor)
         return [start, start + 1, start + 2]
 
     def spread(self, tolerance: Tolerance) -> Real:
-        """One standard deviation of each error; (n_error,)."""
+        """Return the prior standard deviation of each error; (n_error,)."""
         sizes = (tolerance.sensor_gain, tolerance.sensor_angle, tolerance.sensor_position)
         counts = (len(self.channels), 3 * len(self.names), 3 * len(self.names))
-        return np.repeat(np.maximum(sizes, _SMALLEST), counts)
+        return np.repeat(np.maximum(sizes, _MIN_TOLERANCE), counts)
 
     def rows(self, errors: Real) -> Real:
-        """Readings per motion of the centre (tx ty tz rx ry rz): (1 + g) [a, r x a], a turned.
+        """Compute readings per motion of the centre: (1 + g) [a, r x a], with a rotated.
 
-        A channel that reads a rotation has (1 + g) [0, a].
+        Motions are (tx ty tz rx ry rz). A channel that reads a rotation has (1 + g) [0, a].
 
         Args:
             errors: p.
@@ -93,57 +93,67 @@ class Sensors:
         Returns:
             Rows [1, m]; (n_channel, 6).
         """
-        gain, axes, arms = self._split(errors)
+        gain, axes, arms = self._decompose(errors)
         return gain[:, None] * self._unit_rows(axes, arms) @ self.moving
 
     def slopes(self, errors: Real) -> Real:
-        """Derivatives of ``rows``; angles turn beyond those in p: a + d x a; (n_error, ...)."""
-        gain, axes, arms = self._split(errors)
+        """Compute the derivatives of ``rows``; (n_error, n_channel, 6).
+
+        Angles are increments beyond those in p: a + d x a.
+        """
+        gain, axes, arms = self._decompose(errors)
         count, sensors = len(self.channels), len(self.names)
         channel = np.arange(count)
         slopes = np.zeros((self.count, count, 6))
         slopes[channel, channel] = self._unit_rows(axes, arms)
-        turned = gain[:, None] * _cross(_UNITS[:, None], axes)  # (3, n_channel, 3)
-        place = count + 3 * self.sensor_of + np.arange(3)[:, None]
-        slopes[place, channel] = self._unit_rows(turned, arms)
-        slopes[place + 3 * sensors, channel, 3:] = np.where(self.turning[:, None], 0.0, turned)
+        turned = gain[:, None] * _cross_product(_UNIT_VECTORS[:, None], axes)  # (3, n_channel, 3)
+        index = count + 3 * self.sensor_of + np.arange(3)[:, None]
+        slopes[index, channel] = self._unit_rows(turned, arms)
+        slopes[index + 3 * sensors, channel, 3:] = np.where(self.turning[:, None], 0.0, turned)
         return slopes @ self.moving
 
     def step(self, errors: Real, change: Real) -> Real:
-        """Add a change to p, angles by turning further."""
-        new = errors + change
+        """Add a change to p, with rotations composed."""
+        stepped = errors + change
         block = slice(len(self.channels), len(self.channels) + 3 * len(self.names))
         before = Rotation.from_rotvec(errors[block].reshape(-1, 3))
-        more = Rotation.from_rotvec(change[block].reshape(-1, 3))
-        new[block] = (more * before).as_rotvec().ravel()
-        return new
+        further = Rotation.from_rotvec(change[block].reshape(-1, 3))
+        stepped[block] = (further * before).as_rotvec().ravel()
+        return stepped
 
-    def _split(self, errors: Real) -> tuple[Real, Real, Real]:
+    def _decompose(self, errors: Real) -> tuple[Real, Real, Real]:
+        """Return gains, rotated axes and displaced arms of the channels."""
         count, sensors = len(self.channels), len(self.names)
-        turns = _matrices(errors[count : count + 3 * sensors].reshape(sensors, 3))
+        turns = _rotation_matrices(errors[count : count + 3 * sensors].reshape(sensors, 3))
         axes = (turns[self.sensor_of] @ self.axes[:, :, None])[:, :, 0]
         arms = (self.arms + errors[count + 3 * sensors :].reshape(sensors, 3))[self.sensor_of]
         return 1 + errors[:count], axes, arms
 
     def _unit_rows(self, axes: Real, arms: Real) -> Real:
+        """Return rows of channels with a gain of one."""
         rows = np.zeros((*axes.shape[:-1], 6))
         moving = ~self.turning
         rows[..., moving, :3] = axes[..., moving, :]
-        rows[..., moving, 3:] = _cross(arms, axes)[..., moving, :]
+        rows[..., moving, 3:] = _cross_product(arms, axes)[..., moving, :]
         rows[..., self.turning, 3:] = axes[..., self.turning, :]
         return rows
 
 
-def _cross(first: Real, second: Real) -> Real:
-    """Cross product along the last axis, without the overhead that numpy's has on few vectors."""
+def _cross_product(first: Real, second: Real) -> Real:
+    """Compute the cross product along the last axis, faster than numpy's for few vectors."""
     x, y, z = first[..., 0], first[..., 1], first[..., 2]
     u, v, w = second[..., 0], second[..., 1], second[..., 2]
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
 
 
-def _matrices(vectors: Real) -> Real:
-    """Rotation matrices of rotation vectors: 1 + sinc(t) K + sinc(t / 2)^2 K^2 / 2 (Rodrigues)."""
+def _rotation_matrices(vectors: Real) -> Real:
+    """Compute rotation matrices of rotation vectors (Rodrigues).
+
+    1 + sinc(t) K + sinc(t / 2)^2 K^2 / 2, with t the angle and K the skew matrix of the vector.
+    """
     angle = np.linalg.norm(vectors, axis=1)[:, None, None] / np.pi
-    skew = np.swapaxes(_cross(vectors[:, None], _UNITS), 1, 2)
-    turned: Real = _UNITS + np.sinc(angle) * skew + 0.5 * np.sinc(angle / 2) ** 2 * (skew @ skew)
+    skew = np.swapaxes(_cross_product(vectors[:, None], _UNIT_VECTORS), 1, 2)
+    turned: Real = (
+        _UNIT_VECTORS + np.sinc(angle) * skew + 0.5 * np.sinc(angle / 2) ** 2 * (skew @ skew)
+    )
     return turned

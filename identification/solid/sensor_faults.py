@@ -1,4 +1,4 @@
-"""What may be wrong with one sensor, as a change of what a body's fit takes for granted."""
+"""Hypotheses on what may be wrong with a sensor, as changes of the model of a body's readings."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -8,13 +8,13 @@ from itertools import combinations, permutations, product
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identification.solid.body_channels import BodyData, exchanged
-from identification.solid.rigid_fit import Model
+from identification.solid.body_channels import BodyData, exchange_channels
+from identification.solid.rigid_fit import RigidFitModel
 from identification.solid.sensor_errors import Sensors
 from identification.words import Complex, Real, Tolerance
 
-# How likely each is before the data are seen, per place. Flexibility is common; the rest are
-# mistakes of mounting and cabling, a few in a campaign of twenty sensors.
+# Logarithm of the prior probability of each effect, per place. Flexibility is common; the others
+# are mistakes of mounting and cabling, a few in a campaign of twenty sensors.
 _LOG_PRIOR = {
     name: float(np.log(probability))
     for name, probability in {
@@ -29,33 +29,33 @@ _LOG_PRIOR = {
         "sensor_unknown": 1e-4,
     }.items()
 }
-# A released error has a Cauchy prior: half of all wrong gains are within 20 %, turns within some
-# 10 degrees, places within 30 mm, and none is impossible.
-HALF = {"sensor_gain": 0.2, "sensor_misalignment": 0.2, "sensor_position": 0.03}
-# For the fit alone: wide enough to be no prior.
-_FREE = {"sensor_gain": 5.0, "sensor_misalignment": 3.0, "sensor_position": 0.5}
-# Nats for a delay, or a mount's frequency and damping, found among distinguishable ones.
-_SCANNED = {"sensor_delay": 4.0, "mount_resonance": 6.0}
-SHAPED = ("flexible_body", "sensor_unknown")
-_DELAYS = 16
-_MOUNTS = 18
-_LOWEST_MOUNT = 0.4  # of the highest line
-_DAMPINGS = (0.03, 0.15)
+# Half-width of the Cauchy prior of a released error: half of all wrong gains are within 20 %
+# [1], rotations within some 10 degrees [rad], places within 30 mm [m]; none is impossible.
+CAUCHY_SCALE = {"sensor_gain": 0.2, "sensor_misalignment": 0.2, "sensor_position": 0.03}
+# Standard deviation of a released error in the fit: wide enough to have no effect.
+_RELEASED_SPREAD = {"sensor_gain": 5.0, "sensor_misalignment": 3.0, "sensor_position": 0.5}
+# Cost of a delay, or of a mount's frequency and damping: log of the number of distinct values.
+_SCAN_NATS = {"sensor_delay": 4.0, "mount_resonance": 6.0}
+SHAPE_EFFECTS = ("flexible_body", "sensor_unknown")
+_N_DELAYS = 16  # delays up to a phase of 2 rad, of both signs
+_N_MOUNTS = 18  # frequencies of a mount
+_MIN_MOUNT_FREQUENCY = 0.4  # lowest frequency of a mount over the highest line
+_SCANNED_DAMPINGS = (0.03, 0.15)  # damping ratios of a mount
 
 
 Key = tuple[str, str, str | None]
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class BelievedBody:
     """A body as it is believed to be: data, priors, readings and free shapes.
 
     Args:
-        data: with channels exchanged as believed.
-        spread: one standard deviation of each error, released ones wide; (n_error,).
-        reading: what each channel reads per motion there; (n_freq, n_channel).
-        extra: flexible shapes; (n_channel, n).
-        start: where the fit of errors starts; (n_error,).
+        data: channels, exchanged as believed.
+        spread: prior standard deviation of each error, wide for released ones; (n_error,).
+        reading: reading of each channel per motion at its place; (n_freq, n_channel).
+        extra: free shapes; (n_channel, n).
+        start: errors at which a fit starts; (n_error,).
         released: errors without tolerance, with the effect that released them.
     """
 
@@ -67,8 +67,8 @@ class State:
     released: tuple[tuple[str, tuple[int, ...]], ...] = ()
 
     @classmethod
-    def healthy(cls, data: BodyData, tolerance: Tolerance) -> "State":
-        """As drawn, within tolerance."""
+    def healthy(cls, data: BodyData, tolerance: Tolerance) -> "BelievedBody":
+        """Return the nominal body, with errors within tolerance."""
         sensors = data.sensors
         return cls(
             data,
@@ -79,18 +79,22 @@ class State:
         )
 
     @property
-    def model(self) -> Model:
-        """What the fit takes for granted."""
-        return Model(self.data.sensors, self.data.scale, self.spread, self.extra)
+    def model(self) -> RigidFitModel:
+        """Model that the fit uses."""
+        return RigidFitModel(self.data.sensors, self.data.scale, self.spread, self.extra)
 
     def penalty(self, errors: Real, tolerance: Tolerance) -> float:
-        """Nats that released errors cost beside errors within tolerance: log of two densities."""
+        """Return the cost of released errors relative to errors within tolerance [nats].
+
+        It is the logarithm of the ratio of both prior densities.
+        """
         drawn = self.data.sensors.spread(tolerance)
         total = 0.0
         for effect, places in self.released:
-            index, half, count = list(places), HALF[effect], len(places)
+            index, half, count = list(places), CAUCHY_SCALE[effect], len(places)
             size = float(np.sum(errors[index] ** 2)) / half**2
-            # Cauchy in one and three dimensions: 1 / (pi h (1 + u)), 1 / (pi^2 h^3 (1 + u)^2).
+            # Cauchy density in one and three dimensions, u = (p / h)^2:
+            # 1 / (pi h (1 + u)), 1 / (pi^2 h^3 (1 + u)^2).
             cauchy = {1: np.log(np.pi), 3: 2 * np.log(np.pi)}[count] + count * np.log(half)
             cauchy += (count + 1) / 2 * np.log1p(size)
             normal = np.log(drawn[index]).sum() + count / 2 * np.log(2 * np.pi)
@@ -99,25 +103,25 @@ class State:
 
 
 @dataclass(frozen=True, eq=False)
-class Hypothesis:
-    """One thing that may be wrong, at one place.
+class FaultHypothesis:
+    """One fault at one place.
 
     Args:
         effect: its name.
         location: ``sensor:acc1`` or ``body:ty``.
         dof: directions concerned, such as ``tz`` or ``tx+ty``, or None.
-        channels: concerned.
-        states: makes the states to try out of the believed one.
+        channels: numbers of the channels, or of the errors, concerned.
+        states: function that returns the states to be tried, given the believed one.
         grid: parameters to scan, for a reading that varies along lines; else empty.
-        pairs: of channels that are exchanged; one exchanged with itself is turned over.
-        weight: share of the effect's prior.
+        pairs: pairs of channels that are exchanged; a channel paired with itself changes its sign.
+        weight: share of the effect's prior probability.
     """
 
     effect: str
     location: str
     dof: str | None
     channels: tuple[int, ...] = ()
-    states: Callable[[State], list[State]] = lambda state: [state]
+    states: Callable[[BelievedBody], list[BelievedBody]] = lambda state: [state]
     grid: tuple[tuple[float, ...], ...] = ()
     pairs: tuple[tuple[int, int], ...] = ()
     weight: float = 1.0
@@ -128,65 +132,72 @@ class Hypothesis:
         return self.effect, self.location, self.dof
 
     @property
-    def shaped(self) -> bool:
-        """Whether it frees an amplitude per line."""
-        return self.effect in SHAPED
+    def frees_shape(self) -> bool:
+        """Whether the hypothesis has a free amplitude per line."""
+        return self.effect in SHAPE_EFFECTS
 
     @property
     def cost(self) -> float:
-        """Nats before the data are seen."""
-        scanned = _SCANNED.get(self.effect, 0.0)
+        """Prior cost of the hypothesis [nats]."""
+        scanned = _SCAN_NATS.get(self.effect, 0.0)
         return scanned - _LOG_PRIOR[self.effect] - float(np.log(self.weight))
 
-    def exchange(self, count: int) -> tuple[list[int], Real]:
-        """Which channel each of so many really is, and its sign."""
+    def channel_order(self, count: int) -> tuple[list[int], Real]:
+        """Return which channel each of ``count`` channels really is, and its sign."""
         order, signs = list(range(count)), np.ones(count)
         for a, b in self.pairs:
             order[a], order[b] = b, a
             signs[a] = -1.0 if a == b else 1.0
         return order, signs
 
-    def read(self, state: State, parameters: tuple[float, ...]) -> State:
-        """The state with this reading on the channels concerned."""
-        new = state.reading.copy()
-        new[:, self.channels] *= READINGS[self.effect](state.data.freq_hz, *parameters)[:, None]
-        return replace(state, reading=new)
+    def read(self, state: BelievedBody, parameters: tuple[float, ...]) -> BelievedBody:
+        """Return the state with this reading on the channels concerned."""
+        reading = state.reading.copy()
+        reading[:, self.channels] *= READING_RESPONSES[self.effect](
+            state.data.freq_hz, *parameters
+        )[:, None]
+        return replace(state, reading=reading)
 
 
-def hypotheses(state: State) -> Iterator[Hypothesis]:
-    """Everything that may be wrong with this body and one or two of its sensors."""
+def list_hypotheses(state: BelievedBody) -> Iterator[FaultHypothesis]:
+    """Yield everything that may be wrong with this body and one or two of its sensors."""
     sensors = state.data.sensors
-    mounts = _mounts(float(state.data.freq_hz[-1]))
-    yield Hypothesis("flexible_body", f"body:{state.data.body}", None)
+    mounts = _mount_grid(float(state.data.freq_hz[-1]))
+    yield FaultHypothesis("flexible_body", f"body:{state.data.body}", None)
     for k, channel in enumerate(sensors.channels):
         place, dof = f"sensor:{channel.point}", channel.direction[1:]
-        yield _released("sensor_gain", place, dof, [k], [np.zeros(1), np.full(1, -0.9)])
-        yield _exchange("sensor_polarity", place, dof, [k], [k])
-        yield Hypothesis("sensor_unknown", place, dof, (k,))
+        yield _release_hypothesis("sensor_gain", place, dof, [k], [np.zeros(1), np.full(1, -0.9)])
+        yield _exchange_hypothesis("sensor_polarity", place, dof, [k], [k])
+        yield FaultHypothesis("sensor_unknown", place, dof, (k,))
         share = 1 / len(sensors.gains(int(sensors.sensor_of[k])))
-        yield Hypothesis("mount_resonance", place, dof, (k,), grid=mounts, weight=share)
+        yield FaultHypothesis("mount_resonance", place, dof, (k,), grid=mounts, weight=share)
     for number in range(len(sensors.names)):
-        yield from _of_sensor(sensors, number, state.data.freq_hz)
-    yield from _whole_swaps(sensors)
+        yield from _sensor_hypotheses(sensors, number, state.data.freq_hz)
+    yield from _swap_hypotheses(sensors)
 
 
-def _of_sensor(sensors: Sensors, number: int, freq_hz: Real) -> Iterator[Hypothesis]:
+def _sensor_hypotheses(sensors: Sensors, number: int, freq_hz: Real) -> Iterator[FaultHypothesis]:
+    """Yield the hypotheses on one sensor as a whole."""
     place, gains = f"sensor:{sensors.names[number]}", sensors.gains(number)
-    yield _released("sensor_misalignment", place, None, sensors.angles(number), quarter_turns())
+    yield _release_hypothesis(
+        "sensor_misalignment", place, None, sensors.angles(number), quarter_turns()
+    )
     if not sensors.turning[gains].all():
-        yield _released("sensor_position", place, None, sensors.offsets(number), [np.zeros(3)])
+        yield _release_hypothesis(
+            "sensor_position", place, None, sensors.offsets(number), [np.zeros(3)]
+        )
     top = float(freq_hz[-1])
-    yield Hypothesis("sensor_delay", place, None, tuple(gains), grid=_delays(top))
+    yield FaultHypothesis("sensor_delay", place, None, tuple(gains), grid=_delay_grid(top))
     if len(gains) > 1:
-        yield Hypothesis("mount_resonance", place, None, tuple(gains), grid=_mounts(top))
+        yield FaultHypothesis("mount_resonance", place, None, tuple(gains), grid=_mount_grid(top))
     for a, b in combinations(gains, 2):
         names = "+".join(sensors.channels[c].direction[1:] for c in (a, b))
-        yield _exchange("sensor_swap", place, names, [a], [b])
+        yield _exchange_hypothesis("sensor_swap", place, names, [a], [b])
 
 
 @cache
 def quarter_turns() -> tuple[Real, ...]:
-    """The 24 turns of a cube, as rotation vectors: how sensors are glued the wrong way round."""
+    """Return the 24 rotations of a cube as rotation vectors: sensors glued in wrong orientation."""
     turns = []
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         matrix = np.eye(3)[list(order)] * np.array(signs)[:, None]
@@ -195,92 +206,116 @@ def quarter_turns() -> tuple[Real, ...]:
     return tuple(sorted(turns, key=lambda turn: float(np.linalg.norm(turn))))
 
 
-def mount(freq_hz: Real, frequency: float, damping: float) -> Complex:
-    """Reading per motion of a sensor on a spring and a damper: its transmissibility; (n_freq,).
+def mount_response(freq_hz: Real, frequency: float, damping: float) -> Complex:
+    """Compute the reading per motion of a sensor on a spring and a damper; (n_freq,).
 
-    (1 + 2 i z r) / (1 - r^2 + 2 i z r), r = f / f0: both carry it, so that both drive it.
+    It is the transmissibility (1 + 2 i z r) / (1 - r^2 + 2 i z r) with r = f / f0. Spring and
+    damper both drive the sensor.
+
+    Args:
+        freq_hz: lines [Hz]; (n_freq,).
+        frequency: natural frequency f0 of the sensor on its mount [Hz].
+        damping: damping ratio z of the mount.
     """
     ratio = freq_hz / frequency
-    carried = 1 + 2j * damping * ratio
-    return np.asarray(carried / (carried - ratio**2), complex)
+    transmitted = 1 + 2j * damping * ratio
+    return np.asarray(transmitted / (transmitted - ratio**2), complex)
 
 
-def delayed(freq_hz: Real, delay: float) -> Complex:
-    """Reading per motion of a channel that comes later: exp(-i w delay); (n_freq,)."""
+def delay_response(freq_hz: Real, delay: float) -> Complex:
+    """Compute the reading per motion of a delayed channel: exp(-i w delay); (n_freq,).
+
+    Args:
+        freq_hz: lines [Hz]; (n_freq,).
+        delay: delay [s].
+    """
     return np.asarray(np.exp(-2j * np.pi * freq_hz * delay), complex)
 
 
-READINGS: dict[str, Callable[..., Complex]] = {"sensor_delay": delayed, "mount_resonance": mount}
+READING_RESPONSES: dict[str, Callable[..., Complex]] = {
+    "sensor_delay": delay_response,
+    "mount_resonance": mount_response,
+}
 
 
-def _delays(top: float) -> tuple[tuple[float, ...], ...]:
-    """Late or early by a phase of 0.02 to 12 rad at the highest line.
+def _delay_grid(top: float) -> tuple[tuple[float, ...], ...]:
+    """Return delays of both signs, with a phase of 0.02 to 12 rad at the highest line.
 
-    Of more than 2 rad the phase turns along the band, so that steps must not be longer.
+    Beyond 2 rad the phase rotates along the band, so that the steps must not grow.
     """
-    turns = np.concatenate([np.geomspace(0.02, 2.0, _DELAYS // 2), np.arange(2.4, 12.5, 0.4)])
+    turns = np.concatenate([np.geomspace(0.02, 2.0, _N_DELAYS // 2), np.arange(2.4, 12.5, 0.4)])
     sizes = turns / (2 * np.pi * top)
     return tuple((float(size),) for size in np.concatenate([-sizes, sizes]))
 
 
-def lowest(one: Hypothesis, freq_hz: Real) -> tuple[float, ...]:
-    """Least sizes of the parameters of a scan: below, a mount reads nothing in most of the band."""
-    if one.effect == "mount_resonance":
-        return _LOWEST_MOUNT * float(freq_hz[-1]), 1e-3
+def min_parameters(hypothesis: FaultHypothesis, freq_hz: Real) -> tuple[float, ...]:
+    """Return the smallest sizes of the parameters of a scan.
+
+    A mount of a lower frequency would read nothing in most of the band.
+    """
+    if hypothesis.effect == "mount_resonance":
+        return _MIN_MOUNT_FREQUENCY * float(freq_hz[-1]), 1e-3
     return (1e-3 / (2 * np.pi * float(freq_hz[-1])),)
 
 
-def without_channel(state: State, channel: int) -> State:
-    """The body, one channel left to itself."""
+def leave_out_channel(state: BelievedBody, channel: int) -> BelievedBody:
+    """Return the body with the readings of one channel left free."""
     shape = np.zeros((len(state.data.scale), 1))
     shape[channel] = 1.0
     return replace(state, extra=np.hstack([state.extra, shape]))
 
 
-def _mounts(top: float) -> tuple[tuple[float, ...], ...]:
-    """On a spring of its own, from 0.4 times the highest line, where little is left above it."""
+def _mount_grid(top: float) -> tuple[tuple[float, ...], ...]:
+    """Return frequencies and dampings of a mount, from 0.4 times the highest line.
+
+    A mount of a lower frequency transmits little in most of the band.
+    """
     return tuple(
-        (float(f), z) for f in np.geomspace(_LOWEST_MOUNT, 5.0, _MOUNTS) * top for z in _DAMPINGS
+        (float(f), z)
+        for f in np.geomspace(_MIN_MOUNT_FREQUENCY, 5.0, _N_MOUNTS) * top
+        for z in _SCANNED_DAMPINGS
     )
 
 
-def _released(
+def _release_hypothesis(
     effect: str, place: str, dof: str | None, errors: list[int], starts: Sequence[Real]
-) -> Hypothesis:
-    def states(state: State) -> list[State]:
-        spread, found = state.spread.copy(), []
-        spread[errors] = _FREE[effect]
+) -> FaultHypothesis:
+    """Return the hypothesis that some errors exceed their tolerance."""
+
+    def states(state: BelievedBody) -> list[BelievedBody]:
+        spread, candidates = state.spread.copy(), []
+        spread[errors] = _RELEASED_SPREAD[effect]
         for start in starts:
-            begin = state.start.copy()
-            begin[errors] = start
+            initial = state.start.copy()
+            initial[errors] = start
             released = (*state.released, (effect, tuple(errors)))
-            found.append(replace(state, spread=spread, start=begin, released=released))
-        return found
+            candidates.append(replace(state, spread=spread, start=initial, released=released))
+        return candidates
 
-    return Hypothesis(effect, place, dof, tuple(errors), states)
+    return FaultHypothesis(effect, place, dof, tuple(errors), states)
 
 
-def _exchange(
+def _exchange_hypothesis(
     effect: str, place: str, dof: str | None, first: list[int], second: list[int]
-) -> Hypothesis:
-    """Channels exchanged with others, in pairs."""
+) -> FaultHypothesis:
+    """Return the hypothesis that channels are exchanged in pairs."""
     pairs = tuple(zip(first, second, strict=True))
-    one = Hypothesis(effect, place, dof, (*first, *second), pairs=pairs)
+    hypothesis = FaultHypothesis(effect, place, dof, (*first, *second), pairs=pairs)
 
-    def states(state: State) -> list[State]:
-        order, signs = one.exchange(len(state.data.scale))
-        return [replace(state, data=exchanged(state.data, order, signs))]
+    def states(state: BelievedBody) -> list[BelievedBody]:
+        order, signs = hypothesis.channel_order(len(state.data.scale))
+        return [replace(state, data=exchange_channels(state.data, order, signs))]
 
-    return replace(one, states=states)
+    return replace(hypothesis, states=states)
 
 
-def _whole_swaps(sensors: Sensors) -> Iterator[Hypothesis]:
-    """Two sensors with the same directions, exchanged."""
+def _swap_hypotheses(sensors: Sensors) -> Iterator[FaultHypothesis]:
+    """Yield exchanges of two sensors that have the same directions."""
     for a, b in combinations(range(len(sensors.names)), 2):
         first = {sensors.channels[c].axis: c for c in sensors.gains(a)}
         second = {sensors.channels[c].axis: c for c in sensors.gains(b)}
         if first.keys() == second.keys():
             axes = sorted(first)
             place = f"sensor:{sensors.names[a]}+{sensors.names[b]}"
-            one, other = [first[k] for k in axes], [second[k] for k in axes]
-            yield _exchange("sensor_swap", place, None, one, other)
+            first_channels, second_channels = [first[k] for k in axes], [second[k] for k in axes]
+            yield _exchange_hypothesis("sensor_swap", place, None, first_channels, second_channels)

@@ -1,9 +1,13 @@
-"""The verdict on a body, in words."""
+"""Sentences on the check of a body."""
 
-from identification.solid.frequency_limit import SOLID_WITHIN, Spectrum, solid_to
+from identification.solid.frequency_limit import (
+    MAX_NONRIGID_SHARE,
+    ResidualSpectrum,
+    highest_solid_hz,
+)
 from identification.words import Real
 
-FAULTS = {
+FAULT_PHRASES = {
     "sensor_gain": "a wrong gain",
     "sensor_polarity": "a turned sign",
     "sensor_misalignment": "wrong axes",
@@ -16,46 +20,59 @@ FAULTS = {
 }
 
 
-def verdict(
-    body: str, counts: tuple[int, int, int], freq_hz: Real, seen: Spectrum, faults: list[str]
+def body_sentence(
+    body: str,
+    counts: tuple[int, int, int],
+    freq_hz: Real,
+    residuals: ResidualSpectrum,
+    faults: list[str],
 ) -> str:
-    """One sentence on solidity.
+    """Return one sentence on the rigidity of a body and its faults.
 
     Args:
         body: its name.
-        counts: channels, motions that they determine, spare channels.
-        freq_hz: lines; (n_freq,).
-        seen: what remains along them.
-        faults: of sensors and of the body, as phrases.
+        counts: number of channels, of motions that they determine, and of redundant channels.
+        freq_hz: lines [Hz]; (n_freq,).
+        residuals: residual along the lines.
+        faults: faults of sensors and of the body, as phrases.
     """
-    channels, rank, spare = counts
-    has = f"{body}: {channels} channels determine {rank} of 6 motions and leave {spare} spare"
-    if spare == 0:
-        return f"{has}: no check is possible."
-    to, top = solid_to(freq_hz, seen.beyond), float(freq_hz[-1])
-    most = 100 * float(seen.deviation[seen.significant].max(initial=0.0))
-    if to is None:
-        said = f"it never moves as a solid within {SOLID_WITHIN:.0%}: {most:.1f} % at most"
-    elif to < top:
-        said = f"it moves as a solid up to {to:.4g} Hz and deviates by {most:.1f} % above it"
-    elif most > 0:
-        said = f"it moves as a solid within {most:.2g} % up to {to:.4g} Hz, the end of the band"
+    channels, rank, redundant = counts
+    counts_text = (
+        f"{body}: {channels} channels determine {rank} of 6 motions, "
+        f"{redundant} {'is' if redundant == 1 else 'are'} redundant"
+    )
+    if redundant == 0:
+        return f"{counts_text}: no check is possible."
+    limit, band_end = highest_solid_hz(freq_hz, residuals.exceeds_bound), float(freq_hz[-1])
+    largest = 100 * float(residuals.deviation[residuals.significant].max(initial=0.0))
+    if limit is None:
+        rigidity = (
+            f"it never moves as a solid within {MAX_NONRIGID_SHARE:.0%}: {largest:.1f} % at most"
+        )
+    elif limit < band_end:
+        rigidity = (
+            f"it moves as a solid up to {limit:.4g} Hz and deviates by {largest:.1f} % above it"
+        )
+    elif largest > 0:
+        rigidity = (
+            f"it moves as a solid within {largest:.2g} % up to {limit:.4g} Hz, the end of the band"
+        )
     else:
-        said = f"it moves as a solid up to {to:.4g} Hz, the end of the band"
-    if spare == 1:
-        said += "; no fault can be placed with one spare channel"
-    return f"{has}; {said}{''.join('; ' + fault for fault in faults)}."
+        rigidity = f"it moves as a solid up to {limit:.4g} Hz, the end of the band"
+    if redundant == 1:
+        rigidity += "; one redundant channel cannot locate a fault"
+    return f"{counts_text}; {rigidity}{''.join('; ' + fault for fault in faults)}."
 
 
-def phrase(effect: str, location: str, dof: str | None) -> str:
-    """A fault in words: ``acc3 tx has a wrong gain``."""
+def fault_phrase(effect: str, location: str, dof: str | None) -> str:
+    """Return a fault in words: ``acc3 tx has a wrong gain``."""
     if effect == "flexible_body":
-        return "what remains has a common shape: the body is flexible"
+        return "the residual has a common shape: the body is flexible"
     place = location.split(":", 1)[1].replace("+", " and ")
     concerned = f" {dof.replace('+', ' and ')}" if dof else ""
-    return f"{place}{concerned}: {FAULTS[effect]}"
+    return f"{place}{concerned}: {FAULT_PHRASES[effect]}"
 
 
-def alike(first: str, second: str, spare: int) -> str:
-    """Two hypotheses that look alike."""
-    return f"{first} and {second} look alike with {spare} spare channels"
+def confounded_phrase(first: str, second: str, redundant: int) -> str:
+    """Return a phrase on two confounded hypotheses."""
+    return f"{first} and {second} cannot be told apart with {redundant} redundant channels"

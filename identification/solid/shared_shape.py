@@ -1,153 +1,162 @@
-r"""A shape that is no rigid motion: where it points, and what a free amplitude along it explains.
+"""Free shape beside the rigid motions: its direction, and the gain of a free amplitude along it.
 
-In the spare channels of a body S_b = sum P z z^H P over block b, noise on its diagonal taken off,
-holds what is neither motion nor noise. A flexible mode gives it one direction u that all blocks
-share, an amplitude as it comes. With u^T S_b u = n_b m_b and an amplitude CN(0, t_b), the
-likelihood at the best t_b >= 0 rises by n_b (m_b - 1 - log m_b) where m_b > 1, less half the
-logarithm of n_b for finding t_b (Gaussian; the logarithm is what the free amplitude costs).
-Weights hold the floor beside the noise, so m_b is one more than the residual beyond noise over
-n_b.
+Let S_b = sum P z z^H P over block b, with the noise on its diagonal subtracted. It holds what is
+neither rigid motion nor noise. A flexible mode gives it one direction u in all blocks, with any
+amplitude. Let u^T S_b u = n_b m_b, and let the amplitude be CN(0, t_b). At the best t_b >= 0 the
+log likelihood rises by n_b (m_b - 1 - log m_b) where m_b > 1. Half the logarithm of n_b is
+subtracted for the fit of t_b (Laplace approximation). Weights hold the model-error floor beside the
+noise, so m_b is one more than the residual beyond noise over n_b.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.solid.rigid_fit import Fitted, Model, Moments, fit, project
+from identification.solid.rigid_fit import FittedErrors, Moments, RigidFitModel, fit_errors, project
 from identification.words import Mask, Real
 
-_ROUNDS = 3
-_SAME, _SHARED = 0.99, 3  # cosine of directions in the spare channels, sensors that share one
-_UNSEEN = 1e-3  # of a channel, that its spare part must exceed
-_QUARTILE = 0.674  # of a normal distribution, in standard deviations
+_N_ALTERNATIONS = 3  # alternations of the fit of errors and of the shape
+# Cosine above which two directions in the redundant channels are equal, and the number of sensors
+# from which on a direction is shared.
+_MIN_DIRECTION_COSINE, _MIN_SHARING_SENSORS = 0.99, 3
+_MIN_CHANNEL_RESPONSE = 1e-3  # residual part of a channel's unit vector that counts
+_NORMAL_QUARTILE = 0.674  # quartile of a normal distribution, in standard deviations
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
-    """A fit with one free shape more.
+class FreeShape:
+    """A fit with one additional free shape.
 
     Args:
-        model: with the shape among its extra ones.
-        fitted: the errors, the shape projected out.
+        model: model with the shape among its extra ones.
+        fitted: errors, fitted with the shape projected out.
         shape: readings per amplitude, of length one in units of the noise; (n_channel,).
-        price: nats for finding it among all that it might be.
+        price: cost of the choice among all possible shapes [nats].
     """
 
-    model: Model
-    fitted: Fitted
+    model: RigidFitModel
+    fitted: FittedErrors
     shape: Real
     price: float = 0.0
 
 
-def common_shape(model: Model, moments: Moments, errors: Real, steps: int) -> Shape:
-    """Fit errors and the leading shape of the residual in turn, from these errors."""
-    total = moments.over(slice(None))
-    for _ in range(_ROUNDS):
+def common_shape(model: RigidFitModel, moments: Moments, errors: Real, steps: int) -> FreeShape:
+    """Fit errors and the leading shape of the residual in turn, starting from these errors."""
+    total = moments.sum_blocks(slice(None))
+    for _ in range(_N_ALTERNATIONS):
         shape = leading_shape(model, moments, errors)
         wider = replace(model, extra=np.column_stack([model.extra, shape]))
-        fitted = fit(wider, total, start=errors, steps=steps)
+        fitted = fit_errors(wider, total, start=errors, steps=steps)
         errors = fitted.errors
-    return Shape(wider, fitted, shape)
+    return FreeShape(wider, fitted, shape)
 
 
-def channel_shape(model: Model, moments: Moments, channel: int, errors: Real, steps: int) -> Shape:
-    """Fit errors, from these, with one channel left to itself."""
+def channel_shape(
+    model: RigidFitModel, moments: Moments, channel: int, errors: Real, steps: int
+) -> FreeShape:
+    """Fit errors, starting from these, with the readings of one channel left free."""
     shape = np.zeros(len(model.scale))
     shape[channel] = 1.0
     wider = replace(model, extra=np.column_stack([model.extra, shape]))
-    fitted = fit(wider, moments.over(slice(None)), start=errors, steps=steps)
-    return Shape(wider, fitted, shape)
+    fitted = fit_errors(wider, moments.sum_blocks(slice(None)), start=errors, steps=steps)
+    return FreeShape(wider, fitted, shape)
 
 
-def shared_channels(model: Model, mask: Mask, errors: Real) -> list[int]:
-    """Channels that three sensors' tell the same of: whatever one of them reads too much.
+def shared_channels(model: RigidFitModel, mask: Mask, errors: Real) -> list[int]:
+    """Return the channels whose residual direction channels of at least three sensors share.
 
-    Sensors at the corners of a plate have one spare channel of height: every bending out of the
-    plane shows there, and so does each of them if it reads too much.
+    Sensors at the corners of a plate have one redundant channel of height. Every bending out of the
+    plane shows there, and so does an error of each of these sensors.
     """
     rows = model.rows(errors) * model.scale[:, None]
-    seen = project(rows, mask).spare * mask
-    length = np.linalg.norm(seen, axis=0)
-    seen = seen / np.where(length > _UNSEEN, length, np.inf)
-    same = np.abs(seen.T @ seen) > _SAME
+    projected = project(rows, mask).residual_projector * mask
+    length = np.linalg.norm(projected, axis=0)
+    projected = projected / np.where(length > _MIN_CHANNEL_RESPONSE, length, np.inf)
+    is_parallel = np.abs(projected.T @ projected) > _MIN_DIRECTION_COSINE
     sensors = model.sensors.sensor_of
-    return [k for k, own in enumerate(same) if len(set(sensors[own].tolist())) >= _SHARED]
+    return [
+        k
+        for k, is_shared in enumerate(is_parallel)
+        if len(set(sensors[is_shared].tolist())) >= _MIN_SHARING_SENSORS
+    ]
 
 
-def leading_shape(model: Model, moments: Moments, errors: Real) -> Real:
-    """Direction of most residual beyond noise, of the group with most values; (n_channel,)."""
+def leading_shape(model: RigidFitModel, moments: Moments, errors: Real) -> Real:
+    """Return the direction of most residual beyond noise in the largest group; (n_channel,)."""
     group = int(np.argmax(moments.count.sum(axis=1)))
     rows = model.rows(errors) * model.scale[:, None]
-    spare = project(rows, moments.mask[group]).spare
+    projector = project(rows, moments.mask[group]).residual_projector
     clean = moments.gram[group].sum(axis=0) - np.diag(moments.noise[group].sum(axis=0))
-    _, vectors = np.linalg.eigh(spare @ clean @ spare)
+    _, vectors = np.linalg.eigh(projector @ clean @ projector)
     shape: Real = vectors[:, -1] / model.scale
     return shape
 
 
 def amplitude_gain(
-    model: Model, moments: Moments, errors: Real, shape: Real, noise_scale: float
+    model: RigidFitModel, moments: Moments, errors: Real, shape: Real, noise_scale: float
 ) -> tuple[float, Real]:
-    """Nats that a free amplitude along a shape explains, beside the same data without it.
+    """Compute the gain in log likelihood of a free amplitude along a shape [nats].
 
     Args:
-        model: without the shape.
-        moments: per block.
-        errors: of the sensors.
+        model: model without the shape.
+        moments: sums of the data, per block.
+        errors: errors of the sensors; (n_error,).
         shape: readings per amplitude; (n_channel,).
         noise_scale: variance of the noise over the stated one.
 
     Returns:
-        The gain, and the amplitude's power per block beyond noise [noise]; (n_block,).
+        The gain, and the power of the amplitude per block beyond noise [noise]; (n_block,).
     """
     gain, power = 0.0, np.zeros(moments.gram.shape[1])
     for mask, gram, noise, count in zip(
         moments.mask, moments.gram, moments.noise, moments.count, strict=True
     ):
         scale = model.scale * mask
-        spare = project(model.rows(errors) * scale[:, None], mask).spare
-        direction = spare @ (shape * scale)
+        projector = project(model.rows(errors) * scale[:, None], mask).residual_projector
+        direction = projector @ (shape * scale)
         length = np.linalg.norm(direction)
         if length <= 1e-6 * np.linalg.norm(shape * scale):
             continue
         direction = direction / length
-        seen = np.einsum("c,bcd,d->b", direction, gram, direction)
+        measured = np.einsum("c,bcd,d->b", direction, gram, direction)
         expected = noise_scale * noise @ direction**2
-        beyond = np.maximum(seen - expected, 0.0) / (noise_scale * np.maximum(count, 1))
-        rise = count * (beyond - np.log1p(beyond)) - 0.5 * np.log(np.maximum(count, 1))
+        excess = np.maximum(measured - expected, 0.0) / (noise_scale * np.maximum(count, 1))
+        rise = count * (excess - np.log1p(excess)) - 0.5 * np.log(np.maximum(count, 1))
         gain += float(np.maximum(rise, 0.0).sum())
-        power += np.maximum(seen - expected, 0.0)
+        power += np.maximum(measured - expected, 0.0)
     return gain, power
 
 
-def noise_scale(model: Model, moments: Moments, errors: Real, highest: float) -> float:
-    """Variance of the noise over the stated one, from the quietest quarter of the blocks.
+def estimate_noise_scale(
+    model: RigidFitModel, moments: Moments, errors: Real, highest: float
+) -> float:
+    """Estimate the variance of the noise over the stated one, from the quietest blocks.
 
-    The lower quartile over blocks of residual over expected noise, less what a quartile of so many
-    numbers is below their mean, kept between 1 and ``highest``: a body that is solid in a quarter
-    of the band tells how well its noise is stated.
+    It is the lower quartile over blocks of residual over expected noise. The expected difference of
+    that quartile from the mean is corrected, and the result is kept between 1 and ``highest``. A
+    body that is solid in a quarter of the band thus shows how well its noise is stated.
     """
-    seen, expected = block_residuals(model, moments, errors)
+    residual, expected = block_residuals(model, moments, errors)
     known = expected > 0
     if not known.any():
         return 1.0
-    quartile = np.quantile(seen[known] / expected[known], 0.25)
-    below = _QUARTILE / np.sqrt(np.median(expected[known]))
+    quartile = np.quantile(residual[known] / expected[known], 0.25)
+    below = _NORMAL_QUARTILE / np.sqrt(np.median(expected[known]))
     return float(np.clip(quartile / (1 - min(below, 0.5)), 1.0, highest))
 
 
-def block_residuals(model: Model, moments: Moments, errors: Real) -> tuple[Real, Real]:
-    """Residual and what noise alone would give, per block; (n_block,)."""
-    seen = np.zeros(moments.gram.shape[1])
-    expected = np.zeros_like(seen)
+def block_residuals(model: RigidFitModel, moments: Moments, errors: Real) -> tuple[Real, Real]:
+    """Compute the residual, and the residual that noise alone would give, per block; (n_block,)."""
+    residual = np.zeros(moments.gram.shape[1])
+    expected = np.zeros_like(residual)
     for mask, gram, noise in zip(moments.mask, moments.gram, moments.noise, strict=True):
-        spare = project(model.rows(errors) * model.scale[:, None], mask).spare
-        seen += np.einsum("cd,bcd->b", spare, gram)
-        expected += noise @ np.diag(spare)
-    return seen, expected
+        projector = project(model.rows(errors) * model.scale[:, None], mask).residual_projector
+        residual += np.einsum("cd,bcd->b", projector, gram)
+        expected += noise @ np.diag(projector)
+    return residual, expected
 
 
 def folds(blocks: int) -> tuple[Mask, Mask]:
-    """Every other block of lines."""
+    """Return two folds of blocks for cross-validation: those with even and with odd numbers."""
     even = np.arange(blocks) % 2 == 0
     return even, ~even

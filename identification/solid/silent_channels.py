@@ -1,35 +1,35 @@
-"""Channels that neither read nor, by the others, should read more than noise."""
+"""Detection of channels that read only noise, and should by the other channels read only noise."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from identification.solid.body_channels import BodyData, whitened
+from identification.solid.body_channels import BodyData, whiten
 from identification.solid.rigid_fit import project
 from identification.solid.sensor_errors import Sensors
 from identification.words import Integers, Layout, Mask, Real
 
-_RANK = 1e-6  # of the largest singular value
-_MOVING = 2.0  # times the noise: power of a channel that moves
+_MOTION_RANK_TOLERANCE = 1e-6  # singular value over the largest below which a motion vanishes
+_MAX_STILL_POWER = 2.0  # power over that of the noise below which a channel is still
 
 
-def without_still(data: BodyData, layout: Layout) -> BodyData:
-    """The body without its still channels; all of them if all are still.
+def drop_still_channels(data: BodyData, layout: Layout) -> BodyData:
+    """Return the body without its still channels, or with all of them if all are still.
 
-    Of noise alone, which motion it is taken for differs from one hypothesis to the next, and so
-    does, by chance and by many nats, what the motion leaves: such channels say nothing of a fault.
-    One that is dead is not still, since by the others it should move. Where the others do not
-    tell, a single one may be either: it is left out, and its motion stays free.
+    The motion that noise alone is taken for differs between hypotheses. By chance the residual
+    differs by many nats. So such channels show nothing of a fault. A dead channel is not still,
+    since by the others it should move. If the others do not determine this, a single channel is
+    left out, and its motion stays free.
     """
-    still = still_channels(data)
-    if not still.any() or still.all():
+    is_still = find_still_channels(data)
+    if not is_still.any() or is_still.all():
         return data
-    kept = np.flatnonzero(~still)
+    kept = np.flatnonzero(~is_still)
     sensors = Sensors.of(layout, tuple(data.sensors.channels[k] for k in kept))
-    if still.sum() > 1:
+    if is_still.sum() > 1:
         rows = data.sensors.rows(np.zeros(data.sensors.count))
-        sensors = replace(sensors, moving=_moving(rows, kept))
-    return whitened(
+        sensors = replace(sensors, moving=_remaining_motions(rows, kept))
+    return whiten(
         data.body,
         sensors,
         data.freq_hz,
@@ -39,30 +39,32 @@ def without_still(data: BodyData, layout: Layout) -> BodyData:
     )
 
 
-def _moving(rows: Real, kept: Integers) -> Real:
-    """Projector onto the motions that are left where still channels show the others to be none.
+def _remaining_motions(rows: Real, kept: Integers) -> Real:
+    """Return the projector onto the motions that remain if the still channels exclude the others.
 
-    Those that the kept channels determine, and those that all channels together do not. Lengths
-    are taken in units of the channels' distance from the centre.
+    These are the motions that the kept channels determine, and those that all channels together do
+    not. Lengths are taken in units of the channels' distance from the centre.
     """
     arm = np.sqrt((rows[:, 3:] ** 2).sum() / max((rows[:, :3] ** 2).sum(), 1e-300)) or 1.0
     unit = np.array([1.0] * 3 + [arm] * 3)
-    every, own = rows / unit, rows[kept] / unit
-    seen = np.linalg.pinv(own, rcond=_RANK) @ own
-    hidden = np.eye(6) - np.linalg.pinv(every, rcond=_RANK) @ every
-    return np.asarray((seen + hidden) / unit[:, None] * unit, float)
+    all_rows, kept_rows = rows / unit, rows[kept] / unit
+    determined = np.linalg.pinv(kept_rows, rcond=_MOTION_RANK_TOLERANCE) @ kept_rows
+    undetermined = np.eye(6) - np.linalg.pinv(all_rows, rcond=_MOTION_RANK_TOLERANCE) @ all_rows
+    return np.asarray((determined + undetermined) / unit[:, None] * unit, float)
 
 
-def still_channels(data: BodyData) -> Mask:
-    """Which channels are still; (n_channel,)."""
+def find_still_channels(data: BodyData) -> Mask:
+    """Return which channels are still; (n_channel,)."""
     rows = data.sensors.rows(np.zeros(data.sensors.count)) * data.scale[:, None]
     power, noise, fitted, fitted_noise = (np.zeros(len(data.scale)) for _ in range(4))
     for column, mask in enumerate(data.measured):
         white = data.white[column]
-        own = data.noise[column] * (data.line[column] > 0)[:, None]
-        rigid = np.diag(mask.astype(float)) - project(rows, mask).spare
+        noise_of_column = data.noise[column] * (data.line[column] > 0)[:, None]
+        rigid = np.diag(mask.astype(float)) - project(rows, mask).residual_projector
         power += (np.abs(white) ** 2).sum(axis=0)
-        noise += own.sum(axis=0)
+        noise += noise_of_column.sum(axis=0)
         fitted += (np.abs(white @ rigid) ** 2).sum(axis=0)
-        fitted_noise += (own @ rigid**2).sum(axis=0)
-    return np.asarray((power < _MOVING * noise) & (fitted < _MOVING * fitted_noise))
+        fitted_noise += (noise_of_column @ rigid**2).sum(axis=0)
+    return np.asarray(
+        (power < _MAX_STILL_POWER * noise) & (fitted < _MAX_STILL_POWER * fitted_noise)
+    )

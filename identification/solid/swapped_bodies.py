@@ -1,67 +1,79 @@
-"""Two sensors of different bodies, exchanged: both bodies look wrong, and neither is."""
+"""Detection of exchanged sensors on different bodies: both bodies look faulty, and neither is."""
 
 from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
 
-from identification.solid.body_channels import Table, body_data
-from identification.solid.fault_search import Search
-from identification.solid.rigid_fit import Moments, fit
-from identification.solid.sensor_faults import State
-from identification.words import Campaign, node_of
+from identification.solid.body_channels import ChannelTable, body_data
+from identification.solid.fault_search import FaultSearch
+from identification.solid.rigid_fit import Moments, fit_errors
+from identification.solid.sensor_faults import BelievedBody
+from identification.words import Campaign, node_number
 
-# Nats before the data are seen: one campaign in a hundred, one pair in some hundreds.
-_COST = 10.0
-_CLEARLY = 3.0
+# Prior cost of a swap [nats]: one campaign in a hundred, one pair in some hundreds.
+_SWAP_PRIOR_NATS = 10.0
+_MIN_SWAP_GAIN_NATS = 3.0  # gain of log evidence from which a swap is accepted; odds of 20 to 1
 
 
 @dataclass(frozen=True, eq=False)
-class Crossed:
-    """An exchange across bodies.
+class BodySwap:
+    """An exchange of two sensors of different bodies.
 
     Args:
-        table: with the two sensors' channels exchanged.
-        bodies: the two.
+        table: channels with those of the two sensors exchanged.
+        bodies: the two bodies.
         location: ``sensor:acc1+acc7``.
-        probability: beside what explains each body alone.
+        probability: posterior probability against separate explanations of both bodies.
     """
 
-    table: Table
+    table: ChannelTable
     bodies: tuple[str, str]
     location: str
     probability: float
 
 
-def crossed(table: Table, campaign: Campaign, found: list[Search]) -> Crossed | None:
-    """The best exchange of two sensors, if it explains two bodies better than faults of each."""
-    wrong = [one for one in found if one.taken or one.more]
-    best: tuple[float, Crossed] | None = None
-    for first, second in combinations(wrong, 2):
-        alone = first.nats + second.nats
+def find_body_swap(
+    table: ChannelTable, campaign: Campaign, searches: list[FaultSearch]
+) -> BodySwap | None:
+    """Return the best exchange of two sensors if it explains two bodies better than faults.
+
+    Args:
+        table: all channels.
+        campaign: layout and tolerances.
+        searches: results of the search on each body.
+    """
+    suspects = [search for search in searches if search.accepted or search.has_unexplained]
+    best: tuple[float, BodySwap] | None = None
+    for first, second in combinations(suspects, 2):
+        separate = first.nats + second.nats
         for a, b in product(first.data.sensors.names, second.data.sensors.names):
-            swapped = _swapped(table, a, b)
+            swapped = _swap_sensors(table, a, b)
             if swapped is None:
                 continue
             bodies = (first.data.body, second.data.body)
-            gain = alone - _COST - sum(_nats(swapped, campaign, body) for body in bodies)
-            if gain > _CLEARLY and (best is None or gain > best[0]):
+            gain = (
+                separate
+                - _SWAP_PRIOR_NATS
+                - sum(_healthy_nats(swapped, campaign, body) for body in bodies)
+            )
+            if gain > _MIN_SWAP_GAIN_NATS and (best is None or gain > best[0]):
                 probability = float(1 / (1 + np.exp(-gain)))
-                pair = "+".join(sorted((a, b), key=lambda name: (node_of(name) or 0, name)))
-                best = gain, Crossed(swapped, bodies, f"sensor:{pair}", probability)
+                pair = "+".join(sorted((a, b), key=lambda name: (node_number(name) or 0, name)))
+                best = gain, BodySwap(swapped, bodies, f"sensor:{pair}", probability)
     return None if best is None else best[1]
 
 
-def _swapped(table: Table, first: str, second: str) -> Table | None:
-    """The table if each had read what the other did; None if their directions differ."""
+def _swap_sensors(table: ChannelTable, first: str, second: str) -> ChannelTable | None:
+    """Return the table with the readings of two sensors exchanged; None if directions differ."""
     places = {dof: k for k, dof in enumerate(table.channels)}
-    one = {dof.direction: k for dof, k in places.items() if dof.point == first}
-    other = {dof.direction: k for dof, k in places.items() if dof.point == second}
-    if one.keys() != other.keys():
+    first_places = {dof.direction: k for dof, k in places.items() if dof.point == first}
+    second_places = {dof.direction: k for dof, k in places.items() if dof.point == second}
+    if first_places.keys() != second_places.keys():
         return None
     order = list(range(len(table.channels)))
-    for direction, k in one.items():
-        order[k], order[other[direction]] = other[direction], k
+    for direction, k in first_places.items():
+        order[k], order[second_places[direction]] = second_places[direction], k
     return replace(
         table,
         values=table.values[:, :, order],
@@ -70,10 +82,12 @@ def _swapped(table: Table, first: str, second: str) -> Table | None:
     )
 
 
-def _nats(table: Table, campaign: Campaign, body: str) -> float:
-    """Cost of a body without a fault."""
+def _healthy_nats(table: ChannelTable, campaign: Campaign, body: str) -> float:
+    """Return the cost of a body without a fault [nats]."""
     data = body_data(table, campaign, body)
     if data is None:
         return 0.0
-    fitted = fit(State.healthy(data, campaign.tolerance).model, Moments.of(data, blocks=1))
+    fitted = fit_errors(
+        BelievedBody.healthy(data, campaign.tolerance).model, Moments.of(data, blocks=1)
+    )
     return fitted.data + fitted.prior

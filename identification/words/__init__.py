@@ -1,25 +1,25 @@
-"""The words that every part of the workbench speaks: labelled, validated, frozen. Numpy only."""
+"""Shared data types of the workbench: labelled, validated on building and read-only."""
 
-from identification.words._arrays import Complex, Integers, Mask, Real, frozen
+from identification.words._arrays import Complex, Integers, Mask, Real, frozen_array
 from identification.words.campaign import Campaign, Condition, Test, Tolerance
-from identification.words.dof import DIRECTIONS, Dof, distinct
+from identification.words.dof import DIRECTIONS, Dof, distinct_dofs
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
-from identification.words.frf import ORDER, Frf, FrfEstimate, Quantity, VarianceSource
-from identification.words.hits import Densities, Estimator, Hit, HitEstimate, Rejected
-from identification.words.layout import Layout, is_hammer, node_of
+from identification.words.frf import DERIVATIVE_ORDER, Frf, FrfEstimate, Quantity, VarianceSource
+from identification.words.hits import Estimator, Hit, HitEstimate, HitRejection, SpectralDensities
+from identification.words.layout import Layout, is_hammer_point, node_number
 from identification.words.modal import ModalModel, drive_point_scale, modal_sum
 from identification.words.motor import Input, Motor
+from identification.words.names import shorten_names
 from identification.words.poles import HasPoles
 from identification.words.records import Records
 
 __all__ = [
+    "DERIVATIVE_ORDER",
     "DIRECTIONS",
-    "ORDER",
     "Campaign",
     "Complex",
     "Condition",
     "ConvergenceError",
-    "Densities",
     "Dof",
     "Estimator",
     "Frf",
@@ -27,6 +27,7 @@ __all__ = [
     "HasPoles",
     "Hit",
     "HitEstimate",
+    "HitRejection",
     "Input",
     "InputError",
     "Integers",
@@ -37,16 +38,17 @@ __all__ = [
     "Quantity",
     "Real",
     "Records",
-    "Rejected",
+    "SpectralDensities",
     "Test",
     "Tolerance",
     "UsageError",
     "VarianceSource",
     "WorkbenchError",
-    "distinct",
+    "distinct_dofs",
     "drive_point_scale",
-    "frozen",
-    "is_hammer",
+    "frozen_array",
+    "is_hammer_point",
     "modal_sum",
-    "node_of",
+    "node_number",
+    "shorten_names",
 ]

@@ -1,4 +1,4 @@
-"""Arrays that stay what they were checked to be: copied, finite, read-only."""
+"""Array types, and read-only copies of arrays whose shape and finiteness are checked."""
 
 from typing import Any
 
@@ -11,23 +11,23 @@ Mask = NDArray[np.bool_]
 Integers = NDArray[np.intp]
 
 
-def frozen(
+def frozen_array(
     value: ArrayLike, dtype: type[np.generic], shape: tuple[int | None, ...], name: str
 ) -> NDArray[Any]:
-    """Copy ``value`` into a read-only array after checking its shape and finiteness.
+    """Return a read-only copy of an array after checking its shape and finiteness.
 
     Args:
-        value: what to copy.
+        value: array to copy.
         dtype: numpy type of the copy.
         shape: expected shape; ``None`` for any length.
-        name: how the message calls it.
+        name: name of the array in messages.
 
     Raises:
-        ValueError: another shape, or a value that is not finite.
+        ValueError: the shape differs, or a value is NaN or infinite.
     """
     array = np.array(value, dtype=dtype, copy=True)
     fits = array.ndim == len(shape) and all(
-        want in (None, have) for want, have in zip(shape, array.shape, strict=True)
+        length in (None, actual) for length, actual in zip(shape, array.shape, strict=True)
     )
     if not fits:
         expected = "(" + ", ".join("n" if n is None else str(n) for n in shape) + ")"

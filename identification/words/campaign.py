@@ -1,4 +1,4 @@
-"""A campaign: the tests of one machine, what differed between them, and how exact drawings are."""
+"""Campaign: the tests of one machine, their conditions, and the tolerances of the drawings."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from identification.words._arrays import Mask, Real
-from identification.words.dof import Dof, distinct
+from identification.words.dof import Dof, distinct_dofs
 from identification.words.frf import FrfEstimate
 from identification.words.hits import HitEstimate
 from identification.words.layout import Layout
@@ -14,14 +14,17 @@ from identification.words.layout import Layout
 
 @dataclass(frozen=True)
 class Condition:
-    """What differed between tests of one machine.
+    """Conditions under which one test was made.
 
     Args:
-        test: the file, as campaign.toml names it.
-        reference: where and along what the hammer hit.
+        test: name of the file, as campaign.toml gives it.
+        reference: degree of freedom at which the hammer hit.
         level_n: peak force [N], or None if it was not recorded.
-        spindle_speed: [rad/s].
-        setup: which roving set-up, or None.
+        spindle_speed: spindle speed [rad/s].
+        setup: name of the roving set-up, or None.
+
+    Raises:
+        ValueError: the level is not positive, or a value is not finite.
     """
 
     test: str
@@ -31,7 +34,7 @@ class Condition:
     setup: str | None = None
 
     def __post_init__(self) -> None:
-        """Check the level."""
+        """Check the level and the spindle speed."""
         if self.level_n is not None and not (np.isfinite(self.level_n) and self.level_n > 0):
             raise ValueError(f"level is {self.level_n} N, expected more than 0")
         if not np.isfinite(self.spindle_speed):
@@ -40,15 +43,18 @@ class Condition:
 
 @dataclass(frozen=True, eq=False)
 class Test:
-    """One reference (point and direction) of one file: the hammer did not move within it.
+    """Test: the FRFs of one file with the hammer at one reference (point and direction).
 
     Args:
-        condition: what was special about it.
-        estimate: FRFs with one input, the condition's reference.
-        hits: how they were made, if from time records; on all lines, whatever the estimate keeps.
+        condition: conditions of the test.
+        estimate: FRFs with one input, which is the reference of the condition.
+        hits: hits from which the FRFs were estimated, on all lines; None for a file of FRFs.
+
+    Raises:
+        ValueError: the input of the FRFs is not the reference.
     """
 
-    __test__ = False  # the field's word, not a case for pytest
+    __test__ = False  # tells pytest that this is a hammer test, not a test case
 
     condition: Condition
     estimate: FrfEstimate
@@ -65,12 +71,15 @@ class Test:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """One standard deviation of what the drawings say.
+    """Standard deviations of the real machine about its drawings.
 
     Args:
-        mass, inertia, sensor_gain: relative.
-        com, joint_position, sensor_position, hammer_position: [m].
-        sensor_angle, hammer_angle: [rad], about each axis.
+        mass, inertia, sensor_gain: relative standard deviations.
+        com, joint_position, sensor_position, hammer_position: standard deviations [m].
+        sensor_angle, hammer_angle: standard deviations about each axis [rad].
+
+    Raises:
+        ValueError: a value is negative or not finite.
     """
 
     mass: float = 0.02
@@ -92,17 +101,17 @@ class Tolerance:
 
 @dataclass(frozen=True, eq=False)
 class Campaign:
-    """The tests of one machine on one frequency axis.
+    """Tests of one machine on one frequency axis.
 
     Args:
-        name: for messages and titles.
+        name: name for messages and titles.
         layout: bodies and points.
-        tests: at least one, all with the same frequencies and quantity.
-        tolerance: of the drawings.
+        tests: at least one test, all with the same frequencies and quantity.
+        tolerance: tolerances of the drawings.
         remarks: sentences that a reader of any result must know.
 
     Raises:
-        ValueError: no test, or tests that cannot stand beside one another.
+        ValueError: there is no test, or frequencies or quantities differ between tests.
     """
 
     name: str
@@ -112,7 +121,7 @@ class Campaign:
     remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check that the tests share their axis."""
+        """Check that the tests share their frequencies and their quantity."""
         if not self.tests:
             raise ValueError("a campaign needs at least one test")
         object.__setattr__(self, "tests", tuple(self.tests))
@@ -128,20 +137,24 @@ class Campaign:
 
     @property
     def freq_hz(self) -> Real:
-        """Frequencies of every test [Hz]; (n_freq,)."""
+        """Frequencies that all tests share [Hz]; (n_freq,)."""
         return self.tests[0].estimate.frf.freq_hz
 
     @property
     def outputs(self) -> tuple[Dof, ...]:
-        """Channels of all tests, along positive axes."""
-        return distinct(dof for test in self.tests for dof in test.estimate.frf.outputs)
+        """Channels of all tests, each once, with positive sign."""
+        return distinct_dofs(dof for test in self.tests for dof in test.estimate.frf.outputs)
 
     @property
     def inputs(self) -> tuple[Dof, ...]:
-        """Points that were hit in any test, along positive axes."""
-        return distinct(test.condition.reference for test in self.tests)
+        """References of all tests, each once, with positive sign."""
+        return distinct_dofs(test.condition.reference for test in self.tests)
 
-    def lines(self, chosen: Mask | slice) -> Self:
-        """Keep these frequency lines of every test."""
-        tests = tuple(replace(t, estimate=t.estimate.lines(chosen)) for t in self.tests)
+    def select_lines(self, chosen: Mask | slice) -> Self:
+        """Return the campaign on these frequency lines alone.
+
+        Args:
+            chosen: mask (n_freq,) or slice of the lines.
+        """
+        tests = tuple(replace(t, estimate=t.estimate.select_lines(chosen)) for t in self.tests)
         return replace(self, tests=tests)

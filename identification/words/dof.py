@@ -1,4 +1,4 @@
-"""A degree of freedom: a signed direction at a named point."""
+"""Degree of freedom: a signed direction at a named point."""
 
 import re
 from collections.abc import Iterable
@@ -13,39 +13,48 @@ _LABEL = re.compile(r"(?P<point>.+):(?P<sign>[+-]?)(?P<axis>[tr]?[xyz])")
 
 @dataclass(frozen=True, order=True)
 class Dof:
-    """A signed direction at a named point, such as ``acc11:+tx`` or ``ty:-rz``.
+    """Degree of freedom: a signed direction at a named point, such as ``acc11:+tx``.
 
-    Translations are along, rotations about the axes of the point: a sensor's or hammer's own
-    axes, world axes for the centre of mass of a body.
+    A translation is along an axis of the point, a rotation about it. The axes are those of the
+    sensor or hammer point; at the centre of mass of a body they are the world axes.
 
     Args:
         point: name of a site or of a body.
-        direction: sign and one of tx ty tz rx ry rz.
+        direction: a sign and one of tx ty tz rx ry rz.
+
+    Raises:
+        ValueError: the name is empty or has a colon, or the direction is none of these.
     """
 
     point: str
     direction: str
 
     def __post_init__(self) -> None:
-        """Check both fields."""
+        """Check the point and the direction."""
         if not self.point or ":" in self.point:
-            raise ValueError(f"{self.point!r} is no name of a point: empty, or with a colon")
+            raise ValueError(
+                f"{self.point!r} is not the name of a point: it is empty or has a colon"
+            )
         if self.direction[:1] not in ("+", "-") or self.direction[1:] not in DIRECTIONS:
             raise ValueError(
-                f"{self.direction!r} is no direction: write a sign and one of "
+                f"{self.direction!r} is not a direction: write a sign and one of "
                 + " ".join(DIRECTIONS)
             )
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """Read ``point:direction``; x y z stand for tx ty tz and a missing sign for plus.
+        """Parse a label ``point:direction``.
+
+        The axes x y z stand for tx ty tz; a missing sign means plus.
 
         Raises:
-            UsageError: the text is no label.
+            UsageError: the text is not such a label.
         """
         match = _LABEL.fullmatch(text.strip())
         if match is None or ":" in match["point"]:
-            raise UsageError(f"{text!r} is no label: write <point>:<sign><direction>, acc11:+tx")
+            raise UsageError(
+                f"{text!r} is not a label: write <point>:<sign><direction>, such as acc11:+tx"
+            )
         axis = match["axis"]
         return cls(
             match["point"], (match["sign"] or "+") + ("t" + axis if len(axis) == 1 else axis)
@@ -53,7 +62,7 @@ class Dof:
 
     @classmethod
     def of(cls, point: str, axis: int, sign: int = 1) -> Self:
-        """Build from the axis number 0..5 (tx ty tz rx ry rz) and a sign."""
+        """Build a degree of freedom from its axis number 0..5 (tx ty tz rx ry rz) and sign."""
         return cls(point, ("-" if sign < 0 else "+") + DIRECTIONS[axis])
 
     @property
@@ -63,24 +72,24 @@ class Dof:
 
     @property
     def sign(self) -> int:
-        """Plus or minus one."""
+        """Sign of the direction: +1 or -1."""
         return -1 if self.direction[0] == "-" else 1
 
     @property
     def is_rotation(self) -> bool:
-        """Whether it turns about its axis."""
+        """Whether this is a rotation about its axis."""
         return self.axis > 2
 
     @property
     def positive(self) -> Self:
-        """The same degree of freedom along the positive axis."""
+        """Degree of freedom along the positive axis, whatever the sign of this one."""
         return type(self).of(self.point, self.axis)
 
     def __str__(self) -> str:
-        """The label."""
+        """Return the label ``point:direction``."""
         return f"{self.point}:{self.direction}"
 
 
-def distinct(dofs: Iterable[Dof]) -> tuple[Dof, ...]:
-    """Each degree of freedom once, along its positive axis, in the order of first appearance."""
+def distinct_dofs(dofs: Iterable[Dof]) -> tuple[Dof, ...]:
+    """Return each degree of freedom once, with positive sign, in the order of first appearance."""
     return tuple(dict.fromkeys(dof.positive for dof in dofs))

@@ -1,4 +1,4 @@
-"""Frequency response functions, and what a test knows about them beside their values."""
+"""Frequency response functions (FRFs), and estimates of them with variance and coherence."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -6,14 +6,16 @@ from typing import Literal, Self
 
 import numpy as np
 
-from identification.words._arrays import Complex, Mask, Real, frozen
+from identification.words._arrays import Complex, Mask, Real, frozen_array
 from identification.words.dof import Dof
 from identification.words.errors import UsageError
 from identification.words.motor import Input
+from identification.words.names import shorten_names
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
 VarianceSource = Literal["coherence", "differences"]
-ORDER: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
+# Number of time derivatives of displacement in each quantity.
+DERIVATIVE_ORDER: dict[Quantity, int] = {"receptance": 0, "mobility": 1, "accelerance": 2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +25,12 @@ class Frf:
     Args:
         freq_hz: frequencies [Hz], strictly increasing, not negative; (n_freq,).
         values: H [m/N, m/(N s) or m/(N s^2), rad for rotations]; (n_freq, n_out, n_in).
-        outputs: where and along what the motion is read, each once; n_out.
-        inputs: where and along what the force acts, or which motor drives, each once; n_in.
+        outputs: degrees of freedom whose motion is read, each once; n_out.
+        inputs: degrees of freedom at which the force acts, or motors, each once; n_in.
         quantity: receptance, mobility or accelerance.
 
     Raises:
-        ValueError: shapes, order, labels or values that contradict this.
+        ValueError: a shape, order, label or value contradicts this description.
     """
 
     freq_hz: Real
@@ -39,11 +41,11 @@ class Frf:
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
-        freq = frozen(self.freq_hz, np.float64, (None,), "freq_hz")
+        freq = frozen_array(self.freq_hz, np.float64, (None,), "freq_hz")
         if freq.size == 0 or freq[0] < 0 or not (np.diff(freq) > 0).all():
             raise ValueError("freq_hz must be non-empty, not negative and strictly increasing")
         shape = (freq.size, len(self.outputs), len(self.inputs))
-        values = frozen(self.values, np.complex128, shape, "values")
+        values = frozen_array(self.values, np.complex128, shape, "values")
         sides: tuple[tuple[str, Sequence[Input]], ...] = (
             ("output", self.outputs),
             ("input", self.inputs),
@@ -51,69 +53,114 @@ class Frf:
         for side, dofs in sides:
             if len({dof.positive for dof in dofs}) < len(dofs):
                 raise ValueError(f"an {side} appears twice: {', '.join(map(str, dofs))}")
-        if self.quantity not in ORDER:
-            raise ValueError(f"{self.quantity!r} is none of {', '.join(ORDER)}")
+        if self.quantity not in DERIVATIVE_ORDER:
+            raise ValueError(f"quantity {self.quantity!r} is none of {', '.join(DERIVATIVE_ORDER)}")
         object.__setattr__(self, "freq_hz", freq)
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "outputs", tuple(self.outputs))
         object.__setattr__(self, "inputs", tuple(self.inputs))
 
     def select(self, outputs: Sequence[Dof], inputs: Sequence[Input]) -> Self:
-        """Take these outputs and inputs by label, in this order, turning signs as needed.
+        """Select outputs and inputs by label, in this order, with the signs of these labels.
 
         Raises:
-            UsageError: a label that is not there.
+            UsageError: the FRFs do not have one of the labels.
         """
         rows, row_signs = _find(self.outputs, outputs, "outputs")
         columns, column_signs = _find(self.inputs, inputs, "inputs")
         values = self.values[:, rows][:, :, columns] * np.outer(row_signs, column_signs)
         return replace(self, values=values, outputs=tuple(outputs), inputs=tuple(inputs))
 
-    def lines(self, chosen: Mask | slice) -> Self:
-        """Keep these frequency lines."""
+    def __getitem__(self, labels: tuple[str | Input, str | Input]) -> Complex:
+        """Return the curve of one output and one input, with the signs of the labels.
+
+        Args:
+            labels: output and input, such as ``frf["acc1:+tx", "acc11:+ty"]``.
+
+        Returns:
+            H; (n_freq,).
+
+        Raises:
+            UsageError: the FRFs do not have one of the labels.
+        """
+        output, source = labels
+        row, row_sign = _position(self.outputs, output, "outputs")
+        column, column_sign = _position(self.inputs, source, "inputs")
+        curve: Complex = row_sign * column_sign * self.values[:, row, column]
+        return curve
+
+    def __repr__(self) -> str:
+        """Return quantity, lines and labels in a few lines."""
+        return "\n".join(
+            (
+                f"{self.quantity}, {len(self.freq_hz)} lines "
+                f"{self.freq_hz[0]:g}..{self.freq_hz[-1]:g} Hz",
+                f"  outputs: {shorten_names(self.outputs)}",
+                f"  inputs: {shorten_names(self.inputs)}",
+            )
+        )
+
+    def select_lines(self, chosen: Mask | slice) -> Self:
+        """Return the FRFs on these frequency lines alone.
+
+        Args:
+            chosen: mask (n_freq,) or slice of the lines.
+        """
         return replace(self, freq_hz=self.freq_hz[chosen], values=self.values[chosen])
 
     def as_quantity(self, quantity: Quantity) -> Self:
-        """Convert by powers of i w: mobility = i w receptance, accelerance = i w mobility.
+        """Convert to another quantity: mobility = i w receptance, accelerance = i w mobility.
 
         Raises:
-            UsageError: integration at 0 Hz, which has no value.
+            UsageError: the conversion would integrate at 0 Hz, where no value exists.
         """
-        steps = ORDER[quantity] - ORDER[self.quantity]
+        steps = DERIVATIVE_ORDER[quantity] - DERIVATIVE_ORDER[self.quantity]
         if steps < 0 and self.freq_hz[0] == 0:
             raise UsageError(f"{self.quantity} at 0 Hz has no {quantity}: drop the line at 0 Hz")
         factor = (2j * np.pi * self.freq_hz[:, None, None]) ** steps
         return replace(self, values=self.values * factor, quantity=quantity)
 
 
-def _find(have: Sequence[Input], want: Sequence[Input], side: str) -> tuple[list[int], list[int]]:
-    index = {dof.positive: i for i, dof in enumerate(have)}
-    missing = [str(dof) for dof in want if dof.positive not in index]
+def _position(available: Sequence[Input], label: str | Input, side: str) -> tuple[int, int]:
+    """Return the position of a label and its sign relative to the available one."""
+    if isinstance(label, str):
+        names = {str(dof): dof for dof in available}
+        label = names[label] if label in names else Dof.parse(label)
+    rows, signs = _find(available, [label], side)
+    return rows[0], signs[0]
+
+
+def _find(
+    available: Sequence[Input], wanted: Sequence[Input], side: str
+) -> tuple[list[int], list[int]]:
+    """Return the positions of the wanted labels and their signs relative to the available ones."""
+    index = {dof.positive: i for i, dof in enumerate(available)}
+    missing = [str(dof) for dof in wanted if dof.positive not in index]
     if missing:
-        raise UsageError(f"{', '.join(missing)} is not among the {len(have)} {side}")
-    rows = [index[dof.positive] for dof in want]
-    return rows, [dof.sign * have[row].sign for dof, row in zip(want, rows, strict=True)]
+        raise UsageError(f"{', '.join(missing)} is not among the {len(available)} {side}")
+    rows = [index[dof.positive] for dof in wanted]
+    return rows, [dof.sign * available[row].sign for dof, row in zip(wanted, rows, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
 class FrfEstimate:
-    """An FRF estimated from a test, with how well each of its values is known.
+    """FRFs estimated from a test, with the variance of each value.
 
-    Cells of the (out, in) table that were not measured hold zeros and are masked.
+    Cells of the (out, in) table that were not measured hold zeros; ``measured`` masks them.
 
     Args:
-        frf: the estimate; unmeasured cells zero.
+        frf: estimated FRFs; zero in cells that were not measured.
         variance: E|error|^2, real plus imaginary part [unit of frf squared];
             (n_freq, n_out, n_in).
-        variance_source: ``coherence``, or ``differences`` along frequency.
+        variance_source: origin of the variance: ``coherence``, or ``differences`` along frequency.
         measured: which cells were measured; (n_out, n_in).
-        coherence: ordinary coherence 0..1, or None if the test does not have it.
-        averages: hits per estimate, or None if unknown.
-        window_tau: time constant of an exponential window that the data still carry [s];
-            0 for none.
+        coherence: ordinary coherence 0..1, or None if unknown; (n_freq, n_out, n_in).
+        averages: number of averaged hits, or None if unknown.
+        window_tau: time constant of the exponential window whose effect the FRFs contain [s];
+            0 for no window.
 
     Raises:
-        ValueError: shapes or ranges that contradict this.
+        ValueError: a shape or range contradicts this description.
     """
 
     frf: Frf
@@ -127,14 +174,14 @@ class FrfEstimate:
     def __post_init__(self) -> None:
         """Validate and freeze."""
         shape = self.frf.values.shape
-        variance = frozen(self.variance, np.float64, shape, "variance")
+        variance = frozen_array(self.variance, np.float64, shape, "variance")
         if (variance < 0).any():
             raise ValueError("variance is negative")
         object.__setattr__(self, "variance", variance)
-        measured = frozen(self.measured, np.bool_, shape[1:], "measured")
+        measured = frozen_array(self.measured, np.bool_, shape[1:], "measured")
         object.__setattr__(self, "measured", measured)
         if self.coherence is not None:
-            coherence = frozen(self.coherence, np.float64, shape, "coherence")
+            coherence = frozen_array(self.coherence, np.float64, shape, "coherence")
             if (coherence < 0).any() or (coherence > 1).any():
                 raise ValueError("coherence is outside 0..1")
             object.__setattr__(self, "coherence", coherence)
@@ -143,11 +190,20 @@ class FrfEstimate:
         if not 0 <= self.window_tau < np.inf:
             raise ValueError(f"window_tau is {self.window_tau} s, expected 0 or more")
 
-    def lines(self, chosen: Mask | slice) -> Self:
-        """Keep these frequency lines."""
+    def __repr__(self) -> str:
+        """Return the FRFs' summary and the origin of their variance in a few lines."""
+        hits = "" if self.averages is None else f", {self.averages} averages"
+        return f"{self.frf!r}\n  variance from {self.variance_source}{hits}"
+
+    def select_lines(self, chosen: Mask | slice) -> Self:
+        """Return the estimate on these frequency lines alone.
+
+        Args:
+            chosen: mask (n_freq,) or slice of the lines.
+        """
         return replace(
             self,
-            frf=self.frf.lines(chosen),
+            frf=self.frf.select_lines(chosen),
             variance=self.variance[chosen],
             coherence=None if self.coherence is None else self.coherence[chosen],
         )

@@ -1,11 +1,11 @@
-"""What became of the hits of a hammer test: the FRFs, which hits made them, which did not, why."""
+"""Hits of a hammer test: those averaged, those rejected, and the FRFs estimated from them."""
 
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from identification.words._arrays import Real, frozen
+from identification.words._arrays import Real, frozen_array
 from identification.words.dof import Dof
 from identification.words.frf import FrfEstimate
 
@@ -14,12 +14,12 @@ Estimator = Literal["H1", "H2", "Hv"]
 
 @dataclass(frozen=True)
 class Hit:
-    """One blow of the hammer.
+    """Hammer hit that was averaged.
 
     Args:
-        record: in which it is, from 1.
-        number: among all hits of its records, by time, from 1.
-        time_s: of its first rise, from the start of its record [s].
+        record: number of the record that holds the hit, from 1.
+        number: number of the hit among all hits of the test, by time, from 1.
+        time_s: time of the first rise of the force, from the start of the record [s].
         peak_n: largest force, signed [N].
     """
 
@@ -30,14 +30,14 @@ class Hit:
 
 
 @dataclass(frozen=True)
-class Rejected:
-    """A hit that was left out.
+class HitRejection:
+    """Hit that was not averaged, and the reason.
 
     Args:
-        record: in which it is, from 1.
-        hit: its number, from 1.
-        time_s: of its first rise, from the start of its record [s].
-        reason: in words.
+        record: number of the record that holds the hit, from 1.
+        hit: number of the hit among all hits of the test, from 1.
+        time_s: time of the first rise of the force, from the start of the record [s].
+        reason: reason as part of a sentence.
     """
 
     record: int
@@ -46,18 +46,18 @@ class Rejected:
     reason: str
 
     def __str__(self) -> str:
-        """Number, place and reason."""
+        """Return the number, the time and the reason."""
         return f"hit {self.hit} (record {self.record}, {self.time_s:.3g} s): {self.reason}"
 
 
 @dataclass(frozen=True, eq=False)
-class Densities:
-    """Amplitude spectral densities, one-sided.
+class SpectralDensities:
+    """One-sided amplitude spectral densities of force and motion.
 
     Args:
-        freq_hz: [Hz]; (n_freq,).
-        force: [N/sqrt(Hz)]; (n_freq,).
-        motion: [unit of the records/sqrt(Hz)]; (n_freq, n_out).
+        freq_hz: frequencies [Hz]; (n_freq,).
+        force: density of the force [N/sqrt(Hz)]; (n_freq,).
+        motion: density of the motion [unit of the records/sqrt(Hz)]; (n_freq, n_out).
     """
 
     freq_hz: Real
@@ -66,33 +66,33 @@ class Densities:
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
-        freq = frozen(self.freq_hz, np.float64, (None,), "freq_hz")
+        freq = frozen_array(self.freq_hz, np.float64, (None,), "freq_hz")
         object.__setattr__(self, "freq_hz", freq)
-        object.__setattr__(self, "force", frozen(self.force, np.float64, freq.shape, "force"))
-        motion = frozen(self.motion, np.float64, (freq.size, None), "motion")
+        object.__setattr__(self, "force", frozen_array(self.force, np.float64, freq.shape, "force"))
+        motion = frozen_array(self.motion, np.float64, (freq.size, None), "motion")
         object.__setattr__(self, "motion", motion)
 
 
 @dataclass(frozen=True, eq=False)
 class HitEstimate:
-    """FRFs estimated from the hits of one reference, and how.
+    """FRFs estimated from the hits of one reference, with the settings that were used.
 
     Args:
-        test: the file.
-        reference: where and along what the hammer hit.
-        estimate: FRFs on all lines from 0 to half the rate, coherence, variance, number of hits
-            kept as averages, exponential window as window_tau.
+        test: name of the file.
+        reference: degree of freedom at which the hammer hit.
+        estimate: FRFs on all lines from 0 Hz to half the sampling rate, with coherence and
+            variance; ``averages`` counts the kept hits.
         estimator: H1, H2 or Hv.
         kept: hits that were averaged.
-        rejected: hits that were not.
-        rate_hz: of the records [Hz].
-        block_s: length of a hit's block [s].
-        pretrigger_s: of it before the hit's first rise [s].
+        rejected: hits that were not averaged, with their reasons.
+        rate_hz: sampling rate of the records [Hz].
+        block_s: length of the block of a hit [s].
+        pretrigger_s: part of the block before the first rise of the force [s].
         force_window_s: longest part of a block in which the force was kept [s].
-        left: share of the response that is left where the blocks end, of its largest, without
-            the exponential window, in the channel that rings longest.
-        densities: of the kept blocks, before the exponential window.
-        noise: before the hits, or None where the records start with them.
+        residual_response: amplitude of the response at the end of the blocks over its largest
+            amplitude, before the exponential window, in the channel that rings longest.
+        densities: spectral densities of the kept blocks, before the exponential window.
+        noise: spectral densities before the hits, or None if the records start with a hit.
         remarks: sentences that a reader of the result must know.
     """
 
@@ -101,17 +101,20 @@ class HitEstimate:
     estimate: FrfEstimate
     estimator: Estimator
     kept: tuple[Hit, ...]
-    rejected: tuple[Rejected, ...]
+    rejected: tuple[HitRejection, ...]
     rate_hz: float
     block_s: float
     pretrigger_s: float
     force_window_s: float
-    left: float
-    densities: Densities
-    noise: Densities | None = None
+    residual_response: float
+    densities: SpectralDensities
+    noise: SpectralDensities | None = None
     remarks: tuple[str, ...] = ()
 
     @property
-    def highest_hz(self) -> float:
-        """0.8 of half the rate [Hz]: above it anti-aliasing filters reach."""
+    def usable_limit_hz(self) -> float:
+        """Upper limit of usable frequencies [Hz]: 0.8 of half the sampling rate.
+
+        Anti-aliasing filters distort the response above it.
+        """
         return 0.4 * self.rate_hz

@@ -1,4 +1,4 @@
-"""Where the solid bodies have their centres of mass, and where sensors and hammer sit on them."""
+"""Layout: centres of mass of the solid bodies, and sensor and hammer points on them."""
 
 import re
 from collections.abc import Sequence
@@ -7,12 +7,13 @@ from typing import Any, Self
 
 import numpy as np
 
-from identification.words._arrays import Integers, Real, frozen
+from identification.words._arrays import Integers, Real, frozen_array
 from identification.words.dof import Dof
 from identification.words.errors import UsageError
+from identification.words.names import shorten_names
 
-_NODE = re.compile(r"(\d+)$")
-_HAMMER = re.compile(r"hit\d+$")
+_NODE_SUFFIX = re.compile(r"(\d+)$")
+_HAMMER_POINT = re.compile(r"hit\d+$")
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,13 +24,13 @@ class Layout:
         bodies: names of the bodies; n_body.
         centres: centres of mass [m]; (n_body, 3).
         points: names of sensor and hammer points; n_point.
-        body_of: number of the body on which each point sits; (n_point,).
-        positions: of the points [m]; (n_point, 3).
-        axes: of the points, in columns, in world axes; (n_point, 3, 3). A flipped sensor
-            channel has a flipped column, so they need not be right-handed.
+        body_of: index of the body on which each point sits; (n_point,).
+        positions: positions of the points [m]; (n_point, 3).
+        axes: unit axes of the points as columns, in world axes; (n_point, 3, 3). A flipped
+            sensor channel has a flipped column, so the axes need not be right-handed.
 
     Raises:
-        ValueError: shapes or names that contradict this.
+        ValueError: a shape or name contradicts this description.
     """
 
     bodies: tuple[str, ...]
@@ -43,37 +44,41 @@ class Layout:
         """Validate and freeze."""
         n_body, n_point = len(self.bodies), len(self.points)
         checked: dict[str, Any] = {
-            "centres": frozen(self.centres, np.float64, (n_body, 3), "centres"),
-            "body_of": frozen(self.body_of, np.intp, (n_point,), "body_of"),
-            "positions": frozen(self.positions, np.float64, (n_point, 3), "positions"),
-            "axes": frozen(self.axes, np.float64, (n_point, 3, 3), "axes"),
+            "centres": frozen_array(self.centres, np.float64, (n_body, 3), "centres"),
+            "body_of": frozen_array(self.body_of, np.intp, (n_point,), "body_of"),
+            "positions": frozen_array(self.positions, np.float64, (n_point, 3), "positions"),
+            "axes": frozen_array(self.axes, np.float64, (n_point, 3, 3), "axes"),
             "bodies": tuple(self.bodies),
             "points": tuple(self.points),
         }
         names = self.bodies + self.points
-        twice = sorted({name for name in names if names.count(name) > 1})
-        if twice:
-            raise ValueError(f"{', '.join(twice)} names more than one body or point")
+        duplicates = sorted({name for name in names if names.count(name) > 1})
+        if duplicates:
+            raise ValueError(f"{', '.join(duplicates)} names more than one body or point")
         if not np.isin(checked["body_of"], np.arange(n_body)).all():
-            raise ValueError("body_of points outside the bodies")
+            raise ValueError("body_of holds an index that no body has")
         for name, value in checked.items():
             object.__setattr__(self, name, value)
 
-    def rows(self, dofs: Sequence[Dof]) -> Real:
-        """Motion at each degree of freedom per motion of the centres of mass.
+    def __repr__(self) -> str:
+        """Return the names of bodies and points in a few lines."""
+        return f"bodies: {shorten_names(self.bodies)}\npoints: {shorten_names(self.points)}"
 
-        A point at r from its body's centre moves by v + theta x r; along its axis a that is
-        a.v + (r x a).theta (seed, eq. 2.2 to 2.4). Transposed, the same rows carry a force at
-        the point to the centres: force a, moment r x a.
+    def rows(self, dofs: Sequence[Dof]) -> Real:
+        """Return the rigid-body rows: motion at each degree of freedom per motion of the bodies.
+
+        A point at ``r`` from the centre of mass of its body moves by v + theta x r. Along its
+        axis ``a`` that is a.v + (r x a).theta (seed, eq. 2.2 to 2.4). The transposed rows map a
+        force along ``a`` at the point to force and moment at the centre: a and r x a.
 
         Args:
             dofs: n degrees of freedom at points of the layout, or at bodies (world axes).
 
         Returns:
-            Rows [1, m, 1/m]; (n, 6 n_body), six columns a body: tx ty tz rx ry rz.
+            Rows [1, m, 1/m]; (n, 6 n_body), with six columns for each body: tx ty tz rx ry rz.
 
         Raises:
-            UsageError: a point that the layout does not have.
+            UsageError: the layout does not have one of the points.
         """
         rows = np.zeros((len(dofs), len(self.bodies), 6))
         for row, dof in zip(rows, dofs, strict=True):
@@ -87,6 +92,7 @@ class Layout:
         return rows.reshape(len(dofs), 6 * len(self.bodies))
 
     def _place(self, point: str) -> tuple[int, Real, Real]:
+        """Return body index, position from the centre of mass [m] and axes of a point or body."""
         if point in self.points:
             index = self.points.index(point)
             body = int(self.body_of[index])
@@ -99,25 +105,36 @@ class Layout:
         )
 
     def body_name(self, point: str) -> str:
-        """Name of the body on which a point sits."""
+        """Return the name of the body on which a point sits.
+
+        Raises:
+            UsageError: the layout does not have the point.
+        """
         return self.bodies[self._place(point)[0]]
 
-    def sensor(self, node: int) -> str | None:
-        """Name of the accelerometer whose name ends in this node number, if there is one."""
-        found = [name for name in self.points if node_of(name) == node and not is_hammer(name)]
-        return found[0] if found else None
+    def sensor_at_node(self, node: int) -> str | None:
+        """Return the first sensor point whose name ends in this node number, or None."""
+        names = [
+            name for name in self.points if node_number(name) == node and not is_hammer_point(name)
+        ]
+        return names[0] if names else None
 
-    def hammer(self, node: int) -> str | None:
-        """Name of the hammer point ``hit<node>``, else of the node's accelerometer."""
-        hits = [name for name in self.points if is_hammer(name) and node_of(name) == node]
-        return hits[0] if hits else self.sensor(node)
+    def hammer_at_node(self, node: int) -> str | None:
+        """Return the name of the hammer point ``hit<node>``, else of the sensor at this node."""
+        hits = [name for name in self.points if is_hammer_point(name) and node_number(name) == node]
+        return hits[0] if hits else self.sensor_at_node(node)
 
     def body_dofs(self) -> tuple[Dof, ...]:
-        """The six degrees of freedom of every body's centre of mass."""
+        """Return the six degrees of freedom of the centre of mass of every body."""
         return tuple(Dof.of(body, axis) for body in self.bodies for axis in range(6))
 
-    def with_copy(self, point: str, name: str) -> Self:
-        """The same layout with one more point where another is."""
+    def with_copied_point(self, point: str, name: str) -> Self:
+        """Return the layout with one more point, at the position and with the axes of another.
+
+        Args:
+            point: name of the point that is copied.
+            name: name of the new point.
+        """
         index = self.points.index(point)
         return replace(
             self,
@@ -127,8 +144,14 @@ class Layout:
             axes=np.concatenate([self.axes, self.axes[index : index + 1]]),
         )
 
-    def turned(self, point: str, axes: Real, body: str | None = None) -> Self:
-        """The same layout with a point's axes exchanged and, if named, its body."""
+    def with_point_axes(self, point: str, axes: Real, body: str | None = None) -> Self:
+        """Return the layout with new axes and, if given, a new body for one point.
+
+        Args:
+            point: name of the point.
+            axes: new axes as columns, in world axes; (3, 3).
+            body: name of the new body, or None to keep the body.
+        """
         index = self.points.index(point)
         new_axes, body_of = self.axes.copy(), self.body_of.copy()
         new_axes[index] = axes
@@ -137,12 +160,12 @@ class Layout:
         return replace(self, axes=new_axes, body_of=body_of)
 
 
-def node_of(site: str) -> int | None:
-    """The UFF node number in which a site's name ends, if any."""
-    match = _NODE.search(site)
+def node_number(site: str) -> int | None:
+    """Return the node number in which the name of a site ends, or None."""
+    match = _NODE_SUFFIX.search(site)
     return int(match[1]) if match else None
 
 
-def is_hammer(site: str) -> bool:
-    """Whether a site is a hammer point, ``hit<node>``."""
-    return _HAMMER.match(site) is not None
+def is_hammer_point(site: str) -> bool:
+    """Return whether a site is a hammer point, ``hit<node>``."""
+    return _HAMMER_POINT.match(site) is not None

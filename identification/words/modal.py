@@ -1,49 +1,52 @@
-"""A modal model: poles, shapes and their scaling, with what lies beside the band."""
+"""Modal model: poles, mode shapes, their scaling, and residuals of modes outside the band."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
-from identification.words._arrays import Complex, Real, frozen
+from identification.words._arrays import Complex, Real, frozen_array
 from identification.words.dof import Dof
 from identification.words.errors import UsageError
-from identification.words.frf import ORDER, Frf, Quantity
+from identification.words.frf import DERIVATIVE_ORDER, Frf, Quantity
 from identification.words.motor import Input
+from identification.words.names import shorten_names
 from identification.words.poles import HasPoles
 
 
 class HasModes(Protocol):
-    """Poles, shapes, participation and residuals, as in ``ModalModel``."""
+    """Interface to poles, shapes, participation and residuals, as in ``ModalModel``."""
 
     @property
     def poles(self) -> Complex:
-        """(n_mode,)."""
+        """Poles s_r [rad/s]; (n_mode,)."""
 
     @property
     def shapes(self) -> Complex:
-        """(n_out, n_mode)."""
+        """Mode shapes phi_r; (n_out, n_mode)."""
 
     @property
     def participation(self) -> Complex:
-        """(n_in, n_mode)."""
+        """Modal participation l_r; (n_in, n_mode)."""
 
     @property
     def lower(self) -> Real:
-        """(n_out, n_in)."""
+        """Residual v of modes below the band; (n_out, n_in)."""
 
     @property
     def upper(self) -> Real:
-        """(n_out, n_in)."""
+        """Residual u of modes above the band; (n_out, n_in)."""
 
 
 def modal_sum(modes: HasModes, laplace: Complex, order: int) -> Complex:
-    """s^q [sum_r phi_r l_r' / (s - s_r) + conjugate + v / s^2 + u] (seed, eq. 3.5 to 3.7).
+    """Compute FRFs by modal superposition (seed, eq. 3.5 to 3.7).
+
+    H(s) = s^q [sum_r phi_r l_r' / (s - s_r) + conjugate + v / s^2 + u]
 
     Args:
-        modes: what is summed.
-        laplace: s of every line [rad/s]; (n_freq,).
-        order: q: 0, 1, 2 for receptance, mobility, accelerance.
+        modes: poles, shapes, participation and residuals.
+        laplace: Laplace variable s of every line [rad/s]; (n_freq,).
+        order: exponent q: 0, 1, 2 for receptance, mobility, accelerance.
 
     Returns:
         FRFs; (n_freq, n_out, n_in).
@@ -53,25 +56,26 @@ def modal_sum(modes: HasModes, laplace: Complex, order: int) -> Complex:
     power = s**order
     curves = [power / (s - modes.poles), power / (s - modes.poles.conj()), power]
     factors = [residues, residues.conj(), modes.upper[:, :, None]]
-    if modes.lower.any():  # else a line at 0 Hz would be none
+    if modes.lower.any():  # at 0 Hz s^(q - 2) is infinite, which matters only for a lower residual
         curves.append(s ** (order - 2))
         factors.append(modes.lower[:, :, None])
-    whole = np.concatenate(factors, axis=2)
-    values: Complex = np.hstack(curves) @ whole.reshape(-1, whole.shape[2]).T
-    return values.reshape(len(laplace), *whole.shape[:2])
+    coefficients = np.concatenate(factors, axis=2)
+    values: Complex = np.hstack(curves) @ coefficients.reshape(-1, coefficients.shape[2]).T
+    return values.reshape(len(laplace), *coefficients.shape[:2])
 
 
 def drive_point_scale(driven: Complex, participation: Complex) -> Complex:
-    """Scaling a_r of receptance with phi_ir phi_or / a_r = l_ri phi_or (seed, eq. 3.7).
+    """Compute the modal scaling a_r from all drive points together (seed, eq. 3.7).
 
-    From all drive points d together: a_r = phi_d^H phi_d / phi_d^H l_d.
+    For each input i and output o the receptance has phi_ir phi_or / a_r = l_ri phi_or. The
+    drive points d give a_r = phi_d^H phi_d / phi_d^H l_d.
 
     Args:
-        driven: phi_d, shapes at the drive points; (n_drive, n_mode).
-        participation: l_d; likewise.
+        driven: shapes phi_d at the drive points; (n_drive, n_mode).
+        participation: participation l_d at the drive points; (n_drive, n_mode).
 
     Returns:
-        a_r; (n_mode,).
+        Scaling a_r of receptance [kg/s]; (n_mode,).
     """
     size = (np.abs(driven) ** 2).sum(axis=0)
     scale: Complex = size / (driven.conj() * participation).sum(axis=0)
@@ -80,24 +84,26 @@ def drive_point_scale(driven: Complex, participation: Complex) -> Complex:
 
 @dataclass(frozen=True, eq=False)
 class ModalModel(HasPoles):
-    """Modes of a machine, as measured or as modelled.
+    """Modal model of a machine, identified from FRFs or computed from a model.
 
-    The receptance between output o and input i is sum_r phi_or l_ri / (s - s_r) + conjugate
-    + v_oi / s^2 + u_oi, s = i w, convention exp(+i w t).
+    The receptance between output ``o`` and input ``i`` is, with s = i w and time convention
+    exp(+i w t),
+
+        H_oi(s) = sum_r phi_or l_ri / (s - s_r) + conjugate + v_oi / s^2 + u_oi
 
     Args:
         poles: s_r = w_r (-zeta_r + i sqrt(1 - zeta_r^2)) (seed, eq. 3.4) [rad/s]; (n_mode,).
-        shapes: phi_r; (n_out, n_mode).
-        participation: l_r; (n_in, n_mode).
+        shapes: mode shapes phi_r; (n_out, n_mode).
+        participation: modal participation l_r; (n_in, n_mode).
         lower: residual v of modes below the band; (n_out, n_in).
         upper: residual u of modes above the band; (n_out, n_in).
-        outputs: of the shapes; n_out.
-        inputs: of the participation; n_in.
+        outputs: degrees of freedom of the shapes; n_out.
+        inputs: degrees of freedom or motors of the participation; n_in.
         freq_sd: standard deviations of the natural frequencies [Hz]; (n_mode,).
-        damping_sd: of the damping ratios; (n_mode,).
+        damping_sd: standard deviations of the damping ratios; (n_mode,).
 
     Raises:
-        ValueError: shapes that contradict this.
+        ValueError: the shape of an array contradicts this description.
     """
 
     poles: Complex
@@ -122,13 +128,21 @@ class ModalModel(HasPoles):
             ("freq_sd", np.float64, (m,)),
             ("damping_sd", np.float64, (m,)),
         ):
-            object.__setattr__(self, name, frozen(getattr(self, name), kind, shape, name))
+            object.__setattr__(self, name, frozen_array(getattr(self, name), kind, shape, name))
         object.__setattr__(self, "outputs", tuple(self.outputs))
         object.__setattr__(self, "inputs", tuple(self.inputs))
 
+    def __repr__(self) -> str:
+        """Return the natural frequencies and the number of outputs and inputs in one line."""
+        listed = shorten_names([f"{value:.4g}" for value in self.freq_hz])
+        return (
+            f"{len(self.poles)} modes at {listed} Hz; {len(self.outputs)} outputs, "
+            f"{len(self.inputs)} inputs"
+        )
+
     @property
     def drive_points(self) -> tuple[Complex, Complex]:
-        """Shapes and participation at the inputs that are outputs too; (n_drive, n_mode) each."""
+        """Shapes and participation at inputs that are also outputs; (n_drive, n_mode) each."""
         where: dict[Input, int] = {dof.positive: row for row, dof in enumerate(self.outputs)}
         columns = [k for k, dof in enumerate(self.inputs) if dof.positive in where]
         rows = [where[self.inputs[k].positive] for k in columns]
@@ -138,25 +152,27 @@ class ModalModel(HasPoles):
 
     @property
     def modal_a(self) -> Complex:
-        """Scaling a_r of receptance, from all drive points together (seed, eq. 3.7).
+        """Modal scaling a_r of receptance from all drive points [kg/s] (seed, eq. 3.7); (n_mode,).
 
         Raises:
-            UsageError: no drive point.
+            UsageError: there is no drive point.
         """
         driven, participation = self.drive_points
         if not len(driven):
             raise UsageError(
-                "no input is measured as an output too: without a drive point modes have no scale"
+                "no input is also measured as an output: without a drive point the modes have no "
+                "scale; measure the response at the hammer point"
             )
         return drive_point_scale(driven, participation)
 
     def synthesise(self, freq_hz: Real, quantity: Quantity) -> Frf:
-        """FRFs from every input to every output (seed, eq. 3.5 to 3.7), residuals included.
+        """Synthesise the FRFs from every input to every output, residuals included.
 
         Args:
-            freq_hz: [Hz]; (n_freq,); above 0 Hz where a residual of lower modes is there.
-            quantity: of the FRFs.
+            freq_hz: frequencies [Hz], above 0 Hz if there is a residual of lower modes;
+                (n_freq,).
+            quantity: quantity of the FRFs.
         """
         laplace = np.asarray(2j * np.pi * np.asarray(freq_hz), np.complex128)
-        values = modal_sum(self, laplace, ORDER[quantity])
+        values = modal_sum(self, laplace, DERIVATIVE_ORDER[quantity])
         return Frf(np.asarray(freq_hz), values, self.outputs, self.inputs, quantity)

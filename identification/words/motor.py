@@ -1,4 +1,4 @@
-"""An actuator as an input: its control instead of a force at a point."""
+"""Actuator as an input of FRFs: its control signal instead of a force at a point."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -8,10 +8,13 @@ from identification.words.dof import Dof
 
 @dataclass(frozen=True, order=True)
 class Motor:
-    """The control of an actuator, by its name in the model.
+    """Control signal of an actuator, by its name in the model.
 
     Args:
-        name: of the actuator.
+        name: name of the actuator.
+
+    Raises:
+        ValueError: the name is empty or has a colon.
     """
 
     name: str
@@ -19,20 +22,22 @@ class Motor:
     def __post_init__(self) -> None:
         """Check the name."""
         if not self.name or ":" in self.name:
-            raise ValueError(f"{self.name!r} is no name of a motor: empty, or with a colon")
+            raise ValueError(
+                f"{self.name!r} is not the name of a motor: it is empty or has a colon"
+            )
 
     @property
     def sign(self) -> int:
-        """Plus one: a control has no direction."""
+        """Always +1: a control signal has no direction."""
         return 1
 
     @property
     def positive(self) -> Self:
-        """Itself."""
+        """This motor itself, as for a degree of freedom with positive sign."""
         return self
 
     def __str__(self) -> str:
-        """The name."""
+        """Return the name."""
         return self.name
 
 

@@ -1,4 +1,4 @@
-"""Natural frequency and damping ratio of whatever has poles."""
+"""Natural frequencies and damping ratios of objects that have poles."""
 
 import numpy as np
 
@@ -6,7 +6,9 @@ from identification.words._arrays import Complex, Real
 
 
 class HasPoles:
-    """Reads s_r = w_r (-zeta_r + i sqrt(1 - zeta_r^2)) (seed, eq. 3.4).
+    """Base class that derives natural frequencies and damping ratios from poles.
+
+    A pole is s_r = w_r (-zeta_r + i sqrt(1 - zeta_r^2)) (seed, eq. 3.4).
 
     Attributes:
         poles: s_r [rad/s]; (n_mode,).

@@ -1,1 +1,1 @@
-"""Compliance that rigid stages lack: released directions and bending bodies."""
+"""Compliance that rigid stages lack: released rigid directions and bending modes of bodies."""

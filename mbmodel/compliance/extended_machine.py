@@ -1,51 +1,51 @@
-"""A machine with more coordinates, and with bodies that belong to no drawing."""
+"""A machine with additional coordinates, and with bodies that the drawing lacks."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from identification.words import Real
-from mbmodel.linearisation.motors import Drive
+from mbmodel.linearisation.motors import ActuatorGain
 from mbmodel.linearisation.springs import Spring
 from mbmodel.machine import Machine
 
 
-def widened(machine: Machine, names: tuple[str, ...], columns: Real) -> Machine:
-    """The machine with further coordinates after its own; nothing holds them.
+def add_coordinates(machine: Machine, names: tuple[str, ...], columns: Real) -> Machine:
+    """Return the machine with additional coordinates at the end, without any stiffness.
 
     Args:
         machine: as drawn.
         names: of the coordinates.
         columns: of T; (6 n_body, n).
     """
-    more, nv = len(names), len(machine.coordinates)
-    order = _padded(machine.order, more)
-    order[:, nv:] = np.triu(np.ones((nv + more, more)), 1 - nv)
+    count, nv = len(names), len(machine.coordinates)
+    precedence = _pad_with_zeros(machine.precedence, count)
+    precedence[:, nv:] = np.triu(np.ones((nv + count, count)), 1 - nv)
     return replace(
         machine,
         coordinates=(*machine.coordinates, *names),
         jacobian=np.column_stack([machine.jacobian, columns]),
-        armature=_padded(machine.armature, more),
-        remaining_stiffness=_padded(machine.remaining_stiffness, more),
-        remaining_damping=_padded(machine.remaining_damping, more),
-        order=order,
-        springs=tuple(_wider(spring, more) for spring in machine.springs),
+        armature=_pad_with_zeros(machine.armature, count),
+        remaining_stiffness=_pad_with_zeros(machine.remaining_stiffness, count),
+        remaining_damping=_pad_with_zeros(machine.remaining_damping, count),
+        precedence=precedence,
+        springs=tuple(_extend_spring(spring, count) for spring in machine.springs),
         motors={
-            name: Drive(np.pad(drive.joint, (0, more)), drive.body)
+            name: ActuatorGain(np.pad(drive.joint, (0, count)), drive.body)
             for name, drive in machine.motors.items()
         },
     )
 
 
-def with_body(machine: Machine, name: str, centre: Real, motion: Real, mass: Real) -> Machine:
-    """The machine with a body after its own, of which the drawing knows nothing.
+def add_body(machine: Machine, name: str, centre: Real, motion: Real, mass: Real) -> Machine:
+    """Return the machine with an additional body at the end, which the drawing lacks.
 
-    It has no weight, and no floor carries it.
+    The body has no weight and does not move with the floor.
 
     Args:
         machine: as drawn.
         name: of the body.
-        centre: where it is [m]; (3,).
+        centre: its centre of mass [m]; (3,).
         motion: its rows of T; (6, nv).
         mass: its block of Mb; (6, 6).
     """
@@ -59,7 +59,7 @@ def with_body(machine: Machine, name: str, centre: Real, motion: Real, mass: Rea
         ),
         jacobian=np.vstack([machine.jacobian, motion]),
         body_mass=total,
-        weighed=np.pad(machine.weighed, (0, 6)),
+        weight_fraction=np.pad(machine.weight_fraction, (0, 6)),
         springs=tuple(
             spring
             if spring.at_bodies is None
@@ -67,17 +67,19 @@ def with_body(machine: Machine, name: str, centre: Real, motion: Real, mass: Rea
             for spring in machine.springs
         ),
         motors={
-            name: Drive(drive.joint, np.pad(drive.body, (0, 6)))
+            name: ActuatorGain(drive.joint, np.pad(drive.body, (0, 6)))
             for name, drive in machine.motors.items()
         },
     )
 
 
-def _padded(matrix: Real, more: int) -> Real:
-    wider: Real = np.pad(matrix, ((0, more), (0, more)))
-    return wider
+def _pad_with_zeros(matrix: Real, count: int) -> Real:
+    """Return a square matrix with additional rows and columns of zeros."""
+    padded: Real = np.pad(matrix, ((0, count), (0, count)))
+    return padded
 
 
-def _wider(spring: Spring, more: int) -> Spring:
-    geometric = None if spring.geometric is None else _padded(spring.geometric, more)
-    return replace(spring, direction=np.pad(spring.direction, (0, more)), geometric=geometric)
+def _extend_spring(spring: Spring, count: int) -> Spring:
+    """Return a spring for more coordinates, which it does not resist."""
+    geometric = None if spring.geometric is None else _pad_with_zeros(spring.geometric, count)
+    return replace(spring, direction=np.pad(spring.direction, (0, count)), geometric=geometric)

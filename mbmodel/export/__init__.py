@@ -1,1 +1,1 @@
-"""The linear model as a state space and in time."""
+"""The linear model as a state space, and its time response."""

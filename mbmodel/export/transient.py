@@ -6,27 +6,27 @@ from scipy.interpolate import CubicSpline
 
 from identification.words import Real, UsageError
 from mbmodel.export.state_space import state_space
-from mbmodel.frf.request import Question
+from mbmodel.frf.request import FrfRequest
 from mbmodel.model import Model
 
-_UNIFORM = 1e-6  # unevenness of the time axis, relative to its step
+_MAX_STEP_UNEVENNESS = 1e-6  # relative to the step: rounding of a time axis in a file
 
 
-def respond(model: Model, theta: Real, question: Question, time_s: Real, signals: Real) -> Real:
-    """Simulate from rest.
+def simulate(model: Model, theta: Real, request: FrfRequest, time_s: Real, signals: Real) -> Real:
+    """Simulate the time response from rest.
 
-    Through the samples of each input goes a cubic spline u. Over one step x' = A x + B u is solved
-    exactly, since (u, u', u'', u''') obeys a linear equation of its own: the exponential of
+    A cubic spline u interpolates the samples of each input. Over one step x' = A x + B u is solved
+    exactly, since (u, u', u'', u''') obeys a linear equation of its own. The matrix exponential of
 
         [[A, B, 0, 0, 0], [0, 0, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 0, 1], [0, 0, 0, 0, 0]] dt
 
-    carries both on (Van Loan 1978). So a step may be as long as the signals allow, whatever the
-    machine's own frequencies.
+    advances both (Van Loan 1978). So the step is limited by the signals, not by the machine's
+    natural frequencies.
 
     Args:
         model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
-        question: outputs and inputs; receptance gives displacements, mobility velocities,
+        request: outputs and inputs; receptance gives displacements, mobility velocities,
             accelerance accelerations. Its frequencies do not matter.
         time_s: evenly spaced [s]; (n_time,), at least 4.
         signals: of the inputs [N, N m, m/s^2 of the floor, control of a motor];
@@ -40,52 +40,58 @@ def respond(model: Model, theta: Real, question: Question, time_s: Real, signals
     """
     time_s, signals = np.asarray(time_s, float), np.asarray(signals, float)
     step = _step(time_s)
-    if signals.shape != (len(time_s), len(question.inputs)):
+    if signals.shape != (len(time_s), len(request.inputs)):
         raise UsageError(
-            f"signals have shape {signals.shape}, expected ({len(time_s)}, {len(question.inputs)}):"
-            " a row a sample, a column an input"
+            f"signals have shape {signals.shape}, expected ({len(time_s)}, {len(request.inputs)}):"
+            " one row per sample, one column per input"
         )
-    system = state_space(model, theta, question)
-    carried, driven = _over_one_step(system.A, system.B, step)
+    system = state_space(model, theta, request)
+    transition, input_matrix = _discretise(system.A, system.B, step)
     spline = CubicSpline(time_s, signals)
-    jets = np.hstack([spline(time_s, order) for order in range(4)])
-    state = np.zeros(len(carried))
+    input_derivatives = np.hstack([spline(time_s, order) for order in range(4)])
+    state = np.zeros(len(transition))
     states = np.empty((len(time_s), len(state)))
-    pushes = jets @ driven.T
+    increments = input_derivatives @ input_matrix.T
     for k in range(len(time_s)):
         states[k] = state
-        state = carried @ state + pushes[k]
+        state = transition @ state + increments[k]
     outputs: Real = states @ system.C.T + signals @ system.D.T
     return outputs
 
 
 def _step(time_s: Real) -> float:
+    """Return the step of an evenly spaced time axis [s]."""
     if time_s.ndim != 1 or len(time_s) < 4:
         raise UsageError(f"the time axis has shape {time_s.shape}: give at least 4 instants")
     steps = np.diff(time_s)
     step = float(steps.mean())
-    if not (step > 0 and np.abs(steps - step).max() <= _UNIFORM * step):
+    if not (step > 0 and np.abs(steps - step).max() <= _MAX_STEP_UNEVENNESS * step):
         raise UsageError("the time axis is not evenly spaced and rising: resample the signals")
     return step
 
 
-def _over_one_step(dynamics: Real, gain: Real, step: float) -> tuple[Real, Real]:
-    """State after a step per state before it, and per (u, u', u'', u''') then.
+def _discretise(dynamics: Real, gain: Real, step: float) -> tuple[Real, Real]:
+    """Return the state after a step per state before it, and per (u, u', u'', u''') before it.
 
-    States are scaled to like sizes first: positions and velocities differ by the frequency.
+    States are scaled to similar sizes first: positions and velocities differ by the frequency.
+
+    Args:
+        dynamics: A; (n, n).
+        gain: B; (n, n_in).
+        step: dt [s].
     """
     size, inputs = gain.shape
     balanced, (scale, _) = scipy.linalg.matrix_balance(dynamics, permute=False, separate=True)
-    whole = np.zeros((size + 4 * inputs, size + 4 * inputs))
-    whole[:size, :size] = balanced
-    whole[:size, size : size + inputs] = gain / scale[:, None]
+    extended = np.zeros((size + 4 * inputs, size + 4 * inputs))
+    extended[:size, :size] = balanced
+    extended[:size, size : size + inputs] = gain / scale[:, None]
     for order in range(3):
         start = size + order * inputs
-        whole[start : start + inputs, start + inputs : start + 2 * inputs] = np.eye(inputs)
+        extended[start : start + inputs, start + inputs : start + 2 * inputs] = np.eye(inputs)
     # (u, u' dt, u'' dt^2, u''' dt^3) instead of the derivatives, for entries of like size
     units = np.concatenate([np.ones(size), *(np.full(inputs, step**k) for k in range(4))])
-    power = scipy.linalg.expm(step * whole * units[:, None] / units)
-    moved = power[:size] * units
-    carried = moved[:, :size] * scale[:, None] / scale
-    driven: Real = moved[:, size:] * scale[:, None]
-    return carried, driven
+    power = scipy.linalg.expm(step * extended * units[:, None] / units)
+    scaled = power[:size] * units
+    transition = scaled[:, :size] * scale[:, None] / scale
+    input_matrix: Real = scaled[:, size:] * scale[:, None]
+    return transition, input_matrix

@@ -1,4 +1,4 @@
-r"""Exact gradients of H(s) = s^q [L T Z^-1 F + L U / s^2], F = T' B + motors, B = P - Mb U.
+"""Exact gradients of H(s) = s^q [L T Z^-1 F + L U / s^2], F = T' B + motors, B = P - Mb U.
 
 With x = s^q Z^-1 F and b = T x + U s^(q - 2), the motion of the bodies, a small change gives
 
@@ -6,10 +6,10 @@ With x = s^q Z^-1 F and b = T x + U s^(q - 2), the motion of the bodies, a small
        - y' dZj x - y' T' (dZb T x + dMb U s^q)                joints, bodies
        - y' (dT' Zb T + T' Zb dT) x + s^q y' (dT' B + T' dP)   kinematics again, hammer
 
-with y = Z^-T T' L' (s^2 dMb + ... = dZb; gravity adds what T and Mb do to its stiffness). A scalar
-cost with cotangent W, dJ = Re sum conj(W) dH, needs one more solve, a = Z^-T G' conj(W), whatever
-the number of parameters (the adjoint method): every slot then has one real matrix S with
-dJ = sum <S, change>, summed over lines and inputs once for all parameters.
+with y = Z^-T T' L' and dZb = s^2 dMb + ...; gravity adds the changes of its stiffness with T and
+Mb. A scalar cost with cotangent W, dJ = Re sum conj(W) dH, needs one more solve,
+a = Z^-T G' conj(W), whatever the number of parameters (the adjoint method). Every slot then has one
+real cotangent S with dJ = sum <S, change>, summed over lines and inputs once for all parameters.
 """
 
 from collections.abc import Callable
@@ -19,86 +19,109 @@ from functools import cache
 import numpy as np
 
 from identification.words import Complex, Real
-from mbmodel.frf.forward_sensitivities import Forward, Slopes
-from mbmodel.frf.ports import selection
-from mbmodel.frf.solution import Solved
+from mbmodel.frf.forward_sensitivities import ForwardSensitivities, Slopes
+from mbmodel.frf.ports import direction_selection
+from mbmodel.frf.solution import FrfSolution
 from mbmodel.linearisation.gravity import gravity_adjoint
 from mbmodel.parts import Change, Slot
 
 
-def gradient(lines: Solved, slopes: Slopes, cotangent: Complex) -> Real:
-    """Derivative of a scalar cost by every parameter.
+def gradient(solution: FrfSolution, slopes: Slopes, cotangent: Complex) -> Real:
+    """Return the derivative of a scalar cost by every parameter.
 
     Args:
-        lines: the model linearised at theta.
+        solution: the model linearised at theta.
         slopes: of every Part.
         cotangent: W with dJ = Re sum conj(W) dH; (n_freq, n_out, n_in).
 
     Returns:
-        (n_parameter,).
+        dJ / dtheta in SI; (n_parameter,).
     """
     weights = np.ascontiguousarray(cotangent.conj().transpose(1, 2, 0))
-    adjoint = lines.solver.solve(weights, transposed=True, through=lines.readout.T)
-    odd = [_is_odd(lines, own) for own in slopes]
-    if any(odd):
-        return _by_shapes(lines, slopes, weights, adjoint, odd)
-    return _gradient(lines, slopes, weights, adjoint)
+    adjoint = solution.solver.solve(weights, transposed=True, through=solution.readout.T)
+    is_irregular = [_has_irregular_slopes(solution, of_part) for of_part in slopes]
+    if any(is_irregular):
+        return _gradient_with_shapes(solution, slopes, weights, adjoint, is_irregular)
+    return _polynomial_gradient(solution, slopes, weights, adjoint)
 
 
-def _gradient(lines: Solved, slopes: Slopes, weights: Complex, adjoint: Complex) -> Real:
-    """The same of Parts without shapes of s."""
-    powers = _powers(lines.motion, lines.question.laplace)
+def _polynomial_gradient(
+    solution: FrfSolution, slopes: Slopes, weights: Complex, adjoint: Complex
+) -> Real:
+    """Return the gradient by parameters of Parts whose slopes are polynomials in s."""
+    powers = _powers(solution.motion, solution.request.laplace)
     slots = {change.slot for part in slopes for change in part}
-    found = None
+    cotangents = None
     if slots - {"joint"}:
-        found = _sensitivities(lines, slots, weights, adjoint)
-    flat = _flat(adjoint).conj().view(float)
+        cotangents = _slot_cotangents(solution, slots, weights, adjoint)
+    flat = _flatten_lines(adjoint).conj().view(float)
     totals = []
-    for part, own in zip(lines.model.parts, slopes, strict=True):
+    for part, of_part in zip(solution.model.parts, slopes, strict=True):
         total = np.zeros(len(part.parameters))
-        for change in own:
-            if change.slot == "joint" or found is None:
-                projected = -_at_joints(change, flat, powers)
+        for change in of_part:
+            if change.slot == "joint" or cotangents is None:
+                projected = -_project_joints(change, flat, powers)
             else:
-                projected = _projected(lines, change, found)
+                projected = _project(solution, change, cotangents)
             total += change.core.reshape(len(total), projected.size) @ projected.ravel()
         totals.append(total)
     return np.concatenate([*totals, np.zeros(0)])
 
 
-def _is_odd(lines: Solved, slopes: tuple[Change, ...]) -> bool:
-    """Whether sums over powers of s do not hold all of these slopes."""
-    hung = any(term.change.slot == "body" for term in lines.assembly.shaped)
-    return any(change.shape is not None or (hung and change.slot == "path") for change in slopes)
+def _has_irregular_slopes(solution: FrfSolution, slopes: tuple[Change, ...]) -> bool:
+    """Return whether sums over powers of s cannot represent all of these slopes."""
+    has_body_terms = any(
+        term.change.slot == "body" for term in solution.assembly.frequency_dependent
+    )
+    return any(
+        change.shape is not None or (has_body_terms and change.slot == "path") for change in slopes
+    )
 
 
-def _by_shapes(
-    lines: Solved, slopes: Slopes, weights: Complex, adjoint: Complex, odd: list[bool]
+def _gradient_with_shapes(
+    solution: FrfSolution,
+    slopes: Slopes,
+    weights: Complex,
+    adjoint: Complex,
+    is_irregular: list[bool],
 ) -> Real:
-    """The same, shape by shape for some Parts."""
-    plain = [() if one else own for one, own in zip(odd, slopes, strict=True)]
-    total = _gradient(lines, plain, weights, adjoint)
-    places = np.repeat(odd, [len(part.parameters) for part in lines.model.parts])
-    total[places] = Forward(lines, slopes, places).pulled(weights, adjoint)
+    """Return the gradient, with forward sensitivities for Parts with irregular slopes.
+
+    Args:
+        solution: the model linearised at theta.
+        slopes: of every Part.
+        weights: conj(W); (n_out, n_in, n_freq).
+        adjoint: a; (nv, n_in, n_freq).
+        is_irregular: for each Part.
+    """
+    regular = [
+        () if irregular else of_part
+        for irregular, of_part in zip(is_irregular, slopes, strict=True)
+    ]
+    total = _polynomial_gradient(solution, regular, weights, adjoint)
+    parameters = np.repeat(is_irregular, [len(part.parameters) for part in solution.model.parts])
+    total[parameters] = ForwardSensitivities(solution, slopes, parameters).vector_jacobian_product(
+        weights, adjoint
+    )
     return total
 
 
 def _powers(motion: Complex, laplace: Complex) -> Callable[[int], Complex]:
-    """s^p x, flat over inputs and lines, each power made when first asked for."""
+    """Return a function of p for s^p x, flat over inputs and lines, each computed once."""
 
     @cache
     def power(exponent: int) -> Complex:
         if exponent == 0:
-            return _flat(motion)
+            return _flatten_lines(motion)
         lower = power(exponent - 1).reshape(motion.shape)
-        return _flat(lower * laplace)
+        return _flatten_lines(lower * laplace)
 
     return power
 
 
-def _at_joints(change: Change, adjoint: Real, powers: Callable[[int], Complex]) -> Real:
-    """Left' Re sum a (s^p x)' right for the powers of a change; (3, r, t)."""
-    rows, columns = _span(change.left), _span(change.right)
+def _project_joints(change: Change, adjoint: Real, powers: Callable[[int], Complex]) -> Real:
+    """Return left' Re sum a (s^p x)' right for the powers of a change; (3, r, t)."""
+    rows, columns = _row_span(change.left), _row_span(change.right)
     projected = np.zeros(change.core.shape[-3:])
     for power in np.flatnonzero(change.core.any(axis=(0, 2, 3))):
         inner = adjoint[rows] @ powers(int(power))[columns].view(float).T
@@ -107,8 +130,8 @@ def _at_joints(change: Change, adjoint: Real, powers: Callable[[int], Complex]) 
 
 
 @dataclass(frozen=True, eq=False)
-class _Sensitivity:
-    """S of every slot: dJ = <S, change>, for each power of s; absent where no Part acts."""
+class _SlotCotangents:
+    """Cotangent S of every slot with dJ = <S, change>; None where no Part acts."""
 
     body: Real | None
     path: Real | None
@@ -116,87 +139,97 @@ class _Sensitivity:
     hammer: Real | None
 
 
-def _sensitivities(
-    lines: Solved, slots: set[Slot], weights: Complex, adjoint: Complex
-) -> _Sensitivity:
-    sums = _motion_sums(lines, adjoint)
-    driven = _drive_sums(lines, adjoint)
-    jacobian, here = lines.assembly.jacobian, lines.places
-    read = None
+def _slot_cotangents(
+    solution: FrfSolution, slots: set[Slot], weights: Complex, adjoint: Complex
+) -> _SlotCotangents:
+    """Return the cotangents of the slots that Parts change."""
+    sums = _motion_sums(solution, adjoint)
+    drive_sums = _drive_sums(solution, adjoint)
+    jacobian, ports = solution.assembly.jacobian, solution.ports
+    readout_sums = None
     if slots & {"path", "sensor"}:
-        read = _flat(weights).conj().view(float) @ _flat(lines.motion).view(float).T
-    by_jacobian, by_inertia = _by_gravity(lines, sums[0])
+        readout_sums = (
+            _flatten_lines(weights).conj().view(float)
+            @ _flatten_lines(solution.motion).view(float).T
+        )
+    by_jacobian, by_inertia = _gravity_cotangents(solution, sums[0])
     body = sensor = hammer = path = None
     if "body" in slots:
         body = -jacobian @ sums @ jacobian.T
-        body[2] += by_inertia - jacobian @ driven @ here.floor.T
-    if read is not None and "sensor" in slots:
-        sensor = read @ jacobian.T + (weights @ lines.carrying).real @ here.floor.T
+        body[2] += by_inertia - jacobian @ drive_sums @ ports.floor.T
+    if readout_sums is not None and "sensor" in slots:
+        sensor = readout_sums @ jacobian.T + (weights @ solution.floor_factor).real @ ports.floor.T
     if "hammer" in slots:
-        hammer = (jacobian @ driven).T
-    if read is not None and "path" in slots:
-        path = here.readout.T @ read + by_jacobian
-        zb = lines.assembly.body
-        path += (here.force - zb[2] @ here.floor) @ driven.T
+        hammer = (jacobian @ drive_sums).T
+    if readout_sums is not None and "path" in slots:
+        path = ports.readout.T @ readout_sums + by_jacobian
+        zb = solution.assembly.body
+        path += (ports.force - zb[2] @ ports.floor) @ drive_sums.T
         for power in np.flatnonzero(zb.any(axis=(1, 2))):
             path -= zb[power].T @ jacobian @ sums[power] + zb[power] @ jacobian @ sums[power].T
-    return _Sensitivity(body, path, sensor, hammer)
+    return _SlotCotangents(body, path, sensor, hammer)
 
 
-def _motion_sums(lines: Solved, adjoint: Complex) -> Real:
-    """Re sum a (s^p x)' over lines and inputs, p = 0, 1, 2; (3, nv, nv)."""
-    left = _flat(adjoint).conj().view(float)
-    powers = _powers(lines.motion, lines.question.laplace)
+def _motion_sums(solution: FrfSolution, adjoint: Complex) -> Real:
+    """Return Re sum a (s^p x)' over lines and inputs, p = 0, 1, 2; (3, nv, nv)."""
+    left = _flatten_lines(adjoint).conj().view(float)
+    powers = _powers(solution.motion, solution.request.laplace)
     return np.stack([left @ powers(power).view(float).T for power in range(3)])
 
 
-def _drive_sums(lines: Solved, adjoint: Complex) -> Real:
-    """Re sum a s^q over lines; (nv, n_in)."""
-    total: Real = (adjoint @ lines.question.factor).real
+def _drive_sums(solution: FrfSolution, adjoint: Complex) -> Real:
+    """Return Re sum a s^q over lines; (nv, n_in)."""
+    total: Real = (adjoint @ solution.request.factor).real
     return total
 
 
-def _by_gravity(lines: Solved, sums: Real) -> tuple[Real, Real]:
-    assembly, machine = lines.assembly, lines.model.machine
+def _gravity_cotangents(solution: FrfSolution, sums: Real) -> tuple[Real, Real]:
+    """Return the cotangents of T and Mb by the stiffness of gravity."""
+    assembly, machine = solution.assembly, solution.model.machine
     if not assembly.has_weight:
         return np.zeros_like(assembly.jacobian), np.zeros_like(machine.body_mass)
-    by_jacobian, by_heavy = gravity_adjoint(
-        machine.gravity, machine.order, assembly.jacobian, assembly.heavy, -sums
+    by_jacobian, by_weight_bearing = gravity_adjoint(
+        machine.gravity, machine.precedence, assembly.jacobian, assembly.weight_bearing_mass, -sums
     )
-    return by_jacobian, machine.weighed[:, None] * by_heavy
+    return by_jacobian, machine.weight_fraction[:, None] * by_weight_bearing
 
 
-def _projected(lines: Solved, change: Change, found: _Sensitivity) -> Real:
-    """Left' S right for every power of s; (3, r, t)."""
-    if change.slot == "body" and found.body is not None:
-        rows, columns = _support(change.left), _support(change.right)
-        inner = found.body[:, rows[:, None], columns]
+def _project(solution: FrfSolution, change: Change, cotangents: _SlotCotangents) -> Real:
+    """Return left' S right for every power of s; (3, r, t)."""
+    if change.slot == "body" and cotangents.body is not None:
+        rows, columns = _nonzero_rows(change.left), _nonzero_rows(change.right)
+        inner = cotangents.body[:, rows[:, None], columns]
         projected: Real = change.left[rows].T @ inner @ change.right[columns]
         return projected
     constant = np.zeros(change.core.shape[-3:])
     if change.slot == "path":
-        sensitivity = found.path
+        cotangent = cotangents.path
     else:
         is_sensor = change.slot == "sensor"
-        asked = lines.question.outputs if is_sensor else lines.question.inputs
-        whole = found.sensor if is_sensor else found.hammer
-        sensitivity = None if whole is None else selection(asked, change.point).T @ whole
-    if sensitivity is not None:
-        constant[0] = change.left.T @ sensitivity @ change.right
+        labels = solution.request.outputs if is_sensor else solution.request.inputs
+        of_directions = cotangents.sensor if is_sensor else cotangents.hammer
+        cotangent = (
+            None
+            if of_directions is None
+            else direction_selection(labels, change.point).T @ of_directions
+        )
+    if cotangent is not None:
+        constant[0] = change.left.T @ cotangent @ change.right
     return constant
 
 
-def _support(frame: Real) -> np.ndarray:
+def _nonzero_rows(frame: Real) -> np.ndarray:
+    """Return the numbers of rows that are not zero."""
     return np.flatnonzero(frame.any(axis=1))
 
 
-def _span(frame: Real) -> slice:
-    """From the first to the last row that is not zero: a slice copies nothing."""
-    rows = _support(frame)
+def _row_span(frame: Real) -> slice:
+    """Return a slice from the first to the last row that is not zero: it copies nothing."""
+    rows = _nonzero_rows(frame)
     return slice(int(rows[0]), int(rows[-1]) + 1) if rows.size else slice(0)
 
 
-def _flat(array: Complex) -> Complex:
-    """(n, m, n_freq) as (n, m n_freq), contiguous."""
+def _flatten_lines(array: Complex) -> Complex:
+    """Return (n, m, n_freq) as (n, m n_freq), contiguous."""
     flat: Complex = np.ascontiguousarray(array).reshape(len(array), -1)
     return flat

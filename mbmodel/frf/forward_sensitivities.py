@@ -1,12 +1,13 @@
-r"""Derivatives of every FRF by every parameter, on any run of lines.
+"""Forward sensitivities: derivatives of every FRF by every parameter, on any run of lines.
 
-Whatever a parameter changes pushes the joints, moves the bodies, or is read off:
+A change of the equation acts as a pseudo-force on the joints, as a motion of the bodies, or on the
+readout (direct differentiation):
 
-    dH_p = y' g_p + L d_p + c_p,    y = Z^-T T' L' the readers of the outputs,
+    dH_p = y' g_p + L d_p + c_p,    y = Z^-T T' L' the adjoint solutions of the outputs.
 
-each a sum of s^k f(s) K_p v: a real matrix of the slope left core_pk right' times what it feels.
-With x the motion of the joints, b = T x that of the bodies relative to the floor, a = b + U s^(q-2)
-their absolute one, e the inputs' unit forces s^q:
+Each term is a sum of s^k f(s) K_p v, with a real matrix K_p of the slope left core_pk right' and a
+source v. With x the motion of the joints, b = T x that of the bodies relative to the floor,
+a = b + U s^(q-2) their absolute motion, e the inputs' unit forces s^q:
 
     joint    g = -left core right' x
     body     g = -T' left core right' b,  of a for masses
@@ -14,7 +15,7 @@ their absolute one, e the inputs' unit forces s^q:
     hammer   g = T' right core' left' (directions of the inputs) e
     sensor   c = (directions of the outputs) left core right' a
 
-The matrices of all parameters with the same k, f and v stand side by side, so that one real product
+The matrices of all parameters with one k, f and v stand side by side, so that one real product
 gives all their g. Gravity's stiffness adds -dK x to g where bodies or joints change.
 """
 
@@ -27,117 +28,119 @@ import numpy as np
 
 from identification.words import Complex, Integers, Mask, Real
 from mbmodel.frf.modal_form import real_times
-from mbmodel.frf.ports import selection
-from mbmodel.frf.solution import Solved
+from mbmodel.frf.ports import direction_selection
+from mbmodel.frf.solution import FrfSolution
 from mbmodel.linearisation.gravity import gravity_slope
-from mbmodel.model import shaped_core
+from mbmodel.model import frequency_dependent_core
 from mbmodel.parts import Change
 
 Slopes = Sequence[tuple[Change, ...]]
-_Goal = Literal["push", "move", "read"]
-_Felt = Literal["joints", "relative", "absolute", "pressed", "inputs"]
+_Target = Literal["force", "motion", "readout"]
+_Source = Literal["joints", "relative", "absolute", "body_loads", "inputs"]
 _Shape = Callable[[Complex], Complex] | None
-_Key = tuple[_Goal, _Felt, int, _Shape]  # with the power of s
+_Key = tuple[_Target, _Source, int, _Shape]  # the integer is the power of s
 
-_MASS = 2  # the power of s of masses
+_INERTIA_POWER = 2  # of s in the inertia forces: masses feel absolute motion, springs relative
 
 
 @dataclass(frozen=True, eq=False)
-class Share:
-    """What some parameters bring, real and imaginary parts one after the other.
+class SensitivityTerm:
+    """A term in the derivatives of some parameters, real and imaginary parts one after the other.
 
     Args:
-        places: numbers of the parameters among the chosen.
-        values: (n_line, n_in, 2, n, n_own).
+        indices: numbers of the parameters among the chosen.
+        values: (n_line, n_in, 2, n, n_parameter of the term).
     """
 
-    places: Integers | slice
+    indices: Integers | slice
     values: Real
 
 
 @dataclass(frozen=True, eq=False)
-class _Group:
-    """K of parameters that stand side by side.
+class _ParameterGroup:
+    """Matrices K of parameters that stand side by side.
 
     Args:
-        places: numbers of the parameters among the chosen.
-        count: how many.
+        indices: numbers of the parameters among the chosen.
+        count: number of parameters.
         matrix: K; (m, n count).
     """
 
-    places: Integers | slice
+    indices: Integers | slice
     count: int
     matrix: Real
 
 
-class Forward:
+class ForwardSensitivities:
     """Derivatives of the FRFs of one linearised model.
 
     Args:
-        lines: the model linearised at theta.
+        solution: the model linearised at theta.
         slopes: of every Part that has parameters among the chosen.
-        chosen: parameters asked for; (n_parameter,).
-        rates: by which each derivative is multiplied; one if None; (n_parameter,).
+        chosen: parameters of interest; (n_parameter,).
+        rates: factor of each derivative; one if None; (n_parameter,).
     """
 
     def __init__(
-        self, lines: Solved, slopes: Slopes, chosen: Mask, rates: Real | None = None
+        self, solution: FrfSolution, slopes: Slopes, chosen: Mask, rates: Real | None = None
     ) -> None:
-        self.lines = lines
+        self.solution = solution
         self.count = int(chosen.sum())
-        self._chosen = lines.model.pieces(chosen)
+        self._chosen = solution.model.split_parameters(chosen)
         self._rates = np.ones(self.count) if rates is None else rates[chosen]
         self._slopes = slopes
 
     @property
-    def reads(self) -> bool:
-        """Whether some parameter changes how outputs read, and not only how bodies move."""
-        return any(goal == "read" for goal, *_ in self._groups)
+    def has_readout_terms(self) -> bool:
+        """Whether some parameter changes the readout of outputs, and not only the motion."""
+        return any(target == "readout" for target, *_ in self._groups)
 
     def prepare(self) -> None:
-        """Compute what all lines share, so that runs of lines can be asked for by threads."""
-        _ = self._readers, self._absolute, self._pressed, self._groups
+        """Compute what all lines share, so that threads can request runs of lines."""
+        _ = self._output_adjoints, self._absolute, self._body_loads, self._groups
 
-    def readers(self, span: slice) -> Real:
-        """Real and imaginary parts of y'; (n_line, n_out, 2, nv)."""
-        chosen = self._readers[..., span]
-        found = np.empty((chosen.shape[2], chosen.shape[1], 2, chosen.shape[0]))
-        found[:, :, 0] = chosen.real.transpose(2, 1, 0)
-        found[:, :, 1] = chosen.imag.transpose(2, 1, 0)
-        return found
+    def output_adjoints(self, span: slice) -> Real:
+        """Return real and imaginary parts of y'; (n_line, n_out, 2, nv)."""
+        adjoints = self._output_adjoints[..., span]
+        parts = np.empty((adjoints.shape[2], adjoints.shape[1], 2, adjoints.shape[0]))
+        parts[:, :, 0] = adjoints.real.transpose(2, 1, 0)
+        parts[:, :, 1] = adjoints.imag.transpose(2, 1, 0)
+        return parts
 
-    def pushes(self, span: slice) -> Real:
-        """G of all chosen parameters; (n_line, n_in, 2, nv, n_chosen)."""
-        n_in = self.lines.values.shape[2]
-        n_line = len(self.lines.question.laplace[span])
-        total = np.zeros((n_line, n_in, 2, len(self.lines.motion), self.count))
-        for share in self._shares("push", span):
-            total[..., share.places] += share.values
+    def pseudo_forces(self, span: slice) -> Real:
+        """Return the pseudo-forces g of all chosen parameters; (n_line, n_in, 2, nv, n_chosen)."""
+        n_in = self.solution.values.shape[2]
+        n_line = len(self.solution.request.laplace[span])
+        total = np.zeros((n_line, n_in, 2, len(self.solution.motion), self.count))
+        for term in self._sensitivity_terms("force", span):
+            total[..., term.indices] += term.values
         return total
 
-    def moves(self, span: slice) -> Iterator[Share]:
-        """D of the parameters that move joints, n = 6 n_body; shares of one parameter add up."""
-        return self._shares("move", span)
+    def kinematic_terms(self, span: slice) -> Iterator[SensitivityTerm]:
+        """Yield d of the parameters that move joints, n = 6 n_body; terms add up."""
+        return self._sensitivity_terms("motion", span)
 
-    def read_off(self, span: slice) -> Iterator[Share]:
-        """C of the parameters of sensors, n = n_out; shares of one parameter add up."""
-        return self._shares("read", span)
+    def readout_terms(self, span: slice) -> Iterator[SensitivityTerm]:
+        """Yield c of the parameters of sensors, n = n_out; terms add up."""
+        return self._sensitivity_terms("readout", span)
 
     def columns(self, span: slice = slice(None)) -> Complex:
-        """Derivatives by the chosen parameters; (n_line, n_out, n_in, n_chosen)."""
-        pushes = self.pushes(span)
-        whole = pushes[:, :, 0] + 1j * pushes[:, :, 1]
-        readers = self.readers(span)
-        total = (readers[:, :, 0] + 1j * readers[:, :, 1])[:, None] @ whole
-        for share in self.moves(span):
-            moved = self.lines.places.readout @ share.values
-            total[..., share.places] += moved[:, :, 0] + 1j * moved[:, :, 1]
-        for share in self.read_off(span):
-            total[..., share.places] += share.values[:, :, 0] + 1j * share.values[:, :, 1]
+        """Return derivatives by the chosen parameters; (n_line, n_out, n_in, n_chosen)."""
+        forces = self.pseudo_forces(span)
+        complex_forces = forces[:, :, 0] + 1j * forces[:, :, 1]
+        adjoints = self.output_adjoints(span)
+        total = (adjoints[:, :, 0] + 1j * adjoints[:, :, 1])[:, None] @ complex_forces
+        for term in self.kinematic_terms(span):
+            motion = self.solution.ports.readout @ term.values
+            total[..., term.indices] += motion[:, :, 0] + 1j * motion[:, :, 1]
+        for term in self.readout_terms(span):
+            total[..., term.indices] += term.values[:, :, 0] + 1j * term.values[:, :, 1]
         return np.asarray(total.swapaxes(1, 2), complex)
 
-    def pulled(self, weights: Complex, adjoint: Complex) -> Real:
-        """Re sum W H' over lines and inputs, without any column: a matrix for all that act alike.
+    def vector_jacobian_product(self, weights: Complex, adjoint: Complex) -> Real:
+        """Return Re sum W H' over lines and inputs without forming any column.
+
+        Parameters with one source and one target take one matrix product together.
 
         Args:
             weights: W, conjugate; (n_out, n_in, n_freq).
@@ -146,206 +149,226 @@ class Forward:
         Returns:
             (n_chosen,).
         """
-        goals = {"push": adjoint, "read": weights}
-        if any(goal == "move" for goal, *_ in self._groups):
-            goals["move"] = real_times(self.lines.places.readout.T, weights)
-        flat = {goal: _flat(values.conj()) for goal, values in goals.items()}
+        targets = {"force": adjoint, "readout": weights}
+        if any(target == "motion" for target, *_ in self._groups):
+            targets["motion"] = real_times(self.solution.ports.readout.T, weights)
+        flat = {target: _flatten(values.conj()) for target, values in targets.items()}
         total = np.zeros(self.count)
-        for (goal, what, power, shape), group in self._groups.items():
-            felt = self._shaken(what, power, shape, slice(None))
-            both = _flat(felt) @ flat[goal].T
-            total[group.places] += both.ravel() @ group.matrix.reshape(-1, group.count)
+        for (target, source, power, shape), group in self._groups.items():
+            values_of_source = self._scaled_source(source, power, shape, slice(None))
+            product = _flatten(values_of_source) @ flat[target].T
+            total[group.indices] += product.ravel() @ group.matrix.reshape(-1, group.count)
         return total
 
-    def rows(self, part: int) -> tuple[Integers, Complex]:
-        """Which outputs a sensor's Part touches, and the derivatives of these alone.
+    def sensor_rows(self, part: int) -> tuple[Integers, Complex]:
+        """Return the outputs that a sensor's Part changes, and the derivatives of these alone.
+
+        Args:
+            part: number of the Part.
 
         Returns:
-            Numbers of the outputs (n_row,), and (n_freq, n_row, n_in, n_own).
+            Numbers of the outputs (n_row,), and (n_freq, n_row, n_in, n_parameter of the Part).
         """
         (change,), mask = self._slopes[part], self._chosen[part]
-        directions = selection(self.lines.question.outputs, change.point)
-        places = np.flatnonzero(directions.any(axis=1))
-        left = directions[places] @ change.left @ change.core[mask, 0]
-        rows = np.flatnonzero(change.right.any(axis=1))
-        felt = real_times(change.right[rows].T, self._absolute[rows])
-        return places, np.einsum("prt,tif->frip", left, felt, optimize=True)
+        directions = direction_selection(self.solution.request.outputs, change.point)
+        outputs = np.flatnonzero(directions.any(axis=1))
+        left = directions[outputs] @ change.left @ change.core[mask, 0]
+        body_rows = np.flatnonzero(change.right.any(axis=1))
+        motion = real_times(change.right[body_rows].T, self._absolute[body_rows])
+        return outputs, np.einsum("prt,tif->frip", left, motion, optimize=True)
 
     @cached_property
-    def _readers(self) -> Complex:
-        """The y of every output; (nv, n_out, n_freq)."""
-        return self.lines.solver.solve(self.lines.readout.T[:, :, None], transposed=True)
+    def _output_adjoints(self) -> Complex:
+        """Adjoint solutions y of every output; (nv, n_out, n_freq)."""
+        return self.solution.solver.solve(self.solution.readout.T[:, :, None], transposed=True)
 
     @cached_property
     def _relative(self) -> Complex:
-        """T x, what springs between bodies feel; (6 n_body, n_in, n_freq)."""
-        return real_times(self.lines.assembly.jacobian, self.lines.motion)
+        """Motion b = T x relative to the floor, which springs feel; (6 n_body, n_in, n_freq)."""
+        return real_times(self.solution.assembly.jacobian, self.solution.motion)
 
     @cached_property
     def _absolute(self) -> Complex:
-        """T x + U s^(q - 2), what masses and sensors feel; (6 n_body, n_in, n_freq)."""
-        lines = self.lines
-        if not lines.places.has_floor:
+        """Motion a = T x + U s^(q - 2), which masses and sensors feel; (6 n_body, n_in, n_freq)."""
+        solution = self.solution
+        if not solution.ports.has_floor:
             return self._relative
-        return self._relative + lines.places.floor[:, :, None] * lines.carrying
+        return self._relative + solution.ports.floor[:, :, None] * solution.floor_factor
 
     @cached_property
-    def _pressed(self) -> Complex:
-        """P s^q - Zb (..), what the joints carry of each body; (6 n_body, n_in, n_freq)."""
-        lines = self.lines
-        total: Complex = lines.places.force[:, :, None] * lines.question.factor
-        for power in np.flatnonzero(lines.assembly.body.any(axis=(1, 2))):
-            felt = self._absolute if power == _MASS else self._relative
-            total -= real_times(lines.assembly.body[power], felt) * lines.question.laplace**power
-        for change in self._shaped_bodies:
-            moved = real_times(change.right.T, self._relative).transpose(2, 0, 1)
-            pressed = shaped_core(change, lines.question.laplace) @ moved
-            total -= real_times(change.left, pressed.transpose(1, 2, 0))
+    def _body_loads(self) -> Complex:
+        """Forces P s^q - Zb (...) of each body on its joint; (6 n_body, n_in, n_freq)."""
+        solution = self.solution
+        total: Complex = solution.ports.force[:, :, None] * solution.request.factor
+        for power in np.flatnonzero(solution.assembly.body.any(axis=(1, 2))):
+            motion = self._absolute if power == _INERTIA_POWER else self._relative
+            total -= (
+                real_times(solution.assembly.body[power], motion) * solution.request.laplace**power
+            )
+        for change in self._frequency_dependent_bodies:
+            elongation = real_times(change.right.T, self._relative).transpose(2, 0, 1)
+            forces = frequency_dependent_core(change, solution.request.laplace) @ elongation
+            total -= real_times(change.left, forces.transpose(1, 2, 0))
         return total
 
     @cached_property
-    def _shaped_bodies(self) -> list[Change]:
-        """What depends on frequency in its own way at bodies."""
-        shaped = self.lines.assembly.shaped
-        return [term.change for term in shaped if term.change.slot == "body"]
+    def _frequency_dependent_bodies(self) -> list[Change]:
+        """Changes of bodies that are no polynomials in s."""
+        terms = self.solution.assembly.frequency_dependent
+        return [term.change for term in terms if term.change.slot == "body"]
 
-    def _felt(self, what: _Felt, span: slice) -> Complex:
-        """What is felt; (m, n_in, n_line)."""
-        if what == "joints":
-            return self.lines.motion[..., span]
-        if what == "inputs":
-            n_in = self.lines.values.shape[2]
-            return np.eye(n_in)[:, :, None] * self.lines.question.factor[span]
-        known = {
+    def _source_values(self, source: _Source, span: slice) -> Complex:
+        """Return the source v; (m, n_in, n_line)."""
+        if source == "joints":
+            return self.solution.motion[..., span]
+        if source == "inputs":
+            n_in = self.solution.values.shape[2]
+            return np.eye(n_in)[:, :, None] * self.solution.request.factor[span]
+        motions = {
             "relative": self._relative,
             "absolute": self._absolute,
-            "pressed": self._pressed,
+            "body_loads": self._body_loads,
         }
-        return known[what][..., span]
+        return motions[source][..., span]
 
-    def _shaken(self, what: _Felt, power: int, shape: _Shape, span: slice) -> Complex:
-        """What is felt, times s^power and a shape of s; (m, n_in, n_line)."""
-        felt, laplace = self._felt(what, span), self.lines.question.laplace[span]
+    def _scaled_source(self, source: _Source, power: int, shape: _Shape, span: slice) -> Complex:
+        """Return the source times s^power and a shape f(s); (m, n_in, n_line)."""
+        values, laplace = self._source_values(source, span), self.solution.request.laplace[span]
         if power or shape is not None:
             factor = laplace**power
-            felt = felt * (factor if shape is None else factor * shape(laplace))
-        return felt
+            values = values * (factor if shape is None else factor * shape(laplace))
+        return values
 
-    def _shares(self, goal: _Goal, span: slice) -> Iterator[Share]:
-        """What reaches a goal, one product for all that feel the same in the same way."""
-        for (own, what, power, shape), group in self._groups.items():
-            if own != goal:
+    def _sensitivity_terms(self, target: _Target, span: slice) -> Iterator[SensitivityTerm]:
+        """Yield the terms of one target, one product for all parameters of a group."""
+        for (group_target, source, power, shape), group in self._groups.items():
+            if group_target != target:
                 continue
-            felt = self._shaken(what, power, shape, span)
-            m, n_in, n_line = felt.shape
+            source_values = self._scaled_source(source, power, shape, span)
+            m, n_in, n_line = source_values.shape
             flat = np.empty((n_line, n_in, 2, m))
-            flat[:, :, 0] = felt.real.transpose(2, 1, 0)
-            flat[:, :, 1] = felt.imag.transpose(2, 1, 0)
+            flat[:, :, 0] = source_values.real.transpose(2, 1, 0)
+            flat[:, :, 1] = source_values.imag.transpose(2, 1, 0)
             values = flat.reshape(-1, m) @ group.matrix
-            yield Share(group.places, values.reshape(n_line, n_in, 2, -1, group.count))
+            yield SensitivityTerm(group.indices, values.reshape(n_line, n_in, 2, -1, group.count))
 
     @cached_property
-    def _groups(self) -> dict[_Key, _Group]:
-        """Parameters that push, move or read alike."""
-        found: dict[_Key, list[tuple[Integers, Real]]] = {}
+    def _groups(self) -> dict[_Key, _ParameterGroup]:
+        """Parameters grouped by target, source, power of s and shape."""
+        terms: dict[_Key, list[tuple[Integers, Real]]] = {}
         start = 0
         for mask, changes in zip(self._chosen, self._slopes, strict=True):
-            own = np.arange(start, start + int(mask.sum()))
-            start += len(own)
-            for change in changes if len(own) else ():
-                core = change.core[mask] * self._rates[own][:, None, None, None]
-                for key, matrices in self._terms(change, core):
-                    acts = matrices.any(axis=(1, 2))
-                    if acts.any():
-                        found.setdefault(key, []).append((own[acts], matrices[acts]))
-        return {key: _side_by_side(terms) for key, terms in found.items()}
+            indices = np.arange(start, start + int(mask.sum()))
+            start += len(indices)
+            for change in changes if len(indices) else ():
+                core = change.core[mask] * self._rates[indices][:, None, None, None]
+                for key, matrices in self._term_matrices(change, core):
+                    active = matrices.any(axis=(1, 2))
+                    if active.any():
+                        terms.setdefault(key, []).append((indices[active], matrices[active]))
+        return {key: _stack_parameters(of_key) for key, of_key in terms.items()}
 
-    def _terms(self, change: Change, core: Real) -> Iterator[tuple[_Key, Real]]:
-        """K (n_own, n, m) of one slope."""
-        lines, shape = self.lines, change.shape
-        left, right, turned = change.left, change.right.T, lines.assembly.jacobian.T
+    def _term_matrices(self, change: Change, core: Real) -> Iterator[tuple[_Key, Real]]:
+        """Yield the matrices K of one slope with their keys; (n_parameter, n, m)."""
+        solution, shape = self.solution, change.shape
+        left, right, to_joints = change.left, change.right.T, solution.assembly.jacobian.T
         for power in map(int, np.flatnonzero(core.any(axis=(0, 2, 3)))):
-            own, flipped = core[:, power], core[:, power].swapaxes(1, 2)
+            slope, slope_transposed = core[:, power], core[:, power].swapaxes(1, 2)
             if change.slot == "joint":
-                yield ("push", "joints", power, shape), -left @ own @ right
+                yield ("force", "joints", power, shape), -left @ slope @ right
             elif change.slot == "body":
-                felt: _Felt = "absolute" if power == _MASS else "relative"
-                yield ("push", felt, power, shape), (-turned @ left) @ own @ right
+                source: _Source = "absolute" if power == _INERTIA_POWER else "relative"
+                yield ("force", source, power, shape), (-to_joints @ left) @ slope @ right
             elif change.slot == "path":
-                moved = left @ own @ right
-                yield ("move", "joints", power, shape), moved
-                yield from self._carried(moved, power, shape)
-                yield ("push", "pressed", power, shape), change.right @ flipped @ left.T
+                motion = left @ slope @ right
+                yield ("motion", "joints", power, shape), motion
+                yield from self._inertia_terms(motion, power, shape)
+                yield (
+                    ("force", "body_loads", power, shape),
+                    change.right @ slope_transposed @ left.T,
+                )
             elif change.slot == "hammer":
-                directions = selection(lines.question.inputs, change.point) @ left
-                pushed = (turned @ change.right) @ flipped @ directions.T
-                yield ("push", "inputs", power, shape), pushed
+                directions = direction_selection(solution.request.inputs, change.point) @ left
+                force = (to_joints @ change.right) @ slope_transposed @ directions.T
+                yield ("force", "inputs", power, shape), force
             else:
-                read = selection(lines.question.outputs, change.point) @ left
-                yield ("read", "absolute", power, shape), read @ own @ right
+                readout = direction_selection(solution.request.outputs, change.point) @ left
+                yield ("readout", "absolute", power, shape), readout @ slope @ right
         if change.slot in ("body", "path"):
-            yield from self._weight(change, core)
+            yield from self._gravity_terms(change, core)
 
-    def _carried(self, moved: Real, power: int, shape: _Shape) -> Iterator[tuple[_Key, Real]]:
-        """- T' Zb d of joints that move, d (n_own, 6 n_body, nv)."""
-        assembly = self.lines.assembly
-        turned = assembly.jacobian.T
-        for more in map(int, np.flatnonzero(assembly.body.any(axis=(1, 2)))):
-            pressed = turned @ assembly.body[more]
-            yield ("push", "joints", power + more, shape), -pressed @ moved
-        for change in self._shaped_bodies:
-            both = _product(shape, change.shape)
-            for more in map(int, np.flatnonzero(change.core.any(axis=(1, 2)))):
-                pressed = turned @ change.left @ change.core[more] @ change.right.T
-                yield ("push", "joints", power + more, both), -pressed @ moved
+    def _inertia_terms(
+        self, motion: Real, power: int, shape: _Shape
+    ) -> Iterator[tuple[_Key, Real]]:
+        """Yield the pseudo-forces -T' Zb d of joints that move.
 
-    def _weight(self, change: Change, core: Real) -> Iterator[tuple[_Key, Real]]:
-        """- dK x of gravity."""
-        assembly, machine = self.lines.assembly, self.lines.model.machine
-        power = _MASS if change.slot == "body" else 0
+        Args:
+            motion: d; (n_parameter, 6 n_body, nv).
+            power: of s, of the motion.
+            shape: f(s) of the motion.
+        """
+        assembly = self.solution.assembly
+        to_joints = assembly.jacobian.T
+        for inertia_power in map(int, np.flatnonzero(assembly.body.any(axis=(1, 2)))):
+            load = to_joints @ assembly.body[inertia_power]
+            yield ("force", "joints", power + inertia_power, shape), -load @ motion
+        for change in self._frequency_dependent_bodies:
+            product = _shape_product(shape, change.shape)
+            for inertia_power in map(int, np.flatnonzero(change.core.any(axis=(1, 2)))):
+                load = to_joints @ change.left @ change.core[inertia_power] @ change.right.T
+                yield ("force", "joints", power + inertia_power, product), -load @ motion
+
+    def _gravity_terms(self, change: Change, core: Real) -> Iterator[tuple[_Key, Real]]:
+        """Yield the pseudo-forces -dK x of gravity."""
+        assembly, machine = self.solution.assembly, self.solution.model.machine
+        power = _INERTIA_POWER if change.slot == "body" else 0
         if not assembly.has_weight or not core[:, power].any():
             return
         slopes = np.zeros((len(core), *assembly.matrices.mass.shape))
-        for slope, own in zip(slopes, core[:, power], strict=True):
-            whole = change.left @ own @ change.right.T
-            given = {"jacobian_change": whole}
+        for slope, core_slope in zip(slopes, core[:, power], strict=True):
+            body_slope = change.left @ core_slope @ change.right.T
+            varied = {"jacobian_change": body_slope}
             if change.slot == "body":
-                given = {"inertia_change": machine.weighed[:, None] * whole}
+                varied = {"inertia_change": machine.weight_fraction[:, None] * body_slope}
             slope[:] = gravity_slope(
-                machine.gravity, machine.order, assembly.jacobian, assembly.heavy, **given
+                machine.gravity,
+                machine.precedence,
+                assembly.jacobian,
+                assembly.weight_bearing_mass,
+                **varied,
             )
-        yield ("push", "joints", 0, change.shape), -slopes
+        yield ("force", "joints", 0, change.shape), -slopes
 
 
-def _side_by_side(terms: Sequence[tuple[Integers, Real]]) -> _Group:
-    """What several Parts bring, summed where a parameter brings it twice."""
-    places = np.concatenate([own for own, _ in terms])
-    matrices = np.concatenate([own for _, own in terms])
-    numbers, inverse = np.unique(places, return_inverse=True)
-    if len(numbers) < len(places):
+def _stack_parameters(terms: Sequence[tuple[Integers, Real]]) -> _ParameterGroup:
+    """Return matrices of several Parts side by side, summed if a parameter occurs twice."""
+    indices = np.concatenate([of_part for of_part, _ in terms])
+    matrices = np.concatenate([of_part for _, of_part in terms])
+    numbers, inverse = np.unique(indices, return_inverse=True)
+    if len(numbers) < len(indices):
         summed = np.zeros((len(numbers), *matrices.shape[1:]))
         np.add.at(summed, inverse, matrices)
-        places, matrices = numbers, summed
+        indices, matrices = numbers, summed
     flat = np.ascontiguousarray(matrices.transpose(2, 1, 0))
-    return _Group(_run(places), len(places), flat.reshape(len(flat), -1))
+    return _ParameterGroup(_as_slice(indices), len(indices), flat.reshape(len(flat), -1))
 
 
-def _flat(values: Complex) -> Real:
-    """(m, n_in, n_freq) as real numbers in m rows."""
+def _flatten(values: Complex) -> Real:
+    """Return (m, n_in, n_freq) complex numbers as real numbers in m rows."""
     return np.ascontiguousarray(values).reshape(len(values), -1).view(float)
 
 
-def _product(one: _Shape, other: _Shape) -> _Shape:
-    """Of two shapes, either of which may be none."""
-    if one is None or other is None:
-        return other if one is None else one
-    return lambda laplace: one(laplace) * other(laplace)
+def _shape_product(first: _Shape, second: _Shape) -> _Shape:
+    """Return the product of two shapes, each of which may be None."""
+    if first is None or second is None:
+        return second if first is None else first
+    return lambda laplace: first(laplace) * second(laplace)
 
 
-def _run(places: Integers) -> Integers | slice:
-    """A slice for places that follow each other in even steps: adding to them is quicker."""
-    steps = np.unique(np.diff(places))
-    if len(steps) > 1 or (len(steps) and steps[0] < 1) or not len(places):
-        return places
+def _as_slice(indices: Integers) -> Integers | slice:
+    """Return evenly spaced indices as a slice, which is quicker to add to."""
+    steps = np.unique(np.diff(indices))
+    if len(steps) > 1 or (len(steps) and steps[0] < 1) or not len(indices):
+        return indices
     step = int(steps[0]) if len(steps) else 1
-    return slice(int(places[0]), int(places[-1]) + 1, step)
+    return slice(int(indices[0]), int(indices[-1]) + 1, step)

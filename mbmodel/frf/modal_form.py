@@ -1,19 +1,19 @@
-r"""The scaled complex modal form of M q'' + C q' + K q = f: one eigenproblem serves all lines.
+"""The scaled complex modal form of M q'' + C q' + K q = f: one eigenproblem serves all lines.
 
-With the real modes of (M, K), M-orthonormal, Phi' K Phi = diag(k), w = sqrt|k|, and the state
-(w z, z') the equation reads
+With the real modes of (M, K), M-orthonormal, ``Phi' K Phi = diag(k)``, w = sqrt|k|, and the state
+(w z, z'), the equation reads
 
     d/dt [w z; z'] = A [w z; z'] + [0; Phi' f],   A = [[0, w], [-sign(k) w, -Phi' C Phi]]
 
-which is skew-symmetric but for the damping, so that its eigenvectors V are well conditioned. With
-V^-1 = W, the upper and lower half of V and the right half of W,
+A is skew-symmetric but for the damping, so its eigenvectors V are well conditioned. With
+V^-1 = W, the upper and lower half V1, V2 of V and the right half W2 of W,
 
     Z(s)^-1 = Phi w^-1 V1 (s - Lambda)^-1 W2 Phi' = (1/s) Phi V2 (s - Lambda)^-1 W2 Phi'.
 
-The first is exact down to 0 Hz; the second serves machines with rigid-body modes (w = 0), which in
-velocities are no double pole.
+The first form is exact down to 0 Hz; the second serves machines with rigid-body modes (w = 0),
+which are no double poles in velocities.
 
-A pole a + ib and its conjugate share real arithmetic: with d = (s - a)^2 + b^2,
+A pole a + ib and its conjugate are summed in real arithmetic. With d = (s - a)^2 + b^2,
 P = 2 (s - a) / d, N = -2 b / d, and v w the column and row of the pole,
 v w / (s - lambda) + conj. = Re(v w) P + Im(v w) N (Ewins 2000, ch. 2.8, for the modal series).
 """
@@ -28,8 +28,9 @@ from numpy.typing import NDArray
 from identification.words import Complex, Real
 from mbmodel.model import Matrices
 
-_SYMMETRY = 1e-9
-_RIGID = 1e-5  # lowest over highest natural frequency below which a machine counts as free
+_MAX_STIFFNESS_ASYMMETRY = 1e-9  # of the diagonal entries: larger is no rounding
+# Lowest over highest natural frequency; below it a machine counts as free.
+_MIN_FREQUENCY_RATIO = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +40,9 @@ class ModalForm:
     Args:
         poles: lambda [rad/s]; (h,).
         columns: Phi w^-1 V1 or Phi V2, real then imaginary parts, real poles halved; (nv, 2 h).
-        rows: W2 Phi' likewise; (2 h, nv).
+        rows: W2 Phi', real then imaginary parts; (2 h, nv).
         in_velocity: whether the columns are velocities, Phi V2.
-        condition: largest condition number of an eigenvalue, |w| |v| with w v = 1.
+        condition: largest condition number of an eigenvalue, ``|w| |v|`` with w v = 1.
     """
 
     poles: Complex
@@ -52,11 +53,17 @@ class ModalForm:
 
     @property
     def transposed(self) -> "ModalForm":
-        """The form of Z', whose columns are the rows of Z."""
+        """The form of the transpose Z', whose columns are the rows of Z."""
         return replace(self, columns=self.rows.T, rows=self.columns.T)
 
     def kernels(self, laplace: Complex) -> tuple[Complex, Complex]:
-        """P and N at each s, divided by s for velocities and then zero at s = 0; (h, n_freq)."""
+        """Return P and N at each s; (h, n_freq) each.
+
+        For a form in velocities they are divided by s, and zero at s = 0.
+
+        Args:
+            laplace: s [rad/s]; (n_freq,).
+        """
         shifted = laplace - self.poles.real[:, None]
         divisor = shifted**2 + self.poles.imag[:, None] ** 2
         moving = laplace != 0
@@ -73,13 +80,13 @@ class ModalForm:
         kernels: tuple[Complex, Complex],
         through: Real | None = None,
     ) -> Complex:
-        """Z(s)^-1 f at every line; zero at s = 0 if the form is in velocities.
+        """Return Z(s)^-1 f at every line; zero at s = 0 if the form is in velocities.
 
         Args:
-            force: generalised forces; (nv, m, 1) real for the same at all lines, or
-                (nv, m, n_freq) complex.
+            force: generalised forces; (nv, m, 1) real if constant over lines, or (nv, m, n_freq)
+                complex.
             kernels: from ``kernels``.
-            through: if given, the generalised forces are this times ``force``; (nv, n).
+            through: if given, the generalised forces are this matrix times ``force``; (nv, n).
 
         Returns:
             Generalised displacements; (nv, m, n_freq).
@@ -88,29 +95,35 @@ class ModalForm:
         rows = self.rows if through is None else self.rows @ through
         drive = real_times(rows, force)
         if not np.iscomplexobj(drive):
-            return self._from_residues(drive[..., 0].real, kernels)
+            return self._constant_force_receptance(drive[..., 0].real, kernels)
         even, odd = (kernel[:, None, :] for kernel in kernels)
         real, imag = drive[:half], drive[half:]
         state = np.empty(drive.shape, complex)
         scratch = np.empty(real.shape, complex)
-        for target, one, other, combine in (
+        for target, first, second, combine in (
             (state[:half], real, imag, np.add),
             (state[half:], imag, real, np.subtract),
         ):
             # real P + imag N, and real N - imag P with its sign moved to the columns
-            np.multiply(one, even, out=target)
-            np.multiply(other, odd, out=scratch)
+            np.multiply(first, even, out=target)
+            np.multiply(second, odd, out=scratch)
             combine(target, scratch, out=target)
         columns = np.hstack([self.columns[:, :half], -self.columns[:, half:]])
         return real_times(columns, state)
 
-    def _from_residues(self, drive: Real, kernels: tuple[Complex, Complex]) -> Complex:
-        """The same for a force that all lines share: residues (nv, m, 2 h) times the kernels."""
+    def _constant_force_receptance(self, drive: Real, kernels: tuple[Complex, Complex]) -> Complex:
+        """Return Z(s)^-1 f of a force that is constant over lines: residues times the kernels.
+
+        Args:
+            drive: rows times the force; (2 h, m).
+            kernels: P and N.
+        """
         half = len(self.poles)
-        column, other = self.columns[:, None, :half], self.columns[:, None, half:]
+        real_column, imag_column = self.columns[:, None, :half], self.columns[:, None, half:]
         real, imag = drive[:half].T, drive[half:].T
         residues = np.concatenate(
-            [column * real - other * imag, column * imag + other * real], axis=2
+            [real_column * real - imag_column * imag, real_column * imag + imag_column * real],
+            axis=2,
         )
         size, m = residues.shape[:2]
         motion = real_times(residues.reshape(size * m, 2 * half), np.concatenate(kernels))
@@ -118,7 +131,11 @@ class ModalForm:
 
 
 def real_times(matrix: Real, array: Real | Complex) -> Complex:
-    """Real (n, m) times (m, ...) real or complex, as one real product; (n, ...)."""
+    """Multiply a real matrix (n, m) with a real or complex array (m, ...) as one real product.
+
+    Returns:
+        (n, ...), complex if the array is.
+    """
     flat = np.ascontiguousarray(array).reshape(len(array), -1)
     product: NDArray[Any] = matrix @ flat.view(np.float64)
     if np.iscomplexobj(flat):
@@ -128,19 +145,20 @@ def real_times(matrix: Real, array: Real | Complex) -> Complex:
 
 
 def modal_form(matrices: Matrices) -> ModalForm | None:
-    """Solve the eigenproblem once.
+    """Solve the eigenproblem of a machine once, for all lines.
 
     Args:
-        matrices: M symmetric positive definite, K symmetric; C may be anything.
+        matrices: M symmetric positive definite, K symmetric; C may be any matrix.
 
     Returns:
-        The form, or None where it does not exist: K without symmetry, M not positive definite,
-        or eigenvectors that are numerically dependent (a defective pole).
+        The form, or None if it does not exist: K is not symmetric, M not positive definite, or
+        eigenvectors are numerically dependent (a defective pole).
     """
     mass, damping, stiffness = matrices.mass, matrices.damping, matrices.stiffness
     scale = np.sqrt(np.outer(np.diag(np.abs(stiffness)), np.diag(np.abs(stiffness))))
     if (
-        np.abs(stiffness - stiffness.T) > _SYMMETRY * (scale + np.abs(stiffness).max() * 1e-9)
+        np.abs(stiffness - stiffness.T)
+        > _MAX_STIFFNESS_ASYMMETRY * (scale + np.abs(stiffness).max() * 1e-9)
     ).any():
         return None
     try:
@@ -159,7 +177,7 @@ def modal_form(matrices: Matrices) -> ModalForm | None:
     except np.linalg.LinAlgError:
         return None
     weight = np.where(poles.imag == 0, 0.5, 1.0)
-    in_velocity = bool(frequency.min() <= _RIGID * frequency.max())
+    in_velocity = bool(frequency.min() <= _MIN_FREQUENCY_RATIO * frequency.max())
     upper = (right[size:] if in_velocity else right[:size] / frequency[:, None]) * weight
     lower = left[:, size:]
     return ModalForm(
@@ -172,11 +190,15 @@ def modal_form(matrices: Matrices) -> ModalForm | None:
 
 
 def _left_vectors(poles: Complex, right: Complex) -> Complex:
-    """Rows W of the kept poles with W V = 1, V the vectors of all poles.
+    """Return the rows W of the kept poles with W V = 1, V the vectors of all poles.
 
-    A pole and its conjugate share a real inverse: the columns Re v, Im v are V times
-    [[1, 1], [-i, i]] / 2, so that w = (p - i q) / 2 with p, q the rows of their inverse; a fourth
-    of the work of the complex one.
+    A pole and its conjugate share a real inverse. The columns Re v, Im v are V times
+    [[1, 1], [-i, i]] / 2, so that w = (p - i q) / 2 with p, q the rows of their inverse. This takes
+    a fourth of the work of a complex inverse.
+
+    Args:
+        poles: those with Im >= 0; (h,).
+        right: their right vectors v; (2 nv, h).
     """
     pairs = poles.imag > 0
     count = int(pairs.sum())

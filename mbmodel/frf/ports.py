@@ -1,4 +1,4 @@
-"""What the inputs do to a machine and what the outputs read of it, by label."""
+"""Ports of a model: forces of the inputs on the machine, and readout of the outputs, by label."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.words import Dof, Input, Motor, Real, UsageError
-from mbmodel.linearisation.motors import Drive
+from mbmodel.linearisation.motors import ActuatorGain
 from mbmodel.machine import Machine
 from mbmodel.parts import Change
 
-FLOOR = "floor"
+FLOOR = "floor"  # the point of labels for motions of the floor
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class Ports:
     """Rows of the outputs and columns of the inputs.
 
     Args:
@@ -36,8 +36,13 @@ class Places:
         return bool(self.floor.any())
 
 
-def places(machine: Machine, outputs: Sequence[Dof], inputs: Sequence[Input]) -> Places:
-    """Look labels up.
+def find_ports(machine: Machine, outputs: Sequence[Dof], inputs: Sequence[Input]) -> Ports:
+    """Return the ports of a machine for labels.
+
+    Args:
+        machine: as drawn.
+        outputs: labels of sensors, points or bodies.
+        inputs: labels of points or bodies, of the floor, or motors.
 
     Raises:
         UsageError: a label or motor that the machine does not have; a floor that tilts under
@@ -48,66 +53,84 @@ def places(machine: Machine, outputs: Sequence[Dof], inputs: Sequence[Input]) ->
     motor = np.zeros((len(machine.coordinates), count))
     for column, dof in enumerate(inputs):
         if isinstance(dof, Motor):
-            drive = _motor(machine, dof)
-            motor[:, column], force[:, column] = drive.joint, drive.body
+            gain = _motor(machine, dof)
+            motor[:, column], force[:, column] = gain.joint, gain.body
         elif is_floor(machine, dof):
             _refuse_tilt(machine, dof)
-            floor[:, column] = dof.sign * machine.floor[:, dof.axis]
+            floor[:, column] = dof.sign * machine.floor_jacobian[:, dof.axis]
         else:
             force[:, column] = machine.layout.rows([dof])[0]
-    return Places(machine.layout.rows(outputs), force, motor, floor)
+    return Ports(machine.layout.rows(outputs), force, motor, floor)
 
 
 def is_floor(machine: Machine, dof: Dof) -> bool:
-    """Whether a label means the floor: no body and no point of the machine bears that name."""
+    """Return whether a label means the floor: no body and no point has the name ``floor``."""
     layout = machine.layout
     return dof.point == FLOOR and FLOOR not in layout.points + layout.bodies
 
 
-def _motor(machine: Machine, motor: Motor) -> Drive:
+def _motor(machine: Machine, motor: Motor) -> ActuatorGain:
+    """Return the gain of a motor."""
     if motor.name not in machine.motors:
-        known = ", ".join(machine.motors) or "none"
-        raise UsageError(f"{motor.name!r} is no motor of the model: there are {known}")
+        names = ", ".join(machine.motors) or "none"
+        raise UsageError(f"{motor.name!r} is no motor of the model: choose one of {names}")
     return machine.motors[motor.name]
 
 
 def _refuse_tilt(machine: Machine, dof: Dof) -> None:
+    """Raise UsageError for a tilting floor if gravity is on or a rotor spins."""
     if dof.is_rotation and (machine.gravity.any() or machine.spinning):
         raise UsageError(
-            f"{dof}: a floor that tilts also turns the machine's weight and rotors, which is not "
-            "handled: turn gravity and spin off, or ask for translations of the floor"
+            f"{dof}: a tilting floor also turns the machine's weight and rotors, which is not "
+            "handled: turn gravity and spin off, or request translations of the floor"
         )
 
 
 def parse_input(machine: Machine, text: str) -> Input:
-    """Read a label, or the name of a motor.
+    """Return the motor or the direction that a text names.
+
+    Args:
+        machine: with its motors.
+        text: name of a motor, or a label such as ``acc11:+tx``.
 
     Raises:
-        UsageError: neither of both.
+        UsageError: the text is neither.
     """
     return Motor(text) if text in machine.motors and ":" not in text else Dof.parse(text)
 
 
-def selection(dofs: Sequence[Input], point: str) -> Real:
-    """Which labels mean which direction of a point, with their signs; (n, 6)."""
-    chosen = np.zeros((len(dofs), 6))
-    for row, dof in zip(chosen, dofs, strict=True):
+def direction_selection(dofs: Sequence[Input], point: str) -> Real:
+    """Return the signed direction of a point that each label means; (n, 6).
+
+    Args:
+        dofs: labels.
+        point: name of the point; rows of labels at other points are zero.
+    """
+    matrix = np.zeros((len(dofs), 6))
+    for row, dof in zip(matrix, dofs, strict=True):
         if isinstance(dof, Dof) and dof.point == point:
             row[dof.axis] = dof.sign
-    return chosen
+    return matrix
 
 
-def changed(
-    places: Places, changes: Sequence[Change], outputs: Sequence[Dof], inputs: Sequence[Input]
-) -> Places:
-    """The same with what Parts add at sensors and hammer."""
+def apply_point_changes(
+    ports: Ports, changes: Sequence[Change], outputs: Sequence[Dof], inputs: Sequence[Input]
+) -> Ports:
+    """Return ports with the changes of Parts at sensors and hammer points.
+
+    Args:
+        ports: as drawn.
+        changes: in the slots sensor and hammer.
+        outputs: labels of the outputs.
+        inputs: labels of the inputs.
+    """
     if not changes:
-        return places
-    readout, force = places.readout.copy(), places.force.copy()
+        return ports
+    readout, force = ports.readout.copy(), ports.force.copy()
     for change in changes:
         added = change.left @ change.core[0] @ change.right.T
         if change.slot == "sensor":
-            readout += selection(outputs, change.point) @ added
+            readout += direction_selection(outputs, change.point) @ added
         else:
-            force += (selection(inputs, change.point) @ added).T
-    return Places(readout, force, places.motor, places.floor)
+            force += (direction_selection(inputs, change.point) @ added).T
+    return Ports(readout, force, ports.motor, ports.floor)

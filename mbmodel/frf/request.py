@@ -1,24 +1,25 @@
-"""Which FRFs are asked of a model."""
+"""A request for FRFs: frequency lines, outputs, inputs and quantity."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from identification.words import ORDER, Complex, Dof, Input, Quantity, Real
+from identification.words import DERIVATIVE_ORDER, Complex, Dof, Input, Quantity, Real
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
-    """Which FRFs are asked of a model.
+class FrfRequest:
+    """A request for FRFs of a model.
 
     An input is a hit at a point or body (``acc11:+tx``, per N or N m), an acceleration of the
     floor (``floor:+tx``, per m/s^2 or rad/s^2; the accelerance is then the transmissibility), or a
     motor (per unit of its control).
 
     Args:
-        freq_hz: [Hz]; (n_freq,).
-        outputs, inputs: labels.
+        freq_hz: frequency lines [Hz]; (n_freq,).
+        outputs: labels of the outputs.
+        inputs: labels of the inputs.
         quantity: receptance, mobility or accelerance.
         window_tau: time constant of the exponential window in the data [s]; 0 for none.
     """
@@ -31,14 +32,14 @@ class Question:
 
     @cached_property
     def laplace(self) -> Complex:
-        """The s = i w + 1 / tau of every line; (n_freq,)."""
+        """The s = i w + 1 / tau of every line [rad/s]; (n_freq,)."""
         decay = 1.0 / self.window_tau if self.window_tau else 0.0
         return np.asarray(decay + 2j * np.pi * np.asarray(self.freq_hz), np.complex128)
 
     @property
     def order(self) -> int:
-        """q: 0, 1, 2 for receptance, mobility, accelerance."""
-        return ORDER[self.quantity]
+        """Number of differentiations q: 0, 1, 2 for receptance, mobility, accelerance."""
+        return DERIVATIVE_ORDER[self.quantity]
 
     @cached_property
     def factor(self) -> Complex:

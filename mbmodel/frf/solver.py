@@ -1,4 +1,4 @@
-"""Solves Z(s) x = f at many lines, by the modal form where there is one."""
+"""Solution of Z(s) x = f at many frequency lines, by the modal form if there is one."""
 
 from functools import cached_property
 
@@ -8,27 +8,28 @@ from identification.words import Complex, Real, UsageError
 from mbmodel.frf.modal_form import ModalForm, real_times
 from mbmodel.model import Matrices
 
-_CHUNK = 64 * 2**20  # bytes of dynamic stiffness that are solved at once
+_MAX_CHUNK_BYTES = 64 * 2**20  # of dynamic stiffness that is solved at once: bounds the memory
 
 
 class Solver:
-    """Solves Z(s) x = f at given lines, by the modal form if there is one.
+    """A solver of Z(s) x = f at given lines, by the modal form if there is one.
 
     Args:
         matrices: M, C, K.
-        laplace: s of every line; (n_freq,).
-        form: their modal form; None for the direct solve.
+        laplace: s of every line [rad/s]; (n_freq,).
+        form: their modal form; None to eliminate line by line.
 
     Raises:
-        UsageError: on solving, where a line has no finite motion.
+        UsageError: on solving, if a line has no finite motion.
     """
 
     def __init__(self, matrices: Matrices, laplace: Complex, form: ModalForm | None) -> None:
         self.matrices, self.laplace, self.form = matrices, laplace, form
-        self._resting = np.flatnonzero(laplace == 0)
+        self._zero_lines = np.flatnonzero(laplace == 0)
 
     @cached_property
     def _kernels(self) -> tuple[Complex, Complex] | None:
+        """P and N of the modal form at every line."""
         return None if self.form is None else self.form.kernels(self.laplace)
 
     def solve(
@@ -39,39 +40,51 @@ class Solver:
         factor: Complex | None = None,
         through: Real | None = None,
     ) -> Complex:
-        """Z^-1 f, or Z^-T f, times a factor of each line.
+        """Return Z^-1 f, or Z^-T f, times a factor of each line.
 
         Args:
-            force: (nv, m, 1) the same at all lines, or (nv, m, n_freq).
+            force: (nv, m, 1) if constant over lines, or (nv, m, n_freq).
             transposed: solve with the transpose.
             factor: such as s^q; (n_freq,).
-            through: if given, f is this times ``force``; (nv, n).
+            through: if given, f is this matrix times ``force``; (nv, n).
 
         Returns:
             x; (nv, m, n_freq).
         """
         scale = np.ones(1) if factor is None else factor
-        late = through is not None and through.shape[1] < through.shape[0]
-        if through is not None and not (late and self.form is not None):
+        is_narrow = through is not None and through.shape[1] < through.shape[0]
+        if through is not None and not (is_narrow and self.form is not None):
             force, through = real_times(through, force), None
         if self.form is None or self._kernels is None:
             lines = np.arange(len(self.laplace))
-            return self.direct(force, lines, transposed=transposed) * scale
+            return self.solve_directly(force, lines, transposed=transposed) * scale
         form = self.form.transposed if transposed else self.form
         even, odd = self._kernels
         motion = form.receptance(force, (even * scale, odd * scale), through)
-        if form.in_velocity and self._resting.size:
+        if form.in_velocity and self._zero_lines.size:
             force = force if through is None else real_times(through, force)
-            resting = self.direct(force, self._resting, transposed=transposed)
-            motion[..., self._resting] = (
-                resting * np.broadcast_to(scale, self.laplace.shape)[self._resting]
+            static = self.solve_directly(force, self._zero_lines, transposed=transposed)
+            motion[..., self._zero_lines] = (
+                static * np.broadcast_to(scale, self.laplace.shape)[self._zero_lines]
             )
         return motion
 
-    def direct(
+    def solve_directly(
         self, force: Real | Complex, lines: np.ndarray, *, transposed: bool = False
     ) -> Complex:
-        """The same for some lines by Gaussian elimination, line by line; (nv, m, n_lines)."""
+        """Return Z^-1 f, or Z^-T f, at some lines by Gaussian elimination at each line.
+
+        Args:
+            force: (nv, m, 1) if constant over lines, or (nv, m, n_freq).
+            lines: numbers of the lines; (n_lines,).
+            transposed: solve with the transpose.
+
+        Returns:
+            x; (nv, m, n_lines).
+
+        Raises:
+            UsageError: Z(s) is singular at a line.
+        """
         matrices = self.matrices
         mass, damping, stiffness = (
             matrix.T if transposed else matrix
@@ -80,18 +93,18 @@ class Solver:
         size, m = force.shape[:2]
         forces = np.broadcast_to(force, (size, m, len(self.laplace)))
         motion = np.empty((size, m, len(lines)), complex)
-        step = max(1, _CHUNK // (16 * size * size))
+        step = max(1, _MAX_CHUNK_BYTES // (16 * size * size))
         for start in range(0, len(lines), step):
             chosen = lines[start : start + step]
             s = self.laplace[chosen][:, None, None]
             try:
-                solved = np.linalg.solve(
+                motions = np.linalg.solve(
                     s**2 * mass + s * damping + stiffness, forces[..., chosen].transpose(2, 0, 1)
                 )
             except np.linalg.LinAlgError as error:
                 raise UsageError(
-                    "the machine has no finite response at some line, as a free machine at 0 Hz: "
-                    "start the band above it"
+                    "the machine has no finite response at a frequency line, such as a free "
+                    "machine at 0 Hz: start the band above it"
                 ) from error
-            motion[..., start : start + step] = solved.transpose(1, 2, 0)
+            motion[..., start : start + step] = motions.transpose(1, 2, 0)
         return motion

@@ -1,7 +1,8 @@
-r"""What hangs on a machine and depends on frequency in its own way: appendages, lossy springs.
+"""Solution with terms that are no polynomials in s, such as appendages and hysteretic springs.
 
-Z(s) = Z0(s) + U F(s) V', Z0 a polynomial with its modal form, F(s) = f(s) (core_0 + s core_1 + ..)
-of low rank. By Woodbury's identity, which needs no inverse of F (sizes may be zero),
+Z(s) = Z0(s) + U F(s) V', with Z0 a polynomial that has a modal form, and F(s) = f(s) (core_0 + s
+core_1 + ...) of low rank. By the Woodbury identity (Golub and Van Loan 2013, ch. 2.1), in a form
+without the inverse of F (which may be zero),
 
     Z^-1 b = y - Y (1 + F V' Y)^-1 F V' y,    y = Z0^-1 b,    Y = Z0^-1 U.
 """
@@ -14,22 +15,22 @@ import numpy as np
 from identification.words import Complex, Real
 from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.solver import Solver
-from mbmodel.model import ShapedTerm
+from mbmodel.model import FrequencyDependentTerm
 
-_NEARLY = 1e-13  # of the largest entry, what a singular matrix gets on its diagonal
+_SINGULAR_SHIFT = 1e-13  # of the largest entry: what a singular matrix gets on its diagonal
 
 
 @dataclass(frozen=True, eq=False)
-class ShapedSolver:
-    """Solves Z(s) x = f with terms of any dependence on frequency.
+class WoodburySolver:
+    """A solver of Z(s) x = f with low-rank terms of any dependence on frequency.
 
     Args:
-        plain: of Z0.
-        terms: what is added.
+        polynomial_solver: of Z0.
+        terms: what is added to Z0.
     """
 
-    plain: Solver
-    terms: tuple[ShapedTerm, ...]
+    polynomial_solver: Solver
+    terms: tuple[FrequencyDependentTerm, ...]
 
     @cached_property
     def _sides(self) -> tuple[Real, Real]:
@@ -41,7 +42,7 @@ class ShapedSolver:
     def _cores(self) -> Complex:
         """F at every line; (n_freq, r, t)."""
         left, right = self._sides
-        laplace = self.plain.laplace
+        laplace = self.polynomial_solver.laplace
         total = np.zeros((len(laplace), left.shape[1], right.shape[1]), complex)
         row = column = 0
         for term in self.terms:
@@ -53,12 +54,12 @@ class ShapedSolver:
     @cached_property
     def _forward(self) -> Complex:
         """Z0^-1 U; (nv, r, n_freq)."""
-        return self.plain.solve(self._sides[0][:, :, None])
+        return self.polynomial_solver.solve(self._sides[0][:, :, None])
 
     @cached_property
     def _backward(self) -> Complex:
         """Z0^-T V; (nv, t, n_freq)."""
-        return self.plain.solve(self._sides[1][:, :, None], transposed=True)
+        return self.polynomial_solver.solve(self._sides[1][:, :, None], transposed=True)
 
     def solve(
         self,
@@ -68,24 +69,32 @@ class ShapedSolver:
         factor: Complex | None = None,
         through: Real | None = None,
     ) -> Complex:
-        """Z^-1 f, or Z^-T f, times a factor of each line; as ``Solver.solve``."""
-        y = self.plain.solve(force, transposed=transposed, factor=factor, through=through)
+        """Return Z^-1 f, or Z^-T f, times a factor of each line.
+
+        Arguments and result are those of ``Solver.solve``.
+        """
+        y = self.polynomial_solver.solve(
+            force, transposed=transposed, factor=factor, through=through
+        )
         left, right = self._sides
-        core, moved, felt = self._cores, self._forward, right
+        core, compliance, readout = self._cores, self._forward, right
         if transposed:
-            core, moved, felt = core.swapaxes(1, 2), self._backward, left
-        seen = real_times(felt.T, moved).transpose(2, 0, 1)
-        pushed = core @ real_times(felt.T, y).transpose(2, 0, 1)
-        taken = _solved(np.eye(core.shape[1]) + core @ seen, pushed)
-        found: Complex = y - (moved.transpose(2, 0, 1) @ taken).transpose(1, 2, 0)
-        return found
+            core, compliance, readout = core.swapaxes(1, 2), self._backward, left
+        coupling = real_times(readout.T, compliance).transpose(2, 0, 1)
+        forces = core @ real_times(readout.T, y).transpose(2, 0, 1)
+        corrections = _solve_lines(np.eye(core.shape[1]) + core @ coupling, forces)
+        solution: Complex = y - (compliance.transpose(2, 0, 1) @ corrections).transpose(1, 2, 0)
+        return solution
 
 
-def _solved(matrix: Complex, right: Complex) -> Complex:
-    """Solve at every line; a line exactly at an undamped resonance answers hugely, not never."""
+def _solve_lines(matrix: Complex, right: Complex) -> Complex:
+    """Solve at every line, with a small shift if the matrix of some line is singular.
+
+    A line exactly at an undamped resonance then gets a very large response instead of an error.
+    """
     try:
         return np.asarray(np.linalg.solve(matrix, right), complex)
     except np.linalg.LinAlgError:
         size = 1 + np.abs(matrix).max(axis=(1, 2), keepdims=True)
-        moved = matrix + _NEARLY * size * np.eye(matrix.shape[1])
-        return np.asarray(np.linalg.solve(moved, right), complex)
+        shifted = matrix + _SINGULAR_SHIFT * size * np.eye(matrix.shape[1])
+        return np.asarray(np.linalg.solve(shifted, right), complex)

@@ -1,21 +1,21 @@
-"""What a machine looks like at rest: surfaces of its geoms, lines of its tendons, and edges."""
+"""Geometry of a machine at rest for pictures: surfaces of geoms, lines of tendons, edges."""
 
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from identification.words import Integers, Real, frozen
+from identification.words import Integers, Real, frozen_array
 from mbmodel.geometry.primitives import box, capsule, cylinder
-from mbmodel.linearisation.equilibrium import settle
+from mbmodel.linearisation.equilibrium import find_equilibrium
 from mbmodel.machine import Machine
 from mbmodel.mjcf.read import compile_mjcf
-from mbmodel.mjcf.tendons import branches, is_fixed
+from mbmodel.mjcf.tendons import is_fixed_tendon, tendon_branches
 
-_GROUPS = 3  # the viewer shows groups 0 to 2
-_UNCOLOURED = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's default
-_SHARP = np.cos(np.radians(30))
-_MANY = 20_000  # triangles of one mesh beyond which it is simplified
+_SHOWN_GROUPS = 3  # groups 0 to 2, as in MuJoCo's viewer
+_DEFAULT_COLOUR = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's default
+_COS_SHARP_ANGLE = np.cos(np.radians(30))  # between normals: flatter edges are no outlines
+_MAX_TRIANGLES = 20_000  # of one mesh: larger ones are simplified for display
 _GEOM = mujoco.mjtGeom
 
 Colour = tuple[float, float, float, float]
@@ -28,9 +28,9 @@ class Surface:
     Args:
         stage: name of the body; None for the world, which stands still.
         vertices: [m]; (n, 3).
-        triangles: numbers of their corners, anticlockwise seen from outside; (m, 3).
-        edges: numbers of the ends of lines that outline it; (k, 2).
-        colour: red, green, blue, opacity of 0..1; None where the MJCF states none.
+        triangles: numbers of their corners, counter-clockwise seen from outside; (m, 3).
+        edges: numbers of the ends of outline edges; (k, 2).
+        colour: red, green, blue, opacity of 0..1; None if the MJCF states none.
     """
 
     stage: str | None
@@ -40,24 +40,24 @@ class Surface:
     colour: Colour | None
 
     def __post_init__(self) -> None:
-        """Freeze."""
+        """Check and freeze the arrays."""
         for name, kind, width in (
             ("vertices", np.float64, 3),
             ("triangles", np.intp, 3),
             ("edges", np.intp, 2),
         ):
             value = getattr(self, name)
-            object.__setattr__(self, name, frozen(value, kind, (len(value), width), name))
+            object.__setattr__(self, name, frozen_array(value, kind, (len(value), width), name))
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class TendonLine:
     """A piece of a spatial tendon, each of its points on a stage.
 
     Args:
         name: of the tendon.
         points: [m]; (n, 3).
-        stages: what each point moves with; None for the world.
+        stages: stage that each point moves with; None for the world.
         colour: as of a surface.
     """
 
@@ -68,49 +68,55 @@ class Line:
 
 
 @dataclass(frozen=True, eq=False)
-class Looks:
+class MachineGeometry:
     """Surfaces and lines of a machine.
 
     Args:
         surfaces: of its geoms.
         lines: of its spatial tendons.
-        boxed: stages without a geom, of which a small box at the centre of mass stands.
+        boxed: stages without a geom, shown by a small box at their centre of mass.
     """
 
     surfaces: tuple[Surface, ...]
-    lines: tuple[Line, ...]
+    lines: tuple[TendonLine, ...]
     boxed: tuple[str, ...]
 
 
-def looks(machine: Machine) -> Looks:
-    """Surfaces and lines of a machine at its static equilibrium.
+def machine_geometry(machine: Machine) -> MachineGeometry:
+    """Return surfaces and lines of a machine at its static equilibrium.
 
-    Geoms of the groups that MuJoCo's viewer shows by default; planes and height fields are left
-    out.
+    Geoms of the groups that MuJoCo's viewer shows by default are included, but neither planes nor
+    height fields.
+
+    Args:
+        machine: read from an MJCF that still exists.
 
     Raises:
-        InputError: the MJCF is no longer what the machine was read from.
+        InputError: the MJCF has changed since the machine was read.
     """
     model = compile_mjcf(machine.source)
-    data = settle(model, machine.source).data
+    data = find_equilibrium(model, machine.source).data
     moving = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
     names: dict[int, str | None] = {0: None}
     names.update(zip(moving, machine.layout.bodies, strict=True))
     stage_of = [names[int(weld)] for weld in model.body_weldid]
     shown = [_surface(model, data, geom, stage_of) for geom in range(model.ngeom)]
     surfaces = [surface for surface in shown if surface is not None]
-    seen = {surface.stage for surface in surfaces}
-    boxed = tuple(name for name in machine.layout.bodies if name not in seen)
-    return Looks((*surfaces, *_boxes(machine, boxed)), tuple(_lines(model, data, stage_of)), boxed)
+    with_geom = {surface.stage for surface in surfaces}
+    boxed = tuple(name for name in machine.layout.bodies if name not in with_geom)
+    return MachineGeometry(
+        (*surfaces, *_boxes(machine, boxed)), tuple(_lines(model, data, stage_of)), boxed
+    )
 
 
 def _surface(
     model: mujoco.MjModel, data: mujoco.MjData, geom: int, stage_of: list[str | None]
 ) -> Surface | None:
+    """Return the surface of a geom, or None if it is not shown."""
     colour = _colour(model, geom)
-    if model.geom_group[geom] >= _GROUPS or colour[3] == 0:
+    if model.geom_group[geom] >= _SHOWN_GROUPS or colour[3] == 0:
         return None
-    triangulated = _triangulated(model, geom)
+    triangulated = _triangulate(model, geom)
     if triangulated is None:
         return None
     points, triangles = triangulated
@@ -120,22 +126,22 @@ def _surface(
         points @ axes.T + data.geom_xpos[geom],
         triangles,
         sharp_edges(points, triangles),
-        None if colour == _UNCOLOURED else colour,
+        None if colour == _DEFAULT_COLOUR else colour,
     )
 
 
 def _colour(model: mujoco.MjModel, geom: int) -> Colour:
-    """A geom's own colour, else that of its material."""
-    own = tuple(np.round(model.geom_rgba[geom].astype(float), 4).tolist())
+    """Return a geom's own colour, or that of its material."""
+    colour = tuple(np.round(model.geom_rgba[geom].astype(float), 4).tolist())
     material = model.geom_matid[geom]
-    if own == _UNCOLOURED and material >= 0:
-        own = tuple(np.round(model.mat_rgba[material].astype(float), 4).tolist())
-    red, green, blue, opacity = own
+    if colour == _DEFAULT_COLOUR and material >= 0:
+        colour = tuple(np.round(model.mat_rgba[material].astype(float), 4).tolist())
+    red, green, blue, opacity = colour
     return red, green, blue, opacity
 
 
-def _triangulated(model: mujoco.MjModel, geom: int) -> tuple[Real, Integers] | None:
-    """Vertices and triangles in the frame of the geom."""
+def _triangulate(model: mujoco.MjModel, geom: int) -> tuple[Real, Integers] | None:
+    """Return vertices and triangles in the frame of the geom, or None for other kinds."""
     kind, size = _GEOM(model.geom_type[geom]), model.geom_size[geom]
     if kind == _GEOM.mjGEOM_BOX:
         return box(size)
@@ -151,37 +157,50 @@ def _triangulated(model: mujoco.MjModel, geom: int) -> tuple[Real, Integers] | N
         first, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
         start, number = int(mesh.faceadr[0]), int(mesh.facenum[0])
         points = model.mesh_vert[first : first + count].astype(float)
-        return simplified(points, model.mesh_face[start : start + number].astype(np.intp))
+        return simplify_mesh(points, model.mesh_face[start : start + number].astype(np.intp))
     return None
 
 
-def simplified(points: Real, triangles: Integers, limit: int = _MANY) -> tuple[Real, Integers]:
-    """The same surface with at most so many triangles: close vertices are made one.
+def simplify_mesh(
+    points: Real, triangles: Integers, limit: int = _MAX_TRIANGLES
+) -> tuple[Real, Integers]:
+    """Return a surface with at most so many triangles, by clustering of vertices.
 
-    Vertices in one cell of a cubic grid become their mean; the grid is made coarser until few
-    enough triangles keep three corners.
+    Vertices in one cell of a cubic grid become their mean (Rossignac and Borrel 1993). The grid is
+    made coarser until few enough triangles keep three corners.
+
+    Args:
+        points: [m]; (n, 3).
+        triangles: corners; (m, 3).
+        limit: largest number of triangles.
     """
     cells = 256.0
-    small, corners = points, triangles
+    vertices, corners = points, triangles
     while len(corners) > limit:
         low, edge = points.min(axis=0), np.ptp(points, axis=0).max() / cells
         _, cell = np.unique(np.floor((points - low) / edge), axis=0, return_inverse=True)
         cell = cell.ravel()
         count = np.bincount(cell)
-        small = np.stack([np.bincount(cell, axis) / count for axis in points.T], axis=1)
+        vertices = np.stack([np.bincount(cell, axis) / count for axis in points.T], axis=1)
         corners = cell[triangles]
         a, b, c = corners.T
         corners = corners[(a != b) & (b != c) & (c != a)]
         cells /= 1.4
-    return small, corners
+    return vertices, corners
 
 
 def sharp_edges(points: Real, triangles: Integers) -> Integers:
-    """Edges where two triangles meet at more than 30 degrees, or that bound one only.
+    """Return edges where two triangles meet at more than 30 degrees, or that bound only one.
+
+    If no edge is sharp, as of a ball, the edges in the planes of the coordinates are returned; if
+    there are none, all edges.
+
+    Args:
+        points: [m]; (n, 3).
+        triangles: corners; (m, 3).
 
     Returns:
-        Numbers of their ends; (n_edge, 2). If none is sharp, as of a ball, those in the planes of
-        the coordinates; if there are none, all.
+        Numbers of their ends; (n_edge, 2).
     """
     a, b, c = (points[triangles[:, k]] for k in range(3))
     normal = np.cross(b - a, c - a)
@@ -191,18 +210,20 @@ def sharp_edges(points: Real, triangles: Integers) -> Integers:
     order = np.lexsort(sides.T)
     sides, owner = sides[order], owner[order]
     edges, first, count = np.unique(sides, axis=0, return_index=True, return_counts=True)
-    kept = count != 2
+    sharp = count != 2
     pairs = first[count == 2]
-    kept[count == 2] = (normal[owner[pairs]] * normal[owner[pairs + 1]]).sum(axis=1) < _SHARP
-    if not kept.any():
+    sharp[count == 2] = (normal[owner[pairs]] * normal[owner[pairs + 1]]).sum(
+        axis=1
+    ) < _COS_SHARP_ANGLE
+    if not sharp.any():
         flat = np.abs(points) <= 1e-9 * np.abs(points).max(initial=0.0)
-        kept = (flat[edges[:, 0]] & flat[edges[:, 1]]).any(axis=1)
-    outline: Integers = edges[kept] if kept.any() else edges
+        sharp = (flat[edges[:, 0]] & flat[edges[:, 1]]).any(axis=1)
+    outline: Integers = edges[sharp] if sharp.any() else edges
     return outline
 
 
 def _boxes(machine: Machine, stages: tuple[str, ...]) -> list[Surface]:
-    """Small cubes at centres of mass, so that something can be seen."""
+    """Return small cubes at centres of mass, so that stages without geoms are visible."""
     if not stages:
         return []
     centres = machine.layout.centres
@@ -221,20 +242,23 @@ def _boxes(machine: Machine, stages: tuple[str, ...]) -> list[Surface]:
     ]
 
 
-def _lines(model: mujoco.MjModel, data: mujoco.MjData, stage_of: list[str | None]) -> list[Line]:
-    found = []
+def _lines(
+    model: mujoco.MjModel, data: mujoco.MjData, stage_of: list[str | None]
+) -> list[TendonLine]:
+    """Return the visible branches of spatial tendons."""
+    lines = []
     for tendon in range(model.ntendon):
-        if is_fixed(model, tendon) or model.tendon_group[tendon] >= _GROUPS:
+        if is_fixed_tendon(model, tendon) or model.tendon_group[tendon] >= _SHOWN_GROUPS:
             continue
         red, green, blue, opacity = np.round(model.tendon_rgba[tendon].astype(float), 4).tolist()
         colour = (red, green, blue, opacity)
-        for _, points, bodies in branches(model, data, tendon):
-            found.append(
-                Line(
+        for _, points, bodies in tendon_branches(model, data, tendon):
+            lines.append(
+                TendonLine(
                     model.tendon(tendon).name or f"tendon{tendon}",
                     np.array(points),
                     tuple(stage_of[body] for body in bodies),
-                    None if colour == _UNCOLOURED else colour,
+                    None if colour == _DEFAULT_COLOUR else colour,
                 )
             )
-    return found
+    return lines

@@ -1,4 +1,7 @@
-"""Where an MJCF's elements stand in the frames of their own bodies, to be written back there."""
+"""Geometry of an MJCF's elements in their bodies' frames, as it is written back to the file.
+
+"The drawing" is the nominal model: the MJCF as it was read.
+"""
 
 from dataclasses import dataclass
 
@@ -11,15 +14,15 @@ from mbmodel.spatial import spatial_inertia
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class DrawnElement:
     """A joint or site in the frame of its body.
 
     Args:
         name: of the element.
-        frame: at rest, in columns, in world axes: its body's, and of a joint that which the
-            joints before it have turned; (3, 3).
+        frame: axes at rest in which the element is written, in columns, in world axes: those of its
+            body; for a joint, those before this and later joints of the body turn; (3, 3).
         position: in that frame [m]; (3,).
-        axes: in that frame, in columns: a site's three, a joint's one; (3, 3) or (3, 1).
+        axes: in that frame, in columns: three of a site, one of a joint; (3, 3) or (3, 1).
     """
 
     name: str
@@ -29,14 +32,14 @@ class Placed:
 
 
 @dataclass(frozen=True, eq=False)
-class Heavy:
-    """The mass of the MJCF body that leads a stage, without those welded to it.
+class DrawnBody:
+    """Frame and inertia of the MJCF body that leads a stage, without the bodies welded to it.
 
     Args:
         origin: of its frame at rest, in world axes [m]; (3,).
         frame: its axes at rest, in columns, in world axes; (3, 3).
         inertia: spatial inertia about the stage's centre of mass, world axes; (6, 6).
-        centre: that centre [m]; (3,).
+        centre: the stage's centre of mass [m]; (3,).
     """
 
     origin: Real
@@ -51,27 +54,27 @@ class Drawing:
 
     Args:
         joints: by the name of the joint.
-        sites: by name.
+        sites: by the name of the site.
         bodies: by the name of the stage.
     """
 
-    joints: dict[str, Placed]
-    sites: dict[str, Placed]
-    bodies: dict[str, Heavy]
+    joints: dict[str, DrawnElement]
+    sites: dict[str, DrawnElement]
+    bodies: dict[str, DrawnBody]
 
 
-def drawing_of(
+def read_drawing(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     stages: dict[str, int],
     centres: tuple[Real, ...],
 ) -> Drawing:
-    """Collect them from a compiled model at rest.
+    """Collect joints, sites and bodies from a compiled model at rest.
 
     Args:
         model: the compiled model.
         data: at static equilibrium.
-        stages: MJCF body number of each stage.
+        stages: MJCF body number of each stage, by the stage's name.
         centres: centre of mass of each stage [m]; (3,) each.
     """
 
@@ -80,7 +83,7 @@ def drawing_of(
         return axes
 
     joints = {
-        joint_name(model, k): Placed(
+        joint_name(model, k): DrawnElement(
             joint_name(model, k),
             _joint_frame(model, data, k),
             model.jnt_pos[k].copy(),
@@ -94,18 +97,18 @@ def drawing_of(
             continue
         axes = np.zeros(9)
         mujoco.mju_quat2Mat(axes, model.site_quat[k])
-        sites[name] = Placed(
+        sites[name] = DrawnElement(
             name, frame(model.site_bodyid[k]), model.site_pos[k].copy(), axes.reshape(3, 3)
         )
     bodies = {
-        name: _heavy(model, data, body, centre)
+        name: _drawn_body(model, data, body, centre)
         for (name, body), centre in zip(stages.items(), centres, strict=True)
     }
     return Drawing(joints, sites, bodies)
 
 
 def _joint_frame(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> Real:
-    """Axes in which a joint is written: the body's, before this joint and those after it turn."""
+    """Return the axes in which a joint is written: the body's before it and later joints turn."""
     body = model.jnt_bodyid[joint]
     axes: Real = data.xmat[body].reshape(3, 3).copy()
     first = model.body_jntadr[body]
@@ -126,12 +129,13 @@ def _joint_frame(model: mujoco.MjModel, data: mujoco.MjData, joint: int) -> Real
     return axes
 
 
-def _heavy(model: mujoco.MjModel, data: mujoco.MjData, body: int, centre: Real) -> Heavy:
+def _drawn_body(model: mujoco.MjModel, data: mujoco.MjData, body: int, centre: Real) -> DrawnBody:
+    """Return frame and inertia of one MJCF body."""
     axes = data.ximat[body].reshape(3, 3)
-    own = axes @ np.diag(model.body_inertia[body]) @ axes.T
-    return Heavy(
+    inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
+    return DrawnBody(
         data.xpos[body].copy(),
         data.xmat[body].reshape(3, 3).copy(),
-        spatial_inertia(float(model.body_mass[body]), data.xipos[body] - centre, own),
+        spatial_inertia(float(model.body_mass[body]), data.xipos[body] - centre, inertia),
         centre,
     )

@@ -1,15 +1,15 @@
-r"""Geometric stiffness of gravity at a fixed pose, and its derivatives.
+"""Geometric stiffness of gravity at a fixed pose, and its derivatives.
 
-The potential of bodies with spatial inertia Mb under gravity g is V = -sum_b g.(m_b c_b). Its
-second derivative by joint coordinates i before j on one chain turns what j moves about the axis of
-i: K_ij = -sum_b g.(w_bi x p_bj) with w the rotation of body b per coordinate i and p the linear
+The potential of bodies with spatial inertia Mb under gravity g is V = -sum_b g.(m_b c_b). For joint
+coordinates i before j on one chain, i turns what j moves about its axis. The second derivative is
+K_ij = -sum_b g.(w_bi x p_bj), with w the rotation of body b per coordinate i and p the linear
 momentum of body b per velocity of j, the upper three rows of Mb T (Featherstone 2008, ch. 7, for
 the momenta). With the block-diagonal X of [[0, 0], [-[g]x, 0]],
 
     U = -T' X Mb T,   K = N o U + (N o U)',
 
-N the mask of i before j, with a half where i = j (o: entry by entry). A sag, the displacement at
-which all forces balance, is not part of this: the pose at rest stays that of the drawing.
+N the precedence: 1 for i before j, 1/2 where i = j (o: entry by entry). The sag, the displacement
+at which all forces balance, is not part of this: the pose at rest stays that of the drawing.
 """
 
 from functools import lru_cache
@@ -21,8 +21,8 @@ from mbmodel.spatial import cross_matrix
 
 
 @lru_cache(maxsize=16)
-def _turning(gravity: tuple[float, ...], n_body: int) -> Real:
-    """X; (6 n_body, 6 n_body)."""
+def _gravity_cross(gravity: tuple[float, ...], n_body: int) -> Real:
+    """Return X; (6 n_body, 6 n_body)."""
     matrix = np.zeros((6 * n_body, 6 * n_body))
     for body in range(n_body):
         matrix[6 * body + 3 : 6 * body + 6, 6 * body : 6 * body + 3] = -cross_matrix(
@@ -31,55 +31,73 @@ def _turning(gravity: tuple[float, ...], n_body: int) -> Real:
     return matrix
 
 
-def _symmetric(mask: Real, half: Real) -> Real:
+def _symmetrise(mask: Real, half: Real) -> Real:
+    """Return ``N o U + (N o U)'``."""
     masked = mask * half
     total: Real = masked + masked.T
     return total
 
 
-def gravity_stiffness(gravity: Real, order: Real, jacobian: Real, inertia: Real) -> Real:
-    """K of gravity in joint coordinates.
+def gravity_stiffness(gravity: Real, precedence: Real, jacobian: Real, inertia: Real) -> Real:
+    """Return the stiffness of gravity in joint coordinates.
 
     Args:
         gravity: [m/s^2]; (3,).
-        order: N; (nv, nv).
+        precedence: N; (nv, nv).
         jacobian: T; (6 n_body, nv).
-        inertia: Mb, its rows times the share of each body's weight; (6 n_body, 6 n_body).
+        inertia: Mb, its rows times each body's weight fraction; (6 n_body, 6 n_body).
 
     Returns:
-        [N/m, N m/rad]; (nv, nv), symmetric.
+        K [N/m, N m/rad]; (nv, nv), symmetric.
     """
-    turning = _turning(tuple(gravity), len(jacobian) // 6)
-    return _symmetric(order, -jacobian.T @ turning @ inertia @ jacobian)
+    cross = _gravity_cross(tuple(gravity), len(jacobian) // 6)
+    return _symmetrise(precedence, -jacobian.T @ cross @ inertia @ jacobian)
 
 
 def gravity_slope(  # one argument for each factor of U and its change
     gravity: Real,
-    order: Real,
+    precedence: Real,
     jacobian: Real,
     inertia: Real,
     *,
     jacobian_change: Real | None = None,
     inertia_change: Real | None = None,
 ) -> Real:
-    """Change of K for small changes of T and Mb; (nv, nv)."""
-    turning = _turning(tuple(gravity), len(jacobian) // 6)
+    """Return the change of K for small changes of T and Mb; (nv, nv).
+
+    Args:
+        gravity: [m/s^2]; (3,).
+        precedence: N; (nv, nv).
+        jacobian: T; (6 n_body, nv).
+        inertia: Mb, its rows times each body's weight fraction; (6 n_body, 6 n_body).
+        jacobian_change: dT; (6 n_body, nv).
+        inertia_change: change of ``inertia``; (6 n_body, 6 n_body).
+    """
+    cross = _gravity_cross(tuple(gravity), len(jacobian) // 6)
     half = np.zeros((jacobian.shape[1],) * 2)
     if jacobian_change is not None:
-        half -= jacobian_change.T @ turning @ inertia @ jacobian
-        half -= jacobian.T @ turning @ inertia @ jacobian_change
+        half -= jacobian_change.T @ cross @ inertia @ jacobian
+        half -= jacobian.T @ cross @ inertia @ jacobian_change
     if inertia_change is not None:
-        half -= jacobian.T @ turning @ inertia_change @ jacobian
-    return _symmetric(order, half)
+        half -= jacobian.T @ cross @ inertia_change @ jacobian
+    return _symmetrise(precedence, half)
 
 
 def gravity_adjoint(
-    gravity: Real, order: Real, jacobian: Real, inertia: Real, cotangent: Real
+    gravity: Real, precedence: Real, jacobian: Real, inertia: Real, cotangent: Real
 ) -> tuple[Real, Real]:
-    """Derivatives of <S, K> by T and by Mb, S the cotangent; (6 n_body, nv), (6 n_body,) * 2."""
-    turning = _turning(tuple(gravity), len(jacobian) // 6)
-    weight = order * (cotangent + cotangent.T)
-    pressed = turning @ inertia
-    by_jacobian = -(pressed @ jacobian @ weight.T + pressed.T @ jacobian @ weight)
-    by_inertia = -turning.T @ jacobian @ weight @ jacobian.T
+    """Return the derivatives of <S, K> by T and by Mb; (6 n_body, nv) and (6 n_body, 6 n_body).
+
+    Args:
+        gravity: [m/s^2]; (3,).
+        precedence: N; (nv, nv).
+        jacobian: T; (6 n_body, nv).
+        inertia: Mb, its rows times each body's weight fraction; (6 n_body, 6 n_body).
+        cotangent: S; (nv, nv).
+    """
+    cross = _gravity_cross(tuple(gravity), len(jacobian) // 6)
+    weight = precedence * (cotangent + cotangent.T)
+    cross_inertia = cross @ inertia
+    by_jacobian = -(cross_inertia @ jacobian @ weight.T + cross_inertia.T @ jacobian @ weight)
+    by_inertia = -cross.T @ jacobian @ weight @ jacobian.T
     return by_jacobian, by_inertia

@@ -1,4 +1,4 @@
-"""What the actuators of a machine do per unit of their controls."""
+"""Forces of a machine's actuators per unit of their controls."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,34 +7,35 @@ import mujoco
 import numpy as np
 
 from identification.words import Real
-from mbmodel.mjcf.tendons import pulls_at_bodies
+from mbmodel.mjcf.tendons import tendon_body_jacobian
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class ActuatorGain:
     """Forces of an actuator per unit of its control.
 
     Args:
         joint: generalised forces of an actuator at a joint or fixed tendon; (nv,).
-        body: forces at the centres of mass, of one at a site or spatial tendon; (6 n_body,).
+        body: forces at the centres of mass of an actuator at a site or spatial tendon;
+            (6 n_body,).
     """
 
     joint: Real
     body: Real
 
 
-def motors_of(
+def actuator_gains(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     stages: list[int],
     centres: tuple[Real, ...],
     jacobian: Real,
-) -> dict[str, Drive]:
-    """What each actuator does per unit of its control, in which it is linear.
+) -> dict[str, ActuatorGain]:
+    """Return the gain of each actuator by name.
 
-    The generalised force is the difference of two controls. At a site without reference it is a
-    wrench along the gear, at a spatial tendon the tendon's pull: these act at bodies, so that they
-    follow when joints move.
+    Forces are linear in the control, so the generalised force is the difference of two controls.
+    An actuator at a site without reference exerts a wrench along its gear, one at a spatial tendon
+    the tendon's pull. These act at bodies, so that they follow when joints move.
 
     Args:
         model: the compiled model.
@@ -43,23 +44,24 @@ def motors_of(
         centres: centre of mass of each stage [m]; (3,) each.
         jacobian: T; (6 n_body, nv).
     """
-    pulls = pulls_at_bodies(model, data, stages, centres)
-    drives = {}
+    pulls = tendon_body_jacobian(model, data, stages, centres)
+    gains = {}
     for actuator in range(model.nu):
-        joint, body = _per_control(model, data, actuator), np.zeros(len(jacobian))
-        along = _at_bodies(model, data, actuator, pulls, stages, centres)
-        if along is not None and (row := jacobian.T @ along).any():
-            body = along * (joint @ row) / (row @ row)
+        joint, body = _force_per_control(model, data, actuator), np.zeros(len(jacobian))
+        wrench = _wrench_at_bodies(model, data, actuator, pulls, stages, centres)
+        if wrench is not None and (row := jacobian.T @ wrench).any():
+            body = wrench * (joint @ row) / (row @ row)
             joint = joint - jacobian.T @ body
         name = model.actuator(actuator).name or f"actuator{actuator}"
-        drives[name] = Drive(joint, body)
-    return drives
+        gains[name] = ActuatorGain(joint, body)
+    return gains
 
 
-def _per_control(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> Real:
+def _force_per_control(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> Real:
+    """Return the generalised force per unit of an actuator's control; (nv,)."""
     probe = mujoco.MjData(model)
     probe.qpos[:] = data.qpos
-    limits = model.opt.disableflags
+    flags = model.opt.disableflags
     forces = []
     try:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
@@ -69,12 +71,12 @@ def _per_control(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> R
             mujoco.mj_forward(model, probe)
             forces.append(probe.qfrc_actuator.copy())
     finally:
-        model.opt.disableflags = limits
+        model.opt.disableflags = flags
     difference: Real = forces[0] - forces[1]
     return difference
 
 
-def _at_bodies(
+def _wrench_at_bodies(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     actuator: int,
@@ -82,7 +84,16 @@ def _at_bodies(
     stages: list[int],
     centres: tuple[Real, ...],
 ) -> Real | None:
-    """Wrench of a unit actuator force at the bodies, or None where it acts at joints."""
+    """Return the wrench of a unit actuator force at the bodies, or None if it acts at joints.
+
+    Args:
+        model: the compiled model.
+        data: at static equilibrium.
+        actuator: its number.
+        pulls: rows of the spatial tendons, by the number of the tendon.
+        stages: MJCF body number of each stage.
+        centres: centre of mass of each stage [m]; (3,) each.
+    """
     kind = mujoco.mjtTrn(model.actuator_trntype[actuator])
     target, reference = model.actuator_trnid[actuator]
     if kind == mujoco.mjtTrn.mjTRN_TENDON:

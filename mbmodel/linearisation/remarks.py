@@ -1,27 +1,36 @@
-"""What a user must know of the pose at which a machine was linearised."""
+"""Remarks for the user on the pose at which a machine was linearised."""
 
 import mujoco
 import numpy as np
 
-from mbmodel.linearisation.equilibrium import Rest
+from mbmodel.linearisation.equilibrium import Equilibrium
 from mbmodel.mjcf.read import joint_name
 
-_FAR = 1e-3  # m or rad from the drawing that are worth a word
+_MIN_REPORTED_DISPLACEMENT = 1e-3  # m or rad: a smaller displacement needs no remark
 
 
-def rest_remarks(model: mujoco.MjModel, rest: Rest) -> tuple[str, ...]:
-    """Say how far the machine stands from its drawing, and whether it would stay there."""
+def equilibrium_remarks(model: mujoco.MjModel, equilibrium: Equilibrium) -> tuple[str, ...]:
+    """Return how far the machine rests from its drawing, and whether its equilibrium is unstable.
+
+    Args:
+        model: the compiled model.
+        equilibrium: the machine at rest.
+
+    Returns:
+        Sentences; empty if there is nothing to say.
+    """
     remarks = []
-    if model.nv and np.abs(rest.moved).max() > _FAR:
-        worst = int(np.argmax(np.abs(rest.moved)))
+    if model.nv and np.abs(equilibrium.displacement).max() > _MIN_REPORTED_DISPLACEMENT:
+        worst = int(np.argmax(np.abs(equilibrium.displacement)))
         joint = joint_name(model, model.dof_jntid[worst])
         remarks.append(
-            f"at rest joint {joint!r} stands {rest.moved[worst]:.3g} (m or rad) from the drawing: "
-            "sensors and centres of mass are where the machine rests"
+            f"at static equilibrium joint {joint!r} is displaced by "
+            f"{equilibrium.displacement[worst]:.3g} (m or rad) from the drawing: positions of "
+            "sensors and centres of mass are those at equilibrium"
         )
-    if not rest.stable:
+    if not equilibrium.stable:
         remarks.append(
-            "the pose at rest is not stable: a small displacement would grow, and some poles have "
+            "the static equilibrium is unstable: a small displacement grows, and some poles have "
             "positive real parts"
         )
     return tuple(remarks)

@@ -1,4 +1,4 @@
-"""The linear springs and dampers of joints and tendons."""
+"""Linear springs and dampers of joints and tendons, at static equilibrium."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 
 from identification.words import InputError, Real
-from mbmodel.linearisation.equilibrium import elongation, tendon_curvature, tendon_jacobian
+from mbmodel.linearisation.equilibrium import tendon_curvature, tendon_elongation, tendon_jacobian
 from mbmodel.mjcf.read import body_name, coordinate_names
-from mbmodel.mjcf.tendons import pulls_at_bodies
+from mbmodel.mjcf.tendons import tendon_body_jacobian
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,10 +23,10 @@ class Spring:
         direction: elongation per joint coordinate; (nv,).
         stiffness: [N/m] or [N m/rad].
         damping: [N s/m] or [N m s/rad].
-        angular: whether it turns instead of stretching.
-        geometric: elongation at rest times the derivative of the direction by the joint
-            coordinates, for a tendon under tension: it adds stiffness * geometric; (nv, nv).
-        at_bodies: elongation per motion of the centres of mass, for a tendon between sites: with
+        angular: whether it is rotational.
+        geometric: for a tendon under tension, elongation at rest times the derivative of the
+            direction by the joint coordinates: it adds stiffness * geometric; (nv, nv).
+        at_bodies: for a tendon between sites, elongation per motion of the centres of mass: with
             T it gives the direction; (6 n_body,).
     """
 
@@ -40,19 +40,26 @@ class Spring:
     at_bodies: Real | None = None
 
 
-def springs_of(
+def find_springs(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     path: Path,
     stages: list[int],
     centres: tuple[Real, ...],
 ) -> tuple[Spring, ...]:
-    """Every spring of a machine at rest, joints first.
+    """Return every spring of a machine at rest, joints first.
+
+    Args:
+        model: the compiled model.
+        data: at static equilibrium.
+        path: of the MJCF, for messages.
+        stages: MJCF body number of each stage.
+        centres: centre of mass of each stage [m]; (3,) each.
 
     Raises:
         InputError: a tendon and a joint with one name.
     """
-    pulls = pulls_at_bodies(model, data, stages, centres)
+    pulls = tendon_body_jacobian(model, data, stages, centres)
     springs = _joint_springs(model) + _tendon_springs(model, data, pulls)
     names = [spring.name for spring in springs]
     for name in names:
@@ -62,7 +69,7 @@ def springs_of(
 
 
 def _joint_springs(model: mujoco.MjModel) -> tuple[Spring, ...]:
-    """One spring for each slide and hinge; each coordinate of a ball or free joint has a damper."""
+    """Return a spring for each slide and hinge, and a damper for each ball or free coordinate."""
     springs = []
     names = coordinate_names(model)
     for dof in range(model.nv):
@@ -87,11 +94,12 @@ def _joint_springs(model: mujoco.MjModel) -> tuple[Spring, ...]:
 def _tendon_springs(
     model: mujoco.MjModel, data: mujoco.MjData, pulls: Mapping[int, Real]
 ) -> tuple[Spring, ...]:
+    """Return a spring for each tendon; inside its dead band it has no stiffness."""
     rows = tendon_jacobian(model, data)
     slack = (model.tendon_lengthspring[:, 0] < data.ten_length) & (
         data.ten_length < model.tendon_lengthspring[:, 1]
     )
-    length, curvature = elongation(model, data), tendon_curvature(model, data)
+    length, curvature = tendon_elongation(model, data), tendon_curvature(model, data)
     springs = []
     for tendon in range(model.ntendon):
         name = model.tendon(tendon).name or f"tendon{tendon}"

@@ -1,4 +1,4 @@
-"""Meshes from files: STL, OBJ, MSH and VTU, as triangles or tetrahedra. Only here is meshio."""
+"""Reading of mesh files (STL, OBJ, MSH, VTU) as triangles or tetrahedra, through meshio."""
 
 import io
 import warnings
@@ -10,13 +10,14 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from identification.words import InputError, Integers, Real, frozen
+from identification.words import InputError, Integers, Real, frozen_array
 
-_FORMATS = {".stl": "stl", ".obj": "obj", ".msh": "gmsh", ".vtu": "vtu"}
+_MESHIO_FORMATS = {".stl": "stl", ".obj": "obj", ".msh": "gmsh", ".vtu": "vtu"}
+# First words of a gmsh file.
 _GMSH_STARTS = (b"$MeshFormat", b"$Comments")
-_FACES = ("triangle", "quad", "polygon")
-# Faces of the cells, seen from outside, in the numbering of VTK and gmsh.
-_SIDES: dict[str, tuple[tuple[int, ...], ...]] = {
+_FACE_KINDS = ("triangle", "quad", "polygon")
+# Faces of each kind of cell, counter-clockwise from outside, in the numbering of VTK and gmsh.
+_SIDES_OF_CELL: dict[str, tuple[tuple[int, ...], ...]] = {
     "hexahedron": (
         *((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4)),
         *((1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
@@ -28,12 +29,15 @@ _SIDES: dict[str, tuple[tuple[int, ...], ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A mesh of one kind: tetrahedra if there are any, else triangles.
+    """A mesh of one kind: tetrahedra if there are any, otherwise triangles.
 
     Args:
         points: [m]; (n, 3).
-        triangles: corners, counter-clockwise seen from outside; (m, 3).
-        tetrahedra: corners; (k, 4).
+        triangles: numbers of the corners, counter-clockwise seen from outside; (m, 3).
+        tetrahedra: numbers of the corners; (k, 4).
+
+    Raises:
+        ValueError: a cell names a point that does not exist.
     """
 
     points: Real
@@ -42,54 +46,62 @@ class Mesh:
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
-        object.__setattr__(self, "points", frozen(self.points, np.float64, (None, 3), "points"))
+        object.__setattr__(
+            self, "points", frozen_array(self.points, np.float64, (None, 3), "points")
+        )
         for name, corners in (("triangles", 3), ("tetrahedra", 4)):
-            cells = frozen(getattr(self, name), np.intp, (None, corners), name)
+            cells = frozen_array(getattr(self, name), np.intp, (None, corners), name)
             if cells.size and not 0 <= cells.min() <= cells.max() < len(self.points):
-                raise ValueError(f"{name} name a point that is not there")
+                raise ValueError(f"{name} name a point that does not exist")
             object.__setattr__(self, name, cells)
 
 
 def read_mesh(path: Path, *, scale: float = 1.0) -> Mesh:
     """Read the mesh of a body.
 
-    Quadrilaterals and polygons are divided about their own middle, cells with six or eight corners
-    about theirs, so that neighbours agree on their common face even if it is not plane.
+    Quadrilaterals and polygons are divided about their middle, cells with five to eight corners
+    about theirs. So neighbours agree on their common face even if it is not plane.
 
     Args:
         path: an STL (ASCII or binary), OBJ, MSH (gmsh) or VTU file.
         scale: metres per unit of the file.
 
     Raises:
-        InputError: no such file, another format, not readable, cells of another kind.
+        InputError: no such file, another format, an unreadable file, or other kinds of cells.
     """
     if not (np.isfinite(scale) and scale > 0):
-        raise InputError(f"{path}: scale {scale:g}: give metres per unit of the file, above zero")
-    found = _read(path)
-    dimension = max((block.dim for block in found.cells if len(block.data)), default=0)
-    blocks = [(b.type, np.asarray(b.data)) for b in found.cells if b.dim == dimension]
+        raise InputError(
+            f"{path}: scale is {scale:g}: give metres per unit of the file, above zero"
+        )
+    content = _read(path)
+    dimension = max((block.dim for block in content.cells if len(block.data)), default=0)
+    blocks = [(b.type, np.asarray(b.data)) for b in content.cells if b.dim == dimension]
     if dimension < 2 or not sum(len(data) for _, data in blocks):
-        raise InputError(f"{path}: has no faces and no cells: export a surface or a volume mesh")
-    points = _points(path, found.points, scale)
+        raise InputError(
+            f"{path}: the mesh has no faces and no cells: export a surface or a volume mesh"
+        )
+    points = _points(path, content.points, scale)
     for kind, data in blocks:
-        if kind not in (*_FACES, "tetra", *_SIDES):
+        if kind not in (*_FACE_KINDS, "tetra", *_SIDES_OF_CELL):
             raise InputError(
-                f"{path}: has cells of kind {kind}, which are not handled: export triangles or "
-                "tetrahedra with straight edges"
+                f"{path}: the mesh has cells of kind {kind}, which are not handled: export "
+                "triangles or tetrahedra with straight edges"
             )
         if data.size and not 0 <= data.min() <= data.max() < len(points):
-            raise InputError(f"{path}: a {kind} names a point that is not there: export it again")
+            raise InputError(
+                f"{path}: a {kind} names a point that does not exist: export the mesh again"
+            )
     return _flat_mesh(points, blocks)
 
 
 def is_gmsh(path: Path) -> bool:
-    """Whether a file is gmsh's; MuJoCo has a binary format of its own under the same suffix."""
+    """Return whether a file is gmsh's; MuJoCo has its own binary format with this suffix."""
     with path.open("rb") as file:
         return file.read(16).startswith(_GMSH_STARTS)
 
 
 def is_ascii_stl(path: Path) -> bool:
-    """Whether an STL file is text: its length is not what a binary header's count asks for."""
+    """Return whether an STL file is text: its length does not fit a binary header's count."""
     with path.open("rb") as file:
         head = file.read(84)
     count = int.from_bytes(head[80:84], "little")
@@ -97,62 +109,73 @@ def is_ascii_stl(path: Path) -> bool:
 
 
 def _read(path: Path) -> meshio.Mesh:
-    """Read through meshio, which prints what went wrong and ends the program."""
-    if path.suffix.lower() not in _FORMATS:
-        raise InputError(f"{path}: is no mesh that is read here: give .stl, .obj, .msh or .vtu")
+    """Read through meshio, which prints its errors and ends the program instead of raising."""
+    if path.suffix.lower() not in _MESHIO_FORMATS:
+        raise InputError(
+            f"{path}: this kind of file is not read as a mesh: give .stl, .obj, .msh or .vtu"
+        )
     if not path.is_file():
-        raise InputError(f"{path} does not exist: name a mesh file")
-    said = io.StringIO()
+        raise InputError(f"{path} does not exist: give the path of a mesh file")
+    printed = io.StringIO()
     try:
-        with warnings.catch_warnings(), redirect_stdout(said), redirect_stderr(said):
+        with warnings.catch_warnings(), redirect_stdout(printed), redirect_stderr(printed):
             warnings.simplefilter("ignore")
-            return meshio.read(path, file_format=_FORMATS[path.suffix.lower()])
+            return meshio.read(path, file_format=_MESHIO_FORMATS[path.suffix.lower()])
     except (SystemExit, Exception) as error:
         # Readers fail on broken files in whatever way Python does: IndexError, struct.error.
         reason = str(error) if isinstance(error, OSError | meshio.ReadError) else ""
         text = f" ({' '.join(reason.split())})" if reason else ""
         raise InputError(
-            f"{path}: cannot be read as {path.suffix[1:].upper()}{text}: export it again"
+            f"{path}: cannot be read as {path.suffix[1:].upper()}{text}: export the mesh again"
         ) from error
 
 
 def _points(path: Path, values: object, scale: float) -> Real:
+    """Return the points in metres; (n, 3)."""
     points = np.asarray(values, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"{path}: its points have no three coordinates: export it in space")
+        raise InputError(f"{path}: the points do not have three coordinates: export the mesh in 3D")
     if not np.isfinite(points).all():
         row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
-        raise InputError(f"{path}: point {row} is no finite number: export it again")
+        raise InputError(
+            f"{path}: the coordinates of point {row} are not finite: export the mesh again"
+        )
     return points * scale
 
 
 def _flat_mesh(points: Real, blocks: Sequence[tuple[str, Integers]]) -> Mesh:
+    """Return a mesh of triangles and tetrahedra made of cells of all kinds."""
     builder = _Builder([points], len(points))
     triangles, tetrahedra = [], []
     for kind, data in blocks:
         cells = data.astype(np.intp)
         if kind == "tetra":
             tetrahedra.append(cells)
-        elif kind in _FACES:
+        elif kind in _FACE_KINDS:
             triangles.append(builder.divide(cells))
         else:
             tetrahedra.append(builder.divide_solids(kind, cells))
     return Mesh(
         np.concatenate(builder.points),
-        builder.one_number(np.concatenate([np.empty((0, 3), np.intp), *triangles])),
-        builder.one_number(np.concatenate([np.empty((0, 4), np.intp), *tetrahedra])),
+        builder.merge_middles(np.concatenate([np.empty((0, 3), np.intp), *triangles])),
+        builder.merge_middles(np.concatenate([np.empty((0, 4), np.intp), *tetrahedra])),
     )
 
 
 @dataclass
 class _Builder:
-    """Points so far: the file's own, then the middles of divided cells."""
+    """Points while cells are divided: those of the file, then the middles of divided cells.
+
+    Args:
+        points: blocks of points [m]; (n, 3) each.
+        count: number of points so far.
+    """
 
     points: list[Real]
     count: int
 
     def divide(self, faces: Integers) -> Integers:
-        """Triangles of polygons, each about its middle; of a triangle itself."""
+        """Return the triangles of polygons, each polygon divided about its middle; (m, 3)."""
         if faces.shape[1] == 3:
             return faces
         middle = np.broadcast_to(self._middles(faces)[:, None], faces.shape)
@@ -160,28 +183,32 @@ class _Builder:
         return fan.reshape(-1, 3)
 
     def divide_solids(self, kind: str, cells: Integers) -> Integers:
-        """Tetrahedra of cells, each about its middle: one for each triangle of its sides."""
+        """Return the tetrahedra of cells, each cell divided about its middle; (k, 4).
+
+        Each triangle of a cell's sides gives one tetrahedron.
+        """
         top = self._middles(cells)
         parts = []
-        for side in _SIDES[kind]:
+        for side in _SIDES_OF_CELL[kind]:
             triangles = self.divide(cells[:, side])
             apex = np.repeat(top, len(triangles) // len(cells))
             # A side runs counter-clockwise seen from outside; turned, it sees the apex.
             parts.append(np.column_stack([triangles[:, ::-1], apex]))
         return np.concatenate(parts)
 
-    def one_number(self, cells: Integers) -> Integers:
-        """The same cells with one number for the middle that two neighbours gave a face."""
-        own = len(self.points[0])
-        if self.count == own:
+    def merge_middles(self, cells: Integers) -> Integers:
+        """Return the cells with one number for the middle of a face that two neighbours share."""
+        count = len(self.points[0])
+        if self.count == count:
             return cells
         _, first, which = np.unique(
             np.concatenate(self.points[1:]), axis=0, return_index=True, return_inverse=True
         )
-        numbers: Integers = np.r_[np.arange(own), own + first[which.ravel()]]
+        numbers: Integers = np.r_[np.arange(count), count + first[which.ravel()]]
         return numbers[cells]
 
     def _middles(self, cells: Integers) -> Integers:
+        """Append the middles of cells and return their numbers."""
         # Corners in one order, so that both neighbours of a face round alike.
         new = self.points[0][np.sort(cells, axis=1)].mean(axis=1)
         self.points.append(new)

@@ -1,18 +1,18 @@
-"""Mass properties of a solid, from its surface or its volume mesh and one density."""
+"""Mass properties of a homogeneous solid from its surface mesh or its volume mesh."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from identification.words import InputError, Integers, Mask, Real, frozen
+from identification.words import InputError, Integers, Mask, Real, frozen_array
 from mbmodel.meshes.files import Mesh, read_mesh
-from mbmodel.meshes.surface import check_shells, check_surface, merged, place_text
+from mbmodel.meshes.surface import check_shells, check_surface, merge_points, point_text
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
-    """What a rigid body needs of its shape.
+class MassProperties:
+    """Mass, centre of mass and inertia of a rigid body.
 
     Args:
         mass: [kg].
@@ -26,14 +26,16 @@ class Solid:
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
-        object.__setattr__(self, "centre", frozen(self.centre, np.float64, (3,), "centre"))
-        object.__setattr__(self, "inertia", frozen(self.inertia, np.float64, (3, 3), "inertia"))
+        object.__setattr__(self, "centre", frozen_array(self.centre, np.float64, (3,), "centre"))
+        object.__setattr__(
+            self, "inertia", frozen_array(self.inertia, np.float64, (3, 3), "inertia")
+        )
 
 
-def solid_of(path: Path, density: float, *, scale: float = 1.0) -> Solid:
-    """Mass, centre and inertia of a homogeneous body from its mesh.
+def read_mass_properties(path: Path, density: float, *, scale: float = 1.0) -> MassProperties:
+    """Return mass, centre and inertia of a homogeneous body from its mesh file.
 
-    A mesh with volume cells is summed over them; its surface cells, if any, are not looked at.
+    If the mesh has volume cells, the sum runs over them, and surface cells are ignored.
 
     Args:
         path: an STL (ASCII or binary), OBJ, MSH (gmsh) or VTU file.
@@ -45,25 +47,33 @@ def solid_of(path: Path, density: float, *, scale: float = 1.0) -> Solid:
     """
     mesh = read_mesh(path, scale=scale)
     try:
-        return mesh_solid(mesh, density)
+        return mesh_mass_properties(mesh, density)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
 
-def mesh_solid(mesh: Mesh, density: float) -> Solid:
-    """The same of a mesh that has been read."""
+def mesh_mass_properties(mesh: Mesh, density: float) -> MassProperties:
+    """Return the mass properties of a mesh that has been read.
+
+    Args:
+        mesh: tetrahedra, or triangles that bound a solid.
+        density: [kg/m^3].
+
+    Raises:
+        InputError: the mesh encloses no definite volume.
+    """
     if len(mesh.tetrahedra):
-        return volume_solid(mesh.points, mesh.tetrahedra, density)
-    return surface_solid(mesh.points, mesh.triangles, density)
+        return volume_mass_properties(mesh.points, mesh.tetrahedra, density)
+    return surface_mass_properties(mesh.points, mesh.triangles, density)
 
 
-def surface_solid(points: Real, triangles: Integers, density: float) -> Solid:
-    """Mass properties of what closed surfaces enclose.
+def surface_mass_properties(points: Real, triangles: Integers, density: float) -> MassProperties:
+    """Return the mass properties of what closed surfaces enclose.
 
-    The divergence theorem on every triangle is the same as the signed sum over the tetrahedra that
-    it forms with one fixed point; what lies outside the surface cancels (Eberly 2002, Polyhedral
-    Mass Properties). Several shells are summed; one that lies inside another and is turned the
-    other way is a cavity.
+    By the divergence theorem, the volume integral is a sum over the triangles. It equals the
+    signed sum over the tetrahedra that each triangle forms with one fixed point; what lies outside
+    the surface cancels (Eberly 2002, Polyhedral Mass Properties). Several shells are summed; a
+    shell inside another one with reversed faces is a cavity.
 
     Args:
         points: [m]; (n, 3). Points at one place count as one.
@@ -77,7 +87,7 @@ def surface_solid(points: Real, triangles: Integers, density: float) -> Solid:
     """
     _check_density(density)
     mesh = Mesh(points, triangles, np.empty((0, 4), np.intp))
-    points, triangles = merged(mesh.points, mesh.triangles)
+    points, triangles = merge_points(mesh.points, mesh.triangles)
     check_surface(points, triangles)
     middle = _middle(points)
     corners = np.zeros((len(triangles), 4, 3))
@@ -85,16 +95,16 @@ def surface_solid(points: Real, triangles: Integers, density: float) -> Solid:
     volume = tetrahedron_volumes(corners).sum()
     _check_volume(float(volume), points)
     check_shells(points, triangles)
-    return _solid(corners, middle, density)
+    return _sum_tetrahedra(corners, middle, density)
 
 
-def volume_solid(points: Real, tetrahedra: Integers, density: float) -> Solid:
-    """Mass properties of tetrahedra that fill a body.
+def volume_mass_properties(points: Real, tetrahedra: Integers, density: float) -> MassProperties:
+    """Return the mass properties of tetrahedra that fill a body.
 
     Args:
         points: [m]; (n, 3).
-        tetrahedra: corners, the first three counter-clockwise seen from the fourth's far side, as
-            in VTK and gmsh: det [x2 - x1, x3 - x1, x4 - x1] > 0; (m, 4).
+        tetrahedra: corners, the first three counter-clockwise seen from the side away from the
+            fourth, as in VTK and gmsh: det [x2 - x1, x3 - x1, x4 - x1] > 0; (m, 4).
         density: [kg/m^3].
 
     Raises:
@@ -106,7 +116,7 @@ def volume_solid(points: Real, tetrahedra: Integers, density: float) -> Solid:
     mesh = Mesh(points, np.empty((0, 3), np.intp), tetrahedra)
     points, tetrahedra = mesh.points, mesh.tetrahedra
     if not len(tetrahedra):
-        raise InputError("it has no cells: give a mesh with triangles or tetrahedra")
+        raise InputError("the mesh has no cells: give a mesh with triangles or tetrahedra")
     middle = _middle(points[tetrahedra].reshape(-1, 3))
     corners = points[tetrahedra] - middle
     volumes = tetrahedron_volumes(corners)
@@ -115,14 +125,19 @@ def volume_solid(points: Real, tetrahedra: Integers, density: float) -> Solid:
     if bad.size:
         raise InputError(
             f"{bad.size} of {len(volumes)} tetrahedra are flat or inside out, the first near "
-            f"{place_text(corners[bad[0]].mean(axis=0) + middle)}: mesh the body again"
+            f"{point_text(corners[bad[0]].mean(axis=0) + middle)}: mesh the body again"
         )
     outward_faces(tetrahedra)
-    return _solid(corners, middle, density)
+    return _sum_tetrahedra(corners, middle, density)
 
 
 def outward_faces(tetrahedra: Integers) -> Integers:
-    """The boundary of tetrahedra: the faces that no neighbour cancels, seen from outside; (m, 3).
+    """Return the boundary of tetrahedra, its faces counter-clockwise seen from outside; (m, 3).
+
+    The boundary consists of the faces that belong to one tetrahedron only.
+
+    Args:
+        tetrahedra: corners; (k, 4).
 
     Raises:
         InputError: two tetrahedra lie on the same side of one face, so they overlap.
@@ -134,25 +149,29 @@ def outward_faces(tetrahedra: Integers) -> Integers:
     np.add.at(sides, (which, even.astype(np.intp)), 1)
     if sides.max() > 1:
         count = int((sides > 1).any(axis=1).sum())
-        raise InputError(f"tetrahedra overlap at {count} faces: mesh the body once only")
-    alone: Integers = faces[sides.sum(axis=1)[which] == 1]
-    return alone
+        raise InputError(f"tetrahedra overlap at {count} faces: mesh the body only once")
+    boundary: Integers = faces[sides.sum(axis=1)[which] == 1]
+    return boundary
 
 
 def surface_triangles(mesh: Mesh) -> Integers:
-    """The triangles that bound a mesh, for the eye or for another program; (m, 3)."""
+    """Return the triangles that bound a mesh, for pictures or for other programs; (m, 3)."""
     return outward_faces(mesh.tetrahedra) if len(mesh.tetrahedra) else mesh.triangles
 
 
 def tetrahedron_volumes(corners: Real) -> Real:
-    """Signed volumes det [x2 - x1, x3 - x1, x4 - x1] / 6; corners (n, 4, 3), volumes (n,)."""
+    """Return the signed volumes ``det [x2 - x1, x3 - x1, x4 - x1] / 6`` [m^3]; (n,).
+
+    Args:
+        corners: [m]; (n, 4, 3).
+    """
     edges = corners[:, 1:] - corners[:, :1]
     volumes: Real = np.einsum("ni,ni->n", edges[:, 0], np.cross(edges[:, 1], edges[:, 2])) / 6
     return volumes
 
 
-def _solid(corners: Real, middle: Real, density: float) -> Solid:
-    r"""Sum signed tetrahedra, exactly.
+def _sum_tetrahedra(corners: Real, middle: Real, density: float) -> MassProperties:
+    """Return the mass properties of signed tetrahedra by exact integration.
 
     With s = x1 + x2 + x3 + x4, a tetrahedron of volume V has
 
@@ -160,7 +179,7 @@ def _solid(corners: Real, middle: Real, density: float) -> Solid:
 
     (Tonon 2004, J. Math. Stat. 1, eq. 9 ff., in matrix form). Then I = rho (tr(S) 1 - S) with
     S = int x x' dV - V c c' about the centre c. Coordinates count from the middle of the mesh:
-    a part a metre away would lose digits in that difference.
+    for a part a metre away, that difference would lose digits.
     """
     volumes = tetrahedron_volumes(corners)
     sums = corners.sum(axis=1)
@@ -170,29 +189,32 @@ def _solid(corners: Real, middle: Real, density: float) -> Solid:
     second += np.einsum("n,ni,nj->ij", volumes, sums, sums)
     spread = second / 20 - volume * np.outer(centre, centre)
     inertia = density * (np.trace(spread) * np.eye(3) - spread)
-    return Solid(density * volume, centre + middle, (inertia + inertia.T) / 2)
+    return MassProperties(density * volume, centre + middle, (inertia + inertia.T) / 2)
 
 
 def _check_density(density: float) -> None:
+    """Raise InputError unless the density is positive."""
     if not (np.isfinite(density) and density > 0):
-        raise InputError(f"density {density:g} kg/m^3: give a positive number")
+        raise InputError(f"the density is {density:g} kg/m^3: give a positive number")
 
 
 def _check_volume(volume: float, points: Real) -> None:
+    """Raise InputError if a surface encloses no volume, or a negative one."""
     size = float(np.ptp(points, axis=0).max())
     if abs(volume) <= 1e-12 * size**3:
-        raise InputError("its surface encloses no volume: give a solid body's mesh")
+        raise InputError("the surface encloses no volume: give the mesh of a solid body")
     if volume < 0:
-        raise InputError("it is inside out (its faces look inward): turn its faces")
+        raise InputError("the mesh is inside out (its faces point inward): reverse its faces")
 
 
 def _middle(points: Real) -> Real:
+    """Return the middle of the bounding box [m]; (3,)."""
     middle: Real = (points.min(axis=0) + points.max(axis=0)) / 2
     return middle
 
 
 def _is_even(faces: Integers) -> Mask:
-    """Whether each triple is an even permutation of its sorted self."""
+    """Return whether each triple is an even permutation of its sorted entries; (m,)."""
     first, second, third = faces.T
     inversions = (first > second).astype(np.intp) + (first > third) + (second > third)
     even: Mask = inversions % 2 == 0

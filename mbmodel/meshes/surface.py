@@ -1,4 +1,4 @@
-"""Whether triangles bound a solid: closed, turned alike, each shell the right way round."""
+"""Check that triangles bound a solid: closed, consistently oriented, each shell outward."""
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -7,23 +7,34 @@ from scipy.spatial import cKDTree
 
 from identification.words import InputError, Integers, Mask, Real
 
-# Two units in the last place of single precision, in which STL files hold their numbers.
-_SAME_PLACE = 2.5e-7
+# Two units in the last place of single precision (in which STL files hold their numbers), relative
+# to the largest coordinate.
+_SAME_POINT_DISTANCE = 2.5e-7
 
 
-def merged(points: Real, triangles: Integers) -> tuple[Real, Integers]:
-    """Points at one place become one, and triangles that thereby lose an edge are dropped.
+def merge_points(points: Real, triangles: Integers) -> tuple[Real, Integers]:
+    """Merge points at one place, and drop triangles that thereby lose an edge.
 
-    STL repeats every corner for each of its triangles. Places count as one within two units in
-    the last place of single precision of the largest coordinate, so that programs that round the
-    two sides of an edge apart are understood; this moves volumes by some 1e-7 of themselves.
+    STL repeats every corner for each of its triangles. Points count as one within two units in
+    the last place of single precision of the largest coordinate, because programs may round the
+    two sides of an edge differently. This changes volumes by some 1e-7 of themselves.
+
+    Args:
+        points: [m]; (n, 3).
+        triangles: corners; (m, 3).
+
+    Returns:
+        Points and triangles after merging.
+
+    Raises:
+        InputError: there are no triangles.
     """
     if not len(triangles):
-        raise InputError("it has no cells: give a mesh with triangles or tetrahedra")
-    # Whole copies first: a tree of them would have to list every pair.
+        raise InputError("the mesh has no cells: give a mesh with triangles or tetrahedra")
+    # Exact duplicates are merged first, since the search below would list every pair of them.
     unique, first = np.unique(points, axis=0, return_inverse=True)
     near = cKDTree(unique).query_pairs(
-        _SAME_PLACE * float(np.abs(unique).max()), output_type="ndarray"
+        _SAME_POINT_DISTANCE * float(np.abs(unique).max()), output_type="ndarray"
     )
     links = coo_array((np.ones(len(near)), near.T), shape=(len(unique), len(unique)))
     count, place = connected_components(links, directed=False)
@@ -37,9 +48,13 @@ def merged(points: Real, triangles: Integers) -> tuple[Real, Integers]:
 def check_surface(points: Real, triangles: Integers) -> None:
     """Refuse triangles that do not bound a volume.
 
-    Sums over a surface are those of a volume exactly where its boundary vanishes: each edge is
-    run through as often one way as the other. That is once each on a single shell; where shells
-    that were exported together touch along an edge it is twice each.
+    A surface sum equals a volume integral exactly if the surface has no boundary: each edge is
+    run through equally often in both directions. On a single shell this is once each; where shells
+    that were exported together touch along an edge, it is twice each.
+
+    Args:
+        points: [m]; (n, 3).
+        triangles: corners; (m, 3).
 
     Raises:
         InputError: edges without a partner, or run through twice one way; repeated triangles.
@@ -49,20 +64,25 @@ def check_surface(points: Real, triangles: Integers) -> None:
     _refuse_edges(points, ends, (net != 0) & (count == 1), "belong to one face only", "close it")
     _refuse_edges(
         points, ends, (net != 0) & (count == 2), "join faces turned against each other",
-        "turn the faces alike, outward",
+        "turn all faces outward",
     )  # fmt: skip
     _refuse_edges(
         points, ends, net != 0, "join three or more faces that bound no volume",
-        "remove the faces inside",
+        "remove the faces inside the body",
     )  # fmt: skip
 
 
 def check_shells(points: Real, triangles: Integers) -> None:
-    """Refuse a shell that is inside out on its own, and one that fills what is full.
+    """Refuse a shell that is inside out on its own, and a shell inside solid material.
 
-    A shell of negative volume is a cavity if the others wind about it, one of positive volume must
-    not lie inside the others (winding number, van Oosterom and Strackee 1983, eq. 8). Asked at the
-    shell's six outermost points: shells that overlap in part are not found, and count twice.
+    A shell of negative volume is a cavity if the other shells wind about it; a shell of positive
+    volume must not lie inside the others. Both are decided by the winding number (van Oosterom and
+    Strackee 1983, eq. 8) at the shell's six outermost points. Shells that overlap in part are not
+    detected, and their common volume counts twice.
+
+    Args:
+        points: [m]; (n, 3).
+        triangles: corners of a closed surface; (m, 3).
 
     Raises:
         InputError: a shell is the wrong way round.
@@ -71,40 +91,45 @@ def check_shells(points: Real, triangles: Integers) -> None:
     if not shell_of.any():
         return
     for shell in range(shell_of.max() + 1):
-        own = shell_of == shell
-        corners = points[triangles[own]]
-        others = points[triangles[~own]]
+        in_shell = shell_of == shell
+        corners = points[triangles[in_shell]]
+        rest = points[triangles[~in_shell]]
         volume = np.einsum("ni,ni->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
         outer = corners.reshape(-1, 3)
         probes = outer[np.r_[outer.argmin(axis=0), outer.argmax(axis=0)]]
-        winding = [winding_number(others - probe) for probe in probes]
-        place = place_text(outer.mean(axis=0))
+        winding = [winding_number(rest - probe) for probe in probes]
+        place = point_text(outer.mean(axis=0))
         if volume < 0 and max(winding) < 0.25:
-            raise InputError(f"its part near {place} is inside out: turn the faces of that part")
+            raise InputError(f"the part near {place} is inside out: reverse the faces of that part")
         if volume > 0 and min(winding) > 0.75:
             raise InputError(
-                f"its part near {place} lies inside another and would count twice: remove it, or "
-                "turn its faces to make it a cavity"
+                f"the part near {place} lies inside another and would count twice: remove it, or "
+                "reverse its faces to make it a cavity"
             )
 
 
 def _shells(triangles: Integers) -> Integers:
-    """Number of each triangle's connected surface; (m,).
+    """Return the number of each triangle's connected surface; (m,).
 
-    Faces hang together where an edge joins just two. Where four meet, shells touch; only if a
-    surface is not closed without such edges do these join too.
+    Faces are connected through edges that join exactly two. Where four faces meet, shells touch;
+    such edges connect faces only if a surface would not be closed without them.
     """
     _, which, _, count = _edges(triangles)
-    single = _joined(which, count == 2)
+    single = _connected_triangles(which, count == 2)
     for shell in range(single.max() + 1):
         _, _, net, _ = _edges(triangles[single == shell])
         if net.any():
-            return _joined(which, count > 0)
+            return _connected_triangles(which, count > 0)
     return single
 
 
-def _joined(which: Integers, through: Mask) -> Integers:
-    """Connected triangles, through the edges that count; ``which`` is (m, 3) edge numbers."""
+def _connected_triangles(which: Integers, through: Mask) -> Integers:
+    """Return the number of each triangle's connected component; (m,).
+
+    Args:
+        which: edge numbers of each triangle; (m, 3).
+        through: edges that connect; (n_edge,).
+    """
     rows = np.repeat(np.arange(len(which)), 3)
     columns = len(which) + which.ravel()
     used = through[which.ravel()]
@@ -116,7 +141,7 @@ def _joined(which: Integers, through: Mask) -> Integers:
 
 
 def _edges(triangles: Integers) -> tuple[Integers, Integers, Integers, Integers]:
-    """Edges, their number at each triangle's sides, runs up less runs down, and all runs."""
+    """Return edges, their numbers at each triangle's sides, net runs and all runs of each edge."""
     directed = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     ends, which = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True)
     which = which.ravel()
@@ -127,41 +152,46 @@ def _edges(triangles: Integers) -> tuple[Integers, Integers, Integers, Integers]
 
 
 def _refuse_edges(points: Real, ends: Integers, bad: Mask, what: str, remedy: str) -> None:
+    """Raise InputError if any edge is bad, with the place of the first."""
     if bad.any():
-        place = place_text(points[ends[bad.argmax()]].mean(axis=0))
+        place = point_text(points[ends[bad.argmax()]].mean(axis=0))
         raise InputError(
-            f"its surface is not that of a solid: {bad.sum()} of {len(ends)} edges {what}, the "
+            f"the surface does not bound a solid: {bad.sum()} of {len(ends)} edges {what}, the "
             f"first near {place}: {remedy}"
         )
 
 
 def _refuse_repeated(points: Real, triangles: Integers) -> None:
+    """Raise InputError if a triangle occurs more than once."""
     turn = (triangles.argmin(axis=1)[:, None] + np.arange(3)) % 3
     same_start = np.take_along_axis(triangles, turn, axis=1)
     faces, count = np.unique(same_start, axis=0, return_counts=True)
     if count.max(initial=0) > 1:
-        place = place_text(points[faces[count.argmax()]].mean(axis=0))
+        place = point_text(points[faces[count.argmax()]].mean(axis=0))
         raise InputError(
-            f"{(count > 1).sum()} of its triangles are there more than once, the first near "
+            f"{(count > 1).sum()} of the triangles occur more than once, the first near "
             f"{place}: remove the copies"
         )
 
 
 def winding_number(corners: Real) -> float:
-    """How often triangles wind about the origin: the sum of their solid angles over 4 pi.
+    """Return how often triangles wind about the origin: the sum of their solid angles over 4 pi.
 
-    The triangle in whose plane the origin lies counts as zero, so on a face the number is a half.
+    A triangle in whose plane the origin lies counts as zero, so the number is 1/2 on a face.
+
+    Args:
+        corners: [m]; (n, 3, 3).
     """
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     upper = np.einsum("ni,ni->n", a, np.cross(b, c))
     lower = la * lb * lc
     upper[np.abs(upper) <= 1e-5 * lower] = 0.0
-    for one, two, length in ((a, b, lc), (b, c, la), (c, a, lb)):
-        lower = lower + np.einsum("ni,ni->n", one, two) * length
+    for first, second, length in ((a, b, lc), (b, c, la), (c, a, lb)):
+        lower = lower + np.einsum("ni,ni->n", first, second) * length
     return float(np.arctan2(upper, lower)[upper != 0].sum() / (2 * np.pi))
 
 
-def place_text(point: Real) -> str:
-    """A point, for a message."""
+def point_text(point: Real) -> str:
+    """Return a point as text for a message."""
     return "(" + ", ".join(f"{round(float(value), 9) + 0.0:.4g}" for value in point) + ")"

@@ -1,1 +1,1 @@
-"""MJCF files: compiled, checked and written."""
+"""Reading, checking and writing of MJCF files."""

@@ -1,4 +1,4 @@
-"""Tuned values back into the MJCF, and what it lacks; every other word of it untouched."""
+"""Writing of tuned values and of additional elements into a copy of an MJCF file."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,56 +7,68 @@ from typing import Literal
 from xml.dom import minidom
 from xml.parsers.expat import ExpatError
 
-from identification.words import InputError, node_of
+from identification.words import InputError, node_number
 
-Kind = Literal["spring", "joint", "site", "inertial", "hit"]
+ElementKind = Literal["spring", "joint", "site", "inertial", "hit"]
 Values = Mapping[str, str | float | Sequence[float]]
 
-_FOLDERS = ("assetdir", "meshdir", "texturedir")
-_TAGS: dict[Kind, tuple[str, ...]] = {
+# Attributes of <compiler> that name folders.
+_FOLDER_ATTRIBUTES = ("assetdir", "meshdir", "texturedir")
+# Tags in which an element of each kind is searched.
+_TAGS_OF_KIND: dict[ElementKind, tuple[str, ...]] = {
     "spring": ("joint", "spatial", "fixed"),
     "joint": ("joint",),
     "site": ("site",),
     "inertial": ("body",),
     "hit": ("site",),
 }
-# An orientation can be written in five ways, of which one may stand.
-_ORIENTATIONS = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
-_REPLACED: dict[Kind, tuple[str, ...]] = {
+# MJCF allows one of these five ways to write an orientation.
+_ORIENTATION_ATTRIBUTES = ("quat", "axisangle", "xyaxes", "zaxis", "euler")
+# Attributes that would contradict the values written.
+_REMOVED_ATTRIBUTES: dict[ElementKind, tuple[str, ...]] = {
     "spring": (),
     "joint": (),
-    "site": (*_ORIENTATIONS, "fromto"),
-    "inertial": (*_ORIENTATIONS, "diaginertia"),
+    "site": (*_ORIENTATION_ATTRIBUTES, "fromto"),
+    "inertial": (*_ORIENTATION_ATTRIBUTES, "diaginertia"),
     "hit": (),
 }
-_REARRANGING = ("fusestatic", "inertiafromgeom", "settotalmass", "boundmass", "boundinertia")
-_OWN_FRAMES = ("frame", "replicate")
+# Settings of <compiler> by which MuJoCo changes bodies or masses after reading them.
+_BODY_CHANGING_SETTINGS = (
+    "fusestatic",
+    "inertiafromgeom",
+    "settotalmass",
+    "boundmass",
+    "boundinertia",
+)
+# Elements between a body and its parts that have a frame of their own.
+_FRAME_TAGS = ("frame", "replicate")
 
 
 @dataclass(frozen=True)
 class Edit:
-    """Numbers of one element of an MJCF.
+    """New numbers for one element of an MJCF.
 
     Args:
         kind: spring (stiffness and damping of a joint or tendon), joint, site, inertial; hit: a
-            site where the accelerometer is drawn, so that the hammer stays if the sensor moves.
+            site where the accelerometer is drawn, so that the hammer point stays if the sensor
+            moves.
         name: of the element; of its body for an inertial; of the accelerometer for a hit.
-        values: by attribute; of a hit, none.
+        values: numbers by attribute; empty for a hit.
     """
 
-    kind: Kind
+    kind: ElementKind
     name: str
     values: Mapping[str, float | Sequence[float]]
 
 
 @dataclass(frozen=True)
 class Element:
-    """An element of an MJCF, with those inside it.
+    """An XML element of an MJCF, with its children.
 
     Args:
         tag: such as ``site``.
         values: its attributes.
-        children: inside.
+        children: elements inside it.
     """
 
     tag: str
@@ -66,12 +78,12 @@ class Element:
 
 @dataclass(frozen=True)
 class Addition:
-    """An element that an MJCF has not.
+    """An element to add to an MJCF.
 
     Args:
-        name: what it holds, for a message.
-        parent: name of the body that it is put in; ``worldbody`` or ``tendon`` for the section.
-        element: what is added, its children and all.
+        name: what it stands for, for messages.
+        parent: name of the body that gets it; ``worldbody`` or ``tendon`` for the section.
+        element: the element with its children.
     """
 
     name: str
@@ -80,37 +92,39 @@ class Addition:
 
 
 @dataclass(frozen=True)
-class NotHeld:
-    """What an MJCF cannot hold, or not where it stands.
+class NotInMjcf:
+    """A change that cannot be written into an MJCF, or not at this place of the file.
 
     Args:
         name: of the parameter or element.
-        reason: why.
+        reason: why it cannot be written.
     """
 
     name: str
     reason: str
 
     def __str__(self) -> str:
-        """Name and reason."""
+        """Return name and reason."""
         return f"{self.name} ({self.reason})"
 
 
 def write_mjcf(
-    source: Path, target: Path, changes: Sequence[Edit | Addition | NotHeld]
-) -> tuple[NotHeld, ...]:
-    """Write a copy of an MJCF with other numbers.
+    source: Path, target: Path, changes: Sequence[Edit | Addition | NotInMjcf]
+) -> tuple[NotInMjcf, ...]:
+    """Write a copy of an MJCF with other numbers and additional elements.
 
-    Of a polynomial stiffness or damping the linear term changes. If the copy goes to another
-    folder, the folders of its meshes, textures and included files become absolute.
+    Everything else in the file stays as it is. For a polynomial stiffness or damping the linear
+    term changes. If the copy goes to another folder, the folders of its meshes, textures and
+    included files become absolute.
 
     Args:
         source: the MJCF that was read.
         target: the new file; its folder exists.
-        changes: what Parts want written; what they know not to be held is passed on.
+        changes: what Parts ask to be written; their ``NotInMjcf`` are returned as they are.
 
     Returns:
-        What the file does not hold, as joints without a name or in an included file.
+        Changes that the file does not hold, such as those of joints without a name or in an
+        included file.
 
     Raises:
         InputError: the source cannot be read any more.
@@ -118,33 +132,40 @@ def write_mjcf(
     try:
         document = minidom.parse(str(source))
     except (OSError, ExpatError) as error:
-        raise InputError(f"{source} cannot be read again ({error}): restore it") from error
-    not_held = [change for change in changes if isinstance(change, NotHeld)]
+        raise InputError(f"{source} cannot be read again ({error}): restore the file") from error
+    not_written = [change for change in changes if isinstance(change, NotInMjcf)]
     edits = [change for change in changes if isinstance(change, Edit)]
     for name in dict.fromkeys(edit.name for edit in edits if edit.kind == "hit"):
         _add_hit(document, name)
-    for edit in (one for one in edits if one.kind != "hit"):
+    for edit in (edit for edit in edits if edit.kind != "hit"):
         if (reason := _apply(document, edit)) is not None:
-            not_held += [NotHeld(f"{edit.name}.{attribute}", reason) for attribute in edit.values]
-    for more in (change for change in changes if isinstance(change, Addition)):
-        if not _add(document, more):
-            not_held.append(NotHeld(more.name, f"no body {more.parent} in the file itself"))
+            not_written += [
+                NotInMjcf(f"{edit.name}.{attribute}", reason) for attribute in edit.values
+            ]
+    for addition in (change for change in changes if isinstance(change, Addition)):
+        if not _add(document, addition):
+            not_written.append(
+                NotInMjcf(addition.name, f"the file itself has no body {addition.parent}")
+            )
     if source.resolve().parent != target.resolve().parent:
         _make_folders_absolute(document, source.resolve().parent)
     target.write_text(document.toxml() + "\n", encoding="utf-8")
-    return tuple(not_held)
+    return tuple(not_written)
 
 
-def _add(document: minidom.Document, more: Addition) -> bool:
-    """Put an element in its parent; a section is made if there is none."""
-    parent = _section(document, more.parent) or _find(document, Edit("inertial", more.parent, {}))
+def _add(document: minidom.Document, addition: Addition) -> bool:
+    """Add an element to its parent, and return whether there is one; create missing sections."""
+    parent = _section(document, addition.parent) or _find(
+        document, Edit("inertial", addition.parent, {})
+    )
     if parent is None:
         return False
-    parent.appendChild(_made(document, more.element))
+    parent.appendChild(_make_element(document, addition.element))
     return True
 
 
 def _section(document: minidom.Document, name: str) -> minidom.Element | None:
+    """Return the section ``worldbody`` or ``tendon``, created if missing; None for a body."""
     root = document.documentElement
     if name not in ("worldbody", "tendon") or root is None:
         return None
@@ -152,23 +173,25 @@ def _section(document: minidom.Document, name: str) -> minidom.Element | None:
     return sections[0] if sections else root.appendChild(document.createElement(name))
 
 
-def _made(document: minidom.Document, one: Element) -> minidom.Element:
-    element = document.createElement(one.tag)
-    for attribute, value in one.values.items():
-        element.setAttribute(attribute, value if isinstance(value, str) else _numbers(value))
-    for child in one.children:
-        element.appendChild(_made(document, child))
-    return element
+def _make_element(document: minidom.Document, element: Element) -> minidom.Element:
+    """Return an XML node for an element and its children."""
+    node = document.createElement(element.tag)
+    for attribute, value in element.values.items():
+        node.setAttribute(attribute, value if isinstance(value, str) else _numbers(value))
+    for child in element.children:
+        node.appendChild(_make_element(document, child))
+    return node
 
 
 def _numbers(value: float | Sequence[float]) -> str:
+    """Return numbers as MJCF text with all their digits."""
     numbers = [value] if isinstance(value, float) else list(value)
     return " ".join(f"{number:.17g}" for number in numbers)
 
 
 def _add_hit(document: minidom.Document, name: str) -> None:
-    """A copy of an accelerometer's site under the hammer's name, unless there is one."""
-    hit = f"hit{node_of(name)}"
+    """Copy an accelerometer's site under the hammer point's name, unless there is such a site."""
+    hit = f"hit{node_number(name)}"
     if _find(document, Edit("site", hit, {})) is not None:
         return
     element = _find(document, Edit("site", name, {}))
@@ -182,17 +205,17 @@ def _add_hit(document: minidom.Document, name: str) -> None:
 
 
 def _apply(document: minidom.Document, edit: Edit) -> str | None:
-    """Write an edit, or say why it cannot be."""
+    """Write an edit into the document, or return the reason why this is not possible."""
     element = _find(document, edit)
     if element is None:
-        return "no element of this name in the file itself"
-    if edit.kind != "spring" and _inside(element, _OWN_FRAMES):
-        return "it stands inside a <frame>"
-    if edit.kind in ("inertial", "site") and (setting := _rearranged(document)):
-        return f"the compiler has {setting}"
+        return "the file itself has no element of this name"
+    if edit.kind != "spring" and _inside(element, _FRAME_TAGS):
+        return "the element is inside a <frame> or <replicate>"
+    if edit.kind in ("inertial", "site") and (setting := _body_changing_setting(document)):
+        return f"<compiler> has {setting}, which changes bodies after reading"
     if edit.kind == "inertial":
         element = _inertial(document, element)
-    for attribute in _REPLACED[edit.kind]:
+    for attribute in _REMOVED_ATTRIBUTES[edit.kind]:
         if element.hasAttribute(attribute):
             element.removeAttribute(attribute)
     for attribute, value in edit.values.items():
@@ -205,9 +228,10 @@ def _apply(document: minidom.Document, edit: Edit) -> str | None:
 
 
 def _find(document: minidom.Document, edit: Edit) -> minidom.Element | None:
+    """Return the element that an edit names, or None."""
     for section in ("worldbody", "tendon"):
         for parent in document.getElementsByTagName(section):
-            for tag in _TAGS[edit.kind]:
+            for tag in _TAGS_OF_KIND[edit.kind]:
                 for element in parent.getElementsByTagName(tag):
                     if element.getAttribute("name") == edit.name:
                         return element
@@ -215,7 +239,7 @@ def _find(document: minidom.Document, edit: Edit) -> minidom.Element | None:
 
 
 def _inside(element: minidom.Element, tags: Sequence[str]) -> bool:
-    """Whether something between an element and its body has a frame of its own."""
+    """Return whether an element between this one and its body has a frame of its own."""
     parent = element.parentNode
     if element.tagName == "body":
         return False
@@ -226,10 +250,10 @@ def _inside(element: minidom.Element, tags: Sequence[str]) -> bool:
     return False
 
 
-def _rearranged(document: minidom.Document) -> str:
-    """A setting by which MuJoCo makes other bodies and masses than the file states."""
+def _body_changing_setting(document: minidom.Document) -> str:
+    """Return a setting by which MuJoCo changes the bodies that the file states, or nothing."""
     for compiler in document.getElementsByTagName("compiler"):
-        for attribute in _REARRANGING:
+        for attribute in _BODY_CHANGING_SETTINGS:
             value = compiler.getAttribute(attribute)
             if value not in ("", "false", "auto") and not _is_off(value):
                 return f'{attribute}="{value}"'
@@ -237,6 +261,7 @@ def _rearranged(document: minidom.Document) -> str:
 
 
 def _is_off(value: str) -> bool:
+    """Return whether a setting is a number that switches it off."""
     try:
         return float(value) <= 0
     except ValueError:
@@ -244,7 +269,7 @@ def _is_off(value: str) -> bool:
 
 
 def _inertial(document: minidom.Document, body: minidom.Element) -> minidom.Element:
-    """The body's own <inertial>, made if there is none: it then counts instead of the geoms."""
+    """Return the body's own <inertial>, created if missing; it then replaces the geoms' mass."""
     for child in body.childNodes:
         if isinstance(child, minidom.Element) and child.tagName == "inertial":
             return child
@@ -254,26 +279,27 @@ def _inertial(document: minidom.Document, body: minidom.Element) -> minidom.Elem
 
 
 def _make_folders_absolute(document: minidom.Document, folder: Path) -> None:
-    """State meshdir and texturedir once, absolute; the last of several compilers counts."""
+    """Write meshdir and texturedir once, as absolute paths; the last <compiler> counts."""
     compilers = document.getElementsByTagName("compiler")
-    found = {"meshdir": "", "texturedir": ""}
+    folders = {"meshdir": "", "texturedir": ""}
     for compiler in compilers:
         if compiler.hasAttribute("assetdir"):
-            found = dict.fromkeys(found, compiler.getAttribute("assetdir"))
-        for name in found:
-            found[name] = compiler.getAttribute(name) or found[name]
-        for name in _FOLDERS:
+            folders = dict.fromkeys(folders, compiler.getAttribute("assetdir"))
+        for name in folders:
+            folders[name] = compiler.getAttribute(name) or folders[name]
+        for name in _FOLDER_ATTRIBUTES:
             if compiler.hasAttribute(name):
                 compiler.removeAttribute(name)
     files = ("mesh", "hfield", "skin", "texture")
     if any(document.getElementsByTagName(kind) for kind in files):
         last = compilers[-1] if compilers else _new_compiler(document)
-        for name, value in found.items():
+        for name, value in folders.items():
             last.setAttribute(name, str(folder / value))
     _make_files_absolute(document, folder)
 
 
 def _make_files_absolute(document: minidom.Document, folder: Path) -> None:
+    """Make the file names of included files and models absolute."""
     for kind in ("include", "model"):
         for element in document.getElementsByTagName(kind):
             if element.getAttribute("file"):
@@ -281,6 +307,7 @@ def _make_files_absolute(document: minidom.Document, folder: Path) -> None:
 
 
 def _new_compiler(document: minidom.Document) -> minidom.Element:
+    """Add a <compiler> at the start of the document and return it."""
     compiler = document.createElement("compiler")
     if document.documentElement is not None:
         document.documentElement.insertBefore(compiler, document.documentElement.firstChild)

@@ -1,25 +1,25 @@
-"""How a tendon between sites pulls at the bodies: its elongation per motion of their centres."""
+"""Elongation of tendons between sites per motion of the bodies' centres, and their paths."""
 
 import mujoco
 import numpy as np
 
 from identification.words import Real
 
-_PULLEY = -2
+_WRAP_PULLEY = -2  # MuJoCo's mark in ``wrap_obj`` for a pulley
 
 
-def pulls_at_bodies(
+def tendon_body_jacobian(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     stages: list[int],
     centres: tuple[Real, ...],
 ) -> dict[int, Real]:
-    """Rows t with elongation = t (motion of the centres), of every spatial tendon.
+    """Return rows t with elongation = t (motion of the centres of mass), for every spatial tendon.
 
-    A straight piece from a to b along the unit vector u stretches by u.(motion of b - motion of
-    a); the motion of a point at r from its body's centre is v + w x r. Where a tendon wraps a
-    geom, the points of contact count as fixed to it: their sliding changes no length to first
-    order. Behind a pulley elongations are divided.
+    A straight piece from a to b along the unit vector u stretches by ``u.(motion of b - motion of
+    a)``; the motion of a point at r from its body's centre is ``v + w x r``. Where a tendon wraps a
+    geom, the points of contact count as fixed to the geom: to first order their sliding does not
+    change the length. Behind a pulley the elongation is divided by the pulley's divisor.
 
     Args:
         model: the compiled model.
@@ -28,17 +28,18 @@ def pulls_at_bodies(
         centres: centre of mass of each stage [m]; (3,) each.
 
     Returns:
-        By the number of the tendon: [1, m]; (6 n_body,). Fixed tendons pull at joints: none.
+        Rows by the number of the tendon [1, m]; (6 n_body,). Fixed tendons act at joints and are
+        left out.
     """
     return {
         tendon: _pull(model, data, tendon, stages, centres)
         for tendon in range(model.ntendon)
-        if not is_fixed(model, tendon)
+        if not is_fixed_tendon(model, tendon)
     }
 
 
-def is_fixed(model: mujoco.MjModel, tendon: int) -> bool:
-    """Whether a tendon couples joint coordinates instead of sites."""
+def is_fixed_tendon(model: mujoco.MjModel, tendon: int) -> bool:
+    """Return whether a tendon couples joint coordinates instead of sites."""
     first = model.wrap_type[model.tendon_adr[tendon]]
     return bool(mujoco.mjtWrap(first) == mujoco.mjtWrap.mjWRAP_JOINT)
 
@@ -50,8 +51,9 @@ def _pull(
     stages: list[int],
     centres: tuple[Real, ...],
 ) -> Real:
+    """Return the row of one spatial tendon; (6 n_body,)."""
     row = np.zeros((len(stages), 6))
-    for divisor, points, bodies in branches(model, data, tendon):
+    for divisor, points, bodies in tendon_branches(model, data, tendon):
         for k in range(len(points) - 1):
             if bodies[k] == bodies[k + 1]:
                 continue
@@ -66,12 +68,20 @@ def _pull(
     return row.ravel()
 
 
-def branches(
+def tendon_branches(
     model: mujoco.MjModel, data: mujoco.MjData, tendon: int
 ) -> list[tuple[float, list[Real], list[int]]]:
-    """Divisor, points and their bodies of each branch between pulleys, along the path at rest.
+    """Return divisor, points and bodies of each branch between pulleys, along the path at rest.
 
-    The path names geoms but not sites, so its sites are taken from the tendon's own list.
+    MuJoCo's path names geoms but not sites, so the sites are taken from the tendon's own list.
+
+    Args:
+        model: the compiled model.
+        data: at static equilibrium.
+        tendon: number of a spatial tendon.
+
+    Returns:
+        One tuple a branch: divisor of its pulley, points [m] (3,) each, MJCF body of each point.
     """
     start, count = data.ten_wrapadr[tendon], data.ten_wrapnum[tendon]
     points = data.wrap_xpos.reshape(-1, 3)[start : start + count]
@@ -84,7 +94,7 @@ def branches(
     )
     branches: list[tuple[float, list[Real], list[int]]] = [(1.0, [], [])]
     for point, geom in zip(points, geoms, strict=True):
-        if geom == _PULLEY:
+        if geom == _WRAP_PULLEY:
             branches.append((next(divisors), [], []))
             continue
         body = model.geom_bodyid[geom] if geom >= 0 else model.site_bodyid[next(sites)]

@@ -1,10 +1,10 @@
-r"""Where a mode stores and loses its energy: which spring to touch, which damper works.
+"""Energy shares of a mode: which springs store its energy, which dampers dissipate it.
 
-For a shape phi, with M-norm 1, the strain of spring i is k_i |g_i phi|^2 / 2 of the sum
-phi^H K phi / 2, the kinetic energy of direction j of a body Re(conj(b_j) (Mb b)_j) with b = T phi,
-and damper i loses c_i |g_i phi|^2 of phi^H C phi a cycle (Ewins 2000, ch. 2). Of lightly damped
-modes the strain share is the sensitivity of the frequency, d ln f = share / 2 d ln k, and the
-dissipation share the damper's part of the damping ratio.
+For a shape phi with M-norm 1, the strain energy of spring i is k_i |g_i phi|^2 / 2 of the sum
+phi^H K phi / 2. The kinetic energy of direction j of a body is Re(conj(b_j) (Mb b)_j) with
+b = T phi, and damper i dissipates c_i |g_i phi|^2 of phi^H C phi per cycle (Ewins 2000, ch. 2). For
+lightly damped modes the strain share is the sensitivity of the frequency,
+d ln f = share / 2 d ln k, and the dissipation share is the damper's part of the damping ratio.
 """
 
 from dataclasses import dataclass
@@ -17,20 +17,21 @@ from mbmodel.model import Assembly, Model
 from mbmodel.modes.model_modes import Modes
 from mbmodel.parts import SpringPart
 
-_ROUNDING = 1e-9  # of forces that no spring accounts for
+# Of the sum of absolute energies: a smaller remainder that no spring explains is rounding.
+_MAX_UNATTRIBUTED_SHARE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Energy:
-    """Shares of each mode; of strain and dissipation the sizes in every column add up to 1.
+class EnergyShares:
+    """Shares of each mode; the absolute values of strain and of dissipation add up to 1 per mode.
 
-    What drives a motion on, as gravity an inverted pendulum, has a negative share; where there is
-    nothing to share the column is 0. Kinetic energy adds up to 1, though a direction of a body
-    with products of inertia may hold a little less than none.
+    Negative shares drive the motion, as gravity does for an inverted pendulum. A column is 0 if
+    there is nothing to share. Kinetic shares add up to 1, but a direction of a body with products
+    of inertia may have a slightly negative one.
 
     Args:
-        springs: names of joint coordinates, tendons, and what else is stiff or damps.
-        stages: where each spring belongs, ``joint:<stage>`` or ``tendon:<name>``.
+        springs: names of joint coordinates, tendons, and other sources of stiffness or damping.
+        stages: place of each spring, ``joint:<stage>`` or ``tendon:<name>``.
         strain: (n_spring, n_mode).
         dissipation: (n_spring, n_mode).
         motions: ``<body>:<direction>``, and armatures by coordinate.
@@ -47,50 +48,64 @@ class Energy:
     kinetic: Real
 
     def by_stage(self, table: Real) -> dict[str, Real]:
-        """Strain or dissipation summed over the springs of each stage; (n_mode,) each."""
-        return _summed(self.stages, table)
+        """Return strain or dissipation summed over the springs of each stage; (n_mode,) each.
+
+        Args:
+            table: ``strain`` or ``dissipation``; (n_spring, n_mode).
+        """
+        return _sum_by_owner(self.stages, table)
 
     def by_body(self) -> dict[str, Real]:
-        """Kinetic energy of each body; (n_mode,) each."""
-        return _summed(self.bodies, self.kinetic)
+        """Return the kinetic energy of each body; (n_mode,) each."""
+        return _sum_by_owner(self.bodies, self.kinetic)
 
 
-def _summed(owners: tuple[str, ...], table: Real) -> dict[str, Real]:
+def _sum_by_owner(owners: tuple[str, ...], table: Real) -> dict[str, Real]:
+    """Return the sum of the rows of each owner."""
     total: dict[str, Real] = {}
     for owner, row in zip(owners, table, strict=True):
         total[owner] = total.get(owner, np.zeros(len(row))) + row
     return total
 
 
-def energy(model: Model, theta: Real, found: Modes) -> Energy:
-    """Shares of strain and kinetic energy and of dissipation in every mode."""
+def energy_shares(model: Model, theta: Real, modes: Modes) -> EnergyShares:
+    """Return the shares of strain energy, kinetic energy and dissipation in every mode.
+
+    Args:
+        model: machine and Parts.
+        theta: parameters in SI; (n_parameter,).
+        modes: of the model at theta.
+    """
     assembly = model.assemble(theta)
-    shapes = found.shapes
-    rows = _springs(model, theta, assembly, shapes)
-    whole = (assembly.matrices.stiffness, assembly.matrices.damping)
+    shapes = modes.shapes
+    rows = _spring_rows(model, theta, assembly, shapes)
+    totals = (assembly.matrices.stiffness, assembly.matrices.damping)
     if assembly.has_weight:
         machine = model.machine
         weight = gravity_stiffness(
-            machine.gravity, machine.order, assembly.jacobian, assembly.heavy
+            machine.gravity, machine.precedence, assembly.jacobian, assembly.weight_bearing_mass
         )
-        pull = _quadratic(weight, shapes)
-        rows.append(("gravity", "gravity", pull, np.zeros_like(pull)))
-    known = ([strain for *_, strain, _ in rows], [loss for *_, loss in rows])
-    left = [
+        strain_of_gravity = _quadratic(weight, shapes)
+        rows.append(("gravity", "gravity", strain_of_gravity, np.zeros_like(strain_of_gravity)))
+    attributed = ([strain for *_, strain, _ in rows], [loss for *_, loss in rows])
+    remainder = [
         _quadratic(matrix, shapes) - np.sum([np.zeros(shapes.shape[1]), *listed], axis=0)
-        for matrix, listed in zip(whole, known, strict=True)
+        for matrix, listed in zip(totals, attributed, strict=True)
     ]
-    size = [_quadratic(np.abs(matrix), np.abs(shapes).astype(complex)) for matrix in whole]
-    if any((np.abs(a) > _ROUNDING * b).any() for a, b in zip(left, size, strict=True)):
-        rows.append(("other", "other", left[0], left[1]))
-    motions, bodies, kinetic = _kinetic(assembly, shapes)
-    count = len(found.poles)
-    rests = np.array([bool(name) for name in found.names], bool)
-    return Energy(
+    scales = [_quadratic(np.abs(matrix), np.abs(shapes).astype(complex)) for matrix in totals]
+    if any(
+        (np.abs(a) > _MAX_UNATTRIBUTED_SHARE * b).any()
+        for a, b in zip(remainder, scales, strict=True)
+    ):
+        rows.append(("other", "other", remainder[0], remainder[1]))
+    motions, bodies, kinetic = _kinetic_rows(assembly, shapes)
+    count = len(modes.poles)
+    at_rest = np.array([bool(name) for name in modes.names], bool)
+    return EnergyShares(
         tuple(name for name, *_ in rows),
         tuple(stage for _, stage, *_ in rows),
-        _shares([strain for *_, strain, _ in rows], count, rests),
-        _shares([loss for *_, loss in rows], count, rests),
+        _shares([strain for *_, strain, _ in rows], count, at_rest),
+        _shares([loss for *_, loss in rows], count, at_rest),
         motions,
         bodies,
         np.array(kinetic) / np.sum(kinetic, axis=0),
@@ -98,7 +113,13 @@ def energy(model: Model, theta: Real, found: Modes) -> Energy:
 
 
 def _shares(rows: list[Real], count: int, absent: np.ndarray) -> Real:
-    """Columns over the sums of their sizes; zero where there is nothing to share."""
+    """Return columns divided by the sums of their absolute values.
+
+    Args:
+        rows: (n_mode,) each.
+        count: number of modes.
+        absent: modes whose column is zero; (n_mode,).
+    """
     table = np.array(rows).reshape(-1, count)
     size: Real = np.abs(table).sum(axis=0)
     empty = absent | (size == 0)
@@ -107,36 +128,37 @@ def _shares(rows: list[Real], count: int, absent: np.ndarray) -> Real:
 
 
 def _quadratic(matrix: Real, shapes: Complex) -> Real:
-    """Re phi^H A phi of every shape; (n_mode,)."""
+    """Return Re phi^H A phi of every shape; (n_mode,)."""
     result: Real = (shapes.conj() * (matrix @ shapes)).sum(axis=0).real
     return result
 
 
-def _springs(
+def _spring_rows(
     model: Model, theta: Real, assembly: Assembly, shapes: Complex
 ) -> list[tuple[str, str, Real, Real]]:
-    """Name, stage, strain and loss of every spring."""
+    """Return name, stage, strain and loss of every spring."""
     rows = []
-    for part, piece in zip(model.parts, model.pieces(theta), strict=True):
+    for part, values in zip(model.parts, model.split_parameters(theta), strict=True):
         if isinstance(part, SpringPart):
-            for spring, row, stiffness, damping in part.rows(piece, assembly.jacobian):
+            for spring, row, stiffness, damping in part.rows(values, assembly.jacobian):
                 stretch: Real = np.abs(row @ shapes) ** 2
-                tense = np.zeros(shapes.shape[1])
+                geometric = np.zeros(shapes.shape[1])
                 if spring.geometric is not None:
-                    tense = _quadratic(spring.geometric, shapes)
-                strain = stiffness * (stretch + tense)
+                    geometric = _quadratic(spring.geometric, shapes)
+                strain = stiffness * (stretch + geometric)
                 rows.append((spring.name, part.location, strain, damping * stretch))
     return rows
 
 
-def _kinetic(
+def _kinetic_rows(
     assembly: Assembly, shapes: Complex
 ) -> tuple[tuple[str, ...], tuple[str, ...], list[Real]]:
+    """Return names of motions, their bodies, and the kinetic energy of each."""
     machine = assembly.machine
     motion = assembly.jacobian @ shapes
     momentum = assembly.body[2] @ motion
     rows = list((motion.conj() * momentum).real)
-    names = [f"{body}:{way}" for body in machine.layout.bodies for way in DIRECTIONS]
+    names = [f"{body}:{direction}" for body in machine.layout.bodies for direction in DIRECTIONS]
     bodies = [body for body in machine.layout.bodies for _ in DIRECTIONS]
     armature = (shapes.conj() * (machine.armature @ shapes)).real
     for name, row in zip(machine.coordinates, armature, strict=True):

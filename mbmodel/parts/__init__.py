@@ -5,12 +5,12 @@ from mbmodel.parts.bodies import BodyPart, body_parts
 from mbmodel.parts.joints import JointPart, joint_parts
 from mbmodel.parts.part import (
     Change,
-    Conditional,
-    Known,
+    ConditionalPart,
     Parameter,
     Part,
-    Situation,
+    PartContext,
     Slot,
+    ToleranceKind,
 )
 from mbmodel.parts.sensors_and_hammer import HammerPart, SensorPart, hammer_parts, sensor_parts
 from mbmodel.parts.springs import SpringPart, spring_parts
@@ -19,16 +19,16 @@ __all__ = [
     "AddedPart",
     "BodyPart",
     "Change",
-    "Conditional",
+    "ConditionalPart",
     "HammerPart",
     "JointPart",
-    "Known",
     "Parameter",
     "Part",
+    "PartContext",
     "SensorPart",
-    "Situation",
     "Slot",
     "SpringPart",
+    "ToleranceKind",
     "body_parts",
     "hammer_parts",
     "joint_parts",

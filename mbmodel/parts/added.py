@@ -1,4 +1,4 @@
-"""A Part that is nothing on the drawing: what a machine may lack."""
+"""Part for dynamics that the nominal model lacks; it changes nothing at its nominal parameters."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
@@ -7,24 +7,27 @@ from typing import Self
 import numpy as np
 
 from identification.words import Condition, Real
-from mbmodel.mjcf.edit import Addition, Edit, NotHeld
-from mbmodel.parts.part import Change, Parameter, Situation
+from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
+from mbmodel.parts.part import Change, Parameter, PartContext
 
 Changes = Callable[[Real], tuple[Change, ...]]
 
 
 @dataclass(frozen=True, eq=False)
 class AddedPart:
-    """An appendage, a bypass, a joint's coupling: any change by parameters of its own.
+    """Part of dynamics that the nominal model lacks, such as an appendage or a bypass.
 
     Args:
         location: ``joint:<child body>``, ``body:<name>``, ``pair:<lower>-<upper>`` ...
-        parameters: those of size are drawn as zero, so that it changes nothing.
-        finite: the change at theta.
-        derivatives: of it by each parameter; cores (n_parameter, 3, r, t).
-        when: how much of it acts in a test, 0 to 1; all of it in every test if None.
-        written: what an MJCF gets for it at theta; None if no MJCF holds it.
-        weighs: spatial inertia that its body has more at theta, (6, 6); None of what is no mass.
+        parameters: those that scale the change have the nominal value zero, so that the Part
+            changes nothing in the nominal model.
+        finite: returns the change at theta.
+        derivatives: returns its derivatives by each parameter; cores (n_parameter, 3, r, t).
+        when: returns the fraction of it that acts in a test, 0 to 1; None if all of it acts in
+            every test.
+        written: returns what to add to an MJCF at theta; None if no MJCF can hold it.
+        weighs: returns the spatial inertia that it adds to its body at theta, (6, 6); None if it
+            adds no mass.
     """
 
     location: str
@@ -32,7 +35,7 @@ class AddedPart:
     finite: Changes
     derivatives: Changes
     when: Callable[[Condition], float] | None = None
-    written: Callable[[Real], tuple[Addition | NotHeld, ...]] | None = None
+    written: Callable[[Real], tuple[Addition | NotInMjcf, ...]] | None = None
     weighs: Callable[[Real], Real] | None = None
 
     @classmethod
@@ -43,54 +46,69 @@ class AddedPart:
         slopes: tuple[Change, ...],
         when: Callable[[Condition], float] | None = None,
     ) -> Self:
-        """theta_1 slope_1 + theta_2 slope_2 + .."""
+        """Build a Part that is linear in its parameters: theta_1 slope_1 + theta_2 slope_2 + ...
+
+        Args:
+            location: place in the machine, as in the class.
+            parameters: one for each entry of the slopes' first axis.
+            slopes: constant derivatives; cores (n_parameter, 3, r, t).
+            when: fraction that acts in a test, as in the class.
+        """
 
         def finite(theta: Real) -> tuple[Change, ...]:
-            return tuple(replace(one, core=np.tensordot(theta, one.core, 1)) for one in slopes)
+            return tuple(
+                replace(change, core=np.tensordot(theta, change.core, 1)) for change in slopes
+            )
 
         return cls(location, parameters, finite, lambda _: slopes, when)
 
     def acts(self, condition: Condition | None) -> float:
-        """How much of it acts in a test; what acts in some tests only acts in none without any."""
+        """Return the fraction of it that acts in a test.
+
+        A Part with ``when`` does not act if no test is meant.
+        """
         if self.when is None:
             return 1.0
         return 0.0 if condition is None else float(self.when(condition))
 
-    def changes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
-        """Nothing where all that is of it is zero."""
-        part = self.acts(situation.condition)
-        if not (theta.any() and part):
+    def changes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return the finite change at theta; empty if theta is zero or nothing acts."""
+        fraction = self.acts(context.condition)
+        if not (theta.any() and fraction):
             return ()
-        return _parts(part, (one for one in self.finite(theta) if one.core.any()))
+        return _scaled_changes(
+            fraction, (change for change in self.finite(theta) if change.core.any())
+        )
 
-    def slopes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
-        """Derivatives at theta."""
-        part = self.acts(situation.condition)
-        return _parts(part, self.derivatives(theta)) if part else ()
+    def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return the derivatives at theta; empty if nothing acts."""
+        fraction = self.acts(context.condition)
+        return _scaled_changes(fraction, self.derivatives(theta)) if fraction else ()
 
-    def write(self, theta: Real) -> tuple[Edit | Addition | NotHeld, ...]:
-        """Elements that hold it; what is weighed is written with its body."""
-        moved = [
+    def write(self, theta: Real) -> tuple[Edit | Addition | NotInMjcf, ...]:
+        """Return elements that hold it; additional mass is written with its body instead."""
+        changed = [
             parameter.name
             for parameter, value in zip(self.parameters, theta, strict=True)
             if value != parameter.drawn
         ]
-        if not moved or self.weighs is not None:
+        if not changed or self.weighs is not None:
             return ()
         if self.written is not None:
             return self.written(theta)
-        return tuple(NotHeld(name, self._why(theta)) for name in moved)
+        return tuple(NotInMjcf(name, self._reason(theta)) for name in changed)
 
-    def _why(self, theta: Real) -> str:
+    def _reason(self, theta: Real) -> str:
+        """Return why an MJCF cannot hold the change."""
         if self.when is not None:
             return "it acts in some tests only"
-        if any(one.shape is not None for one in self.finite(theta)):
-            return "it depends on frequency as no element of an MJCF does"
-        return "it is no element of an MJCF"
+        if any(change.shape is not None for change in self.finite(theta)):
+            return "no element of an MJCF depends on frequency in this way"
+        return "an MJCF has no element for it"
 
 
-def _parts(part: float, changes: Iterable[Change]) -> tuple[Change, ...]:
-    """So much of changes."""
-    if part == 1.0:
+def _scaled_changes(fraction: float, changes: Iterable[Change]) -> tuple[Change, ...]:
+    """Return changes times the fraction that acts."""
+    if fraction == 1.0:
         return tuple(changes)
-    return tuple(replace(one, core=part * one.core) for one in changes)
+    return tuple(replace(change, core=fraction * change.core) for change in changes)

@@ -1,16 +1,16 @@
-"""What a Part is: a named, parametrised change of the equation of motion, low in rank.
+"""Interface of a Part: a named, parametrised, low-rank change of the equation of motion.
 
     H(s) = s^q L T Z(s)^-1 T' P,   Z(s) = T' Zb(s) T + Zj(s),   s = i w, convention exp(+i w t)
 
 Everything that can be tuned, tolerated or added to a machine is a Part. It adds
 left core(s) right' in one of five slots:
 
-    slot     adds to              left x right                         powers of s
-    body     Zb, bodies           6 n_body x 6 n_body                  0, 1, 2
-    joint    Zj, joints           nv x nv                              0, 1, 2
-    path     T, kinematics        6 n_body x nv                        0
-    sensor   L, rows of a point   6 directions of it x 6 n_body        0
-    hammer   P', columns likewise 6 directions of it x 6 n_body        0
+    slot     adds to                 left x right                     powers of s
+    body     Zb, bodies              6 n_body x 6 n_body              0, 1, 2
+    joint    Zj, joints              nv x nv                          0, 1, 2
+    path     T, kinematics           6 n_body x nv                    0
+    sensor   L, rows of a point      6 directions of it x 6 n_body    0
+    hammer   P', rows of a point     6 directions of it x 6 n_body    0
 """
 
 from collections.abc import Callable
@@ -19,12 +19,15 @@ from typing import Literal, Protocol, runtime_checkable
 
 from identification.words import Complex, Condition, Real
 from mbmodel.machine import Machine
-from mbmodel.mjcf.edit import Addition, Edit, NotHeld
+from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
+
+AXIS_NAMES = "xyz"  # ends of parameter names
 
 Slot = Literal["body", "joint", "path", "sensor", "hammer"]
 
-# How well a drawing knows a number: not at all, exactly, or within a tolerance of its own.
-Known = Literal[
+# How well the nominal model (the drawing) knows a number: not at all (``free``), exactly, or within
+# one of the tolerances of campaigns.
+ToleranceKind = Literal[
     "free",
     "exactly",
     "mass",
@@ -45,32 +48,33 @@ class Parameter:
 
     Args:
         name: unique in a model, such as ``tilt_tz.stiffness``.
-        drawn: its value on the drawing.
-        unit: SI.
+        drawn: value in the nominal model.
+        unit: SI unit.
         positive: whether it is a size, tuned by its logarithm.
-        known: how well the drawing knows it: ``free`` is not at all, else a tolerance of campaigns.
+        known: kind of its prior: ``free`` for none, ``exactly`` for a fixed value, else the name
+            of the campaign's tolerance that is its standard deviation.
     """
 
     name: str
     drawn: float
     unit: str
     positive: bool = True
-    known: Known = "free"
+    known: ToleranceKind = "free"
 
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """What a Part adds in a slot: f(s) left (core_0 + s core_1 + s^2 core_2) right'.
+    """A low-rank term in a slot: ``f(s) left (core_0 + s core_1 + s^2 core_2) right'``.
 
     Args:
         slot: which factor of the equation changes.
         left: (n, r).
         right: (m, t).
-        core: coefficients of s^0, s^1, s^2; (..., 3, r, t). As a slope, the first axis runs over
+        core: coefficients of s^0, s^1, s^2; (..., 3, r, t). In a slope, the first axis runs over
             the Part's parameters.
-        point: the sensor or hammer point meant, in those slots.
-        shape: f(s) by which all is multiplied, for what is no polynomial; f(conj s) = conj f(s).
-            As a finite change of bodies and joints only.
+        point: the sensor or hammer point, in those slots.
+        shape: f(s), a factor that is no polynomial, with ``f(conj s) = conj f(s)``. Only finite
+            changes of bodies and joints may have one.
     """
 
     slot: Slot
@@ -82,12 +86,12 @@ class Change:
 
 
 @dataclass(frozen=True, eq=False)
-class Situation:
-    """Where a Part is asked for its change.
+class PartContext:
+    """Machine and test for which a Part computes its change.
 
     Args:
-        machine: whose equation changes.
-        condition: of the test, or None where no test is meant.
+        machine: machine whose equation changes.
+        condition: condition of the test; None for the machine apart from any test.
     """
 
     machine: Machine
@@ -95,29 +99,29 @@ class Situation:
 
 
 class Part(Protocol):
-    """A named, parametrised change. ``theta`` holds the values of its own parameters."""
+    """A named, parametrised change; ``theta`` holds the values of its own parameters in SI."""
 
     @property
     def location(self) -> str:
-        """Where it sits: ``joint:<child body>``, ``body:<name>``, ``sensor:<site>`` ..."""
+        """Place in the machine: ``joint:<child body>``, ``body:<name>``, ``sensor:<site>`` ..."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """What can vary."""
+        """Parameters in the order of theta."""
 
-    def changes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
-        """The finite change at theta."""
+    def changes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return the finite change at theta."""
 
-    def slopes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
-        """Its derivative by each parameter; cores (n_parameter, 3, r, t)."""
+    def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return the derivative of the change by each parameter; cores (n_parameter, 3, r, t)."""
 
-    def write(self, theta: Real) -> tuple[Edit | Addition | NotHeld, ...]:
-        """What to write into the MJCF, and what it cannot hold."""
+    def write(self, theta: Real) -> tuple[Edit | Addition | NotInMjcf, ...]:
+        """Return what to write into the MJCF at theta, and what the MJCF cannot hold."""
 
 
 @runtime_checkable
-class Conditional(Protocol):
-    """A Part that acts in some tests only: what it changes elsewhere is nothing."""
+class ConditionalPart(Protocol):
+    """A Part that acts in some tests only, and changes nothing in the others."""
 
     def acts(self, condition: Condition | None) -> float:
-        """How much of it acts in a test: 1 all, 0 nothing."""
+        """Return the fraction of the Part that acts in a test, 0 to 1."""

@@ -1,9 +1,9 @@
-"""What is off at a sensor or at the hammer: gain, angle, position.
+"""Parts for errors of sensors and of the hammer: gain, orientation, position.
 
-The row of a point's direction k reads a_k.(v + w x r), the column of a hammer direction pushes
-likewise: both are [a_k, r x a_k] for the axis a_k at r from the body's centre (seed, eq. 2.2 to
-2.4). With gains g, true axes = R(rotation) times the drawn ones, true place = drawn + offset, both
-vectors in world axes, a row becomes g_k [R a_k, (r + offset) x R a_k].
+The row of a point's direction k reads ``a_k.(v + w x r)``, with the axis a_k at r from the body's
+centre. The column of a hammer direction is its transpose: both are [a_k, r x a_k] (seed, eq. 2.2 to
+2.4). With gains g_k, true axes R a_k and the true place r + offset, rotation and offset in world
+axes, a row becomes g_k [R a_k, (r + offset) x R a_k].
 """
 
 from dataclasses import dataclass
@@ -12,14 +12,12 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identification.words import Dof, Layout, Real, UsageError, is_hammer, node_of
-from mbmodel.linearisation.drawing import Placed
+from identification.words import Dof, Layout, Real, UsageError, is_hammer_point, node_number
+from mbmodel.linearisation.drawing import DrawnElement
 from mbmodel.machine import Machine
-from mbmodel.mjcf.edit import Edit, NotHeld
-from mbmodel.parts.part import Change, Known, Parameter, Situation
+from mbmodel.mjcf.edit import Edit, NotInMjcf
+from mbmodel.parts.part import AXIS_NAMES, Change, Parameter, PartContext, ToleranceKind
 from mbmodel.spatial import cross_matrix, rotation_matrix, rotation_slopes
-
-_AXES = "xyz"
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +37,7 @@ class _Point:
     frame: Real
 
     def rows(self, offset: Real, turn: Real) -> Real:
-        """Rows of tx ty tz rx ry rz of the displaced and turned point; (..., 6, 6) as turns are."""
+        """Return rows of tx ty tz rx ry rz of the displaced and turned point; (..., 6, 6)."""
         axes = np.swapaxes(turn @ self.axes, -1, -2)
         rows = np.zeros((*axes.shape[:-2], 6, 6))
         rows[..., :3, :3] = rows[..., 3:, 3:] = axes
@@ -47,7 +45,7 @@ class _Point:
         return rows
 
     def offset_slopes(self, turn: Real) -> Real:
-        """Derivatives of the rows by the offset; (3, 6, 6)."""
+        """Return derivatives of the rows by the offset; (3, 6, 6)."""
         axes = (turn @ self.axes).T
         slopes = np.zeros((3, 6, 6))
         for k, unit in enumerate(np.eye(3)):
@@ -55,7 +53,7 @@ class _Point:
         return slopes
 
     def rotation_slopes(self, offset: Real, rotation: Real) -> Real:
-        """Derivatives of the rows by the rotation vector; (3, 6, 6)."""
+        """Return derivatives of the rows by the rotation vector; (3, 6, 6)."""
         return self.rows(offset, rotation_slopes(rotation))
 
 
@@ -64,16 +62,16 @@ class SensorPart:
     """Gains of a triaxial accelerometer's channels, its rotation and its displacement.
 
     Args:
-        point: the site.
-        placed: the same in the MJCF.
+        point: the site in the machine.
+        drawn_site: the site in the MJCF.
     """
 
     point: _Point
-    placed: Placed
+    drawn_site: DrawnElement
 
     @property
     def location(self) -> str:
-        """``sensor:<site>``."""
+        """Place in the machine, ``sensor:<site>``."""
         return f"sensor:{self.point.name}"
 
     @cached_property
@@ -81,21 +79,24 @@ class SensorPart:
         """Three gains, the rotation vector, the displacement."""
         name = self.point.name
         return (
-            *(Parameter(f"{name}.gain_{axis}", 1.0, "1", known="sensor_gain") for axis in _AXES),
-            *_displaced(name, "sensor_angle", "sensor_position"),
+            *(
+                Parameter(f"{name}.gain_{axis}", 1.0, "1", known="sensor_gain")
+                for axis in AXIS_NAMES
+            ),
+            *_pose_parameters(name, "sensor_angle", "sensor_position"),
         )
 
-    def changes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
-        """Rows at theta less those of the drawing."""
-        del situation
+    def changes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return the rows at theta minus those of the drawing."""
+        del context
         core = np.zeros((3, 6, 6))
         core[0] = _gains(theta) * self.point.rows(theta[6:], rotation_matrix(theta[3:6]))
         core[0] -= self.point.rows(np.zeros(3), np.eye(3))
         return (self._change(core),)
 
-    def slopes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
-        """Derivatives of the rows."""
-        del situation
+    def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return the derivatives of the rows."""
+        del context
         turn, offset = rotation_matrix(theta[3:6]), theta[6:]
         rows = self.point.rows(offset, turn)
         core = np.zeros((9, 3, 6, 6))
@@ -106,41 +107,45 @@ class SensorPart:
         return (self._change(core),)
 
     def _change(self, core: Real) -> Change:
+        """Return a change of the sensor's rows."""
         return Change("sensor", np.eye(6), self.point.frame, core, self.point.name)
 
-    def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
-        """Place and axes of the site; an MJCF has no gains."""
+    def write(self, theta: Real) -> tuple[Edit | NotInMjcf, ...]:
+        """Return place and axes of the site; an MJCF has no gains."""
         name = self.point.name
         gains = tuple(
-            NotHeld(f"{name}.gain_{axis}", "an MJCF site has no gain")
-            for axis, gain in zip(_AXES, theta[:3], strict=True)
+            NotInMjcf(f"{name}.gain_{axis}", "an MJCF site has no gain")
+            for axis, gain in zip(AXIS_NAMES, theta[:3], strict=True)
             if gain != 1
         )
         if not theta[3:].any():
             return gains
-        return (_site(self.placed, theta[6:], rotation_matrix(theta[3:6])), *gains)
+        return (_site_edit(self.drawn_site, theta[6:], rotation_matrix(theta[3:6])), *gains)
 
 
-def _displaced(name: str, angle: Known, position: Known) -> tuple[Parameter, ...]:
-    """A rotation vector and a displacement, in world axes."""
+def _pose_parameters(
+    name: str, angle: ToleranceKind, position: ToleranceKind
+) -> tuple[Parameter, ...]:
+    """Return the parameters of a rotation vector and a displacement, in world axes."""
     return tuple(
         Parameter(f"{name}.{kind}_{axis}", 0.0, unit, positive=False, known=known)
         for kind, unit, known in (("rotation", "rad", angle), ("position", "m", position))
-        for axis in _AXES
+        for axis in AXIS_NAMES
     )
 
 
 def _gains(theta: Real) -> Real:
+    """Return factors of the six rows of a point; (6, 1)."""
     return np.concatenate([theta[:3], np.ones(3)])[:, None]
 
 
 @dataclass(frozen=True, eq=False)
 class HammerPart:
-    """Where and along what the hits of one direction really went.
+    """True place and direction of the hits of one direction.
 
     Args:
         point: the site that is hit.
-        dof: the direction meant, along the site's axis.
+        dof: the intended direction, along the site's axis.
     """
 
     point: _Point
@@ -148,71 +153,83 @@ class HammerPart:
 
     @property
     def location(self) -> str:
-        """``hammer:<site>``."""
+        """Place in the machine, ``hammer:<site>``."""
         return f"hammer:{self.point.name}"
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
         """The rotation vector and the displacement."""
         name = f"hammer({self.point.name}:{self.dof.direction[1:]})"
-        return _displaced(name, "hammer_angle", "hammer_position")
+        return _pose_parameters(name, "hammer_angle", "hammer_position")
 
     @cached_property
-    def _only(self) -> Real:
-        """Keeps the direction meant; (6, 6)."""
+    def _direction_mask(self) -> Real:
+        """Selects the intended direction; (6, 6)."""
         return np.diag((np.arange(6) == self.dof.axis).astype(float))
 
-    def changes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
-        """The column at theta less that of the drawing."""
-        del situation
+    def changes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return the column at theta minus that of the drawing."""
+        del context
         core = np.zeros((3, 6, 6))
         core[0] = self.point.rows(theta[3:], rotation_matrix(theta[:3]))
         core[0] -= self.point.rows(np.zeros(3), np.eye(3))
         return (self._change(core),)
 
-    def slopes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
-        """Derivatives of the column."""
-        del situation
+    def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return the derivatives of the column."""
+        del context
         core = np.zeros((6, 3, 6, 6))
         core[:3, 0] = self.point.rotation_slopes(theta[3:], theta[:3])
         core[3:, 0] = self.point.offset_slopes(rotation_matrix(theta[:3]))
         return (self._change(core),)
 
     def _change(self, core: Real) -> Change:
-        return Change("hammer", self._only, self.point.frame, core, self.point.name)
+        """Return a change of the intended direction's column."""
+        return Change("hammer", self._direction_mask, self.point.frame, core, self.point.name)
 
-    def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
-        """The drawn place: the hits of each direction have a place and an aim of their own."""
-        stays = () if is_hammer(self.point.name) else (Edit("hit", self.point.name, {}),)
+    def write(self, theta: Real) -> tuple[Edit | NotInMjcf, ...]:
+        """Return the site as drawn: an MJCF cannot hold the errors of a hit.
+
+        A site has one pose, but the hits of each direction have their own.
+        """
+        hit_site = () if is_hammer_point(self.point.name) else (Edit("hit", self.point.name, {}),)
         if not theta.any():
-            return stays
+            return hit_site
         name = self.parameters[0].name.split(".")[0]
-        return (*stays, NotHeld(name, "an MJCF site has one place and one set of axes"))
+        return (
+            *hit_site,
+            NotInMjcf(name, "an MJCF site has one pose, but each hammer direction needs its own"),
+        )
 
 
-def _site(placed: Placed, offset: Real, turn: Real) -> Edit:
-    axes = placed.frame.T @ turn @ placed.frame @ placed.axes
+def _site_edit(drawn_site: DrawnElement, offset: Real, turn: Real) -> Edit:
+    """Return the new pose of a site in its body's frame."""
+    axes = drawn_site.frame.T @ turn @ drawn_site.frame @ drawn_site.axes
     return Edit(
         "site",
-        placed.name,
+        drawn_site.name,
         {
-            "pos": tuple((placed.position + placed.frame.T @ offset).tolist()),
+            "pos": tuple((drawn_site.position + drawn_site.frame.T @ offset).tolist()),
             "quat": tuple(Rotation.from_matrix(axes).as_quat(scalar_first=True).tolist()),
         },
     )
 
 
 def sensor_parts(machine: Machine) -> tuple[SensorPart, ...]:
-    """One Part for each accelerometer."""
+    """Return one Part for each accelerometer."""
     return tuple(
         SensorPart(_point(machine.layout, name), machine.drawing.sites[name])
         for name in machine.layout.points
-        if node_of(name) is not None and not is_hammer(name)
+        if node_number(name) is not None and not is_hammer_point(name)
     )
 
 
 def hammer_parts(machine: Machine, directions: tuple[Dof, ...]) -> tuple[HammerPart, ...]:
-    """One Part for each direction hit.
+    """Return one Part for each direction hit.
+
+    Args:
+        machine: with the points that are hit.
+        directions: point and direction of each hit.
 
     Raises:
         UsageError: a point that the machine does not have.
@@ -221,8 +238,11 @@ def hammer_parts(machine: Machine, directions: tuple[Dof, ...]) -> tuple[HammerP
 
 
 def _point(layout: Layout, name: str) -> _Point:
+    """Return a point of the machine by name."""
     if name not in layout.points:
-        raise UsageError(f"{name!r} is no point of the machine: {', '.join(layout.points)}")
+        raise UsageError(
+            f"{name!r} is no point of the machine: choose one of {', '.join(layout.points)}"
+        )
     index = layout.points.index(name)
     body = int(layout.body_of[index])
     frame = np.zeros((6 * len(layout.bodies), 6))

@@ -1,4 +1,4 @@
-"""Springs and dampers of joints and tendons."""
+"""Parts for the springs and dampers of joints and tendons."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,8 +9,8 @@ import numpy as np
 from identification.words import Integers, Real
 from mbmodel.linearisation.springs import Spring
 from mbmodel.machine import Machine
-from mbmodel.mjcf.edit import Edit, NotHeld
-from mbmodel.parts.part import Change, Parameter, Situation, Slot
+from mbmodel.mjcf.edit import Edit, NotInMjcf
+from mbmodel.parts.part import Change, Parameter, PartContext, Slot
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,10 +19,14 @@ class SpringPart:
 
     A tendon between sites pulls at bodies: its g_i is a row of body motions, so that it follows
     when joints move. G_i is the geometric stiffness of a tendon under tension, per unit of its
-    stiffness. The equilibrium at which all this holds stays that of the drawing, and so does G_i
-    where other Parts move joints.
+    stiffness. The equilibrium stays that of the drawing, and so does G_i if other Parts move
+    joints.
 
     Coefficients that are zero on the drawing stay zero: they have no logarithm to tune.
+
+    Args:
+        location: ``joint:<child body>`` or ``tendon:<name>``.
+        springs: at least one.
     """
 
     location: str
@@ -30,9 +34,10 @@ class SpringPart:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Stiffness and damping of each spring where they are not zero.
+        """Stiffness and damping of each spring, where they are not zero.
 
-        A coupling may be less than zero: its logarithm is of what it is relative to the drawing.
+        A coupling between joints may be negative; it is tuned by the logarithm of its ratio to the
+        drawing.
         """
         return tuple(
             Parameter(f"{spring.name}.{what}", value, unit)
@@ -43,16 +48,18 @@ class SpringPart:
 
     @cached_property
     def _slot(self) -> Slot:
+        """Slot of the change: joints, or bodies for a tendon between sites."""
         return "joint" if self.springs[0].at_bodies is None else "body"
 
     @cached_property
     def _frame(self) -> Real:
+        """Elongations g_i in columns; (n, n_spring)."""
         rows = [s.direction if s.at_bodies is None else s.at_bodies for s in self.springs]
         return np.array(rows).T
 
     @cached_property
-    def _places(self) -> tuple[Integers, Integers]:
-        """Power of s and spring of each parameter."""
+    def _parameter_places(self) -> tuple[Integers, Integers]:
+        """Power of s and number of the spring for each parameter."""
         places = [
             (power, index)
             for index, spring in enumerate(self.springs)
@@ -64,58 +71,60 @@ class SpringPart:
 
     @cached_property
     def _slope(self) -> Change:
-        powers, springs = self._places
+        """Derivatives of the diagonal core by each parameter."""
+        powers, springs = self._parameter_places
         core = np.zeros((len(powers), 3, len(self.springs), len(self.springs)))
         core[np.arange(len(powers)), powers, springs, springs] = 1.0
         return Change(self._slot, self._frame, self._frame, core)
 
-    def changes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
-        """One change of rank n_spring with a diagonal core."""
-        del situation
+    def changes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return a change of rank n_spring with a diagonal core, and the geometric stiffness."""
+        del context
         size = len(self.springs)
-        powers, springs = self._places
+        powers, springs = self._parameter_places
         core = np.zeros((3, size, size))
         core[powers, springs, springs] = theta
         changes: tuple[Change, ...] = (Change(self._slot, self._frame, self._frame, core),)
-        if self._tense is not None:
-            tension = np.zeros((3, *self._tense.shape[1:]))
-            tension[0] = np.einsum("i,ijk", np.diag(core[0]), self._tense)
-            changes += (self._everywhere(tension),)
+        if self._geometric is not None:
+            tension = np.zeros((3, *self._geometric.shape[1:]))
+            tension[0] = np.einsum("i,ijk", np.diag(core[0]), self._geometric)
+            changes += (self._whole_change(tension),)
         return changes
 
-    def slopes(self, theta: Real, situation: Situation) -> tuple[Change, ...]:
-        """One where a parameter stands in the core."""
-        del theta, situation
-        if self._tense is None:
+    def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return the constant derivatives by each parameter."""
+        del theta, context
+        if self._geometric is None:
             return (self._slope,)
-        powers, springs = self._places
-        core = np.zeros((len(powers), 3, *self._tense.shape[1:]))
-        core[powers == 0, 0] = self._tense[springs[powers == 0]]
-        return self._slope, self._everywhere(core)
+        powers, springs = self._parameter_places
+        core = np.zeros((len(powers), 3, *self._geometric.shape[1:]))
+        core[powers == 0, 0] = self._geometric[springs[powers == 0]]
+        return self._slope, self._whole_change(core)
 
     @cached_property
-    def _tense(self) -> Real | None:
+    def _geometric(self) -> Real | None:
         """G_i of each spring, zero for those without tension; (n_spring, nv, nv)."""
-        known = [spring.geometric for spring in self.springs if spring.geometric is not None]
-        if not known:
+        matrices = [spring.geometric for spring in self.springs if spring.geometric is not None]
+        if not matrices:
             return None
-        zero = np.zeros_like(known[0])
+        zero = np.zeros_like(matrices[0])
         return np.stack([zero if s.geometric is None else s.geometric for s in self.springs])
 
     @staticmethod
-    def _everywhere(core: Real) -> Change:
+    def _whole_change(core: Real) -> Change:
+        """Return a change of the whole matrix of the joints."""
         unit = np.eye(core.shape[-1])
         return Change("joint", unit, unit, core)
 
     def rows(self, theta: Real, jacobian: Real) -> list[tuple[Spring, Real, float, float]]:
-        """Each spring, its elongation per joint coordinate, its stiffness and damping.
+        """Return each spring, its elongation per joint coordinate (nv,), its stiffness and damping.
 
         Args:
-            theta: of this Part.
+            theta: values of the parameters.
             jacobian: T; (6 n_body, nv).
         """
         core = np.zeros((2, len(self.springs)))
-        powers, springs = self._places
+        powers, springs = self._parameter_places
         core[powers, springs] = theta
         frame = self._frame if self._slot == "joint" else jacobian.T @ self._frame
         return [
@@ -123,23 +132,24 @@ class SpringPart:
             for k, spring in enumerate(self.springs)
         ]
 
-    def write(self, theta: Real) -> tuple[Edit | NotHeld, ...]:
-        """The coefficients of each joint or tendon; of a polynomial the linear term."""
+    def write(self, theta: Real) -> tuple[Edit | NotInMjcf, ...]:
+        """Return the coefficients of each joint or tendon; of a polynomial the linear term."""
         values: dict[str, dict[str, float]] = {}
         for parameter, value in zip(self.parameters, theta, strict=True):
             if value == parameter.drawn:
                 continue
             element, attribute = parameter.name.rsplit(".", 1)
             values.setdefault(element, {})[attribute] = float(value)
-        return tuple(Edit("spring", name, found) for name, found in values.items())
+        return tuple(Edit("spring", name, coefficients) for name, coefficients in values.items())
 
 
 def _coefficients(spring: Spring) -> tuple[tuple[str, float, str], tuple[str, float, str]]:
+    """Return name, value and unit of stiffness and damping."""
     units = ("N m/rad", "N m s/rad") if spring.angular else ("N/m", "N s/m")
     return ("stiffness", spring.stiffness, units[0]), ("damping", spring.damping, units[1])
 
 
 def spring_parts(machine: Machine) -> tuple[SpringPart, ...]:
-    """One Part for each joint and tendon of the machine, in its order."""
+    """Return one Part for each joint and tendon of the machine, in the machine's order."""
     groups = groupby(machine.springs, key=lambda spring: spring.location)
     return tuple(SpringPart(location, tuple(springs)) for location, springs in groups)

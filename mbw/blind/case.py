@@ -1,4 +1,7 @@
-"""One case of a blind test: drawn, sealed, judged. Each step leaves its file, so it can go on."""
+"""One case of a blind test: a virtual campaign, its sealed answer and the verdict.
+
+Each step leaves a file, so that an interrupted test can continue.
+"""
 
 import json
 import tomllib
@@ -13,19 +16,19 @@ from truth import draw_case, read_station, write_answer, write_campaign
 from tuning import open_session
 
 TREES = "trees"
-HASHES = "hashes.txt"  # of the answers, each before its verdict
+HASHES = "hashes.txt"  # SHA-256 of every answer, published before its verdict
 
 
 @dataclass(frozen=True)
-class Task:
-    """A case to be played.
+class BlindCase:
+    """Case of a blind test with the paths of its files.
 
     Args:
-        model: MJCF of the nominal machine, or ``trees``: a random one for every case.
-        seed: of the whole test.
-        number: of the case.
+        model: MJCF of the nominal machine, or ``trees`` for a random machine in every case.
+        seed: seed of the whole test.
+        number: number of the case.
         out: folder of the test.
-        band: of the verdict [Hz]; the lines with coherence if None.
+        band: band of the verdict [Hz]; None for the frequency lines with coherence.
     """
 
     model: str
@@ -36,110 +39,110 @@ class Task:
 
     @property
     def name(self) -> str:
-        """Such as 0007."""
+        """Name of the case, such as 0007."""
         return f"{self.number:04d}"
 
     @property
     def folder(self) -> Path:
-        """Its campaign and what was said of it."""
+        """Folder of campaign and verdict."""
         return self.out / "cases" / self.name
 
     @property
     def campaign(self) -> Path:
-        """The campaign's folder."""
+        """Folder of the campaign."""
         return self.folder / "campaign"
 
     @property
     def verdict(self) -> Path:
-        """What the diagnosis said."""
+        """File of the verdict."""
         return self.folder / "verdict.json"
 
     @property
     def refit(self) -> Path:
-        """What a refit without knowledge of the effect leaves, written after the verdict."""
+        """File of the residual gap of a refit without the effect, written after the verdict."""
         return self.folder / "refit.json"
 
     @property
     def oracle(self) -> Path:
-        """What a refit that knows the effect leaves, where there is one."""
+        """File of the residual gap of a refit with the true effect, if there is one."""
         return self.folder / "oracle.json"
 
     @property
     def sealed(self) -> Path:
-        """The answer, out of the diagnosis's way."""
+        """File of the answer, outside the folders that the diagnosis reads."""
         return self.out / "sealed" / f"{self.name}.toml"
 
     @property
     def failure(self) -> Path:
-        """Why the case could not be played, if it could not."""
+        """File with the traceback of a failed case."""
         return self.folder / "failed.txt"
 
 
 @dataclass(frozen=True)
-class Played:
-    """How a case went.
+class CaseOutcome:
+    """Outcome of a case.
 
     Args:
-        task: which.
-        error: what stopped it; empty if nothing did.
+        case: the case.
+        error: error that stopped it; empty if none did.
     """
 
-    task: Task
+    case: BlindCase
     error: str = ""
 
 
-def play(task: Task) -> Played:
-    """Draw a case, unless that is done, and judge it, unless that is done.
+def run_case(case: BlindCase) -> CaseOutcome:
+    """Draw a case and diagnose it; skip steps whose files exist.
 
-    An exception becomes the case's failure: the others go on.
+    An exception becomes the case's failure, so that the other cases continue.
     """
     try:
         with threadpool_limits(1):
-            answer = _draw(task)
-            _publish(task.out / HASHES, f"{task.name} {answer}")
-            _judge(task)
-    except Exception as error:  # whatever it is, the other cases go on
-        task.folder.mkdir(parents=True, exist_ok=True)
-        task.failure.write_text(traceback.format_exc(), encoding="utf-8")
-        said = " ".join(str(error).split()) or type(error).__name__
-        return Played(task, f"seed {task.seed}, case {task.number}: {said}")
-    task.failure.unlink(missing_ok=True)
-    return Played(task)
+            answer_hash = _draw(case)
+            _publish(case.out / HASHES, f"{case.name} {answer_hash}")
+            _judge(case)
+    except Exception as error:  # of any kind: the other cases continue
+        case.folder.mkdir(parents=True, exist_ok=True)
+        case.failure.write_text(traceback.format_exc(), encoding="utf-8")
+        message = " ".join(str(error).split()) or type(error).__name__
+        return CaseOutcome(case, f"seed {case.seed}, case {case.number}: {message}")
+    case.failure.unlink(missing_ok=True)
+    return CaseOutcome(case)
 
 
-def _draw(task: Task) -> str:
-    """Write campaign and sealed answer; the answer's hash."""
-    hash_file = task.folder / "sha256.txt"
-    if hash_file.is_file() and task.sealed.is_file():
+def _draw(case: BlindCase) -> str:
+    """Write campaign and sealed answer; return the hash of the answer."""
+    hash_file = case.folder / "sha256.txt"
+    if hash_file.is_file() and case.sealed.is_file():
         return hash_file.read_text("utf-8").strip()
-    station = None if task.model == TREES else read_station(Path(task.model))
-    campaign = draw_case(station, task.seed, task.number).campaign
+    station = None if case.model == TREES else read_station(Path(case.model))
+    campaign = draw_case(station, case.seed, case.number).campaign
     # The hash comes last: without it the case is drawn again, to the same bytes.
-    write_campaign(campaign, task.campaign, overwrite=True, sealed=True)
-    write_answer(campaign, task.sealed)
+    write_campaign(campaign, case.campaign, overwrite=True, sealed=True)
+    write_answer(campaign, case.sealed)
     _write(hash_file, campaign.answer_hash)
     return campaign.answer_hash
 
 
 def _publish(path: Path, line: str) -> None:
-    """Append a line that is not there yet, in one write, so that no other process's is torn."""
-    known = path.read_text("utf-8").splitlines() if path.is_file() else []
-    if line not in known:
+    """Append a new line in one write, so that lines of several processes do not mix."""
+    lines = path.read_text("utf-8").splitlines() if path.is_file() else []
+    if line not in lines:
         with path.open("a", encoding="utf-8") as file:
             file.write(line + "\n")
 
 
-def _judge(task: Task) -> None:
-    """Write the verdict, and then the figures of a refit."""
-    if task.verdict.is_file() and task.refit.is_file():
+def _judge(case: BlindCase) -> None:
+    """Write the verdict, and then the residual gaps of refits without and with the true effect."""
+    if case.verdict.is_file() and case.refit.is_file():
         return
-    found = diagnose(open_session(task.campaign, task.band))
-    _write(task.verdict, verdict_of(found).model_dump_json(indent=1))
-    told = told_of(tomllib.loads(task.sealed.read_text("utf-8")))
-    known = None if told is None else oracle(found, told)
-    if known is not None:
-        _write(task.oracle, json.dumps({"excess": known.gap.excess}, allow_nan=False))
-    _write(task.refit, json.dumps({"excess": found.retuned.gap.excess}, allow_nan=False))
+    diagnosis = diagnose(open_session(case.campaign, case.band))
+    _write(case.verdict, verdict_of(diagnosis).model_dump_json(indent=1))
+    true_cause = told_of(tomllib.loads(case.sealed.read_text("utf-8")))
+    bound = None if true_cause is None else oracle(diagnosis, true_cause)
+    if bound is not None:
+        _write(case.oracle, json.dumps({"excess": bound.gap.excess}, allow_nan=False))
+    _write(case.refit, json.dumps({"excess": diagnosis.retuned.gap.excess}, allow_nan=False))
 
 
 def _write(path: Path, text: str) -> None:

@@ -1,4 +1,4 @@
-// Grades of a blind test: rates by a split, reliability, confusion, all cases.
+// Grades of a blind test: success rates by groups, reliability, confusion matrix, all cases.
 const SHOWN = ["effect_first", "place_first", "both", "where_first", "false_alarm", "unknown_rejected"];
 const state = {split: "all"};
 const LAYOUT = {font: FONT, paper_bgcolor: "white", plot_bgcolor: "white", margin: {l: 60, r: 12, t: 30, b: 44}};
@@ -8,7 +8,7 @@ function groups() {
   return state.split === "all" ? {"all cases": scores.all} : scores[state.split];
 }
 
-// The highest rate of the baselines in the same group (of a false alarm the lowest).
+// Return the best rate of the baselines in a group: the highest, for a false alarm the lowest.
 function baseline(name, label) {
   const rates = Object.values(DATA.baselines).map(b => b.scores).filter(Boolean)
     .map(s => (state.split === "all" ? s.all : s[state.split][label])).filter(Boolean)
@@ -19,15 +19,15 @@ function baseline(name, label) {
 function rates() {
   const list = Object.entries(groups()), traces = [];
   SHOWN.forEach((name, k) => {
-    const own = list.map(([label, g]) => ({label, ...(g.rates[name] || {}), base: baseline(name, label)}))
+    const rows = list.map(([label, g]) => ({label, ...(g.rates[name] || {}), base: baseline(name, label)}))
       .filter(r => r.n);
-    traces.push({type: "bar", name: name.replace(/_/g, " "), x: own.map(r => r.label), y: own.map(r => r.rate),
-      offsetgroup: String(k), marker: {color: HUES[k]}, text: own.map(r => "n " + Math.round(r.n)), textposition: "outside",
-      customdata: own.map(r => [r.low, r.high, r.base]), cliponaxis: false,
+    traces.push({type: "bar", name: name.replace(/_/g, " "), x: rows.map(r => r.label), y: rows.map(r => r.rate),
+      offsetgroup: String(k), marker: {color: HUES[k]}, text: rows.map(r => "n " + Math.round(r.n)), textposition: "outside",
+      customdata: rows.map(r => [r.low, r.high, r.base]), cliponaxis: false,
       hovertemplate: "%{y:.0%}, %{customdata[0]:.0%} to %{customdata[1]:.0%}, %{text}<br>best baseline %{customdata[2]:.0%}",
-      error_y: {type: "data", symmetric: false, array: own.map(r => r.high - r.rate),
-                arrayminus: own.map(r => r.rate - r.low), color: INK, thickness: 1.2}});
-    traces.push({type: "bar", x: own.map(r => r.label), y: own.map(r => r.base), showlegend: false, hoverinfo: "skip",
+      error_y: {type: "data", symmetric: false, array: rows.map(r => r.high - r.rate),
+                arrayminus: rows.map(r => r.rate - r.low), color: INK, thickness: 1.2}});
+    traces.push({type: "bar", x: rows.map(r => r.label), y: rows.map(r => r.base), showlegend: false, hoverinfo: "skip",
       offsetgroup: String(k), marker: {color: "rgba(0,0,0,0)", line: {color: GREY, width: 2}}});
   });
   Plotly.react("rates", traces, {...LAYOUT, barmode: "group", height: 380,
@@ -37,15 +37,15 @@ function rates() {
 }
 
 function diagram() {
-  const found = DATA.verdicts.calibration.first.bins.filter(b => b.true.n);
+  const bins = DATA.verdicts.calibration.first.bins.filter(b => b.true.n);
   Plotly.react("diagram", [
     {x: [0, 1], y: [0, 1], mode: "lines", line: {color: GREY, dash: "dot"}, hoverinfo: "skip"},
-    {x: found.map(b => b.stated), y: found.map(b => b.true.rate), mode: "markers+text",
-     text: found.map(b => "n " + b.true.n), textposition: "bottom center", marker: {color: BLUE, size: 9},
-     error_y: {type: "data", symmetric: false, array: found.map(b => b.true.high - b.true.rate),
-               arrayminus: found.map(b => b.true.rate - b.true.low), color: BLUE}}
-  ], {...LAYOUT, height: 420, showlegend: false, xaxis: {range: [0, 1.02], title: {text: "stated"}, tickformat: ".0%"},
-      yaxis: {range: [-0.08, 1.05], title: {text: "true"}, tickformat: ".0%"}}, CONFIG);
+    {x: bins.map(b => b.stated), y: bins.map(b => b.true.rate), mode: "markers+text",
+     text: bins.map(b => "n " + b.true.n), textposition: "bottom center", marker: {color: BLUE, size: 9},
+     error_y: {type: "data", symmetric: false, array: bins.map(b => b.true.high - b.true.rate),
+               arrayminus: bins.map(b => b.true.rate - b.true.low), color: BLUE}}
+  ], {...LAYOUT, height: 420, showlegend: false, xaxis: {range: [0, 1.02], title: {text: "stated probability"}, tickformat: ".0%"},
+      yaxis: {range: [-0.08, 1.05], title: {text: "rate of success"}, tickformat: ".0%"}}, CONFIG);
 }
 
 function confusion() {
@@ -62,10 +62,10 @@ function cases() {
   const body = document.querySelector("#cases tbody");
   for (const line of DATA.lines) {
     const row = body.insertRow(), first = line.first;
-    const said = first.effect + (first.place ? " at " + first.place : "");
+    const verdict = first.effect + (first.place ? " at " + first.place : "");
     for (const [text, kind] of [[line.name, "name"], [line.machine, "name"],
         [line.truth + (line.places.length ? " at " + line.places.join(", ") : ""), "name"], [line.ratio, ""], [line.verdict, "name"],
-        [said, "name"], [first.probability === null ? "" : first.probability.toFixed(2), ""], [line.where || "", "name"]])
+        [verdict, "name"], [first.probability === null ? "" : first.probability.toFixed(2), ""], [line.where || "", "name"]])
       row.insertCell().append(element("span", text)), row.lastChild.className = kind;
   }
   byId("tables").textContent = DATA.tables;

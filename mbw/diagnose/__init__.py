@@ -1,1 +1,1 @@
-"""``mbw diagnose``: what the model lacks, its files and page."""
+"""``mbw diagnose``: search for effects that the model lacks, the files and page of the verdict."""

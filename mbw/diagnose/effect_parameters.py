@@ -1,4 +1,4 @@
-"""Parameters of an effect in the units that engineers read, with as many digits as are known."""
+"""Parameters of an effect as text, in engineering units and with the digits that are known."""
 
 import math
 from collections.abc import Mapping
@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.hypothesis import Ends, Value
-from mbw.page.numbers import short
+from mbw.page.numbers import format_four_digits
 
-_LARGE, _SMALL = 1e5, 1e-3  # beyond, numbers have an exponent
-_RATIO = ("appendage", "flexible_body", "mount_resonance")  # whose damping is a ratio
-_PLAIN = {  # factor from SI, unit
+_EXPONENT_FROM, _EXPONENT_BELOW = 1e5, 1e-3  # sizes beyond which numbers have an exponent
+_DAMPING_RATIO_EFFECTS = ("appendage", "flexible_body", "mount_resonance")
+_PARAMETER_UNITS = {  # factor from SI, unit
     "mass": (1.0, "kg"),
     "frequency": (1.0, "Hz"),
     "position": (1e3, "mm"),
@@ -23,8 +23,8 @@ _PLAIN = {  # factor from SI, unit
     "fraction": (100.0, "%"),
     "limit": (1.0, "N"),
 }
-_ALONG = {"stiffness": "N/m", "damping": "N s/m", "k": "N/m", "gap": "m", "k3": "N/m³"}
-_ABOUT = {
+_TRANSLATION_UNITS = {"stiffness": "N/m", "damping": "N s/m", "k": "N/m", "gap": "m", "k3": "N/m³"}
+_ROTATION_UNITS = {
     "stiffness": "N m/rad",
     "damping": "N m s/rad",
     "k": "N m/rad",
@@ -35,13 +35,13 @@ _ABOUT = {
 
 
 @dataclass(frozen=True)
-class Line:
-    """One number of a parameter, to be read.
+class ParameterText:
+    """One number of a parameter as text.
 
     Args:
-        name: with the axis of a vector.
-        value: with its unit.
-        interval: both ends, 95 %; empty if there is none.
+        name: name of the parameter, with the axis if it is a vector.
+        value: value with its unit.
+        interval: both ends of the 95 % interval; empty if there is none.
     """
 
     name: str
@@ -51,15 +51,15 @@ class Line:
 
 def parameter_lines(
     effect: str, dof: str | None, name: str, value: Value, ends: Ends | None
-) -> list[Line]:
-    """One line, or one for each component of a vector.
+) -> list[ParameterText]:
+    """Return the text of a number, or one text for each component of a vector.
 
     Args:
-        effect: of the catalogue.
-        dof: its direction.
-        name: of the parameter in the verdict.
-        value: in SI.
-        ends: of its interval, of a vector those of each component; None if there is none.
+        effect: name of the effect in the catalogue.
+        dof: direction of the effect.
+        name: name of the parameter in the verdict.
+        value: value in SI units.
+        ends: ends of its interval, for a vector those of each component; None if there is none.
     """
     factor, unit = unit_of(effect, dof, name)
     values = list(value) if isinstance(value, tuple) else [value]
@@ -69,66 +69,77 @@ def parameter_lines(
         names = [f"{name} {axis}" for axis in axes]
     pairs = [None] * len(values) if ends is None else np.reshape(ends, (len(values), 2)).tolist()
     return [
-        _line(one.replace("_", " "), factor * of, pair and [factor * end for end in pair], unit)
-        for one, of, pair in zip(names, values, pairs, strict=True)
+        _parameter_text(
+            label.replace("_", " "),
+            factor * component,
+            pair and [factor * end for end in pair],
+            unit,
+        )
+        for label, component, pair in zip(names, values, pairs, strict=True)
     ]
 
 
 def parameter_words(effect: str, dof: str | None, name: str, value: Value) -> str:
-    """``mass 57.9 kg``, ``offset (-122, -120, -73) mm``."""
+    """Return a parameter as text: ``mass 57.9 kg``, ``offset (-122, -120, -73) mm``."""
     factor, unit = unit_of(effect, dof, name)
-    numbers = value if isinstance(value, tuple) else (value,)
-    said = [number(factor * one) for one in numbers]
-    text = f"({', '.join(said)})" if isinstance(value, tuple) else said[0]
-    return f"{name.replace('_', ' ')} {text}{_spaced(unit)}"
+    components = value if isinstance(value, tuple) else (value,)
+    numbers = [number(factor * component) for component in components]
+    text = f"({', '.join(numbers)})" if isinstance(value, tuple) else numbers[0]
+    return f"{name.replace('_', ' ')} {text}{_with_leading_space(unit)}"
 
 
-def may_be_nothing(interval: Mapping[str, Ends]) -> frozenset[str]:
-    """Sizes whose interval includes zero: what goes with them, as a place, is not known then."""
+def parameters_that_may_be_zero(interval: Mapping[str, Ends]) -> frozenset[str]:
+    """Return the scalar parameters whose interval includes zero.
+
+    If a mass may be zero, its position is not known either.
+    """
     rows = {name: np.asarray(ends) for name, ends in interval.items()}
     return frozenset(name for name, row in rows.items() if row.ndim == 1 and row[0] < 0 < row[1])
 
 
 def interval_words(effect: str, dof: str | None, name: str, ends: tuple[float, float]) -> str:
-    """``mass -0.3 … 0.8 kg``, of a size that may be nothing."""
+    """Return the interval of a parameter that may be zero as text: ``mass -0.3 … 0.8 kg``."""
     factor, unit = unit_of(effect, dof, name)
     half = factor * (ends[1] - ends[0]) / 2
     low, high = (number(factor * end, half) for end in ends)
-    return f"{name.replace('_', ' ')} {low} … {high}{_spaced(unit)}"
+    return f"{name.replace('_', ' ')} {low} … {high}{_with_leading_space(unit)}"
 
 
 def unit_of(effect: str, dof: str | None, name: str) -> tuple[float, str]:
-    """What a number in SI is multiplied by to be read, and its unit then."""
-    if name == "damping" and effect in _RATIO:
+    """Return the factor from SI to the unit of the text, and that unit."""
+    if name == "damping" and effect in _DAMPING_RATIO_EFFECTS:
         return 100.0, "%"
-    turning = dof is not None and dof[:1] == "r" and name in _ABOUT
-    if turning or name in _ALONG:
-        return 1.0, (_ABOUT if turning else _ALONG)[name]
-    return _PLAIN.get(name, (1.0, ""))
+    is_rotation = dof is not None and dof[:1] == "r" and name in _ROTATION_UNITS
+    if is_rotation or name in _TRANSLATION_UNITS:
+        return 1.0, (_ROTATION_UNITS if is_rotation else _TRANSLATION_UNITS)[name]
+    return _PARAMETER_UNITS.get(name, (1.0, ""))
 
 
 def number(value: float, half: float | None = None) -> str:
-    """Three figures, or as many as half an interval leaves two of itself.
+    """Return a number as text, with three digits or with those that its interval justifies.
+
+    The last digit is the second one of half the interval.
 
     Args:
-        value: to be written.
-        half: half of its interval.
+        value: the number.
+        half: half the width of its interval; None if there is none.
     """
-    if value and not _SMALL <= abs(value) < _LARGE:
-        return short(value) if half is not None else f"{value:.3g}"
+    if value and not _EXPONENT_BELOW <= abs(value) < _EXPONENT_FROM:
+        return format_four_digits(value) if half is not None else f"{value:.3g}"
     if half is None or not half > 0:
         return f"{float(f'{value:.3g}'):g}"
     decimals = min(max(1 - math.floor(math.log10(half)), 0), 5)
     return f"{value:.{decimals}f}"
 
 
-def _line(name: str, value: float, pair: list[float] | None, unit: str) -> Line:
+def _parameter_text(name: str, value: float, pair: list[float] | None, unit: str) -> ParameterText:
     if pair is None:
-        return Line(name, f"{number(value)}{_spaced(unit)}", "")
+        return ParameterText(name, f"{number(value)}{_with_leading_space(unit)}", "")
     half = (pair[1] - pair[0]) / 2
     low, high = (number(end, half) for end in pair)
-    return Line(name, f"{number(value, half)}{_spaced(unit)}", f"{low} … {high}")
+    text = f"{number(value, half)}{_with_leading_space(unit)}"
+    return ParameterText(name, text, f"{low} … {high}")
 
 
-def _spaced(unit: str) -> str:
+def _with_leading_space(unit: str) -> str:
     return unit if unit in ("", "°") else f" {unit}"

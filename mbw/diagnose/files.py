@@ -1,4 +1,4 @@
-"""The files of ``mbw diagnose``, written and read: three of JSON, arrays, an MJCF, the page."""
+"""Files of ``mbw diagnose``: writing three JSON files, arrays and an MJCF; reading them back."""
 
 import zlib
 from pathlib import Path
@@ -11,9 +11,9 @@ from pydantic import BaseModel, ValidationError
 from diagnosis import Diagnosis, Verdict
 from diagnosis.inference.evidence import Evidence
 from identification.words import InputError
-from mbmodel import NotHeld, write_mjcf
-from mbw.diagnose.machine_rows import machine_of
-from mbw.diagnose.result import Result
+from mbmodel import NotInMjcf, write_mjcf
+from mbw.diagnose.machine_rows import restore_machine
+from mbw.diagnose.result import StoredDiagnosis
 from mbw.diagnose.schema import ShownFile
 
 VERDICT, EVIDENCE = "verdict.json", "evidence.json"
@@ -24,36 +24,36 @@ NAMES = (VERDICT, EVIDENCE, SHOWN, ARRAYS, AUGMENTED, PAGE)
 Row = TypeVar("Row", bound=BaseModel)
 
 
-def write_files(result: Result, folder: Path) -> None:
-    """Write all but the page into a folder that is there."""
+def write_files(result: StoredDiagnosis, folder: Path) -> None:
+    """Write JSON files and arrays into an existing folder."""
     rows = {VERDICT: result.verdict, EVIDENCE: result.evidence, SHOWN: result.shown}
     for name, row in rows.items():
         (folder / name).write_text(row.model_dump_json(indent=1) + "\n", encoding="utf-8")
     np.savez_compressed(folder / ARRAYS, allow_pickle=False, **result.arrays)
 
 
-def write_augmented(found: Diagnosis, target: Path) -> tuple[NotHeld, ...]:
-    """Write the MJCF, tuned, with what was found to be missing; return what it does not hold."""
-    level = found.after or found.retuned
-    theta = found.known.theta if found.known else level.theta
-    model = level.refit.session.model
+def write_augmented(diagnosis: Diagnosis, target: Path) -> tuple[NotInMjcf, ...]:
+    """Write the tuned MJCF with the detected effect; return what an MJCF cannot hold."""
+    held_out_gap = diagnosis.after or diagnosis.retuned
+    theta = diagnosis.known.theta if diagnosis.known else held_out_gap.theta
+    model = held_out_gap.refit.session.model
     return write_mjcf(model.machine.source, target, model.edits(theta))
 
 
-def read_result(path: Path) -> Result:
-    """Read what ``mbw diagnose`` wrote.
+def read_result(path: Path) -> StoredDiagnosis:
+    """Read the result that ``mbw diagnose`` wrote.
 
     Args:
-        path: the folder, or a file of it.
+        path: folder of the result, or a file in it.
 
     Raises:
-        InputError: a file that is missing, broken or of another version.
+        InputError: a file is missing, broken or of another version.
     """
     folder = path if path.is_dir() else path.parent
-    verdict = _row(folder / VERDICT, Verdict)
-    evidence = _row(folder / EVIDENCE, Evidence)
-    shown = _row(folder / SHOWN, ShownFile)
-    result = Result(verdict, evidence, shown, _arrays(folder / ARRAYS))
+    verdict = _read_row(folder / VERDICT, Verdict)
+    evidence = _read_row(folder / EVIDENCE, Evidence)
+    shown = _read_row(folder / SHOWN, ShownFile)
+    result = StoredDiagnosis(verdict, evidence, shown, _arrays(folder / ARRAYS))
     try:
         _check(result)
     except (ValueError, KeyError, AttributeError) as error:
@@ -64,11 +64,11 @@ def read_result(path: Path) -> Result:
     return result
 
 
-def _row(path: Path, kind: type[Row]) -> Row:
+def _read_row(path: Path, kind: type[Row]) -> Row:
     try:
         return kind.model_validate_json(path.read_bytes())
     except (ValidationError, OSError) as error:
-        raise _refused(path) from error
+        raise _reading_error(path) from error
 
 
 def _arrays(path: Path) -> dict[str, Any]:
@@ -76,20 +76,20 @@ def _arrays(path: Path) -> dict[str, Any]:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files}
     except (OSError, EOFError, ValueError, AttributeError, BadZipFile, zlib.error) as error:
-        raise _refused(path) from error
+        raise _reading_error(path) from error
 
 
-def _refused(path: Path) -> InputError:
+def _reading_error(path: Path) -> InputError:
     if not path.exists():
-        return InputError(f"{path} does not exist: name the folder that mbw diagnose wrote")
+        return InputError(f"{path} does not exist: name a folder that mbw diagnose wrote")
     return InputError(f"{path} is broken or of another version: run mbw diagnose again")
 
 
-def _check(result: Result) -> None:
-    """Rows and arrays are of one size.
+def _check(result: StoredDiagnosis) -> None:
+    """Check that rows and arrays have matching sizes.
 
     Raises:
-        ValueError: they are not.
+        ValueError: their sizes differ.
         KeyError: an array is missing.
     """
     shown, arrays = result.shown, result.arrays
@@ -98,7 +98,11 @@ def _check(result: Result) -> None:
         "freq_hz": (lines,),
         "corrected": (lines, len(shown.corrected)),
         **dict.fromkeys(("measured", "retuned", "noise"), (lines, channels)),
-        **{f"{of}_{what}": (channels,) for of in ("retuned", "after") for what in _EACH},
+        **{
+            f"{step}_{name}": (channels,)
+            for step in ("retuned", "after")
+            for name in ("error", "excess")
+        },
         "channel_noise": (channels,),
     }
     for name, shape in shapes.items():
@@ -108,7 +112,4 @@ def _check(result: Result) -> None:
         raise ValueError(f"after is {arrays['after'].shape}")
     if len(shown.means) != len(result.verdict.causes):
         raise ValueError("causes and their meanings differ in number")
-    machine_of(shown.machine, arrays)
-
-
-_EACH = ("error", "excess")
+    restore_machine(shown.machine, arrays)

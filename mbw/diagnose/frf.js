@@ -1,4 +1,4 @@
-// The chosen channel: measured, re-tuned, with the effect.
+// FRF of the chosen channel: measured, re-tuned, with the effect.
 const FREQ = floats(DATA.frf.freq), LINES = FREQ.length;
 const KINDS = [["measured", "measured", {color: INK, width: 1.8}], ["retuned", "re-tuned", {color: ORANGE, width: 1.3, dash: "5px,3px"}],
   ["after", "with the effect", {color: BLUE, width: 1.3}]].filter(([kind]) => DATA.frf[kind] !== undefined);
@@ -32,16 +32,16 @@ function frf() {
 function remark(channel) {
   const share = value => (100 * value).toPrecision(3) + " %", times = value => value === null ? "" : " (excess " + short(value) + ")";
   let text = "Error re-tuned " + share(channel.retuned_error) + times(channel.retuned_excess);
-  if (AFTER) text += channel.after_error === null ? ", with the effect not to be compared" :
+  if (AFTER) text += channel.after_error === null ? ", with the effect not comparable" :
     ", with the effect " + share(channel.after_error) + times(channel.after_excess);
-  text += "; the noise makes " + share(channel.noise) + ".";
-  return channel.out ? text + " This channel took no part in the search." : text;
+  text += "; the noise alone would cause " + share(channel.noise) + ".";
+  return channel.out ? text + " The search left this channel out." : text;
 }
 
-// What the effect gains in a channel; without one, how far it is off.
+// Reduction of a channel's squared excess by the effect; without an effect the squared excess.
 const gain = c => c.retuned_excess === null ? -Infinity : c.retuned_excess ** 2 - (AFTER && c.after_excess !== null ? c.after_excess ** 2 : 0);
 const worst = c => (AFTER ? c.after_excess : c.retuned_excess) ?? -Infinity;
-const best = measure => CHANNELS.reduce((found, c, k) => measure(c) > measure(CHANNELS[found]) ? k : found, 0);
+const best = measure => CHANNELS.reduce((first, c, k) => measure(c) > measure(CHANNELS[first]) ? k : first, 0);
 
 function choose(k) { state.channel = k; frf(); }
 
@@ -61,6 +61,6 @@ function chooser() {
     Plotly.react("frf", [], byId("frf").layout, CONFIG);
   };
   place.append("motion at ", out, " hit at ", test, element("span", "", {className: "gap"}));
-  if (AFTER) place.append(element("button", "gains most", {id: "most", onclick: () => choose(best(gain))}));
-  place.append(element("button", AFTER ? "worst left" : "worst", {id: "worst", onclick: () => choose(best(worst))}));
+  if (AFTER) place.append(element("button", "largest gain", {id: "most", onclick: () => choose(best(gain))}));
+  place.append(element("button", AFTER ? "largest remaining gap" : "largest gap", {id: "worst", onclick: () => choose(best(worst))}));
 }

@@ -1,4 +1,4 @@
-"""The machine of a diagnosis as rows and arrays, so that its page can be drawn without the MJCF."""
+"""Machine of a diagnosis as rows and arrays, from which the page can be drawn without the MJCF."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -6,19 +6,19 @@ from typing import Any
 import numpy as np
 
 from identification.words import Layout
-from mbmodel import Looks, Machine
-from mbmodel.geometry.surfaces import Line, Surface
+from mbmodel import Machine, MachineGeometry
+from mbmodel.geometry.surfaces import Surface, TendonLine
 from mbw.diagnose.schema import LineRow, MachineRow, MeshRow, PlaceRow
 
-_KINDS = {"vertices": np.float32, "triangles": np.int32, "edges": np.int32}
+_SURFACE_ARRAYS = {"vertices": np.float32, "triangles": np.int32, "edges": np.int32}
 
 
-def machine_rows(layout: Layout, looks: Looks) -> tuple[MachineRow, dict[str, Any]]:
-    """A machine's names, and its numbers by name.
+def machine_rows(layout: Layout, geometry: MachineGeometry) -> tuple[MachineRow, dict[str, Any]]:
+    """Return the names of a machine as a row, and its numbers as arrays by name.
 
     Args:
         layout: bodies and points.
-        looks: surfaces and lines.
+        geometry: surfaces and lines.
     """
     row = MachineRow(
         bodies=list(layout.bodies),
@@ -26,34 +26,34 @@ def machine_rows(layout: Layout, looks: Looks) -> tuple[MachineRow, dict[str, An
         body_of=layout.body_of.tolist(),
         surfaces=[
             MeshRow(
-                stage=one.stage,
-                colour=one.colour,
-                **{name: len(getattr(one, name)) for name in _KINDS},
+                stage=surface.stage,
+                colour=surface.colour,
+                **{name: len(getattr(surface, name)) for name in _SURFACE_ARRAYS},
             )
-            for one in looks.surfaces
+            for surface in geometry.surfaces
         ],
         lines=[
-            LineRow(name=one.name, stages=list(one.stages), colour=one.colour)
-            for one in looks.lines
+            LineRow(name=line.name, stages=list(line.stages), colour=line.colour)
+            for line in geometry.lines
         ],
-        boxed=list(looks.boxed),
+        boxed=list(geometry.boxed),
     )
     arrays: dict[str, Any] = {"centres": layout.centres, "positions": layout.positions}
-    for name, kind in _KINDS.items():
-        parts = [np.asarray(getattr(one, name), kind) for one in looks.surfaces]
+    for name, kind in _SURFACE_ARRAYS.items():
+        parts = [np.asarray(getattr(surface, name), kind) for surface in geometry.surfaces]
         width = 2 if name == "edges" else 3
         arrays[name] = np.concatenate([np.zeros((0, width), kind), *parts])
-    points = [one.points for one in looks.lines]
+    points = [line.points for line in geometry.lines]
     arrays["line_points"] = np.concatenate([np.zeros((0, 3)), *points])
     return row, arrays
 
 
-def machine_of(row: MachineRow, arrays: Mapping[str, Any]) -> tuple[Layout, Looks]:
-    """The same back from rows and arrays.
+def restore_machine(row: MachineRow, arrays: Mapping[str, Any]) -> tuple[Layout, MachineGeometry]:
+    """Restore layout and geometry of a machine from its row and arrays.
 
     Raises:
-        ValueError: rows and arrays that contradict each other.
-        KeyError: an array that is missing.
+        ValueError: row and arrays contradict each other.
+        KeyError: an array is missing.
     """
     count = len(row.points)
     layout = Layout(
@@ -64,31 +64,36 @@ def machine_of(row: MachineRow, arrays: Mapping[str, Any]) -> tuple[Layout, Look
         arrays["positions"],
         np.broadcast_to(np.eye(3), (count, 3, 3)),
     )
-    cut = {
-        name: _cut(arrays[name], [getattr(one, name) for one in row.surfaces]) for name in _KINDS
+    pieces = {
+        name: _split_rows(arrays[name], [getattr(mesh, name) for mesh in row.surfaces])
+        for name in _SURFACE_ARRAYS
     }
     surfaces = tuple(
-        Surface(one.stage, **{name: next(parts) for name, parts in cut.items()}, colour=one.colour)
-        for one in row.surfaces
+        Surface(
+            mesh.stage, **{name: next(parts) for name, parts in pieces.items()}, colour=mesh.colour
+        )
+        for mesh in row.surfaces
     )
-    points = _cut(arrays["line_points"], [len(one.stages) for one in row.lines])
-    lines = tuple(Line(one.name, next(points), tuple(one.stages), one.colour) for one in row.lines)
-    return layout, Looks(surfaces, lines, tuple(row.boxed))
+    points = _split_rows(arrays["line_points"], [len(line.stages) for line in row.lines])
+    lines = tuple(
+        TendonLine(line.name, next(points), tuple(line.stages), line.colour) for line in row.lines
+    )
+    return layout, MachineGeometry(surfaces, lines, tuple(row.boxed))
 
 
-def _cut(rows: Any, sizes: list[int]) -> Iterator[Any]:
-    """Pieces of these sizes, one after the other."""
+def _split_rows(rows: Any, sizes: list[int]) -> Iterator[Any]:
+    """Yield consecutive pieces of these sizes."""
     if len(rows) != sum(sizes):
         raise ValueError(f"{len(rows)} rows where {sum(sizes)} are named")
     return iter(np.split(rows, np.cumsum(sizes)[:-1]) if sizes else [])
 
 
 def place_row(location: str, machine: Machine) -> PlaceRow:
-    """Where a location of the verdict is.
+    """Return bodies and points of a location of the verdict.
 
     Args:
-        location: such as ``joint:ty``.
-        machine: with its axles.
+        location: location such as ``joint:ty``.
+        machine: machine with its axles.
     """
     layout = machine.layout
     kind, _, name = location.partition(":")
@@ -100,8 +105,8 @@ def place_row(location: str, machine: Machine) -> PlaceRow:
         middle = [layout.centres[layout.bodies.index(body)] for body in bodies]
         return _place(bodies, [np.mean(middle, axis=0)] if middle else [])
     if kind == "body":
-        known = [name] if name in layout.bodies else []
-        return _place(known, [layout.centres[layout.bodies.index(body)] for body in known])
+        bodies = [name] if name in layout.bodies else []
+        return _place(bodies, [layout.centres[layout.bodies.index(body)] for body in bodies])
     sites = [site for site in name.split("+") if site in layout.points]
     places = [layout.positions[layout.points.index(site)] for site in sites]
     return _place([layout.body_name(site) for site in sites], places)
@@ -115,6 +120,6 @@ def _place(bodies: list[str], points: list[Any]) -> PlaceRow:
 
 
 def _pair(name: str, bodies: tuple[str, ...]) -> list[str]:
-    """Both bodies of ``lower-upper``, whose names may hold hyphens themselves."""
-    found = [(one, other) for one in bodies for other in bodies if name == f"{one}-{other}"]
-    return list(found[0]) if found else []
+    """Return both bodies of ``lower-upper``, whose names may contain hyphens themselves."""
+    pairs = [(lower, upper) for lower in bodies for upper in bodies if name == f"{lower}-{upper}"]
+    return list(pairs[0]) if pairs else []

@@ -1,9 +1,9 @@
-// Excess of every channel in every test, re-tuned and with the effect.
+// Map of the excess of every channel in every test, re-tuned and with the effect.
 const SIDES = [["retuned_excess", "re-tuned"], ...(AFTER ? [["after_excess", "with the effect"]] : [])];
 const ROWS = [...new Set(CHANNELS.map(c => c.body))].flatMap(body => OUTPUTS.filter(o => CHANNELS.some(c => c.output === o && c.body === body))
   .map(output => ({body, output})));
 
-// A box about the chosen channel, and lines between bodies.
+// Return a box around the chosen channel, and lines between bodies.
 function marks() {
   const chosen = CHANNELS[state.channel], row = ROWS.findIndex(r => r.output === chosen.output), shapes = [];
   SIDES.forEach((_, s) => shapes.push({type: "rect", xref: s ? "x2" : "x", x0: chosen.test - 0.5, x1: chosen.test + 0.5, y0: row - 0.5, y1: row + 0.5,
@@ -20,9 +20,9 @@ function frame() {
 
 function heat() {
   const of = new Map(CHANNELS.map((c, k) => [c.output + "|" + c.test, k]));
-  const found = CHANNELS.flatMap(c => SIDES.map(([key]) => c[key])).filter(v => v !== null);
-  if (!found.length) { byId("map").textContent = "The noise of the measurement is not known."; return; }
-  const most = Math.max(3, ...found), row = ROWS.length > 150 ? 6 : 12, several = SIDES.length > 1;
+  const values = CHANNELS.flatMap(c => SIDES.map(([key]) => c[key])).filter(v => v !== null);
+  if (!values.length) { byId("map").textContent = "The noise of the measurement is not known."; return; }
+  const most = Math.max(3, ...values), row = ROWS.length > 150 ? 6 : 12, several = SIDES.length > 1;
   const data = SIDES.map(([key, name], s) => {
     const cells = ROWS.map(r => TESTS.map((_, t) => of.get(r.output + "|" + t)));
     return {type: "heatmap", name, xaxis: s ? "x2" : "x", xgap: 1, ygap: 1, colorscale: BLUES, zmin: 0, zmax: Math.log10(most), hoverongaps: false,
@@ -34,8 +34,8 @@ function heat() {
   const axis = (s, domain) => ({domain, tickvals: TESTS.map((_, k) => k), ticktext: TESTS.map(label), tickangle: -60, tickfont: {size: 10}, showgrid: false, zeroline: false,
     anchor: "y", automargin: true, range: [-0.5, TESTS.length - 0.5]});
   const names = [...new Set(ROWS.map(r => r.body))].map(body => {
-    const own = ROWS.map((r, k) => r.body === body ? k : -1).filter(k => k >= 0);
-    return {text: escaped(body), xref: "paper", x: 0, xshift: -58, xanchor: "right", y: (own[0] + own[own.length - 1]) / 2, showarrow: false, font: {size: 11}};
+    const rows = ROWS.map((r, k) => r.body === body ? k : -1).filter(k => k >= 0);
+    return {text: escaped(body), xref: "paper", x: 0, xshift: -58, xanchor: "right", y: (rows[0] + rows[rows.length - 1]) / 2, showarrow: false, font: {size: 11}};
   });
   const titles = SIDES.map(([, name], s) => ({text: "<b>" + name + "</b>", xref: (s ? "x2" : "x") + " domain", x: 0.5, yref: "paper", y: 1, yanchor: "bottom", showarrow: false}));
   Plotly.newPlot("map", data, {...PLOT, height: 110 + row * ROWS.length, margin: {l: 150, r: 10, t: 26, b: 60}, annotations: [...names, ...titles], shapes: marks(),

@@ -1,4 +1,4 @@
-// A diagnosis: how far the model is off. What follows shares its state.
+// Bars of the gap; the scripts that follow share this state.
 const CHANNELS = DATA.channels, TESTS = DATA.tests, AFTER = DATA.has_after;
 const state = {channel: 0, place: 0, mode: 0, amplitude: 0, playing: false};
 const TICKS = [0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000];  // of excess
@@ -13,7 +13,7 @@ function gapBars() {
   const ends = rows.map(r => r.interval ? [Math.max(r.interval[0], least), r.interval[1]] : [r.excess, r.excess]);
   const text = rows.map(r => "<b>" + short(r.excess) + "</b>" + (r.error === null ? "" : "  error " + short(100 * r.error) + " %") +
     (r.interval ? "  95 %: " + two(Math.max(r.interval[0], 0)) + " … " + two(r.interval[1]) : ""));
-  const room = 30 + 7 * Math.max(...text.map(one => one.replace(/<[^>]*>/g, "").length));
+  const room = 30 + 7 * Math.max(...text.map(line => line.replace(/<[^>]*>/g, "").length));
   const data = [{type: "bar", orientation: "h", y: rows.map(r => r.name), base: rows.map(() => 1), x: rows.map(r => r.excess - 1),
     marker: {color: rows.map(r => r.colour)}, width: 0.62, hoverinfo: "skip"}];
   rows.forEach((r, k) => { if (r.interval) data.push({type: "scatter", mode: "markers", x: [r.excess], y: [r.name], marker: {size: 1, color: INK}, hoverinfo: "skip",
@@ -22,7 +22,7 @@ function gapBars() {
   Plotly.newPlot(place, data, {...PLOT, showlegend: false, height: 66 + 40 * rows.length, margin: {l: 110, r: room, t: 8, b: 40}, annotations: [...notes,
       {x: 0, y: 1, yref: "paper", yanchor: "top", text: "noise", textangle: -90, showarrow: false, xanchor: "right", font: {size: 11, color: "#667085"}}],
     shapes: [{type: "line", x0: 1, x1: 1, yref: "paper", y0: 0, y1: 1, line: {color: INK, width: 1.5, dash: "dot"}}],
-    xaxis: {type: "log", range: [Math.log10(least), Math.log10(top * 1.1)], gridcolor: GRID, zeroline: false, tickvals: TICKS, title: {text: "excess, times the noise", standoff: 6}},
+    xaxis: {type: "log", range: [Math.log10(least), Math.log10(top * 1.1)], gridcolor: GRID, zeroline: false, tickvals: TICKS, title: {text: "excess: gap over noise", standoff: 6}},
     yaxis: {autorange: "reversed", ticksuffix: " ", showgrid: false, zeroline: false}}, BARE);
 }
 

@@ -1,4 +1,4 @@
-"""The page of ``mbw diagnose``: verdict, gap, causes, place, FRFs, channels, what was tried."""
+"""Page of ``mbw diagnose``: verdict, gap, causes, locations, FRFs, channels, hypotheses."""
 
 from html import escape
 
@@ -8,87 +8,94 @@ from diagnosis.labels import direction
 from identification.words import Dof, Real
 from mbw.diagnose.effect_parameters import number
 from mbw.diagnose.headline import badges, doubts, lead
-from mbw.diagnose.machine_rows import machine_of
-from mbw.diagnose.result import STEPS, Result
-from mbw.diagnose.sentences import gate_sentences, place
-from mbw.diagnose.tables import causes_section, tried_section
-from mbw.page.html import fill, packed, packed_polar, packed_sizes, piece, warnings
-from mbw.page.numbers import UNITS, percent
-from mbw.page.picture import picture
+from mbw.diagnose.machine_rows import restore_machine
+from mbw.diagnose.result import STEPS, StoredDiagnosis
+from mbw.diagnose.sentences import place_name, sensor_check_sentences
+from mbw.diagnose.tables import causes_section, hypotheses_section
+from mbw.page.html import (
+    fill_template,
+    pack_magnitudes,
+    pack_polar,
+    pack_real,
+    read_fragment,
+    warning_boxes,
+)
+from mbw.page.numbers import UNITS, format_percent
+from mbw.page.picture import picture_data
 
-_PLACES = 12  # that have bars
-_COLOURS = dict(zip(STEPS, ("#98a2b3", "#d9822b", "#1f6fb8"), strict=True))
+_MAX_PLACE_BARS = 12  # locations of the bar chart
+_STEP_COLOURS = dict(zip(STEPS, ("#98a2b3", "#d9822b", "#1f6fb8"), strict=True))
 
 
-def render(result: Result) -> str:
-    """The HTML of a diagnosis."""
+def render(result: StoredDiagnosis) -> str:
+    """Return the HTML page of a diagnosis."""
     shown = result.shown
     places = _places(result)
     scripts = ["page/bode.js", "diagnose/page.js", "diagnose/frf.js", "diagnose/map.js"]
     scripts += ["page/picture.js", "diagnose/where.js"] if places else []
-    return fill(
+    return fill_template(
         "diagnose/template.html",
         _data(result, places),
         title=escape(f"{shown.model}: what the model lacks"),
         subtitle=escape(
             f"campaign {shown.campaign}, {_count(len(shown.tests), 'test')}, "
-            f"{_count(len(shown.channels), 'channel')}, {shown.lines} lines "
+            f"{_count(len(shown.channels), 'channel')}, {shown.lines} frequency lines "
             f"{shown.band[0]:g}..{shown.band[1]:g} Hz"
         ),
         lead=escape(lead(result)),
         badges=badges(result),
-        warnings=warnings(doubts(result)),
+        warnings=warning_boxes(doubts(result)),
         lines=_lines(result),
         centres=escape(_centres(result)),
         causes=causes_section(result),
-        where=piece("diagnose/where.html") if places else _NOWHERE,
-        gates="".join(f"<p>{escape(text)}</p>" for text in gate_sentences(shown)),
-        tried=tried_section(result),
+        where=read_fragment("diagnose/where.html") if places else _NO_PLACES,
+        gates="".join(f"<p>{escape(text)}</p>" for text in sensor_check_sentences(shown)),
+        tried=hypotheses_section(result),
         provenance=_provenance(result),
         scripts=scripts,
         styles=["diagnose/style.css"],
     )
 
 
-_NOWHERE = "<p>No place stands out: too little is left to tell.</p>"
+_NO_PLACES = "<p>No place stands out: the residual gap is too small to locate.</p>"
 
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
-def _lines(result: Result) -> str:
-    """On which lines the figures hold."""
+def _lines(result: StoredDiagnosis) -> str:
+    """Return the frequency lines to which the figures refer."""
     shown = result.shown
     if shown.block is None:
-        return "all on the lines that were fitted"
+        return "all on the fitted frequency lines"
     noise, ends = result.verdict.gap.noise, shown.steps.noise
-    alone = ""
+    noise_text = ""
     if noise is not None and ends is not None:
-        alone = (
-            f"; the noise alone is an error of {percent(noise)}, 95 %: {percent(ends[0])} to "
-            f"{percent(ends[1])}"
+        noise_text = (
+            f"; the noise alone is an error of {format_percent(noise)}, 95 %: "
+            f"{format_percent(ends[0])} to {format_percent(ends[1])}"
         )
     width = shown.block * (shown.band[1] - shown.band[0]) / max(shown.lines - 1, 1)
     return (
-        f"as drawn on all lines, the others held out: blocks of {width:.3g} Hz in five folds, each "
-        f"predicted by a fit that did not see it{alone}"
+        "as drawn on all frequency lines, the others on held-out lines by five-fold "
+        f"cross-validation over blocks of {width:.3g} Hz{noise_text}"
     )
 
 
-def _centres(result: Result) -> str:
-    """The gap at the centres of mass, in a sentence."""
-    known = [row for row in result.shown.centres if row.excess is not None and row.channels]
-    if not known:
+def _centres(result: StoredDiagnosis) -> str:
+    """Return a sentence on the gap at the centres of mass."""
+    rows = [row for row in result.shown.centres if row.excess is not None and row.channels]
+    if not rows:
         return ""
-    steps = ", ".join(f"{row.name} {number(row.excess or 0.0)}" for row in known)
+    steps = ", ".join(f"{row.name} {number(row.excess or 0.0)}" for row in rows)
     return (
-        f"Reduced to the centres of mass ({known[0].channels} FRFs, the noise with the "
-        f"covariance of the reduction), the excess is {steps}."
+        f"Reduced to the centres of mass ({rows[0].channels} FRFs, with the covariance of the "
+        f"reduction), the excess is {steps}."
     )
 
 
-def _data(result: Result, places: list[dict[str, object]]) -> dict[str, object]:
+def _data(result: StoredDiagnosis, places: list[dict[str, object]]) -> dict[str, object]:
     shown = result.shown
     data: dict[str, object] = {
         "gap": _gap(result),
@@ -99,58 +106,59 @@ def _data(result: Result, places: list[dict[str, object]]) -> dict[str, object]:
         "places": places,
     }
     if places:
-        layout, looks = machine_of(shown.machine, result.arrays)
-        data["picture"] = picture(layout, looks, np.zeros((0, 6 * len(layout.bodies)), complex))
+        layout, geometry = restore_machine(shown.machine, result.arrays)
+        no_shapes = np.zeros((0, 6 * len(layout.bodies)), complex)
+        data["picture"] = picture_data(layout, geometry, no_shapes)
     return data
 
 
-def _gap(result: Result) -> list[dict[str, object]]:
-    """The bars, with intervals where lines could be held out."""
+def _gap(result: StoredDiagnosis) -> list[dict[str, object]]:
+    """Return the bars of the gap, with intervals if frequency lines could be held out."""
     gap, ends = result.verdict.gap, result.shown.steps
     rows = (gap.as_drawn, ends.as_drawn), (gap.retuned, ends.retuned), (gap.after, ends.after)
-    steps = zip(_COLOURS, rows, strict=True)
+    steps = zip(_STEP_COLOURS, rows, strict=True)
     return [
         {
             "name": name,
             "excess": at.excess,
             "error": at.error,
             "interval": interval,
-            "colour": _COLOURS[name],
+            "colour": _STEP_COLOURS[name],
         }
         for name, (at, interval) in steps
         if at.excess is not None
     ]
 
 
-def _channels(result: Result) -> list[dict[str, object]]:
-    arrays, taken = result.arrays, _taken_out(result)
+def _channels(result: StoredDiagnosis) -> list[dict[str, object]]:
+    arrays, removed = result.arrays, _removed_channels(result)
     numbers = {
         name: _numbers(arrays[name])
         for name in ("retuned_excess", "after_excess", "retuned_error", "after_error")
     }
     numbers["noise"] = _numbers(arrays["channel_noise"])
-    rotations = UNITS[result.shown.quantity]
-    found = []
+    units = UNITS[result.shown.quantity]
+    channels: list[dict[str, object]] = []
     for k, row in enumerate(result.shown.channels):
         dof = Dof.parse(row.output)
-        found.append(
+        channels.append(
             {
                 **row.model_dump(),
-                "unit": rotations[dof.is_rotation],
-                "out": (dof.point, dof.direction[1:]) in taken or (dof.point, None) in taken,
+                "unit": units[dof.is_rotation],
+                "out": (dof.point, dof.direction[1:]) in removed or (dof.point, None) in removed,
                 **{name: values[k] for name, values in numbers.items()},
             }
         )
-    return found
+    return channels
 
 
-def _taken_out(result: Result) -> set[tuple[str, str | None]]:
-    """Sensor and axis of each channel that a gate took out; None for all axes."""
+def _removed_channels(result: StoredDiagnosis) -> set[tuple[str, str | None]]:
+    """Return sensor and axis of each channel that a data check removed; None for all axes."""
     return {
         (site, axis)
-        for one in result.shown.taken_out
-        for site in one.location.partition(":")[2].split("+")
-        for axis in (one.dof.split("+") if one.dof else [None])
+        for fault in result.shown.taken_out
+        for site in fault.location.partition(":")[2].split("+")
+        for axis in (fault.dof.split("+") if fault.dof else [None])
     }
 
 
@@ -158,48 +166,46 @@ def _numbers(values: Real) -> list[float | None]:
     return [float(f"{value:.4g}") if np.isfinite(value) else None for value in values]
 
 
-def _frf(result: Result) -> dict[str, object]:
-    """Channel after channel; ``corrected`` says of which channels there is another measurement."""
+def _frf(result: StoredDiagnosis) -> dict[str, object]:
+    """Return the FRFs channel after channel, and those of channels that the effect corrects."""
     arrays = result.arrays
     names = ["measured", "retuned", *(["after"] if result.has_after else [])]
     return {
         "quantity": result.shown.quantity,
-        "freq": packed(arrays["freq_hz"]),
-        **{name: packed_polar(arrays[name].T) for name in names},
-        "noise": packed_sizes(arrays["noise"].T),
-        "corrected": packed_polar(arrays["corrected"].T),
+        "freq": pack_real(arrays["freq_hz"]),
+        **{name: pack_polar(arrays[name].T) for name in names},
+        "noise": pack_magnitudes(arrays["noise"].T),
+        "corrected": pack_polar(arrays["corrected"].T),
         "corrected_channels": result.shown.corrected,
     }
 
 
-def _places(result: Result) -> list[dict[str, object]]:
-    """Places with a share of the gap or a free force that explains something, most first."""
+def _places(result: StoredDiagnosis) -> list[dict[str, object]]:
+    """Return the probable locations, then those with a free-force gain."""
     verdict = result.verdict
-    shares = {one.location: one.share for one in verdict.where if verdict.verdict != "none"}
-    gains = {one.location: max(one.gain, 0.0) for one in result.evidence.pushed}
-    towards = {one.location: direction(one.dof) for one in result.evidence.pushed}
+    shares = {row.location: row.share for row in verdict.where if verdict.verdict != "none"}
+    gains = {force.location: max(force.gain, 0.0) for force in result.evidence.pushed}
+    towards = {force.location: direction(force.dof) for force in result.evidence.pushed}
+    places = result.shown.places
     kept = [name for name in shares if shares[name]]
     kept += [name for name in gains if gains[name] and name not in kept]
     return [
         {
-            "name": place(name),
+            "name": place_name(name),
             "share": shares.get(name),
             "gain": gains.get(name),
             "towards": towards.get(name, ""),
-            **(result.shown.places[name].model_dump() if name in result.shown.places else _NONE),
+            **(places[name].model_dump() if name in places else {"bodies": [], "points": []}),
         }
-        for name in kept[:_PLACES]
+        for name in kept[:_MAX_PLACE_BARS]
     ]
 
 
-_NONE: dict[str, list[str]] = {"bodies": [], "points": []}
-
-
-def _provenance(result: Result) -> str:
-    """Files that were read."""
+def _provenance(result: StoredDiagnosis) -> str:
+    """Return HTML of the input files with their hashes."""
     files = ", ".join(
         f'{escape(row.file)} <code title="SHA-256 {escape(row.sha256)}">{escape(row.sha256[:10])}'
         "</code>"
         for row in result.shown.inputs
     )
-    return f"Read: {files}." if files else ""
+    return f"Input files: {files}." if files else ""

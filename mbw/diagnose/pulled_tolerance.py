@@ -1,45 +1,47 @@
-"""Why a model is still off where nothing is missing: a tolerance that wants more than its bound."""
+"""Sentence on tolerances beyond their bound, if nothing is missing but the gap remains."""
 
 import numpy as np
 
 from diagnosis import Diagnosis, Verdict
 from diagnosis.inference.calibration import calibrated
-from tuning import BOUND
+from tuning import TOLERANCE_BOUND_SIGMA
 
-_OFF = 1.1  # excess below which a re-tuned model is not off
-_FEW = 3
+_MIN_EXCESS = 1.1  # gap of a re-tuned model over the noise that needs an explanation
+_MAX_NAMED_TOLERANCES = 3  # tolerances that the sentence names
 
 
-def pulled_sentence(verdict: Verdict, found: Diagnosis) -> str | None:
-    """Which tolerances the verdict believes to be beyond the bound that the gap keeps them in.
+def pull_sentence(verdict: Verdict, diagnosis: Diagnosis) -> str | None:
+    """Return a sentence on tolerances that the verdict puts beyond the bound of the gap.
 
-    Of some 300 tolerances z_i, normal with one standard deviation each, four are beyond 2.5. The
-    judgement lets them go to the outlier that it was calibrated with, the gap does not.
+    Among some 300 tolerances, normal with unit standard deviation, four exceed 2.5 standard
+    deviations by chance. The posterior probabilities allow them up to the calibrated outlier, the
+    gap does not.
 
     Args:
-        verdict: what was found.
-        found: the diagnosis.
+        verdict: verdict of the diagnosis.
+        diagnosis: diagnosis with its fits.
 
     Returns:
-        One sentence; None where something is missing, the model is not off, or none is beyond.
+        The sentence; None if something is missing, the gap is small, or no tolerance is beyond.
     """
-    off = verdict.gap.retuned.excess
-    if verdict.verdict != "none" or off is None or off < _OFF:
+    excess = verdict.gap.retuned.excess
+    if verdict.verdict != "none" or excess is None or excess < _MIN_EXCESS:
         return None
-    fit, outlier = found.nothing.fit, calibrated().outlier
-    sizes = np.where(fit.freedom.has_prior, np.abs(fit.x), 0.0)
-    names = fit.freedom.names
+    fit, outlier = diagnosis.nothing.fit, calibrated().outlier
+    sizes = np.where(fit.parametrisation.has_prior, np.abs(fit.x), 0.0)
+    names = fit.parametrisation.names
     pulls = [
-        f"{names[k]} to be off by {sizes[k]:.1f}"
-        for k in np.argsort(-sizes)[:_FEW]
-        if sizes[k] > BOUND
+        f"a pull of {sizes[k]:.1f} for {names[k]}"
+        for k in np.argsort(-sizes)[:_MAX_NAMED_TOLERANCES]
+        if sizes[k] > TOLERANCE_BOUND_SIGMA
     ]
-    if not pulls and BOUND < found.evidence.pull <= outlier:
-        pulls = [f"a tolerance to be off by {found.evidence.pull:.1f}"]
+    if not pulls and TOLERANCE_BOUND_SIGMA < diagnosis.evidence.pull <= outlier:
+        pulls = [f"a pull of {diagnosis.evidence.pull:.1f} for one tolerance"]
     if not pulls:
         return None
     return (
-        f"This verdict believes {', '.join(pulls)} standard deviations, as up to {outlier:g} may "
-        f"be where tolerances are many; with each kept within {BOUND:g}, as in these figures, the "
-        f"model stays off by {off:.3g} times the noise."
+        f"This verdict accepts {', '.join(pulls)} (shift in standard deviations of the prior): "
+        f"among many tolerances, pulls up to {outlier:g} occur by chance. The figures here keep "
+        f"each within {TOLERANCE_BOUND_SIGMA:g}, so that a gap of {excess:.3g} times the noise "
+        "remains."
     )

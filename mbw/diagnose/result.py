@@ -1,4 +1,4 @@
-"""What the page of a diagnosis shows, gathered from it as plain rows and arrays."""
+"""Result of ``mbw diagnose``: rows and arrays of its files and its page."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,35 +7,35 @@ from typing import Any
 import numpy as np
 
 from diagnosis import PROVEN, Diagnosis, Verdict, catalogue, step_intervals, verdict_of
-from diagnosis.estimates.held_out_gap import Level
+from diagnosis.estimates.held_out_gap import HeldOutGap
 from diagnosis.inference.evidence import Evidence
 from diagnosis.verdict.schema import CauseRow
 from identification.words import Campaign, Complex, Condition, Dof
-from mbmodel import NotHeld, looks
+from mbmodel import NotInMjcf, machine_geometry
 from mbw.diagnose.machine_rows import machine_rows, place_row
-from mbw.diagnose.pulled_tolerance import pulled_sentence
-from mbw.diagnose.schema import CentresRow, ChannelRow, ShownFile, StepsRow, TestRow
+from mbw.diagnose.pulled_tolerance import pull_sentence
+from mbw.diagnose.schema import CentresRow, ChannelRow, DiagnosedTestRow, ShownFile, StepsRow
 from mbw.identify.solid import fault_row
 from tuning import gap_at_bodies, predict
-from tuning.files.input_files import inputs
+from tuning.files.input_files import input_rows
 
 STEPS = ("as drawn", "re-tuned", "with the effect")
-Cell = tuple[int, Dof]  # of a campaign: number of a test, an output of it
+Cell = tuple[int, Dof]  # index of a test in the campaign, and an output of it
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
-    """A diagnosis as its folder holds it.
+class StoredDiagnosis:
+    """Diagnosis as its folder holds it.
 
     Args:
-        verdict: verdict.json.
-        evidence: what it was judged by, evidence.json.
-        shown: names and labels, diagnosis.json.
-        arrays: by name, diagnosis.npz. FRFs are (n_freq, n_channel): ``measured``, ``retuned`` and
-            ``after``, the last of no columns without a cause; ``corrected``, what the measurement
-            would be without the effect, (n_freq, n_corrected); ``noise``, one standard deviation.
-            Of each channel ``retuned_excess``, ``retuned_error`` and the same ``after``, nan where
-            there is none; ``channel_noise``.
+        verdict: content of verdict.json.
+        evidence: content of evidence.json, the evidence of the verdict.
+        shown: content of diagnosis.json, names and labels.
+        arrays: content of diagnosis.npz. FRFs are (n_freq, n_channel): ``measured``, ``retuned``
+            and ``after``, the last without columns if there is no cause; ``noise`` is one standard
+            deviation; ``corrected`` is the measurement without the effect, (n_freq, n_corrected).
+            ``retuned_excess``, ``retuned_error``, ``after_excess`` and ``after_error`` are
+            (n_channel,), nan if unknown; so is ``channel_noise``.
     """
 
     verdict: Verdict
@@ -49,89 +49,98 @@ class Result:
         return bool(self.arrays["after"].size)
 
 
-def gather(found: Diagnosis, not_held: Sequence[NotHeld] = ()) -> Result:
-    """Put together what a diagnosis found.
+def collect_result(diagnosis: Diagnosis, not_in_mjcf: Sequence[NotInMjcf] = ()) -> StoredDiagnosis:
+    """Collect the result of a diagnosis.
 
     Args:
-        found: the diagnosis.
-        not_held: by the augmented MJCF.
+        diagnosis: diagnosis with its fits.
+        not_in_mjcf: parameters that the augmented MJCF does not hold.
     """
-    verdict = verdict_of(found)
-    campaign, machine = found.retuned.campaign, found.session.model.machine
-    gaps = found.retuned.channels
+    verdict = verdict_of(diagnosis)
+    campaign, machine = diagnosis.retuned.campaign, diagnosis.session.model.machine
+    gaps = diagnosis.retuned.channels
     cells = list(zip(gaps.tests, gaps.outputs, strict=True))
-    frfs, corrected = _frfs(found, cells)
-    row, drawn = machine_rows(machine.layout, looks(machine))
-    locations = [one.location for one in verdict.causes]
-    locations += [one.location for one in verdict.where]
-    locations += [one.location for one in found.evidence.pushed]
+    frfs, corrected = _frfs(diagnosis, cells)
+    machine_row, machine_arrays = machine_rows(machine.layout, machine_geometry(machine))
+    locations = [cause.location for cause in verdict.causes]
+    locations += [share.location for share in verdict.where]
+    locations += [force.location for force in diagnosis.evidence.pushed]
     freq = campaign.freq_hz
-    said = [*([pulled] if (pulled := pulled_sentence(verdict, found)) else []), *unfinished(found)]
+    pull = pull_sentence(verdict, diagnosis)
+    remarks = [*campaign.remarks, *([pull] if pull else []), *unfinished_fit_sentences(diagnosis)]
     shown = ShownFile(
         campaign=campaign.name,
         model=machine.name,
         quantity=campaign.tests[0].estimate.frf.quantity,
         band=(float(freq[0]), float(freq[-1])),
         lines=len(freq),
-        block=found.retuned.width,
+        block=diagnosis.retuned.width,
         tests=_tests(campaign),
         channels=[
             ChannelRow(output=str(dof), body=campaign.layout.body_name(dof.point), test=test)
             for test, dof in cells
         ],
         corrected=corrected,
-        steps=StepsRow(**step_intervals(found)),
-        centres=_centres(found),
-        means=[_means(one) for one in verdict.causes],
-        solid=[check.words for check in found.gate.checks],
-        taken_out=[fault_row(one) for one in found.gate.faults if "sensor:" in one.location],
-        doubted=[check.body for check in found.gate.flexible],
-        remarks=[*campaign.remarks, *said],
-        machine=row,
+        steps=StepsRow(**step_intervals(diagnosis)),
+        centres=_centres(diagnosis),
+        means=[_meaning(cause) for cause in verdict.causes],
+        solid=[check.sentence for check in diagnosis.gate.checks],
+        taken_out=[
+            fault_row(fault) for fault in diagnosis.gate.faults if "sensor:" in fault.location
+        ],
+        doubted=[check.body for check in diagnosis.gate.flexible],
+        remarks=remarks,
+        machine=machine_row,
         places={name: place_row(name, machine) for name in dict.fromkeys(locations)},
-        inputs=inputs(found.session),
-        not_held_by_mjcf=[str(one) for one in not_held],
+        inputs=input_rows(diagnosis.session),
+        not_held_by_mjcf=[str(parameter) for parameter in not_in_mjcf],
     )
-    return Result(verdict, found.evidence, shown, {"freq_hz": freq, **frfs, **drawn})
+    arrays = {"freq_hz": freq, **frfs, **machine_arrays}
+    return StoredDiagnosis(verdict, diagnosis.evidence, shown, arrays)
 
 
-def unfinished(found: Diagnosis) -> list[str]:
-    """Which of the fits that figures come from did not go to their end."""
-    said = []
-    if found.known is not None and not found.known.converged:
-        said.append("The fit that sizes are stated from did not end: they may be farther off.")
-    levels = (("re-tuned", found.retuned), ("with the cause", found.after))
-    short = [f"{one.unfinished} {name}" for name, one in levels if one and one.unfinished]
-    if short:
-        said.append(f"Held-out fits that did not end: {', '.join(short)}; so gaps may be smaller.")
-    return said
+def unfinished_fit_sentences(diagnosis: Diagnosis) -> list[str]:
+    """Return sentences on the fits behind the figures that did not converge."""
+    sentences = []
+    if diagnosis.known is not None and not diagnosis.known.converged:
+        sentences.append(
+            "The fit that gives the sizes did not converge: the sizes may be less accurate than "
+            "stated."
+        )
+    steps = (("re-tuned", diagnosis.retuned), ("with the cause", diagnosis.after))
+    counts = [f"{gap.unfinished} {name}" for name, gap in steps if gap and gap.unfinished]
+    if counts:
+        sentences.append(
+            f"Held-out fits that did not converge: {', '.join(counts)}; the true gaps may be "
+            "smaller."
+        )
+    return sentences
 
 
-def _centres(found: Diagnosis) -> list[CentresRow]:
-    """The gap at the centres of mass: as drawn on all lines, then on held-out ones."""
-    model, campaign = found.session.model, found.session.campaign
+def _centres(diagnosis: Diagnosis) -> list[CentresRow]:
+    """Return the gap at the centres of mass: as drawn on all lines, then on held-out lines."""
+    model, campaign = diagnosis.session.model, diagnosis.session.campaign
     steps = [(STEPS[0], predict(model, model.drawn, campaign), campaign)]
-    levels = (found.retuned, *((found.after,) if found.after else ()))
+    held_out = (diagnosis.retuned, *((diagnosis.after,) if diagnosis.after else ()))
     steps += [
-        (name, level.predicted, level.campaign)
-        for name, level in zip(STEPS[1:], levels, strict=False)
+        (name, gap.predicted, gap.campaign) for name, gap in zip(STEPS[1:], held_out, strict=False)
     ]
-    gaps = [(name, gap_at_bodies(predicted, seen)) for name, predicted, seen in steps]
+    gaps = [(name, gap_at_bodies(predicted, measured)) for name, predicted, measured in steps]
     return [
         CentresRow(name=name, error=gap.error, excess=gap.excess, channels=gap.channels)
         for name, gap in gaps
     ]
 
 
-def _means(row: CauseRow) -> str:
+def _meaning(row: CauseRow) -> str:
     effect = catalogue().get(row.effect) or PROVEN.get(row.effect)
     return effect.said(effect.means, row.location, row.dof) if effect else ""
 
 
-def _frfs(found: Diagnosis, cells: Sequence[Cell]) -> tuple[dict[str, Any], list[int]]:
-    """Arrays by channel, and the channels that the effect corrects."""
-    retuned, after = found.retuned, found.after
-    measured = _columns(_measured(retuned), retuned, cells)
+def _frfs(diagnosis: Diagnosis, cells: Sequence[Cell]) -> tuple[dict[str, Any], list[int]]:
+    """Return arrays with a column for each channel, and the channels that the effect corrects."""
+    retuned, after = diagnosis.retuned, diagnosis.after
+    measured = _columns(_measured_values(retuned), retuned, cells)
     variance = [test.estimate.variance for test in retuned.campaign.tests]
     arrays: dict[str, Any] = {
         "measured": measured.astype(np.complex64),
@@ -145,42 +154,42 @@ def _frfs(found: Diagnosis, cells: Sequence[Cell]) -> tuple[dict[str, Any], list
     }
     if after is None:
         return arrays, []
-    seen = _columns(_measured(after), after, cells)
-    corrected = np.flatnonzero((seen != measured).any(axis=0))
+    without_effect = _columns(_measured_values(after), after, cells)
+    corrected = np.flatnonzero((without_effect != measured).any(axis=0))
     arrays["after"] = _columns(after.predicted, after, cells).astype(np.complex64)
-    arrays["corrected"] = seen[:, corrected].astype(np.complex64)
+    arrays["corrected"] = without_effect[:, corrected].astype(np.complex64)
     return arrays, corrected.tolist()
 
 
-def _measured(level: Level) -> list[Complex]:
+def _measured_values(level: HeldOutGap) -> list[Complex]:
     return [test.estimate.frf.values for test in level.campaign.tests]
 
 
-def _columns(values: Sequence[Any], level: Level, cells: Sequence[Cell]) -> Any:
-    """Values of each test, channel beside channel; (n_freq, n_channel)."""
+def _columns(values: Sequence[Any], level: HeldOutGap, cells: Sequence[Cell]) -> Any:
+    """Return the values of all tests with a column for each channel; (n_freq, n_channel)."""
     outputs = [test.estimate.frf.outputs for test in level.campaign.tests]
     columns: list[Complex] = [values[test][:, outputs[test].index(dof), 0] for test, dof in cells]
     return np.stack(columns, axis=1) if columns else np.zeros((len(level.campaign.freq_hz), 0))
 
 
-def _gaps(name: str, level: Level | None, cells: Sequence[Cell]) -> dict[str, Any]:
-    """Error and excess of each channel."""
+def _gaps(name: str, level: HeldOutGap | None, cells: Sequence[Cell]) -> dict[str, Any]:
+    """Return error and excess of each channel."""
     error, excess = np.full((2, len(cells)), np.nan)
     if level is not None:
         gaps = level.channels
-        known = {cell: k for k, cell in enumerate(zip(gaps.tests, gaps.outputs, strict=True))}
-        for at, cell in enumerate(cells):
-            if cell in known:
-                k = known[cell]
-                error[at] = gaps.error[k]
-                excess[at] = gaps.error[k] / gaps.noise[k] if gaps.noise[k] > 0 else np.nan
+        rows = {cell: k for k, cell in enumerate(zip(gaps.tests, gaps.outputs, strict=True))}
+        for column, cell in enumerate(cells):
+            if cell in rows:
+                k = rows[cell]
+                error[column] = gaps.error[k]
+                excess[column] = gaps.error[k] / gaps.noise[k] if gaps.noise[k] > 0 else np.nan
     return {f"{name}_error": error, f"{name}_excess": excess}
 
 
-def _tests(campaign: Campaign) -> list[TestRow]:
+def _tests(campaign: Campaign) -> list[DiagnosedTestRow]:
     conditions = [test.condition for test in campaign.tests]
     return [
-        TestRow(
+        DiagnosedTestRow(
             label=label,
             file=test.condition.test,
             reference=str(test.condition.reference),
@@ -194,15 +203,21 @@ def _tests(campaign: Campaign) -> list[TestRow]:
 
 
 def _labels(conditions: Sequence[Condition]) -> list[str]:
-    """The reference, and as much of level, set-up and file as tells tests apart."""
-    levels = {one.level_n for one in conditions}
-    setups = {one.setup for one in conditions}
+    """Return labels of tests: the reference, with level, set-up and file where these differ."""
+    levels = {condition.level_n for condition in conditions}
+    setups = {condition.setup for condition in conditions}
     labels = [
-        str(one.reference)
-        + (f", {one.level_n:g} N" if len(levels) > 1 and one.level_n is not None else "")
-        + (f", set-up {one.setup}" if len(setups) > 1 and one.setup is not None else "")
-        for one in conditions
+        str(condition.reference)
+        + (
+            f", {condition.level_n:g} N"
+            if len(levels) > 1 and condition.level_n is not None
+            else ""
+        )
+        + (f", set-up {condition.setup}" if len(setups) > 1 and condition.setup is not None else "")
+        for condition in conditions
     ]
     if len(set(labels)) == len(labels):
         return labels
-    return [f"{label} in {one.test}" for label, one in zip(labels, conditions, strict=True)]
+    return [
+        f"{label} in {condition.test}" for label, condition in zip(labels, conditions, strict=True)
+    ]

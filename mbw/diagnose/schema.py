@@ -1,4 +1,4 @@
-"""``diagnosis.json``: names and labels that the page of a diagnosis needs beside the verdict."""
+"""Content of ``diagnosis.json``: names and labels of the page, in addition to the verdict."""
 
 from pydantic import BaseModel, ConfigDict
 
@@ -13,16 +13,14 @@ class _Row(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-class TestRow(_Row):
-    """One reference of one file.
+class DiagnosedTestRow(_Row):
+    """One test: a reference in a file.
 
     Args:
-        label: what the page calls it.
+        label: name of the test on the page.
         file, reference, level, setup, averages: as the campaign states them.
-        variance_from: where the noise's variance comes from.
+        variance_from: source of the noise's variance.
     """
-
-    __test__ = False  # the field's word, not a case for pytest
 
     label: str
     file: str
@@ -37,9 +35,9 @@ class ChannelRow(_Row):
     """One output of one test.
 
     Args:
-        output: its label.
-        body: that it sits on.
-        test: number of its test.
+        output: label of the output.
+        body: body of the sensor.
+        test: index of the test.
     """
 
     output: str
@@ -48,7 +46,7 @@ class ChannelRow(_Row):
 
 
 class MeshRow(_Row):
-    """A surface, whose vertices, triangles and edges are so many in the arrays."""
+    """Surface of a body, with the numbers of its vertices, triangles and edges in the arrays."""
 
     stage: str | None
     colour: tuple[float, float, float, float] | None
@@ -58,7 +56,7 @@ class MeshRow(_Row):
 
 
 class LineRow(_Row):
-    """A piece of a tendon; one stage a point."""
+    """Piece of a tendon, with the stage of each of its points."""
 
     name: str
     stages: list[str | None]
@@ -66,7 +64,7 @@ class LineRow(_Row):
 
 
 class MachineRow(_Row):
-    """Bodies, points and what they look like; ``body_of`` numbers the body of each point."""
+    """Bodies, points and geometry of a machine; ``body_of`` is the body's index of each point."""
 
     bodies: list[str]
     points: list[str]
@@ -77,19 +75,19 @@ class MachineRow(_Row):
 
 
 class PlaceRow(_Row):
-    """Where a location of the verdict is: its bodies, and points [m] in world axes."""
+    """Bodies of a location of the verdict, and its points [m] in world axes."""
 
     bodies: list[str]
     points: list[Point]
 
 
 class CentresRow(_Row):
-    """A step of the gap at the centres of mass, each direction of each body a channel.
+    """Gap at the centres of mass in one step of the diagnosis; a channel is a body's direction.
 
     Args:
-        name: of the step.
-        error, excess: as of the channels; null where a number does not exist.
-        channels: how many.
+        name: name of the step.
+        error, excess: relative error, and error over noise; null if unknown.
+        channels: number of channels.
     """
 
     name: str
@@ -99,11 +97,11 @@ class CentresRow(_Row):
 
 
 class StepsRow(_Row):
-    """95 % intervals of the steps of the gap; null where no lines could be held out.
+    """95 % intervals of the gap in each step; null if no frequency lines could be held out.
 
     Args:
-        as_drawn, retuned, after: of excess.
-        noise: of the error that the noise alone makes.
+        as_drawn, retuned, after: intervals of the excess.
+        noise: interval of the error that the noise alone causes.
     """
 
     as_drawn: tuple[float, float] | None = None
@@ -113,28 +111,29 @@ class StepsRow(_Row):
 
 
 class ShownFile(_Row):
-    """diagnosis.json.
+    """Content of ``diagnosis.json``.
 
     Args:
-        campaign, model: names.
-        quantity: of all FRFs.
-        band: first and last line [Hz].
-        lines: how many.
-        block: lines that are held out together; null where the band is too narrow.
-        tests: of the campaign.
+        campaign, model: names of the campaign and of the machine.
+        quantity: quantity of all FRFs.
+        band: first and last frequency line [Hz].
+        lines: number of frequency lines.
+        block: number of neighbouring lines that are held out together; null if the band is too
+            narrow.
+        tests: tests of the campaign.
         channels: columns of the arrays.
-        corrected: channels whose measurement the effect corrects, in the arrays' order.
-        centres: the gap at the centres of mass, with the covariance of the reduction, step by step.
-        steps: intervals of the gap, step by step.
-        means: what each cause of the verdict is, in the catalogue's words; empty where it has none.
-        solid: what the spare channels of each body say, in words.
-        taken_out: faults that they prove; their channels took no part in the search.
-        doubted: bodies that bend: their channels counted with so much doubt.
-        remarks: what a reader of any result must know.
-        machine: to draw it.
+        corrected: channels whose measurement the effect corrects, in the order of the arrays.
+        centres: gap at the centres of mass in each step, with the covariance of the reduction.
+        steps: intervals of the gap in each step.
+        means: meaning of each cause by the catalogue; empty for a cause without one.
+        solid: results of the rigid-body checks, one sentence for each body.
+        taken_out: faults that redundant channels prove; the search leaves their channels out.
+        doubted: flexible bodies; their channels have a larger variance in the search.
+        remarks: findings on the data and on the fits.
+        machine: bodies, points and geometry for the picture.
         places: every location that the verdict or the evidence names.
-        inputs: files that were read.
-        not_held_by_mjcf: what augmented.xml does not hold, and why.
+        inputs: input files with their hashes.
+        not_held_by_mjcf: parameters that augmented.xml does not hold, with reasons.
     """
 
     campaign: str
@@ -143,7 +142,7 @@ class ShownFile(_Row):
     band: tuple[float, float]
     lines: int
     block: int | None
-    tests: list[TestRow]
+    tests: list[DiagnosedTestRow]
     channels: list[ChannelRow]
     corrected: list[int]
     steps: StepsRow = StepsRow()

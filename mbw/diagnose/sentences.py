@@ -1,4 +1,4 @@
-"""A verdict in plain words: effects, places, directions, what is alike, what gates found."""
+"""Parts of a verdict as sentences: effects, places, confounded causes, results of data checks."""
 
 from collections.abc import Collection, Sequence
 
@@ -7,205 +7,218 @@ from diagnosis.inference.evidence import Evidence
 from diagnosis.labels import direction, named
 from diagnosis.verdict.build import NONLINEAR
 from diagnosis.verdict.schema import CauseRow, Verdict
-from identification import FAULTS
-from mbw.diagnose.effect_parameters import interval_words, may_be_nothing, parameter_words
+from identification import FAULT_PHRASES
+from mbw.diagnose.effect_parameters import (
+    interval_words,
+    parameter_words,
+    parameters_that_may_be_zero,
+)
 from mbw.diagnose.schema import ShownFile
 
-_WITHOUT_COHERENCE = (
-    "without coherence, or with one average or none stated, the noise is estimated from third "
-    "differences along frequency: too much where modes are sharp, so gaps weigh little there and "
-    "an excess may fall below 1"
+NOT_SHOWN = "the gap on held-out frequency lines does not shrink"
+WHY_NOT_SHOWN = (
+    "the effect is small compared with the loss of a whole block of lines; the correlation of "
+    "neighbouring lines reveals it"
 )
-NOT_SHOWN = "lines that were left out do not show the gap shrink"
-_SHARED = (
-    "it cannot be told whether neighbouring lines have noise of their own, which a window in time, "
-    "an average along frequency, sharp modes or few lines prevent: a gap is known only as well as "
-    "the noise is, and small ones hide"
+_NO_COHERENCE_SENTENCE = (
+    "the files hold no coherence, or state no number of averages above one, so that the noise is "
+    "estimated from third differences along frequency: this overestimates it at sharp modes, where "
+    "gaps weigh little and an excess may fall below 1"
 )
-_LIKELY, _LIKELIER = 0.5, 10.0  # probability, and times as probable: then data do tell
-_OTHERS = {"hardening": "a spring that hardens", "sensor_unknown": FAULTS["sensor_unknown"]}
-_AT = {"joint": "at", "body": "on", "sensor": "at", "hammer": "at", "pair": "between"}
-_NO_SUCH = "no effect here is of that kind: compare the hits of each level"
+_CORRELATED_NOISE_SENTENCE = (
+    "the noise of neighbouring frequency lines cannot be shown to be independent, because of a "
+    "window in time, an average along frequency, sharp modes or few lines: small gaps may stay "
+    "hidden"
+)
+_MIN_PREFERRED_PROBABILITY = 0.5  # of the first of confounded causes that the data prefer
+_MIN_PREFERENCE_RATIO = 10.0  # its probability over that of the second
+_OTHER_NOUNS = {
+    "hardening": "a spring that hardens",
+    "sensor_unknown": FAULT_PHRASES["sensor_unknown"],
+}
+_PREPOSITIONS = {"joint": "at", "body": "on", "sensor": "at", "hammer": "at", "pair": "between"}
+_NO_NONLINEAR_EFFECT = "this catalogue has no such effect: compare the hits of each level"
 _UNTESTED: tuple[tuple[Collection[str], str], ...] = (
-    (NONLINEAR, "only hits of several levels can show that"),
-    ({"drift"}, "one direction of one set-up cannot show that"),
+    (NONLINEAR, "hits of several levels show that a joint is nonlinear, not by which law"),
+    ({"drift"}, "one direction of one set-up cannot reveal this"),
     (
         {"sensor_delay", "sensor_swap", "mount_resonance", "flexible_body"},
-        "where a body has fewer than two channels to spare nothing shows that",
+        "a body with fewer than two redundant channels cannot reveal this",
     ),
     (
         {"sensor_gain", "sensor_misalignment", "sensor_position", "hammer_misalignment"},
-        "[tuning] or [tolerance] keeps some of that as drawn, and no fit moves it",
+        "[tuning] or [tolerance] in campaign.toml fixes some of these at their nominal values",
     ),
 )
 
 
-def kind(effect: str) -> str:
-    """An effect as a noun."""
-    known = catalogue().get(effect) or PROVEN.get(effect)
-    if known is not None:
-        return known.noun
-    return _OTHERS.get(effect, effect.replace("_", " "))
+def effect_noun(effect: str) -> str:
+    """Return the noun of an effect, such as ``a wrong gain``."""
+    entry = catalogue().get(effect) or PROVEN.get(effect)
+    if entry is not None:
+        return entry.noun
+    return _OTHER_NOUNS.get(effect, effect.replace("_", " "))
 
 
-def place(location: str) -> str:
-    """``joint ty`` of ``joint:ty``, ``sensors acc1 and acc2`` of two."""
+def place_name(location: str) -> str:
+    """Return a location as text, such as ``joint ty`` or ``sensors acc1 and acc2``."""
     what, _, name = location.partition(":")
     several = "s" if what == "sensor" and "+" in name else ""
     return f"{what}{several} {named(location)}"
 
 
-def placed(location: str) -> str:
-    """The same with its preposition: ``on body ty``."""
+def place_phrase(location: str) -> str:
+    """Return a location with its preposition, such as ``on body ty``."""
     what, _, name = location.partition(":")
     if what == "pair":
         return f"between {name}"
-    return f"{_AT.get(what, 'at')} {place(location)}"
+    return f"{_PREPOSITIONS.get(what, 'at')} {place_name(location)}"
 
 
 def cause_words(row: CauseRow) -> str:
-    """Effect, place and direction."""
+    """Return effect, place and direction of a cause."""
     towards = direction(row.dof)
     towards = f", {towards}" if towards else ""
-    return f"{kind(row.effect)} {placed(row.location)}{towards}"
+    return f"{effect_noun(row.effect)} {place_phrase(row.location)}{towards}"
 
 
 def cause_parameters(row: CauseRow) -> str:
-    """Its parameters with their units, one after the other.
+    """Return the parameters of a cause with their units.
 
-    Of a size that may be nothing it is the interval, and what goes with it is not known.
+    A size that may be zero is stated by its interval; the parameters beside it are not known.
     """
-    doubtful = may_be_nothing(row.interval)
-    found = []
+    doubtful = parameters_that_may_be_zero(row.interval)
+    texts = []
     for name, value in row.parameters.items():
         if name in doubtful:
             low, high = (float(end) for end in row.interval[name])  # type: ignore[arg-type]
-            found.append(interval_words(row.effect, row.dof, name, (low, high)))
+            texts.append(interval_words(row.effect, row.dof, name, (low, high)))
         elif doubtful:
-            found.append(f"{name.replace('_', ' ')} not known")
+            texts.append(f"{name.replace('_', ' ')} not known")
         else:
-            found.append(parameter_words(row.effect, row.dof, name, value))
-    return ", ".join(found)
+            texts.append(parameter_words(row.effect, row.dof, name, value))
+    return ", ".join(texts)
 
 
 def closed_words(closed: float, ends: tuple[float, float] | None) -> str:
-    """How much of a gap is closed, with its interval if there is one.
+    """Return the closed share of the gap as text, with its interval if there is one.
 
-    A jackknife knows nothing of bounds, but no more than all of a gap is closed. Where a gap is
-    small beside what a whole mode costs that is left out, it may seem to grow.
+    The jackknife does not know that at most the whole gap can be closed, so the ends are limited
+    here. A small gap may seem to grow, because a held-out block can remove a whole mode.
 
     Args:
-        closed: the part of it.
-        ends: of its interval.
+        closed: closed share of the gap.
+        ends: ends of its interval; None if there is none.
     """
     if closed < 0:
-        return f"{NOT_SHOWN}: it is small beside what they cost; neighbouring lines tell it"
-    told = ""
+        return f"{NOT_SHOWN}: {WHY_NOT_SHOWN}"
+    interval = ""
     if ends is not None:
         low, high = (min(end, 1.0) for end in ends)
-        told = f" (95 %: {low:.1%} to {high:.1%})"
-    return f"{min(closed, 1.0):.1%} of the gap beyond noise is closed{told}"
+        interval = f" (95 %: {low:.1%} to {high:.1%})"
+    return f"{min(closed, 1.0):.1%} of the gap beyond noise is closed{interval}"
 
 
 def site_words(site: str) -> str:
-    """Such as ``appendage@body:ty``, as twins have it."""
+    """Return a site such as ``appendage@body:ty`` as text."""
     effect, _, location = site.partition("@")
-    return f"{kind(effect)} {placed(location)}"
+    return f"{effect_noun(effect)} {place_phrase(location)}"
 
 
 def noise_sentences(evidence: Evidence) -> list[str]:
-    """What is lost where the noise is not known by coherences, or lines may share it."""
-    found = [_WITHOUT_COHERENCE] if evidence.variance == "differences" else []
-    return found if evidence.serial is not None else [*found, _SHARED]
+    """Return sentences on noise without coherence, and on noise that lines may share."""
+    sentences = [_NO_COHERENCE_SENTENCE] if evidence.variance == "differences" else []
+    return sentences if evidence.serial is not None else [*sentences, _CORRELATED_NOISE_SENTENCE]
 
 
-def shared_sentences(evidence: Evidence) -> list[str]:
-    """What neighbouring lines share of what is left, by which the verdict is judged."""
+def serial_correlation_sentences(evidence: Evidence) -> list[str]:
+    """Return a sentence on the serial correlation of the residual, the basis of the verdict."""
     if evidence.serial is None or not (evidence.refits or evidence.pairs):
         return []
-    least = min(one.gap for one in (*evidence.refits, *evidence.pairs))
-    before, after = (f"{max(one, 0.0) ** 0.5:.2g}" for one in (evidence.gap, least))
+    least = min(refit.gap for refit in (*evidence.refits, *evidence.pairs))
+    before, after = (f"{max(gap, 0.0) ** 0.5:.2g}" for gap in (evidence.gap, least))
     return [
-        f"Neighbouring lines share, of what the fit leaves, {before} times the noise without any "
-        f"effect and {after} with the best; noise alone shares next to nothing."
+        f"The residual that neighbouring frequency lines have in common is {before} times the "
+        f"noise without any effect and {after} times with the best effect; for noise alone it is "
+        "close to zero."
     ]
 
 
-def twin_sentences(verdict: Verdict) -> list[str]:
-    """Which causes are hard to tell apart, set by set, and whether these data prefer one."""
-    shares = {f"{one.effect}@{one.location}": one.probability for one in verdict.causes}
-    found = []
-    for alike in _sets(verdict.twins):
-        sites = sorted(alike, key=lambda site: (-shares.get(site, 0.0), site))
+def confounded_sentences(verdict: Verdict) -> list[str]:
+    """Return a sentence on each set of confounded causes, and on a preference of the data."""
+    shares = {f"{cause.effect}@{cause.location}": cause.probability for cause in verdict.causes}
+    sentences = []
+    for confounded in _join_pairs(verdict.twins):
+        sites = sorted(confounded, key=lambda site: (-shares.get(site, 0.0), site))
         more, less, *_ = (shares.get(site, 0.0) for site in sites)
-        names = _listed([site_words(site) for site in sites])
-        if more > _LIKELY and more >= _LIKELIER * less:
-            found.append(
-                f"{capital(names)} are hard to tell apart: tuned to the end, these data prefer "
-                f"the first, {percent_sure(more)} to {percent_sure(less)}."
+        names = _join_words([site_words(site) for site in sites])
+        if more > _MIN_PREFERRED_PROBABILITY and more >= _MIN_PREFERENCE_RATIO * less:
+            sentences.append(
+                f"{capitalise(names)} have similar signatures: after complete refits, these data "
+                f"prefer the first, {format_probability(more)} to {format_probability(less)}."
             )
         else:
-            found.append(f"These data hardly tell {names} apart.")
-    return found
+            sentences.append(f"These data hardly distinguish {names} (confounded causes).")
+    return sentences
 
 
-def _sets(pairs: Sequence[tuple[str, str]]) -> list[set[str]]:
-    """Who is a twin of whom, or of a twin of whom, in one set."""
-    found: list[set[str]] = []
+def _join_pairs(pairs: Sequence[tuple[str, str]]) -> list[set[str]]:
+    """Return the connected components of a graph whose edges are these pairs."""
+    components: list[set[str]] = []
     for pair in pairs:
-        own = [one for one in found if one.intersection(pair)]
-        found = [one for one in found if one not in own]
-        found.append(set(pair).union(*own))
-    return found
+        touched = [component for component in components if component.intersection(pair)]
+        components = [component for component in components if component not in touched]
+        components.append(set(pair).union(*touched))
+    return components
 
 
-def capital(text: str) -> str:
-    """Such as begins a sentence."""
+def capitalise(text: str) -> str:
+    """Return a text with a capital first letter."""
     return text[0].upper() + text[1:]
 
 
 def untested_sentences(verdict: Verdict, levels: int) -> list[str]:
-    """What this kind of data cannot show, and why.
+    """Return sentences on effects that this kind of data cannot reveal, with reasons.
 
     Args:
-        verdict: which says what.
-        levels: of the hits, how many.
+        verdict: verdict with the effects that were not testable.
+        levels: number of force levels of the hits.
     """
-    found = []
+    sentences = []
     for effects, reason in _UNTESTED:
-        why = _NO_SUCH if effects is NONLINEAR and levels > 1 else reason
-        hidden = [kind(one) for one in verdict.not_testable if one in effects]
-        if hidden:
-            found.append(f"Not tested, so not excluded: {_listed(hidden)}; {why}.")
-    return found
+        why = _NO_NONLINEAR_EFFECT if effects is NONLINEAR and levels > 1 else reason
+        nouns = [effect_noun(effect) for effect in verdict.not_testable if effect in effects]
+        if nouns:
+            sentences.append(f"Not tested, so not excluded: {_join_words(nouns)}; {why}.")
+    return sentences
 
 
-def gate_sentences(shown: ShownFile) -> list[str]:
-    """Sensors that were taken out, bodies whose channels were doubted."""
-    found = []
-    for one in shown.taken_out:
-        channels = "channel" if one.dof is not None and "+" not in one.dof else "channels"
-        towards = direction(one.dof)
+def sensor_check_sentences(shown: ShownFile) -> list[str]:
+    """Return sentences on sensors that the data checks removed, and on flexible bodies."""
+    sentences = []
+    for fault in shown.taken_out:
+        channels = "channel" if fault.dof is not None and "+" not in fault.dof else "channels"
+        towards = direction(fault.dof)
         towards = f" {towards}" if towards else ""
-        text = place(one.location)
-        found.append(
-            f"{capital(text)}{towards}: {kind(one.effect)}, proven by the spare "
-            f"channels of the body; the {channels} took no part in the search."
+        text = place_name(fault.location)
+        sentences.append(
+            f"{capitalise(text)}{towards}: {effect_noun(fault.effect)}, proven by the redundant "
+            f"channels of the body; the search left the {channels} out."
         )
     for body in shown.doubted:
-        found.append(
-            f"Body {body} bends: its channels counted with so much doubt as they deviate from a "
-            "solid."
+        sentences.append(
+            f"Body {body} bends: the variance of its channels was increased by their deviation "
+            "from the motion of a solid."
         )
-    return found
+    return sentences
 
 
-def percent_sure(probability: float) -> str:
-    """Whole per cent, without a false certainty."""
+def format_probability(probability: float) -> str:
+    """Return a probability in whole per cent, but never as 0 or 100 %."""
     if probability < 0.005:
         return "< 1 %"
     return "> 99 %" if probability > 0.995 else f"{100 * probability:.0f} %"
 
 
-def _listed(words: Sequence[str]) -> str:
+def _join_words(words: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))

@@ -1,4 +1,4 @@
-"""The tables of a diagnosis' page: causes with their sizes, refits and scores that were tried."""
+"""Tables of a diagnosis' page: causes with their sizes, refits and scores of the hypotheses."""
 
 from collections.abc import Sequence
 from html import escape
@@ -6,81 +6,89 @@ from html import escape
 from diagnosis.inference.evidence import Gapped, Key, Scored
 from diagnosis.labels import direction
 from diagnosis.verdict.schema import CauseRow
-from mbw.diagnose.effect_parameters import Line, may_be_nothing, number, parameter_lines
-from mbw.diagnose.result import Result
+from mbw.diagnose.effect_parameters import (
+    ParameterText,
+    number,
+    parameter_lines,
+    parameters_that_may_be_zero,
+)
+from mbw.diagnose.result import StoredDiagnosis
 from mbw.diagnose.sentences import (
-    gate_sentences,
-    percent_sure,
-    place,
-    shared_sentences,
-    twin_sentences,
+    confounded_sentences,
+    format_probability,
+    place_name,
+    sensor_check_sentences,
+    serial_correlation_sentences,
     untested_sentences,
 )
 
-_SCORED, _PAIRS = 12, 4  # hypotheses, and pairs of them, that are listed
+_MAX_SCORE_ROWS = 12  # hypotheses of the table of scores
+_MAX_PAIR_ROWS = 4  # pairs of hypotheses in the table of refits
 
 
-def causes_section(result: Result) -> str:
-    """HTML of every cause, of what is alike and of what was not tested."""
+def causes_section(result: StoredDiagnosis) -> str:
+    """Return HTML of all causes, of confounded causes and of effects that were not tested."""
     verdict = result.verdict
     causes = zip(verdict.causes, result.shown.means, strict=True)
-    rows = "".join(_cause(row, means) for row, means in causes)
+    rows = "".join(_cause(row, meaning) for row, meaning in causes)
     if rows:
         table = (
             '<table class="causes"><thead><tr><th class="name">effect</th>'
             '<th class="name">place</th><th class="name">direction</th>'
-            '<th class="name">probability</th><th class="name">sizes, 95 % interval</th>'
-            f"<th>excess after</th></tr></thead><tbody>{rows}</tbody></table>"
+            '<th class="name">probability</th><th class="name">parameters, 95 % interval</th>'
+            f"<th>excess with it</th></tr></thead><tbody>{rows}</tbody></table>"
         )
     else:
         table = "<p>No effect of the catalogue is likely: none has a probability of 1 %.</p>"
     levels = len({test.level for test in result.shown.tests})
-    shared = shared_sentences(result.evidence)
-    alike = twin_sentences(verdict)
-    said = _paragraphs([*shared, *alike, *untested_sentences(verdict, levels)])
+    correlation = serial_correlation_sentences(result.evidence)
+    confounded = confounded_sentences(verdict)
+    text = _paragraphs([*correlation, *confounded, *untested_sentences(verdict, levels)])
     if verdict.next_experiment:
-        said += f"<p><b>What to do next:</b> {escape(verdict.next_experiment)}.</p>"
-    return table + said
+        text += f"<p><b>Next experiment:</b> {escape(verdict.next_experiment)}.</p>"
+    return table + text
 
 
-def tried_section(result: Result) -> str:
-    """HTML of the refits, of the best scores, and of what sensors alone say."""
-    gates = gate_sentences(result.shown)
+def hypotheses_section(result: StoredDiagnosis) -> str:
+    """Return HTML of the refits, of the best scores, and of the sensor checks."""
+    checks = sensor_check_sentences(result.shown)
     solid = "".join(f"<li>{escape(text)}</li>" for text in result.shown.solid)
     left = f"{_refits(result)}{_scores(result)}"
     right = (
-        f'<b>Sensors among each other</b>{_paragraphs(gates)}<ul class="plain soft">{solid}</ul>'
+        f"<b>Sensor checks by rigid bodies</b>{_paragraphs(checks)}"
+        f'<ul class="plain soft">{solid}</ul>'
     )
     return f'<div class="tried"><div>{left}</div><div>{right}</div></div>'
 
 
-def _cause(row: CauseRow, means: str) -> str:
-    sizes = [line for name in row.parameters for line in _lines(row, name)]
+def _cause(row: CauseRow, meaning: str) -> str:
+    sizes = [text for name in row.parameters for text in _parameter_texts(row, name)]
     bar = f'<span class="bar"><i style="left:0;width:{100 * row.probability:.1f}%"></i></span>'
-    name = f"<b>{escape(row.effect.replace('_', ' '))}</b><br><small>{escape(means)}</small>"
+    name = f"<b>{escape(row.effect.replace('_', ' '))}</b><br><small>{escape(meaning)}</small>"
+    place = escape(place_name(row.location))
     return (
-        f'<tr><td class="name">{name}</td><td class="name whole">{escape(place(row.location))}</td>'
+        f'<tr><td class="name">{name}</td><td class="name whole">{place}</td>'
         f'<td class="name">{escape(direction(row.dof))}</td>'
-        f'<td class="name whole">{bar} {percent_sure(row.probability)}</td>'
+        f'<td class="name whole">{bar} {format_probability(row.probability)}</td>'
         f'<td class="name">{_sizes(sizes)}</td>'
         f"<td>{_excess(row.excess_after)}</td></tr>"
     )
 
 
-def _lines(row: CauseRow, name: str) -> list[Line]:
-    """A parameter; one that goes with a size that may be nothing is not known."""
-    doubtful = may_be_nothing(row.interval)
+def _parameter_texts(row: CauseRow, name: str) -> list[ParameterText]:
+    """Return the texts of a parameter; it is not known if a size beside it may be zero."""
+    doubtful = parameters_that_may_be_zero(row.interval)
     if doubtful and name not in doubtful:
-        return [Line(name.replace("_", " "), "not known", "")]
+        return [ParameterText(name.replace("_", " "), "not known", "")]
     ends = row.interval.get(name)
     return parameter_lines(row.effect, row.dof, name, row.parameters[name], ends)
 
 
-def _sizes(lines: list[Line]) -> str:
+def _sizes(texts: list[ParameterText]) -> str:
     rows = "".join(
-        f'<tr><td class="name">{escape(line.name)}</td><td>{escape(line.value)}</td>'
-        f'<td class="soft">{escape(line.interval)}</td></tr>'
-        for line in lines
+        f'<tr><td class="name">{escape(text.name)}</td><td>{escape(text.value)}</td>'
+        f'<td class="soft">{escape(text.interval)}</td></tr>'
+        for text in texts
     )
     return f'<table class="sizes">{rows}</table>' if rows else ""
 
@@ -89,60 +97,63 @@ def _excess(value: float | None) -> str:
     return "" if value is None else number(value)
 
 
-def _refits(result: Result) -> str:
-    """What was fitted at the weights of the noise: every effect, the best pairs, none."""
-    seen = result.evidence
-    fits: list[tuple[tuple[Key, ...], Gapped]] = [((), seen)]
-    fits += [((one.key,), one) for one in seen.refits]
-    fits += [(one.keys, one) for one in sorted(seen.pairs, key=lambda one: one.cost)[:_PAIRS]]
+def _refits(result: StoredDiagnosis) -> str:
+    """Return the refits weighted by the noise alone: null model, single effects, best pairs."""
+    evidence = result.evidence
+    fits: list[tuple[tuple[Key, ...], Gapped]] = [((), evidence)]
+    fits += [((refit.key,), refit) for refit in evidence.refits]
+    pairs = sorted(evidence.pairs, key=lambda refit: refit.cost)
+    fits += [(refit.keys, refit) for refit in pairs[:_MAX_PAIR_ROWS]]
     ordered = sorted(fits, key=lambda row: row[1].nats())
     best = ordered[0][1].nats()
     cells = "".join(
-        f'<tr><td class="name">{_together(keys)}</td><td>{one.chi_square**0.5:.3g}</td>'
-        f"<td>{_nats(one.nats() - best)}</td></tr>"
-        for keys, one in ordered
+        f'<tr><td class="name">{_effect_names(keys)}</td><td>{refit.chi_square**0.5:.3g}</td>'
+        f"<td>{_nats(refit.nats() - best)}</td></tr>"
+        for keys, refit in ordered
     )
     return (
-        '<b>Fitted anew, all else tuned too</b><table class="tight"><thead><tr>'
+        '<b>Refits, with all other parameters tuned too</b><table class="tight"><thead><tr>'
         '<th class="name">with</th><th>residual over noise</th>'
         f"<th>nats worse than the best</th></tr></thead><tbody>{cells}</tbody></table>"
     )
 
 
-def _scores(result: Result) -> str:
-    """The most promising of all hypotheses, by what freeing them gains."""
+def _scores(result: StoredDiagnosis) -> str:
+    """Return the hypotheses with the best score tests."""
     scored = result.evidence.scored
     if not scored:
-        return '<p class="soft">Nothing was left to explain: no hypothesis was asked.</p>'
-    cells = "".join(_score(one) for one in scored[:_SCORED])
+        return '<p class="soft">No gap was left to explain: no hypothesis was tested.</p>'
+    cells = "".join(_score(score) for score in scored[:_MAX_SCORE_ROWS])
     return (
-        f"<details><summary>Scored: the first {min(_SCORED, len(scored))} of {len(scored)} effects "
-        'and places</summary><table class="tight"><thead><tr><th class="name">hypothesis</th>'
-        "<th>gain at 3 %</th><th>at the noise</th><th>at 10 %</th></tr></thead>"
+        f"<details><summary>Score tests: the first {min(_MAX_SCORE_ROWS, len(scored))} of "
+        f"{len(scored)} effects and places</summary>"
+        '<table class="tight"><thead><tr><th class="name">hypothesis</th>'
+        "<th>score, floor 3 %</th><th>noise alone</th><th>floor 10 %</th></tr></thead>"
         f"<tbody>{cells}</tbody></table>"
-        '<p class="soft">What freeing it would gain [nats], all else tuned with it, about fits '
-        "that allow the model an error of 3 % of the motion, of none, of 10 %.</p></details>"
+        '<p class="soft">Score test: predicted gain in log likelihood [nats] if the parameters of '
+        "the hypothesis are added to all others. Model-error floor: relative error of the motion "
+        "that the fit tolerates in addition to the noise.</p></details>"
     )
 
 
-def _score(one: Scored) -> str:
-    gains = "".join(f"<td>{_nats(gain)}</td>" for gain in one.gains)
-    return f'<tr><td class="name">{_hypothesis(one.key)}</td>{gains}</tr>'
+def _score(score: Scored) -> str:
+    gains = "".join(f"<td>{_nats(gain)}</td>" for gain in score.gains)
+    return f'<tr><td class="name">{_hypothesis(score.key)}</td>{gains}</tr>'
 
 
-def _together(keys: Sequence[Key]) -> str:
-    return " and ".join(map(_hypothesis, keys)) or "nothing added"
+def _effect_names(keys: Sequence[Key]) -> str:
+    return " and ".join(map(_hypothesis, keys)) or "no effect (null model)"
 
 
 def _hypothesis(key: Key) -> str:
     effect, location, dof = key
     towards = direction(dof)
-    text = f"{effect.replace('_', ' ')}, {place(location)}"
+    text = f"{effect.replace('_', ' ')}, {place_name(location)}"
     return escape(f"{text} {towards}" if towards else text)
 
 
 def _nats(value: float) -> str:
-    """Three figures, thousands apart."""
+    """Return a number with three digits, or with separated thousands."""
     if not value:
         return "0"
     return f"{value:.3g}" if abs(value) < 1000 else f"{value:,.0f}".replace(",", "\u202f")

@@ -1,4 +1,4 @@
-"""``mbw diagnose``: what the model lacks, where, and how far the gap shrinks with it."""
+"""``mbw diagnose``: search for effects that the model lacks, with places and probabilities."""
 
 from pathlib import Path
 
@@ -8,6 +8,7 @@ from rich.table import Table
 from diagnosis import Diagnosis, Verdict, diagnose
 from diagnosis.effects import check_others
 from diagnosis.refits.refitting import Refit
+from mbw.band import check_band
 from mbw.diagnose.files import (
     AUGMENTED,
     NAMES,
@@ -18,22 +19,36 @@ from mbw.diagnose.files import (
     write_files,
 )
 from mbw.diagnose.page import render
-from mbw.diagnose.pulled_tolerance import pulled_sentence
-from mbw.diagnose.result import gather, unfinished
+from mbw.diagnose.pulled_tolerance import pull_sentence
+from mbw.diagnose.result import collect_result, unfinished_fit_sentences
 from mbw.diagnose.sentences import (
     cause_parameters,
     closed_words,
+    confounded_sentences,
     noise_sentences,
-    shared_sentences,
-    twin_sentences,
+    serial_correlation_sentences,
     untested_sentences,
 )
-from mbw.files import check_json, check_names, write_json
-from mbw.messages import SCREEN, one_interrupt
-from mbw.remarks import not_held
-from tuning import files_of, open_session
+from mbw.files import check_json_target, check_output_folder, write_json
+from mbw.messages import SCREEN, allow_one_interrupt
+from mbw.remarks import describe_not_in_mjcf
+from tuning import open_session, write_atomically
 
-_FEW = 8
+_MAX_LISTED_CAUSES = 8  # causes that the terminal lists; twice as many hypotheses with --explain
+
+
+def run_options(  # one for each option
+    campaign: Path,
+    *,
+    out: Path | None,
+    json: Path | None,
+    band: tuple[float, float] | None,
+    jobs: int,
+    explain: bool,
+) -> None:
+    """Run the verb with the values of its options, as ``mbw.diagnose.options`` describes them."""
+    check_band(band)
+    run(campaign, out=out, json=json, band=band, jobs=jobs, explain=explain)
 
 
 def run(  # one for each option
@@ -45,15 +60,15 @@ def run(  # one for each option
     jobs: int = 1,
     explain: bool = False,
 ) -> Path:
-    """Diagnose, write the verdict and its page, say it.
+    """Diagnose, write the verdict and its page, print a summary.
 
     Args:
-        campaign: its folder.
-        out: folder of the result; <campaign>-diagnosed if None.
-        json: a file beside it, or ``-``.
-        band: [Hz]; the lines with coherence if None.
-        jobs: processes; the verdict does not depend on it.
-        explain: print what was tried and why the rest fell.
+        campaign: folder of the campaign.
+        out: folder of the result; None for <campaign>-diagnosed.
+        json: further JSON file, or ``-`` for stdout; None for none.
+        band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
+        jobs: number of processes; the verdict does not depend on it.
+        explain: whether to print the hypotheses that were tested and rejected.
 
     Returns:
         The folder of the result.
@@ -61,142 +76,151 @@ def run(  # one for each option
     session = open_session(campaign, band)
     check_others(session)
     folder = out or Path(f"{session.campaign.name}-diagnosed")
-    check_names(folder, NAMES)
+    check_output_folder(folder, NAMES)
     if json is not None:
-        check_json(json)
+        check_json_target(json)
     for text in session.campaign.remarks:
         SCREEN.say(text)
-    with SCREEN.progress() as progress, one_interrupt() as ends:
-        found = diagnose(session, jobs=jobs, tell=_Teller(progress).tell)
-        ends()
-    for text in found.session.campaign.remarks[len(session.campaign.remarks) :]:
+    with SCREEN.progress() as progress, allow_one_interrupt() as ignore_interrupts:
+        diagnosis = diagnose(session, jobs=jobs, tell=_ProgressReporter(progress).show_step)
+        ignore_interrupts()
+    for text in diagnosis.session.campaign.remarks[len(session.campaign.remarks) :]:
         SCREEN.say(text)
-    with files_of(folder) as place:
-        result = gather(found, write_augmented(found, place / AUGMENTED))
+    with write_atomically(folder) as place:
+        result = collect_result(diagnosis, write_augmented(diagnosis, place / AUGMENTED))
         write_files(result, place)
         (place / PAGE).write_text(render(result), encoding="utf-8")
     if json is not None:
         write_json(result.verdict.model_dump_json(indent=1), json)
     if explain:
-        _explain(found)
-    _say(result.verdict, found)
+        _explain(diagnosis)
+    _say(result.verdict, diagnosis)
     SCREEN.say(f"verdict in {folder / VERDICT}")
-    what = ", with what it lacked" if found.after else ""
-    SCREEN.say(f"tuned model{what}, in {folder / AUGMENTED}")
-    if lacking := not_held(result.shown.not_held_by_mjcf, SHOWN):
-        SCREEN.say(f"  {lacking}")
+    effect = " with the effect" if diagnosis.after else ""
+    SCREEN.say(f"tuned model{effect} in {folder / AUGMENTED}")
+    if missing := describe_not_in_mjcf(result.shown.not_held_by_mjcf, SHOWN):
+        SCREEN.say(f"  {missing}")
     SCREEN.say(f"report in {(folder / PAGE).absolute().as_uri()}")
     return folder
 
 
-class _Teller:
-    """Shows which step is under way."""
+class _ProgressReporter:
+    """Reporter of the current step on a progress bar."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
-        self._bar = progress.add_task("diagnosis", total=None)  # what is found decides
+        # The number of steps depends on the data.
+        self._bar = progress.add_task("diagnosis", total=None)
 
-    def tell(self, text: str) -> None:
-        """Another step begins."""
+    def show_step(self, text: str) -> None:
+        """Show that another step begins."""
         self._progress.update(self._bar, advance=1, description=text)
 
 
-def _say(verdict: Verdict, found: Diagnosis) -> None:
-    """The verdict in a few lines."""
-    named = found.session.campaign.name
+def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
+    """Print the verdict in a few lines."""
+    campaign = diagnosis.session.campaign.name
     gap = verdict.gap
     words = {
         "none": "nothing is missing beyond tolerances and noise",
-        "unexplained": "something is missing that no effect of the catalogue explains",
-        "several": "several things are missing",
-        "explained": "one thing is missing",
+        "unexplained": "the model lacks something that no effect of the catalogue explains",
+        "several": "several effects are present",
+        "explained": "one effect is present",
     }
-    SCREEN.say(f"\n{named}: {words[verdict.verdict]}")
-    for name, at in (("as drawn", gap.as_drawn), ("re-tuned", gap.retuned), ("after", gap.after)):
+    SCREEN.say(f"\n{campaign}: {words[verdict.verdict]}")
+    steps = (
+        ("as drawn (nominal model)", gap.as_drawn),
+        ("re-tuned", gap.retuned),
+        ("with the effect", gap.after),
+    )
+    for name, at in steps:
         if at.excess is not None:
             SCREEN.say(f"  {name}: error {at.error:.3g}, excess {at.excess:.3g}")
     if gap.closed is not None:
         SCREEN.say(f"  {closed_words(gap.closed, gap.interval.closed)}")
-    for row in verdict.causes[:_FEW]:
+    for row in verdict.causes[:_MAX_LISTED_CAUSES]:
         dof = f" {row.dof}" if row.dof else ""
         sizes = cause_parameters(row)
         sizes = f": {sizes}" if sizes else ""
         SCREEN.say(f"  {row.probability:.0%} {row.effect} at {row.location}{dof}{sizes}")
     if verdict.verdict == "unexplained" and verdict.where:
         places = ", ".join(
-            f"{one.location} {one.share:.0%}" for one in verdict.where[:3] if one.share is not None
+            f"{row.location} {row.share:.0%}" for row in verdict.where[:3] if row.share is not None
         )
-        SCREEN.say(f"  where: {places}" if places else "  where: not to be told")
-    _say_more(verdict, found)
+        SCREEN.say(f"  where: {places}" if places else "  where: these data do not locate it")
+    _say_more(verdict, diagnosis)
 
 
-def _say_more(verdict: Verdict, found: Diagnosis) -> None:
-    """What was believed, what sensors say, what these data cannot, and what to do next."""
-    if pulled := pulled_sentence(verdict, found):
-        SCREEN.say(f"  {pulled}")
-    for text in unfinished(found):
+def _say_more(verdict: Verdict, diagnosis: Diagnosis) -> None:
+    """Print remarks on tolerances, fits, sensors, noise, confounded causes and the next test."""
+    if sentence := pull_sentence(verdict, diagnosis):
+        SCREEN.say(f"  {sentence}")
+    for text in unfinished_fit_sentences(diagnosis):
         SCREEN.say(f"  {text}")
-    for check in found.gate.flexible:
-        SCREEN.say(f"  {check.words}")
-    for place in found.gate.unknown:
-        SCREEN.say(f"  {place} is wrong by no known fault, and was left out")
-    for text in (*shared_sentences(found.evidence), *noise_sentences(found.evidence)):
+    for check in diagnosis.gate.flexible:
+        SCREEN.say(f"  {check.sentence}")
+    for place in diagnosis.gate.unknown:
+        SCREEN.say(f"  {place} has an unknown fault and was left out")
+    evidence = diagnosis.evidence
+    for text in (*serial_correlation_sentences(evidence), *noise_sentences(evidence)):
         SCREEN.say(f"  {text}")
-    levels = len({test.condition.level_n for test in found.session.campaign.tests})
-    for text in (*twin_sentences(verdict), *untested_sentences(verdict, levels)):
+    levels = len({test.condition.level_n for test in diagnosis.session.campaign.tests})
+    for text in (*confounded_sentences(verdict), *untested_sentences(verdict, levels)):
         SCREEN.say(f"  {text}")
     if verdict.next_experiment:
-        SCREEN.say(f"  next: {verdict.next_experiment}")
+        SCREEN.say(f"  next experiment: {verdict.next_experiment}")
 
 
-def _explain(found: Diagnosis) -> None:
-    """The funnel: gates, places, candidates, refits, and why the rest fell."""
-    for check in found.gate.checks:
-        SCREEN.say(check.words)
-    before = found.nothing.chi_square
+def _explain(diagnosis: Diagnosis) -> None:
+    """Print the data checks and the hypotheses with the reasons of their rejection."""
+    for check in diagnosis.gate.checks:
+        SCREEN.say(check.sentence)
+    before = diagnosis.nothing.chi_square
     SCREEN.say(f"refit without any effect: residual over noise {before**0.5:.3g}")
-    if not found.search.scores:
-        bends = "what a body's bending drives is no gap of its own"
-        why = bends if found.gate.flexible else "nothing is left to explain"
-        SCREEN.say(f"{why}: no hypothesis was asked")
+    if not diagnosis.search.scores:
+        bends = "the bending of a body explains the gap"
+        why = bends if diagnosis.gate.flexible else "no gap is left to explain"
+        SCREEN.say(f"{why}: no hypothesis was tested")
         return
-    SCREEN.console.print(_tried(found))
+    SCREEN.console.print(_hypothesis_table(diagnosis))
 
 
-def _tried(found: Diagnosis) -> Table:
-    """Effects and places: those that were refitted, the best first, and then those that scored."""
-    search = found.search
+def _hypothesis_table(diagnosis: Diagnosis) -> Table:
+    """Return a table of effects and places: refitted ones first, then those with a score alone."""
+    search = diagnosis.search
     table = Table(title=f"{len(search.scores)} hypotheses, the best of each effect and place")
     table.add_column("hypothesis", no_wrap=True)
-    for name in ("gain at 3 % [nats]", "residual over noise", "why it fell"):
+    for name in ("score at a 3 % model-error floor [nats]", "residual over noise", "rejected, as"):
         table.add_column(name)
-    ended: dict[str, Refit] = {}
-    for made in sorted(search.refits, key=lambda one: one.cost):
-        if made.hypothesis is not None:
-            ended.setdefault(made.hypothesis.site, made)
-    scored = {one.hypothesis.site: one for one in reversed(search.scores)}
-    best_first = dict.fromkeys([*ended, *(one.hypothesis.site for one in search.scores)])
-    begun = {one.hypothesis.site for one in search.begun if one.hypothesis}
-    for site in list(best_first)[: 2 * _FEW]:
-        refit, score = ended.get(site), scored.get(site)
-        left, why = "", "not refitted: its gain is small"
+    best_refits: dict[str, Refit] = {}
+    for refit in sorted(search.refits, key=lambda refit: refit.cost):
+        if refit.hypothesis is not None:
+            best_refits.setdefault(refit.hypothesis.site, refit)
+    best_scores = {score.hypothesis.site: score for score in reversed(search.scores)}
+    sites = dict.fromkeys([*best_refits, *(score.hypothesis.site for score in search.scores)])
+    first_refits = {refit.hypothesis.site for refit in search.begun if refit.hypothesis}
+    for site in list(sites)[: 2 * _MAX_LISTED_CAUSES]:
+        best_refit, score = best_refits.get(site), best_scores.get(site)
+        residual, why = "", "not refitted: its score is small"
         words = score.hypothesis.words if score else site
-        if refit is not None and refit.hypothesis is not None:
-            words, left = refit.hypothesis.words, f"{refit.chi_square**0.5:.3g}"
-            why = _why(refit, found)
-        elif site in begun:
+        if best_refit is not None and best_refit.hypothesis is not None:
+            words, residual = best_refit.hypothesis.words, f"{best_refit.chi_square**0.5:.3g}"
+            why = _rejection_reason(best_refit, diagnosis)
+        elif site in first_refits:
             why = "a first refit gained much less than the best"
-        table.add_row(words, f"{score.gain:.4g}" if score else "", left, why)
+        table.add_row(words, f"{score.gain:.4g}" if score else "", residual, why)
     return table
 
 
-def _why(refit: Refit, found: Diagnosis) -> str:
-    """Why a hypothesis fell that was refitted; empty of what is there."""
-    if refit.hypothesis and refit.hypothesis.site in {one.site for one in found.present}:
+def _rejection_reason(refit: Refit, diagnosis: Diagnosis) -> str:
+    """Return why a refitted hypothesis was rejected; empty for a present one."""
+    if refit.hypothesis and refit.hypothesis.site in {
+        hypothesis.site for hypothesis in diagnosis.present
+    }:
         return ""
-    best = min(one.cost for one in (*found.search.refits, *found.search.pairs))
+    best = min(fit.cost for fit in (*diagnosis.search.refits, *diagnosis.search.pairs))
     if refit.cost > best:
         return f"{refit.cost - best:.4g} nats worse"
-    if found.judged.word == "none":
-        return "what it gains is within tolerances and noise"
+    if diagnosis.judged.word == "none":
+        return "its gain is within tolerances and noise"
     return "it does not explain the gap"

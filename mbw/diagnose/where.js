@@ -1,7 +1,7 @@
-// Where: shares and free forces as bars, the chosen place on the machine.
+// Location: probabilities of places and free forces as bars, the chosen place on the machine.
 const PLACES = DATA.places, PALE = "#c3c9d2", MILD = "#f3cfa3";
 
-// Of each mesh its colour and opacity while a place is shown: its bodies stand out.
+// Return colour and opacity of each mesh; the bodies of the shown place stand out.
 function looks(place) {
   return MESHES.map(mesh => {
     const name = mesh.stage < 0 ? null : PICTURE.stages[mesh.stage], there = place.bodies.includes(name);
@@ -20,9 +20,9 @@ function bars() {
   const title = text => ({text, font: {size: 13}, standoff: 6});
   Plotly.react("where", data, {...PLOT, height: 70 + 26 * Math.max(names.length, 4), margin: {l: 10, r: 60, t: 30, b: 8},
     xaxis: {domain: forced ? [0, 0.4] : [0, 0.8], range: [0, 1.25 * Math.max(...PLACES.map(p => p.share || 0), 0.1)], side: "top", tickformat: ".0%", nticks: 4, gridcolor: GRID, zeroline: false,
-      title: title("share of the gap")},
+      title: title("probability of the place")},
     ...(forced ? {xaxis2: {domain: [0.55, 1], range: [0, 1.15 * most], side: "top", nticks: 4, gridcolor: GRID, zeroline: false, exponentformat: "SI",
-      title: title("a free force there explains / nats")}} : {}),
+      title: title("gain with a free force / nats")}} : {}),
     yaxis: {autorange: "reversed", automargin: true, ticksuffix: "  ", showgrid: false, zeroline: false}}, BARE).then(place => {
       if (place.dataset.listens) return;
       place.dataset.listens = "yes";
@@ -41,7 +41,7 @@ function showPlace(k) {
   if (dot >= 0) Plotly.restyle(at, {x: [corner(0)], y: [corner(1)], z: [corner(2)]}, [dot]);
 }
 
-// The first place is drawn at once: plotly takes colours from the meshes.
+// Colour the first place before the first drawing: plotly takes the colours from the meshes.
 looks(PLACES[0]).forEach((look, k) => Object.assign(MESHES[k], look));
 PLACES[0].points.forEach((place, k) => PICTURE.points.push({name: PLACES[0].name, stage: -1, place, kind: "place"}));
 byId("film").append(element("span", "◆ ", {style: "color:" + PURPLE}), element("span", "the place ", {className: "soft"}),

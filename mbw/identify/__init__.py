@@ -1,1 +1,1 @@
-"""``mbw identify``: measured modes, their files and page."""
+"""``mbw identify``: identification of the measured modes, their files and page."""

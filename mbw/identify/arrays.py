@@ -1,57 +1,57 @@
-"""The numbers of ``modes.npz``."""
+"""Arrays of ``modes.npz``."""
 
 from typing import Any
 
 import numpy as np
 
 from identification.modal import (
-    Identified,
-    Tolerances,
+    IdentifiedModes,
+    ModeCriteria,
     auto_mac,
+    classify_pole_stability,
     cmif,
     mmif,
-    reciprocal,
+    select_reciprocal_modes,
     signed_comac,
-    stability,
 )
 from identification.words import Layout
-from mbw.identify.frf_cells import cells_of
+from mbw.identify.frf_cells import compute_frf_cells
 from mbw.identify.hits import hits_arrays
-from mbw.identify.result_parts import QUIET, Parts
+from mbw.identify.result_parts import MAX_NOISE_RATIO, ResultParts
 
 
-def arrays_of(parts: Parts, tolerances: Tolerances) -> dict[str, Any]:
-    """All arrays by their names; shapes are (n_out, n_mode), FRFs (n_freq, n_out, n_in).
+def collect_arrays(parts: ResultParts, tolerances: ModeCriteria) -> dict[str, Any]:
+    """Return all arrays by name; shapes are (n_out, n_mode), FRFs (n_freq, n_out, n_in).
 
     Args:
-        parts: of the modal model.
-        tolerances: of the stabilisation.
+        parts: modal model and what follows from it.
+        tolerances: criteria of the stabilisation diagram.
     """
     return {
         **_model_arrays(parts),
-        **_quality(parts),
-        **_beside(parts),
+        **_quality_arrays(parts),
+        **_cell_arrays(parts),
         **hits_arrays(parts.campaign),
-        **_diagram(parts.found, tolerances),
-        **_layout(parts.campaign.layout),
+        **_diagram_arrays(parts.identified, tolerances),
+        **_layout_arrays(parts.campaign.layout),
     }
 
 
-def _model_arrays(parts: Parts) -> dict[str, Any]:
-    """The model in full, and how it answers beside what was measured."""
+def _model_arrays(parts: ResultParts) -> dict[str, Any]:
+    """Return the modal model, its synthesised FRFs and the measured FRFs."""
     model, measured = parts.model, parts.measured
     return {
         "poles": model.poles,
         "shapes": model.shapes,
         "participation": model.participation,
-        "modal_a": parts.whole.modal_a,
+        "modal_a": parts.scaled.modal_a,
         "lower": model.lower,
         "upper": model.upper,
         "freq_sd": model.freq_sd,
         "damping_sd": model.damping_sd,
-        "in_full_matrix": reciprocal(parts.whole, parts.inside),
-        "inside_band": np.arange(len(model.poles)) < parts.inside,
-        "normalisation": np.array(parts.whole.normalisation),
+        "in_full_matrix": select_reciprocal_modes(parts.scaled, parts.n_inside),
+        "inside_band": np.arange(len(model.poles)) < parts.n_inside,
+        "normalisation": np.array(parts.scaled.normalisation),
         "outputs": np.array([str(dof) for dof in model.outputs]),
         "inputs": np.array([str(dof) for dof in model.inputs]),
         "quantity": np.array(parts.quantity),
@@ -59,17 +59,17 @@ def _model_arrays(parts: Parts) -> dict[str, Any]:
         "decay": np.array(measured.decay),
         "measured": measured.values,
         "noise_sd": np.sqrt(measured.variance).astype(np.float32),
-        "synthesised": parts.values,
+        "synthesised": parts.synthesised,
         "is_measured": measured.measured,
-        "real_shapes": parts.real,
-        "body_shapes": parts.bodies.values,
-        "body_directions": np.array([str(dof) for dof in parts.bodies.dofs]),
+        "real_shapes": parts.real_shapes,
+        "body_shapes": parts.body_shapes.values,
+        "body_directions": np.array([str(dof) for dof in parts.body_shapes.dofs]),
     }
 
 
-def _beside(parts: Parts) -> dict[str, Any]:
-    """Of each measured FRF its coherence, and its body moving as a solid; single precision."""
-    cells = cells_of(parts.campaign, parts.measured)
+def _cell_arrays(parts: ResultParts) -> dict[str, Any]:
+    """Return coherence and rigid-body reconstruction of each measured FRF, in single precision."""
+    cells = compute_frf_cells(parts.campaign, parts.measured)
     return {
         "coherence": cells.coherence.astype(np.float32),
         "has_coherence": cells.has_coherence,
@@ -78,38 +78,45 @@ def _beside(parts: Parts) -> dict[str, Any]:
     }
 
 
-def _quality(parts: Parts) -> dict[str, Any]:
-    shapes, beside = parts.model.shapes[:, : parts.inside], parts.compared
+def _quality_arrays(parts: ResultParts) -> dict[str, Any]:
+    """Return synthesis errors, mode indicators and comparisons of shapes."""
+    shapes, comparison = parts.model.shapes[:, : parts.n_inside], parts.comparison
     values, order = parts.measured.values, parts.measured.order
-    quiet = (parts.error.known & (parts.error.noise <= QUIET)).any(axis=1) & (parts.inside > 0)
+    is_quiet = parts.error.known & (parts.error.noise <= MAX_NOISE_RATIO)
+    quiet = is_quiet.any(axis=1) & (parts.n_inside > 0)
     solid = np.zeros(len(shapes), bool)
-    solid[parts.seen] = parts.bodies.solid
+    solid[parts.is_measured] = parts.body_shapes.solid
     comac = np.zeros(len(shapes))
-    comac[parts.seen] = signed_comac(shapes[parts.seen], parts.bodies.rebuilt, parts.height)
-    alone = parts.alone
+    comac[parts.is_measured] = signed_comac(
+        shapes[parts.is_measured], parts.body_shapes.reconstructed, parts.height
+    )
+    full_matrix = parts.full_matrix_error
     return {
         "channel_error": parts.error.error,
         "channel_noise": parts.error.noise,
         "channel_frac": parts.error.frac,
-        "channel_reciprocal_error": np.zeros((0, 0)) if alone is None else alone.error,
+        "channel_reciprocal_error": (
+            np.zeros((0, 0)) if full_matrix is None else full_matrix.error
+        ),
         "cmif": cmif(values),
         "mmif": mmif(values * 1j if order == 1 else values),
         "auto_mac": auto_mac(parts.model.shapes),
         "comac_solid": np.where(solid & quiet, comac, 0.0),
         "is_solid": solid & quiet,
-        "other_mac": beside.mac,
-        "other_freq_hz": beside.other.freq_hz,
-        "other_damping": beside.other.damping,
-        "other_pairs": np.array(beside.pairs, np.intp).reshape(-1, 2),
-        "comac_other": beside.comac,
-        "in_other": beside.other.there & quiet,
+        "other_mac": comparison.mac,
+        "other_freq_hz": comparison.reference.freq_hz,
+        "other_damping": comparison.reference.damping,
+        "other_pairs": np.array(comparison.pairs, np.intp).reshape(-1, 2),
+        "comac_other": comparison.comac,
+        "in_other": comparison.reference.has_shape & quiet,
     }
 
 
-def _diagram(found: Identified, tolerances: Tolerances) -> dict[str, Any]:
-    """Poles of all orders side by side, for the stabilisation diagram."""
-    kinds = stability(
-        found.orders,
+def _diagram_arrays(identified: IdentifiedModes, tolerances: ModeCriteria) -> dict[str, Any]:
+    """Return the poles of all model orders with their kinds, for the stabilisation diagram."""
+    orders = identified.orders
+    kinds = classify_pole_stability(
+        orders,
         frequency=tolerances.frequency,
         damping=tolerances.damping,
         participation=tolerances.participation,
@@ -117,15 +124,15 @@ def _diagram(found: Identified, tolerances: Tolerances) -> dict[str, Any]:
     )
     return {
         "diagram_order": np.repeat(
-            [order.order for order in found.orders], [len(order.poles) for order in found.orders]
+            [order.order for order in orders], [len(order.poles) for order in orders]
         ),
-        "diagram_freq_hz": np.concatenate([order.freq_hz for order in found.orders]),
-        "diagram_damping": np.concatenate([order.damping for order in found.orders]),
+        "diagram_freq_hz": np.concatenate([order.freq_hz for order in orders]),
+        "diagram_damping": np.concatenate([order.damping for order in orders]),
         "diagram_kind": np.concatenate(kinds),
     }
 
 
-def _layout(layout: Layout) -> dict[str, Any]:
+def _layout_arrays(layout: Layout) -> dict[str, Any]:
     return {
         "layout_bodies": np.array(layout.bodies),
         "layout_centres": layout.centres,

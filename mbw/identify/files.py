@@ -1,4 +1,4 @@
-"""The files of ``mbw identify``, written and read: JSON, npz, CSV, universal file, .mat."""
+"""Files of ``mbw identify``: writing JSON, npz, CSV, universal file and .mat; reading them back."""
 
 import csv
 from collections.abc import Iterable, Sequence
@@ -10,11 +10,11 @@ from zipfile import BadZipFile
 import numpy as np
 import scipy.io
 
-from identification.modal import Scaled, full_matrix
+from identification.modal import ScaledModes, full_matrix_model
 from identification.readers.uff_modes_write import NodeShapes, node_shapes, write_uff_modes
 from identification.words import Dof, InputError, Layout, ModalModel, Quantity
-from mbw.identify.result import Result
-from mbw.identify.schema import ModesFile
+from mbw.identify.result import IdentificationResult
+from mbw.identify.schema import IdentifiedModesFile
 
 MODES_JSON, MODES_NPZ, PAGE = "modes.json", "modes.npz", "identify.html"
 FULL_NPZ = "full_matrix.npz"
@@ -24,8 +24,8 @@ NAMES = (
 )  # fmt: skip
 
 
-def write_files(result: Result, folder: Path) -> None:
-    """Write all but the page into a folder that is there."""
+def write_files(result: IdentificationResult, folder: Path) -> None:
+    """Write all files but the page into an existing folder."""
     (folder / MODES_JSON).write_text(result.summary.model_dump_json(indent=1) + "\n", "utf-8")
     np.savez(folder / MODES_NPZ, allow_pickle=False, **result.arrays)
     _write_csv(folder / "modes.csv", _mode_rows(result))
@@ -36,8 +36,8 @@ def write_files(result: Result, folder: Path) -> None:
     scipy.io.savemat(folder / "modes.mat", _matlab(result), do_compression=True)
 
 
-def nodes_of(result: Result) -> NodeShapes:
-    """Modes inside the band as vectors at the sensors' nodes."""
+def nodes_of(result: IdentificationResult) -> NodeShapes:
+    """Return the modes inside the band as vectors at the sensors' nodes."""
     arrays, count = result.arrays, len(result.summary.modes)
     return node_shapes(
         arrays["poles"][:count],
@@ -48,19 +48,21 @@ def nodes_of(result: Result) -> NodeShapes:
     )
 
 
-def write_full_matrix(result: Result, folder: Path) -> None:
-    """Write the synthesised FRFs between all outputs (seed, eq. 3.6), single precision.
+def write_full_matrix(result: IdentificationResult, folder: Path) -> None:
+    """Write the synthesised FRFs between all outputs (seed, eq. 3.6), in single precision.
 
     Raises:
-        UsageError: no drive point.
+        UsageError: there is no drive point, so that the shapes have no scale.
     """
     arrays = result.arrays
-    whole = Scaled(
+    scaled = ScaledModes(
         _modal_model(result), result.summary.normalisation, arrays["modal_a"], np.zeros(0)
     )
     quantity = cast(Quantity, result.summary.quantity)
     values = (
-        full_matrix(whole, arrays["in_full_matrix"]).synthesise(arrays["freq_hz"], quantity).values
+        full_matrix_model(scaled, arrays["in_full_matrix"])
+        .synthesise(arrays["freq_hz"], quantity)
+        .values
     )
     np.savez(
         folder / FULL_NPZ,
@@ -72,7 +74,7 @@ def write_full_matrix(result: Result, folder: Path) -> None:
     )
 
 
-def _modal_model(result: Result) -> ModalModel:
+def _modal_model(result: IdentificationResult) -> ModalModel:
     names = ("poles", "shapes", "participation", "lower", "upper")
     return ModalModel(
         **{name: result.arrays[name] for name in names},
@@ -83,18 +85,18 @@ def _modal_model(result: Result) -> ModalModel:
     )
 
 
-def read_result(path: Path) -> Result:
-    """Read what ``mbw identify`` wrote.
+def read_result(path: Path) -> IdentificationResult:
+    """Read the result that ``mbw identify`` wrote.
 
     Args:
-        path: the folder, or its modes.json.
+        path: folder of the result, or its modes.json.
 
     Raises:
-        InputError: it is no such folder, or from another version.
+        InputError: the folder holds no result, or one of another version.
     """
     folder = path if path.is_dir() else path.parent
     try:
-        summary = ModesFile.model_validate_json((folder / MODES_JSON).read_text("utf-8"))
+        summary = IdentifiedModesFile.model_validate_json((folder / MODES_JSON).read_text("utf-8"))
         with np.load(folder / MODES_NPZ, allow_pickle=False) as file:
             arrays: dict[str, Any] = {name: file[name] for name in file.files}
         layout = Layout(
@@ -105,12 +107,12 @@ def read_result(path: Path) -> Result:
             arrays["layout_positions"],
             arrays["layout_axes"],
         )
-        _ = arrays["as_solid"]  # younger than the others
+        _ = arrays["as_solid"]  # the newest array: a file without it is of an older version
     except (OSError, EOFError, BadZipFile, KeyError, ValueError) as error:
         raise InputError(
             f"{folder} holds no result of this version of mbw identify: identify the campaign again"
         ) from error
-    return Result(summary, arrays, layout)
+    return IdentificationResult(summary, arrays, layout)
 
 
 def _write_csv(path: Path, rows: Iterable[Sequence[object]]) -> None:
@@ -118,7 +120,7 @@ def _write_csv(path: Path, rows: Iterable[Sequence[object]]) -> None:
         csv.writer(file).writerows(rows)
 
 
-def _mode_rows(result: Result) -> Iterable[Sequence[object]]:
+def _mode_rows(result: IdentificationResult) -> Iterable[Sequence[object]]:
     lists = {"shape_real", "shape_imaginary", "real_shape"}
     lists |= {"body_shape_real", "body_shape_imaginary"}
     rows = [row.model_dump(exclude=lists) for row in result.summary.modes]
@@ -127,14 +129,14 @@ def _mode_rows(result: Result) -> Iterable[Sequence[object]]:
         yield [number, *("" if value is None else value for value in row.values())]
 
 
-def _shape_rows(result: Result) -> Iterable[Sequence[object]]:
-    """One row a channel, then one a direction of a body's centre of mass."""
+def _shape_rows(result: IdentificationResult) -> Iterable[Sequence[object]]:
+    """Yield one row for each channel, then one for each direction of a body's centre of mass."""
     count = len(result.summary.modes)
     columns = [f"{part}_{mode}" for mode in range(1, count + 1) for part in ("re", "im", "real")]
     yield ["channel", *columns]
     shapes, real = result.arrays["shapes"][:, :count], result.arrays["real_shapes"]
-    for label, shape, own in zip(result.summary.outputs, shapes, real, strict=True):
-        parts = zip(shape, own, strict=True)
+    for label, shape, real_shape in zip(result.summary.outputs, shapes, real, strict=True):
+        parts = zip(shape, real_shape, strict=True)
         yield [label, *(float(v) for s, r in parts for v in (s.real, s.imag, r))]
     for label, shape in zip(
         result.summary.body_directions, result.arrays["body_shapes"], strict=True
@@ -142,8 +144,8 @@ def _shape_rows(result: Result) -> Iterable[Sequence[object]]:
         yield [label, *(v for s in shape for v in (float(s.real), float(s.imag), ""))]
 
 
-def _synthesis_rows(result: Result) -> Iterable[Sequence[object]]:
-    """One row a measured channel."""
+def _synthesis_rows(result: IdentificationResult) -> Iterable[Sequence[object]]:
+    """Yield one row for each measured FRF."""
     yield ["output", "input", "error", "noise", "frac", "reciprocal_error"]
     arrays = result.arrays
     reciprocal = arrays["channel_reciprocal_error"]
@@ -156,8 +158,8 @@ def _synthesis_rows(result: Result) -> Iterable[Sequence[object]]:
         ]
 
 
-def _matlab(result: Result) -> dict[str, Any]:
-    """Variables of modes.mat: columns are modes, names as users of MATLAB expect them."""
+def _matlab(result: IdentificationResult) -> dict[str, Any]:
+    """Return the variables of modes.mat; columns are modes, names follow MATLAB's habits."""
     arrays, count = result.arrays, len(result.summary.modes)
     poles = arrays["poles"][:count]
 

@@ -1,4 +1,4 @@
-// Measured FRFs beside synthesised ones, coherence and solid bodies, their error, MAC and COMAC.
+// Measured and synthesised FRFs, coherence, rigid-body reconstruction, errors, MAC and COMAC.
 const INPUTS = DATA.inputs, LINES = FREQ.length, MODEL = DATA.model;
 const MEASURED = floats(DATA.frf.measured), NOISE = floats(DATA.frf.noise), IS_MEASURED = integers(DATA.frf.is_measured);
 const COHERENCE = floats(DATA.frf.coherence), HAS_COHERENCE = integers(DATA.frf.has_coherence);
@@ -11,25 +11,25 @@ const over = ([a, b], [c, d]) => { const size = c * c + d * d; return [(a * c + 
 
 // ---- synthesis -----------------------------------------------------------------------------
 
-// Of each mode its pole and phi_o l_i; of an input that was not hit, phi_o phi_i / a_r.
-function residues(out, inp, alone) {
-  if (alone) return MODEL.full.map(mode => [MODEL.poles[mode], over(times(entry(mode, out), entry(mode, inp)), MODEL.modal_a[mode])]);
+// Return pole and residue phi_o l_i of each mode; for an input that was not hit phi_o phi_i / a_r.
+function residues(out, inp, byShapes) {
+  if (byShapes) return MODEL.full.map(mode => [MODEL.poles[mode], over(times(entry(mode, out), entry(mode, inp)), MODEL.modal_a[mode])]);
   return MODEL.poles.map((pole, mode) => {
     const k = 2 * (INPUTS.length * mode + inp);
     return [pole, times(entry(mode, out), [PARTICIPATION[k], PARTICIPATION[k + 1]])];
   });
 }
 
-// s^q [sum_r R_r / (s - s_r) + its conjugate twin + v / s^2 + u]
-function synthesis(out, inp, alone) {
-  const rows = residues(out, inp, alone), cell = out * INPUTS.length + inp, values = [];
-  const [v, u] = alone ? [0, 0] : [LOWER[cell], UPPER[cell]];
+// s^q [sum_r (R_r / (s - s_r) + conjugate term) + v / s^2 + u]
+function synthesis(out, inp, byShapes) {
+  const rows = residues(out, inp, byShapes), cell = out * INPUTS.length + inp, values = [];
+  const [v, u] = byShapes ? [0, 0] : [LOWER[cell], UPPER[cell]];
   for (let k = 0; k < LINES; k++) {
     const s = [MODEL.decay, 2 * Math.PI * FREQ[k]], power = times(s, s), low = over([v, 0], power);
     let sum = [u + low[0], low[1]];
     rows.forEach(([[pr, pi], [re, im]]) => {
-      const one = over([re, im], [s[0] - pr, s[1] - pi]), twin = over([re, -im], [s[0] - pr, s[1] + pi]);
-      sum = [sum[0] + one[0] + twin[0], sum[1] + one[1] + twin[1]];
+      const term = over([re, im], [s[0] - pr, s[1] - pi]), conjugate = over([re, -im], [s[0] - pr, s[1] + pi]);
+      sum = [sum[0] + term[0] + conjugate[0], sum[1] + term[1] + conjugate[1]];
     });
     for (let q = 0; q < MODEL.order; q++) sum = times(sum, s);
     values.push(sum);
@@ -42,29 +42,29 @@ const curves = (values, ...rest) => bodeTraces(FREQ, polar(values), ...rest);
 
 // ---- the chosen FRF ------------------------------------------------------------------------
 
-// Inputs to choose from: those that were hit, then all other outputs where a_r is known.
+// Inputs to choose from: those that were hit, then all remaining outputs if a_r is known.
 const CHOICES = [...INPUTS.map((name, k) => ({name, row: k, hit: true})),
   ...(DATA.scaled ? OUTPUTS.map((name, k) => ({name, row: k, hit: false})).filter(c => !INPUTS.includes(c.name)) : [])];
 
 function frf() {
   const choice = CHOICES[state.inp], out = state.out, cell = out * INPUTS.length + choice.row, there = choice.hit && IS_MEASURED[cell] === 1, data = [];
-  const made = synthesis(out, choice.row, !choice.hit), sizes = [made.map(v => Math.hypot(...v) || null)];
+  const synthesised = synthesis(out, choice.row, !choice.hit), sizes = [synthesised.map(v => Math.hypot(...v) || null)];
   if (there) {
-    const seen = stored(MEASURED, cell), start = LINES * cell;
-    sizes.push(seen.map(v => Math.hypot(...v) || null), Array.from(NOISE.slice(start, start + LINES), v => v || null));
+    const measured = stored(MEASURED, cell), start = LINES * cell;
+    sizes.push(measured.map(v => Math.hypot(...v) || null), Array.from(NOISE.slice(start, start + LINES), v => v || null));
     data.push({type: "scatter", mode: "lines", x: FREQ, y: NOISE.slice(start, start + LINES), name: "noise, one standard deviation",
       line: {color: "#b9c0cb", width: 1}, hovertemplate: "%{x:.5g} Hz: %{y:.3g}<extra>noise</extra>"});
-    data.push({type: "scatter", mode: "lines", x: FREQ, y: seen.map((v, k) => Math.hypot(v[0] - made[k][0], v[1] - made[k][1])), name: "difference",
+    data.push({type: "scatter", mode: "lines", x: FREQ, y: measured.map((v, k) => Math.hypot(v[0] - synthesised[k][0], v[1] - synthesised[k][1])), name: "difference",
       line: {color: "#f0c596", width: 1}, visible: "legendonly", hovertemplate: "%{x:.5g} Hz: %{y:.3g}<extra>difference</extra>"});
-    data.push(...curves(seen, "measured", {color: INK, width: 1.8}));
+    data.push(...curves(measured, "measured", {color: INK, width: 1.8}));
     if (HAS_SOLID[cell]) data.push(...curves(stored(AS_SOLID, cell), "as a solid body", {color: GREEN, width: 1.4}, {visible: "legendonly"}));
   }
-  data.push(...curves(made, choice.hit ? "synthesised" : "synthesised, by shapes and modal A alone", {color: ORANGE, width: 1.5}));
-  const twin = OUTPUTS.indexOf(choice.name);
-  if (choice.hit && DATA.scaled && twin >= 0)
-    data.push(...curves(synthesis(out, twin, true), "by shapes and modal A alone", {color: BLUE, width: 1.2, dash: "dot"}, {visible: "legendonly"}));
+  data.push(...curves(synthesised, choice.hit ? "synthesised" : "synthesised, by shapes and modal A alone", {color: ORANGE, width: 1.5}));
+  const drivePoint = OUTPUTS.indexOf(choice.name);
+  if (choice.hit && DATA.scaled && drivePoint >= 0)
+    data.push(...curves(synthesis(out, drivePoint, true), "by shapes and modal A alone", {color: BLUE, width: 1.2, dash: "dot"}, {visible: "legendonly"}));
   if (COHERENCE.length) data.push(coherence(cell, there && HAS_COHERENCE[cell] === 1));
-  for (const trace of data) trace.uid = trace.name + (trace.yaxis || "");  // so that what a click in the legend shows stays
+  for (const trace of data) trace.uid = trace.name + (trace.yaxis || "");  // keeps the choices of the legend
   const [top, middle] = COHERENCE.length ? [0.47, [0.22, 0.43]] : [0.36, [0, 0.3]], third = {range: [0, 1.03], domain: [0, 0.17], gridcolor: GRID, zeroline: false, title: {text: "coherence"}};
   Plotly.react("frf", data, {...PLOT, height: COHERENCE.length ? 660 : 540, margin: {l: 76, r: 12, t: 54, b: 44}, shapes: marks(),
     xaxis: {title: {text: "frequency / Hz", standoff: 4}, gridcolor: GRID, zeroline: false, ticks: "outside", anchor: COHERENCE.length ? "y3" : "y2"},
@@ -83,20 +83,20 @@ function coherence(cell, there) {
     hovertemplate: "%{x:.5g} Hz: %{y:.4f}<extra>coherence</extra>"};
 }
 
-// How far the reading of a channel is from that of its body as a solid, of its own norm.
-function apart(cell) {
+// Difference between a measured FRF and its rigid-body reconstruction, relative to its norm.
+function solidDifference(cell) {
   let difference = 0, size = 0;
   for (let k = 2 * LINES * cell; k < 2 * LINES * (cell + 1); k++) { difference += (MEASURED[k] - AS_SOLID[k]) ** 2; size += MEASURED[k] ** 2; }
   return Math.sqrt(difference / size);
 }
 
 function remark(choice, cell, there) {
-  if (!choice.hit) return "Not measured: synthesised from the shapes and their scaling, modal A, alone. The residuals of what lies beside the band are only known for inputs that were hit, and are missing here.";
+  if (!choice.hit) return "Not measured: synthesised from the shapes and their scaling (modal A) alone, without the residual terms of modes outside the band: these are known only for inputs that were hit.";
   if (!there) return "This FRF was not measured.";
   const share = name => (100 * ERRORS[name][cell]).toPrecision(3) + " %";
-  let text = "Error " + share("error") + " of the measured FRF, where the noise makes " + share("noise") + "; FRAC " + ERRORS.frac[cell].toFixed(4) + ".";
-  if (ERRORS.reciprocal_error.length) text += " By shapes and modal A alone, without residuals: " + share("reciprocal_error") + ".";
-  if (HAS_SOLID[cell]) text += " Its body, moving as a solid, would read " + (100 * apart(cell)).toPrecision(3) + " % off.";
+  let text = "Error " + share("error") + " of the measured FRF; the noise alone would cause " + share("noise") + "; FRAC " + ERRORS.frac[cell].toFixed(4) + ".";
+  if (ERRORS.reciprocal_error.length) text += " By shapes and modal A alone, without residual terms: " + share("reciprocal_error") + ".";
+  if (HAS_SOLID[cell]) text += " Difference to the motion of a solid body: " + (100 * solidDifference(cell)).toPrecision(3) + " %.";
   return text;
 }
 
@@ -117,7 +117,7 @@ function chooser() {
 // ---- the map of errors ---------------------------------------------------------------------
 
 const MAPS = [["error", "error"], ["ratio", "error / noise"], ["frac", "1 − FRAC"]];
-const LEAST = {error: 10, ratio: 2, frac: 0.05};  // of the darkest blue: small errors shall look small
+const LEAST = {error: 10, ratio: 2, frac: 0.05};  // lowest value of the darkest blue, so that small errors look small
 const WIDE = OUTPUTS.length >= INPUTS.length;  // outputs along x
 
 function box() {
@@ -139,7 +139,7 @@ function errorMap() {
   const [rows, columns] = WIDE ? [INPUTS, OUTPUTS] : [OUTPUTS, INPUTS];
   const z = rows.map((_, r) => columns.map((_, c) => WIDE ? value(c, r) : value(r, c)));
   const suffix = state.map === "error" ? " %" : "", names = rows.map((row, r) => columns.map((column, c) => WIDE ? column + " / " + row : row + " / " + column));
-  const quiet = Array.from(IS_MEASURED.keys()).filter(cell => IS_MEASURED[cell] && ERRORS.noise[cell] <= 0.3);  // the others only show noise
+  const quiet = Array.from(IS_MEASURED.keys()).filter(cell => IS_MEASURED[cell] && ERRORS.noise[cell] <= 0.3);  // noisier channels do not set the colour scale
   const most = Math.max(...quiet.map(cell => value(Math.floor(cell / INPUTS.length), cell % INPUTS.length)));
   const trace = {type: "heatmap", z, customdata: names, xgap: 1, ygap: 1, colorscale: BLUES, zmin: 0, zmax: Math.max(LEAST[state.map], most), hoverongaps: false,
     hovertemplate: "%{customdata}: %{z:.3g}" + suffix + "<extra></extra>", colorbar: {thickness: 12, ticksuffix: suffix, outlinewidth: 0}};
@@ -191,10 +191,10 @@ buttons(byId("errors"), "map", MAPS, errorMap);
 frf();
 errorMap();
 hits();
-macPlot("auto-mac", DATA.mac, MODES.map(m => m.frequency), ["AutoMAC: measured shapes with one another", "measured / Hz"], []);
-macPlot("other-mac", DATA.other.mac, DATA.other.freq, ["MAC: measured shapes with " + escaped(DATA.other.name), "other / Hz"], DATA.other.pairs);
-comacPlot("other-comac", DATA.other.comac, "Each channel over all pairs of modes with " + escaped(DATA.other.name));
-comacPlot("solid-comac", DATA.comac, "Each channel over all modes, measured with what its body makes as a solid");
+macPlot("auto-mac", DATA.mac, MODES.map(m => m.frequency), ["AutoMAC of the measured shapes", "measured / Hz"], []);
+macPlot("other-mac", DATA.other.mac, DATA.other.freq, ["MAC of measured shapes with " + escaped(DATA.other.name), "reference / Hz"], DATA.other.pairs);
+comacPlot("other-comac", DATA.other.comac, "COMAC of each channel over all mode pairs with " + escaped(DATA.other.name));
+comacPlot("solid-comac", DATA.comac, "COMAC of each channel: measured shapes and shapes of its body as a solid");
 solid();
 chooseFirst();
 start();

@@ -1,14 +1,14 @@
-"""What stands beside each measured FRF: its coherence, and its body moving as a solid."""
+"""Coherence and rigid-body reconstruction of each measured FRF."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from identification import reconstruct, reduce_to_bodies
-from identification.checks.roving_hammer import is_roved
-from identification.modal import Measured
+from identification.checks.roving_hammer import is_roving_hammer
+from identification.modal import MeasuredFrfs
 from identification.words import (
-    ORDER,
+    DERIVATIVE_ORDER,
     Campaign,
     Complex,
     Frf,
@@ -20,14 +20,14 @@ from identification.words import (
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
-    """Beside the measured FRFs; zero where there is none.
+class FrfCells:
+    """Coherence and rigid-body reconstruction of FRFs; zero where an FRF has none.
 
     Args:
         coherence: ordinary coherence; (n_freq, n_out, n_in).
-        has_coherence: (n_out, n_in).
-        solid: what the channel would read if its body were solid; (n_freq, n_out, n_in).
-        has_solid: (n_out, n_in).
+        has_coherence: whether an FRF has a coherence; (n_out, n_in).
+        solid: reading of the channel if its body were solid; (n_freq, n_out, n_in).
+        has_solid: whether an FRF has such a reconstruction; (n_out, n_in).
     """
 
     coherence: Real
@@ -36,60 +36,60 @@ class Cells:
     has_solid: Mask
 
 
-def cells_of(campaign: Campaign, measured: Measured) -> Cells:
-    """Coherence and rigid reconstruction of every measured FRF.
+def compute_frf_cells(campaign: Campaign, measured: MeasuredFrfs) -> FrfCells:
+    """Compute coherence and rigid-body reconstruction of every measured FRF.
 
     Args:
-        campaign: its tests.
-        measured: the same side by side; exchanged if the hammer roved.
+        campaign: campaign with its tests.
+        measured: FRFs of all tests in one matrix; outputs are the hit points if the hammer roved.
     """
-    coherence, known = _coherence(campaign, measured)
-    solid, rebuilt = _solid(measured, campaign.layout)
-    return Cells(coherence, known, solid, rebuilt)
+    coherence, has_coherence = _coherence(campaign, measured)
+    solid, has_solid = _solid(measured, campaign.layout)
+    return FrfCells(coherence, has_coherence, solid, has_solid)
 
 
-def _coherence(campaign: Campaign, measured: Measured) -> tuple[Real, Mask]:
-    """Of the test that each cell was taken from: of several, the one with the least variance."""
-    roved = is_roved(campaign)
+def _coherence(campaign: Campaign, measured: MeasuredFrfs) -> tuple[Real, Mask]:
+    """Return the coherence of each FRF from its test with the least variance."""
+    roved = is_roving_hammer(campaign)
     moving = np.isin(campaign.freq_hz, measured.freq_hz)
     outputs, inputs = measured.outputs, measured.inputs
     values = np.zeros((len(measured.freq_hz), len(outputs), len(inputs)))
-    least = np.full(values.shape[1:], np.inf)
-    known = np.zeros(values.shape[1:], bool)
+    least_variance = np.full(values.shape[1:], np.inf)
+    has_coherence = np.zeros(values.shape[1:], bool)
     for test in campaign.tests:
         estimate, reference = test.estimate, test.condition.reference.positive
         for row, dof in enumerate(estimate.frf.outputs):
             ends = (reference, dof.positive) if roved else (dof.positive, reference)
             cell = outputs.index(ends[0]), inputs.index(ends[1])
             total = estimate.variance[moving, row, 0].sum()
-            if not estimate.measured[row, 0] or total >= least[cell]:
+            if not estimate.measured[row, 0] or total >= least_variance[cell]:
                 continue
-            least[cell], known[cell] = total, estimate.coherence is not None
+            least_variance[cell], has_coherence[cell] = total, estimate.coherence is not None
             if estimate.coherence is not None:
                 values[:, *cell] = estimate.coherence[moving, row, 0]
-    return values * known, known
+    return values * has_coherence, has_coherence
 
 
-def _solid(measured: Measured, layout: Layout) -> tuple[Complex, Mask]:
-    """Readings reduced to the six motions of each body, and what those would read again.
+def _solid(measured: MeasuredFrfs, layout: Layout) -> tuple[Complex, Mask]:
+    """Reduce the readings to six motions of each body, and compute the readings from these.
 
-    Only where all six are determined and the body has a channel to spare: with six channels the
-    reconstruction is the measurement, whatever the body does.
+    A body needs at least one redundant channel: with six channels the reconstruction equals the
+    measurement whatever the body does.
     """
-    quantity = next(name for name, order in ORDER.items() if order == measured.order)
+    quantity = next(name for name, order in DERIVATIVE_ORDER.items() if order == measured.order)
     frf = Frf(measured.freq_hz, measured.values, measured.outputs, measured.inputs, quantity)
     estimate = FrfEstimate(frf, measured.variance, "differences", measured.measured)
     reduced = reduce_to_bodies(estimate, layout)
-    values, known = np.zeros_like(measured.values), np.zeros_like(measured.measured)
+    values, has_solid = np.zeros_like(measured.values), np.zeros_like(measured.measured)
     bodies = np.array([layout.body_name(dof.point) for dof in measured.outputs])
     for body in layout.bodies:
         rows = np.flatnonzero(bodies == body)
         motions = [k for k, dof in enumerate(reduced.frf.outputs) if dof.point == body]
         if len(motions) < 6:
             continue
-        spare = measured.measured[rows].sum(axis=0) > 6
-        there = measured.measured[rows] & reduced.measured[motions].all(axis=0) & spare
+        is_redundant = measured.measured[rows].sum(axis=0) > 6
+        is_known = measured.measured[rows] & reduced.measured[motions].all(axis=0) & is_redundant
         outputs = tuple(measured.outputs[k] for k in rows)
-        values[:, rows] = reconstruct(reduced.frf, outputs, layout).values * there
-        known[rows] = there
-    return values, known
+        values[:, rows] = reconstruct(reduced.frf, outputs, layout).values * is_known
+        has_solid[rows] = is_known
+    return values, has_solid

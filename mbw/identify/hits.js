@@ -1,17 +1,17 @@
-// Hits of raw records: how each reference was averaged, densities of force and motion.
+// Hits of raw records: averages of each reference, spectral densities of force and motion.
 Object.assign(state, {hits: 0, channel: 0});
 const KIND = {accelerance: ["acceleration", "m/s²", "rad/s²"], mobility: ["velocity", "m/s", "rad/s"], receptance: ["displacement", "m", "rad"]};
 const turns = name => /:[+-]r/.test(name);
 const short = value => String(Number(value.toPrecision(3)));
 const several = key => new Set(DATA.hits.map(row => row[key])).size > 1;
 
-// Head, side and text of each column.
+// Heading, class and text of each column.
 const HIT_COLUMNS = [
   ["force at", "name", row => row.reference],
   ...(several("test") ? [["file", "name", row => row.test]] : []),
   ...(several("setup") ? [["set-up", "name", row => row.setup === null ? "-" : row.setup]] : []),
-  ["found", "", row => row.kept + row.rejected.length],
-  ["kept", "", row => row.kept],
+  ["hits", "", row => row.kept + row.rejected.length],
+  ["averaged", "", row => row.kept],
   ["peaks / N", "", row => Array.from(new Set([row.peaks[0], row.peaks[row.peaks.length - 1]].map(short))).join(" .. ")],
   ["estimator", "name", row => row.estimator],
   ["rate / Hz", "", row => String(Number(row.rate.toPrecision(6)))],
@@ -19,8 +19,8 @@ const HIT_COLUMNS = [
   ["before the hit / s", "", row => short(row.pretrigger)],
   ["force window / s", "", row => row.force_window >= row.block ? "none" : short(row.force_window)],
   ["exponential τ / s", "", row => row.exponential_tau ? short(row.exponential_tau) : "none"],
-  ["adds to ζ / %", "", row => row.exponential_tau ? "≤ " + (100 * row.added).toPrecision(2) : "-"],
-  ["left at the end / %", "", row => short(100 * row.left)],
+  ["added to ζ / %", "", row => row.exponential_tau ? "≤ " + (100 * row.added).toPrecision(2) : "-"],
+  ["response at block end / %", "", row => short(100 * row.left)],
 ];
 
 const rejection = hit => "hit " + hit.hit + " at " + short(hit.time) + " s of record " + hit.record + ": " + hit.reason;

@@ -1,27 +1,27 @@
-"""Hits of raw time records in the files and on the page of ``mbw identify``."""
+"""Hits of raw time records, for the files and the page of ``mbw identify``."""
 
 from typing import Any
 
 import numpy as np
 
-from identification.words import Campaign, Densities, HitEstimate, Real, Test
-from mbw.identify.schema import HitsRow, KeptHit, ModeRow, RejectedHit
-from mbw.page.html import packed, text_of
+from identification.words import Campaign, HitEstimate, Real, SpectralDensities, Test
+from mbw.identify.schema import HitsRow, IdentifiedModeRow, KeptHit, RejectedHit
+from mbw.page.html import pack_real, read_asset
 
-_LINES = 1000  # of a density, at most: neighbours share one beyond it
+_MAX_DENSITY_LINES = 1000  # frequency lines of a spectral density; beyond, neighbours are averaged
 
 
-def hits_rows(campaign: Campaign, modes: list[ModeRow]) -> list[HitsRow]:
-    """One row for each test of time records.
+def hits_rows(campaign: Campaign, modes: list[IdentifiedModeRow]) -> list[HitsRow]:
+    """Return one row for each test that was made from time records.
 
     Args:
-        campaign: its tests.
-        modes: to say what an exponential window adds to their damping.
+        campaign: campaign with its tests.
+        modes: identified modes, to state what an exponential window adds to their damping.
     """
     return [_row(test, test.hits, modes) for test in campaign.tests if test.hits is not None]
 
 
-def _row(test: Test, hits: HitEstimate, modes: list[ModeRow]) -> HitsRow:
+def _row(test: Test, hits: HitEstimate, modes: list[IdentifiedModeRow]) -> HitsRow:
     tau = hits.estimate.window_tau
     return HitsRow(
         test=hits.test,
@@ -42,40 +42,46 @@ def _row(test: Test, hits: HitEstimate, modes: list[ModeRow]) -> HitsRow:
         force_window=hits.force_window_s,
         exponential_tau=tau,
         added_damping=[1 / (tau * 2 * np.pi * mode.frequency) if tau else 0.0 for mode in modes],
-        left=hits.left,
+        left=hits.residual_response,
         estimator=hits.estimator,
     )
 
 
 def hits_arrays(campaign: Campaign) -> dict[str, Any]:
-    """Densities of each test of time records by name, in single precision.
+    """Return the spectral densities of each test from time records by name, in single precision.
 
     ``hits_1_force`` [N/sqrt(Hz)] (n_line,) and ``hits_1_motion`` [unit of the records/sqrt(Hz)]
-    (n_line, n_out) on the lines ``hits_1_freq_hz``; with ``hits_1_noise_`` those before the hits,
-    where there are any. The number is that of the row in ``modes.json``, from 1.
+    (n_line, n_out) stand on the frequency lines ``hits_1_freq_hz``. Names with ``hits_1_noise_``
+    are those of the signals before the hits, if any. The number is the row of ``modes.json``,
+    from 1.
     """
-    found: dict[str, Any] = {}
-    every = (test.hits for test in campaign.tests if test.hits is not None)
-    for number, hits in enumerate(every, start=1):
-        found |= _named(f"hits_{number}_", hits.densities, hits.highest_hz)
+    arrays: dict[str, Any] = {}
+    estimates = (test.hits for test in campaign.tests if test.hits is not None)
+    for number, hits in enumerate(estimates, start=1):
+        arrays |= _density_arrays(f"hits_{number}_", hits.densities, hits.usable_limit_hz)
         if hits.noise is not None:
-            found |= _named(f"hits_{number}_noise_", hits.noise, hits.highest_hz)
-    return found
+            arrays |= _density_arrays(f"hits_{number}_noise_", hits.noise, hits.usable_limit_hz)
+    return arrays
 
 
-def _named(prefix: str, of: Densities, highest_hz: float) -> dict[str, Any]:
-    """Up to where anti-aliasing filters reach, without 0 Hz; at most a thousand lines."""
-    shown = (of.freq_hz > 0) & (of.freq_hz <= highest_hz)
-    width = -(-int(shown.sum()) // _LINES)
+def _density_arrays(prefix: str, densities: SpectralDensities, highest_hz: float) -> dict[str, Any]:
+    """Return densities above 0 Hz up to the limit of the anti-aliasing filters.
+
+    There are at most a thousand frequency lines.
+    """
+    shown = (densities.freq_hz > 0) & (densities.freq_hz <= highest_hz)
+    width = -(-int(shown.sum()) // _MAX_DENSITY_LINES)
+    force = np.sqrt(_average_neighbours(densities.force[shown] ** 2, width))
+    motion = np.sqrt(_average_neighbours(densities.motion[shown] ** 2, width))
     return {
-        f"{prefix}freq_hz": _grouped(of.freq_hz[shown], width),
-        f"{prefix}force": np.sqrt(_grouped(of.force[shown] ** 2, width)).astype(np.float32),
-        f"{prefix}motion": np.sqrt(_grouped(of.motion[shown] ** 2, width)).astype(np.float32),
+        f"{prefix}freq_hz": _average_neighbours(densities.freq_hz[shown], width),
+        f"{prefix}force": force.astype(np.float32),
+        f"{prefix}motion": motion.astype(np.float32),
     }
 
 
-def _grouped(values: Real, width: int) -> Real:
-    """Means over so many neighbouring lines, the last over fewer; (n_line, ...)."""
+def _average_neighbours(values: Real, width: int) -> Real:
+    """Return means over ``width`` neighbouring lines, the last over fewer; (n_line, ...)."""
     if width < 2:
         return values
     starts = np.arange(0, len(values), width)
@@ -85,16 +91,16 @@ def _grouped(values: Real, width: int) -> Real:
 
 
 def hits_section(rows: list[HitsRow]) -> str:
-    """HTML of the section; none without rows."""
-    return text_of("identify/hits.html") if rows else ""
+    """Return the HTML of the section; empty without rows."""
+    return read_asset("identify/hits.html") if rows else ""
 
 
 def hits_data(rows: list[HitsRow], arrays: dict[str, Any]) -> list[dict[str, object]]:
-    """What the page's script shows of each reference.
+    """Return the data of the page's script, for each reference.
 
     Args:
-        rows: of modes.json.
-        arrays: of modes.npz.
+        rows: rows of modes.json.
+        arrays: arrays of modes.npz.
     """
     return [
         {
@@ -102,18 +108,18 @@ def hits_data(rows: list[HitsRow], arrays: dict[str, Any]) -> list[dict[str, obj
             "kept": len(row.kept),
             "peaks": sorted((hit.peak for hit in row.kept), key=abs),
             "added": max(row.added_damping, default=0.0),
-            "densities": _packed(arrays, f"hits_{number}_"),
-            "noise": _packed(arrays, f"hits_{number}_noise_"),
+            "densities": _pack_densities(arrays, f"hits_{number}_"),
+            "noise": _pack_densities(arrays, f"hits_{number}_noise_"),
         }
         for number, row in enumerate(rows, start=1)
     ]
 
 
-def _packed(arrays: dict[str, Any], prefix: str) -> dict[str, str] | None:
+def _pack_densities(arrays: dict[str, Any], prefix: str) -> dict[str, str] | None:
     if f"{prefix}force" not in arrays:
         return None
     return {
-        "freq": packed(arrays[f"{prefix}freq_hz"]),
-        "force": packed(arrays[f"{prefix}force"]),
-        "motion": packed(arrays[f"{prefix}motion"].T),
+        "freq": pack_real(arrays[f"{prefix}freq_hz"]),
+        "force": pack_real(arrays[f"{prefix}force"]),
+        "motion": pack_real(arrays[f"{prefix}motion"].T),
     }

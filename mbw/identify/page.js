@@ -1,4 +1,4 @@
-// Measured modes: the table, the complexity plot, indicators with the stabilisation diagram.
+// Measured modes: table, complexity plot, mode indicators and stabilisation diagram.
 const MODES = DATA.modes, FREQ = floats(DATA.frf.freq);
 const state = {mode: 0, amplitude: 5, playing: !matchMedia("(prefers-reduced-motion: reduce)").matches,
                out: 0, inp: 0, map: "error"};
@@ -37,18 +37,18 @@ function detail(mode) {
   if (mode.modal_a_real !== null) rows.push(["modal A", complex(mode.modal_a_real, mode.modal_a_imaginary) + " kg/s"]);
   rows.push(["phase deviation", (mode.phase_deviation * 180 / Math.PI).toFixed(1) + "°"]);
   if (mode.reciprocity !== null) rows.push(["reciprocity", mode.reciprocity.toFixed(3)]);
-  rows.push(["moves most", most(state.mode)], ["by hand", byHand(mode.by_hand)]);
+  rows.push(["moves most", most(state.mode)], ["single-mode methods", byHand(mode.by_hand)]);
   list.replaceChildren(...rows.flatMap(([name, text]) => [element("dt", name), element("dd", text)]));
 }
 
-// 3 dB widths and circles, as a check of the fit on channels where the mode is alone.
+// Estimates by half-power (3 dB) widths and circle fits, a check at channels with a single mode.
 function byHand(hand) {
-  const said = [], percent = value => (100 * value).toPrecision(3) + " %";
-  if (hand.half_power_damping !== null) said.push(`3 dB ${percent(hand.half_power_damping)} (${hand.half_power_channels})`);
+  const texts = [], percent = value => (100 * value).toPrecision(3) + " %";
+  if (hand.half_power_damping !== null) texts.push(`3 dB ${percent(hand.half_power_damping)} (${hand.half_power_channels})`);
   if (hand.circle_damping !== null)
-    said.push(`circle ${digits(hand.circle_frequency)} Hz, ${percent(hand.circle_damping)} (${hand.circle_channels})`);
-  if (hand.amplitude_difference !== null) said.push(`C differs by ${percent(hand.amplitude_difference)}`);
-  return said.join("; ") || hand.reason || "-";
+    texts.push(`circle ${digits(hand.circle_frequency)} Hz, ${percent(hand.circle_damping)} (${hand.circle_channels})`);
+  if (hand.amplitude_difference !== null) texts.push(`C differs by ${percent(hand.amplitude_difference)}`);
+  return texts.join("; ") || hand.reason || "-";
 }
 
 const complex = (re, im) => re.toPrecision(4) + (im < 0 ? " − " : " + ") + Math.abs(im).toPrecision(4) + " i";
@@ -86,17 +86,17 @@ function complexity() {
 // ---- indicators ----------------------------------------------------------------------------
 
 const KINDS = [
-  ["negative damping or too much", "#e3a59f", "x-thin", 4, "legendonly"], ["new", "#c4cad4", "circle", 3, true],
-  ["frequency agrees", "#98a2b3", "circle-open", 5, true], ["and damping", "#7fb2e0", "circle-open", 6, true],
-  ["and participation: stable", BLUE, "circle", 5, true]];
+  ["negative or too high damping", "#e3a59f", "x-thin", 4, "legendonly"], ["new pole", "#c4cad4", "circle", 3, true],
+  ["frequency stable", "#98a2b3", "circle-open", 5, true], ["frequency and damping stable", "#7fb2e0", "circle-open", 6, true],
+  ["stable, participation too", BLUE, "circle", 5, true]];
 
 function diagram() {
   const source = DATA.indicators, order = integers(source.order), kind = integers(source.kind);
   const freq = floats(source.freq), damping = floats(source.damping);
   return KINDS.map(([name, color, symbol, size, visible], number) => {
-    const own = Array.from(kind.keys()).filter(k => kind[k] === number);
-    return {type: "scatter", mode: "markers", name, visible, yaxis: "y", x: own.map(k => freq[k]), y: own.map(k => order[k]),
-      marker: {color, symbol, size, line: {color, width: 1}}, customdata: own.map(k => 100 * damping[k]),
+    const poles = Array.from(kind.keys()).filter(k => kind[k] === number);
+    return {type: "scatter", mode: "markers", name, visible, yaxis: "y", x: poles.map(k => freq[k]), y: poles.map(k => order[k]),
+      marker: {color, symbol, size, line: {color, width: 1}}, customdata: poles.map(k => 100 * damping[k]),
       hovertemplate: "order %{y}: %{x:.4f} Hz, %{customdata:.3f} %<extra>" + name + "</extra>"};
   });
 }
@@ -130,7 +130,7 @@ function nearest(frequency) {
   return best;
 }
 
-// Modes as vertical lines, the chosen one heavier.
+// Return the modes as vertical lines; the chosen one is thicker.
 function marks() {
   return MODES.map((mode, k) => ({type: "line", layer: "below", xref: "x", yref: "paper", x0: mode.frequency, x1: mode.frequency, y0: 0, y1: 1,
     line: k === state.mode ? {color: ORANGE, width: 1.6} : DASH}));

@@ -1,4 +1,4 @@
-"""The page of ``mbw identify``: modes in motion, indicators, synthesis beside measurement."""
+"""Page of ``mbw identify``: animated modes, mode indicators, synthesised and measured FRFs."""
 
 from html import escape
 from typing import Any, cast
@@ -6,54 +6,57 @@ from typing import Any, cast
 import numpy as np
 
 from identification.modal import UNIT_MASS
-from identification.words import ORDER, Complex, Dof, Layout, Quantity
-from mbmodel import Looks
-from mbmodel.geometry.surfaces import Line
+from identification.words import DERIVATIVE_ORDER, Complex, Dof, Layout, Quantity
+from mbmodel import MachineGeometry
+from mbmodel.geometry.surfaces import TendonLine
 from mbw.identify.files import nodes_of
 from mbw.identify.hits import hits_data, hits_section
-from mbw.identify.remarks import lead, remarks
-from mbw.identify.result import Result
+from mbw.identify.remarks import lead, list_remarks
+from mbw.identify.result import IdentificationResult
 from mbw.identify.solid import solid_data
-from mbw.page.html import fill, packed, packed_complex, packed_integers, warnings
+from mbw.page.html import fill_template, pack_complex, pack_integers, pack_real, warning_boxes
 from mbw.page.numbers import UNITS
-from mbw.page.picture import picture
+from mbw.page.picture import picture_data
 
 
-def render(result: Result, looks: Looks | None) -> str:
-    """The HTML of a modal model.
+def render(result: IdentificationResult, geometry: MachineGeometry | None) -> str:
+    """Return the HTML page of an identification.
 
     Args:
-        result: what was found.
-        looks: of the machine; None to show sensors and centres of mass alone.
+        result: result of the identification.
+        geometry: surfaces of the machine; None to show sensors and centres of mass alone.
     """
     summary = result.summary
-    shared = ("picture", "modes", "bode")
-    own = ("page", "hits", "solid", "frf")
-    return fill(
+    shared_scripts = ("picture", "modes", "bode")
+    page_scripts = ("page", "hits", "solid", "frf")
+    return fill_template(
         "identify/template.html",
-        _data(result, looks),
+        _data(result, geometry),
         title=escape(f"{summary.campaign}: measured modes"),
         subtitle=escape(
-            f"{len(summary.outputs)} outputs, {len(summary.inputs)} inputs, {summary.lines} lines "
-            f"{summary.band[0]:g}..{summary.band[1]:g} Hz, {summary.quantity}; shapes of "
-            f"{summary.normalisation}"
+            f"{len(summary.outputs)} outputs, {len(summary.inputs)} inputs, {summary.lines} "
+            f"frequency lines {summary.band[0]:g}..{summary.band[1]:g} Hz, {summary.quantity}; "
+            f"shapes of {summary.normalisation}"
         ),
         lead=escape(lead(result)),
-        warnings=warnings(remarks(result)),
+        warnings=warning_boxes(list_remarks(result)),
         compared=escape(summary.compared_with),
-        column="drawn" if summary.compared_with.endswith("as drawn") else "other",
+        column="as drawn" if summary.compared_with.endswith("as drawn") else "reference",
         hits=hits_section(summary.hits),
-        scripts=[*(f"page/{name}.js" for name in shared), *(f"identify/{name}.js" for name in own)],
+        scripts=[
+            *(f"page/{name}.js" for name in shared_scripts),
+            *(f"identify/{name}.js" for name in page_scripts),
+        ],
         styles=["identify/style.css"],
     )
 
 
-def _data(result: Result, looks: Looks | None) -> dict[str, object]:
+def _data(result: IdentificationResult, geometry: MachineGeometry | None) -> dict[str, object]:
     summary, arrays = result.summary, result.arrays
     count = len(summary.modes)
     return {
-        "picture": _picture(result, looks),
-        "modes": [_mode(row.model_dump()) for row in summary.modes],
+        "picture": _picture(result, geometry),
+        "modes": [_without_shapes(row.model_dump()) for row in summary.modes],
         "outputs": summary.outputs,
         "inputs": summary.inputs,
         "bodies": [result.layout.body_name(Dof.parse(label).point) for label in summary.outputs],
@@ -61,100 +64,103 @@ def _data(result: Result, looks: Looks | None) -> dict[str, object]:
         "unit": UNITS[summary.quantity][0],
         "scaled": summary.normalisation == UNIT_MASS,
         "model": {
-            "order": ORDER[cast(Quantity, summary.quantity)],
+            "order": DERIVATIVE_ORDER[cast(Quantity, summary.quantity)],
             "decay": float(arrays["decay"]),
             "poles": [[pole.real, pole.imag] for pole in arrays["poles"].tolist()],
             "full": np.flatnonzero(arrays["in_full_matrix"]).tolist(),
             "modal_a": [[a.real, a.imag] for a in arrays["modal_a"].tolist()],
-            **{name: packed_complex(arrays[name].T) for name in ("shapes", "participation")},
-            **{name: packed(arrays[name]) for name in ("lower", "upper")},
+            **{name: pack_complex(arrays[name].T) for name in ("shapes", "participation")},
+            **{name: pack_real(arrays[name]) for name in ("lower", "upper")},
         },
         "frf": {
-            "freq": packed(arrays["freq_hz"]),
-            "measured": packed_complex(arrays["measured"].transpose(1, 2, 0)),
-            "noise": packed(arrays["noise_sd"].transpose(1, 2, 0)),
-            "is_measured": packed_integers(arrays["is_measured"]),
-            **_beside(arrays),
+            "freq": pack_real(arrays["freq_hz"]),
+            "measured": pack_complex(arrays["measured"].transpose(1, 2, 0)),
+            "noise": pack_real(arrays["noise_sd"].transpose(1, 2, 0)),
+            "is_measured": pack_integers(arrays["is_measured"]),
+            **_cell_data(arrays),
         },
         "error": {
-            name: packed(arrays[f"channel_{name}"])
+            name: pack_real(arrays[f"channel_{name}"])
             for name in ("error", "noise", "frac", "reciprocal_error")
         },
         "indicators": _indicators(arrays),
-        "mac": packed(arrays["auto_mac"][:count, :count]),
-        "other": _other(result),
+        "mac": pack_real(arrays["auto_mac"][:count, :count]),
+        "other": _reference_data(result),
         "comac": {
-            "values": packed(arrays["comac_solid"]),
-            "known": packed_integers(arrays["is_solid"]),
+            "values": pack_real(arrays["comac_solid"]),
+            "known": pack_integers(arrays["is_solid"]),
         },
         "solid": [solid_data(row) for row in summary.solid],
         "hits": hits_data(summary.hits, arrays),
     }
 
 
-def _beside(arrays: dict[str, Any]) -> dict[str, object]:
-    """Coherence and rigid reconstruction of each FRF; nothing where no FRF has it."""
+def _cell_data(arrays: dict[str, Any]) -> dict[str, object]:
+    """Return coherence and rigid-body reconstruction of each FRF; empty if no FRF has it."""
     coherence, solid = (arrays[name].transpose(1, 2, 0) for name in ("coherence", "as_solid"))
     return {
-        "coherence": packed(coherence) if arrays["has_coherence"].any() else "",
-        "has_coherence": packed_integers(arrays["has_coherence"]),
-        "as_solid": packed_complex(solid) if arrays["has_solid"].any() else "",
-        "has_solid": packed_integers(arrays["has_solid"]),
+        "coherence": pack_real(coherence) if arrays["has_coherence"].any() else "",
+        "has_coherence": pack_integers(arrays["has_coherence"]),
+        "as_solid": pack_complex(solid) if arrays["has_solid"].any() else "",
+        "has_solid": pack_integers(arrays["has_solid"]),
     }
 
 
-def _mode(row: dict[str, Any]) -> dict[str, object]:
+def _without_shapes(row: dict[str, Any]) -> dict[str, object]:
     return {name: value for name, value in row.items() if "shape" not in name}
 
 
 def _indicators(arrays: dict[str, Any]) -> dict[str, object]:
-    """Singular values and the poles of every order that lie in the band."""
+    """Return the mode indicators, and the poles of all model orders inside the band."""
     freq = arrays["diagram_freq_hz"]
     shown = (freq >= arrays["freq_hz"][0]) & (freq <= arrays["freq_hz"][-1])
     return {
-        "cmif": packed(arrays["cmif"].T),
-        "mmif": packed(arrays["mmif"].T),
-        "order": packed_integers(arrays["diagram_order"][shown]),
-        "kind": packed_integers(arrays["diagram_kind"][shown]),
-        "freq": packed(freq[shown]),
-        "damping": packed(arrays["diagram_damping"][shown]),
+        "cmif": pack_real(arrays["cmif"].T),
+        "mmif": pack_real(arrays["mmif"].T),
+        "order": pack_integers(arrays["diagram_order"][shown]),
+        "kind": pack_integers(arrays["diagram_kind"][shown]),
+        "freq": pack_real(freq[shown]),
+        "damping": pack_real(arrays["diagram_damping"][shown]),
     }
 
 
-def _other(result: Result) -> dict[str, object]:
+def _reference_data(result: IdentificationResult) -> dict[str, object]:
     arrays = result.arrays
     return {
         "name": result.summary.compared_with,
         "freq": arrays["other_freq_hz"].tolist(),
         "damping": arrays["other_damping"].tolist(),
-        "mac": packed(arrays["other_mac"]),
+        "mac": pack_real(arrays["other_mac"]),
         "pairs": arrays["other_pairs"].tolist(),
         "comac": {
-            "values": packed(arrays["comac_other"]),
-            "known": packed_integers(arrays["in_other"] * bool(len(arrays["other_pairs"]))),
+            "values": pack_real(arrays["comac_other"]),
+            "known": pack_integers(arrays["in_other"] * bool(len(arrays["other_pairs"]))),
         },
     }
 
 
-def _picture(result: Result, looks: Looks | None) -> dict[str, object]:
+def _picture(result: IdentificationResult, geometry: MachineGeometry | None) -> dict[str, object]:
     layout = result.layout
     nodes = nodes_of(result)
-    found = picture(layout, looks or _spokes(layout, result), _body_motion(result))
-    found["points"] = [
+    picture = picture_data(layout, geometry or _spokes(layout, result), _body_motion(result))
+    picture["points"] = [
         point
-        for point in found["points"]  # type: ignore[attr-defined]
+        for point in picture["points"]  # type: ignore[attr-defined]
         if point["kind"] == "hammer"
     ]
-    found["sensors"] = {
+    picture["sensors"] = {
         "names": [f"node {node}" for node in nodes.nodes],
-        "places": packed(nodes.places),
-        "vectors": packed_complex(nodes.values.transpose(2, 0, 1)),
+        "places": pack_real(nodes.positions),
+        "vectors": pack_complex(nodes.values.transpose(2, 0, 1)),
     }
-    return found
+    return picture
 
 
-def _body_motion(result: Result) -> Complex:
-    """Motion of each centre of mass, zero for bodies that lack a direction; (n_mode, 6 n_body)."""
+def _body_motion(result: IdentificationResult) -> Complex:
+    """Return the motion of each centre of mass; (n_mode, 6 n_body).
+
+    It is zero for a body that lacks a direction.
+    """
     layout, summary = result.layout, result.summary
     motion = np.zeros((6 * len(layout.bodies), len(summary.modes)), complex)
     for label, shape in zip(summary.body_directions, result.arrays["body_shapes"], strict=True):
@@ -164,8 +170,8 @@ def _body_motion(result: Result) -> Complex:
     return motion.T
 
 
-def _spokes(layout: Layout, result: Result) -> Looks:
-    """Lines from each centre of mass to its sensors, where no surface is known."""
+def _spokes(layout: Layout, result: IdentificationResult) -> MachineGeometry:
+    """Return lines from each centre of mass to its sensors, for a machine without surfaces."""
     points = list(dict.fromkeys(Dof.parse(label).point for label in result.summary.outputs))
     lines = []
     for body, name in enumerate(layout.bodies):
@@ -176,5 +182,5 @@ def _spokes(layout: Layout, result: Result) -> Looks:
         ]
         path = [part for place in places for part in (layout.centres[body], place)]
         if path:
-            lines.append(Line(name, np.array(path), (name,) * len(path), None))
-    return Looks((), tuple(lines), ())
+            lines.append(TendonLine(name, np.array(path), (name,) * len(path), None))
+    return MachineGeometry((), tuple(lines), ())

@@ -1,112 +1,116 @@
-"""Shapes to compare the measured ones with: those of the model as drawn, or of a file."""
+"""Reference shapes for the measured modes: those of the nominal model, or those of a file."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from identification.modal import mac, paired, signed_comac
+from identification.modal import mac, pair_shapes, signed_comac
 from identification.readers.uff_modes_read import read_uff_modes
 from identification.words import Complex, Dof, InputError, Layout, Mask, Real
 from mbmodel import Machine, as_drawn, model_modes, shapes_at
 
-_ABOVE = 1.3  # times the highest line, up to which a model's modes are compared
-_LEAST = 0.3  # MAC of a pair that is worth naming
+_MODEL_BAND_FACTOR = 1.3  # highest compared frequency of the model, over the band's highest line
+_MIN_PAIR_MAC = 0.3  # lowest MAC of a measured and a reference mode that count as a pair
 
 
 @dataclass(frozen=True, eq=False)
-class Other:
-    """Modes of another origin at the measured channels.
+class ReferenceModes:
+    """Modes of a model or of a file at the measured channels.
 
     Args:
-        name: where they come from.
-        freq_hz: [Hz]; (n_other,).
-        damping: ratios; (n_other,).
-        shapes: (n_out, n_other).
-        there: channels at which it has shapes; (n_out,).
+        name: name of the model or file.
+        freq_hz: natural frequencies [Hz]; (n_reference,).
+        damping: damping ratios; (n_reference,).
+        shapes: mode shapes; (n_out, n_reference).
+        has_shape: channels at which the shapes are known; (n_out,).
     """
 
     name: str
     freq_hz: Real
     damping: Real
     shapes: Complex
-    there: Mask
+    has_shape: Mask
 
 
 @dataclass(frozen=True, eq=False)
-class Compared:
-    """Measured shapes beside others.
+class ShapeComparison:
+    """Comparison of measured shapes with reference shapes.
 
     Args:
-        other: the others.
-        mac: of every measured shape with every other; (n_mode, n_other).
-        pairs: numbers of measured and other modes that belong together.
-        comac: signed, over the pairs, zero where a side has no shape; (n_out,).
+        reference: reference modes.
+        mac: MAC of every measured with every reference shape; (n_mode, n_reference).
+        pairs: indices of measured and reference modes that belong together.
+        comac: signed COMAC over the pairs; zero where either side has no shape; (n_out,).
     """
 
-    other: Other
+    reference: ReferenceModes
     mac: Real
     pairs: tuple[tuple[int, int], ...]
     comac: Real
 
 
-def compared(shapes: Complex, seen: Mask, other: Other) -> Compared:
-    """Put measured shapes beside others.
+def compare_shapes(
+    shapes: Complex, is_measured: Mask, reference: ReferenceModes
+) -> ShapeComparison:
+    """Compare measured shapes with reference shapes by MAC and signed COMAC.
 
     Args:
-        shapes: measured; (n_out, n_mode).
-        seen: channels that were measured; (n_out,).
-        other: what to compare with.
+        shapes: measured shapes; (n_out, n_mode).
+        is_measured: channels that were measured; (n_out,).
+        reference: reference modes.
     """
-    rows = np.flatnonzero(other.there & seen)
-    criterion = mac(shapes[rows], other.shapes[rows])
-    pairs = tuple(paired(criterion, _LEAST)) if criterion.size else ()
+    rows = np.flatnonzero(reference.has_shape & is_measured)
+    criterion = mac(shapes[rows], reference.shapes[rows])
+    pairs = tuple(pair_shapes(criterion, _MIN_PAIR_MAC)) if criterion.size else ()
     comac = np.zeros(len(shapes))
     if pairs:
-        own, theirs = (list(side) for side in zip(*pairs, strict=True))
-        comac[rows] = signed_comac(shapes[rows][:, own], other.shapes[rows][:, theirs])
-    return Compared(other, criterion, pairs, comac)
+        modes, partners = (list(side) for side in zip(*pairs, strict=True))
+        comac[rows] = signed_comac(shapes[rows][:, modes], reference.shapes[rows][:, partners])
+    return ShapeComparison(reference, criterion, pairs, comac)
 
 
-def nothing(outputs: tuple[Dof, ...]) -> Other:
-    """No other shapes."""
-    none = np.zeros(0)
-    return Other("", none, none, np.zeros((len(outputs), 0), complex), np.zeros(len(outputs), bool))
+def no_reference_modes(outputs: tuple[Dof, ...]) -> ReferenceModes:
+    """Return an empty set of reference modes."""
+    n_out, empty = len(outputs), np.zeros(0)
+    return ReferenceModes("", empty, empty, np.zeros((n_out, 0), complex), np.zeros(n_out, bool))
 
 
-def drawn_model(machine: Machine, outputs: tuple[Dof, ...], highest_hz: float) -> Other:
-    """Modes of a machine as drawn, without its motions at rest and overdamped poles.
+def compute_nominal_modes(
+    machine: Machine, outputs: tuple[Dof, ...], highest_hz: float
+) -> ReferenceModes:
+    """Compute the oscillating modes of the nominal model, as the MJCF describes the machine.
 
     Args:
-        machine: with the campaign's layout.
+        machine: machine with the campaign's layout.
         outputs: measured channels.
-        highest_hz: of the band.
+        highest_hz: highest frequency of the band [Hz].
     """
     model = as_drawn(machine)
-    found = model_modes(model, model.drawn)
-    kept = (found.poles.imag > 0) & (found.freq_hz <= _ABOVE * highest_hz)
-    shapes = shapes_at(model, model.drawn, found, outputs)[:, kept]
-    return Other(
+    modes = model_modes(model, model.drawn)
+    kept = (modes.poles.imag > 0) & (modes.freq_hz <= _MODEL_BAND_FACTOR * highest_hz)
+    shapes = shapes_at(model, model.drawn, modes, outputs)[:, kept]
+    return ReferenceModes(
         f"{machine.name} as drawn",
-        found.freq_hz[kept],
-        found.damping[kept],
+        modes.freq_hz[kept],
+        modes.damping[kept],
         shapes,
         np.ones(len(outputs), bool),
     )
 
 
-def of_file(path: Path, outputs: tuple[Dof, ...], layout: Layout) -> Other:
-    """Modes of a universal file at the measured channels, found by their nodes' numbers.
+def read_reference_modes(path: Path, outputs: tuple[Dof, ...], layout: Layout) -> ReferenceModes:
+    """Read the modes of a universal file at the measured channels, matched by node numbers.
 
     Raises:
-        InputError: no mode, or no node of the measurement.
+        InputError: the file holds no mode, or no node of the measurement.
     """
     modes = read_uff_modes(path)
-    shapes, there = modes.at(outputs, layout)
-    if not there.any():
+    shapes, has_shape = modes.at_channels(outputs, layout)
+    if not has_shape.any():
         nodes = ", ".join(str(node) for node in modes.nodes[:5])
         raise InputError(
             f"{path} has shapes at nodes {nodes}.., none of which was measured: give sensors and "
             "nodes the same numbers"
         )
-    return Other(path.name, modes.freq_hz, modes.damping, shapes, there)
+    return ReferenceModes(path.name, modes.freq_hz, modes.damping, shapes, has_shape)

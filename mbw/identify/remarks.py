@@ -1,19 +1,27 @@
-"""What a reader of a modal model must know first, in words."""
+"""Summary of a modal model in sentences, and remarks on its limits."""
 
 import numpy as np
 
 from identification.modal import UNIT_MASS
-from mbw.identify.result import Result
-from mbw.identify.schema import ModeRow
+from mbw.identify.result import IdentificationResult
+from mbw.identify.schema import IdentifiedModeRow
 
-_ALIKE, _LOOSE, _RECIPROCAL, _GOOD, _VAGUE = 0.9, 1.5, 0.95, 0.8, 0.15
+_MIN_LOOKALIKE_MAC = 0.9  # of two measured shapes that the sensors may not distinguish
+_MAX_LOOKALIKE_SHIFT = 0.05  # relative difference of their frequencies
+_MAX_MISFIT = 1.5  # squared error over the variance of the noise; beyond, a mode may be missing
+_MIN_RECIPROCITY = 0.95  # MAC of shape and participation at the drive points
+_MIN_MATCHING_MAC = 0.8  # of a measured and a reference shape that count as one mode
+_MAX_DAMPING_SD = 0.15  # standard deviation of a damping ratio over the ratio
 
 
-def lead(result: Result) -> str:
-    """What was found, how well it answers, and how it compares with the model, in sentences."""
+def lead(result: IdentificationResult) -> str:
+    """Return sentences on the modes, on their synthesis error and on the reference modes."""
     summary = result.summary
     if not summary.modes:
-        return f"No mode was found in {summary.band[0]:g}..{summary.band[1]:g} Hz."
+        return (
+            f"No mode was identified in {summary.band[0]:g}..{summary.band[1]:g} Hz: widen --band, "
+            "or add a mode by --add."
+        )
     freq = [row.frequency for row in summary.modes]
     damping = [100 * row.damping for row in summary.modes]
     text = (
@@ -23,96 +31,110 @@ def lead(result: Result) -> str:
     if summary.error is not None and summary.noise is not None:
         text += (
             f" FRFs synthesised from them differ from the measured ones by "
-            f"{_percent(summary.error)}; the noise alone makes {_percent(summary.noise)}."
+            f"{_percent(summary.error)}; the noise alone would cause {_percent(summary.noise)}."
         )
     if summary.compared_with and summary.modes:
-        good = [row for row in summary.modes if (row.other_mac or 0) >= _GOOD]
+        matching = [row for row in summary.modes if (row.other_mac or 0) >= _MIN_MATCHING_MAC]
         text += (
-            f" {len(good)} of them resemble a mode of {summary.compared_with} (MAC of "
-            f"{_GOOD:g} or more)"
+            f" {len(matching)} of them resemble a mode of {_reference_name(summary.compared_with)} "
+            f"(MAC of {_MIN_MATCHING_MAC:g} or more)"
         )
-        if good:
-            worst = max(good, key=lambda row: abs(_shift(row.frequency, row.other)))
+        if matching:
+            worst = max(matching, key=lambda row: abs(_shift(row.frequency, row.other)))
             text += (
-                f", whose frequencies are up to {abs(_shift(worst.frequency, worst.other)):.2g} % "
-                "off"
+                f"; its frequency differs by up to "
+                f"{abs(_shift(worst.frequency, worst.other)):.2g} %"
             )
         text += "."
     return text
 
 
-def _shift(measured: float, other: float | None) -> float:
-    return 100 * ((other or measured) / measured - 1)
+def _reference_name(compared_with: str) -> str:
+    """Return the name of the reference modes; explain the term "as drawn"."""
+    if compared_with.endswith(" as drawn"):
+        return f"{compared_with}, the nominal model"
+    return compared_with
+
+
+def _shift(measured: float, reference: float | None) -> float:
+    """Return the relative shift of a reference frequency from the measured one [%]."""
+    return 100 * ((reference or measured) / measured - 1)
 
 
 def _percent(value: float) -> str:
     return f"{100 * value:.3g} %"
 
 
-def remarks(result: Result) -> list[str]:
-    """One sentence for each thing that limits what the modal model says."""
+def list_remarks(result: IdentificationResult) -> list[str]:
+    """Return one sentence for each finding that limits the modal model."""
     summary = result.summary
-    found = [text.rstrip(".") + "." for text in summary.remarks]
+    sentences = [text.rstrip(".") + "." for text in summary.remarks]
     if summary.roved:
-        found.append(
-            "The hammer roved: by reciprocity, the points that were hit stand here as outputs, the "
-            "sensors as inputs."
+        sentences.append(
+            "The hammer roved: by reciprocity, the points that were hit are listed here as "
+            "outputs, the sensors as inputs."
         )
-    if summary.misfit > _LOOSE:
-        found.append(
-            f"What the modes do not explain is {summary.misfit:.3g} times the variance of the "
-            "noise: look at the synthesis error for the channels, at the diagram for a mode that "
-            "is missing."
+    if summary.misfit > _MAX_MISFIT:
+        sentences.append(
+            f"The squared error of the modal model is {summary.misfit:.3g} times the variance of "
+            "the noise: a mode may be missing. See the synthesis error of each channel and the "
+            "stabilisation diagram."
         )
     if summary.normalisation != UNIT_MASS:
-        found.append(
+        sentences.append(
             "No input is measured as an output too: without a drive point shapes have no scale, "
             "and only the measured columns of the FRF matrix can be synthesised."
         )
-    vague = [row for row in summary.modes if row.damping_sd > _VAGUE * row.damping]
-    if vague:
-        found.append(
-            f"The damping of {_modes(result, vague)} is uncertain by more than "
-            f"{100 * _VAGUE:.0f} %: a mode that the test hardly moves, or none."
+    uncertain = [row for row in summary.modes if row.damping_sd > _MAX_DAMPING_SD * row.damping]
+    if uncertain:
+        sentences.append(
+            f"The damping of {_mode_numbers(result, uncertain)} is uncertain by more than "
+            f"{100 * _MAX_DAMPING_SD:.0f} %: the test hardly excites such a mode, or it is not a "
+            "mode of the machine."
         )
-    low = [row for row in summary.modes if (row.reciprocity or 1.0) < _RECIPROCAL]
+    low = [row for row in summary.modes if (row.reciprocity or 1.0) < _MIN_RECIPROCITY]
     if low:
-        found.append(
-            f"At the drive points, forces and motions are not reciprocal in {_modes(result, low)}: "
-            "check directions and places of hammer and sensor before trusting that scale."
+        sentences.append(
+            "At the drive points, forces and motions are not reciprocal in "
+            f"{_mode_numbers(result, low)}: check directions and places of hammer and sensor "
+            "before you rely on the scale of the shapes."
         )
-    for one, other in _lookalikes(result):
-        found.append(
-            f"Modes {one + 1} and {other + 1} have like shapes (MAC "
-            f"{result.arrays['auto_mac'][one, other]:.2f}) and like frequencies: the sensors may "
-            "be too few to tell them apart, or one mode was found twice."
+    for first, second in _lookalikes(result):
+        sentences.append(
+            f"Modes {first + 1} and {second + 1} have similar shapes (MAC "
+            f"{result.arrays['auto_mac'][first, second]:.2f}) and similar frequencies: the sensors "
+            "may be too few to distinguish them, or one mode was identified twice."
         )
     if summary.undetermined_bodies:
-        found.append(
-            "Not all six directions follow from the sensors on "
-            f"{', '.join(summary.undetermined_bodies)}: drawn at rest, the sensors alone move."
+        sentences.append(
+            "The sensors do not determine all six directions of "
+            f"{', '.join(summary.undetermined_bodies)}: the picture shows these bodies at rest and "
+            "moves their sensors only."
         )
-    turned = [
+    reversed_channels = [
         label
-        for label, value, known in zip(
+        for label, value, is_known in zip(
             summary.outputs, result.arrays["comac_solid"], result.arrays["is_solid"], strict=True
         )
-        if known and value < 0
+        if is_known and value < 0
     ]
-    if turned:
-        found.append(f"Against the motion of its body goes {', '.join(turned)}: a turned channel?")
-    return found
+    if reversed_channels:
+        sentences.append(
+            f"{', '.join(reversed_channels)} move against their body: check the polarity of these "
+            "channels."
+        )
+    return sentences
 
 
-def _modes(result: Result, rows: list[ModeRow]) -> str:
+def _mode_numbers(result: IdentificationResult, rows: list[IdentifiedModeRow]) -> str:
     numbers = [str(result.summary.modes.index(row) + 1) for row in rows]
     return ("mode " if len(numbers) == 1 else "modes ") + ", ".join(numbers)
 
 
-def _lookalikes(result: Result) -> list[tuple[int, int]]:
-    """Neighbours with like shapes whose frequencies are within five per cent."""
+def _lookalikes(result: IdentificationResult) -> list[tuple[int, int]]:
+    """Return pairs of modes with similar shapes and frequencies."""
     count = len(result.summary.modes)
     freq = np.array([row.frequency for row in result.summary.modes])
-    alike = np.triu(result.arrays["auto_mac"][:count, :count] > _ALIKE, 1)
-    alike &= np.abs(freq[:, None] / freq - 1) < 0.05
-    return [(int(one), int(other)) for one, other in np.argwhere(alike)]
+    is_similar = np.triu(result.arrays["auto_mac"][:count, :count] > _MIN_LOOKALIKE_MAC, 1)
+    is_similar &= np.abs(freq[:, None] / freq - 1) < _MAX_LOOKALIKE_SHIFT
+    return [(int(first), int(second)) for first, second in np.argwhere(is_similar)]

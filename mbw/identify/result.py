@@ -1,102 +1,94 @@
-"""What ``mbw identify`` found, gathered once for its files, its table and its page."""
+"""Result of ``mbw identify``, collected once for its files, its table and its page."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from identification import BodyCheck
-from identification.checks.roving_hammer import is_roved
+from identification.checks.roving_hammer import is_roving_hammer
+from identification.checks.setups import SetupCheck
 from identification.modal import (
-    ClassicalMode,
-    Identified,
-    Measured,
+    IdentifiedModes,
+    MeasuredFrfs,
+    ModeCriteria,
+    SingleModeCheck,
     SynthesisError,
-    Tolerances,
-    classical_checks,
+    check_single_modes,
     mpc,
     mpd,
 )
 from identification.words import Campaign, Layout, ModalModel, Real
-from mbw.identify.arrays import arrays_of
+from mbw.identify.arrays import collect_arrays
 from mbw.identify.hits import hits_rows
-from mbw.identify.reference_shapes import Other
-from mbw.identify.result_parts import QUIET, Parts, parts_of
-from mbw.identify.schema import ByHand, ModeRow, ModesFile
+from mbw.identify.reference_shapes import ReferenceModes
+from mbw.identify.result_parts import MAX_NOISE_RATIO, ResultParts, derive_parts
+from mbw.identify.schema import IdentifiedModeRow, IdentifiedModesFile, SingleModeRow
 from mbw.identify.solid import solid_row
+
+_MAX_REFINEMENT_SHIFT = 0.02  # relative distance of a pole before and after its refinement
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
-    """A modal model and all that is shown beside it.
+class IdentificationResult:
+    """Modal model with everything that its files and its page show.
 
     Args:
-        summary: names and modes.
-        arrays: numbers by name, as in modes.npz.
+        summary: names and modes, as in modes.json.
+        arrays: arrays by name, as in modes.npz.
         layout: bodies and points.
     """
 
-    summary: ModesFile
+    summary: IdentifiedModesFile
     arrays: dict[str, Any]
     layout: Layout
 
 
-class SetupCheck(Protocol):
-    """What a comparison of two set-ups says."""
-
-    @property
-    def agrees(self) -> bool | None:
-        """Whether they differ by noise alone; None where nothing tells."""
-
-    @property
-    def sentence(self) -> str:
-        """The comparison in one sentence."""
-
-
 @dataclass(frozen=True, eq=False)
-class Checks:
-    """Of the measurement itself.
+class MeasurementChecks:
+    """Checks of the measurement itself.
 
     Args:
-        solid: of the bodies.
-        setups: of tests with one reference, side by side.
+        solid: rigid-body checks.
+        setups: comparisons of tests with one reference.
     """
 
     solid: Sequence[BodyCheck] = ()
     setups: Sequence[SetupCheck] = ()
 
 
-def gather(
+def collect_result(
     campaign: Campaign,
-    identified: tuple[ModalModel, Identified, Measured],
-    tolerances: Tolerances,
+    identified: tuple[ModalModel, IdentifiedModes, MeasuredFrfs],
+    tolerances: ModeCriteria,
     *,
-    other: Other,
+    reference: ReferenceModes,
     source: str,
-    checks: Checks | None = None,
-) -> Result:
-    """Put together what ``identify`` found.
+    checks: MeasurementChecks | None = None,
+) -> IdentificationResult:
+    """Collect the result of an identification.
 
     Args:
-        campaign: what it was found from.
-        identified: by ``identification.modal.identify``.
-        tolerances: of the stabilisation.
-        other: shapes of a model to compare with.
+        campaign: campaign that was identified.
+        identified: return value of ``identification.modal.identify``.
+        tolerances: criteria of the stabilisation diagram.
+        reference: reference modes to compare with.
         source: path of the MJCF.
-        checks: of the bodies and of the set-ups, if they were made.
+        checks: checks of the bodies and of the set-ups; None for none.
     """
-    parts = parts_of(campaign, identified, other)
-    arrays = arrays_of(parts, tolerances)
-    summary = _summary(parts, source, checks or Checks())
-    return Result(summary, arrays, campaign.layout)
+    parts = derive_parts(campaign, identified, reference)
+    arrays = collect_arrays(parts, tolerances)
+    summary = _summary(parts, source, checks or MeasurementChecks())
+    return IdentificationResult(summary, arrays, campaign.layout)
 
 
-def _summary(parts: Parts, source: str, checks: Checks) -> ModesFile:
-    measured, found = parts.measured, parts.found
-    hands = classical_checks(parts.measured, parts.model)[: parts.inside]
-    modes = [_row(parts, mode, hand) for mode, hand in enumerate(hands)]
-    return ModesFile(
+def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> IdentifiedModesFile:
+    measured, scaled, error = parts.measured, parts.scaled, parts.error
+    full_matrix = parts.full_matrix_error
+    single_modes = check_single_modes(parts.measured, parts.model)[: parts.n_inside]
+    modes = [_row(parts, mode, check) for mode, check in enumerate(single_modes)]
+    return IdentifiedModesFile(
         campaign=parts.campaign.name,
         model=source,
         band=(float(measured.freq_hz[0]), float(measured.freq_hz[-1])),
@@ -104,16 +96,16 @@ def _summary(parts: Parts, source: str, checks: Checks) -> ModesFile:
         quantity=parts.quantity,
         outputs=[str(dof) for dof in measured.outputs],
         inputs=[str(dof) for dof in measured.inputs],
-        roved=is_roved(parts.campaign),
-        body_directions=[str(dof) for dof in parts.bodies.dofs],
-        undetermined_bodies=list(parts.bodies.undetermined),
-        normalisation=parts.whole.normalisation,
-        misfit=found.misfit,
-        error=_rms(parts.error, parts.error.error),
-        noise=_rms(parts.error, parts.error.noise),
-        reciprocal_error=None if parts.alone is None else _rms(parts.alone, parts.alone.error),
-        beside_band=len(parts.model.poles) - parts.inside,
-        compared_with=parts.compared.other.name,
+        roved=is_roving_hammer(parts.campaign),
+        body_directions=[str(dof) for dof in parts.body_shapes.dofs],
+        undetermined_bodies=list(parts.body_shapes.undetermined),
+        normalisation=scaled.normalisation,
+        misfit=parts.identified.misfit,
+        error=_rms(error, error.error),
+        noise=_rms(error, error.noise),
+        reciprocal_error=None if full_matrix is None else _rms(full_matrix, full_matrix.error),
+        beside_band=len(parts.model.poles) - parts.n_inside,
+        compared_with=parts.comparison.reference.name,
         modes=modes,
         solid=[solid_row(check) for check in checks.solid],
         hits=hits_rows(parts.campaign, modes),
@@ -125,30 +117,30 @@ def _summary(parts: Parts, source: str, checks: Checks) -> ModesFile:
     )
 
 
-def _rms(of: SynthesisError, values: Real) -> float | None:
-    """Over the channels that are not mostly noise; None without any."""
-    quiet = of.known & (of.noise <= QUIET)
+def _rms(error: SynthesisError, values: Real) -> float | None:
+    """Return the root mean square over the channels that are not mostly noise; None without any."""
+    quiet = error.known & (error.noise <= MAX_NOISE_RATIO)
     return float(np.sqrt((values[quiet] ** 2).mean())) if quiet.any() else None
 
 
-def _by_hand(hand: ClassicalMode) -> ByHand:
-    return ByHand(
-        half_power_damping=hand.half_power_damping,
-        half_power_channels=hand.half_power_channels,
-        circle_frequency=hand.circle_freq_hz,
-        circle_damping=hand.circle_damping,
-        circle_channels=hand.circle_channels,
-        amplitude_difference=hand.amplitude_difference,
-        reason=hand.reason,
+def _single_mode_row(check: SingleModeCheck) -> SingleModeRow:
+    return SingleModeRow(
+        half_power_damping=check.half_power_damping,
+        half_power_channels=check.half_power_channels,
+        circle_frequency=check.circle_freq_hz,
+        circle_damping=check.circle_damping,
+        circle_channels=check.circle_channels,
+        amplitude_difference=check.amplitude_difference,
+        reason=check.reason,
     )
 
 
-def _row(parts: Parts, mode: int, hand: ClassicalMode) -> ModeRow:
-    model, whole, shape = parts.model, parts.whole, parts.model.shapes[:, mode]
-    body = parts.bodies.values[:, mode]
-    pair = dict(parts.compared.pairs).get(mode)
-    scale = whole.modal_a[mode] if whole.has_scale else None
-    return ModeRow(
+def _row(parts: ResultParts, mode: int, check: SingleModeCheck) -> IdentifiedModeRow:
+    model, scaled, shape = parts.model, parts.scaled, parts.model.shapes[:, mode]
+    body, comparison = parts.body_shapes.values[:, mode], parts.comparison
+    pair = dict(comparison.pairs).get(mode)
+    scale = scaled.modal_a[mode] if scaled.has_scale else None
+    return IdentifiedModeRow(
         frequency=float(model.freq_hz[mode]),
         frequency_sd=float(model.freq_sd[mode]),
         damping=float(model.damping[mode]),
@@ -159,22 +151,27 @@ def _row(parts: Parts, mode: int, hand: ClassicalMode) -> ModeRow:
         modal_a_imaginary=None if scale is None else float(scale.imag),
         phase_collinearity=float(mpc(shape[:, None])[0]),
         phase_deviation=float(mpd(shape[:, None])[0]),
-        reciprocity=float(whole.reciprocity[mode]) if len(whole.reciprocity) else None,
-        orders=_orders(model.poles[mode], parts.found),
-        other=None if pair is None else float(parts.compared.other.freq_hz[pair]),
-        other_mac=None if pair is None else float(parts.compared.mac[mode, pair]),
+        reciprocity=float(scaled.reciprocity[mode]) if len(scaled.reciprocity) else None,
+        orders=_count_orders(model.poles[mode], parts.identified),
+        other=None if pair is None else float(comparison.reference.freq_hz[pair]),
+        other_mac=None if pair is None else float(comparison.mac[mode, pair]),
         shape_real=shape.real.tolist(),
         shape_imaginary=shape.imag.tolist(),
-        real_shape=parts.real[:, mode].tolist(),
+        real_shape=parts.real_shapes[:, mode].tolist(),
         body_shape_real=body.real.tolist(),
         body_shape_imaginary=body.imag.tolist(),
-        by_hand=_by_hand(hand),
+        by_hand=_single_mode_row(check),
     )
 
 
-def _orders(pole: complex, found: Identified) -> int | None:
-    """Model orders in which a mode came back before it was refined; None for one found later."""
-    near = [
-        cluster.count for cluster in found.clusters if abs(cluster.pole - pole) < 0.02 * abs(pole)
+def _count_orders(pole: complex, identified: IdentifiedModes) -> int | None:
+    """Return the number of model orders that held a mode before its refinement.
+
+    It is None for a mode that a later search added.
+    """
+    counts = [
+        cluster.count
+        for cluster in identified.clusters
+        if abs(cluster.pole - pole) < _MAX_REFINEMENT_SHIFT * abs(pole)
     ]
-    return max(near) if near else None
+    return max(counts) if counts else None

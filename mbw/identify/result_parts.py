@@ -1,4 +1,4 @@
-"""What the files, the table and the page of ``mbw identify`` are made of."""
+"""Quantities derived from a modal model, for the files, table and page of ``mbw identify``."""
 
 from dataclasses import dataclass, replace
 
@@ -6,111 +6,118 @@ import numpy as np
 
 from identification.modal import (
     BodyShapes,
-    Identified,
-    Measured,
-    Scaled,
+    IdentifiedModes,
+    MeasuredFrfs,
+    ScaledModes,
     SynthesisError,
-    full_matrix,
+    full_matrix_model,
     real_shapes,
-    reciprocal,
-    scaled,
+    scale_shapes,
+    select_reciprocal_modes,
     shapes_at_bodies,
     synthesis_error,
-    synthesised,
+    synthesise_frfs,
 )
-from identification.words import ORDER, Campaign, Complex, Mask, ModalModel, Real
-from mbw.identify.reference_shapes import Compared, Other, compared
+from identification.words import DERIVATIVE_ORDER, Campaign, Complex, Mask, ModalModel, Real
+from mbw.identify.reference_shapes import ReferenceModes, ShapeComparison, compare_shapes
 
-QUIET = 0.3  # noise of a channel relative to its FRF, above which it does not count
+MAX_NOISE_RATIO = 0.3  # noise of a channel over its FRF; noisier channels do not count
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
-    """A modal model and what follows from it.
+class ResultParts:
+    """Modal model with the quantities derived from it.
 
     Args:
-        campaign: what was measured.
-        measured: the same side by side.
-        found: how the modes were found.
-        model: scaled.
-        whole: the same with its scaling.
-        inside: number of modes inside the band, which come first.
-        bodies: shapes of those at centres of mass.
-        values: synthesised FRFs; (n_freq, n_out, n_in).
-        error: of these.
-        alone: of those by shapes and a_r alone; None without a drive point among the outputs.
-        real: real shapes of the modes inside the band; (n_out, n_mode).
-        compared: their shapes beside others.
-        seen: outputs that were measured; (n_out,).
+        campaign: measured campaign.
+        measured: FRFs of all tests in one matrix.
+        identified: identification with its poles of all orders.
+        model: modal model with scaled shapes.
+        scaled: modal model together with its scaling ``a_r``.
+        n_inside: number of modes inside the band; they come first.
+        body_shapes: shapes of these modes at centres of mass.
+        synthesised: synthesised FRFs; (n_freq, n_out, n_in).
+        error: error of the synthesised FRFs.
+        full_matrix_error: error of FRFs synthesised from shapes and ``a_r`` alone; None without a
+            drive point among the outputs.
+        real_shapes: real shapes of the modes inside the band; (n_out, n_mode).
+        comparison: comparison of their shapes with the reference modes.
+        is_measured: outputs that were measured; (n_out,).
     """
 
     campaign: Campaign
-    measured: Measured
-    found: Identified
+    measured: MeasuredFrfs
+    identified: IdentifiedModes
     model: ModalModel
-    whole: Scaled
-    inside: int
-    bodies: BodyShapes
-    values: Complex
+    scaled: ScaledModes
+    n_inside: int
+    body_shapes: BodyShapes
+    synthesised: Complex
     error: SynthesisError
-    alone: SynthesisError | None
-    real: Real
-    compared: Compared
-    seen: Mask
+    full_matrix_error: SynthesisError | None
+    real_shapes: Real
+    comparison: ShapeComparison
+    is_measured: Mask
 
     @property
     def quantity(self) -> str:
-        """Of the FRFs."""
-        return next(name for name, order in ORDER.items() if order == self.measured.order)
+        """Quantity of the FRFs, such as ``accelerance``."""
+        return next(
+            name for name, order in DERIVATIVE_ORDER.items() if order == self.measured.order
+        )
 
     @property
     def height(self) -> Real:
-        """What each mode adds to the FRFs at its resonance, so that a faint one counts little."""
+        """Contribution of each mode to the FRFs at its resonance, a weight for the COMAC."""
         model = self.model
         size = np.linalg.norm(model.shapes, axis=0) * np.linalg.norm(model.participation, axis=0)
         height: Real = size * np.abs(model.poles) ** self.measured.order / np.abs(model.poles.real)
-        return height[: self.inside]
+        return height[: self.n_inside]
 
 
-def parts_of(
-    campaign: Campaign, identified: tuple[ModalModel, Identified, Measured], other: Other
-) -> Parts:
-    """Put together what ``identify`` found.
+def derive_parts(
+    campaign: Campaign,
+    identified: tuple[ModalModel, IdentifiedModes, MeasuredFrfs],
+    reference: ReferenceModes,
+) -> ResultParts:
+    """Derive all quantities of the result from an identification.
 
     Args:
-        campaign: what it was found from.
-        identified: by ``identification.modal.identify``.
-        other: shapes to compare with.
+        campaign: campaign that was identified.
+        identified: return value of ``identification.modal.identify``.
+        reference: reference modes to compare with.
     """
-    model, found, measured = identified
-    whole = scaled(model, campaign.layout)
-    inside = int(found.inside.sum())
-    shapes = whole.model.shapes[:, :inside]
-    seen = np.asarray(measured.measured.any(axis=1), np.bool_)
-    rows = np.flatnonzero(seen)
-    values = synthesised(whole.model, measured)
-    return Parts(
+    model, modes, measured = identified
+    scaled = scale_shapes(model, campaign.layout)
+    n_inside = int(modes.inside.sum())
+    shapes = scaled.model.shapes[:, :n_inside]
+    is_measured = np.asarray(measured.measured.any(axis=1), np.bool_)
+    rows = np.flatnonzero(is_measured)
+    values = synthesise_frfs(scaled.model, measured)
+    return ResultParts(
         campaign,
         measured,
-        found,
-        whole.model,
-        whole,
-        inside,
+        modes,
+        scaled.model,
+        scaled,
+        n_inside,
         shapes_at_bodies(shapes[rows], [measured.outputs[k] for k in rows], campaign.layout),
         values,
         synthesis_error(measured, values),
-        _by_shapes_alone(whole, measured, inside),
+        _full_matrix_error(scaled, measured, n_inside),
         real_shapes(shapes),
-        compared(shapes, seen, other),
-        seen,
+        compare_shapes(shapes, is_measured, reference),
+        is_measured,
     )
 
 
-def _by_shapes_alone(whole: Scaled, measured: Measured, inside: int) -> SynthesisError | None:
-    """Error of the columns of the full matrix that were measured (seed, sec. 3.3)."""
-    if not whole.has_scale or not set(measured.inputs) <= set(measured.outputs):
+def _full_matrix_error(
+    scaled: ScaledModes, measured: MeasuredFrfs, n_inside: int
+) -> SynthesisError | None:
+    """Compute the error of the measured columns of the full FRF matrix (seed, sec. 3.3)."""
+    if not scaled.has_scale or not set(measured.inputs) <= set(measured.outputs):
         return None
-    full = full_matrix(whole, reciprocal(whole, inside))
+    full = full_matrix_model(scaled, select_reciprocal_modes(scaled, n_inside))
     columns = [measured.outputs.index(dof) for dof in measured.inputs]
     driven = replace(
         full,
@@ -119,4 +126,4 @@ def _by_shapes_alone(whole: Scaled, measured: Measured, inside: int) -> Synthesi
         upper=full.upper[:, columns],
         inputs=measured.inputs,
     )
-    return synthesis_error(measured, synthesised(driven, measured))
+    return synthesis_error(measured, synthesise_frfs(driven, measured))

@@ -1,4 +1,4 @@
-"""``modes.json``: the measured modes for other programs."""
+"""Content of ``modes.json``: the measured modes for other programs."""
 
 from typing import Annotated
 
@@ -7,14 +7,17 @@ from pydantic import BaseModel, Field
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
-class ByHand(BaseModel):
-    """What the classical methods say of a mode; null where they say nothing.
+class SingleModeRow(BaseModel):
+    """Estimates of a mode by classical single-mode methods; null where a method does not apply.
 
     Args:
-        half_power_damping: ratio from the 3 dB widths, median over ``half_power_channels``.
-        circle_frequency, circle_damping: of circles fitted to ``circle_channels`` FRFs [Hz, 1].
-        amplitude_difference: of C by least squares and from the value at resonance, relative.
-        reason: why something is missing.
+        half_power_damping: damping ratio from the half-power (3 dB) widths, median over
+            ``half_power_channels`` FRFs.
+        circle_frequency, circle_damping: frequency [Hz] and damping ratio from circles fitted to
+            ``circle_channels`` FRFs.
+        amplitude_difference: relative difference between the amplitude C by least squares and C
+            from the value at resonance.
+        reason: why an estimate is missing.
     """
 
     half_power_damping: Finite | None
@@ -26,23 +29,24 @@ class ByHand(BaseModel):
     reason: str
 
 
-class ModeRow(BaseModel):
-    """One identified mode; standard deviations in the same units.
+class IdentifiedModeRow(BaseModel):
+    """One identified mode, with standard deviations.
 
     Args:
-        frequency, frequency_sd: natural frequency [Hz].
-        damping, damping_sd: ratio.
-        real, imaginary: of the pole s_r [rad/s].
-        modal_a_real, modal_a_imaginary: of a_r of receptance [kg/s]; null without a drive point.
-        phase_collinearity: 1 where the shape is real but for one phase.
-        phase_deviation: mean, from that phase [rad].
+        frequency, frequency_sd: natural frequency and its standard deviation [Hz].
+        damping, damping_sd: damping ratio and its standard deviation.
+        real, imaginary: real and imaginary part of the pole ``s_r`` [rad/s].
+        modal_a_real, modal_a_imaginary: parts of the scaling ``a_r`` of the receptance [kg/s];
+            null without a drive point.
+        phase_collinearity: modal phase collinearity (MPC); 1 for a shape of one phase.
+        phase_deviation: mean phase deviation (MPD) from that phase [rad].
         reciprocity: MAC of shape and participation at the drive points; null for fewer than two.
-        orders: model orders in which it came back; null for a mode found later.
-        other, other_mac: frequency [Hz] of the mode of the compared model that pairs, and MAC.
-        shape_real, shape_imaginary: at ``outputs``.
-        real_shape: its real part at the phase where that is largest.
-        body_shape_real, body_shape_imaginary: at ``body_directions``.
-        by_hand: what the classical methods say of it.
+        orders: number of model orders that held the mode; null for a mode that was added later.
+        other, other_mac: frequency [Hz] of the paired reference mode, and their MAC.
+        shape_real, shape_imaginary: parts of the shape at ``outputs``.
+        real_shape: real part of the shape, rotated to the phase where this part is largest.
+        body_shape_real, body_shape_imaginary: parts of the shape at ``body_directions``.
+        by_hand: estimates by classical single-mode methods.
     """
 
     frequency: Finite
@@ -64,20 +68,20 @@ class ModeRow(BaseModel):
     real_shape: list[Finite]
     body_shape_real: list[Finite]
     body_shape_imaginary: list[Finite]
-    by_hand: ByHand
+    by_hand: SingleModeRow
 
 
 class FaultRow(BaseModel):
-    """What is wrong with a sensor, with two of them, or with a body as a solid.
+    """Fault of one sensor or of two sensors, or a body that does not move as a solid.
 
     Args:
-        effect: such as ``sensor_gain`` or ``flexible_body``.
+        effect: name of the fault, such as ``sensor_gain`` or ``flexible_body``.
         location: ``sensor:acc12``, ``sensor:acc1+acc2`` or ``body:ty``.
-        dof: such as ``tz`` or ``tx+ty``; null for all.
-        probability: that it is present, given what was named before it.
+        dof: directions, such as ``tz`` or ``tx+ty``; null for all.
+        probability: posterior probability of the fault, given the faults before it.
         parameters: gain; rotation [rad] and offset [m] along world axes; delay [s]; frequency [Hz],
-            damping.
-        excess_after: what remains with it, over the noise.
+            damping ratio.
+        excess_after: residual over the noise once the fault is corrected.
     """
 
     effect: str
@@ -89,20 +93,20 @@ class FaultRow(BaseModel):
 
 
 class SolidRow(BaseModel):
-    """Whether a body moves as a solid, by the channels that it has to spare.
+    """Check, by redundant channels, whether a body moves as a solid.
 
     Args:
-        body: its name.
-        channels: measured on it.
-        spare: channels beyond the motions that they determine.
-        solid_to: highest frequency up to which it moves as a solid [Hz]; null if none is known.
-        words: the verdict.
-        frequency: [Hz].
+        body: name of the body.
+        channels: number of channels measured on the body.
+        spare: number of redundant channels: those beyond the motions that they determine.
+        solid_to: highest frequency up to which the body moves as a solid [Hz]; null if unknown.
+        words: result of the check in one sentence.
+        frequency: frequency lines [Hz].
         deviation: share of the motion that is not that of a solid, at each frequency.
-        faults: in the order in which they were found.
-        more: whether something significant remains beside them.
-        twins: pairs of faults that these channels cannot tell apart.
-        unseen: faults that could be large and leave no mark in these channels.
+        faults: faults in the order of their detection.
+        more: whether a significant residual remains once these faults are corrected.
+        twins: pairs of confounded faults, which these channels cannot distinguish.
+        unseen: unidentifiable faults: even large ones leave these channels unchanged.
     """
 
     body: str
@@ -119,13 +123,13 @@ class SolidRow(BaseModel):
 
 
 class KeptHit(BaseModel):
-    """A hit that was averaged.
+    """Hit that the averages include.
 
     Args:
-        record: in which it is, from 1.
-        hit: its number, from 1.
-        time: of its first rise, from the start of its record [s].
-        peak: largest force, signed [N].
+        record: number of its record, from 1.
+        hit: number of the hit, from 1.
+        time: time of the first rise of the force, from the start of the record [s].
+        peak: largest force with its sign [N].
     """
 
     record: int
@@ -135,13 +139,13 @@ class KeptHit(BaseModel):
 
 
 class RejectedHit(BaseModel):
-    """A hit that was left out.
+    """Hit that the averages leave out.
 
     Args:
-        record: in which it is, from 1.
-        hit: its number, from 1.
-        time: of its first rise, from the start of its record [s].
-        reason: in words.
+        record: number of its record, from 1.
+        hit: number of the hit, from 1.
+        time: time of the first rise of the force, from the start of the record [s].
+        reason: reason of the rejection in words.
     """
 
     record: int
@@ -151,21 +155,21 @@ class RejectedHit(BaseModel):
 
 
 class HitsRow(BaseModel):
-    """How the FRFs of one reference were made from time records.
+    """Estimation of the FRFs of one reference from time records.
 
     Args:
-        test: the file.
-        setup: of a roved test, or null.
-        reference: where and along what the hammer hit.
+        test: file of the test.
+        setup: set-up of a roved test, or null.
+        reference: point and direction of the hits.
         outputs: channels of motion, as they were read.
-        kept, rejected: hits.
-        rate: samples per second [Hz].
-        block, pretrigger: length of each hit's block and its part before the hit [s].
-        force_window: longest part of a block in which the force was kept [s].
+        kept, rejected: hits that the averages include and leave out.
+        rate: sampling rate [Hz].
+        block, pretrigger: length of each hit's block, and of its part before the hit [s].
+        force_window: length of the longest force window [s].
         exponential_tau: time constant of the exponential window [s]; 0 for none.
-        added_damping: what that window adds to the damping ratio of each of ``modes``, taken off
-            again; zeros without one.
-        left: share of the response that is left where the blocks end.
+        added_damping: damping ratio that this window adds to each of ``modes``; it is subtracted
+            from the result; zeros without a window.
+        left: share of the response that remains at the end of the blocks.
         estimator: H1, H2 or Hv.
     """
 
@@ -185,32 +189,33 @@ class HitsRow(BaseModel):
     estimator: str
 
 
-class ModesFile(BaseModel):
-    """``modes.json``.
+class IdentifiedModesFile(BaseModel):
+    """Content of ``modes.json``.
 
     Args:
-        campaign, model: names; the model's is the path of its MJCF.
-        band: [Hz].
-        lines: of the band.
-        quantity: of the FRFs.
-        outputs, inputs: labels.
-        roved: whether the hammer did: by reciprocity, outputs are then the points that were hit and
-            inputs the sensors.
-        body_directions: determined directions at centres of mass, world axes.
-        undetermined_bodies: bodies without all six.
-        normalisation: of the shapes: ``unit modal mass`` (kg^-1/2, a_r = 2 i Im s_r kg) or
-            ``largest entry 1``.
-        misfit: squared error over the variance of the noise, per free value.
-        error, noise: of the synthesis and of a perfect one, relative, rms over the channels whose
-            noise is at most 0.3 of their FRF; null without any.
-        reciprocal_error: of the synthesis by shapes and a_r alone; null without a_r.
-        beside_band: poles that stand for modes outside the band.
-        compared_with: the model or file of ``other``.
-        modes: inside the band.
-        solid: checks of the bodies, where they were made.
-        hits: of each reference, where FRFs were made from time records.
-        setups: what tests with the hammer at one place say of one another.
-        remarks: what is wrong with channels, hits or set-ups.
+        campaign, model: name of the campaign and path of the MJCF.
+        band: lowest and highest frequency [Hz].
+        lines: number of frequency lines in the band.
+        quantity: quantity of the FRFs, such as ``accelerance``.
+        outputs, inputs: labels of the channels.
+        roved: whether the hammer roved; by reciprocity, outputs are then the points that were hit
+            and inputs the sensors.
+        body_directions: determined directions at centres of mass, in world axes.
+        undetermined_bodies: bodies of which the sensors do not determine all six directions.
+        normalisation: scale of the shapes: ``unit modal mass`` (kg^-1/2, ``a_r`` = 2 i Im ``s_r``
+            kg) or ``largest entry 1``.
+        misfit: squared error over the variance of the noise, per degree of freedom of the fit.
+        error, noise: relative error of the synthesised FRFs and the part of the noise alone, root
+            mean square over the channels whose noise is at most 0.3 of their FRF; null without any.
+        reciprocal_error: error of FRFs synthesised from shapes and ``a_r`` alone; null without
+            ``a_r``.
+        beside_band: number of poles that represent modes outside the band.
+        compared_with: model or file of the reference modes.
+        modes: modes inside the band.
+        solid: rigid-body checks.
+        hits: hits of each reference whose FRFs come from time records.
+        setups: comparisons of tests with one reference.
+        remarks: findings on channels, hits and set-ups.
     """
 
     campaign: str
@@ -230,7 +235,7 @@ class ModesFile(BaseModel):
     reciprocal_error: Finite | None
     beside_band: int
     compared_with: str
-    modes: list[ModeRow]
+    modes: list[IdentifiedModeRow]
     solid: list[SolidRow] = []
     hits: list[HitsRow] = []
     setups: list[str] = []

@@ -1,5 +1,6 @@
-"""``mbw identify``: the measured modal model of a campaign."""
+"""``mbw identify``: identification of a campaign's modal model."""
 
+import math
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,12 +15,17 @@ from identification import (
     read_layout,
     read_settings,
 )
-from identification.checks.roving_hammer import exchanged, is_roved, shape_points
-from identification.checks.setups import consistency
-from identification.modal import Tolerances, Wishes, identify
+from identification.checks.roving_hammer import (
+    exchange_hits_and_channels,
+    is_roving_hammer,
+    shape_points,
+)
+from identification.checks.setups import compare_setups
+from identification.modal import ModeChoices, ModeCriteria, identify
 from identification.words import Campaign, UsageError, WorkbenchError
-from mbmodel import Machine, load_machine, looks
-from mbw.files import check_json, check_names, write_json
+from mbmodel import Machine, load_machine, machine_geometry
+from mbw.band import check_band
+from mbw.files import check_json_target, check_output_folder, write_json
 from mbw.identify.files import (
     NAMES,
     PAGE,
@@ -28,21 +34,26 @@ from mbw.identify.files import (
     write_full_matrix,
 )
 from mbw.identify.page import render
-from mbw.identify.reference_shapes import Other, drawn_model, nothing, of_file
-from mbw.identify.remarks import remarks
-from mbw.identify.result import Checks, Result, gather
-from mbw.identify.schema import ModesFile
+from mbw.identify.reference_shapes import (
+    ReferenceModes,
+    compute_nominal_modes,
+    no_reference_modes,
+    read_reference_modes,
+)
+from mbw.identify.remarks import list_remarks
+from mbw.identify.result import IdentificationResult, MeasurementChecks, collect_result
+from mbw.identify.schema import IdentifiedModesFile
 from mbw.messages import SCREEN
-from tuning import files_of, open_campaign
+from tuning import open_campaign, write_atomically
 
 
 @dataclass(frozen=True)
-class Targets:
-    """Where results go.
+class IdentifyOutputs:
+    """Output files of an identification.
 
     Args:
-        out: folder; <campaign>-modes if None.
-        json: a file beside it, or ``-``.
+        out: folder of the result; None for <campaign>-modes.
+        json: further JSON file, or ``-`` for stdout; None for none.
         pictures: whether to write the page.
         full: whether to write the FRFs between all outputs.
     """
@@ -54,49 +65,105 @@ class Targets:
 
 
 @dataclass(frozen=True)
-class Choices:
-    """How to identify.
+class IdentifyChoices:
+    """Choices of the user about an identification.
 
     Args:
-        tolerances: of the stabilisation.
-        wishes: modes to add, to drop, to force.
-        against: universal file with shapes to compare with; the drawn model if None.
+        tolerances: criteria of the stabilisation diagram.
+        modes: modes to add, to drop, to force.
+        against: universal file with reference shapes; None for the nominal model.
     """
 
-    tolerances: Tolerances
-    wishes: Wishes
+    tolerances: ModeCriteria
+    modes: ModeChoices
     against: Path | None
 
 
+def run_options(  # noqa: PLR0913  # one for each option
+    campaign: Path,
+    *,
+    out: Path | None,
+    json: Path | None,
+    band: tuple[float, float] | None,
+    frequency_tolerance: float,
+    damping_tolerance: float,
+    mac_tolerance: float,
+    persistence: float,
+    highest_damping: float,
+    collinearity: float,
+    phase_deviation: float,
+    add: list[float],
+    drop: list[float],
+    force: list[str],
+    against: Path | None,
+    full: bool,
+    pictures: bool,
+) -> None:
+    """Run the verb with the values of its options, as ``mbw.identify.options`` describes them.
+
+    In these options ``highest_damping`` is in per cent and ``phase_deviation`` in degrees.
+    """
+    check_band(band)
+    tolerances = ModeCriteria(
+        frequency=frequency_tolerance,
+        damping=damping_tolerance,
+        participation=mac_tolerance,
+        persistence=persistence,
+        highest_damping=highest_damping / 100,
+        collinearity=collinearity,
+        phase_deviation=math.radians(phase_deviation),
+    )
+    modes = ModeChoices(add=tuple(add), drop=tuple(drop), force=parse_forced_modes(force))
+    outputs = IdentifyOutputs(out, json, pictures, full)
+    run(campaign, outputs, IdentifyChoices(tolerances, modes, against), band)
+
+
 def run(
-    campaign: Path, targets: Targets, choices: Choices, band: tuple[float, float] | None
+    campaign: Path,
+    targets: IdentifyOutputs,
+    choices: IdentifyChoices,
+    band: tuple[float, float] | None,
 ) -> Path:
-    """Identify, write the modal model and its page, print the modes.
+    """Identify the modes, write the modal model and its page, print a table of the modes.
+
+    Args:
+        campaign: folder of the campaign.
+        targets: output files.
+        choices: choices of the user.
+        band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
 
     Returns:
         The folder of the result.
     """
-    machine, chosen = _opened(campaign, band)
-    folder = targets.out or Path(f"{chosen.name}-modes")
-    check_names(folder, NAMES)
+    machine, band_campaign = _open_campaign(campaign, band)
+    folder = targets.out or Path(f"{band_campaign.name}-modes")
+    check_output_folder(folder, NAMES)
     if targets.json is not None:
-        check_json(targets.json)
-    other = _other(choices.against, machine, chosen)
+        check_json_target(targets.json)
+    reference = _reference_modes(choices.against, machine, band_campaign)
     with SCREEN.console.status("poles, shapes, refinement") if not SCREEN.quiet else nullcontext():
-        identified = identify(chosen, choices.tolerances, choices.wishes)
-        solid = check_bodies(exchanged(chosen) if is_roved(chosen) else chosen)
-        checks = Checks(solid, consistency(chosen))
+        identified = identify(band_campaign, choices.tolerances, choices.modes)
+        is_roving = is_roving_hammer(band_campaign)
+        solid = check_bodies(
+            exchange_hits_and_channels(band_campaign) if is_roving else band_campaign
+        )
+        checks = MeasurementChecks(solid, compare_setups(band_campaign))
     source = "" if machine is None else str(machine.source.absolute())
-    result = gather(
-        chosen, identified, choices.tolerances, other=other, source=source, checks=checks
+    result = collect_result(
+        band_campaign,
+        identified,
+        choices.tolerances,
+        reference=reference,
+        source=source,
+        checks=checks,
     )
-    with files_of(folder) as place:
+    with write_atomically(folder) as place:
         write_files(result, place)
         if targets.full:
             write_full_matrix(result, place)
         if targets.pictures:
-            seen = None if machine is None else looks(machine)
-            (place / PAGE).write_text(render(result, seen), encoding="utf-8")
+            geometry = None if machine is None else machine_geometry(machine)
+            (place / PAGE).write_text(render(result, geometry), encoding="utf-8")
     if targets.json is not None:
         write_json(result.summary.model_dump_json(indent=1), targets.json)
     if targets.json is None or str(targets.json) != "-":
@@ -108,86 +175,90 @@ def run(
     return folder
 
 
-def _other(against: Path | None, machine: Machine | None, campaign: Campaign) -> Other:
-    """Shapes to compare the measured ones with."""
+def _reference_modes(
+    against: Path | None, machine: Machine | None, campaign: Campaign
+) -> ReferenceModes:
+    """Return the modes with which the measured ones are compared."""
     outputs = shape_points(campaign)
     if against is not None:
-        return of_file(against, outputs, campaign.layout)
+        return read_reference_modes(against, outputs, campaign.layout)
     if machine is not None:
-        return drawn_model(machine, outputs, float(campaign.freq_hz[-1]))
-    return nothing(outputs)
+        return compute_nominal_modes(machine, outputs, float(campaign.freq_hz[-1]))
+    return no_reference_modes(outputs)
 
 
-def _opened(campaign: Path, band: tuple[float, float] | None) -> tuple[Machine | None, Campaign]:
-    """The machine that a campaign names, if it does, and its tests."""
+def _open_campaign(
+    campaign: Path, band: tuple[float, float] | None
+) -> tuple[Machine | None, Campaign]:
+    """Return the machine of a campaign, None if it names none, and its tests in the band."""
     source, settings = read_settings(campaign)
     if settings.layout is None:
-        _, machine, chosen = open_campaign(campaign, band)
-        return machine, chosen
+        _, machine, band_campaign = open_campaign(campaign, band)
+        return machine, band_campaign
     layout = correct_layout(source, settings, read_layout(source.parent / settings.layout))
-    whole = read_campaign(source, settings, layout)
-    return None, whole.lines(band_lines(whole, band, source))
+    all_lines = read_campaign(source, settings, layout)
+    return None, all_lines.select_lines(band_lines(all_lines, band, source))
 
 
-def page_of(path: Path) -> str:
-    """The page of a result folder, or of its modes.json.
+def render_result(path: Path) -> str:
+    """Return the page of a result folder, or of its modes.json.
 
     Raises:
         InputError: the folder holds no result.
     """
     result = read_result(path)
+    model, geometry = result.summary.model, None
     try:
-        seen = looks(load_machine(Path(result.summary.model))) if result.summary.model else None
+        geometry = machine_geometry(load_machine(Path(model))) if model else None
     except WorkbenchError:
-        seen = None
-        SCREEN.say(f"{result.summary.model} cannot be read: the page shows sensors alone")
-    return render(result, seen)
+        SCREEN.say(f"{model} cannot be read: the page shows sensors alone")
+    return render(result, geometry)
 
 
-def parse_forced(texts: list[str]) -> tuple[tuple[float, float], ...]:
-    """``HZ,PERCENT`` to frequency [Hz] and damping ratio.
+def parse_forced_modes(texts: list[str]) -> tuple[tuple[float, float], ...]:
+    """Return frequencies [Hz] and damping ratios from texts ``HZ,PERCENT``.
 
     Raises:
-        UsageError: no two numbers, or numbers of no mode.
+        UsageError: a text is not two numbers, or the numbers cannot be those of a mode.
     """
-    found = []
+    modes = []
     for text in texts:
         try:
             frequency, percent = (float(part) for part in text.split(","))
         except ValueError as error:
             raise UsageError(
-                f"--force {text} is no frequency and damping: write --force 120.5,2 for 120.5 Hz "
-                "and 2 per cent"
+                f"--force {text} does not state a frequency and a damping ratio: write --force "
+                "120.5,2 for 120.5 Hz and 2 per cent"
             ) from error
         if not (0 < frequency < 1e9 and 0 < percent < 100):
             raise UsageError(
-                f"--force {text}: a mode has more than 0 Hz and between 0 and 100 per cent of "
-                "critical damping"
+                f"--force {text}: give a frequency above 0 Hz and a damping ratio between 0 and "
+                "100 per cent"
             )
-        found.append((frequency, percent / 100))
-    return tuple(found)
+        modes.append((frequency, percent / 100))
+    return tuple(modes)
 
 
-def _say(result: Result) -> None:
-    for text in (*remarks(result), *(row.words for row in result.summary.solid)):
+def _say(result: IdentificationResult) -> None:
+    for text in (*list_remarks(result), *(row.words for row in result.summary.solid)):
         SCREEN.say(text)
 
 
-def _print(summary: ModesFile) -> None:
+def _print(summary: IdentifiedModesFile) -> None:
     typer.echo(
-        "mode  frequency/Hz       sd  damping/%       sd  collinearity  orders  compared/Hz   MAC"
+        "mode  frequency/Hz       sd  damping/%       sd  collinearity  orders  reference/Hz   MAC"
     )
     for number, row in enumerate(summary.modes, start=1):
         orders = "-" if row.orders is None else str(row.orders)
-        other = "-" if row.other is None else f"{row.other:.2f}"
-        alike = "-" if row.other_mac is None else f"{row.other_mac:.2f}"
+        reference = "-" if row.other is None else f"{row.other:.2f}"
+        mac = "-" if row.other_mac is None else f"{row.other_mac:.2f}"
         typer.echo(
             f"{number:4d}  {row.frequency:12.3f}  {row.frequency_sd:7.4f}  "
             f"{100 * row.damping:9.3f}  {100 * row.damping_sd:7.4f}  "
-            f"{row.phase_collinearity:12.3f}  {orders:>6}  {other:>11}  {alike:>4}"
+            f"{row.phase_collinearity:12.3f}  {orders:>6}  {reference:>12}  {mac:>4}"
         )
-    beside = f" and {summary.beside_band} poles beside it" if summary.beside_band else ""
+    outside = f" and {summary.beside_band} poles outside it" if summary.beside_band else ""
     SCREEN.say(
-        f"{len(summary.modes)} modes in {summary.band[0]:g}..{summary.band[1]:g} Hz{beside}; what "
-        f"remains is {summary.misfit:.3g} times the variance of the noise"
+        f"{len(summary.modes)} modes in {summary.band[0]:g}..{summary.band[1]:g} Hz{outside}; the "
+        f"squared residual is {summary.misfit:.3g} times the variance of the noise"
     )

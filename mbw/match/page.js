@@ -1,4 +1,4 @@
-// Measured and simulated modes: the table, the spectra, who is who, ratios, amplitudes by hand.
+// Measured and simulated modes: table, spectra, match probabilities, ratios, amplitudes by hand.
 const MODES = DATA.modes, FREQ = floats(DATA.freq), PLACES = DATA.places, IMPACTS = DATA.impacts;
 const state = {mode: 0, amplitude: 5, playing: !matchMedia("(prefers-reduced-motion: reduce)").matches,
                place: 0, above: 0, below: Math.max(0, PLACES.indexOf(DATA.reference)), reading: "reference"};
@@ -30,7 +30,7 @@ function table() {
 function choose(k) {
   const mode = MODES[k], simulated = mode.simulated === null ? "no simulated mode" : "simulated mode " + mode.simulated + " at " + digits(mode.simulated_frequency) + " Hz";
   turn(k, (isMeasured(mode) ? digits(mode.frequency) + " Hz measured, " : "not measured, ") + simulated);
-  byId("told").textContent = isMeasured(mode) ? "Told from the next candidate by " + mode.telling.map(label).join(", ") + "." : "";
+  byId("evidence").textContent = isMeasured(mode) ? "Channels that distinguish this match from the next candidate: " + mode.telling.map(label).join(", ") + "." : "";
   spectra(); ratio(); closeness();
 }
 
@@ -47,7 +47,7 @@ function impacts(values, first, extra = {}) {
     hovertemplate: "%{x:.2f} Hz: %{y:.3g}<extra>" + escaped(name) + "</extra>", ...extra}));
 }
 
-// Fig. 11: the upper part joins each measured mode with the simulated one that it is.
+// As fig. 11 of the paper: the upper part joins each measured mode with its simulated mode.
 function spectra() {
   const found = impacts(AMPLITUDE, state.place), shapes = [], notes = [], top = 0.72;
   MODES.forEach((mode, k) => {
@@ -78,7 +78,7 @@ function ratio() {
   Plotly.react("ratio", lines, {...CLEAR, height: 320, shapes, xaxis: XAXIS, yaxis: y, legend: {orientation: "h", y: -0.22}}, CONFIG);
 }
 
-// Figs. 9 and 10.
+// As figs. 9 and 10 of the paper.
 function closeness() {
   const mode = MODES[state.mode], place = byId("closeness");
   place.hidden = byId("reading").hidden = mode.at === null;
@@ -93,24 +93,24 @@ function closeness() {
 }
 
 function pick(place, key, text, redraw) {
-  const made = element("select");
-  PLACES.forEach((name, k) => made.append(element("option", name, {value: k, selected: k === state[key]})));
-  made.onchange = () => { state[key] = Number(made.value); redraw(); };
+  const select = element("select");
+  PLACES.forEach((name, k) => select.append(element("option", name, {value: k, selected: k === state[key]})));
+  select.onchange = () => { state[key] = Number(select.value); redraw(); };
   const box = element("label", text + " ", {className: "soft"});
-  box.append(made);
+  box.append(select);
   byId(place).append(box);
 }
 
 function readings() {
-  const made = element("select");
-  for (const [value, text] of [["reference", "that place"], ["largest", "the largest of each mode"]]) made.append(element("option", text, {value}));
-  made.onchange = () => { state.reading = made.value; closeness(); };
+  const select = element("select");
+  for (const [value, text] of [["reference", "that place"], ["largest", "the largest of each mode"]]) select.append(element("option", text, {value}));
+  select.onchange = () => { state.reading = select.value; closeness(); };
   const box = element("label", "simulated ratios to ", {className: "soft"});
-  box.append(made);
+  box.append(select);
   byId("reading").append(box);
 }
 
-// ---- who is who ----------------------------------------------------------------------------
+// ---- match probabilities -------------------------------------------------------------------
 
 function heat(place, packed, title, text) {
   const values = floats(packed), count = DATA.shown.length, measured = MODES.slice(0, DATA.measured);
@@ -143,8 +143,8 @@ table();
 pick("place", "place", "place", spectra);
 pick("over", "above", "place", ratio);
 pick("over", "below", "over", ratio);
-byId("who").hidden = !DATA.measured || !DATA.shown.length;
-if (!byId("who").hidden) { heat("probability", DATA.probability, "Probability"); heat("mac", DATA.mac, "MAC of signed shapes"); }
+byId("matches").hidden = !DATA.measured || !DATA.shown.length;
+if (!byId("matches").hidden) { heat("probability", DATA.probability, "Probability"); heat("mac", DATA.mac, "MAC of signed shapes"); }
 hands();
 film();
 start();

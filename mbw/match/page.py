@@ -1,4 +1,4 @@
-"""The page of ``mbw match``: simulated shapes in motion, frequencies paired, ratios."""
+"""Page of ``mbw match``: animated simulated shapes, paired frequencies, ratios of amplitudes."""
 
 from html import escape
 from pathlib import Path
@@ -7,69 +7,71 @@ from typing import Any
 import numpy as np
 
 from identification.words import Complex, Dof, Real
-from mbw.match.result import Result
+from mbw.match.result import MatchResult
 from mbw.match.schema import MatchFile
-from mbw.page.html import fill, packed, packed_complex, packed_integers, packed_sizes
+from mbw.page.html import fill_template, pack_complex, pack_integers, pack_magnitudes, pack_real
 
-_MOST = 40_000  # triangles; of more, every so manyth is drawn
+_MAX_PICTURE_TRIANGLES = (
+    40_000  # in the picture; of a larger mesh only every n-th triangle is drawn
+)
 
 
-def render(result: Result) -> str:
-    """The HTML of a match."""
+def render(result: MatchResult) -> str:
+    """Return the HTML page of a match."""
     summary = result.summary
-    return fill(
+    return fill_template(
         "match/template.html",
         _data(result),
         title=escape(f"{Path(summary.campaign).parent.name}: measured and simulated modes"),
         subtitle=escape(
             f"{len(summary.channels)} channels, {len(summary.impacts)} impacts, "
-            f"{summary.lines} lines {summary.band[0]:g}..{summary.band[1]:g} Hz; "
+            f"{summary.lines} frequency lines {summary.band[0]:g}..{summary.band[1]:g} Hz; "
             f"shapes of {Path(summary.shapes).name}"
         ),
         lead=escape(lead(summary)),
-        alike=escape(_alike(summary)),
+        alike=escape(_similar_pairs(summary)),
         scripts=["page/picture.js", "page/modes.js", "match/page.js"],
     )
 
 
 def lead(summary: MatchFile) -> str:
-    """What was found, in a sentence or two."""
+    """Return the result in a few sentences."""
     matched = [row for row in summary.modes if row.simulated is not None]
-    words = [f"{len(matched)} of {len(summary.modes)} measured modes are simulated ones"]
+    sentences = [f"{len(matched)} of {len(summary.modes)} measured modes match a simulated mode"]
     if matched:
-        sure = min(row.probability for row in matched)
-        words[0] += f", the least sure with a probability of {sure:.3g}"
+        lowest = min(row.probability for row in matched)
+        sentences[0] += f"; the lowest probability of a match is {lowest:.3g}"
         off = [row.frequency / row.simulated_frequency - 1 for row in matched]  # type: ignore[operator]
-        words.append(
+        sentences.append(
             f"Measured frequencies are {100 * min(off):+.1f} to {100 * max(off):+.1f} % off the "
             "simulated ones"
         )
     if summary.unmatched:
-        left = ", ".join(map(str, summary.unmatched))
-        words.append(f"Simulated in the band and not measured: {left}")
+        unmatched = ", ".join(map(str, summary.unmatched))
+        sentences.append(f"Simulated modes in the band that were not measured: {unmatched}")
     if summary.unseen:
         unseen = ", ".join(map(str, summary.unseen))
-        words.append(f"These channels do not see simulated mode {unseen}")
+        sentences.append(f"Simulated modes that do not move at these channels: {unseen}")
     if summary.mass is not None:
-        words.append(f"The simulated structure weighs {summary.mass:.4g} kg by its rigid modes")
-    return ". ".join(words) + "."
+        sentences.append(f"The simulated structure weighs {summary.mass:.4g} kg by its rigid modes")
+    return ". ".join(sentences) + "."
 
 
-def _alike(summary: MatchFile) -> str:
+def _similar_pairs(summary: MatchFile) -> str:
     if not summary.alike:
-        return "No two simulated modes in the band are alike at these channels (MAC above 0.8)."
+        return "No two simulated modes in the band are similar at these channels (MAC above 0.8)."
     pairs = "; ".join(
-        f"{one} and {other}, which {', '.join(channels)} tell best"
-        for (one, other), channels in zip(summary.alike, summary.alike_told_by, strict=True)
+        f"{first} and {second}, which differ most at {', '.join(channels)}"
+        for (first, second), channels in zip(summary.alike, summary.alike_told_by, strict=True)
     )
-    return f"Alike at these channels (MAC above 0.8): {pairs}."
+    return f"Similar at these channels (MAC above 0.8): {pairs}."
 
 
-def _data(result: Result) -> dict[str, object]:
+def _data(result: MatchResult) -> dict[str, object]:
     summary, arrays = result.summary, result.arrays
     shown = arrays["shown"].tolist()
     column = {int(number): k for k, number in enumerate(arrays["numbers"])}
-    own = [column[number] for number in shown]
+    columns = [column[number] for number in shown]
     rows = [_row(row.model_dump(), shown) for row in summary.modes]
     rows += [
         {"simulated": number, "simulated_frequency": float(arrays["shown_hz"][shown.index(number)])}
@@ -81,19 +83,19 @@ def _data(result: Result) -> dict[str, object]:
         "modes": rows,
         "measured": len(summary.modes),
         "channels": summary.channels,
-        "impacts": [Path(one).stem for one in summary.impacts],
+        "impacts": [Path(file).stem for file in summary.impacts],
         "reference": summary.reference,
         "band": summary.band,
         "shown": shown,
         "shown_hz": arrays["shown_hz"].tolist(),
         "places": arrays["places"].tolist(),
-        "freq": packed(arrays["freq_hz"]),
-        "amplitude": packed_sizes(arrays["amplitude"].transpose(1, 2, 0)),
-        "ratios": packed(arrays["ratios"]),
-        "closeness": packed_sizes(arrays["closeness"].transpose(1, 2, 0)),
-        "closeness_largest": packed_sizes(arrays["closeness_largest"].transpose(1, 2, 0)),
-        "probability": packed(arrays["probability"][:, own]),
-        "mac": packed(arrays["mac"][:, own]),
+        "freq": pack_real(arrays["freq_hz"]),
+        "amplitude": pack_magnitudes(arrays["amplitude"].transpose(1, 2, 0)),
+        "ratios": pack_real(arrays["ratios"]),
+        "closeness": pack_magnitudes(arrays["closeness"].transpose(1, 2, 0)),
+        "closeness_largest": pack_magnitudes(arrays["closeness_largest"].transpose(1, 2, 0)),
+        "probability": pack_real(arrays["probability"][:, columns]),
+        "mac": pack_real(arrays["mac"][:, columns]),
     }
 
 
@@ -102,8 +104,11 @@ def _row(row: dict[str, Any], shown: list[int]) -> dict[str, object]:
     return kept | {"at": None if row["simulated"] is None else shown.index(row["simulated"])}
 
 
-def _picture(result: Result, rows: list[dict[str, Any]]) -> dict[str, object]:
-    """Surface and sensors, row after row; shapes of both of one size where the channels are."""
+def _picture(result: MatchResult, rows: list[dict[str, Any]]) -> dict[str, object]:
+    """Return surface and sensors with their motion in each row of the table.
+
+    Measured shapes have the scale that fits the simulated shape best at the channels.
+    """
     summary, arrays = result.summary, result.arrays
     dofs = [Dof.parse(label) for label in summary.channels]
     points = list(dict.fromkeys(dof.point for dof in dofs))
@@ -120,8 +125,8 @@ def _picture(result: Result, rows: list[dict[str, Any]]) -> dict[str, object]:
             if measured is not None:
                 size = float(simulated @ measured)
         if measured is not None:
-            sensors[number] = _at_places(size * measured, arrays["channel_axes"], dofs, points)
-    every = max(1, -(-len(arrays["triangles"]) // _MOST))
+            sensors[number] = _point_vectors(size * measured, arrays["channel_axes"], dofs, points)
+    every = max(1, -(-len(arrays["triangles"]) // _MAX_PICTURE_TRIANGLES))
     return {
         "stages": [],
         "centres": "",
@@ -132,20 +137,20 @@ def _picture(result: Result, rows: list[dict[str, Any]]) -> dict[str, object]:
         "boxed": [],
         "sensors": {
             "names": points,
-            "places": packed(np.array(places)),
-            "vectors": packed_complex(sensors),
+            "places": pack_real(np.array(places)),
+            "vectors": pack_complex(sensors),
         },
         "surface": {
-            "points": packed(arrays["points"]),
-            "triangles": packed_integers(arrays["triangles"][::every]),
-            "vectors": packed(surface),
+            "points": pack_real(arrays["points"]),
+            "triangles": pack_integers(arrays["triangles"][::every]),
+            "vectors": pack_real(surface),
         },
     }
 
 
-def _at_places(shape: Real, axes: Real, dofs: list[Dof], points: list[str]) -> Complex:
-    """What the channels of each point read, as a vector; (n_point, 3)."""
-    found = np.zeros((len(points), 3), complex)
+def _point_vectors(shape: Real, axes: Real, dofs: list[Dof], points: list[str]) -> Complex:
+    """Return the readings of each point's channels as a vector; (n_point, 3)."""
+    vectors = np.zeros((len(points), 3), complex)
     for value, axis, dof in zip(shape, axes, dofs, strict=True):
-        found[points.index(dof.point)] += value * axis
-    return found
+        vectors[points.index(dof.point)] += value * axis
+    return vectors

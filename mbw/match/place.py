@@ -1,4 +1,4 @@
-"""``mbw place``: where sensors tell simulated modes apart, and which modes a layout confuses."""
+"""``mbw place``: sensor placement by effective independence, and assessment of a layout."""
 
 import csv
 import io
@@ -9,33 +9,35 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from identification.matching import at_channels
+from identification.matching import shapes_at_channels
 from identification.readers.layout import read_layout
 from identification.readers.sites_table import SITES_HEADER, read_sites, sites_layout
 from identification.shapes import (
     Shapes,
     antinodes,
+    distinguish_modes,
     effective_independence,
     read_shapes,
     rigid_modes,
-    telling,
 )
 from identification.words import Dof, InputError, Integers, Layout
-from mbw.match.verb import Simulated
+from mbw.band import check_band
+from mbw.match.verb import SimulatedShapes
 from mbw.messages import SCREEN
 
-_APART = 0.05  # of the mesh's diagonal, between candidates
-_FEW = 3  # channels that tell a pair
+_MIN_CANDIDATE_DISTANCE = 0.05  # between candidate places, over the diagonal of the mesh
+_MAX_PAIR_CHANNELS = 3  # channels that are listed for a confused pair
+_MIN_MODE_MOTION = 0.1  # at all channels, over the largest motion; below, a mode is weak there
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What to place.
+class PlacementRequest:
+    """Request for places of sensors.
 
     Args:
-        channels: how many; three for each mode if None.
-        band: whose modes are to be told apart [Hz]; all elastic ones if None.
-        apart: of two places at least [m]; 5 % of the mesh's diagonal if None.
+        channels: number of channels; None for three for each mode.
+        band: band of the modes to distinguish [Hz]; None for all elastic modes.
+        apart: least distance of two places [m]; None for 5 % of the mesh's diagonal.
     """
 
     channels: int | None
@@ -43,31 +45,51 @@ class Wanted:
     apart: float | None
 
 
-def run(simulated: Simulated, wanted: Wanted, check: Path | None, out: Path | None) -> None:
-    """Propose places and directions, or look at those of a table; print which modes they confuse.
+def run_options(  # one for each option
+    shapes: Path,
+    *,
+    frequencies: Path | None,
+    channels: int | None,
+    apart: float | None,
+    check: Path | None,
+    out: Path | None,
+    band: tuple[float, float] | None,
+) -> None:
+    """Run the verb with the values of its options; see ``mbw.match.place_options``."""
+    check_band(band)
+    run(SimulatedShapes(shapes, frequencies), PlacementRequest(channels, band, apart), check, out)
+
+
+def run(
+    simulated: SimulatedShapes, request: PlacementRequest, check: Path | None, out: Path | None
+) -> None:
+    """Propose places and directions, or assess given ones; print which modes they confuse.
 
     Args:
-        simulated: shapes.
-        wanted: what to place.
-        check: a table of sites, or a layout, to look at instead.
-        out: where to write the proposal; stdout if None.
+        simulated: simulated shapes.
+        request: request for places.
+        check: table of sites, or layout, to assess instead; None for a proposal.
+        out: file of the proposal; None for stdout.
 
     Raises:
-        InputError: files that cannot be used, no elastic mode in the band.
-        UsageError: too few channels for the modes.
+        InputError: a file cannot be used, or no elastic mode lies in the band.
+        UsageError: there are too few channels for the modes.
     """
-    whole = read_shapes(simulated.path, simulated.frequencies)
-    held = rigid_modes(whole).held
-    low, high = wanted.band or (0.0, np.inf)
-    chosen = np.flatnonzero(held & (whole.frequencies >= low) & (whole.frequencies <= high))
+    every_shape = read_shapes(simulated.path, simulated.frequencies)
+    frequencies = every_shape.frequencies
+    is_elastic = rigid_modes(every_shape).supported
+    low, high = request.band or (0.0, np.inf)
+    chosen = np.flatnonzero(is_elastic & (frequencies >= low) & (frequencies <= high))
     if not len(chosen):
-        raise InputError(f"{whole.source} has no mode between {low:g} and {high:g} Hz.")
-    shapes = whole.only(chosen)
+        raise InputError(
+            f"{every_shape.source} has no mode between {low:g} and {high:g} Hz: widen --band"
+        )
+    shapes = every_shape.select(chosen)
     if check is not None:
-        layout, dofs = _looked_at(check)
+        layout, dofs = _read_channels(check)
     else:
-        layout, dofs = proposed(shapes, wanted)
-        text = written(layout, dofs)
+        layout, dofs = propose_channels(shapes, request)
+        text = format_sites_table(layout, dofs)
         if out is None:
             typer.echo(text, nl=False)
         else:
@@ -75,13 +97,16 @@ def run(simulated: Simulated, wanted: Wanted, check: Path | None, out: Path | No
     _say(shapes, chosen + 1, layout, dofs)
 
 
-def proposed(shapes: Shapes, wanted: Wanted) -> tuple[Layout, tuple[Dof, ...]]:
-    """Channels by effective independence, of candidates some way apart, antinodes among them."""
-    count = wanted.channels or 3 * len(shapes)
-    apart = _APART * shapes.extent if wanted.apart is None else wanted.apart
-    places = _candidates(shapes, apart)
-    at = shapes.vectors[:, places]  # (n_mode, n_place, 3)
-    kept = effective_independence(at.reshape(len(shapes), -1), count)
+def propose_channels(shapes: Shapes, request: PlacementRequest) -> tuple[Layout, tuple[Dof, ...]]:
+    """Choose channels by effective independence (Kammer 1991).
+
+    The candidates keep a distance from each other; the antinodes are among them.
+    """
+    count = request.channels or 3 * len(shapes)
+    distance = _MIN_CANDIDATE_DISTANCE * shapes.extent if request.apart is None else request.apart
+    places = _candidates(shapes, distance)
+    at_places = shapes.vectors[:, places]  # (n_mode, n_place, 3)
+    kept = effective_independence(at_places.reshape(len(shapes), -1), count)
     points, axes = places[kept // 3], kept % 3
     order = list(dict.fromkeys(points.tolist()))
     layout = sites_layout([f"acc{k + 1}" for k in range(len(order))], shapes.points[order])
@@ -92,23 +117,23 @@ def proposed(shapes: Shapes, wanted: Wanted) -> tuple[Layout, tuple[Dof, ...]]:
     return layout, dofs
 
 
-def _candidates(shapes: Shapes, apart: float) -> Integers:
-    """Points some way apart: every mode's antinode first, then as the mesh has them."""
+def _candidates(shapes: Shapes, distance: float) -> Integers:
+    """Return points at a distance from each other: antinodes first, then in the mesh's order."""
     used = np.unique(shapes.triangles)
     best = antinodes(shapes.vectors[:, used])
     order = used[np.append(best, np.setdiff1d(np.arange(len(used)), best))]
-    left = np.ones(len(order), bool)
+    is_free = np.ones(len(order), bool)
     chosen = []
     for k, point in enumerate(order.tolist()):
-        if left[k]:
+        if is_free[k]:
             chosen.append(point)
             away = np.linalg.norm(shapes.points[order] - shapes.points[point], axis=1)
-            left &= away >= apart
+            is_free &= away >= distance
     return np.array(chosen, np.intp)
 
 
-def written(layout: Layout, dofs: Sequence[Dof]) -> str:
-    """A table of sites, places [m] and axes."""
+def format_sites_table(layout: Layout, dofs: Sequence[Dof]) -> str:
+    """Return a table of sites, places [m] and axes as CSV."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(SITES_HEADER)
@@ -118,8 +143,8 @@ def written(layout: Layout, dofs: Sequence[Dof]) -> str:
     return text.getvalue()
 
 
-def _looked_at(path: Path) -> tuple[Layout, tuple[Dof, ...]]:
-    """A table of sites with its axes, or a layout with three axes at every site."""
+def _read_channels(path: Path) -> tuple[Layout, tuple[Dof, ...]]:
+    """Read a table of sites with its axes, or a layout with three axes at every site."""
     if path.suffix == ".csv":
         return read_sites(path)
     layout = read_layout(path)
@@ -135,26 +160,30 @@ def _write(text: str, out: Path) -> None:
 
 
 def _say(shapes: Shapes, numbers: Integers, layout: Layout, dofs: Sequence[Dof]) -> None:
-    """Which modes the channels confuse, and which pair is nearest to that."""
-    at = at_channels(shapes, layout, dofs)
-    found = telling(at)
+    """Print which modes the channels confuse, and which pair is most similar."""
+    at_channels = shapes_at_channels(shapes, layout, dofs)
+    similarity = distinguish_modes(at_channels)
     modes = ", ".join(f"{n} ({f:.2f} Hz)" for n, f in zip(numbers, shapes.frequencies, strict=True))
     SCREEN.say(f"{len(dofs)} channels at {len(layout.points)} sites for the modes {modes}")
-    apart = found.mac - np.eye(len(at))
-    if len(at) > 1:
-        first, second = divmod(int(apart.argmax()), len(apart))
+    off_diagonal = similarity.mac - np.eye(len(at_channels))
+    if len(at_channels) > 1:
+        first, second = divmod(int(off_diagonal.argmax()), len(off_diagonal))
         SCREEN.say(
-            f"most alike there: modes {numbers[first]} and {numbers[second]}, "
-            f"MAC {apart[first, second]:.2f}"
+            f"most similar at these channels: modes {numbers[first]} and {numbers[second]}, "
+            f"MAC {off_diagonal[first, second]:.2f}"
         )
-    for (one, other), channels in zip(found.confused, found.channels, strict=True):
-        best = ", ".join(str(dofs[k]) for k in channels[:_FEW])
+    for (first, second), channels in zip(similarity.confused, similarity.channels, strict=True):
+        best = ", ".join(str(dofs[k]) for k in channels[:_MAX_PAIR_CHANNELS])
         SCREEN.say(
-            f"modes {numbers[one]} and {numbers[other]} are confused; what tells them is {best}"
+            f"modes {numbers[first]} and {numbers[second]} are confused; they differ most at {best}"
         )
-    if not found.confused:
+    if not similarity.confused:
         SCREEN.say("no two modes are confused (MAC above 0.8)")
-    weak = np.linalg.norm(at, axis=1) / np.linalg.norm(shapes.vectors, axis=2).max(axis=1)
-    for number, size in zip(numbers, weak, strict=True):
-        if size < 0.1:
-            SCREEN.say(f"mode {number} hardly moves there: {size:.2g} of its greatest motion")
+    motion = np.linalg.norm(at_channels, axis=1) / np.linalg.norm(shapes.vectors, axis=2).max(
+        axis=1
+    )
+    for number, size in zip(numbers, motion, strict=True):
+        if size < _MIN_MODE_MOTION:
+            SCREEN.say(
+                f"mode {number} hardly moves at these channels: {size:.2g} of its largest motion"
+            )

@@ -1,4 +1,4 @@
-"""What ``mbw match`` found, gathered once for its files, its table and its page."""
+"""Result of ``mbw match``, collected once for its files, its table and its page."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,176 +10,190 @@ from pydantic import ValidationError
 
 from identification.impacts import ImpactCampaign, ImpactSpectra
 from identification.matching import (
-    ByHand,
-    Match,
-    Reading,
-    by_hand,
-    channels_at,
-    printed_match,
-    steadiest,
+    HandEstimate,
+    ModeMatch,
+    RatioReference,
+    channel_geometry,
+    choose_reference,
+    estimate_by_hand,
+    match_by_ratios,
 )
-from identification.shapes import RigidModes, Shapes, telling
+from identification.shapes import RigidModes, Shapes, distinguish_modes
 from identification.words import InputError, Integers
 from mbw.match.schema import HandRow, MatchFile, MatchRow
 
 MATCH_JSON, MATCH_NPZ, PAGE = "match.json", "match.npz", "match.html"
 NAMES = MATCH_JSON, MATCH_NPZ, PAGE
-_TELLING = 3  # channels that tell modes that are alike
-_UNSEEN = 1e-3  # of a mode's largest motion, what no channel tells from none
-_FINER = 8  # lines to look at, and to measure widths by, for one that is independent
+_MAX_DISTINGUISHING_CHANNELS = 3  # channels that are listed for a pair of similar modes
+_MIN_CHANNEL_MOTION = 1e-3  # over the largest motion of a mode; below, no channel observes it
+_ZERO_PADDING = 8  # interpolated frequency lines for each independent line, to read widths
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
-    """A match and what is shown beside it.
+class MatchResult:
+    """Match of measured and simulated modes with everything that its files and its page show.
 
     Args:
-        summary: names, modes, pairs.
-        arrays: numbers by name, as in match.npz.
+        summary: names, modes and pairs, as in match.json.
+        arrays: arrays by name, as in match.npz.
     """
 
     summary: MatchFile
     arrays: dict[str, Any]
 
 
-def gather(
-    whole: Shapes,
+def collect_result(
+    shapes: Shapes,
     rigid: RigidModes,
     campaign: ImpactCampaign,
-    found: Match,
+    match: ModeMatch,
     width_hz: float,
-) -> Result:
-    """Put together what was found.
+) -> MatchResult:
+    """Collect the result of a match.
 
     Args:
-        whole: shapes, rigid ones too.
-        rigid: which of them are.
-        campaign: of impacts.
-        found: the match with the shapes that are held.
-        width_hz: of the sliding average of amplitudes.
+        shapes: all simulated shapes, those of rigid modes too.
+        rigid: division of these into rigid and elastic modes.
+        campaign: campaign of impacts.
+        match: match of the measured modes with the elastic ones.
+        width_hz: width of the sliding average of amplitudes [Hz].
     """
-    spectra = campaign.spectra(_FINER)
-    number = np.flatnonzero(rigid.held) + 1
-    summary = _summary(whole, rigid, campaign, spectra, found)
-    readings: tuple[Reading, ...] = ("reference", "largest")
+    spectra = campaign.spectra(_ZERO_PADDING)
+    number = np.flatnonzero(rigid.supported) + 1
+    summary = _summary(shapes, rigid, campaign, spectra, match)
+    readings: tuple[RatioReference, ...] = ("reference", "largest")
     printed, largest = (
-        printed_match(spectra, found.at, summary.reference, reading=reading, width_hz=width_hz)
+        match_by_ratios(
+            spectra,
+            match.simulated_shapes,
+            summary.reference,
+            reading=reading,
+            width_hz=width_hz,
+        )
         for reading in readings
     )
-    places, axes = channels_at(campaign.layout, spectra.dofs)
-    shown = _shown(summary)
-    own = [int(np.flatnonzero(number == one)[0]) for one in shown]
-    vectors = whole.vectors[np.array(shown, np.intp) - 1]
+    places, axes = channel_geometry(campaign.layout, spectra.dofs)
+    shown = _shown_modes(summary)
+    columns = [int(np.flatnonzero(number == mode)[0]) for mode in shown]
+    vectors = shapes.vectors[np.array(shown, np.intp) - 1]
     arrays = {
         "freq_hz": spectra.freq_hz,
         "numbers": number,
-        "simulated_hz": found.simulated_hz,
-        "at": found.at,
-        "probability": found.probability,
-        "mac": found.mac,
+        "simulated_hz": match.simulated_hz,
+        "at": match.simulated_shapes,
+        "probability": match.probability,
+        "mac": match.mac,
         "shown": np.array(shown, np.intp),
-        "shown_hz": found.simulated_hz[own],
+        "shown_hz": match.simulated_hz[columns],
         "places": np.array(printed.places),
         "amplitude": printed.amplitude,
-        "ratios": printed.simulated[own],
-        "closeness": printed.impacts[:, own],
-        "closeness_largest": largest.impacts[:, own],
-        "points": whole.points.astype(np.float32),
-        "triangles": whole.triangles.astype(np.int32),
+        "ratios": printed.simulated[columns],
+        "closeness": printed.closeness[:, columns],
+        "closeness_largest": largest.closeness[:, columns],
+        "points": shapes.points.astype(np.float32),
+        "triangles": shapes.triangles.astype(np.int32),
         "vectors": vectors.astype(np.float32),
         "channel_places": places,
         "channel_axes": axes,
     }
-    return Result(summary, arrays)
+    return MatchResult(summary, arrays)
 
 
-def _shown(summary: MatchFile) -> list[int]:
-    """Simulated modes that the page shows: those that were measured, or might have been."""
+def _shown_modes(summary: MatchFile) -> list[int]:
+    """Return the simulated modes of the page: matched ones, and unmatched ones in the band."""
     matched = {row.simulated for row in summary.modes if row.simulated is not None}
     return sorted(matched | set(summary.unmatched))
 
 
 def _summary(
-    whole: Shapes,
+    shapes: Shapes,
     rigid: RigidModes,
     campaign: ImpactCampaign,
     spectra: ImpactSpectra,
-    found: Match,
+    match: ModeMatch,
 ) -> MatchFile:
-    number = np.flatnonzero(rigid.held) + 1
+    number = np.flatnonzero(rigid.supported) + 1
     names = [str(dof) for dof in spectra.dofs]
-    band = (found.simulated_hz >= campaign.band[0]) & (found.simulated_hz <= campaign.band[1])
-    left = [int(number[k]) for k in np.flatnonzero(band) if k not in found.pairs.values()]
-    own, told = number[band], telling(found.at[band])
-    vectors = whole.vectors[own - 1]
-    moved = np.abs(found.at[band]).max(axis=1, initial=0.0) / np.abs(vectors).max(axis=(1, 2))
+    band = (match.simulated_hz >= campaign.band[0]) & (match.simulated_hz <= campaign.band[1])
+    unmatched = [int(number[k]) for k in np.flatnonzero(band) if k not in match.pairs.values()]
+    at_channels = match.simulated_shapes[band]
+    in_band, similarity = number[band], distinguish_modes(at_channels)
+    vectors = shapes.vectors[in_band - 1]
+    motion = np.abs(at_channels).max(axis=1, initial=0.0) / np.abs(vectors).max(axis=(1, 2))
     return MatchFile(
-        shapes=whole.source,
+        shapes=shapes.source,
         campaign=str(campaign.path),
         band=list(campaign.band),
-        lines=len(spectra.freq_hz) // _FINER,
-        mass=rigid.mass if rigid.normalised else None,
+        lines=len(spectra.freq_hz) // _ZERO_PADDING,
+        mass=rigid.mass if rigid.is_mass_normalised else None,
         channels=names,
         impacts=list(spectra.sources),
         modes=[
-            _row(found, spectra, mode, number, names)
-            for mode in range(len(found.measured.frequencies))
+            _row(match, spectra, mode, number, names)
+            for mode in range(len(match.measured.frequencies))
         ],
-        unmatched=left,
-        alike=[[int(own[i]), int(own[j])] for i, j in told.confused],
-        alike_told_by=[[names[k] for k in best[:_TELLING]] for best in told.channels],
-        unseen=[int(n) for n, size in zip(own, moved, strict=True) if size < _UNSEEN],
-        reference=steadiest(found.at[band] if band.any() else found.at, spectra.dofs),
+        unmatched=unmatched,
+        alike=[[int(in_band[i]), int(in_band[j])] for i, j in similarity.confused],
+        alike_told_by=[
+            [names[k] for k in best[:_MAX_DISTINGUISHING_CHANNELS]] for best in similarity.channels
+        ],
+        unseen=[
+            int(n) for n, size in zip(in_band, motion, strict=True) if size < _MIN_CHANNEL_MOTION
+        ],
+        reference=choose_reference(
+            at_channels if band.any() else match.simulated_shapes, spectra.dofs
+        ),
     )
 
 
 def _row(
-    found: Match, spectra: ImpactSpectra, mode: int, number: Integers, names: list[str]
+    match: ModeMatch, spectra: ImpactSpectra, mode: int, number: Integers, names: list[str]
 ) -> MatchRow:
-    pair = found.pairs.get(mode)
-    none = 1 - float(found.probability[mode].sum())
+    pair = match.pairs.get(mode)
+    no_match = 1 - float(match.probability[mode].sum())
+    estimates = estimate_by_hand(spectra, match.measured, mode)
     return MatchRow(
-        frequency=float(found.measured.frequencies[mode]),
-        frequency_sd=float(found.measured.frequency_sd[mode]),
-        damping=float(found.measured.dampings[mode]),
-        damping_sd=float(found.measured.damping_sd[mode]),
+        frequency=float(match.measured.frequencies[mode]),
+        frequency_sd=float(match.measured.frequency_sd[mode]),
+        damping=float(match.measured.dampings[mode]),
+        damping_sd=float(match.measured.damping_sd[mode]),
         simulated=None if pair is None else int(number[pair]),
-        simulated_frequency=None if pair is None else float(found.simulated_hz[pair]),
-        probability=none if pair is None else float(found.probability[mode, pair]),
-        mac=None if pair is None else float(found.mac[mode, pair]),
-        telling=[names[channel] for channel in found.channels(mode)],
-        shape=found.measured.shapes[mode].tolist(),
-        by_hand=[_hand(one, spectra) for one in by_hand(spectra, found.measured, mode)],
+        simulated_frequency=None if pair is None else float(match.simulated_hz[pair]),
+        probability=no_match if pair is None else float(match.probability[mode, pair]),
+        mac=None if pair is None else float(match.mac[mode, pair]),
+        telling=[names[channel] for channel in match.telling_channels(mode)],
+        shape=match.measured.shapes[mode].tolist(),
+        by_hand=[_hand_row(estimate, spectra) for estimate in estimates],
     )
 
 
-def _hand(one: ByHand, spectra: ImpactSpectra) -> HandRow:
+def _hand_row(estimate: HandEstimate, spectra: ImpactSpectra) -> HandRow:
     return HandRow(
-        channel=str(one.dof),
-        impact=spectra.sources[one.impact],
-        lower=one.lower,
-        peak=one.peak,
-        upper=one.upper,
-        damping=one.damping,
-        least_squares=one.least_squares,
-        maximum=one.maximum,
+        channel=str(estimate.dof),
+        impact=spectra.sources[estimate.impact],
+        lower=estimate.lower,
+        peak=estimate.peak,
+        upper=estimate.upper,
+        damping=estimate.damping,
+        least_squares=estimate.least_squares,
+        maximum=estimate.maximum,
     )
 
 
-def write_result(result: Result, folder: Path) -> None:
-    """Write all but the page into a folder that is there."""
+def write_result(result: MatchResult, folder: Path) -> None:
+    """Write all files but the page into an existing folder."""
     (folder / MATCH_JSON).write_text(result.summary.model_dump_json(indent=1) + "\n", "utf-8")
     np.savez_compressed(folder / MATCH_NPZ, allow_pickle=False, **result.arrays)
 
 
-def read_result(path: Path) -> Result:
-    """Read a result back.
+def read_result(path: Path) -> MatchResult:
+    """Read the result that ``mbw match`` wrote.
 
     Args:
-        path: its folder, or the match.json in it.
+        path: folder of the result, or its match.json.
 
     Raises:
-        InputError: a file is missing or of another program.
+        InputError: a file is missing, broken or of another version.
     """
     folder = path if path.is_dir() else path.parent
     file = folder / MATCH_JSON
@@ -193,4 +207,4 @@ def read_result(path: Path) -> Result:
         ) from error
     except (ValidationError, ValueError, BadZipFile) as error:
         raise InputError(f"{file} is not of this version: run mbw match again") from error
-    return Result(summary, arrays)
+    return MatchResult(summary, arrays)

@@ -1,4 +1,4 @@
-"""What ``mbw match`` writes: match.json."""
+"""Content of ``match.json``, which ``mbw match`` writes."""
 
 from typing import Annotated
 
@@ -8,14 +8,15 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class HandRow(BaseModel):
-    """A channel's damping and amplitude by hand, as tables 2 and 3 of the gondola's paper.
+    """Damping and amplitude of one channel by hand, as in tables 2 and 3 of the gondola's paper.
 
     Args:
-        channel: such as ``acc1:+tx``.
-        impact: its file.
-        lower, peak, upper: the peak, and where it has fallen by 3 dB [Hz].
-        damping: ratio, by that width.
-        least_squares, maximum: amplitude C by the lines of the width and by the peak [m/s2 s].
+        channel: label of the channel, such as ``acc1:+tx``.
+        impact: file of the impact.
+        lower, peak, upper: frequency of the peak, and of the half-power (3 dB) points [Hz].
+        damping: damping ratio by the half-power width.
+        least_squares, maximum: amplitude C by least squares over the lines of that width, and by
+            the value at the peak [m/s2 s].
     """
 
     channel: str
@@ -29,18 +30,18 @@ class HandRow(BaseModel):
 
 
 class MatchRow(BaseModel):
-    """A measured mode and the simulated one that it is.
+    """Measured mode and the simulated mode that matches it.
 
     Args:
-        frequency, frequency_sd: natural [Hz].
-        damping, damping_sd: ratio.
+        frequency, frequency_sd: natural frequency and its standard deviation [Hz].
+        damping, damping_sd: damping ratio and its standard deviation.
         simulated: number of the simulated mode in its file, from 1; null for no match.
-        simulated_frequency: its frequency [Hz].
-        probability: that it is that one; of no match where that is likelier.
-        mac: of signed shapes at the channels.
-        telling: channels that tell it from the next candidate.
-        shape: real, at ``channels``, of unit size.
-        by_hand: of the channels that move most.
+        simulated_frequency: frequency of the simulated mode [Hz].
+        probability: posterior probability of this match; without a match, that of no match.
+        mac: MAC of the signed shapes at the channels.
+        telling: channels that distinguish this match from the next candidate.
+        shape: real shape at ``channels``, of unit norm.
+        by_hand: estimates by hand at the channels that move most.
     """
 
     frequency: Finite
@@ -57,21 +58,22 @@ class MatchRow(BaseModel):
 
 
 class MatchFile(BaseModel):
-    """What was found.
+    """Content of ``match.json``.
 
     Args:
-        shapes, campaign: what was read.
-        band: of the lines [Hz].
-        lines: independent ones in the band.
-        mass: of the simulated structure by its rigid modes [kg]; null if they do not tell.
-        channels: such as ``acc1:+tx``.
+        shapes, campaign: paths of the simulated shapes and of the campaign.
+        band: lowest and highest frequency [Hz].
+        lines: number of independent frequency lines in the band.
+        mass: mass of the simulated structure by its rigid modes [kg]; null if they are not
+            normalised by mass.
+        channels: labels of the channels, such as ``acc1:+tx``.
         impacts: files of the records.
-        modes: measured, by rising frequency.
-        unmatched: numbers of simulated modes in the band that no measured mode is.
+        modes: measured modes, by rising frequency.
+        unmatched: numbers of simulated modes in the band without a measured mode.
         alike: pairs of simulated modes with a MAC above 0.8 at these channels.
-        alike_told_by: for each of them the channels where they differ most.
+        alike_told_by: for each of these pairs the channels where they differ most.
         unseen: numbers of simulated modes in the band that do not move at these channels.
-        reference: place to which ratios of amplitudes are taken.
+        reference: place in the denominator of the ratios of amplitudes.
     """
 
     shapes: str

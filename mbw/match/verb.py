@@ -1,4 +1,4 @@
-"""``mbw match``: finite-element shapes against the modes of a few sensors."""
+"""``mbw match``: match of measured modes with finite-element modes (few sensors, unknown force)."""
 
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -8,72 +8,94 @@ import numpy as np
 import typer
 
 from identification.impacts import read_impacts
-from identification.matching import match
-from identification.shapes import How, RigidModes, check_mass, read_shapes, rigid_modes
+from identification.matching import match_modes
+from identification.shapes import RigidModes, ShapeSampling, check_mass, read_shapes, rigid_modes
 from identification.words import InputError
-from mbw.files import check_json, check_names, write_json
+from mbw.files import check_json_target, check_output_folder, write_json
 from mbw.match.page import render
-from mbw.match.result import NAMES, PAGE, gather, write_result
+from mbw.match.result import NAMES, PAGE, collect_result, write_result
 from mbw.match.schema import MatchFile
 from mbw.messages import SCREEN
-from tuning import files_of
+from tuning import write_atomically
 
 
 @dataclass(frozen=True)
-class Simulated:
-    """Where shapes come from and what is known of them.
+class SimulatedShapes:
+    """Source of the simulated shapes and what the user states about them.
 
     Args:
-        path: the mesh.
-        frequencies: a table beside it; None for names that tell them.
-        mass: stated [kg]; None if nobody did.
-        how: shapes are read at sensors.
+        path: mesh with the shapes as point data.
+        frequencies: table of their frequencies; None if the names of the shapes state them.
+        mass: mass of the structure [kg]; None if the user does not state it.
+        sampling: how shapes are read at the sensors.
     """
 
     path: Path
     frequencies: Path | None = None
     mass: float | None = None
-    how: How = "interpolated"
+    sampling: ShapeSampling = "interpolated"
 
 
-_WITHIN = 0.05  # of a stated mass
+_MASS_TOLERANCE = 0.05  # relative difference to a stated mass
+
+
+def run_options(  # one for each option
+    shapes: Path,
+    campaign: Path,
+    *,
+    out: Path | None,
+    frequencies: Path | None,
+    mass: float | None,
+    nearest: bool,
+    width: float,
+    json: Path | None,
+) -> None:
+    """Run the verb with the values of its options, as ``mbw.match.options`` describes them."""
+    sampling: ShapeSampling = "nearest" if nearest else "interpolated"
+    run(SimulatedShapes(shapes, frequencies, mass, sampling), campaign, out, json, width)
 
 
 def run(
-    simulated: Simulated, folder: Path, out: Path | None, json: Path | None, width_hz: float
+    simulated: SimulatedShapes, folder: Path, out: Path | None, json: Path | None, width_hz: float
 ) -> Path:
-    """Match, print, write the result and its page.
+    """Match the modes, print a table, write the result and its page.
 
     Args:
-        simulated: shapes.
-        folder: of the campaign.
-        out: folder of the result; <campaign>-matched if None.
-        json: a file beside it, or ``-``.
-        width_hz: of the sliding average of amplitudes.
+        simulated: simulated shapes.
+        folder: folder of the campaign.
+        out: folder of the result; None for <campaign>-matched.
+        json: further JSON file, or ``-`` for stdout; None for none.
+        width_hz: width of the sliding average of amplitudes [Hz].
 
     Returns:
         The folder of the result.
 
     Raises:
-        InputError: files that cannot be used, shapes of another mass, no elastic mode.
+        InputError: a file cannot be used, the shapes have another mass, or no mode is elastic.
     """
     campaign = read_impacts(folder)
     target = out or Path(f"{campaign.path.parent.absolute().name}-matched")
-    check_names(target, NAMES)
+    check_output_folder(target, NAMES)
     if json is not None:
-        check_json(json)
-    whole = read_shapes(simulated.path, simulated.frequencies)
-    rigid = rigid_modes(whole)
+        check_json_target(json)
+    shapes = read_shapes(simulated.path, simulated.frequencies)
+    rigid = rigid_modes(shapes)
     if simulated.mass is not None:
         if not 0 < simulated.mass < np.inf:
-            raise InputError(f"--mass {simulated.mass:g} is no mass. Give what it weighs in kg.")
-        check_mass(rigid, simulated.mass, _WITHIN, str(simulated.path))
-    if not rigid.held.any():
-        raise InputError(f"{simulated.path} has modes at rest alone. Give some that vibrate.")
+            raise InputError(
+                f"--mass {simulated.mass:g} is no mass: give the mass of the structure in kg"
+            )
+        check_mass(rigid, simulated.mass, _MASS_TOLERANCE, str(simulated.path))
+    if not rigid.supported.any():
+        raise InputError(
+            f"{simulated.path} has rigid modes alone: give a mesh with elastic modes too"
+        )
     with SCREEN.console.status("clocks, spectra, modes") if not SCREEN.quiet else nullcontext():
-        found = match(whole.only(rigid.held), campaign.layout, campaign.spectra(), simulated.how)
-        result = gather(whole, rigid, campaign, found, width_hz)
-    with files_of(target) as place:
+        matched = match_modes(
+            shapes.select(rigid.supported), campaign.layout, campaign.spectra(), simulated.sampling
+        )
+        result = collect_result(shapes, rigid, campaign, matched, width_hz)
+    with write_atomically(target) as place:
         write_result(result, place)
         (place / PAGE).write_text(render(result), encoding="utf-8")
     if json is not None:
@@ -87,14 +109,16 @@ def run(
 
 
 def _print(result: MatchFile) -> None:
-    typer.echo("measured/Hz       sd  damping/%  is mode  simulated/Hz  probability   MAC  told by")
+    typer.echo(
+        "measured/Hz       sd  damping/%  is mode  simulated/Hz  probability   MAC  evidence at"
+    )
     for row in result.modes:
         simulated = "-" if row.simulated is None else str(row.simulated)
-        at = "-" if row.simulated_frequency is None else f"{row.simulated_frequency:.2f}"
-        alike = "-" if row.mac is None else f"{row.mac:.2f}"
+        frequency = "-" if row.simulated_frequency is None else f"{row.simulated_frequency:.2f}"
+        mac = "-" if row.mac is None else f"{row.mac:.2f}"
         typer.echo(
             f"{row.frequency:11.3f}  {row.frequency_sd:7.4f}  {100 * row.damping:9.2f}  "
-            f"{simulated:>7}  {at:>12}  {row.probability:11.3f}  {alike:>4}  "
+            f"{simulated:>7}  {frequency:>12}  {row.probability:11.3f}  {mac:>4}  "
             f"{', '.join(row.telling)}"
         )
 
@@ -102,20 +126,20 @@ def _print(result: MatchFile) -> None:
 def _say(result: MatchFile, rigid: RigidModes) -> None:
     if result.mass is not None:
         SCREEN.say(f"the simulated structure weighs {result.mass:.4g} kg by its rigid modes")
-    elif rigid.modes.sum() == 6:
-        SCREEN.say("the shapes are not normalised by mass: what they weigh cannot be told")
-    loose = int((~rigid.held).sum())
-    if loose not in (0, 6):
-        SCREEN.say(f"{loose} simulated modes are at rest; a structure that nothing holds has six")
-    if not (rigid.held | rigid.modes).all():
-        SCREEN.say("one of them deforms: a mechanism, which is left out as rigid ones are")
+    elif rigid.is_rigid.sum() == 6:
+        SCREEN.say("the mass is unknown: the simulated shapes are not normalised by mass")
+    n_zero = int((~rigid.supported).sum())
+    if n_zero not in (0, 6):
+        SCREEN.say(f"{n_zero} simulated modes have zero frequency; a free structure has six")
+    if not (rigid.supported | rigid.is_rigid).all():
+        SCREEN.say("one of them deforms the structure: this mechanism is left out like rigid modes")
     for (first, second), channels in zip(result.alike, result.alike_told_by, strict=True):
         SCREEN.say(
-            f"modes {first} and {second} are alike at these channels; what tells them is "
+            f"modes {first} and {second} are similar at these channels; they differ most at "
             f"{', '.join(channels)}"
         )
     for number in result.unseen:
-        SCREEN.say(f"mode {number} does not move at these channels: nothing can be said of it")
+        SCREEN.say(f"mode {number} does not move at these channels and cannot be matched")
     if result.unmatched:
-        left = ", ".join(str(one) for one in result.unmatched)
-        SCREEN.say(f"simulated in the band and not measured: {left}")
+        unmatched = ", ".join(str(number) for number in result.unmatched)
+        SCREEN.say(f"simulated modes in the band that were not measured: {unmatched}")

@@ -1,1 +1,1 @@
-"""What all pages share: frame, picture of the machine, numbers as text."""
+"""Parts that all pages share: frame, 3-D picture of the machine, numbers as text."""

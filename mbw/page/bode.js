@@ -1,18 +1,18 @@
-// Magnitude over phase along one frequency axis: what all pages with frequency responses share.
+// Bode plots, shared by all pages with FRFs: magnitude above phase along one frequency axis.
 
-// The values of one channel, each a pair of real and imaginary part.
+// Return the values of one channel as pairs of real and imaginary part.
 function complexes(values, channel, count) {
   const start = 2 * count * channel;
   return Array.from({length: count}, (_, k) => [values[start + 2 * k], values[start + 2 * k + 1]]);
 }
 
-// Sizes, and angles in degrees with a gap where they wrap; null where there is nothing.
+// Return magnitudes, and angles in degrees with a gap where they wrap; null without a value.
 function polar(values) {
   const size = values.map(v => { const s = Math.hypot(...v); return s > 0 && Number.isFinite(s) ? s : null; });
   return {size, angle: unwrapped(values.map((v, k) => size[k] === null ? null : Math.atan2(v[1], v[0]) * 180 / Math.PI))};
 }
 
-// The same of one channel that was packed as steps and hundredths of a degree.
+// Return magnitudes and angles of one channel that pack_polar packed.
 function unpackedPolar(values, channel, count) {
   const start = 2 * count * channel, size = Array.from({length: count}, (_, k) => sizeOf(values[start + 2 * k]));
   return {size, angle: unwrapped(size.map((v, k) => v === null ? null : values[start + 2 * k + 1] / 100))};
@@ -23,7 +23,7 @@ function unwrapped(angle) {
   return angle;
 }
 
-// Of one response its magnitude, and its phase on the second axis.
+// Return the traces of an FRF: its magnitude, and its phase on the second axis.
 function bodeTraces(x, {size, angle}, name, line, extra = {}) {
   const common = {type: "scatter", mode: "lines", x, name, legendgroup: name, line, ...extra}, tail = "<extra>" + escaped(name) + "</extra>";
   return [{...common, y: size, hovertemplate: "%{x:.5g} Hz: %{y:.4g}" + tail},

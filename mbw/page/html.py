@@ -1,4 +1,4 @@
-"""What all self-contained HTML pages share: plotly, style, script, numbers as text, their file."""
+"""Self-contained HTML pages from templates, with plotly, style, scripts and packed arrays."""
 
 import base64
 import json
@@ -10,10 +10,12 @@ from string import Template
 import numpy as np
 from plotly.offline import get_plotlyjs
 
-_DECADE, _HUNDREDTHS = 1500, 100  # as page.js reads them
+# Resolution of 16-bit numbers; page/common.js decodes them with these values.
+_STEPS_PER_DECADE = 1500  # of a magnitude's logarithm
+_STEPS_PER_DEGREE = 100  # of a phase
 
 
-def fill(
+def fill_template(
     template: str,
     data: object,
     *,
@@ -21,82 +23,85 @@ def fill(
     styles: Iterable[str] = (),
     **fields: str,
 ) -> str:
-    """A page from a template of this package.
+    """Return a page as HTML, from a template of this package and the frame of all pages.
 
     Args:
-        template: file name; it stands between title and script.
-        data: what the scripts work on, as JSON.
-        scripts: file names of the page's own, after that of all pages.
-        styles: likewise.
-        fields: the places of page and template, as HTML: ``$title``, ``$subtitle`` and its own.
+        template: file name of the template; its text stands between title and script.
+        data: data of the scripts, written as JSON.
+        scripts: file names of the page's scripts; they follow the script of all pages.
+        styles: file names of the page's style sheets; they follow that of all pages.
+        fields: HTML for the fields of frame and template: ``$title``, ``$subtitle`` and others.
     """
-    whole = text_of("page/frame.html").replace("$main", piece(template))
+    whole = read_asset("page/frame.html").replace("$main", read_fragment(template))
     return Template(whole).substitute(
         fields,
-        script="".join(text_of(name) for name in scripts),
-        style="".join(text_of(name) for name in ("page/style.css", *styles)),
+        script="".join(read_asset(name) for name in scripts),
+        style="".join(read_asset(name) for name in ("page/style.css", *styles)),
         plotly=get_plotlyjs(),
-        common=text_of("page/common.js"),
+        common=read_asset("page/common.js"),
         data=_script_json(data),
     )
 
 
-def piece(name: str) -> str:
-    """Part of a page from this package; ``$picture`` in it is where the machine moves."""
-    return text_of(name).replace("$picture", text_of("page/picture.html"))
+def read_fragment(name: str) -> str:
+    """Return a part of a page; its field ``$picture`` becomes the HTML of the 3-D picture."""
+    return read_asset(name).replace("$picture", read_asset("page/picture.html"))
 
 
-def text_of(name: str) -> str:
-    """A text file of this package."""
+def read_asset(name: str) -> str:
+    """Return the content of a text file of this package."""
     return files("mbw").joinpath(name).read_text("utf-8")
 
 
 def _script_json(value: object) -> str:
-    """JSON that cannot end the script element it stands in."""
+    """Return JSON in which no ``<`` can end the script element around it."""
     return json.dumps(value, allow_nan=False).replace("<", "\\u003c")
 
 
-def warnings(texts: Iterable[str]) -> str:
-    """Sentences that a reader must not miss."""
+def warning_boxes(texts: Iterable[str]) -> str:
+    """Return HTML of highlighted sentences that a reader must not miss."""
     return "".join(f'<div class="warn">{escape(text)}</div>' for text in texts)
 
 
 def badge(text: str, good: bool | None) -> str:
-    """A few words in a coloured pill: green or red, grey if neither."""
+    """Return HTML of a few words in a coloured pill: green if good, red if not, grey for None."""
     kind = "plain" if good is None else "good" if good else "trouble"
     return f'<span class="badge {kind}">{escape(text)}</span>'
 
 
-def packed(values: np.ndarray) -> str:
-    """Real numbers in single precision."""
+def pack_real(values: np.ndarray) -> str:
+    """Return real numbers in single precision, base64-encoded."""
     return _base64(values, "<f4")
 
 
-def packed_complex(values: np.ndarray) -> str:
-    """Complex numbers in single precision, real and imaginary part in turn."""
+def pack_complex(values: np.ndarray) -> str:
+    """Return complex numbers in single precision, base64-encoded; real part first."""
     return _base64(values, "<c8")
 
 
-def packed_sizes(values: np.ndarray) -> str:
-    """Sizes as 16 bits: steps of their logarithm, less than 0.1 % off; zero and nan as none."""
-    return _base64(_steps(values), "<i2")
+def pack_magnitudes(values: np.ndarray) -> str:
+    """Return magnitudes as 16-bit steps of their logarithm, base64-encoded.
+
+    The error is below 0.1 %; zero and nan become "no value".
+    """
+    return _base64(_log_steps(values), "<i2")
 
 
-def packed_polar(values: np.ndarray) -> str:
-    """Complex numbers, steps of the logarithm and hundredths of a degree in turn."""
+def pack_polar(values: np.ndarray) -> str:
+    """Return complex numbers as 16-bit magnitude and phase (hundredths of a degree), base64."""
     degrees = np.degrees(np.angle(np.nan_to_num(values)))
-    turns = np.round(_HUNDREDTHS * degrees)
-    return _base64(np.stack([_steps(np.abs(values)), turns], axis=-1), "<i2")
+    phases = np.round(_STEPS_PER_DEGREE * degrees)
+    return _base64(np.stack([_log_steps(np.abs(values)), phases], axis=-1), "<i2")
 
 
-def _steps(values: np.ndarray) -> np.ndarray:
-    known = np.isfinite(values) & (values > 0)
-    steps = np.round(_DECADE * np.log10(np.where(known, values, 1.0)))
-    return np.where(known, np.clip(steps, 1 - 2**15, 2**15 - 1), -(2**15))
+def _log_steps(values: np.ndarray) -> np.ndarray:
+    is_positive = np.isfinite(values) & (values > 0)
+    steps = np.round(_STEPS_PER_DECADE * np.log10(np.where(is_positive, values, 1.0)))
+    return np.where(is_positive, np.clip(steps, 1 - 2**15, 2**15 - 1), -(2**15))
 
 
-def packed_integers(values: np.ndarray) -> str:
-    """Whole numbers of 32 bits."""
+def pack_integers(values: np.ndarray) -> str:
+    """Return integers of 32 bits, base64-encoded."""
     return _base64(values, "<i4")
 
 

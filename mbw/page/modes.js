@@ -1,12 +1,12 @@
-// The table of modes beside the picture: which row is chosen, by a click or the arrow keys.
-// The page's script gives ``state``, ``MODES`` and choose(k), which calls turn().
+// Table of modes beside the picture; a click or the arrow keys choose a row.
+// The page's script defines ``state``, ``MODES`` and choose(k), which calls turn().
 
 const digits = value => value < 10 ? value.toFixed(3) : value.toFixed(2);
 const deviation = value => value === 0 ? "0" : value < 1e-4 ? value.toExponential(0) : value.toPrecision(2);
 
 const rowsOf = () => document.querySelector("#modes tbody").rows;
 
-// To mode k: its row, its title over the picture, its motion.
+// Show mode k: mark its row, write its title above the picture, show its motion.
 function turn(k, title) {
   const rows = rowsOf();
   rows[state.mode].removeAttribute("aria-selected");
@@ -29,7 +29,7 @@ function arrowKeys() {
   });
 }
 
-// At the start: the mode that the address names, as #3.
+// Choose the mode that the address names, such as #3, when the page opens.
 function chooseFirst() {
   const first = Number(location.hash.slice(1));
   choose(first >= 1 && first <= MODES.length ? first - 1 : 0);

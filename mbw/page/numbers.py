@@ -1,17 +1,17 @@
-"""Numbers and units as reports write them."""
+"""Numbers and units as text, as pages write them."""
 
 import math
 
-UNITS = {  # of FRFs along and about an axis
+UNITS = {  # units of FRFs with the motion along and about an axis
     "accelerance": ("m/s²/N", "rad/s²/N"),
     "mobility": ("m/s/N", "rad/s/N"),
     "receptance": ("m/N", "rad/N"),
 }
-_SHOWN = {"m": ("mm", 1e3), "rad": ("°", math.degrees(1.0))}
+_DISPLAY_UNITS = {"m": ("mm", 1e3), "rad": ("°", math.degrees(1.0))}  # name, factor from SI
 
 
-def short(value: float) -> str:
-    """Four figures, such as 5.570e9."""
+def format_four_digits(value: float) -> str:
+    """Return a number with four significant digits, such as ``5.570e9``."""
     text = f"{value:#.4g}"
     if "e" not in text:
         return text.rstrip(".")
@@ -19,24 +19,27 @@ def short(value: float) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
-def percent(value: float) -> str:
-    """Three figures."""
+def format_percent(value: float) -> str:
+    """Return a ratio in per cent, with three significant digits."""
     return f"{100 * value:.3g} %"
 
 
-def moved(drawn: float, value: float, unit: str) -> str:
-    """How far a value is from the drawn one: in mm or degrees, of sizes in per cent."""
-    if unit in _SHOWN:
-        name, scale = _SHOWN[unit]
-        return f"{scale * (value - drawn):+.3g}{_spaced(name)}"
+def format_shift(drawn: float, value: float, unit: str) -> str:
+    """Return the shift of a value from its nominal one.
+
+    Lengths and angles are in mm and degrees; all else is relative, in per cent.
+    """
+    if unit in _DISPLAY_UNITS:
+        name, scale = _DISPLAY_UNITS[unit]
+        return f"{scale * (value - drawn):+.3g}{_with_space(name)}"
     return f"{100 * (value / drawn - 1):+.3g} %" if drawn else f"{value:+.3g} {unit}"
 
 
-def tolerance(prior: float, unit: str) -> str:
-    """A standard deviation of the drawing: in mm or degrees, of sizes in per cent."""
-    name, scale = _SHOWN.get(unit, ("%", 100.0))
-    return f"{scale * prior:.3g}{_spaced(name)}"
+def format_tolerance(prior: float, unit: str) -> str:
+    """Return a prior standard deviation: in mm or degrees, for all else in per cent."""
+    name, scale = _DISPLAY_UNITS.get(unit, ("%", 100.0))
+    return f"{scale * prior:.3g}{_with_space(name)}"
 
 
-def _spaced(unit: str) -> str:
+def _with_space(unit: str) -> str:
     return unit if unit == "°" else f" {unit}"

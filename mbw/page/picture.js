@@ -1,13 +1,13 @@
-// A machine moving in its modes: stages as solids, sensors as they were measured.
-// The page's script gives ``state`` (mode, amplitude, playing) and calls film() and start().
+// Animated 3-D picture of a machine: stages move as solids, sensors as they were measured.
+// The page's script defines ``state`` (mode, amplitude, playing) and calls film() and start().
 const PICTURE = DATA.picture, STAGES = PICTURE.stages.length;
 const SHAPES = floats(PICTURE.shapes), CENTRES = floats(PICTURE.centres);
-const PERIOD = 1800;  // ms of one swing
+const PERIOD = 1800;  // of the animated motion [ms]
 
-// Measured sensors: their places and, mode after mode, the vectors of their motion.
+// Places of the measured sensors and, mode after mode, the vectors of their motion.
 const SENSORS = PICTURE.sensors ? {...PICTURE.sensors, places: floats(PICTURE.sensors.places), vectors: floats(PICTURE.sensors.vectors)} : null;
 
-// A simulated surface: its points and, mode after mode, the vectors of their motion.
+// Points of a simulated surface and, mode after mode, the vectors of their motion.
 const SURFACE = PICTURE.surface ? {points: floats(PICTURE.surface.points), triangles: integers(PICTURE.surface.triangles), vectors: floats(PICTURE.surface.vectors)} : null;
 
 // ---- the machine: points that move with stages ---------------------------------------------
@@ -15,7 +15,7 @@ const SURFACE = PICTURE.surface ? {points: floats(PICTURE.surface.points), trian
 const MESHES = PICTURE.meshes.map(mesh => ({...mesh, vertices: floats(mesh.vertices),
   triangles: integers(mesh.triangles), edges: integers(mesh.edges)}));
 
-// Points with the number of the stage of each, NaN where a line breaks.
+// Return points with the index of their stage; NaN where a line breaks.
 function points(places, stages) { return {places: Float64Array.from(places), stages: Int32Array.from(stages)}; }
 
 function edgesOf(meshes) {
@@ -45,7 +45,7 @@ function sites(kind) {
   return {...points(chosen.flatMap(p => p.place), chosen.map(p => p.stage)), names: chosen.map(p => p.name)};
 }
 
-function corners() {  // of the box around each stage: no point of it moves further
+function corners() {  // of the box around each stage: no point of the stage moves further
   const low = Array.from({length: STAGES}, () => [Infinity, Infinity, Infinity]), high = low.map(r => r.map(v => -v));
   const take = (stage, place) => { if (stage >= 0) place.forEach((v, k) => {
     low[stage][k] = Math.min(low[stage][k], v); high[stage][k] = Math.max(high[stage][k], v); }); };
@@ -72,7 +72,7 @@ function extent() {
 }
 const EXTENT = extent();
 
-// v + theta x r of each stage's motion, Re(shape exp(i phase)).
+// Motion Re(shape exp(i phase)) of each stage; a point of it moves by v + theta x r.
 function motionOf(mode, phase) {
   const out = new Float64Array(6 * STAGES), start = 12 * STAGES * mode, c = Math.cos(phase), s = Math.sin(phase);
   for (let k = 0; k < 6 * STAGES; k++) out[k] = SHAPES[start + 2 * k] * c - SHAPES[start + 2 * k + 1] * s;
@@ -91,7 +91,7 @@ function sensorMotion(mode, phase, k) {
   return [0, 1, 2].map(a => SENSORS.vectors[start + 2 * a] * c - SENSORS.vectors[start + 2 * a + 1] * s);
 }
 
-// The tips of the sensors, or lines from rest to each tip.
+// Return the displaced sensors, or lines from the place at rest to each displaced sensor.
 function tips(mode, phase, factor, lines) {
   const x = [], y = [], z = [];
   SENSORS.names.forEach((_, k) => {
@@ -103,7 +103,7 @@ function tips(mode, phase, factor, lines) {
   return {x, y, z};
 }
 
-// The surface in a phase, and how far each of its points moves over the farthest.
+// Return the deformed surface at a phase.
 function bent(mode, phase, factor) {
   const x = [], y = [], z = [], {points, vectors} = SURFACE, start = points.length * mode, c = factor * Math.cos(phase);
   for (let k = 0; k < points.length; k += 3) {
@@ -142,7 +142,7 @@ function moved(places, stageOf, motion, factor) {
 
 // ---- the picture ---------------------------------------------------------------------------
 
-const MOVING = [];  // of each trace that moves its number, and where it is at(motion, factor)
+const MOVING = [];  // for each moving trace its number, and its coordinates at(motion, factor)
 
 function traces() {
   const list = [];
@@ -194,7 +194,7 @@ function scene() {
     camera: {eye: {x: far * LOOK[0], y: far * LOOK[1], z: far * LOOK[2]}, center: {x: 0, y: 0, z: 0}, up: {x: 0, y: 0, z: 1}}};
 }
 
-// From where the corners of a box of these half lengths fill the picture, seen along LOOK.
+// Distance of the camera at which the corners of a box of these half lengths fill the picture.
 const LOOK = [0.52, -0.72, 0.46];  // from the front, right, above
 function distance(half) {
   const place = byId("picture"), level = Math.hypot(LOOK[0], LOOK[1]), long = Math.hypot(...LOOK);
@@ -223,7 +223,7 @@ function absent() {
   if (drawn) Plotly.purge(place);
   drawn = false;
   place.className = "absent";
-  place.textContent = "No 3-D picture: this browser has no WebGL. Everything else on this page works without it.";
+  place.textContent = "No 3-D picture: this browser has no WebGL. The rest of this page works without it.";
   byId("film").hidden = true;
 }
 
@@ -234,7 +234,7 @@ function start() {
     .then(() => { drawn = true; watch(); show(); requestAnimationFrame(step); }, absent);
 }
 
-function watch() {  // a picture that is being turned stands still, or plotly would turn it back
+function watch() {  // the animation stops while the user turns the picture; plotly would reset it
   const place = byId("picture");
   place.addEventListener("pointerdown", () => { held = true; }, true);
   addEventListener("pointerup", () => setTimeout(() => { held = false; }, 100), true);
@@ -285,6 +285,6 @@ function film() {
   if (PICTURE.points.some(p => p.kind === "hammer")) key.append(element("span", "◆ "), "hammer");
   byId("film").append(play, label2, note, key);
   if (PICTURE.boxed.length)
-    byId("film").append(element("div", "Small boxes stand for stages without geoms: " +
+    byId("film").append(element("div", "Small boxes represent stages without geoms: " +
       (PICTURE.boxed.length > 6 ? PICTURE.boxed.length + " of them" : PICTURE.boxed.join(", ")) + ".", {className: "soft"}));
 }

@@ -1,101 +1,101 @@
-"""A machine's surfaces, points and mode shapes as numbers for a page's 3-D picture."""
+"""Surfaces, points and mode shapes of a machine, packed for the 3-D picture of a page."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from identification.words import Complex, Integers, Layout, is_hammer
-from mbmodel.geometry.surfaces import Colour, Looks, Surface
-from mbw.page.html import packed, packed_complex, packed_integers
-from mbw.site_kinds import sensors
+from identification.words import Complex, Integers, Layout, is_hammer_point
+from mbmodel.geometry.surfaces import Colour, MachineGeometry, Surface
+from mbw.page.html import pack_complex, pack_integers, pack_real
+from mbw.site_kinds import sensor_sites
 
-_PALETTE = (
+_BODY_COLOURS = (
     "#4c78a8", "#e0a13c", "#59a14f", "#b07aa1", "#76b7b2", "#d3705c",
     "#9c755f", "#8d99ae", "#c9a66b", "#6a8d73",
 )  # fmt: skip
-_WORLD = "#9aa1ab"
+_WORLD_COLOUR = "#9aa1ab"
 
 
-def picture(layout: Layout, looks: Looks, shapes: Complex) -> dict[str, object]:
-    """All that the 3-D picture needs; vertices in metres, stages by number, -1 the world.
+def picture_data(layout: Layout, geometry: MachineGeometry, shapes: Complex) -> dict[str, object]:
+    """Return the data of the 3-D picture; vertices in metres, bodies by index, -1 for the world.
 
     Args:
         layout: bodies and points.
-        looks: surfaces and lines.
-        shapes: motion of each centre of mass, mode after mode; (n_mode, 6 n_body).
+        geometry: surfaces and lines.
+        shapes: motion of the centres of mass, mode after mode; (n_mode, 6 n_body).
     """
     return {
         "stages": list(layout.bodies),
-        "centres": packed(layout.centres),
-        "meshes": _meshes(looks, layout.bodies),
+        "centres": pack_real(layout.centres),
+        "meshes": _meshes(geometry, layout.bodies),
         "points": _points(layout),
         "lines": [
             {
                 "name": line.name,
-                "points": packed(line.points),
-                "stages": [_number(stage, layout.bodies) for stage in line.stages],
+                "points": pack_real(line.points),
+                "stages": [_body_index(stage, layout.bodies) for stage in line.stages],
                 "colour": _hex(line.colour) if line.colour else "#3b414b",
             }
-            for line in looks.lines
+            for line in geometry.lines
         ],
-        "shapes": packed_complex(shapes),
-        "boxed": list(looks.boxed),
+        "shapes": pack_complex(shapes),
+        "boxed": list(geometry.boxed),
     }
 
 
 def _points(layout: Layout) -> list[dict[str, object]]:
-    accelerometers = set(sensors(layout))
+    accelerometers = set(sensor_sites(layout))
     return [
         {
             "name": name,
             "stage": int(layout.body_of[k]),
             "place": layout.positions[k].tolist(),
             "kind": "hammer"
-            if is_hammer(name)
+            if is_hammer_point(name)
             else ("sensor" if name in accelerometers else "site"),
         }
         for k, name in enumerate(layout.points)
     ]
 
 
-def _meshes(looks: Looks, bodies: Sequence[str]) -> list[dict[str, object]]:
-    """One mesh for each stage and colour."""
-    palette = _palette(looks, bodies)
+def _meshes(geometry: MachineGeometry, bodies: Sequence[str]) -> list[dict[str, object]]:
+    """Return one mesh for each body and colour."""
+    palette = _palette(geometry, bodies)
     groups: dict[tuple[str | None, str, float], list[Surface]] = {}
-    for surface in looks.surfaces:
+    for surface in geometry.surfaces:
         opacity = surface.colour[3] if surface.colour else 1.0
-        given = _hex(surface.colour) if surface.colour else _WORLD
-        key = (surface.stage, palette.get(surface.stage, given), opacity)
+        file_colour = _hex(surface.colour) if surface.colour else _WORLD_COLOUR
+        key = (surface.stage, palette.get(surface.stage, file_colour), opacity)
         groups.setdefault(key, []).append(surface)
     return [
         {
-            "stage": _number(stage, bodies),
+            "stage": _body_index(stage, bodies),
             "colour": colour,
             "opacity": opacity,
-            "vertices": packed(np.vstack([surface.vertices for surface in surfaces])),
-            "triangles": packed_integers(_joined(surfaces, "triangles")),
-            "edges": packed_integers(_joined(surfaces, "edges")),
+            "vertices": pack_real(np.vstack([surface.vertices for surface in surfaces])),
+            "triangles": pack_integers(_stack_indices(surfaces, "triangles")),
+            "edges": pack_integers(_stack_indices(surfaces, "edges")),
         }
         for (stage, colour, opacity), surfaces in groups.items()
     ]
 
 
-def _palette(looks: Looks, bodies: Sequence[str]) -> dict[str | None, str]:
-    """Colours for stages that the MJCF leaves plain or colours like another."""
-    given: dict[str | None, set[Colour | None]] = {}
-    for surface in looks.surfaces:
+def _palette(geometry: MachineGeometry, bodies: Sequence[str]) -> dict[str | None, str]:
+    """Return colours for bodies without colours in the MJCF, or with those of another body."""
+    file_colours: dict[str | None, set[Colour | None]] = {}
+    for surface in geometry.surfaces:
         if surface.stage is not None:
-            given.setdefault(surface.stage, set()).add(surface.colour)
-    schemes = list(given.values())
+            file_colours.setdefault(surface.stage, set()).add(surface.colour)
+    schemes = list(file_colours.values())
     return {
-        stage: _PALETTE[bodies.index(stage) % len(_PALETTE)]
-        for stage, colours in given.items()
+        stage: _BODY_COLOURS[bodies.index(stage) % len(_BODY_COLOURS)]
+        for stage, colours in file_colours.items()
         if stage is not None and (colours == {None} or schemes.count(colours) > 1)
     }
 
 
-def _joined(surfaces: Sequence[Surface], name: str) -> Integers:
-    """Triangles or edges of several surfaces, numbered through."""
+def _stack_indices(surfaces: Sequence[Surface], name: str) -> Integers:
+    """Return the triangles or edges of several surfaces as indices of their joint vertices."""
     parts, first = [], 0
     for surface in surfaces:
         parts.append(getattr(surface, name) + first)
@@ -103,7 +103,7 @@ def _joined(surfaces: Sequence[Surface], name: str) -> Integers:
     return np.vstack(parts)
 
 
-def _number(stage: str | None, bodies: Sequence[str]) -> int:
+def _body_index(stage: str | None, bodies: Sequence[str]) -> int:
     return -1 if stage is None else bodies.index(stage)
 
 

@@ -1,1 +1,1 @@
-"""``mbw predict``: modes and frequency responses of a model, and their page."""
+"""``mbw predict``: modes, FRFs and state space of a model, and their page."""

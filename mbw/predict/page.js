@@ -1,4 +1,4 @@
-// A machine moving in its modes, shares of energy, Bode plot.
+// Animated modes of a machine, energy shares, Bode plot.
 const MODES = DATA.modes;
 const state = {mode: 0, amplitude: 5, playing: !matchMedia("(prefers-reduced-motion: reduce)").matches,
                energy: "strain", rows: "", curves: "", axis: "linear"};
@@ -12,11 +12,11 @@ function table() {
   MODES.forEach((mode, k) => {
     const row = element("tr");
     row.append(element("td", String(k + 1)), element("td", mode.frequency.toFixed(mode.frequency < 10 ? 3 : 2)), element("td", damping(mode)));
-    [mode.name || mode.spring, mode.body, mode.damper].forEach(lead => {
+    [mode.name || mode.spring, mode.body, mode.damper].forEach(largest => {  // a name, or name and share
       const cell = element("td", undefined, {className: "name"});
-      if (typeof lead === "string") cell.append(element("em", lead));
-      else if (lead) cell.append(element("small", percent(lead[1])), lead[0]);
-      cell.title = typeof lead === "string" ? lead : lead ? percent(lead[1]) + " " + lead[0] : "";
+      if (typeof largest === "string") cell.append(element("em", largest));
+      else if (largest) cell.append(element("small", percent(largest[1])), largest[0]);
+      cell.title = typeof largest === "string" ? largest : largest ? percent(largest[1]) + " " + largest[0] : "";
       row.append(cell);
     });
     row.onclick = () => choose(k);
@@ -73,7 +73,7 @@ function heat() {
   press(byId("kinds"));
 }
 
-const kin = owner => owner.startsWith("tendon:") ? "tendon:" : owner;  // each tendon owns itself
+const kin = owner => owner.startsWith("tendon:") ? "tendon:" : owner;  // all tendons form one group
 const tick = mode => mode.name || (mode.frequency < 10 ? mode.frequency.toFixed(2) : mode.frequency.toFixed(1));
 
 // ---- the Bode plot -------------------------------------------------------------------------
@@ -98,7 +98,7 @@ function bode() {
   press(byId("curves"));
 }
 
-// The chosen mode: a column of the heat map, a line in the Bode plot.
+// Mark the chosen mode: a column of the heat map, a line in the Bode plot.
 function mark() {
   const energy = byId("energy"), column = COLUMNS.indexOf(state.mode), plot = byId("bode"), frequency = MODES[state.mode].frequency;
   if (energy.layout && energy.layout.shapes) {

@@ -1,27 +1,30 @@
-"""The page of ``mbw predict``: a machine moving in its modes, energy shares, Bode plot."""
+"""Page of ``mbw predict``: animated modes, energy shares, Bode plot."""
 
 from html import escape
 
 import numpy as np
 
 from identification.words import Real
-from mbmodel.geometry.surfaces import Looks
-from mbw.page.html import fill, packed, packed_complex, warnings
-from mbw.page.picture import picture
+from mbmodel.geometry.surfaces import MachineGeometry
+from mbw.page.html import fill_template, pack_complex, pack_real, warning_boxes
+from mbw.page.picture import picture_data
 from mbw.predict.curves import Curves
-from mbw.predict.prediction import Prediction, leading
+from mbw.predict.prediction import Prediction, largest_shares
 
-_MOST_COLUMNS = 60
+_MAX_ENERGY_MODES = 60  # columns of the energy table
+_MIN_SHOWN_SHARE = 0.001  # largest share of a row of the energy table; rows below are left out
 
 
-def render(prediction: Prediction, looks: Looks, curves: Curves, spin: str = "") -> str:
-    """The HTML of a prediction.
+def render(
+    prediction: Prediction, geometry: MachineGeometry, curves: Curves, spin: str = ""
+) -> str:
+    """Return the HTML page of a prediction.
 
     Args:
-        prediction: modes and all.
-        looks: of the machine.
-        curves: for the Bode plot.
-        spin: what turns steadily, in words; empty if nothing does.
+        prediction: modes with their energy shares.
+        geometry: surfaces of the machine.
+        curves: FRFs of the Bode plot.
+        spin: spinning joints and their rates in words; empty if none spins.
     """
     machine = prediction.machine
     counts = (
@@ -31,12 +34,12 @@ def render(prediction: Prediction, looks: Looks, curves: Curves, spin: str = "")
         f"{_count(len(machine.layout.points), 'site')}"
     )
     gravity = "gravity on" if machine.gravity.any() else "gravity off"
-    return fill(
+    return fill_template(
         "predict/template.html",
-        _data(prediction, looks, curves),
-        title=escape(f"{machine.name}: what the model says"),
+        _data(prediction, geometry, curves),
+        title=escape(f"{machine.name}: modes and FRFs of the model"),
         subtitle=escape(", ".join(filter(None, (counts, gravity, spin)))),
-        warnings=warnings(prediction.remarks),
+        warnings=warning_boxes(prediction.remarks),
         scripts=["page/picture.js", "page/modes.js", "page/bode.js", "predict/page.js"],
     )
 
@@ -45,31 +48,31 @@ def _count(number: int, singular: str, plural: str = "") -> str:
     return f"{number} {singular if number == 1 else plural or singular + 's'}"
 
 
-def _data(prediction: Prediction, looks: Looks, curves: Curves) -> dict[str, object]:
+def _data(prediction: Prediction, geometry: MachineGeometry, curves: Curves) -> dict[str, object]:
     layout = prediction.machine.layout
     return {
-        "picture": picture(layout, looks, prediction.shapes[-6 * len(layout.bodies) :].T),
+        "picture": picture_data(layout, geometry, prediction.shapes[-6 * len(layout.bodies) :].T),
         "modes": _modes(prediction),
         "energy": _energy(prediction, 2 * float(curves.freq_hz[-1])),
         "bode": {
-            "freq": packed(curves.freq_hz),
+            "freq": pack_real(curves.freq_hz),
             "quantity": curves.quantity,
             "labels": curves.labels,
             "groups": curves.groups,
             "units": curves.units,
-            "values": packed_complex(curves.values),
+            "values": pack_complex(curves.values),
             "remark": curves.remark,
         },
     }
 
 
 def _modes(prediction: Prediction) -> list[dict[str, object]]:
-    found = prediction.modes
+    modes = prediction.modes
     rows = zip(
-        found.freq_hz.tolist(),
+        modes.freq_hz.tolist(),
         prediction.damping_words,
-        found.names,
-        leading(prediction),
+        modes.names,
+        largest_shares(prediction),
         strict=True,
     )
     return [
@@ -77,18 +80,18 @@ def _modes(prediction: Prediction) -> list[dict[str, object]]:
             "frequency": frequency,
             "damping": damping,
             "name": name,
-            "spring": lead.spring,
-            "body": lead.body,
-            "damper": lead.damper,
+            "spring": shares.spring,
+            "body": shares.body,
+            "damper": shares.damper,
         }
-        for frequency, damping, name, lead in rows
+        for frequency, damping, name, shares in rows
     ]
 
 
 def _energy(prediction: Prediction, highest: float) -> dict[str, object]:
-    """Shares of the modes up to a frequency, at most 60, by spring and direction and summed."""
+    """Return the energy shares of at most 60 modes up to a frequency, in detail and summed."""
     shares, freq = prediction.energy, prediction.modes.freq_hz
-    shown = np.flatnonzero(freq <= max(highest, float(freq.min())))[:_MOST_COLUMNS]
+    shown = np.flatnonzero(freq <= max(highest, float(freq.min())))[:_MAX_ENERGY_MODES]
     return {
         "modes": shown.tolist(),
         "strain": _tables(shares.springs, shares.stages, shares.strain[:, shown]),
@@ -102,9 +105,9 @@ def _energy(prediction: Prediction, highest: float) -> dict[str, object]:
 
 
 def _tables(names: tuple[str, ...], owners: tuple[str, ...], table: Real) -> dict[str, object]:
-    """Rows that matter, owner by owner, and their sums."""
+    """Return the rows above the least share, sorted by owner, and their sums for each owner."""
     order = sorted(range(len(names)), key=lambda k: list(dict.fromkeys(owners)).index(owners[k]))
-    kept = [k for k in order if np.abs(table[k]).max(initial=0.0) >= 0.001]
+    kept = [k for k in order if np.abs(table[k]).max(initial=0.0) >= _MIN_SHOWN_SHARE]
     whole = list(dict.fromkeys(owners[k] for k in kept))
     sums = np.array(
         [np.sum([table[k] for k in kept if owners[k] == owner], axis=0) for owner in whole]
@@ -112,7 +115,7 @@ def _tables(names: tuple[str, ...], owners: tuple[str, ...], table: Real) -> dic
     return {
         "names": [names[k] for k in kept],
         "owners": [owners[k] for k in kept],
-        "values": packed(table[kept]),
+        "values": pack_real(table[kept]),
         "whole": whole,
-        "sums": packed(sums),
+        "sums": pack_real(sums),
     }

@@ -1,4 +1,4 @@
-"""What a model says by itself: its modes as rows of a table, and as JSON."""
+"""Modes of a model with their energy shares, as rows of a table and as JSON."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -8,29 +8,30 @@ import numpy as np
 from pydantic import BaseModel, Field
 
 from identification.words import Complex, Dof, Real
-from mbmodel import Energy, Machine, Model, Modes, energy, model_modes, shapes_at
+from mbmodel import EnergyShares, Machine, Model, Modes, energy_shares, model_modes, shapes_at
 
-_SMALLEST_SHARE = 0.001
-_ZERO = 1e-9  # pole over the largest below which only rounding is left
-_WIDEST = 26
+_MIN_LISTED_SHARE = 0.001  # share of energy; smaller ones are left out of the JSON
+_MAX_ZERO_POLE = 1e-9  # size of a pole over the largest; smaller ones are rounding errors of zero
+_MAX_NAME_LENGTH = 26  # characters of a name in the table
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Shares = dict[str, Finite]
 
 
-class ModeRow(BaseModel):
-    """One pole or pair of poles; shares below 0.001 are left out.
+class PredictedModeRow(BaseModel):
+    """One real pole or pair of complex poles; shares below 0.001 are left out.
 
     Args:
-        frequency: |s| / 2 pi [Hz].
-        damping: ratio; null of a motion at rest.
-        real, imaginary: of the pole s [rad/s].
-        name: of a motion at rest, such as ``rigid tx``; else null.
-        strain, dissipation: share of each joint coordinate or tendon.
-        strain_by_stage, dissipation_by_stage: the same summed.
-        kinetic: share of each direction of each body.
-        kinetic_by_body: the same summed.
-        shape_real, shape_imaginary: motion at the file's ``shape_labels``, modal mass 1 kg.
+        frequency: ``|s| / (2 pi)`` [Hz].
+        damping: damping ratio; null for a mode of zero frequency.
+        real, imaginary: real and imaginary part of the pole ``s`` [rad/s].
+        name: name of a mode of zero frequency, such as ``rigid tx``; else null.
+        strain, dissipation: share of each joint coordinate or tendon in strain energy and
+            dissipation.
+        strain_by_stage, dissipation_by_stage: sums of these shares for each stage.
+        kinetic: share of each direction of each body in the kinetic energy.
+        kinetic_by_body: sums of these shares for each body.
+        shape_real, shape_imaginary: motion at the file's ``shape_labels`` for a modal mass of 1 kg.
     """
 
     frequency: Finite
@@ -48,45 +49,45 @@ class ModeRow(BaseModel):
     shape_imaginary: list[Finite]
 
 
-class ModesFile(BaseModel):
-    """``mbw predict --json``."""
+class PredictedModesFile(BaseModel):
+    """Content of the JSON file of ``mbw predict --json``."""
 
     model: str
     remarks: list[str]
     bodies: list[str]
     coordinates: list[str]
     shape_labels: list[str]
-    modes: list[ModeRow]
+    modes: list[PredictedModeRow]
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """A model's modes, where they store and lose energy, and how they move.
+    """Modes of a model with their energy shares and shapes.
 
     Args:
-        model: as drawn.
-        modes: of it.
-        energy: shares of each mode.
-        labels: of the rows of ``shapes``: axes of the points, then of the centres of mass.
+        model: nominal model, as the MJCF describes the machine.
+        modes: modes of the model.
+        energy: energy shares of each mode.
+        labels: labels of the rows of ``shapes``: axes of the points, then of the centres of mass.
         shapes: motion in each mode; (n_label, n_mode).
     """
 
     model: Model
     modes: Modes
-    energy: Energy
+    energy: EnergyShares
     labels: tuple[Dof, ...]
     shapes: Complex
 
     @property
     def machine(self) -> Machine:
-        """What the model is of."""
+        """Machine of the model."""
         return self.model.machine
 
     @property
     def damping_words(self) -> list[str]:
-        """Damping of each mode in per cent, or what there is to say instead."""
+        """Damping ratio of each mode in per cent, or a word for a mode that does not oscillate."""
         poles = self.modes.poles
-        zero = _ZERO * np.abs(poles).max(initial=0.0)
+        zero = _MAX_ZERO_POLE * np.abs(poles).max(initial=0.0)
         words = []
         for pole, ratio in zip(poles.tolist(), self.modes.damping.tolist(), strict=True):
             if abs(pole) <= zero:
@@ -99,33 +100,33 @@ class Prediction:
 
     @property
     def remarks(self) -> list[str]:
-        """What a user must know of the model, one sentence each."""
+        """Findings on the model, one sentence each."""
         poles = self.modes.poles
-        growing = np.flatnonzero(poles.real > _ZERO * np.abs(poles).max(initial=0.0)) + 1
-        found = [f"{text[:1].upper()}{text[1:]}." for text in self.machine.remarks]
+        growing = np.flatnonzero(poles.real > _MAX_ZERO_POLE * np.abs(poles).max(initial=0.0)) + 1
+        sentences = [f"{text[:1].upper()}{text[1:]}." for text in self.machine.remarks]
         if growing.size:
             which = ", ".join(map(str, growing))
-            found.append(
-                f"Unstable: mode {which} grows, so the frequency responses are of a steady motion "
-                "that never comes to be."
+            sentences.append(
+                f"Unstable: mode {which} grows, so that the machine never reaches the steady "
+                "motion which the FRFs describe."
             )
-        return found
+        return sentences
 
 
-def predicted(model: Model) -> Prediction:
-    """Modes of a model as drawn, with their energy and their shapes at points and bodies."""
+def predict(model: Model) -> Prediction:
+    """Compute the modes of the nominal model, with energy shares and shapes."""
     theta, layout = model.drawn, model.machine.layout
-    found = model_modes(model, theta)
+    modes = model_modes(model, theta)
     points = tuple(Dof.of(point, axis) for point in layout.points for axis in range(3))
     labels = points + layout.body_dofs()
-    shapes = shapes_at(model, theta, found, labels)
-    return Prediction(model, found, energy(model, theta, found), labels, shapes)
+    shapes = shapes_at(model, theta, modes, labels)
+    return Prediction(model, modes, energy_shares(model, theta, modes), labels, shapes)
 
 
-def modes_file(prediction: Prediction) -> ModesFile:
-    """All of it, for other programs."""
+def modes_file(prediction: Prediction) -> PredictedModesFile:
+    """Return the content of the JSON file."""
     machine = prediction.machine
-    return ModesFile(
+    return PredictedModesFile(
         model=machine.name,
         remarks=prediction.remarks,
         bodies=list(machine.layout.bodies),
@@ -135,16 +136,16 @@ def modes_file(prediction: Prediction) -> ModesFile:
     )
 
 
-def _row(prediction: Prediction, number: int) -> ModeRow:
-    found, shares = prediction.modes, prediction.energy
-    pole, shape = complex(found.poles[number]), prediction.shapes[:, number]
-    rests = prediction.damping_words[number] == "at rest"
-    return ModeRow(
-        frequency=float(found.freq_hz[number]),
-        damping=None if rests else float(found.damping[number]),
+def _row(prediction: Prediction, number: int) -> PredictedModeRow:
+    modes, shares = prediction.modes, prediction.energy
+    pole, shape = complex(modes.poles[number]), prediction.shapes[:, number]
+    is_zero = prediction.damping_words[number] == "at rest"
+    return PredictedModeRow(
+        frequency=float(modes.freq_hz[number]),
+        damping=None if is_zero else float(modes.damping[number]),
         real=pole.real,
         imaginary=pole.imag,
-        name=found.names[number] or None,
+        name=modes.names[number] or None,
         strain=_shares(shares.springs, shares.strain[:, number]),
         strain_by_stage=_by_owner(shares.by_stage(shares.strain), number),
         dissipation=_shares(shares.springs, shares.dissipation[:, number]),
@@ -157,9 +158,9 @@ def _row(prediction: Prediction, number: int) -> ModeRow:
 
 
 def _shares(names: Sequence[str], values: Real) -> Shares:
-    """Those that count, the largest first."""
+    """Return the shares above the least one, the largest first."""
     order = np.argsort(-np.abs(values), kind="stable")
-    return {names[k]: float(values[k]) for k in order if abs(float(values[k])) >= _SMALLEST_SHARE}
+    return {names[k]: float(values[k]) for k in order if abs(float(values[k])) >= _MIN_LISTED_SHARE}
 
 
 def _by_owner(table: Mapping[str, Real], number: int) -> Shares:
@@ -167,13 +168,13 @@ def _by_owner(table: Mapping[str, Real], number: int) -> Shares:
 
 
 @dataclass(frozen=True)
-class Leading:
-    """The largest shares of a mode, as (name, share) or None.
+class LargestShares:
+    """Largest shares of a mode, as (name, share) or None.
 
     Args:
-        spring: by strain: the one to touch.
-        body: by kinetic energy: what moves.
-        damper: by dissipation: the one that works.
+        spring: joint or tendon with the largest share of the strain energy.
+        body: body with the largest share of the kinetic energy.
+        damper: joint or tendon with the largest share of the dissipation.
     """
 
     spring: tuple[str, float] | None
@@ -181,14 +182,14 @@ class Leading:
     damper: tuple[str, float] | None
 
 
-def leading(prediction: Prediction) -> list[Leading]:
-    """Spring, body and damper of each mode."""
+def largest_shares(prediction: Prediction) -> list[LargestShares]:
+    """Return spring, body and damper with the largest shares of each mode."""
     shares, bodies = prediction.energy, prediction.energy.by_body()
-    moving = np.array(list(bodies.values()))
+    kinetic = np.array(list(bodies.values()))
     return [
-        Leading(
+        LargestShares(
             _largest(shares.springs, shares.strain[:, number]),
-            _largest(list(bodies), moving[:, number]),
+            _largest(list(bodies), kinetic[:, number]),
             _largest(shares.springs, shares.dissipation[:, number]),
         )
         for number in range(len(prediction.modes.poles))
@@ -203,12 +204,12 @@ def _largest(names: Sequence[str], values: Real) -> tuple[str, float] | None:
 
 
 def table(prediction: Prediction) -> list[str]:
-    """The modes as lines of text: frequency, damping, and what each is made of."""
+    """Return the modes as lines of text: frequency, damping ratio and largest energy shares."""
     head = ["spring, of strain energy", "body, of kinetic", "damper, of dissipation"]
     cells = []
-    for name, lead in zip(prediction.modes.names, leading(prediction), strict=True):
-        spring = name or _cell(lead.spring)
-        cells.append([spring, _cell(lead.body), _cell(lead.damper)])
+    for name, shares in zip(prediction.modes.names, largest_shares(prediction), strict=True):
+        spring = name or _cell(shares.spring)
+        cells.append([spring, _cell(shares.body), _cell(shares.damper)])
     widths = [max(len(row[k]) for row in [head, *cells]) for k in range(3)]
     lines = [_line("mode", "frequency/Hz", "damping/%", head, widths)]
     frequencies = prediction.modes.freq_hz.tolist()
@@ -223,10 +224,10 @@ def _line(number: str, frequency: str, damping: str, cells: list[str], widths: l
     return f"{number}  {frequency:>12}  {damping:>10}  {padded}".rstrip()
 
 
-def _cell(lead: tuple[str, float] | None) -> str:
-    if lead is None:
+def _cell(name_and_share: tuple[str, float] | None) -> str:
+    if name_and_share is None:
         return "-"
-    name, share = lead
-    if len(name) > _WIDEST:
-        name = f"{name[:8]}~{name[9 - _WIDEST :]}"  # its end tells the direction
+    name, share = name_and_share
+    if len(name) > _MAX_NAME_LENGTH:
+        name = f"{name[:8]}~{name[9 - _MAX_NAME_LENGTH :]}"  # keep its end: the direction
     return f"{100 * share:3.0f} % {name}"

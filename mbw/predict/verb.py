@@ -1,4 +1,4 @@
-"""``mbw predict``: what a model says by itself."""
+"""``mbw predict``: modes, FRFs and state space of a model."""
 
 import csv
 import math
@@ -11,39 +11,50 @@ import numpy as np
 import scipy.io
 import typer
 
-from identification.words import ORDER, Dof, Input, InputError, Quantity, Real, UsageError
+from identification.words import (
+    DERIVATIVE_ORDER,
+    Dof,
+    Input,
+    InputError,
+    Quantity,
+    Real,
+    UsageError,
+)
 from mbmodel import (
     Evaluator,
+    FrfRequest,
     Machine,
     Model,
     Modes,
-    Question,
     as_drawn,
     load_machine,
     parse_input,
     state_space,
 )
-from mbmodel.geometry.surfaces import looks
-from mbw.files import check_json, write_json, write_page
+from mbmodel.geometry.surfaces import machine_geometry
+from mbw.files import check_json_target, write_json, write_page
 from mbw.messages import SCREEN
-from mbw.predict.curves import Curves, asked, drive_points
+from mbw.predict.curves import Curves, drive_points, requested_curves
 from mbw.predict.page import render
-from mbw.predict.prediction import Prediction, modes_file, predicted, table
-from mbw.site_kinds import hammers, sensors
+from mbw.predict.prediction import Prediction, modes_file, predict, table
+from mbw.site_kinds import hammer_sites, sensor_sites
 
 PAGE = "predict.html"
-_BAND = (0.0, 200.0)
+_DEFAULT_BAND_HZ = (0.0, 200.0)
+_MIN_SHOWN_FREQUENCY = 0.1  # of the default band's upper limit; a mode above it is shown well
+_MAX_BAND_MODES = 12  # modes that a band above or below the default one includes
 
 
 @dataclass(frozen=True)
-class Wish:
-    """Which FRFs or state space are wanted.
+class PredictRequest:
+    """Inputs, outputs and frequency lines of FRFs or of a state space.
 
     Args:
-        inputs, outputs: labels; empty for all accelerometers, hammer points at those too.
-        quantity: of the outputs.
-        band: lowest and highest frequency [Hz]; None for 0..200, in pictures where modes are.
-        lines: between them.
+        inputs, outputs: labels; empty for all hammer points and all accelerometers.
+        quantity: quantity of the outputs.
+        band: lowest and highest frequency [Hz]; None for 0..200 Hz, on the page for the band that
+            holds the modes.
+        lines: number of frequency lines.
     """
 
     inputs: tuple[str, ...]
@@ -54,16 +65,17 @@ class Wish:
 
 
 @dataclass(frozen=True)
-class Targets:
-    """What is written, and where.
+class PredictOutputs:
+    """Outputs of a prediction.
 
     Args:
-        modes: a table to stdout; also if neither ``frf`` nor ``statespace`` is asked for.
-        frf: CSV to stdout.
-        statespace: .npz or .mat, or None.
-        json: of the modes, ``-`` for stdout, or None.
+        modes: whether the table of modes is printed; it is also printed without ``frf`` and
+            ``statespace``.
+        frf: whether FRFs are written as CSV to stdout.
+        statespace: file of the state space, .npz or .mat; None for none.
+        json: JSON file of the modes, ``-`` for stdout; None for none.
         pictures: whether the page is written.
-        out: its folder; None for ``<model>-predicted``.
+        out: folder of the page; None for ``<model>-predicted``.
     """
 
     modes: bool
@@ -76,45 +88,74 @@ class Targets:
     @property
     def table(self) -> bool:
         """Whether the table of modes is printed."""
-        other = self.frf or self.statespace is not None
-        return (self.modes or not other) and str(self.json) != "-"
+        has_data = self.frf or self.statespace is not None
+        return (self.modes or not has_data) and str(self.json) != "-"
 
 
-def run(path: Path, wish: Wish, targets: Targets, spin: Sequence[str] = ()) -> None:
-    """Write files first, then data to stdout, so that a closed pipe costs no file.
+def run_options(  # noqa: PLR0913  # one for each option
+    model: Path,
+    *,
+    modes: bool,
+    frf: bool,
+    inputs: list[str],
+    outputs: list[str],
+    quantity: str,
+    band: tuple[float, float] | None,
+    lines: int,
+    statespace: Path | None,
+    spin: list[str],
+    out: Path | None,
+    pictures: bool,
+    json: Path | None,
+) -> None:
+    """Run the verb with the values of its options, as ``mbw.predict.options`` describes them."""
+    request = PredictRequest(tuple(inputs), tuple(outputs), quantity, band, lines)
+    run(model, request, PredictOutputs(modes, frf, statespace, json, pictures, out), spin)
+
+
+def run(
+    path: Path, request: PredictRequest, targets: PredictOutputs, spin: Sequence[str] = ()
+) -> None:
+    """Write files first and data to stdout last, so that a closed pipe loses no file.
+
+    Args:
+        path: MJCF of the machine.
+        request: inputs, outputs and frequency lines.
+        targets: outputs of the command.
+        spin: texts ``JOINT=RATE`` of hinges that spin at a constant rate [rad/s].
 
     Raises:
-        UsageError: labels, spins or targets without sense.
-        InputError: a model that cannot be read or linearised, a file that cannot be written.
+        UsageError: a label, a spin or a target cannot be used.
+        InputError: the model cannot be read or linearised, or a file cannot be written.
     """
     _check(targets)
     rates = _rates(spin)
     model = as_drawn(load_machine(path, rates))
-    question = _question(model.machine, wish, targets)
-    prediction = predicted(model)
+    frf_request = _frf_request(model.machine, request, targets)
+    prediction = predict(model)
     for remark in prediction.remarks:
         SCREEN.say(remark)
     if targets.json is not None and str(targets.json) != "-":
         write_json(modes_file(prediction).model_dump_json(indent=1), targets.json)
-    if targets.statespace is not None and question is not None:
-        _write_state_space(model, question, targets.statespace)
-    page = _write_page(path, prediction, wish, question, targets, rates)
+    if targets.statespace is not None and frf_request is not None:
+        _write_state_space(model, frf_request, targets.statespace)
+    page = _write_page(path, prediction, request, frf_request, targets, rates)
     if str(targets.json) == "-":
         typer.echo(modes_file(prediction).model_dump_json(indent=1))
     if targets.table:
         typer.echo("\n".join(table(prediction)))
-    if targets.frf and question is not None:
-        _print_frf(model, question)
+    if targets.frf and frf_request is not None:
+        _print_frf(model, frf_request)
     if page is not None:
         SCREEN.say(f"pictures: open {page.resolve().as_uri()}")
 
 
-def _check(targets: Targets) -> None:
-    """Refuse targets before the work is done."""
+def _check(targets: PredictOutputs) -> None:
+    """Refuse unusable targets before the computation starts."""
     if targets.statespace is not None and targets.statespace.suffix not in (".npz", ".mat"):
         raise UsageError(f"{targets.statespace}: the state space is written as .npz or .mat")
     if targets.json is not None:
-        check_json(targets.json)
+        check_json_target(targets.json)
         if str(targets.json) == "-" and targets.frf:
             raise UsageError("--json - and --frf both go to stdout: name a file for the JSON")
     if targets.out is not None and targets.out.is_file():
@@ -122,7 +163,7 @@ def _check(targets: Targets) -> None:
 
 
 def _rates(texts: Sequence[str]) -> dict[str, float]:
-    """Read ``JOINT=RATE``."""
+    """Return the rates [rad/s] of texts ``JOINT=RATE``."""
     rates: dict[str, float] = {}
     for text in texts:
         joint, equals, number = text.rpartition("=")
@@ -138,32 +179,36 @@ def _rates(texts: Sequence[str]) -> dict[str, float]:
     return rates
 
 
-def _question(machine: Machine, wish: Wish, targets: Targets) -> Question | None:
-    """The question asked in so many words, or None if labels are nowhere needed."""
-    low, high = wish.band or _BAND
+def _frf_request(
+    machine: Machine, request: PredictRequest, targets: PredictOutputs
+) -> FrfRequest | None:
+    """Return the request of FRFs, or None if no output needs labels."""
+    low, high = request.band or _DEFAULT_BAND_HZ
     if not 0 <= low < high < math.inf:
         raise UsageError(f"the band {low:g}..{high:g} Hz is empty: give LOW below HIGH")
-    quantity = _quantity(wish)
-    needed = targets.frf or targets.statespace is not None
-    if not (needed or wish.inputs or wish.outputs):
+    quantity = _quantity(request)
+    is_needed = targets.frf or targets.statespace is not None
+    if not (is_needed or request.inputs or request.outputs):
         return None
     layout = machine.layout
-    inputs: tuple[Input, ...] = tuple(parse_input(machine, text) for text in wish.inputs)
-    outputs = tuple(Dof.parse(text) for text in wish.outputs)
-    question = Question(
-        np.linspace(low, high, wish.lines),
-        outputs or _axes(sensors(layout)),
-        inputs or _axes(hammers(layout) or sensors(layout)),
+    inputs: tuple[Input, ...] = tuple(parse_input(machine, text) for text in request.inputs)
+    outputs = tuple(Dof.parse(text) for text in request.outputs)
+    frf_request = FrfRequest(
+        np.linspace(low, high, request.lines),
+        outputs or _axes(sensor_sites(layout)),
+        inputs or _axes(hammer_sites(layout) or sensor_sites(layout)),
         quantity,
     )
-    Evaluator(as_drawn(machine), question)  # refuses unknown labels before anything is written
-    return question
+    Evaluator(as_drawn(machine), frf_request)  # refuses unknown labels before anything is written
+    return frf_request
 
 
-def _quantity(wish: Wish) -> Quantity:
-    if wish.quantity not in ORDER:
-        raise UsageError(f"{wish.quantity!r} is no quantity: write one of {', '.join(ORDER)}")
-    return wish.quantity
+def _quantity(request: PredictRequest) -> Quantity:
+    if request.quantity not in DERIVATIVE_ORDER:
+        raise UsageError(
+            f"{request.quantity!r} is no quantity: write one of {', '.join(DERIVATIVE_ORDER)}"
+        )
+    return request.quantity
 
 
 def _axes(points: Sequence[str]) -> tuple[Dof, ...]:
@@ -172,8 +217,8 @@ def _axes(points: Sequence[str]) -> tuple[Dof, ...]:
     return tuple(Dof.of(point, axis) for point in points for axis in range(3))
 
 
-def _print_frf(model: Model, question: Question) -> None:
-    frf = Evaluator(model, question).at(model.drawn).frf()
+def _print_frf(model: Model, request: FrfRequest) -> None:
+    frf = Evaluator(model, request).at(model.drawn).frf()
     writer = csv.writer(sys.stdout, lineterminator="\n")
     pairs = [(out, inp) for out in frf.outputs for inp in frf.inputs]
     names = [f"{part} {out} / {inp}" for out, inp in pairs for part in ("Re", "Im")]
@@ -184,13 +229,13 @@ def _print_frf(model: Model, question: Question) -> None:
         writer.writerow([f"{frequency:.9g}", *parts])
 
 
-def _write_state_space(model: Model, question: Question, target: Path) -> None:
-    system = state_space(model, model.drawn, question)
+def _write_state_space(model: Model, request: FrfRequest, target: Path) -> None:
+    system = state_space(model, model.drawn, request)
     arrays = {name: getattr(system, name) for name in "ABCD"}
     labels = {
         "states": system.state_labels,
-        "inputs": [str(dof) for dof in question.inputs],
-        "outputs": [str(dof) for dof in question.outputs],
+        "inputs": [str(dof) for dof in request.inputs],
+        "outputs": [str(dof) for dof in request.outputs],
     }
     try:
         if target.suffix == ".mat":
@@ -206,36 +251,38 @@ def _write_state_space(model: Model, question: Question, target: Path) -> None:
 def _write_page(
     path: Path,
     prediction: Prediction,
-    wish: Wish,
-    question: Question | None,
-    targets: Targets,
+    request: PredictRequest,
+    frf_request: FrfRequest | None,
+    targets: PredictOutputs,
     rates: Mapping[str, float],
 ) -> Path | None:
-    """Write the page and say where; None if no pictures are wanted."""
+    """Write the page and return its path; None if no page shall be written."""
     if not targets.pictures:
         return None
     target = (targets.out or Path(f"{path.stem}-predicted")) / PAGE
-    turning = ", ".join(f"{joint} spins at {rate:g} rad/s" for joint, rate in rates.items())
-    curves = _curves(prediction, wish, question)
-    write_page(render(prediction, looks(prediction.machine), curves, turning), target)
+    spins = ", ".join(f"{joint} spins at {rate:g} rad/s" for joint, rate in rates.items())
+    curves = _curves(prediction, request, frf_request)
+    write_page(render(prediction, machine_geometry(prediction.machine), curves, spins), target)
     return target
 
 
-def _curves(prediction: Prediction, wish: Wish, question: Question | None) -> Curves:
-    model, found = prediction.model, prediction.modes
-    if question is not None:
-        return asked(model, found, question)
-    return drive_points(model, found, _lines(found, wish), _quantity(wish))
+def _curves(
+    prediction: Prediction, request: PredictRequest, frf_request: FrfRequest | None
+) -> Curves:
+    model, modes = prediction.model, prediction.modes
+    if frf_request is not None:
+        return requested_curves(model, modes, frf_request)
+    return drive_points(model, modes, _lines(modes, request), _quantity(request))
 
 
-def _lines(modes: Modes, wish: Wish) -> Real:
-    """The band that was asked for, else 0..200 Hz if modes are there, else where they are."""
-    band = wish.band
+def _lines(modes: Modes, request: PredictRequest) -> Real:
+    """Return frequency lines in the user's band; else in 0..200 Hz, or in a band with modes."""
+    band = request.band
     if band is None:
-        swinging = modes.freq_hz[modes.oscillates]
-        inside = ((swinging > 0.1 * _BAND[1]) & (swinging < _BAND[1])).any()
-        if inside or not swinging.size:
-            band = _BAND
+        natural, highest = modes.freq_hz[modes.oscillates], _DEFAULT_BAND_HZ[1]
+        is_inside = ((natural > _MIN_SHOWN_FREQUENCY * highest) & (natural < highest)).any()
+        if is_inside or not natural.size:
+            band = _DEFAULT_BAND_HZ
         else:
-            band = (0.0, 1.5 * float(np.sort(swinging)[:12][-1]))
-    return np.linspace(*band, wish.lines)
+            band = (0.0, 1.5 * float(np.sort(natural)[:_MAX_BAND_MODES][-1]))
+    return np.linspace(*band, request.lines)

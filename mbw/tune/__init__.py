@@ -1,1 +1,1 @@
-"""``mbw tune``: the model fitted, and sections of its report."""
+"""``mbw tune``: tuning of a model to a measurement, and the sections of its page."""

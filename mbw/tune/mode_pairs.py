@@ -1,20 +1,17 @@
-"""The table of measured modes beside the model's in the report of a tuning."""
+"""Table of measured modes and their partners in the nominal and in the tuned model."""
 
-from tuning import PairRow, PartnerRow, TunedFile
+from tuning import TunedFile
+from tuning.files.schema import ModePairRow, ModePartnerRow
 
 _HEAD = (
     "<table><thead><tr><th>mode</th><th>frequency / Hz</th><th>damping / %</th>"
-    "<th>drawn: frequency</th><th>damping</th><th>MAC</th>"
+    "<th>as drawn: frequency</th><th>damping</th><th>MAC</th>"
     "<th>tuned: frequency</th><th>damping</th><th>MAC</th></tr></thead><tbody>"
 )
 
 
 def pairs_section(summary: TunedFile) -> str:
-    """HTML of the pairs, differences relative to what was measured; empty without any.
-
-    Args:
-        summary: of the tuning.
-    """
+    """Return HTML of the pairs with relative differences; empty without any pair."""
     if not summary.pairs:
         return ""
     rows = "".join(_row(number, row) for number, row in enumerate(summary.pairs, start=1))
@@ -23,10 +20,10 @@ def pairs_section(summary: TunedFile) -> str:
         f"Fitted: {' then '.join(_NAMES[name] for name in summary.residuals)}."
     )
     if summary.unpaired_modes:
-        alone = ", ".join(f"{row.frequency:.2f}" for row in summary.unpaired_modes)
-        text += f" Modes of the tuned model that belong to no measured one: {alone} Hz."
+        unpaired = ", ".join(f"{row.frequency:.2f}" for row in summary.unpaired_modes)
+        text += f" Modes of the tuned model without a measured mode: {unpaired} Hz."
     return (
-        "<h2>Measured modes and the model's</h2>"
+        "<h2>Measured and modelled modes</h2>"
         f'<div class="scroll">{_HEAD}{rows}</tbody></table></div>{text}</p>'
     )
 
@@ -34,14 +31,14 @@ def pairs_section(summary: TunedFile) -> str:
 _NAMES = {"modal": "modes", "log": "FRFs"}
 
 
-def _row(number: int, row: PairRow) -> str:
+def _row(number: int, row: ModePairRow) -> str:
     return (
         f"<tr><td>{number}</td><td>{row.frequency:.2f}</td><td>{100 * row.damping:.2f}</td>"
         f"{_cells(row.as_drawn)}{_cells(row.tuned)}</tr>"
     )
 
 
-def _cells(partner: PartnerRow | None) -> str:
+def _cells(partner: ModePartnerRow | None) -> str:
     if partner is None:
         return '<td colspan="3">none</td>'
     damping = partner.damping_error

@@ -1,4 +1,4 @@
-"""Where ``mbw tune`` takes measured modes from: the campaign itself, or what was identified."""
+"""Measured modes for ``mbw tune``: identified anew, or read from the result of mbw identify."""
 
 from pathlib import Path
 
@@ -6,43 +6,43 @@ import numpy as np
 
 from identification.words import Campaign, Dof, InputError, ModalModel, UsageError
 from mbw.identify.files import read_result
-from tuning import Residual, modes_in_band, some_modes
+from tuning import ResidualKind, modes_in_band, select_modes
 
-RESIDUALS: dict[str, tuple[Residual, ...]] = {
+RESIDUALS: dict[str, tuple[ResidualKind, ...]] = {
     "log": ("log",),
     "modal": ("modal",),
     "modal,log": ("modal", "log"),
 }
 
 
-def parse_residuals(text: str) -> tuple[Residual, ...]:
-    """Read ``log``, ``modal`` or ``modal,log``.
+def parse_residuals(text: str) -> tuple[ResidualKind, ...]:
+    """Return the residuals of a text ``log``, ``modal`` or ``modal,log``.
 
     Raises:
-        UsageError: anything else.
+        UsageError: the text is none of these.
     """
-    found = RESIDUALS.get(text.replace(" ", ""))
-    if found is None:
+    residuals = RESIDUALS.get(text.replace(" ", ""))
+    if residuals is None:
         raise UsageError(
-            f"--residual {text} is none of {', '.join(RESIDUALS)}: modal starts from frequencies, "
-            "damping and shapes, log fits the FRFs"
+            f"--residual {text} is none of {', '.join(RESIDUALS)}: modal fits frequencies, "
+            "damping and shapes of modes, log fits the FRFs"
         )
-    return found
+    return residuals
 
 
 def measured_modes(
-    campaign: Campaign, residuals: tuple[Residual, ...], folder: Path | None
+    campaign: Campaign, residuals: tuple[ResidualKind, ...], folder: Path | None
 ) -> ModalModel | None:
-    """Modes inside the campaign's band; None if nobody asked for them.
+    """Return the measured modes inside the campaign's band; None if the fit needs none.
 
     Args:
-        campaign: the lines of the band.
-        residuals: what is to be minimised.
-        folder: that ``mbw identify`` wrote, or its modes.json; None to identify anew.
+        campaign: campaign on the frequency lines of the band.
+        residuals: residuals of the fit, in order.
+        folder: folder that ``mbw identify`` wrote, or its modes.json; None to identify anew.
 
     Raises:
         InputError: the folder holds no modes of this band and machine.
-        UsageError: no mode in the band where modes are to be fitted.
+        UsageError: modes shall be fitted, but the band holds none.
     """
     if folder is not None:
         measured = _read(folder, campaign)
@@ -52,7 +52,7 @@ def measured_modes(
         return None
     if not len(measured.poles) and "modal" in residuals:
         raise UsageError(
-            f"{campaign.name}: no mode was found in the band: widen --band, or tune with "
+            f"{campaign.name}: no mode was identified in the band: widen --band, or tune with "
             "--residual log"
         )
     return measured
@@ -67,12 +67,12 @@ def _read(folder: Path, campaign: Campaign) -> ModalModel:
             outputs=tuple(Dof.parse(label) for label in result.summary.outputs),
             inputs=tuple(Dof.parse(label) for label in result.summary.inputs),
         )
-        seen = np.asarray(arrays["is_measured"].any(axis=1), np.bool_)
+        is_measured = np.asarray(arrays["is_measured"].any(axis=1), np.bool_)
         inside = np.asarray(arrays["inside_band"], np.bool_)
     except (KeyError, ValueError) as error:
         raise InputError(f"{folder} holds no modes ({error}): run mbw identify again") from error
-    known = {dof.point for dof in campaign.layout.body_dofs()} | set(campaign.layout.points)
-    unknown = sorted({dof.point for dof in model.outputs} - known)
+    points = {dof.point for dof in campaign.layout.body_dofs()} | set(campaign.layout.points)
+    unknown = sorted({dof.point for dof in model.outputs} - points)
     if unknown:
         raise InputError(
             f"{folder} holds modes of another machine: {campaign.name} has no {unknown[0]}; name "
@@ -80,7 +80,7 @@ def _read(folder: Path, campaign: Campaign) -> ModalModel:
         )
     lowest, highest = campaign.freq_hz[[0, -1]]
     inside &= (model.freq_hz >= lowest) & (model.freq_hz <= highest)
-    return some_modes(model, inside, seen)
+    return select_modes(model, inside, is_measured)
 
 
 _ARRAYS = ("poles", "shapes", "participation", "lower", "upper", "freq_sd", "damping_sd")

@@ -1,3 +1,4 @@
+// Page of a tuning: FRFs at the centres of mass, bars of the gap, share of each body.
 const BAND = "rgba(31,111,184,.22)";
 const FREQ = floats(DATA.freq), LINES = FREQ.length;
 const FRFS = {measured: floats(DATA.measured), drawn: floats(DATA.drawn), tuned: floats(DATA.tuned)};
@@ -19,7 +20,7 @@ function band(channel) {  // 95 % of the tuned model's magnitude, as one outline
 }
 
 function decades(channel) {
-  // From the quieter measured lines to the highest of the three curves, so that dips do not rule.
+  // From the lowest measured values but 2 % to the highest of the three curves.
   const sizes = curve("measured", channel, "magnitude").filter(v => v !== null).sort((a, b) => a - b);
   let top = sizes[sizes.length - 1] || 1, low = sizes[Math.floor(0.02 * sizes.length)] || 1e-3;
   for (const kind of ["drawn", "tuned"])
@@ -32,7 +33,7 @@ const state = {body: DATA.bodies[0], file: DATA.files[0], view: "magnitude"};
 
 function draw() {
   if (!DATA.channels.length) {
-    document.getElementById("overlay").textContent = "No body carries enough sensors to tell its motion.";
+    document.getElementById("overlay").textContent = "No body carries enough sensors to determine its motion.";
     return;
   }
   const chosen = DATA.channels.map((c, i) => ({...c, i}))

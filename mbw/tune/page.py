@@ -1,41 +1,46 @@
-"""The report of ``mbw tune`` as one self-contained HTML file."""
+"""Page of ``mbw tune`` as one self-contained HTML file."""
 
 from html import escape
 
 import numpy as np
 
 from identification.words import Dof
-from mbw.page.html import fill, packed, packed_complex, warnings
-from mbw.page.numbers import UNITS, percent
-from mbw.remarks import limits, not_held
-from mbw.tune.convergence import badges, starts_section, unknown_section
+from mbw.page.html import fill_template, pack_complex, pack_real, warning_boxes
+from mbw.page.numbers import UNITS, format_percent
+from mbw.remarks import describe_not_in_mjcf, list_limits
+from mbw.tune.convergence import badges, identifiability_section, starts_section
 from mbw.tune.mode_pairs import pairs_section
 from mbw.tune.parameters import parameter_rows
 from mbw.tune.pulls import pull_points, pulls_note, pulls_table
-from tuning import Level, Result, TunedFile
+from tuning import LevelFrfs, TunedFile, TuningResult
 from tuning.files.result import TUNED_JSON
 
-_COLOURS = {"as drawn": "#d9822b", "tuned": "#1f6fb8", "held out": "#7fb2e0", "noise": "#98a2b3"}
+_SERIES_COLOURS = {
+    "as drawn": "#d9822b",
+    "tuned": "#1f6fb8",
+    "held out": "#7fb2e0",
+    "noise": "#98a2b3",
+}
 
 
-def render(result: Result) -> str:
-    """The HTML of a result."""
+def render(result: TuningResult) -> str:
+    """Return the HTML page of a tuning."""
     summary = result.summary
-    return fill(
+    return fill_template(
         "tune/template.html",
         _data(result),
         title=escape(f"{summary.model}: model and hammer test"),
         subtitle=escape(
-            f"campaign {summary.campaign}, {len(summary.tests)} tests, {summary.lines} lines "
-            f"{summary.band[0]:g}..{summary.band[1]:g} Hz, "
-            f"{_counted(summary)} tuned"
+            f"campaign {summary.campaign}, {len(summary.tests)} tests, {summary.lines} frequency "
+            f"lines {summary.band[0]:g}..{summary.band[1]:g} Hz, "
+            f"{_parameter_counts(summary)} tuned"
         ),
         lead=escape(_lead(summary)),
         badges=badges(summary),
-        warnings=warnings(_warnings(summary)),
+        warnings=warning_boxes(_warnings(summary)),
         parameters=parameter_rows(summary),
         pulls=_pulls_section(summary),
-        unknown=unknown_section(summary),
+        unknown=identifiability_section(summary),
         starts=starts_section(summary),
         modes_drawn=_modes_table(summary, "as_drawn"),
         modes_tuned=_modes_table(summary, "tuned"),
@@ -50,13 +55,14 @@ def render(result: Result) -> str:
 def _lead(summary: TunedFile) -> str:
     gap = summary.gap.sensors
     if gap.as_drawn.error is None or gap.tuned.error is None:
-        return "No channel is quiet enough to state an error."
+        return "No channel has little enough noise to state an error."
     text = (
-        f"As drawn, the model is off by {percent(gap.as_drawn.error)} of the measured FRFs; "
-        f"tuned, by {percent(gap.tuned.error)}"
+        "As drawn, the nominal model is off by "
+        f"{format_percent(gap.as_drawn.error)} of the measured FRFs; "
+        f"tuned, by {format_percent(gap.tuned.error)}"
     )
     if gap.held_out is not None and gap.held_out.error is not None:
-        text += f", and by {percent(gap.held_out.error)} on lines that the fit did not see"
+        text += f", and by {format_percent(gap.held_out.error)} on held-out frequency lines"
         worst = max(summary.held_out_blocks, key=lambda block: block.share)
         if worst.share > 0.5:
             text += (
@@ -65,22 +71,22 @@ def _lead(summary: TunedFile) -> str:
             )
     if gap.noise is None:
         return text + "."
-    return text + f". The noise of the measurement is {percent(gap.noise)}."
+    return text + f". The noise of the measurement is {format_percent(gap.noise)}."
 
 
 def _warnings(summary: TunedFile) -> list[str]:
-    found = ["There are no held-out lines: the tuning was interrupted."]
-    return (found if summary.interrupted else []) + limits(summary)
+    interrupted = ["There are no held-out frequency lines: the tuning was interrupted."]
+    return (interrupted if summary.interrupted else []) + list_limits(summary)
 
 
-def _counted(summary: TunedFile) -> str:
+def _parameter_counts(summary: TunedFile) -> str:
     tolerances = sum(row.prior is not None for row in summary.parameters)
     text = f"{len(summary.parameters) - tolerances} parameters"
     return f"{text} and {tolerances} tolerances" if tolerances else text
 
 
 def _pulls_section(summary: TunedFile) -> str:
-    """Chart and table of the tolerances; empty if none was tuned."""
+    """Return chart and table of the tolerances; empty if none was tuned."""
     if all(row.pull is None for row in summary.parameters):
         return ""
     return (
@@ -124,8 +130,8 @@ def _provenance(summary: TunedFile) -> str:
     text += "."
     if blocks := summary.held_out_blocks:
         width = blocks[0].high - blocks[0].low
-        text += f" Held-out blocks of {width:g} Hz in five folds."
-    text = escape(f"{text} {not_held(summary.not_held_by_mjcf, TUNED_JSON)}".strip())
+        text += f" Held-out errors: five-fold cross-validation over blocks of {width:g} Hz."
+    text = escape(f"{text} {describe_not_in_mjcf(summary.not_held_by_mjcf, TUNED_JSON)}".strip())
     if not summary.inputs:
         return text
     files = ", ".join(
@@ -133,21 +139,21 @@ def _provenance(summary: TunedFile) -> str:
         "</code>"
         for row in summary.inputs
     )
-    return f"{text}<br>Read: {files}."
+    return f"{text}<br>Input files: {files}."
 
 
-def _data(result: Result) -> dict[str, object]:
+def _data(result: TuningResult) -> dict[str, object]:
     level, summary = result.levels["bodies"], result.summary
     outputs = [Dof.parse(label) for label in level.outputs]
     places = [test.split(" in ", 1) for test in level.tests]
     unit, unit_rotation = UNITS[summary.quantity]
     return {
-        "freq": packed(result.freq_hz),
-        "measured": _packed_complex(level, "measured"),
-        "drawn": _packed_complex(level, "as_drawn"),
-        "tuned": _packed_complex(level, "tuned"),
-        "noise": packed(level.noise.T),
-        "deviation": None if level.deviation is None else packed(level.deviation.T),
+        "freq": pack_real(result.freq_hz),
+        "measured": _pack_channels(level, "measured"),
+        "drawn": _pack_channels(level, "as_drawn"),
+        "tuned": _pack_channels(level, "tuned"),
+        "noise": pack_real(level.noise.T),
+        "deviation": None if level.deviation is None else pack_real(level.deviation.T),
         "channels": [
             {
                 "body": dof.point,
@@ -179,11 +185,12 @@ def _gap_bars(summary: TunedFile) -> list[dict[str, object]]:
         "noise": [level.noise for level in levels],
     }
     return [
-        {"name": name, "error": error, "color": _COLOURS[name]} for name, error in series.items()
+        {"name": name, "error": error, "color": _SERIES_COLOURS[name]}
+        for name, error in series.items()
     ]
 
 
-def _packed_complex(level: Level, name: str) -> str:
-    """Channel after channel."""
+def _pack_channels(level: LevelFrfs, name: str) -> str:
+    """Return FRFs packed channel after channel."""
     values: np.ndarray = getattr(level, name).T
-    return packed_complex(values)
+    return pack_complex(values)

@@ -1,17 +1,17 @@
-"""The table of what the drawing does not know: stiffness and damping, with their intervals."""
+"""Table of stiffness and damping, the parameters without a prior, with their intervals."""
 
 import math
 from html import escape
 
-from mbw.page.numbers import short
+from mbw.page.numbers import format_four_digits
 from tuning import TunedFile
 from tuning.files.schema import ParameterRow
 
-_OCTAVES = 2.0  # on either side of the bars
+_BAR_OCTAVES = 2.0  # range of a bar on either side of the nominal value: a factor of 4
 
 
 def parameter_rows(summary: TunedFile) -> str:
-    """HTML of one table row for each parameter without a prior."""
+    """Return HTML of one table row for each parameter without a prior."""
     return "".join(_row(row) for row in summary.parameters if row.prior is None)
 
 
@@ -21,7 +21,7 @@ def _row(row: ParameterRow) -> str:
     return (
         f"<tr{'' if row.seen else ' class=unseen'}>"
         f'<td class="name" title="{escape(row.location)}">{escape(row.name)}{bound}</td>'
-        f"<td>{short(row.drawn)}</td><td>{short(row.tuned)}</td>{_interval(row)}"
+        f"<td>{format_four_digits(row.drawn)}</td><td>{format_four_digits(row.tuned)}</td>{_interval(row)}"
         f'<td class="name">{escape(row.unit)}</td>'
         f"<td>{'' if math.isnan(factor) else f'{factor:.3g}'}</td>"
         f'<td class="name">{_bar(row, factor)}</td></tr>'
@@ -29,18 +29,22 @@ def _row(row: ParameterRow) -> str:
 
 
 def _interval(row: ParameterRow) -> str:
-    """Both ends, and half their distance as the eye wants it."""
+    """Return two cells: both ends of the interval, and its half width relative to the value."""
     if not row.seen:
-        return '<td colspan="2" class="blind">the data do not tell</td>'
+        return '<td colspan="2" class="blind">unidentifiable</td>'
     if row.low is None or row.high is None:
         return "<td></td><td></td>"
     half = (row.high - row.low) / 2
     relative = f"±{100 * half / abs(row.tuned):.2g} %" if row.tuned else ""
-    return f'<td>{short(row.low)} … {short(row.high)}</td><td class="soft">{relative}</td>'
+    ends = f"{format_four_digits(row.low)} … {format_four_digits(row.high)}"
+    return f'<td>{ends}</td><td class="soft">{relative}</td>'
 
 
 def _bar(row: ParameterRow, factor: float) -> str:
-    """The factor as a bar from ÷4 to ×4, its interval a whisker; hatched where no data tell."""
+    """Return the factor as a bar from ÷4 to ×4 with its interval as a whisker.
+
+    The bar of an unidentifiable parameter is hatched.
+    """
     if not row.seen:
         return '<span class="bar hatched"><b></b></span>'
     if not factor > 0:
@@ -58,7 +62,7 @@ def _bar(row: ParameterRow, factor: float) -> str:
 
 
 def _place(factor: float) -> float:
-    """Per cent of the bar's width; the ends stand for all beyond them."""
+    """Return the position of a factor in per cent of the bar's width, clipped at its ends."""
     if factor <= 0:
         return 0.0
-    return max(0.0, min(100.0, 50.0 + 50.0 / _OCTAVES * math.log2(factor)))
+    return max(0.0, min(100.0, 50.0 + 50.0 / _BAR_OCTAVES * math.log2(factor)))

@@ -1,13 +1,14 @@
+// Chart of the pulls: shifts of the tolerances in units of their prior's standard deviation.
 
 function pulls() {
   const {points, kinds, trouble, bound} = DATA.pulls;
   const last = kinds.length - 1, seen = kinds.map(() => 0), red = "#b42318";
-  // A golden jitter, so that points of one kind lie apart.
+  // Offsets by the golden ratio keep points of one kind apart.
   const at = points.map(p => last - p.kind + 0.62 * ((0.618034 * seen[p.kind]++) % 1 - 0.5));
   const reach = Math.max(6, 1.12 * Math.max(0, ...points.map(p => Math.abs(p.pull))));
   const colours = points.map(p => Math.abs(p.pull) > trouble ? red : BLUE);
   const line = (x, color, dash) => ({type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1, line: {color, width: 1, dash}, layer: "below"});
-  // Outwards, where it is empty; inwards if the name would not fit there.
+  // Labels stand outside of the points; inside if the name would not fit there.
   const fits = p => (reach - Math.abs(p.pull)) / (2 * reach) * 450 > 6.3 * p.name.length;
   const beside = p => fits(p) === (p.pull > 0) ? {xanchor: "left", xshift: 6} : {xanchor: "right", xshift: -6};
   const labelled = [];
@@ -21,7 +22,7 @@ function pulls() {
     hovertemplate: "%{text}<extra></extra>"}], {
     height: 76 + 34 * kinds.length, margin: {l: 112, r: 12, t: 8, b: 42}, font: FONT, paper_bgcolor: "white", plot_bgcolor: "white",
     showlegend: false, hoverlabel: {align: "left"},
-    xaxis: {range: [-reach, reach], gridcolor: "#eef1f5", zerolinecolor: GREY, title: {text: "pull / standard deviations", standoff: 4}},
+    xaxis: {range: [-reach, reach], gridcolor: "#eef1f5", zerolinecolor: GREY, title: {text: "pull / prior standard deviations", standoff: 4}},
     yaxis: {range: [-0.6, last + 0.6], tickvals: kinds.map((_, k) => last - k), ticktext: kinds, showgrid: false, zeroline: false},
     shapes: [...kinds.slice(1).map((_, k) => ({type: "line", xref: "paper", x0: 0, x1: 1, y0: k + 0.5, y1: k + 0.5,
       line: {color: "#eef1f5", width: 1}, layer: "below"})),

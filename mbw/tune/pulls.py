@@ -1,14 +1,17 @@
-"""How far tolerances were pulled: points by kind for the chart, and the largest as a table."""
+"""Pulls of the tolerances: a chart by kind, and a table of the largest.
+
+The pull of a tolerance is its shift in units of its prior's standard deviation.
+"""
 
 from html import escape
 
-from mbw.page.numbers import moved, tolerance
+from mbw.page.numbers import format_shift, format_tolerance
 from tuning import TunedFile
-from tuning.assessment.parameter_confidence import PLAUSIBLE
+from tuning.assessment.parameter_confidence import PLAUSIBLE_PULL_SIGMA
 from tuning.files.schema import ParameterRow
-from tuning.parametrisation.parametrisation import BOUND
+from tuning.parametrisation.parametrisation import TOLERANCE_BOUND_SIGMA
 
-_KINDS = {
+_TOLERANCE_KINDS = {
     ("body", "mass"): "mass",
     ("body", "inertia"): "inertia",
     ("body", "com"): "centre of mass",
@@ -22,34 +25,37 @@ _KINDS = {
     ("joint", "stiffness"): "stiffness",
     ("joint", "damping"): "damping",
 }
-_ORDER = {kind: place for place, kind in enumerate(_KINDS.values())}
-_MOST = 10
-_VAGUE = 0.7  # of its tolerance: the data tell little
+_KIND_ROWS = {kind: row for row, kind in enumerate(_TOLERANCE_KINDS.values())}
+_LAST_KIND_ROW = 99  # of kinds that the table above does not list
+_MAX_PULL_ROWS = 10  # rows of the table of the largest pulls
+_MIN_VAGUE_DEVIATION = 0.7  # posterior over prior deviation; above, the data add little
 
 
 def kind_of(row: ParameterRow) -> str:
-    """What a parameter is of, such as ``sensor angle``."""
+    """Return the kind of a tolerance, such as ``sensor angle``."""
     quantity = row.name.rsplit(".", 1)[-1]
     stem = quantity[:-2] if quantity[-2:] in {"_x", "_y", "_z"} else quantity
     stem = "inertia" if stem.startswith("inertia_") else stem
-    return _KINDS.get((row.location.split(":")[0], stem), stem)
+    return _TOLERANCE_KINDS.get((row.location.split(":")[0], stem), stem)
 
 
 def pull_points(summary: TunedFile) -> dict[str, object]:
-    """All pulls for the chart: kinds from top to bottom, points with their hover text."""
-    rows = _pulled(summary)
-    kinds = sorted({kind_of(row) for row, _ in rows}, key=lambda kind: _ORDER.get(kind, 99))
+    """Return all pulls for the chart: kinds from top to bottom, points with their hover text."""
+    rows = _sort_by_pull(summary)
+    kinds = sorted(
+        {kind_of(row) for row, _ in rows}, key=lambda kind: _KIND_ROWS.get(kind, _LAST_KIND_ROW)
+    )
     return {
         "kinds": kinds,
-        "trouble": PLAUSIBLE,
-        "bound": BOUND,
+        "trouble": PLAUSIBLE_PULL_SIGMA,
+        "bound": TOLERANCE_BOUND_SIGMA,
         "points": [
             {
                 "name": row.name,
                 "kind": kinds.index(kind_of(row)),
                 "pull": pull,
                 "vague": _is_vague(row),
-                "text": f"{_moved(row)}, tolerance {_tolerance(row)}",
+                "text": f"{_shift_text(row)}, tolerance {_tolerance_text(row)}",
             }
             for row, pull in rows
         ],
@@ -57,49 +63,55 @@ def pull_points(summary: TunedFile) -> dict[str, object]:
 
 
 def pulls_table(summary: TunedFile) -> str:
-    """HTML of the largest pulls, what they amount to, and where the model was held back."""
-    rows = _pulled(summary)
-    held = bool(rows) and abs(rows[0][1]) > PLAUSIBLE
+    """Return HTML of the largest pulls, their shifts, and a mark where a bound limited them."""
+    rows = _sort_by_pull(summary)
+    is_bounded = bool(rows) and abs(rows[0][1]) > PLAUSIBLE_PULL_SIGMA
     body = "".join(
-        f'<tr{" class=bad" if abs(pull) > PLAUSIBLE else ""}><td class="name">{escape(row.name)}'
-        f'</td><td class="name">{kind_of(row)}</td><td>{_tolerance(row)}</td><td>{pull:+.1f}</td>'
-        f"<td>{_moved(row)}{' <small>bound</small>' if held and row.at_bound else ''}</td></tr>"
-        for row, pull in rows[:_MOST]
+        f"<tr{' class=bad' if abs(pull) > PLAUSIBLE_PULL_SIGMA else ''}>"
+        f'<td class="name">{escape(row.name)}'
+        f'</td><td class="name">{kind_of(row)}</td><td>{_tolerance_text(row)}</td>'
+        f"<td>{pull:+.1f}</td>"
+        f"<td>{_shift_text(row)}{' <small>bound</small>' if is_bounded and row.at_bound else ''}"
+        "</td></tr>"
+        for row, pull in rows[:_MAX_PULL_ROWS]
     )
     return (
         '<table class="tight"><thead><tr><th class="name">largest pulls</th><th class="name"></th>'
-        f"<th>tolerance</th><th>pull</th><th>moved</th></tr></thead><tbody>{body}</tbody></table>"
+        f"<th>tolerance</th><th>pull</th><th>shift</th></tr></thead><tbody>{body}</tbody></table>"
     )
 
 
 def pulls_note(summary: TunedFile) -> str:
-    """What the reader of chart and table must know."""
-    rows = _pulled(summary)
+    """Return the caption of chart and table."""
+    rows = _sort_by_pull(summary)
     text = (
-        "Pull: distance from the drawing in standard deviations of its tolerance. Lines: "
-        f"{BOUND:g}, and {PLAUSIBLE:g}, beyond which it is no tolerance but a fault"
+        "Pull: shift of a tolerance from its nominal value, in standard deviations of its prior. "
+        f"Lines: the bound of {TOLERANCE_BOUND_SIGMA:g}, and {PLAUSIBLE_PULL_SIGMA:g}; larger "
+        "pulls indicate a fault."
     )
-    if rows and abs(rows[0][1]) > PLAUSIBLE:
-        text += f"; the tuned model keeps all within {BOUND:g}, so as not to swallow it"
-    text += "."
+    if rows and abs(rows[0][1]) > PLAUSIBLE_PULL_SIGMA:
+        text += (
+            f" The tuned model keeps all within {TOLERANCE_BOUND_SIGMA:g}, so that a tolerance "
+            "does not absorb the fault."
+        )
     if any(_is_vague(row) for row, _ in rows):
-        text += " Hollow: the data tell little."
+        text += " Hollow: the data hardly improve on the prior."
     return text
 
 
-def _pulled(summary: TunedFile) -> list[tuple[ParameterRow, float]]:
-    """Tolerances with their pulls, the largest first."""
+def _sort_by_pull(summary: TunedFile) -> list[tuple[ParameterRow, float]]:
+    """Return tolerances with their pulls, the largest first."""
     rows = [(row, row.pull) for row in summary.parameters if row.pull is not None]
-    return sorted(rows, key=lambda one: -abs(one[1]))
+    return sorted(rows, key=lambda pair: -abs(pair[1]))
 
 
 def _is_vague(row: ParameterRow) -> bool:
-    return bool(row.deviation and row.prior and row.deviation > _VAGUE * row.prior)
+    return bool(row.deviation and row.prior and row.deviation > _MIN_VAGUE_DEVIATION * row.prior)
 
 
-def _moved(row: ParameterRow) -> str:
-    return moved(row.drawn, row.tuned, row.unit)
+def _shift_text(row: ParameterRow) -> str:
+    return format_shift(row.drawn, row.tuned, row.unit)
 
 
-def _tolerance(row: ParameterRow) -> str:
-    return tolerance(row.prior or 0.0, row.unit)
+def _tolerance_text(row: ParameterRow) -> str:
+    return format_tolerance(row.prior or 0.0, row.unit)

@@ -1,4 +1,4 @@
-"""``mbw tune``: a campaign in, a tuned model and the remaining gap out."""
+"""``mbw tune``: tuning of a model to a campaign, with the gap that remains."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,52 +7,86 @@ import typer
 from rich.progress import Progress, TaskID
 
 from diagnosis import residual_shares
-from mbw.files import check_json, write_json
-from mbw.messages import INTERRUPTED, NOT_CONVERGED, SCREEN, one_interrupt
-from mbw.remarks import remarks
-from mbw.tune.modes import measured_modes
+from mbw.band import check_band
+from mbw.files import check_json_target, write_json
+from mbw.messages import INTERRUPTED, NOT_CONVERGED, SCREEN, allow_one_interrupt
+from mbw.remarks import list_remarks
+from mbw.tune.modes import measured_modes, parse_residuals
 from tuning import (
-    CHECKPOINT,
-    FOLDS,
+    CHECKPOINT_FILE,
     GAUSS_NEWTON,
-    Freedom,
-    Journal,
-    Place,
-    Residual,
-    ShareRow,
-    Tuned,
+    CampaignTuning,
+    Checkpoint,
+    FitProgress,
+    FrfPlace,
+    Parametrisation,
+    ProgressCallbacks,
+    ResidualKind,
     TunedFile,
-    Watch,
-    check_folder,
+    check_output_folder,
     fingerprint,
     open_session,
-    stages_of,
+    select_stages,
     tune,
     write_result,
 )
-from tuning import Progress as Step
+from tuning.assessment.held_out import N_FOLDS
+from tuning.files.schema import ShareRow
 
-_FEW = 5
+_MAX_FURTHER_POINTS = 5  # further hammer points and sensors that the terminal lists
 
 
 @dataclass(frozen=True)
-class Search:
-    """What to fit.
+class SearchOptions:
+    """Choices of the user about the fit.
 
     Args:
-        residuals: what to minimise, in order.
-        algorithm: of NLopt, by name, for the first stages; Gauss-Newton by default.
-        at: where FRFs count: at the channels or at the centres of mass.
-        modes: folder that ``mbw identify`` wrote; None to identify anew where modes are needed.
+        residuals: residuals to minimise, in order.
+        algorithm: name of an NLopt algorithm for the first stages; Gauss-Newton by default.
+        at: whether FRFs are compared at the channels or at the centres of mass.
+        modes: folder that ``mbw identify`` wrote; None to identify modes anew if needed.
     """
 
-    residuals: tuple[Residual, ...] = ("log",)
+    residuals: tuple[ResidualKind, ...] = ("log",)
     algorithm: str = GAUSS_NEWTON
-    at: Place = "sensors"
+    at: FrfPlace = "sensors"
     modes: Path | None = None
 
 
-_FRFS = Search()
+_DEFAULT_SEARCH = SearchOptions()
+
+
+def run_options(  # noqa: PLR0913  # one for each option
+    campaign: Path,
+    *,
+    out: Path | None,
+    json: Path | None,
+    band: tuple[float, float] | None,
+    starts: int,
+    seed: int,
+    jobs: int,
+    residual: str,
+    algorithm: str,
+    from_modes: Path | None,
+    at_bodies: bool,
+    resume: bool,
+    information: bool,
+) -> None:
+    """Run the verb with the values of its options, as ``mbw.tune.options`` describes them."""
+    check_band(band)
+    place: FrfPlace = "bodies" if at_bodies else "sensors"
+    run(
+        campaign,
+        out=out,
+        json=json,
+        band=band,
+        starts=starts,
+        seed=seed,
+        jobs=jobs,
+        search=SearchOptions(parse_residuals(residual), algorithm, place, from_modes),
+        resume=resume,
+        inform=information,
+    )
 
 
 def run(  # noqa: PLR0913  # one for each option
@@ -64,47 +98,50 @@ def run(  # noqa: PLR0913  # one for each option
     starts: int = 1,
     seed: int = 0,
     jobs: int = 1,
-    search: Search = _FRFS,
+    search: SearchOptions = _DEFAULT_SEARCH,
     resume: bool = False,
     inform: bool = False,
 ) -> Path:
-    """Tune, write the result, say the gap; exit 130 if interrupted, 4 if not converged.
+    """Tune the model, write the result, print the gap.
 
     Args:
-        campaign: its folder.
-        out: folder of the result; <campaign>-tuned if None.
-        json: a file beside it, or ``-``.
-        band: [Hz]; the lines with coherence if None.
-        starts: the drawing, then random ones.
-        seed: of the random starts.
-        jobs: processes for the held-out fits.
-        search: what to fit.
-        resume: go on from the steps that an interrupted run finished.
-        inform: say which further measurement would tell most.
+        campaign: folder of the campaign.
+        out: folder of the result; None for <campaign>-tuned.
+        json: further JSON file, or ``-`` for stdout; None for none.
+        band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
+        starts: number of starts: the nominal model, then random ones.
+        seed: seed of the random starts.
+        jobs: number of processes for the held-out fits.
+        search: choices about the fit.
+        resume: whether to continue from the steps that an interrupted run finished.
+        inform: whether to rank further measurements by their information.
 
     Returns:
         The folder of the result.
+
+    Raises:
+        typer.Exit: the fit was interrupted (code 130) or did not converge (code 4).
     """
     session = open_session(campaign, band)
     freq = session.campaign.freq_hz
     folder = out or Path(f"{session.campaign.name}-tuned")
     SCREEN.say(
-        f"{session.campaign.name}: {len(session.campaign.tests)} tests, {len(freq)} lines "
-        f"{freq[0]:g}..{freq[-1]:g} Hz, {_counted(session.freedom)}"
+        f"{session.campaign.name}: {len(session.campaign.tests)} tests, {len(freq)} frequency "
+        f"lines {freq[0]:g}..{freq[-1]:g} Hz, {_parameter_counts(session.parametrisation)}"
     )
-    check_folder(folder)
+    check_output_folder(folder)
     if json is not None:
-        check_json(json)
+        check_json_target(json)
     options = {"starts": starts, "seed": seed, "search": search}
-    file = folder / CHECKPOINT
+    file = folder / CHECKPOINT_FILE
     if file.is_file() and not resume:
-        SCREEN.say(f"{file} of an interrupted run is not used: --resume would go on from it")
-    journal = Journal(file, fingerprint(session, options), resume=resume)
+        SCREEN.say(f"{file} of an interrupted run is not used: --resume would continue from it")
+    checkpoint = Checkpoint(file, fingerprint(session, options), resume=resume)
     measured = measured_modes(session.campaign, search.residuals, search.modes)
     for text in session.campaign.remarks:
         SCREEN.say(text)
-    with SCREEN.progress() as progress, one_interrupt() as ends:
-        bar = _Bar(progress, starts, len(stages_of(search.residuals)))
+    with SCREEN.progress() as progress, allow_one_interrupt() as ignore_interrupts:
+        bar = _ProgressBar(progress, starts, len(select_stages(search.residuals)))
         tuned = tune(
             session,
             residuals=search.residuals,
@@ -115,27 +152,27 @@ def run(  # noqa: PLR0913  # one for each option
             seed=seed,
             jobs=jobs,
             inform=inform,
-            watch=Watch(bar.evaluated, bar.folded),
-            journal=journal,
+            callbacks=ProgressCallbacks(bar.show_evaluation, bar.show_fold),
+            checkpoint=checkpoint,
         )
-        ends()
-        summary = write_result(tuned, folder, _remaining(tuned))
+        ignore_interrupts()
+        summary = write_result(tuned, folder, _remaining_gap(tuned))
         if json is not None:
             write_json(summary.model_dump_json(indent=1), json)
     _say(summary, folder)
     if not tuned.interrupted:
-        journal.close()
-    _leave(tuned)
+        checkpoint.close()
+    _exit_unless_converged(tuned)
     return folder
 
 
-def _counted(varies: Freedom) -> str:
-    tolerances = int(varies.has_prior.sum())
-    return f"{varies.size - tolerances} parameters, {tolerances} tolerances"
+def _parameter_counts(parametrisation: Parametrisation) -> str:
+    tolerances = int(parametrisation.has_prior.sum())
+    return f"{parametrisation.size - tolerances} parameters, {tolerances} tolerances"
 
 
-def _remaining(tuned: Tuned) -> list[ShareRow]:
-    """Where the gap shows, on held-out lines if there are any."""
+def _remaining_gap(tuned: CampaignTuning) -> list[ShareRow]:
+    """Return each body's share of the remaining gap, on held-out lines if there are any."""
     sensors = tuned.sensors
     gaps = sensors.channels(sensors.held_out or sensors.bounded)
     return [
@@ -144,16 +181,16 @@ def _remaining(tuned: Tuned) -> list[ShareRow]:
     ]
 
 
-class _Bar:
-    """Stages of every start and folds, as steps of one bar."""
+class _ProgressBar:
+    """Progress bar whose steps are the stages of every start and the folds."""
 
     def __init__(self, progress: Progress, starts: int, stages: int) -> None:
         self._progress, self._starts, self._stages = progress, starts, stages
-        total = starts * stages + FOLDS
+        total = starts * stages + N_FOLDS
         self._task: TaskID = progress.add_task("reading", total=total)
 
-    def evaluated(self, step: Step) -> None:
-        """Show the stage, how many evaluations it has taken, and the cost."""
+    def show_evaluation(self, step: FitProgress) -> None:
+        """Show the stage, its number of evaluations and the cost."""
         where = f"start {step.start + 1}/{self._starts}, " if self._starts > 1 else ""
         self._progress.update(
             self._task,
@@ -164,12 +201,12 @@ class _Bar:
             ),
         )
 
-    def folded(self, fold: int) -> None:
-        """Show how many held-out fits are done."""
+    def show_fold(self, fold: int) -> None:
+        """Show the number of finished held-out fits."""
         self._progress.update(
             self._task,
             completed=self._starts * self._stages + fold + 1,
-            description=f"held-out lines, fold {fold + 1}/{FOLDS}",
+            description=f"held-out frequency lines, fold {fold + 1}/{N_FOLDS}",
         )
 
 
@@ -177,25 +214,25 @@ def _say(summary: TunedFile, folder: Path) -> None:
     gap, fit = summary.gap.sensors, summary.fit
     trust = ", to be trusted" if fit.trusted else ""
     SCREEN.say(f"{fit.outcome} after {fit.evaluations} evaluations{trust}{_agreement(summary)}")
-    rows = [("as drawn", gap.as_drawn), ("tuned", gap.tuned)]
+    rows = [("as drawn (nominal model)", gap.as_drawn), ("tuned", gap.tuned)]
     if gap.held_out is not None:
-        rows.append(("tuned, on lines that the fit did not see", gap.held_out))
+        rows.append(("tuned, on held-out frequency lines", gap.held_out))
     for name, row in rows:
         SCREEN.say(f"  {name}: error {_number(row.error)}, excess {_number(row.excess)}")
     SCREEN.say(f"  noise: {_number(gap.noise)}")
     if summary.pairs:
         paired = sum(row.tuned is not None for row in summary.pairs)
-        SCREEN.say(f"  {paired} of {len(summary.pairs)} measured modes have one of the model's")
-    for remark in remarks(summary):
+        SCREEN.say(f"  {paired} of {len(summary.pairs)} measured modes match a mode of the model")
+    for remark in list_remarks(summary):
         SCREEN.say(f"  {remark}")
-    for gain in summary.information[:_FEW]:
+    for gain in summary.information[:_MAX_FURTHER_POINTS]:
         where = f"a further hammer point at {gain.place}"
         if gain.what == "sensor":
             where = f"a further sensor beside {gain.place}"
         SCREEN.say(
-            f"  {where}: {gain.parameter} known to {100 * gain.after:.2g} % instead of "
-            f"{100 * gain.before:.2g} %; in the median, intervals shrink to "
-            f"{100 * gain.shrink:.0f} %"
+            f"  {where}: the standard deviation of {gain.parameter} would be "
+            f"{100 * gain.after:.2g} % instead of {100 * gain.before:.2g} %; in the median, "
+            f"intervals would shrink to {100 * gain.shrink:.0f} %"
         )
     SCREEN.say(f"results in {folder}")
 
@@ -211,10 +248,10 @@ def _number(value: float | None) -> str:
     return "unknown" if value is None else f"{value:.3g}"
 
 
-def _leave(tuned: Tuned) -> None:
+def _exit_unless_converged(tuned: CampaignTuning) -> None:
     if tuned.interrupted:
-        missing = tuned.fit.advice or "the fit is whole, held-out lines are missing"
-        SCREEN.error(f"interrupted, go on with --resume: {missing}")
+        missing = tuned.fit.advice or "the fit is complete, the held-out fits are missing"
+        SCREEN.error(f"interrupted, continue with --resume: {missing}")
         raise typer.Exit(INTERRUPTED)
     if not tuned.fit.converged:
         SCREEN.error(f"not converged, {tuned.fit.outcome}: {tuned.fit.advice}")

@@ -12,11 +12,11 @@ from rich.progress import track
 from mbmodel import load_machine
 from tests.bench.starts import NEAR, STATION
 from tests.helpers.tuning_case import TuningCase, tuning_case
-from tuning import GAUSS_NEWTON, STAGES, Misfit, Stage, fit, freedom
+from tuning import GAUSS_NEWTON, STAGES, Misfit, Stage, fit, parametrise
 
 SEED = 65000
 STARTS = 5
-OPENING = tuple(stage for stage in STAGES if not stage.everything)
+OPENING = tuple(stage for stage in STAGES if not stage.tolerances_vary)
 FINISH = STAGES[len(OPENING) :]
 NAMED = (
     "LD_LBFGS",
@@ -40,14 +40,14 @@ class Way:
 
     opening: str
     logarithmic: bool = True
-    allowance: bool = True
+    has_error_floor: bool = True
     finish: str = GAUSS_NEWTON
 
     @property
     def residual(self) -> str:
         """In words."""
         name = "logarithm" if self.logarithmic else "difference"
-        return name if self.allowance else f"{name}, by noise alone"
+        return name if self.has_error_floor else f"{name}, by noise alone"
 
 
 @dataclass(frozen=True)
@@ -66,9 +66,9 @@ WAYS = (
     *(Way(name) for name in NAMED),
     Way("LD_LBFGS", finish="LD_LBFGS"),
     *(
-        Way(name, logarithmic=logarithmic, allowance=allowance)
+        Way(name, logarithmic=logarithmic, has_error_floor=has_error_floor)
         for name in (GAUSS_NEWTON, "LD_LBFGS")
-        for logarithmic, allowance in ((False, True), (True, False), (False, False))
+        for logarithmic, has_error_floor in ((False, True), (True, False), (False, False))
     ),
 )
 
@@ -87,30 +87,35 @@ def run() -> list[dict[str, object]]:
 
 def _run(case: TuningCase, way: Way, start: np.ndarray) -> Run:
     model, campaign = case.model, case.campaign
-    varies = freedom(model, campaign.tolerance)
+    varies = parametrise(model, campaign.tolerance)
     opening = tuple(
         replace(
             stage,
             logarithmic=way.logarithmic,
-            allowance=stage.allowance if way.allowance else 0.0,
+            model_error_floor=stage.model_error_floor if way.has_error_floor else 0.0,
         )
         for stage in OPENING
     )
     before = time.process_time()
     opened = fit(
-        model, campaign, varies=varies, starts=(start,), stages=opening, algorithm=way.opening
+        model,
+        campaign,
+        parametrisation=varies,
+        starts=(start,),
+        stages=opening,
+        algorithm=way.opening,
     )
     between = time.process_time()
     ended = fit(
         model,
         campaign,
-        varies=varies,
+        parametrisation=varies,
         starts=(opened.theta,),
         stages=_finish(way),
         algorithm=way.finish,
     )
     after = time.process_time()
-    misfit = Misfit(model, campaign, varies, allowance=0.0)
+    misfit = Misfit(model, campaign, varies, model_error_floor=0.0)
     return Run(
         opening=opened.evaluations,
         opening_s=between - before,
@@ -124,7 +129,7 @@ def _finish(way: Way) -> tuple[Stage, ...]:
     """The other stages; a named algorithm takes those alone that call for no tolerances."""
     if way.finish == GAUSS_NEWTON:
         return FINISH
-    return tuple(replace(stage, everything=False) for stage in FINISH)
+    return tuple(replace(stage, tolerances_vary=False) for stage in FINISH)
 
 
 def _row(way: Way, runs: list[Run], best: float) -> dict[str, object]:

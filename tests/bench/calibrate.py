@@ -24,7 +24,7 @@ from scipy.optimize import minimize
 
 from diagnosis.inference.calibration import Calibration
 from diagnosis.inference.evidence import BENDS, Evidence
-from diagnosis.inference.posterior import Judged, judge
+from diagnosis.inference.posterior import Posterior, judge
 from identification.words import Real
 from tests.bench import doubt, silence
 from tests.bench.catalogue import LINEAR, outside, two
@@ -212,7 +212,7 @@ def given_of(row: dict) -> tuple[Evidence, Causes] | None:
     )
 
 
-def _surprise(found: Judged, causes: Causes) -> float:
+def _surprise(found: Posterior, causes: Causes) -> float:
     """-ln of the probability of the truth; of a single cause also of the share of its place."""
     if not causes:
         return _nats(found.none)

@@ -380,11 +380,11 @@ def graded(one: Deck, rows: Sequence[dict]) -> list[dict[str, object]]:
         {"figure": "same verdict with two threads", "value": sum(twice), "n": len(twice)},
         *(
             {
-                "figure": f"truth among {many} by score, {allowance}, %",
+                "figure": f"truth among {many} by score, {model_error_floor}, %",
                 "value": 100 * float(np.mean([one[k] <= many for one in asked])) if asked else 0.0,
                 "n": len(asked),
             }
-            for k, allowance in enumerate(("allowance 3 %", "none", "allowance 10 %"))
+            for k, model_error_floor in enumerate(("allowance 3 %", "none", "allowance 10 %"))
             for many in (1, REFITTED)
         ),
     ]

@@ -10,7 +10,7 @@ import mpmath
 import numpy as np
 
 from identification.words import Dof
-from mbmodel import Evaluator, Question, as_drawn, load_machine, state_space
+from mbmodel import Evaluator, FrfRequest, as_drawn, load_machine, state_space
 
 STATION = Path(__file__).resolve().parents[2] / "assets" / "microstation" / "station.xml"
 REPEATS = 31
@@ -22,7 +22,7 @@ def run() -> list[dict[str, object]]:
     model = as_drawn(load_machine(STATION))
     outputs = tuple(Dof.of(f"acc{k}", axis) for k in range(1, 24) for axis in range(3))
     inputs = tuple(Dof.of("acc11", axis) for axis in range(3))
-    question = Question(np.linspace(0, 200, 801), outputs, inputs)
+    question = FrfRequest(np.linspace(0, 200, 801), outputs, inputs)
     evaluator = Evaluator(model, question)
     system = state_space(model, model.drawn, question)
     omega = 2 * np.pi * question.freq_hz
@@ -85,7 +85,7 @@ def _alternate(*functions: Callable[[], object]) -> list[float]:
     return [float(np.median(record)) for record in times]
 
 
-def _worst_error(model, question: Question, values: np.ndarray) -> float:  # type: ignore[no-untyped-def]
+def _worst_error(model, question: FrfRequest, values: np.ndarray) -> float:  # type: ignore[no-untyped-def]
     """Largest error on 13 lines, relative to the largest value of each channel."""
     matrices = model.matrices(model.drawn)
     layout, jacobian = model.machine.layout, model.machine.jacobian

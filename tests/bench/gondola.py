@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from identification import read_layout
-from identification.impacts import ImpactRecord, impact_record, impact_spectra, struck
-from identification.matching import Match, at_channels, match, printed_match
+from identification.impacts import ImpactRecord, impact_record, impact_spectra, synchronise
+from identification.matching import ModeMatch, match_by_ratios, match_modes, shapes_at_channels
 from identification.shapes import Shapes, read_shapes, rigid_modes
 from identification.words import ConvergenceError, Integers, Layout
 from tests.helpers.virtual_gondola import Structure, Trial, read_structure, strike
@@ -33,7 +33,7 @@ NEAR = 0.02  # of a frequency: a measured mode is that of the structure
 def run() -> list[dict[str, object]]:
     """Test, match and count."""
     drawn = read_shapes(ASSETS / "shapes.vtu")
-    shapes = drawn.only(rigid_modes(drawn).held)
+    shapes = drawn.select(rigid_modes(drawn).supported)
     layout = read_layout(ASSETS / "layout.toml")
     rows, told = [], []
     for seed in SEEDS:
@@ -50,8 +50,8 @@ def one(
 ) -> dict[str, object]:
     """One structure: pairs right of the first six modes, by either method."""
     begun = time.process_time()
-    spectra = impact_spectra([struck(record) for record in records], BAND)
-    found = match(shapes, layout, spectra)
+    spectra = impact_spectra([synchronise(record) for record in records], BAND)
+    found = match_modes(shapes, layout, spectra)
     seconds = time.process_time() - begun
     counts = dict.fromkeys(("right", "wrong", "wrong above 0.9", "others", "others left out"), 0)
     for mode, truth in truths(structure, found, np.arange(len(shapes))):
@@ -63,10 +63,10 @@ def one(
         counts["others"] += truth == NONE
         counts["others left out"] += truth == simulated == NONE
     row: dict[str, object] = dict(counts)
-    at = at_channels(shapes, layout, spectra.dofs)
+    at = shapes_at_channels(shapes, layout, spectra.dofs)
     own = elastic(structure)
     for reading in ("largest", "reference"):
-        printed = printed_match(spectra, at, "acc2", reading=reading)  # type: ignore[arg-type]
+        printed = match_by_ratios(spectra, at, "acc2", reading=reading)  # type: ignore[arg-type]
         peaks = spectra.freq_hz[printed.peaks]
         near = [
             abs(peaks[mode] / frequency - 1) < NEAR for frequency, mode in own if 0 <= mode < SIX
@@ -81,7 +81,7 @@ def elastic(structure: Structure) -> list[tuple[float, int]]:
     return [(f, pair - SIX if pair >= SIX else NONE) for f, pair in pairs if f > 1.0]
 
 
-def truths(structure: Structure, found: Match, kept: Integers) -> Iterator[tuple[int, int]]:
+def truths(structure: Structure, found: ModeMatch, kept: Integers) -> Iterator[tuple[int, int]]:
     """Each measured mode that is one of the structure's, and its place among the kept shapes."""
     frequencies, pairs = map(np.array, zip(*elastic(structure), strict=True))
     for mode, frequency in enumerate(found.measured.frequencies.tolist()):
@@ -120,8 +120,8 @@ def few(
         for k in hits
     ]
     try:
-        spectra = impact_spectra([struck(record) for record in some], BAND)
-        found = match(shapes.only(kept), layout, spectra)
+        spectra = impact_spectra([synchronise(record) for record in some], BAND)
+        found = match_modes(shapes.select(kept), layout, spectra)
     except ConvergenceError:
         return []
     rows = []

@@ -8,7 +8,7 @@ import time
 import numpy as np
 from sdypy import EMA
 
-from identification.modal import Data, identify_modes, lscf
+from identification.modal import WeightedFrfs, identify_modes, lscf
 from tests.bench.peer_pyfbs import pyfbs_poles
 from tests.helpers.modal_case import found_and_extra, modal_case
 
@@ -30,7 +30,7 @@ def _row(seed: int, count: int, highest: float) -> dict[str, object]:
     size = np.sqrt((np.abs(case.noisy) ** 2).mean(axis=(0, 2)))
     poles_s, _ = _timed(lambda: lscf(case.freq_hz, case.noisy / size[:, None], 40))
     s = 2j * np.pi * case.freq_hz
-    data = Data(s, 2, case.noisy, np.ones((len(s), 1, 1)), 1 / case.sd**2)
+    data = WeightedFrfs(s, 2, case.noisy, np.ones((len(s), 1, 1)), 1 / case.sd**2)
     all_s, found = _timed(lambda: identify_modes(data, case.freq_hz))
     fit = found.fit
     hits, extra = found_and_extra(case, fit.freq_hz[found.inside], fit.damping[found.inside])

@@ -5,7 +5,7 @@ Seeds 20000 and up are reported only.
 
 import numpy as np
 
-from identification.modal import Data, identify_modes
+from identification.modal import WeightedFrfs, identify_modes
 from tests.helpers.modal_case import modal_case
 
 REPETITIONS = 200
@@ -18,7 +18,7 @@ def run() -> list[dict[str, object]]:
     for seed in range(FIRST, FIRST + REPETITIONS):
         case = modal_case(seed, 8, total=12, n_out=18, lines=401, start=10)
         s = 2j * np.pi * case.freq_hz
-        data = Data(s, 2, case.noisy, np.ones((len(s), 1, 1)), 1 / case.sd**2)
+        data = WeightedFrfs(s, 2, case.noisy, np.ones((len(s), 1, 1)), 1 / case.sd**2)
         found = identify_modes(data, case.freq_hz)
         fit = found.fit
         nearest = np.abs(fit.freq_hz[:, None] / case.modes_hz - 1).argmin(axis=0)

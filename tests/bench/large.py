@@ -10,7 +10,7 @@ from unittest import mock
 import numpy as np
 
 from identification.words import Dof
-from mbmodel import Evaluator, Model, Question, as_drawn, load_machine, state_space
+from mbmodel import Evaluator, FrfRequest, Model, as_drawn, load_machine, state_space
 from tests.helpers.large_machine import large_mjcf
 
 REPEATS = 7
@@ -22,7 +22,7 @@ def run() -> list[dict[str, object]]:
     points = model.machine.layout.points
     outputs = tuple(Dof.of(point, axis) for point in points for axis in range(3))[:200]
     inputs = tuple(Dof.of(points[-1], axis) for axis in range(3))
-    question = Question(np.linspace(0, 200, 801), outputs, inputs)
+    question = FrfRequest(np.linspace(0, 200, 801), outputs, inputs)
     evaluator = Evaluator(model, question)
     random = np.random.default_rng(0)
     theta = model.drawn * np.exp(0.1 * random.normal(size=len(model.drawn)))

@@ -14,10 +14,10 @@ import numpy as np
 
 from identification.words import Campaign
 from mbmodel import Model
-from tuning import Freedom, Stage
-from tuning.fitting.stages import thinned
-from tuning.misfit.batch import Batch, batches
-from tuning.misfit.weights import FLOOR
+from tuning import Parametrisation, Stage
+from tuning.fitting.stages import thin_lines
+from tuning.misfit.batch import Batch, batch_tests
+from tuning.misfit.weights import FORCE_ERROR_FLOOR
 
 SHORT_TOLERANCE = 1e-3  # of a stage that others follow
 
@@ -34,7 +34,7 @@ class PeerEnd:
 def sysid_fit(
     model: Model,
     campaign: Campaign,
-    freedom: Freedom,
+    parametrisation: Parametrisation,
     start: np.ndarray,
     stages: Sequence[Stage],
     **options: object,
@@ -49,16 +49,16 @@ def sysid_fit(
         stages: their tolerance is of the step, relative to the length of log theta.
         options: of ``mujoco.minimize.least_squares``.
     """
-    drawn = np.log(freedom.fixed)
+    drawn = np.log(parametrisation.fixed)
     x = np.log(start)
     residuals = jacobians = 0
     for stage in stages:
-        (batch,) = batches(model, thinned(campaign, stage.stride))
-        problem = Residual(batch, freedom, stage)
+        (batch,) = batch_tests(model, thin_lines(campaign, stage.stride))
+        problem = Residual(batch, parametrisation, stage)
         x, _ = mujoco.minimize.least_squares(
             x,
             problem.residual,
-            bounds=(drawn + freedom.lower, drawn + freedom.upper),
+            bounds=(drawn + parametrisation.lower, drawn + parametrisation.upper),
             jacobian=problem.jacobian,
             xtol=stage.tolerance,
             verbose=mujoco.minimize.Verbosity.SILENT,
@@ -77,18 +77,18 @@ class Residual:
         stage: its allowance, and whether the residual is the logarithm of the ratio.
     """
 
-    def __init__(self, batch: Batch, freedom: Freedom, stage: Stage) -> None:
-        self._batch, self._freedom, self._stage = batch, freedom, stage
+    def __init__(self, batch: Batch, parametrisation: Parametrisation, stage: Stage) -> None:
+        self._batch, self._freedom, self._stage = batch, parametrisation, stage
         size = np.abs(batch.values)
-        points = [dof.point for dof in batch.evaluator.question.outputs]
+        points = [dof.point for dof in batch.evaluator.request.outputs]
         same = np.array([[here == there for there in points] for here in points], float)
         power = np.einsum("ij,fjt->fit", same, size**2)
-        moving = (batch.evaluator.question.factor != 0)[:, None, None] & (size > 0)
-        allowed = batch.variance + max(stage.allowance, FLOOR) ** 2 * power
+        moving = (batch.evaluator.request.factor != 0)[:, None, None] & (size > 0)
+        allowed = batch.variance + max(stage.model_error_floor, FORCE_ERROR_FLOOR) ** 2 * power
         self._root = np.where(moving, 1 / np.sqrt(allowed), 0.0)
         self._heard = moving
-        self._drawn = np.log(freedom.fixed)
-        self._x = np.full(freedom.size, np.nan)
+        self._drawn = np.log(parametrisation.fixed)
+        self._x = np.full(parametrisation.size, np.nan)
         self.residuals = self.jacobians = 0
 
     def _at(self, x: np.ndarray) -> None:
@@ -97,7 +97,7 @@ class Residual:
         if not np.array_equal(x, self._x):
             self._x = x
             self._lines = self._batch.evaluator.at(self._freedom.theta(x))
-            self._values = self._batch.pick(self._lines.values)
+            self._values = self._batch.select_inputs(self._lines.values)
 
     def residual(self, x: np.ndarray) -> np.ndarray:
         """Weighted r at log theta; (2 n_value, 1)."""
@@ -118,7 +118,7 @@ class Residual:
         scale = self._root
         if self._stage.logarithmic:
             scale = scale * np.abs(self._batch.values) / np.where(self._heard, self._values, 1)
-        columns = self._lines.forward().columns()
+        columns = self._lines.sensitivities().columns()
         columns *= scale[..., None]
         columns *= self._freedom.rates(self._x)
         flat = np.ascontiguousarray(columns.reshape(-1, columns.shape[-1]))

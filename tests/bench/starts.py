@@ -16,7 +16,7 @@ from rich.progress import track
 from mbmodel import load_machine
 from tests.bench.peer_sysid import SHORT_TOLERANCE, sysid_fit
 from tests.helpers.tuning_case import TuningCase, tuning_case
-from tuning import STAGES, Freedom, Misfit, fit, freedom
+from tuning import STAGES, Misfit, Parametrisation, fit, parametrise
 
 STATION = Path(__file__).resolve().parents[2] / "assets" / "microstation" / "station.xml"
 SEED = 64000
@@ -44,7 +44,7 @@ class Run:
 def run() -> list[dict[str, object]]:
     """69 outputs x 3 hits x 801 lines, 72 parameters."""
     case = tuning_case(load_machine(STATION), SEED)
-    varies = freedom(case.model, case.campaign.tolerance)
+    varies = parametrise(case.model, case.campaign.tolerance)
     ways = ways_to_fit(case, varies)
     runs: dict[str, list[Run]] = {name: [] for name in ways}
     loads = []
@@ -58,13 +58,15 @@ def run() -> list[dict[str, object]]:
     return [row(name, found, ours, best) | {"load": load} for name, found in runs.items()]
 
 
-def ways_to_fit(case: TuningCase, varies: Freedom) -> dict[str, Callable[[np.ndarray], Run]]:
+def ways_to_fit(
+    case: TuningCase, varies: Parametrisation
+) -> dict[str, Callable[[np.ndarray], Run]]:
     """Ours with one and two threads, and mujoco's optimiser."""
     model, campaign = case.model, case.campaign
-    misfit = Misfit(model, campaign, varies, allowance=0.0)
+    misfit = Misfit(model, campaign, varies, model_error_floor=0.0)
 
     def ours(start: np.ndarray, jobs: int) -> tuple[np.ndarray, int]:
-        found = fit(model, campaign, varies=varies, starts=(start,), jobs=jobs)
+        found = fit(model, campaign, parametrisation=varies, starts=(start,), jobs=jobs)
         return found.x, found.evaluations
 
     def theirs(start: np.ndarray) -> tuple[np.ndarray, int]:

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 from tests.bench.kept import cases
 from truth import Cause, Plan, Wanted, draw_campaign, read_station, write_campaign
 from truth.campaign.case_design import RATIOS
-from tuning import channel_gaps, fit, open_session, predict, summarise
+from tuning import channel_gaps, fit, open_session, predict, summarise_gaps
 
 STATION = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"
 CASES, JOBS, FIRST = 40, 2, 62_000
@@ -66,9 +66,9 @@ def _case(number: int) -> dict[str, object]:
                 write_campaign(campaign, Path(folder) / name)
                 session = open_session(Path(folder) / name)
                 model, tests = session.model, session.campaign
-                found = fit(model, tests, varies=session.freedom)
+                found = fit(model, tests, parametrisation=session.parametrisation)
                 gaps = channel_gaps(predict(model, found.theta, tests), tests)
-                excess.append(summarise(gaps).excess)
+                excess.append(summarise_gaps(gaps).excess)
         e1, e0 = excess
         return {
             "effect": effect,

@@ -19,10 +19,10 @@ from tuning import (
     fit_held_out,
     open_session,
     predict,
-    pulls,
-    summarise,
+    summarise_gaps,
 )
-from tuning.campaign_tuning import without_bounds
+from tuning.assessment.parameter_confidence import rank_pulls
+from tuning.campaign_tuning import refit_without_bounds
 
 ROOT = Path(__file__).resolve().parents[2]
 SHARED = ROOT.parent / "shared" / "campaigns" / "open" / "none"
@@ -48,18 +48,18 @@ def run() -> list[dict[str, object]]:
 
 def _tune(session: Session) -> dict[str, object]:
     """Excess is the root mean square over channels of error / noise: 1 is a perfect model."""
-    model, campaign, varies = session.model, session.campaign, session.freedom
+    model, campaign, varies = session.model, session.campaign, session.parametrisation
     nothing = varies.coordinates(model.drawn)
-    alone = fit(model, campaign, varies=varies.only(~varies.has_prior, nothing))
+    alone = fit(model, campaign, parametrisation=varies.restrict(~varies.has_prior, nothing))
     start = time.process_time()
-    found = fit(model, campaign, varies=varies)
+    found = fit(model, campaign, parametrisation=varies)
     seconds = time.process_time() - start
-    free = without_bounds(model, campaign, found)
+    free = refit_without_bounds(model, campaign, found)
     held_out = fit_held_out(model, found, campaign)
-    name, largest = pulls(free.freedom, free.x)[0]
+    name, largest = rank_pulls(free.parametrisation, free.x)[0]
     as_drawn = predict(model, model.drawn, campaign)
     return {
-        "noise": summarise(channel_gaps(as_drawn, campaign)).noise,
+        "noise": summarise_gaps(channel_gaps(as_drawn, campaign)).noise,
         "excess as drawn": _excess(session, as_drawn),
         "stiffness and damping alone": _excess(session, predict(model, alone.theta, campaign)),
         "tolerances too": _excess(session, predict(model, found.theta, campaign)),
@@ -73,4 +73,4 @@ def _tune(session: Session) -> dict[str, object]:
 
 
 def _excess(session: Session, predicted: tuple[Complex, ...]) -> float | None:
-    return summarise(channel_gaps(predicted, session.campaign)).excess
+    return summarise_gaps(channel_gaps(predicted, session.campaign)).excess

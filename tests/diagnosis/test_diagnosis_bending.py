@@ -8,9 +8,9 @@ import pytest
 
 from diagnosis import diagnose, verdict_of
 from diagnosis.known_cause_bound import oracle
-from identification import Fault, bending_shape
+from identification import Fault, estimate_bending_shape
 from tests.helpers.drawn import drawn
-from tuning import on_machine
+from tuning import rebuild_for_machine
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def test_a_first_guess_is_the_peak_and_no_rigid_motion(case):
     found, answer = case
     campaign = found.session.campaign
     body = answer["location"].partition(":")[2]
-    seen = bending_shape(campaign, body)
+    seen = estimate_bending_shape(campaign, body)
     channels, readings = list(seen.readings), np.array(list(seen.readings.values()))
     number = campaign.layout.bodies.index(body)
     rows = campaign.layout.rows(channels)[:, 6 * number : 6 * number + 6]
@@ -62,7 +62,7 @@ def test_the_same_parts_are_made_for_another_machine(case):
     found, _ = case
     model = found.base.session.model
     (one,) = found.present
-    wider = on_machine(model, one.reform(model.machine))
+    wider = rebuild_for_machine(model, one.reform(model.machine))
     assert wider.parameters == model.parameters
     before, after = model.matrices(model.drawn), wider.matrices(wider.drawn)
     nv = len(model.machine.coordinates)

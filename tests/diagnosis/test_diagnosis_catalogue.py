@@ -13,9 +13,9 @@ from diagnosis import EFFECTS, PROVEN, Scene, catalogue, diagnose, verdict_of
 from diagnosis.effects import Effect, check_others
 from diagnosis.effects.plugins import GROUP, loaded
 from identification.words import InputError
-from mbmodel import loosened
+from mbmodel import release_rigid_directions
 from tests.helpers.drawn import drawn
-from tuning import with_tolerances
+from tuning import build_toleranced_model
 
 EXAMPLE = Path(__file__).parents[2] / "assets" / "inerter_effect"
 
@@ -185,8 +185,10 @@ def test_a_parameter_with_a_name_that_is_taken_is_refused(installed, session):
 
 
 def test_ours_pass_the_checks_of_others_and_do_not_pay_for_them(session, monkeypatch):
-    machine, held = loosened(session.model.machine, float(session.campaign.freq_hz.max()))
-    model = with_tolerances(machine, session.campaign)
+    machine, held = release_rigid_directions(
+        session.model.machine, float(session.campaign.freq_hz.max())
+    )
+    model = build_toleranced_model(machine, session.campaign)
     scene = Scene(replace(session, model=model), model.drawn, held)
     for name in EFFECTS:
         point = EntryPoint(name, f"diagnosis.effects.{name}:EFFECT", GROUP)

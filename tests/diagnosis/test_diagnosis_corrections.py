@@ -9,10 +9,10 @@ from diagnosis import diagnose, verdict_of
 from diagnosis.corrections import channels_of, divided, exchanged, masked
 from diagnosis.data_checks.sensors import hypothesis_of, sensor_gate
 from diagnosis.hypothesis import freed
-from identification import Fault, check_bodies, mount
+from identification import Fault, check_bodies, mount_response
 from identification.words import Dof
 from tests.helpers.drawn import drawn
-from tuning import Wishes, freedom
+from tuning import UserSpecification, parametrise
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +49,8 @@ def test_exchanging_twice_and_dividing_back_change_nothing(session):
     for back, original in zip(values(twice), values(session.campaign), strict=True):
         np.testing.assert_array_equal(back, original)
     concerned = channels_of(f"sensor:{first}", None)
-    read = divided(session.campaign, concerned, lambda f: mount(f, 90.0, 0.05))
-    again = divided(read, concerned, lambda f: 1 / mount(f, 90.0, 0.05))
+    read = divided(session.campaign, concerned, lambda f: mount_response(f, 90.0, 0.05))
+    again = divided(read, concerned, lambda f: 1 / mount_response(f, 90.0, 0.05))
     for back, original in zip(values(again), values(session.campaign), strict=True):
         np.testing.assert_allclose(back, original, rtol=1e-12)
 
@@ -66,7 +66,7 @@ def test_exchanging_twice_and_dividing_back_change_nothing(session):
 def test_what_a_fit_has_to_find_is_released(session, effect, dof, parameters):
     site = sites(session)[0]
     one = hypothesis_of(Fault(effect, f"sensor:{site}", dof, 1.0, parameters, 1.0), session)
-    assert set(one.release) <= set(session.freedom.names)
+    assert set(one.release) <= set(session.parametrisation.names)
     assert list(one.begin.values()) == list(np.ravel(list(parameters.values())))
     said = one.state(one.begin)
     assert said.keys() == parameters.keys()
@@ -222,8 +222,8 @@ def test_what_a_user_has_fixed_is_taken_as_the_gate_found_it(session):
     site = sites(session)[0]
     fault = Fault("sensor_gain", f"sensor:{site}", "tx", 1.0, {"gain": 1.3}, 1.0)
     one = hypothesis_of(fault, session)
-    wishes = Wishes(fix=["*.gain_*"])
-    fixed = freedom(session.model, session.campaign.tolerance, wishes)
+    wishes = UserSpecification(fix=["*.gain_*"])
+    fixed = parametrise(session.model, session.campaign.tolerance, wishes)
     varies = freed(fixed, session.model, session, one)
     theta = varies.theta(np.zeros(varies.size))
     names = [parameter.name for parameter in session.model.parameters]

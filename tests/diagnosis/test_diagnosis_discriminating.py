@@ -19,11 +19,11 @@ from diagnosis.next_test.discriminating import (
 )
 from diagnosis.refits.refitting import CLOSE, refit
 from identification.words import Dof
-from mbmodel import Evaluator, Question, hammer_parts
+from mbmodel import Evaluator, FrfRequest, hammer_parts
 from tests.helpers.drawn import drawn
-from tuning import channel_noise, foreseen, thinned
-from tuning.assessment.parameter_confidence import WIDEST
-from tuning.misfit.weights import FLOOR
+from tuning import mean_channel_variance, predict_tests, thin_lines
+from tuning.assessment.parameter_confidence import FREE_PRIOR_SD
+from tuning.misfit.weights import FORCE_ERROR_FLOOR
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,9 @@ def found(session, refits, word, causes, where=(), present=(), pairs=()):
 
 def told_by(posed, campaign, inputs):
     """What a rival foresees."""
-    return foreseen(posed.model, posed.theta, campaign, channel_noise(campaign), inputs)
+    return predict_tests(
+        posed.model, posed.theta, campaign, mean_channel_variance(campaign), inputs
+    )
 
 
 def test_rivals_are_told_apart_by_the_hit_that_gains_most(rivals):
@@ -76,12 +78,12 @@ def test_the_gain_is_what_tuning_anew_leaves_of_what_a_rival_foresees(rivals):
     before = _before(rival)
     gain = _left(posed[1], told, before, 1.0)
     # The same by least squares, slopes by differences.
-    varies, estimate = posed[1].freedom, told.tests[0].estimate
-    question = Question(told.freq_hz, estimate.frf.outputs, inputs, estimate.frf.quantity)
+    varies, estimate = posed[1].parametrisation, told.tests[0].estimate
+    question = FrfRequest(told.freq_hz, estimate.frf.outputs, inputs, estimate.frf.quantity)
     evaluator = Evaluator(posed[1].model, question)
     at = [dof.point for dof in question.outputs]
     power = np.abs(estimate.frf.values[:, :, 0]) ** 2 @ np.equal.outer(at, at)
-    noise = np.sqrt(estimate.variance + FLOOR**2 * power[:, :, None])
+    noise = np.sqrt(estimate.variance + FORCE_ERROR_FLOOR**2 * power[:, :, None])
 
     def weighted(values):
         return np.concatenate([(values / noise).real.ravel(), (values / noise).imag.ravel()])
@@ -93,7 +95,7 @@ def test_the_gain_is_what_tuning_anew_leaves_of_what_a_rival_foresees(rivals):
     off = weighted(estimate.frf.values) - foreseen(x)
     steps = 1e-5 * np.eye(len(x))
     slopes = np.array([(foreseen(x + one) - foreseen(x - one)) / 2e-5 for one in steps]).T
-    stiff = np.diag(np.where(varies.has_prior, 1.0, WIDEST**-2))
+    stiff = np.diag(np.where(varies.has_prior, 1.0, FREE_PRIOR_SD**-2))
     stiff[: len(before), : len(before)] += before
     sizes, vectors = np.linalg.eigh(stiff / 2)
     rows = np.vstack([slopes, np.sqrt(np.maximum(sizes, 0.0))[:, None] * vectors.T])
@@ -105,11 +107,11 @@ def test_the_gain_is_what_tuning_anew_leaves_of_what_a_rival_foresees(rivals):
 
 def test_a_cause_that_is_taken_out_and_a_known_mass_aretold_by(rivals):
     session, (one, _) = rivals
-    thin = thinned(session.campaign, 8)
+    thin = thin_lines(session.campaign, 8)
     inputs = (session.campaign.tests[0].condition.reference.positive,)
     out = told_by(_posed(Experiment("out", inputs, undone=one.hypothesis.key), one), thin, inputs)
     bare, frf = session.model, out.tests[0].estimate.frf
-    question = Question(thin.freq_hz, frf.outputs, inputs, frf.quantity)
+    question = FrfRequest(thin.freq_hz, frf.outputs, inputs, frf.quantity)
     expected = Evaluator(bare, question).at(one.fit.theta[: len(bare.parameters)]).values
     np.testing.assert_allclose(frf.values, expected, rtol=1e-9)
     # A tenth of its mass at a body's centre is what a mass error of that size would be.

@@ -8,10 +8,10 @@ import pytest
 
 from diagnosis import EFFECTS, Scene
 from diagnosis.effects.points import joined
-from diagnosis.hypothesis import together
+from diagnosis.hypothesis_set import together
 from diagnosis.refits.refitting import posed
 from identification.words import Condition, Dof
-from mbmodel import Held, Model, Situation, load_machine, parents_of, rotation_matrix
+from mbmodel import Model, PartContext, RigidDirection, load_machine, parent_bodies, rotation_matrix
 from tests.helpers.drawn import drawn
 
 LAPLACE = 2j * np.pi * np.array([4.0, 23.0, 57.0, 140.0])
@@ -26,7 +26,7 @@ def scene(tmp_path_factory):
 def rigid_direction(session):
     """A machine of six springs a joint has none: the last coordinate stands in for one."""
     machine = session.model.machine
-    return (Held("stage2", "ry", len(machine.coordinates) - 1, 1e8, 9e12, 1e-4),)
+    return (RigidDirection("stage2", "ry", len(machine.coordinates) - 1, 1e8, 9e12, 1e-4),)
 
 
 def proposals(scene):
@@ -39,7 +39,7 @@ def proposals(scene):
 
 def situation(scene):
     """The first test: drift of it acts there."""
-    return Situation(scene.model.machine, scene.session.campaign.tests[0].condition)
+    return PartContext(scene.model.machine, scene.session.campaign.tests[0].condition)
 
 
 def stiffness(changes, n_body, nv):
@@ -220,7 +220,7 @@ def test_a_rotor_spins_as_fast_as_each_test_says(scene):
     theta = np.array([0.3, -0.2, 1.5])
     machine = scene.model.machine
     sizes = len(machine.layout.bodies), len(machine.coordinates)
-    at = [Situation(machine, test.condition) for test in tests]
+    at = [PartContext(machine, test.condition) for test in tests]
     still, half, whole = (stiffness(part.changes(theta, here), *sizes) for here in at)
     assert not still.any()
     assert whole.any()
@@ -234,7 +234,7 @@ def test_a_rotor_spins_as_fast_as_each_test_says(scene):
 
 def test_the_tree_of_bodies_is_that_of_the_joints(scene):
     machine = scene.model.machine
-    parents = parents_of(machine)
+    parents = parent_bodies(machine)
     assert sum(parent is None for parent in parents.values()) >= 1
     text = Path(machine.source).read_text(encoding="utf-8")
     for body, parent in parents.items():
@@ -248,7 +248,9 @@ def test_a_hit_turned_about_itself_stays_within_tolerance(scene):
         assert len(one.release) == 2
         assert all(name[-1] != one.dof[-1] for name in one.release)
         names = [
-            name for name in scene.session.freedom.names if name.startswith(one.release[0][:-1])
+            name
+            for name in scene.session.parametrisation.names
+            if name.startswith(one.release[0][:-1])
         ]
         turn = np.array([0.3, -0.2, 0.1])
         rotation = np.array(one.state(dict(zip(names, turn, strict=True)))["rotation"])
@@ -299,7 +301,7 @@ def test_a_rotor_turns_the_way_that_its_angular_momentum_says(scene, tmp_path):
     (said,) = one.parts[0].written(theta)
     assert "(0, 0, 20) kg m2/s" in str(said)
     (change,) = one.parts[0].changes(
-        theta, Situation(machine, scene.session.campaign.tests[0].condition)
+        theta, PartContext(machine, scene.session.campaign.tests[0].condition)
     )
     bodies = change.left @ change.core[1] @ change.right.T
     joints = machine.jacobian.T @ bodies @ machine.jacobian
@@ -317,15 +319,15 @@ def test_what_moves_along_one_axis_has_that_direction(scene):
 
 def test_levers_of_supports_are_believed_to_be_what_the_hinges_say(scene):
     one = next(iter(EFFECTS["support_loss"](scene)))
-    freedom = posed(scene, one, scene.session.campaign).freedom
-    names = [parameter.name for parameter in freedom.parameters]
+    parametrisation = posed(scene, one, scene.session.campaign).parametrisation
+    names = [parameter.name for parameter in parametrisation.parameters]
     for name in one.believed:
-        k, place = freedom.names.index(name), names.index(name)
-        assert freedom.has_prior[k]
-        assert freedom.lower[k] == 0
-        x = np.where(np.arange(freedom.size) == k, freedom.upper[k], 0.0)
-        assert freedom.theta(x)[place] == pytest.approx(0.5)
-        assert freedom.scales[k] == pytest.approx(0.2)
+        k, place = parametrisation.names.index(name), names.index(name)
+        assert parametrisation.has_prior[k]
+        assert parametrisation.lower[k] == 0
+        x = np.where(np.arange(parametrisation.size) == k, parametrisation.upper[k], 0.0)
+        assert parametrisation.theta(x)[place] == pytest.approx(0.5)
+        assert parametrisation.scales[k] == pytest.approx(0.2)
 
 
 def test_no_body_loses_more_than_it_has_and_small_masses_hang_on_it(scene):

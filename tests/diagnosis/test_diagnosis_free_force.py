@@ -9,29 +9,31 @@ from diagnosis import Scene
 from diagnosis.refits.refitting import FIRST, PATIENT, go_on, refit
 from diagnosis.search.free_force import _Work, pushes
 from identification import smooth_variance
-from mbmodel import Evaluator, Question
+from mbmodel import Evaluator, FrfRequest
 from tests.helpers.drawn import drawn
-from tuning import STAGES, fit, open_session, thinned
+from tuning import STAGES, fit, open_session, thin_lines
 
 POWER = 30.0
 
 
 def begun(folder, seed, effect=None, **more):
     session, answer = drawn(folder, seed, effect, **more)
-    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    early = fit(
+        session.model, session.campaign, parametrisation=session.parametrisation, stages=STAGES[:3]
+    )
     return Scene(session, early.theta), early, tomllib.loads(answer)
 
 
 def dense(scene, found, force, power):
     """The same gain with every covariance written out, test by test."""
-    model, varies, x = scene.session.model, found.freedom, found.x
-    campaign = thinned(scene.session.campaign, 16)
+    model, varies, x = scene.session.model, found.parametrisation, found.x
+    campaign = thin_lines(scene.session.campaign, 16)
     rates = np.zeros((len(varies.free), varies.size))
-    rates[varies.free, varies.member[varies.free]] = varies.rates(x)[varies.free]
+    rates[varies.free, varies.coordinate_of[varies.free]] = varies.rates(x)[varies.free]
     parts = []
     for test in campaign.tests:
         estimate, frf = test.estimate, test.estimate.frf
-        question = Question(frf.freq_hz, frf.outputs, frf.inputs, frf.quantity)
+        question = FrfRequest(frf.freq_hz, frf.outputs, frf.inputs, frf.quantity)
         lines = Evaluator(model, question).at(varies.theta(x))
         power_of = {
             d.point: sum(
@@ -65,7 +67,7 @@ def dense(scene, found, force, power):
                 gradient = gradient + (d.conj().T @ weighed[:, 0]).real
                 normal = normal + (d.conj().T @ weighed[:, 1:]).real
                 chance += np.log(np.linalg.det(covariance).real)
-        free = ~varies.reached(x)
+        free = ~varies.coordinates_at_bound(x)
         step = np.linalg.solve(normal[np.ix_(free, free)], gradient[free])
         return value - 0.5 * gradient[free] @ step + chance
 
@@ -102,6 +104,8 @@ def test_where_nothing_may_vary_forces_are_free_all_the_same(tmp_path):
     file = tmp_path / "campaign" / "campaign.toml"
     file.write_text(file.read_text("utf-8") + '\n[tuning]\nfix = ["*"]\n', encoding="utf-8")
     session = open_session(tmp_path / "campaign")
-    found = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
-    assert found.freedom.size == 0
+    found = fit(
+        session.model, session.campaign, parametrisation=session.parametrisation, stages=STAGES[:3]
+    )
+    assert found.parametrisation.size == 0
     assert max(one.gain for one in pushes(Scene(session, found.theta), found)) > 0

@@ -21,7 +21,7 @@ def worth(x, covariance, lower=-np.inf, upper=np.inf):
     """Of coordinates a, b, .. that are parameters themselves."""
     x = np.array(x, float)
     names = tuple("abcdef"[: len(x)])
-    freedom = SimpleNamespace(
+    parametrisation = SimpleNamespace(
         names=names,
         parameters=tuple(SimpleNamespace(name=name) for name in names),
         theta=lambda at: at,
@@ -30,7 +30,7 @@ def worth(x, covariance, lower=-np.inf, upper=np.inf):
     )
     covariance = np.array(covariance, float)
     sure = SimpleNamespace(x=x, covariance=covariance, deviation=np.sqrt(np.diag(covariance)))
-    return Known(freedom, x, sure)
+    return Known(parametrisation, x, sure)
 
 
 def stating(state):
@@ -42,7 +42,9 @@ def stating(state):
 def test_what_was_drawn_lies_in_the_interval(effect, seed, tmp_path):
     session, text = drawn(tmp_path, seed, effect, lines=161)
     answer = tomllib.loads(text)
-    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    early = fit(
+        session.model, session.campaign, parametrisation=session.parametrisation, stages=STAGES[:3]
+    )
     scene = Scene(session, early.theta)
     one = next(one for one in EFFECTS[effect](scene) if one.location == answer["location"])
     found = refit(scene, one, session.campaign, FIRST)
@@ -68,7 +70,7 @@ def test_of_what_is_linear_it_is_that_of_the_covariance():
     random = np.random.default_rng(1)
     root, rows = random.standard_normal((3, 3)), random.standard_normal((2, 3))
     at = worth([0.3, -0.2, 5.0], root @ root.T)
-    names = at.freedom.names
+    names = at.parametrisation.names
     one = stating(lambda found: {"both": tuple(rows @ [found[name] for name in names])})
     low, high = np.array(at.intervals(one)["both"]).T
     spread = QUANTILE * np.sqrt(np.diag(rows @ root @ root.T @ rows.T))
@@ -106,7 +108,7 @@ def test_the_largest_of_several_has_an_interval_where_others_may_be_larger(equal
     x = np.array([1.0, 0.99, 0.98, 0.1])
     x[list(equal)] = 1.0
     at = worth(x, 0.02**2 * np.eye(4) + 9.0 * np.outer(x, x), lower=0.0, upper=1.0)
-    names = at.freedom.names
+    names = at.parametrisation.names
 
     def state(found):
         carried = np.maximum([found[name] for name in names], 0.0)

@@ -13,9 +13,16 @@ from diagnosis.inference.evidence import Pushed
 from diagnosis.refits.refitting import posed
 from diagnosis.search.ladder import Hunt, _elsewhere, nearly
 from diagnosis.search.score_test import Score, lines_over, ranked
-from diagnosis.search.screening import Screen
+from diagnosis.search.screening import Screening
 from identification.words import Dof, UsageError
-from mbmodel import Evaluator, Held, Question, as_drawn, load_machine, loosened
+from mbmodel import (
+    Evaluator,
+    FrfRequest,
+    RigidDirection,
+    as_drawn,
+    load_machine,
+    release_rigid_directions,
+)
 from tests.helpers.drawn import drawn
 from tests.helpers.small_machine import MJCF
 from tuning import open_session
@@ -37,7 +44,7 @@ def test_two_of_four_supports_that_carry_next_to_nothing_are_found(tmp_path):
 
 def test_a_direction_that_gives_way_by_far_is_found_though_its_slope_shows_nothing(tmp_path):
     session, _ = drawn(tmp_path, 72_062, "gyroscopic", ratio=6.0)
-    _, held = loosened(session.model.machine, float(session.campaign.freq_hz.max()))
+    _, held = release_rigid_directions(session.model.machine, float(session.campaign.freq_hz.max()))
     assert held == ()  # all six directions have springs
     scene = Scene(session, session.model.drawn, ())
     rows = [Score(one, 0.0, np.zeros(1)) for one in _ways(session)]
@@ -45,7 +52,7 @@ def test_a_direction_that_gives_way_by_far_is_found_though_its_slope_shows_nothi
     drawn_too = {name: found.begin[name] for name in found.begin.keys() - found.otherwise[0]}
     assert found.begin == {**drawn_too, **found.otherwise[0]}
     names = [parameter.name for parameter in session.model.parameters]
-    assert drawn_too.keys() == set(session.freedom.names) & set(names)
+    assert drawn_too.keys() == set(session.parametrisation.names) & set(names)
     for name, value in drawn_too.items():
         assert value == session.model.drawn[names.index(name)]
     assert _elsewhere([rows], {("joint:stage2", "rx")}, scene) == []
@@ -88,7 +95,7 @@ def test_beginnings_are_tried_last_wherever_a_force_explains_nearly_as_much():
 def _ways(session):
     """The hypothesis of a direction that is held."""
     machine = session.model.machine
-    held = (Held("stage2", "ry", len(machine.coordinates) - 1, 1e8, 9e12, 1e-4),)
+    held = (RigidDirection("stage2", "ry", len(machine.coordinates) - 1, 1e8, 9e12, 1e-4),)
     (one,) = missing_dof.propose(Scene(session, session.model.drawn, held))
     name = one.coordinates[0]
     (begun,) = one.otherwise
@@ -113,10 +120,10 @@ def test_of_delays_that_score_alike_the_shortest_comes_first(tmp_path):
         near = [delays[k] for k in order if gains[k] > 97.0]
         assert rows == [*near, other, *(one for one in delays if one not in near)]
     # The damper beside it varies by itself: so the valley is straight along which both vary.
-    varies = posed(scene, first, session.campaign).freedom
+    varies = posed(scene, first, session.campaign).parametrisation
     (damping,) = first.linear
-    assert not varies.is_logarithm[varies.names.index(damping)]
-    assert session.freedom.is_logarithm[session.freedom.names.index(damping)]
+    assert not varies.is_logarithmic[varies.names.index(damping)]
+    assert session.parametrisation.is_logarithmic[session.parametrisation.names.index(damping)]
     assert first.begin[damping] > session.model.drawn[names.index(damping)]
 
 
@@ -141,7 +148,7 @@ def heavier(folder):
     model, freq = as_drawn(load_machine(folder / "true.xml")), np.linspace(5, 165, 321)
     outputs = tuple(Dof.of(f"acc{k}", axis) for k in range(1, 7) for axis in range(3))
     inputs = tuple(Dof.of("acc3", axis) for axis in range(3))
-    values = Evaluator(model, Question(freq, outputs, inputs)).at(model.drawn).values
+    values = Evaluator(model, FrfRequest(freq, outputs, inputs)).at(model.drawn).values
     size = np.sqrt((np.abs(values) ** 2).mean(axis=0))
     sigma = 0.01 * np.maximum(size, 0.1 * size.max())
     error = np.random.default_rng(1).normal(size=(2, *values.shape)) * sigma / np.sqrt(2)
@@ -171,12 +178,12 @@ def test_who_takes_most_of_a_very_large_gap_ends_no_search(tmp_path):
 
 def test_what_explains_all_is_tried_at_other_places_too(tmp_path, monkeypatch):
     # As if masses on another body had scored best and left next to nothing.
-    best = Screen.best
+    best = Screening.best
 
     def without_head(screen, pushing=()):
         return [one for one in best(screen, pushing) if one.location == "body:base"]
 
-    monkeypatch.setattr(Screen, "best", without_head)
+    monkeypatch.setattr(Screening, "best", without_head)
     monkeypatch.setattr(Hunt, "_leaves_less", lambda *_: True)
     monkeypatch.setattr(Hunt, "_try_rivals", lambda *_: None)
     found = diagnose(open_session(heavier(tmp_path)))
@@ -187,13 +194,13 @@ def test_what_explains_all_is_tried_at_other_places_too(tmp_path, monkeypatch):
 def test_who_scores_near_what_the_best_gains_is_tried_though_first_steps_forgot_it(
     tmp_path, monkeypatch
 ):
-    promising = Screen.best
+    promising = Screening.best
 
     def others(self, pushing=()):
         """Without the right one."""
         return [one for one in promising(self, pushing) if one.location != "body:head"]
 
-    monkeypatch.setattr(Screen, "best", others)
+    monkeypatch.setattr(Screening, "best", others)
     monkeypatch.setattr(Hunt, "_leaves_less", lambda *_: True)
     monkeypatch.setattr(Hunt, "_try_other_places", lambda *_: None)
     session = open_session(heavier(tmp_path))

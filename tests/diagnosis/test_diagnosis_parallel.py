@@ -53,7 +53,9 @@ def scene(tmp_path_factory):
     session, _ = drawn(
         tmp_path_factory.mktemp("coupled"), 72_021, "joint_coupling", ratio=6.0, lines=161
     )
-    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    early = fit(
+        session.model, session.campaign, parametrisation=session.parametrisation, stages=STAGES[:3]
+    )
     return Scene(session, early.theta)
 
 
@@ -90,9 +92,10 @@ def test_further_steps_may_begin_where_another_refit_ended(scene):
     campaign = scene.session.campaign
     first, second = (refit(scene, each, campaign, FIRST) for each in (one, other))
     begun = begun_at(further(first, LAST), second)
-    names = [parameter.name for parameter in first.fit.freedom.parameters]
+    names = [parameter.name for parameter in first.fit.parametrisation.parameters]
     there = {
-        p.name: v for p, v in zip(second.fit.freedom.parameters, second.fit.theta, strict=True)
+        p.name: v
+        for p, v in zip(second.fit.parametrisation.parameters, second.fit.theta, strict=True)
     }
     for name, value, old in zip(names, begun.start, first.fit.theta, strict=True):
         assert value == there.get(name, old)
@@ -102,9 +105,9 @@ def test_further_steps_may_begin_where_another_refit_ended(scene):
 def test_tolerances_without_bounds_that_go_far_beyond_are_not_followed_to_their_end(scene):
     nothing = refit(scene, None, scene.session.campaign, (*FIRST, *LAST))
     found = unbounded(scene, nothing)
-    whole = replace(nothing.session, freedom=nothing.session.freedom.unbounded())
+    whole = replace(nothing.session, parametrisation=nothing.session.parametrisation.lift_bounds())
     ended = go_on(scene, replace(nothing, session=whole), LONG)
-    pulls = np.abs(ended.fit.x[ended.fit.freedom.has_prior])
+    pulls = np.abs(ended.fit.x[ended.fit.parametrisation.has_prior])
     assert found.pull > 4.0
     assert pulls.max() > 4.0  # whoever goes to the end says the same
     assert ended.chi_square - 1e-3 <= found.loose < nothing.chi_square

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from diagnosis.algorithm import _present
-from diagnosis.inference.posterior import Judged, judge
+from diagnosis.comparison.present import present_hypotheses
+from diagnosis.inference.posterior import Posterior, judge
 from tests.helpers.judged import evidence, pair, refit
 from truth.grade.read_verdict import read_verdict
 
@@ -276,7 +276,7 @@ def test_twins_are_causes_that_may_stand_for_each_other():
     a, b, c, d = (("mass_error", f"body:{name}", None) for name in "abcd")
     turned = ("mass_error", "body:b", "x")
     sets = (((a,), 0.6), ((b,), 0.02), ((turned,), 0.02), ((c,), 0.025), ((d,), 0.003))
-    judged = Judged(0.1, 0.1, 0.0, (), (), (), sets)
+    judged = Posterior(0.1, 0.1, 0.0, (), (), (), sets)
     # 0.6 to 0.04, whose two directions are one cause, but not to 0.025; 0.003 is not worth a row.
     assert judged.twins == ((a[:2], b[:2]), (b[:2], c[:2]))
     # What is there at once is no alternative; what is there beside the same is.
@@ -309,7 +309,7 @@ def test_beside_what_a_gate_proved_the_likeliest_set_is_there():
     fitted = SimpleNamespace(hypothesis=SimpleNamespace(key=lone.key, members=tuple(members)))
     alone = SimpleNamespace(hypothesis=SimpleNamespace(key=lone.key))
     found = SimpleNamespace(refits=(alone,), pairs=(fitted,))
-    assert [one.key for one in _present(seen, [made], found)] == list(seen.present)
+    assert [one.key for one in present_hypotheses(seen, [made], found)] == list(seen.present)
 
 
 @pytest.mark.parametrize(("left", "right"), [(2e-4, True), (0.1, False)])

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.algorithm import _twins
+from diagnosis.comparison.confounded import find_confounded
 from diagnosis.comparison.predictive import at_ease, foretold, rivals_of
-from diagnosis.hypothesis import together
-from diagnosis.inference.posterior import Judged
+from diagnosis.hypothesis_set import together
+from diagnosis.inference.posterior import Posterior
 from diagnosis.refits import refitting
 from diagnosis.refits.refitting import (
     FIRST,
@@ -28,14 +28,16 @@ from diagnosis.search.ladder import Search
 from diagnosis.search.score_test import cosines, scores
 from identification import smooth_variance
 from tests.helpers.drawn import drawn
-from tuning import STAGES, Misfit, fit, thinned
-from tuning.misfit.weights import FLOOR
+from tuning import STAGES, Misfit, fit, thin_lines
+from tuning.misfit.weights import FORCE_ERROR_FLOOR
 
 
 @pytest.fixture(scope="module")
 def rivals(tmp_path_factory):
     session, text = drawn(tmp_path_factory.mktemp("drawn"), 72_051, "mass_error", lines=161)
-    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    early = fit(
+        session.model, session.campaign, parametrisation=session.parametrisation, stages=STAGES[:3]
+    )
     scene = Scene(session, early.theta)
     several = list(EFFECTS["mass_error"](scene))
     right = next(one for one in several if one.location in text)
@@ -55,7 +57,7 @@ def cost(estimates, predicted, law):
     for estimate, values in zip(estimates, predicted, strict=True):
         at = [dof.point for dof in estimate.frf.outputs]
         power = np.abs(estimate.frf.values[:, :, 0]) ** 2 @ np.equal.outer(at, at)
-        noise = smooth_variance(estimate)[:, :, 0] + FLOOR**2 * power
+        noise = smooth_variance(estimate)[:, :, 0] + FORCE_ERROR_FLOOR**2 * power
         off = values[:, :, 0] - estimate.frf.values[:, :, 0]
         total += law(np.abs(off) ** 2 / noise).sum()
     return total
@@ -83,14 +85,16 @@ def test_a_score_is_the_cost_of_what_was_left_out(rivals):
     campaign, model = right.session.campaign, right.session.model
     held = held_out(right, SOME)
     lines = cost([test.estimate for test in campaign.tests], held.predict(model, campaign), student)
-    hits, thin = 0.0, thinned(campaign, SOME.stride)
-    whole = Misfit(model, thin, right.session.freedom, allowance=0.0).value(right.fit.x)
+    hits, thin = 0.0, thin_lines(campaign, SOME.stride)
+    whole = Misfit(model, thin, right.session.parametrisation, model_error_floor=0.0).value(
+        right.fit.x
+    )
     for test in campaign.tests:  # three, each along a direction of its own
         others = tuple(one for one in campaign.tests if one is not test)
         without = replace(right.session, campaign=replace(campaign, tests=others))
-        few = thinned(without.campaign, SOME.stride)
+        few = thin_lines(without.campaign, SOME.stride)
         (made,) = fitted(scene, [further(replace(right, session=without), (*LAST, *LONG))])
-        problem = Misfit(model, few, right.session.freedom, allowance=0.0)
+        problem = Misfit(model, few, right.session.parametrisation, model_error_floor=0.0)
         hits += (whole - problem.value(made.fit.x)) * SOME.stride
     assert score == pytest.approx((lines + hits) / 2, rel=0.02)
     values = right.fit.cost / right.chi_square * SOME.stride
@@ -101,7 +105,7 @@ def test_where_nothing_can_be_left_out_nothing_is_foretold(rivals):
     scene, (right, _) = rivals
     campaign = replace(right.session.campaign, tests=right.session.campaign.tests[:1])
     few = np.arange(len(campaign.freq_hz)) < 8
-    session = replace(right.session, campaign=campaign.lines(few))
+    session = replace(right.session, campaign=campaign.select_lines(few))
     assert foretold(scene, (replace(right, session=session),)) == [None]
 
 
@@ -117,7 +121,7 @@ def test_pairs_are_rivals_as_single_causes_are(rivals):
         (first.key,): 0.05,
     }
     present = (third.key, first.key)
-    judged = Judged(0.0, 0.0, 0.95, (), (), present, tuple(shares.items()))
+    judged = Posterior(0.0, 0.0, 0.95, (), (), present, tuple(shares.items()))
     search = Search(refits=(right, wrong), pairs=tuple(pairs))
     found = rivals_of(judged, search)
     expected = [((first.key, third.key), pairs[1], 0.6), ((first.key, second.key), pairs[0], 0.3)]
@@ -134,7 +138,7 @@ def test_pairs_are_rivals_as_single_causes_are(rivals):
 def test_steps_that_a_fit_has_left_are_not_what_left_out_hits_cost(rivals):
     # A refit that is short of its minimum goes on where hits are left out: no merit of theirs.
     scene, (right, _) = rivals
-    free = right.fit.freedom.has_prior
+    free = right.fit.parametrisation.has_prior
     x = np.where(free, right.fit.x + 0.003, right.fit.x)
     short = replace(right, fit=replace(right.fit, x=x))
     (score,), (worse,) = foretold(scene, (right,)), foretold(scene, (short,))
@@ -144,7 +148,9 @@ def test_steps_that_a_fit_has_left_are_not_what_left_out_hits_cost(rivals):
 def test_a_tolerance_beyond_its_bound_does_not_decide_between_rivals(tmp_path):
     # The axes of acc11 are off by 3.2 standard deviations, and a mass is.
     session, text = drawn(tmp_path, 72_200, "mass_error", lines=161)
-    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    early = fit(
+        session.model, session.campaign, parametrisation=session.parametrisation, stages=STAGES[:3]
+    )
     scene = Scene(session, early.theta)
     several = list(EFFECTS["mass_error"](scene))
     right = next(one for one in several if one.location in text)
@@ -155,7 +161,7 @@ def test_a_tolerance_beyond_its_bound_does_not_decide_between_rivals(tmp_path):
     good = unbounded(scene, good)
     assert 2.5 < good.pull < 4.5
     shares = (((good.key,), 0.5), ((bad.key,), 0.4))
-    judged = Judged(0.0, 0.05, 0.0, (), (), (good.key,), shares)
+    judged = Posterior(0.0, 0.05, 0.0, (), (), (good.key,), shares)
     found = Search(refits=(good, bad))
     eased = at_ease(scene, found, judged, 4.5)
     assert eased.refits[0].key == good.key
@@ -179,8 +185,10 @@ def test_twins_are_alike_or_as_likely_and_named_once_the_likelier_first(rivals):
             for one, cost in zip(tried.refits, costs, strict=True)
         ]
         causes = ((right.key, 0.97 - share), (wrong.key, share))
-        judged = Judged(0.0, 0.0, 0.0, causes, (), (), tuple(((key,), p) for key, p in causes))
-        return _twins(scene, right.fit, evidence, judged, replace(tried, refits=tuple(found)))
+        judged = Posterior(0.0, 0.0, 0.0, causes, (), (), tuple(((key,), p) for key, p in causes))
+        return find_confounded(
+            scene, right.fit, evidence, judged, replace(tried, refits=tuple(found))
+        )
 
     assert abs(cosines(scene, right.fit, list(scored), 0.03)[0, 1]) < 0.9
     assert twins(0.02, (10.0, 20.0)) == ()

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.algorithm import _closer
 from diagnosis.corrections import doubted, masked
 from diagnosis.estimates.held_out_gap import levels
 from diagnosis.estimates.intervals import known
@@ -16,6 +15,7 @@ from diagnosis.hypothesis import Hypothesis
 from diagnosis.null_model import (
     from_many_starts,
     from_where_others_ended,
+    refit_by_more_lines,
     with_outliers,
     within_bounds,
 )
@@ -33,9 +33,9 @@ from diagnosis.refits.refitting import (
 from diagnosis.search.ladder import Search
 from diagnosis.search.score_test import cosines, scores
 from tests.helpers.drawn import drawn
-from tuning import STAGES, Misfit, counted_lines, fit, thinned
+from tuning import STAGES, Misfit, fit, thin_lines, thinning_slice
 
-Ended = namedtuple("Ended", "x freedom")
+Ended = namedtuple("Ended", "x parametrisation")
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +44,9 @@ def scene(tmp_path_factory):
     session, answer = drawn(
         tmp_path_factory.mktemp("coupled"), 72_021, "joint_coupling", ratio=6.0, lines=161
     )
-    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    early = fit(
+        session.model, session.campaign, parametrisation=session.parametrisation, stages=STAGES[:3]
+    )
     return Scene(session, early.theta), early, answer
 
 
@@ -56,14 +58,14 @@ def test_a_stiffness_that_follows_another_has_its_value_and_moves_with_it(scene)
     scene, _, _ = scene
     for one in only(scene, "joint_coupling"):
         session = posed(scene, one, scene.session.campaign)
-        varies = session.freedom
-        assert varies.size == scene.session.freedom.size + 3
+        varies = session.parametrisation
+        assert varies.size == scene.session.parametrisation.size + 3
         x = np.random.default_rng(3).uniform(-0.2, 0.2, varies.size)
         theta = dict(zip((p.name for p in varies.parameters), varies.theta(x), strict=True))
         for name, other in one.follow.items():
             assert theta[name] == pytest.approx(theta[other], rel=1e-12)
         stage = STAGES[2]
-        problem = stage.misfit(session.model, thinned(session.campaign, 16), varies)
+        problem = stage.build_misfit(session.model, thin_lines(session.campaign, 16), varies)
         value, gradient = problem(x)
         way = np.random.default_rng(4).standard_normal(varies.size)
         step = 1e-5
@@ -94,13 +96,13 @@ def test_intervals_hold_the_truth_and_the_gap_closes(scene):
     # Six standard deviations: one case is no coverage, but an interval of another size is caught.
     assert (np.abs(offset - middle) < 3 * (high - low) / 2).all()
     # It is the minimum of the density without bounds, and this its covariance by numbers alone.
-    varies, x = worth.freedom, worth.sure.x
-    thin = thinned(found.session.campaign, 2)
-    problem = Misfit(found.session.model, thin, varies, allowance=0.0)
-    value, gradient, normal = problem.normal(x)
+    varies, x = worth.parametrisation, worth.sure.x
+    thin = thin_lines(found.session.campaign, 2)
+    problem = Misfit(found.session.model, thin, varies, model_error_floor=0.0)
+    value, gradient, normal = problem.quadratic_model(x)
     assert value < problem.value(varies.coordinates(found.fit.theta))
     chi_square = (value - problem.prior(x)) / problem.values
-    wide = np.log(100.0) * np.where(varies.is_logarithm, 1.0, np.maximum(np.abs(x), 1.0))
+    wide = np.log(100.0) * np.where(varies.is_logarithmic, 1.0, np.maximum(np.abs(x), 1.0))
     precision = np.where(varies.has_prior, 1.0, wide**-2)
     covariance = np.linalg.inv(normal.dense() / max(1.0, chi_square) + np.diag(precision))
     own = [varies.names.index(name) for name in one.coordinates]
@@ -112,12 +114,12 @@ def test_intervals_hold_the_truth_and_the_gap_closes(scene):
 def test_sizes_are_told_by_all_lines_however_many_are_enough_for_fits(scene):
     scene, _, _ = scene
     nothing = refit(scene, None, scene.session.campaign, FIRST)
-    name = next(n for n in nothing.fit.freedom.names if n.endswith(".damping"))
+    name = next(n for n in nothing.fit.parametrisation.names if n.endswith(".damping"))
     one = Hypothesis("missing_dof", "joint:a", state=lambda at: {"damping": at[name]})
     made = replace(nothing, hypothesis=one)
 
     def width(pace, lines):
-        session = replace(scene.session, campaign=scene.session.campaign.lines(lines))
+        session = replace(scene.session, campaign=scene.session.campaign.select_lines(lines))
         base, before = replace(scene, session=session, pace=pace), replace(made, session=session)
         _, _, worth = levels(base, one, session, {None: before, one: before}, exact=False)
         low, high = worth.intervals(one)["damping"]
@@ -130,33 +132,35 @@ def test_sizes_are_told_by_all_lines_however_many_are_enough_for_fits(scene):
 
 def test_what_little_is_left_of_much_data_is_asked_of_as_many_lines_as_of_little(tmp_path):
     session, _ = drawn(tmp_path, 72_400, "structural_damping", ratio=0.1)
-    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    early = fit(
+        session.model, session.campaign, parametrisation=session.parametrisation, stages=STAGES[:3]
+    )
     scene = Scene(session, early.theta, pace=2, independent=True)
     first = refit(scene, None, session.campaign, FIRST)
     nothing = go_on(scene, first, PATIENT)
     assert 0.005 < nothing.gap < 0.1
-    closer, begun, ended = _closer(scene, first, nothing)
+    closer, begun, ended = refit_by_more_lines(scene, first, nothing)
     assert closer.pace == 1
     lines = len(session.campaign.freq_hz)
     for less, more, stride in ((first, begun, 8), (nothing, ended, 4)):
-        few, many = (range(lines)[counted_lines(lines, stride * pace)] for pace in (2, 1))
+        few, many = (range(lines)[thinning_slice(lines, stride * pace)] for pace in (2, 1))
         assert more.cost / less.cost == pytest.approx(len(many) / len(few), rel=0.1)
     assert len(many) > 1.5 * len(few)
     alone = replace(scene, pace=1)
     for same in ((alone, first, nothing), (scene, first, replace(nothing, serial=0.2))):
-        assert _closer(*same) == same
+        assert refit_by_more_lines(*same) == same
 
 
 def test_ends_of_a_positive_number_are_those_of_its_logarithm(scene):
     scene, _, _ = scene
     found = refit(scene, None, scene.session.campaign, FIRST)
     worth = known(found, found.fit.theta, 16)
-    name = next(n for n in worth.freedom.names if n.endswith(".damping"))
+    name = next(n for n in worth.parametrisation.names if n.endswith(".damping"))
     one = Hypothesis("missing_dof", "joint:a", state=lambda at: {"damping": at[name]})
-    place = worth.freedom.names.index(name)
+    place = worth.parametrisation.names.index(name)
     width = 1.959964 * worth.sure.deviation[place]
     (low, high), middle = worth.intervals(one)["damping"], worth.stated(one)["damping"]
-    logarithm = varied(worth.freedom, worth.sure.x, place, width)[name]
+    logarithm = varied(worth.parametrisation, worth.sure.x, place, width)[name]
     assert high == pytest.approx(logarithm, rel=1e-6)
     assert 0 < low < middle < high
     assert middle / low == pytest.approx(high / middle, rel=1e-6)
@@ -174,7 +178,7 @@ def test_what_was_found_does_not_depend_on_the_bounds_of_tolerances(scene):
     one = next(x for x in only(scene, "joint_coupling") if x.location == place)
     found = go_on(scene, refit(scene, one, scene.session.campaign, FIRST), LAST)
     free = known(found, found.fit.theta, 4)
-    varies = found.fit.freedom
+    varies = found.fit.parametrisation
     narrow = np.where(varies.has_prior, 0.5, np.inf)
     half = replace(
         varies, lower=np.maximum(varies.lower, -narrow), upper=np.minimum(varies.upper, narrow)
@@ -183,7 +187,7 @@ def test_what_was_found_does_not_depend_on_the_bounds_of_tolerances(scene):
     tight = fit(
         found.session.model,
         found.session.campaign,
-        varies=half,
+        parametrisation=half,
         starts=(found.fit.theta,),
         stages=(stage,),
     )
@@ -271,20 +275,22 @@ def test_nothing_missing_is_fitted_once_more_from_where_an_effect_that_vanished_
 def test_tolerances_beyond_their_bounds_are_followed_as_far_as_an_outlier_may(tmp_path):
     # The axes of acc11 are off by 3.2 standard deviations.
     session, _ = drawn(tmp_path, 72_200, None, lines=161)
-    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    early = fit(
+        session.model, session.campaign, parametrisation=session.parametrisation, stages=STAGES[:3]
+    )
     scene = Scene(session, early.theta)
     nothing = refit(scene, None, session.campaign, (*FIRST, *LAST, *LONG))
     assert nothing.chi_square > 2
     wide, found = with_outliers(scene, nothing, 4.0)
     assert found.chi_square < 1.1
     assert 3 < found.pull < 4
-    names = np.array(session.freedom.names)
-    moved = names[wide.session.freedom.upper > session.freedom.upper]
+    names = np.array(session.parametrisation.names)
+    moved = names[wide.session.parametrisation.upper > session.parametrisation.upper]
     assert "acc11.rotation_x" in moved
     assert len(moved) < 10
     back = within_bounds(scene, found, 4.0)
-    np.testing.assert_array_equal(back.session.freedom.upper, session.freedom.upper)
-    assert np.abs(back.fit.x[back.fit.freedom.has_prior]).max() <= 2.5
+    np.testing.assert_array_equal(back.session.parametrisation.upper, session.parametrisation.upper)
+    assert np.abs(back.fit.x[back.fit.parametrisation.has_prior]).max() <= 2.5
     assert back.chi_square == pytest.approx(nothing.chi_square, rel=0.02)
     assert within_bounds(scene, nothing, 4.0) is nothing
     # Farther than an outlier something is wrong: nothing changes, but what was found is said.
@@ -301,13 +307,13 @@ def test_tolerances_beyond_their_bounds_are_followed_as_far_as_an_outlier_may(tm
 def test_how_far_released_tolerances_are_off_counts_how_many_they_are(scene):
     scene, _, _ = scene
     gain, turn = (only(scene, effect)[0] for effect in ("sensor_gain", "sensor_misalignment"))
-    names = np.array(scene.session.freedom.names)
+    names = np.array(scene.session.parametrisation.names)
 
     def found(values):
         x = np.zeros(len(names))
         for name, value in values.items():
             x[names == name] = value
-        return Refit(None, scene.session, Ended(x, scene.session.freedom), 1.0)
+        return Refit(None, scene.session, Ended(x, scene.session.parametrisation), 1.0)
 
     assert off_by(found(dict.fromkeys(gain.release, -3.7)), gain) == pytest.approx(3.7)
     assert off_by(found({}), turn) == pytest.approx(0, abs=1e-9)

@@ -7,7 +7,7 @@ import pytest
 
 from diagnosis import diagnose, verdict_of
 from diagnosis.effects import catalogue
-from diagnosis.hypothesis import together
+from diagnosis.hypothesis_set import together
 from diagnosis.refits.refitting import FIRST, LAST, LONG, begun_at, fitted, refit
 from diagnosis.search.ladder import Search
 from diagnosis.search.second_effect import by_itself, ordered, with_second

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from diagnosis import diagnose, verdict_of
-from diagnosis.algorithm import _loosened
+from diagnosis.released_session import release_session
 from tests.helpers.drawn import drawn
 from tuning import open_session, predict
 
@@ -57,13 +57,13 @@ def measured(session, theta, random):
 
 def test_a_joint_that_may_turn_has_a_place_and_all_that_a_user_wished_stays(tmp_path):
     session = opened(tmp_path, "stage3", wishes=WISHES)
-    before, (wider, held) = session.freedom, _loosened(session)
-    after = wider.freedom
+    before, (wider, held) = session.parametrisation, release_session(session)
+    after = wider.parametrisation
     assert [one.dof for one in held] == ["rx", "ry", "rz"]
     places = [f"stage3.joint_position_{axis}" for axis in "xyz"]
     assert [p.name for p in after.parameters] == [p.name for p in wider.model.parameters]
     assert after.names == (*before.names, *places)
-    for what in ("lower", "upper", "has_prior", "scales", "is_logarithm"):
+    for what in ("lower", "upper", "has_prior", "scales", "is_logarithmic"):
         np.testing.assert_array_equal(getattr(after, what)[:-3], getattr(before, what))
     x = np.random.default_rng(4).uniform(-1, 1, after.size)
     theirs = dict(zip((p.name for p in after.parameters), after.theta(x), strict=True))
@@ -75,8 +75,8 @@ def test_a_joint_that_may_turn_has_a_place_and_all_that_a_user_wished_stays(tmp_
 
 def test_where_nothing_is_missing_slides_are_tuned_to_the_noise(session):
     random = np.random.default_rng(7)
-    spread = np.where(session.freedom.has_prior, 0.7, 0.2)
-    theta = session.freedom.theta(random.normal(0.0, spread))
+    spread = np.where(session.parametrisation.has_prior, 0.7, 0.2)
+    theta = session.parametrisation.theta(random.normal(0.0, spread))
     session = replace(session, campaign=measured(session, theta, random))
     found = diagnose(session)
     assert verdict_of(found).verdict == "none"
@@ -84,7 +84,7 @@ def test_where_nothing_is_missing_slides_are_tuned_to_the_noise(session):
 
 
 def test_slides_are_not_written_elsewhere(session):
-    wider, _ = _loosened(session)
+    wider, _ = release_session(session)
     theta = wider.model.drawn.copy()
     names = [parameter.name for parameter in wider.model.parameters]
     theta[names.index("stage3.joint_position_x")] = 0.004

@@ -19,7 +19,7 @@ from identification import Fault
 from mbw.command import app
 from tests.helpers.drawn import drawn
 from truth.grade.read_verdict import read_verdict
-from tuning import STAGES, Wishes, fit, freedom, open_session
+from tuning import STAGES, UserSpecification, fit, open_session, parametrise
 
 CASES = {
     "none": (72_010, None, None),
@@ -90,7 +90,7 @@ def test_what_only_spare_channels_show_is_not_excluded_where_there_are_none(case
     beside = {"sensor_delay", "sensor_swap", "mount_resonance", "flexible_body"}
     assert not beside & set(verdict_of(found).not_testable)
     first, *others = found.gate.checks
-    gate = replace(found.gate, checks=(replace(first, spare=1), *others))
+    gate = replace(found.gate, checks=(replace(first, redundant=1), *others))
     assert beside < set(verdict_of(replace(found, gate=gate)).not_testable)
 
 
@@ -120,11 +120,11 @@ def test_a_tolerance_that_is_kept_as_drawn_is_not_tested_where_no_gate_asks(case
     session = found.session
     gains = {"sensor_gain", "sensor_position", "hammer_misalignment"}
     assert not gains & set(verdict_of(found).not_testable)
-    fix = Wishes(fix=("*.gain_x", "hammer(*).rotation_*"))
-    varies = freedom(session.model, session.campaign.tolerance, fix)
-    kept = replace(found, session=replace(session, freedom=varies))
+    fix = UserSpecification(fix=("*.gain_x", "hammer(*).rotation_*"))
+    varies = parametrise(session.model, session.campaign.tolerance, fix)
+    kept = replace(found, session=replace(session, parametrisation=varies))
     assert gains & set(verdict_of(kept).not_testable) == {"hammer_misalignment"}
-    checks = tuple(replace(one, spare=1) for one in found.gate.checks)
+    checks = tuple(replace(one, redundant=1) for one in found.gate.checks)
     blind = replace(kept, gate=replace(found.gate, checks=checks))
     assert gains & set(verdict_of(blind).not_testable) == {"sensor_gain", "hammer_misalignment"}
 
@@ -169,17 +169,19 @@ def test_sizes_are_not_fitted_below_zero(case):
     _, _, found = case
     for one in found.search.refits:
         if one.hypothesis.signed:
-            names = one.fit.freedom.names
+            names = one.fit.parametrisation.names
             x = [one.fit.x[names.index(name)] for name in one.hypothesis.coordinates]
             assert min(x) >= 0
 
 
 def test_scores_come_the_most_promising_first(tmp_path):
     session, _ = drawn(tmp_path, 72_014, "joint_coupling", ratio=1.0)
-    early = fit(session.model, session.campaign, varies=session.freedom, stages=STAGES[:3])
+    early = fit(
+        session.model, session.campaign, parametrisation=session.parametrisation, stages=STAGES[:3]
+    )
     scene = Scene(session, early.theta)
     made = list(EFFECTS["joint_coupling"](scene)) + list(EFFECTS["drift"](scene))
-    scored = scores(scene, early, made, STAGES[2].allowance)
+    scored = scores(scene, early, made, STAGES[2].model_error_floor)
     assert [one.gain for one in scored] == sorted((one.gain for one in scored), reverse=True)
     assert len(scored) == len(made)
     assert all(one.gain >= 0 and np.isfinite(one.step).all() for one in scored)

@@ -8,9 +8,9 @@ import pytest
 from diagnosis import EFFECTS, Scene
 from diagnosis.hypothesis import Vague
 from identification.words import Condition
-from mbmodel import Model, NotHeld, as_drawn, load_machine, loosened, write_mjcf
+from mbmodel import Model, NotInMjcf, as_drawn, load_machine, release_rigid_directions, write_mjcf
 from tests.helpers.drawn import drawn, line_by_line
-from tuning import with_tolerances
+from tuning import build_toleranced_model
 
 FREQ = np.arange(4.0, 160.0, 1.0)
 WRITTEN = (
@@ -31,8 +31,8 @@ def scene(tmp_path_factory):
     path = folder / "campaign" / "model.xml"
     lines = path.read_text().splitlines()
     path.write_text("\n".join(line for line in lines if 'name="stage2_ry"' not in line))
-    machine, held = loosened(load_machine(path), FREQ[-1])
-    session = replace(session, model=with_tolerances(machine, session.campaign))
+    machine, held = release_rigid_directions(load_machine(path), FREQ[-1])
+    session = replace(session, model=build_toleranced_model(machine, session.campaign))
     return Scene(session, session.model.drawn * 1.0, held)
 
 
@@ -109,7 +109,7 @@ def test_a_spring_of_less_than_nothing_is_no_tendon(scene):
     theta = np.zeros(15)
     theta[:3], theta[8] = 1.0, 2.0  # the last turns x and y: 1 - 2 along one axis
     said = part.write(theta)
-    assert sum(isinstance(edit, NotHeld) for edit in said) == 1
+    assert sum(isinstance(edit, NotInMjcf) for edit in said) == 1
     assert sum(getattr(edit, "parent", "") == "tendon" for edit in said) == 2
 
 

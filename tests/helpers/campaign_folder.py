@@ -7,7 +7,7 @@ import scipy.io
 from small_machine import MJCF
 
 from identification.words import Dof
-from mbmodel import Evaluator, Question, as_drawn, load_machine
+from mbmodel import Evaluator, FrfRequest, as_drawn, load_machine
 
 AVERAGES = 10
 CAMPAIGN = """\
@@ -33,7 +33,7 @@ def write_folder(folder: Path, *, noise: float = 0.01, seed: int = 1, lines: int
     freq = np.linspace(5.0, 165.0, lines)
     outputs = tuple(Dof.of(f"acc{k}", axis) for k in range(1, 7) for axis in range(3))
     inputs = (Dof("acc3", "+tx"), Dof("acc3", "-ty"), Dof("acc3", "+tz"))
-    values = Evaluator(model, Question(freq, outputs, inputs)).at(theta).values
+    values = Evaluator(model, FrfRequest(freq, outputs, inputs)).at(theta).values
     rms = np.sqrt((np.abs(values) ** 2).mean(axis=0))
     sigma = np.maximum(noise * rms, 1e-3 * noise * rms.max())
     error = random.normal(size=(2, *values.shape)) * sigma / np.sqrt(2)

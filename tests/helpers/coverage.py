@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 
 from identification.words import Dof
-from mbmodel import Question, linearise
+from mbmodel import FrfRequest, linearise
 from truth import Plan, Protocol, draw_campaign, write_campaign
 from truth.campaign.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true
 from truth.machine.rig import Prepared, accelerance, build
 from truth.machine.station import Sensor, Station
-from tuning import confidence, fit, open_session, pulls
-from tuning.assessment.frf_bands import deviations
-from tuning.assessment.parameter_confidence import QUANTILE
-from tuning.campaign_tuning import choose, without_bounds
+from tuning import estimate_confidence, fit, open_session
+from tuning.assessment.frf_bands import frf_deviations
+from tuning.assessment.parameter_confidence import NORMAL_QUANTILE_95, rank_pulls
+from tuning.campaign_tuning import choose_fit, refit_without_bounds
 
 IGNORED = '\n[sensor.acc{node}]\nignore = ["x", "y", "z"]\n'
 
@@ -47,20 +47,20 @@ def covered(
         with (folder / "campaign.toml").open("a", encoding="utf-8") as file:
             file.write(IGNORED.format(node=node))
         session = open_session(folder)
-        bounded = fit(session.model, session.campaign, varies=session.freedom)
-        free = without_bounds(session.model, session.campaign, bounded)
-        found = choose(bounded, free)
-        sure = confidence(session.model, session.campaign, found)
+        bounded = fit(session.model, session.campaign, parametrisation=session.parametrisation)
+        free = refit_without_bounds(session.model, session.campaign, bounded)
+        found = choose_fit(bounded, free)
+        sure = estimate_confidence(session.model, session.campaign, found)
         freq = session.campaign.freq_hz
         axes = tuple(Dof.of(f"acc{node}", axis) for axis in range(3))
-        lines = linearise(session.model, found.theta, Question(freq, axes, axes))
+        lines = linearise(session.model, found.theta, FrfRequest(freq, axes, axes))
         unit = np.ones(lines.values.shape, complex)
-        spread = deviations(lines, sure, [unit, 1j * unit])
+        spread = frf_deviations(lines, sure, [unit, 1j * unit])
     low, high = sure.interval()
     rows: dict[str, object] = {
         "seed": seed,
         "chi square": sure.chi_square,
-        "largest pull": pulls(free.freedom, free.x)[0][1],
+        "largest pull": rank_pulls(free.parametrisation, free.x)[0][1],
         "bounded": found is bounded and free is not bounded,
     }
     values = {one.name: k for k, one in enumerate(session.model.parameters)}
@@ -73,7 +73,10 @@ def covered(
         ]
         rows[kind] = [sum(inside), len(inside)]
     off = lines.values - _at_site(true, drawing, node, freq)
-    parts = [np.abs(off.real) <= QUANTILE * spread[0], np.abs(off.imag) <= QUANTILE * spread[1]]
+    parts = [
+        np.abs(off.real) <= NORMAL_QUANTILE_95 * spread[0],
+        np.abs(off.imag) <= NORMAL_QUANTILE_95 * spread[1],
+    ]
     rows["FRF"] = [int(sum(part.sum() for part in parts)), 2 * off.size]
     return rows
 

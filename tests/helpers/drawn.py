@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from identification.words import Campaign, Complex, Real
-from mbmodel import Evaluator, Model, Question
+from mbmodel import Evaluator, FrfRequest, Model
 from truth import Cause, Plan, Protocol, Wanted, draw_campaign, write_campaign
 from truth.machine.random_tree import draw_tree
 from tuning import Session, open_session
@@ -42,5 +42,5 @@ def line_by_line(
     estimate = campaign.tests[0].estimate
     inputs = tuple(test.condition.reference for test in campaign.tests)
     lines = campaign.freq_hz if freq_hz is None else freq_hz
-    question = Question(lines, estimate.frf.outputs, inputs, estimate.frf.quantity)
+    question = FrfRequest(lines, estimate.frf.outputs, inputs, estimate.frf.quantity)
     return Evaluator(model, question, direct=True).at(theta).values

@@ -13,7 +13,7 @@ import numpy as np
 
 from truth import Plan, Protocol, draw_campaign, write_campaign
 from truth.machine.random_tree import draw_tree
-from tuning import CHECKPOINT
+from tuning import CHECKPOINT_FILE
 
 COMMAND = [sys.executable, "-m", "mbw", "tune", "--starts", "2", "--quiet"]
 
@@ -64,7 +64,7 @@ def killed_and_resumed(
 
 
 def _finished(out: Path) -> int:
-    kept = out / CHECKPOINT
+    kept = out / CHECKPOINT_FILE
     return len(json.loads(kept.read_text())["steps"]) if kept.is_file() else 0
 
 

@@ -15,7 +15,7 @@ from identification.words import (
     Test,
     Tolerance,
 )
-from mbmodel import Evaluator, Model, Question, as_drawn, load_machine
+from mbmodel import Evaluator, FrfRequest, Model, as_drawn, load_machine
 
 TOLERANCE = Tolerance(
     mass=0.021, inertia=0.052, com=0.0031, joint_position=0.0032, sensor_gain=0.011,
@@ -79,7 +79,7 @@ def virtual_campaign(
     tests = []
     for direction, tau in zip(("+tx", "-ty", "+tz"), taus, strict=True):
         reference = Dof("acc3", direction)
-        question = Question(freq, outputs, (reference,), window_tau=tau)
+        question = FrfRequest(freq, outputs, (reference,), window_tau=tau)
         values = Evaluator(model, question).at(theta).values
         rms = np.sqrt((np.abs(values) ** 2).mean(axis=0))
         keep = rms[:, 0] > 1e-9 * rms.max()  # directions without a joint do not move
@@ -126,8 +126,8 @@ def flip():
     return flipped
 
 
-def one(made, place, name, value):
-    """The x that is zero but at one parameter."""
-    x = np.zeros(made.size)
-    x[made.member[place(name)]] = value
+def unit_coordinate(toleranced, place, name, value):
+    """Return the x that is zero but at one parameter."""
+    x = np.zeros(toleranced.size)
+    x[toleranced.coordinate_of[place(name)]] = value
     return x

@@ -4,21 +4,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tuning.misfit.normal_equations import Arrow
+from tuning.misfit.normal_equations import ArrowMatrix
 from tuning.solvers.gauss_newton import Box
 
 
-def arrow_of(dense, own=0):
+def arrow_of(dense, n_own=0):
     """An arrow of a matrix whose last ``own`` coordinates are one block."""
     n = len(dense)
-    shared, block = np.arange(n - own), np.arange(n - own, n)
-    count = 1 if own else 0
-    return Arrow(
+    shared, block = np.arange(n - n_own), np.arange(n - n_own, n)
+    count = 1 if n_own else 0
+    return ArrowMatrix(
         dense[np.ix_(shared, shared)],
-        dense[np.ix_(block, shared)].reshape(count, own, n - own),
-        dense[np.ix_(block, block)].reshape(count, own, own),
+        dense[np.ix_(block, shared)].reshape(count, n_own, n - n_own),
+        dense[np.ix_(block, block)].reshape(count, n_own, n_own),
         shared,
-        block.reshape(count, own),
+        block.reshape(count, n_own),
     )
 
 
@@ -41,14 +41,14 @@ class Squares:
         return float(r @ r + 0.5 * self.precision @ x**2)
 
     def __call__(self, x):
-        return self.normal(x)[:2]
+        return self.quadratic_model(x)[:2]
 
-    def normal(self, x):
+    def quadratic_model(self, x):
         value = self.value(x)
         with np.errstate(all="ignore"):
             r, jacobian = self.residual(x), self.jacobian(x)
         gradient = 2 * jacobian.T @ r + self.precision * x
-        return value, gradient, arrow_of(2 * jacobian.T @ jacobian, own=1)
+        return value, gradient, arrow_of(2 * jacobian.T @ jacobian, n_own=1)
 
 
 def box_of(n, lower=-np.inf, upper=np.inf, precision=0.0):

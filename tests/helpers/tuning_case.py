@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Test
-from mbmodel import Evaluator, Model, Question, as_drawn
+from mbmodel import Evaluator, FrfRequest, Model, as_drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ def tuning_case(machine, seed, *, hit="acc11", points=23, highest_hz=200.0, line
     tests = []
     for axis in range(3):
         reference = Dof.of(hit, axis)
-        clean = Evaluator(model, Question(freq, outputs, (reference,))).at(model.drawn).values
+        clean = Evaluator(model, FrfRequest(freq, outputs, (reference,))).at(model.drawn).values
         sigma = noise * np.sqrt((np.abs(clean) ** 2).mean(axis=0))
         error = random.normal(size=(2, *clean.shape)) * sigma / np.sqrt(2)
         frf = Frf(freq, clean + error[0] + 1j * error[1], outputs, (reference,), "accelerance")

@@ -41,7 +41,7 @@ def test_a_table_of_another_shape_is_refused_with_both_shapes(path, options):
     save_frfs(path, np.moveaxis(tables()[0], 0, 2))
     message = refusal(path, **options)
     assert "(5, 2, 7)" in message
-    assert "mend channels or references" in message
+    assert "correct channels or references" in message
 
 
 @pytest.mark.parametrize("order", [(0, 2, 1), (1, 0, 2), (2, 0, 1), (2, 1, 0)])
@@ -73,7 +73,7 @@ def test_a_value_that_is_no_number_is_named_by_line_and_channel(path, bad, name)
 )
 def test_frequencies_that_do_not_rise_are_refused(path, freq):
     save_frfs(path, tables()[0], freq=np.asarray(freq))
-    assert "rise" in refusal(path)
+    assert "does not increase strictly" in refusal(path)
 
 
 @pytest.mark.parametrize(

@@ -111,7 +111,7 @@ def test_accelerance_is_meant_where_arrays_do_not_say(read):
 def test_arrays_without_labels_are_refused(refusal, key):
     text = "\n".join(line for line in ARRAY_TEST.splitlines() if not line.startswith(key))
     message = refusal(text, b_npz=npz(frf=numbers(5, (9, 4, 2)), freq_hz=EVEN))
-    assert "b.npz does not say its channels: add" in message
+    assert "b.npz does not name its channels: add" in message
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_one_response_under_two_names_is_refused(refusal):
 
 @pytest.mark.parametrize("name", ["a.csv", "a", "a.h5"])
 def test_an_unknown_kind_of_file_is_refused(refusal, name):
-    assert "unknown kind of file: give" in refusal(TEST.replace("a.uff", name))
+    assert "is of an unknown kind: give" in refusal(TEST.replace("a.uff", name))
 
 
 @pytest.mark.parametrize("name", ["gone.uff", "gone.unv", "gone.npz", "gone.mat"])
@@ -287,7 +287,7 @@ def test_an_ignored_sensor_is_still_a_reference(read):
 
 def test_a_test_that_loses_its_last_channel_is_refused(refusal):
     message = refusal(TEST + '[sensor.acc7]\nignore = ["x"]\n')
-    assert "no channel is left for reference acc1:+ty" in message
+    assert "all channels of reference acc1:+ty are ignored" in message
 
 
 def test_negative_frequencies_are_refused(refusal):

@@ -151,7 +151,7 @@ def test_a_folder_without_campaign_is_refused(tmp_path):
 def test_a_fault_of_syntax_is_named_by_its_line(refusal):
     message = refusal(HEAD + "\n[[test]]\nfile = = 3\n")
     assert "line 4" in message
-    assert "mend" in message
+    assert "correct that line" in message
 
 
 def test_a_key_given_twice_is_named_by_its_line(refusal):
@@ -179,7 +179,7 @@ def test_text_that_is_not_utf8_is_refused(tmp_path):
 def test_an_unknown_key_is_named_with_its_place(refusal, text, key):
     message = refusal(text)
     assert f"unknown key {key}:" in message
-    assert "mend its spelling" in message
+    assert "correct its spelling" in message
 
 
 @pytest.mark.parametrize(
@@ -252,7 +252,7 @@ def test_a_test_without_file_is_refused(refusal):
     "head", ["", 'model = "m.xml"\nlayout = "l.toml"\n'], ids=["neither", "both"]
 )
 def test_exactly_one_of_model_and_layout_is_asked_for(refusal, head):
-    assert "name a model, or a layout" in refusal(head + '[[test]]\nfile = "a.uff"\n')
+    assert "must name either a model or a layout" in refusal(head + '[[test]]\nfile = "a.uff"\n')
 
 
 def test_an_empty_file_is_refused(refusal):

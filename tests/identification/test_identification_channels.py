@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.checks.channels import _coherence_of_noise, channel_remarks, silent
+from identification.checks.channels import _coherence_of_noise, channel_remarks, noise_only_channels
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 SITES = ("acc1", "acc2", "acc3", "acc4")
@@ -79,10 +79,10 @@ def test_a_hit_that_nobody_hears_well_says_nothing_of_a_dead_channel(campaign) -
         return replace(test, estimate=replace(test.estimate, coherence=quiet))
 
     made = replace(campaign(), tests=(first, *map(faint, others)))
-    assert [str(dof) for dof in silent(made)] == ["acc2:+tz"]
-    assert silent(replace(made, tests=tuple(map(faint, made.tests)))) == {}
+    assert [str(dof) for dof in noise_only_channels(made)] == ["acc2:+tz"]
+    assert noise_only_channels(replace(made, tests=tuple(map(faint, made.tests)))) == {}
     heard = campaign().tests[0]
-    assert silent(replace(made, tests=(*made.tests, heard))) == {}
+    assert noise_only_channels(replace(made, tests=(*made.tests, heard))) == {}
 
 
 @pytest.mark.parametrize("averages", [3, 5, 10])
@@ -104,7 +104,7 @@ def test_noise_has_the_coherence_of_few_averages(campaign, averages) -> None:
     tests = tuple(
         replace(test, estimate=replace(test.estimate, averages=averages)) for test in made.tests
     )
-    assert {str(dof) for dof in silent(replace(made, tests=tests))} == {"acc2:+tz"}
+    assert {str(dof) for dof in noise_only_channels(replace(made, tests=tests))} == {"acc2:+tz"}
 
 
 def test_without_coherence_a_channel_is_dead_that_holds_no_more_than_its_noise(campaign) -> None:
@@ -122,7 +122,7 @@ def test_without_coherence_a_channel_is_dead_that_holds_no_more_than_its_noise(c
     made = campaign()
     (remark,) = channel_remarks(replace(made, tests=tuple(without(made.tests, 0.0))))
     assert remark.startswith("acc2:+tz reads noise alone in every test, with a power over that")
-    assert silent(replace(made, tests=tuple(without(made.tests, 0.1)))) == {}
+    assert noise_only_channels(replace(made, tests=tuple(without(made.tests, 0.1)))) == {}
 
 
 def test_a_hit_that_was_poor_as_a_whole_makes_no_channel_dead(campaign) -> None:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from identification import read_layout
-from identification.impacts import impact_record, impact_spectra, struck
-from identification.matching import at_channels, match
+from identification.impacts import impact_record, impact_spectra, synchronise
+from identification.matching import match_modes, shapes_at_channels
 from identification.shapes import read_shapes, rigid_modes
 from identification.words import Dof, InputError, UsageError
 from tests.helpers.virtual_gondola import Trial, _accelerated, read_structure, strike
@@ -19,7 +19,7 @@ ASSETS = Path(__file__).parents[2] / "assets" / "gondola"
 @pytest.fixture(scope="module")
 def drawn():
     shapes = read_shapes(ASSETS / "shapes.vtu")
-    return shapes.only(rigid_modes(shapes).held), read_layout(ASSETS / "layout.toml")
+    return shapes.select(rigid_modes(shapes).supported), read_layout(ASSETS / "layout.toml")
 
 
 def test_all_six_modes_of_another_structure_are_those_of_the_drawing(drawn):
@@ -29,8 +29,8 @@ def test_all_six_modes_of_another_structure_are_those_of_the_drawing(drawn):
     for point in ("bow2", "bow3", "stern2"):
         record = impact_record(point, strike(structure, Trial(71_700, seconds=6.0), point))
         assert len(record.channels) == 21
-        impacts.append(struck(record))
-    result = match(shapes, layout, impact_spectra(impacts, (15.0, 95.0)))
+        impacts.append(synchronise(record))
+    result = match_modes(shapes, layout, impact_spectra(impacts, (15.0, 95.0)))
     # Modes of the inner frame are among them, which the panels hardly follow.
     seen = (structure.pairs >= 6) & (structure.pairs < 12)
     assert (structure.pairs[6:12] < 0).any()
@@ -45,7 +45,7 @@ def test_all_six_modes_of_another_structure_are_those_of_the_drawing(drawn):
     assert result.pairs[2] == 3
     assert result.pairs[3] == 2
     assert result.mac[2, 3] > result.mac[2, 2]
-    telling = result.channels(2)
+    telling = result.telling_channels(2)
     assert len(set(telling)) == 3
 
 
@@ -65,10 +65,10 @@ def test_a_mode_answers_a_force_as_its_equation_does():
 def test_channels_without_a_place_and_sites_off_the_mesh_are_named(drawn):
     shapes, layout = drawn
     with pytest.raises(UsageError, match=r"acc99 has no place"):
-        at_channels(shapes, layout, [Dof.parse("acc99:+tx")])
+        shapes_at_channels(shapes, layout, [Dof.parse("acc99:+tx")])
     far = read_layout_with(layout, 3, [9.0, 0.0, 0.0])
     with pytest.raises(InputError, match=r"acc4 at .* off the mesh"):
-        at_channels(shapes, far, [Dof.parse("acc1:+tx"), Dof.parse("acc4:+tx")])
+        shapes_at_channels(shapes, far, [Dof.parse("acc1:+tx"), Dof.parse("acc4:+tx")])
 
 
 def read_layout_with(layout, place, position):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hammer_records import Hammer, a_system, strike
 
-from identification.hits import HitSettings, estimate, estimate_all, find_blows
+from identification.hits import HitSettings, estimate_hit_frf, estimate_hit_frfs, find_blows
 from identification.words import Dof, InputError
 
 SYSTEM = a_system()
@@ -44,12 +44,12 @@ def noisy():
 
 @pytest.fixture(scope="module")
 def found(noisy):
-    return estimate(noisy)
+    return estimate_hit_frf(noisy)
 
 
 def test_without_noise_the_frf_is_that_of_the_modes():
     # What is left: half-sines of 4 ms alias, and the generator's filter rings beyond the window.
-    found = estimate(strike(SYSTEM, Hammer()))
+    found = estimate_hit_frf(strike(SYSTEM, Hammer()))
     assert relative_error(SYSTEM, found) < 1e-4
 
 
@@ -88,7 +88,7 @@ def test_the_estimate_says_where_it_comes_from(found, noisy):
 
 def test_a_long_recording_gives_the_same_as_its_hits_one_by_one():
     times = (0.5, 3.1, 5.4, 8.0, 10.6)
-    found = estimate(strike(SYSTEM, Hammer(duration_s=13.0, times_s=(times,), noise=2e-3)))
+    found = estimate_hit_frf(strike(SYSTEM, Hammer(duration_s=13.0, times_s=(times,), noise=2e-3)))
     assert len(found.kept) == 5
     np.testing.assert_allclose([hit.time_s for hit in found.kept], times, atol=2e-3)
     # The shortest time between hits sets the block.
@@ -98,14 +98,14 @@ def test_a_long_recording_gives_the_same_as_its_hits_one_by_one():
 
 def test_a_record_of_one_late_hit_is_cut_before_it():
     times = tuple((1.5 + 0.01 * k,) for k in range(4))
-    found = estimate(strike(SYSTEM, Hammer(times_s=times, noise=2e-3)))
+    found = estimate_hit_frf(strike(SYSTEM, Hammer(times_s=times, noise=2e-3)))
     assert len(found.kept) == 4
     assert 2.3 < found.block_s < 2.6
     assert found.pretrigger_s < 0.1
 
 
 def test_a_stated_block_and_pretrigger_are_taken(noisy):
-    found = estimate(noisy, HitSettings(block_s=2.0, pretrigger_s=0.05))
+    found = estimate_hit_frf(noisy, HitSettings(block_s=2.0, pretrigger_s=0.05))
     assert (found.block_s, found.pretrigger_s) == (2.0, pytest.approx(0.05, abs=1e-3))
     assert found.estimate.frf.freq_hz[1] == 0.5
     assert squared(SYSTEM, found).mean() == pytest.approx(7 / 6, rel=0.12)
@@ -117,45 +117,45 @@ LIGHT = a_system(damping=0.003)
 def test_an_exponential_window_gives_the_frf_beside_the_imaginary_axis():
     # With 0.6 s blocks a fifth of the response and more is cut off; H(i w + 1/tau) is found still.
     hammer = Hammer(duration_s=0.6, noise=0.0)
-    found = estimate(strike(LIGHT, hammer))
-    assert found.left > 0.2
+    found = estimate_hit_frf(strike(LIGHT, hammer))
+    assert found.residual_response > 0.2
     tau = found.estimate.window_tau
     assert found.block_s / 10 < tau < found.block_s / 5
     assert relative_error(LIGHT, found) < 0.004
-    plain = estimate(strike(LIGHT, hammer), HitSettings(exponential_tau=0.0))
+    plain = estimate_hit_frf(strike(LIGHT, hammer), HitSettings(exponential_tau=0.0))
     assert plain.estimate.window_tau == 0
     assert relative_error(LIGHT, plain) > 0.1
-    assert any("there is no exponential window" in remark for remark in plain.remarks)
+    assert any("without an exponential window" in remark for remark in plain.remarks)
 
 
 def test_with_noise_and_an_exponential_window_errors_are_as_predicted():
-    found = estimate(strike(LIGHT, Hammer(duration_s=1.0, noise=5e-3)))
+    found = estimate_hit_frf(strike(LIGHT, Hammer(duration_s=1.0, noise=5e-3)))
     assert found.estimate.window_tau > 0
     # Lines are correlated over 1 / (pi tau), two of them: twice the scatter of independent ones.
     assert squared(LIGHT, found).mean() == pytest.approx(7 / 6, rel=0.35)
 
 
 def test_the_window_is_remarked_with_what_it_does_to_damping():
-    found = estimate(strike(LIGHT, Hammer(duration_s=1.0, noise=2e-3)))
+    found = estimate_hit_frf(strike(LIGHT, Hammer(duration_s=1.0, noise=2e-3)))
     (remark,) = found.remarks
-    assert "adds 1/(tau omega) to a damping ratio; it is taken off again" in remark
+    assert "adds 1/(tau omega) to a damping ratio; the modal fit subtracts it" in remark
     assert "hits.uff, hammer at 11:+tz" in remark
 
 
 def test_noise_alone_at_the_end_of_a_block_asks_for_no_window():
-    found = estimate(strike(SYSTEM, Hammer(noise=2e-2)))
+    found = estimate_hit_frf(strike(SYSTEM, Hammer(noise=2e-2)))
     assert found.estimate.window_tau == 0
 
 
 def test_a_window_as_long_as_the_block_keeps_the_force_whole(noisy):
-    whole = estimate(noisy, HitSettings(force_window_s=0.0))
+    whole = estimate_hit_frf(noisy, HitSettings(force_window_s=0.0))
     assert whole.force_window_s == whole.block_s
-    short = estimate(noisy)
+    short = estimate_hit_frf(noisy)
     assert short.force_window_s < 0.12
     noise = strike(SYSTEM, Hammer(force_noise=1.0))
     # Noise outside the window no longer reaches the force: H1 falls less, and scatters less.
     errors = [
-        relative_error(SYSTEM, estimate(noise, HitSettings(force_window_s=length)))
+        relative_error(SYSTEM, estimate_hit_frf(noise, HitSettings(force_window_s=length)))
         for length in (None, 0.0)
     ]
     assert errors[0] < 0.6 * errors[1]
@@ -166,7 +166,7 @@ def test_noise_on_the_force_lowers_h1_but_not_h2():
     records = strike(SYSTEM, Hammer(force_noise=3.0, times_s=tuple((0.1,) for _ in range(40))))
     ratios = {}
     for estimator in ("H1", "H2", "Hv"):
-        found = estimate(
+        found = estimate_hit_frf(
             records, HitSettings(force_window_s=0.0, estimator=estimator, reject=False)
         )
         band = in_band(found)
@@ -180,18 +180,18 @@ def test_noise_on_the_force_lowers_h1_but_not_h2():
 
 
 def test_one_hit_has_no_coherence_and_says_so():
-    found = estimate(strike(SYSTEM, Hammer(times_s=((0.1,),), noise=2e-3)))
+    found = estimate_hit_frf(strike(SYSTEM, Hammer(times_s=((0.1,),), noise=2e-3)))
     assert found.estimate.coherence is None
     assert found.estimate.averages == 1
     assert found.estimate.variance_source == "differences"
-    assert any("one hit has no coherence" in remark for remark in found.remarks)
+    assert any("a single hit has no coherence" in remark for remark in found.remarks)
     assert np.median(squared(SYSTEM, found)) == pytest.approx(np.log(2), rel=0.25)
 
 
 def test_one_hit_with_an_exponential_window_knows_its_variance_too():
     # The window joins neighbouring lines; differences would miss most of the noise.
     records = strike(SYSTEM, Hammer(times_s=((0.1,),), noise=2e-3))
-    found = estimate(records, HitSettings(exponential_tau=2.0))
+    found = estimate_hit_frf(records, HitSettings(exponential_tau=2.0))
     assert np.median(squared(SYSTEM, found)) == pytest.approx(np.log(2), rel=0.4)
 
 
@@ -214,7 +214,7 @@ def test_the_noise_before_the_hits_has_its_density(found):
 
 def test_offsets_of_force_and_motion_do_not_count(noisy, found):
     moved = replace(noisy, force=noisy.force + 7.0, motion=noisy.motion + 0.1)
-    again = estimate(moved)
+    again = estimate_hit_frf(moved)
     np.testing.assert_allclose(
         again.estimate.frf.values[1:], found.estimate.frf.values[1:], rtol=1e-7
     )
@@ -222,7 +222,7 @@ def test_offsets_of_force_and_motion_do_not_count(noisy, found):
 
 def test_turning_a_channel_turns_its_frf_and_nothing_else(noisy, found):
     signs = np.array([1.0, -1.0, 1.0, 1.0])
-    turned = estimate(replace(noisy, motion=noisy.motion * signs[:, None]))
+    turned = estimate_hit_frf(replace(noisy, motion=noisy.motion * signs[:, None]))
     np.testing.assert_allclose(
         turned.estimate.frf.values, found.estimate.frf.values * signs[:, None], rtol=1e-12
     )
@@ -230,7 +230,7 @@ def test_turning_a_channel_turns_its_frf_and_nothing_else(noisy, found):
 
 
 def test_a_negative_force_keeps_its_sign(noisy, found):
-    turned = estimate(replace(noisy, force=-noisy.force))
+    turned = estimate_hit_frf(replace(noisy, force=-noisy.force))
     np.testing.assert_allclose(turned.estimate.frf.values, -found.estimate.frf.values, rtol=1e-12)
     assert all(hit.peak_n < 0 for hit in turned.kept)
 
@@ -241,7 +241,7 @@ def test_references_of_one_campaign_share_block_and_window():
         SYSTEM,
         Hammer(duration_s=5.0, times_s=((0.5, 1.9, 3.3),), noise=2e-3, reference="11:+x"),
     )
-    one, other = estimate_all([first, second], [HitSettings()] * 2)
+    one, other = estimate_hit_frfs([first, second], [HitSettings()] * 2)
     np.testing.assert_array_equal(one.estimate.frf.freq_hz, other.estimate.frf.freq_hz)
     assert one.estimate.window_tau == other.estimate.window_tau > 0
     assert other.reference == Dof.parse("11:+x")
@@ -252,29 +252,29 @@ def test_settings_that_contradict_one_another_are_refused(noisy, key):
     other = replace(noisy, test="other.uff")
     settings = [HitSettings(**{key: value}) for value in (0.25, 0.5)]
     with pytest.raises(InputError, match=f"{key} is 0.25 s for hits.uff, 0.5 s for other.uff"):
-        estimate_all([noisy, other], settings)
+        estimate_hit_frfs([noisy, other], settings)
 
 
 def test_what_one_file_states_holds_for_all(noisy):
     other = replace(noisy, test="other.uff")
-    one, two = estimate_all([noisy, other], [HitSettings(block_s=2.0), HitSettings()])
+    one, two = estimate_hit_frfs([noisy, other], [HitSettings(block_s=2.0), HitSettings()])
     assert one.block_s == two.block_s == 2.0
 
 
 def test_unequal_rates_are_refused(noisy):
     other = replace(noisy, rate_hz=512.0, test="other.uff")
     with pytest.raises(InputError, match=r"other.uff was sampled at 512 Hz and hits.uff at 1024"):
-        estimate_all([noisy, other], [HitSettings()] * 2)
+        estimate_hit_frfs([noisy, other], [HitSettings()] * 2)
 
 
 def test_records_without_a_hit_are_refused(noisy):
     with pytest.raises(InputError, match="there is no hit in the force along 11:"):
-        estimate(replace(noisy, force=np.zeros_like(noisy.force)))
+        estimate_hit_frf(replace(noisy, force=np.zeros_like(noisy.force)))
 
 
 def test_blocks_too_short_are_refused(noisy):
-    with pytest.raises(InputError, match="too short: state block_s"):
-        estimate(noisy, HitSettings(block_s=0.01))
+    with pytest.raises(InputError, match="too short: set block_s"):
+        estimate_hit_frf(noisy, HitSettings(block_s=0.01))
 
 
 def test_ringing_of_the_hammer_is_no_second_hit(noisy):

@@ -124,13 +124,16 @@ def test_arrays_of_two_references_have_an_axis_more(read, records):
 @pytest.mark.parametrize(
     ("arrays", "text"),
     [
-        ({"fs": None}, "does not say its rate"),
-        ({"fs": [1.0, 2.0]}, "fs is no rate"),
-        ({"fs": -3.0}, "fs is no rate"),
-        ({"force": np.ones((3, 64), complex)}, "force holds no real numbers"),
+        ({"fs": None}, "has no sampling rate"),
+        ({"fs": [1.0, 2.0]}, "fs is not a sampling rate"),
+        ({"fs": -3.0}, "fs is not a sampling rate"),
+        ({"force": np.ones((3, 64), complex)}, "force is not an array of real numbers"),
         ({"force": np.full((3, 64), np.nan)}, "force is not finite"),
-        ({"response": np.ones((3, 64, 4))}, r"response \(3, 64, 4\); with 1 references and 4"),
-        ({"response": np.ones((2, 4, 64))}, "mend channels, references or the order of the axes"),
+        ({"response": np.ones((3, 64, 4))}, r"response \(3, 64, 4\), but 1 references and 4"),
+        (
+            {"response": np.ones((2, 4, 64))},
+            "correct channels, references or the order of the axes",
+        ),
     ],
 )
 def test_arrays_that_do_not_fit_are_refused(refusal, arrays, text):
@@ -153,7 +156,7 @@ def test_an_ignored_channel_rejects_no_hit(read, records):
 
 def test_all_channels_ignored_are_refused(refusal, records):
     text = TEST + "".join(f'[sensor.acc{k}]\nignore = ["x", "y", "z"]\n' for k in (1, 2, 7))
-    assert "no channel is left for reference acc7:+tz" in refusal(text, a_uff=uff(records))
+    assert "all channels of reference acc7:+tz are ignored" in refusal(text, a_uff=uff(records))
 
 
 def test_rejected_hits_reach_the_reader(read, records):
@@ -183,8 +186,8 @@ def test_the_keys_of_records_are_obeyed(read, records):
     [
         ("window_tau = 0.5", "window_tau is for FRFs: remove window_tau from its [[test]], or"),
         ('time_sign = "-"', "time_sign is for FRFs"),
-        ('channels = ["1:+x"]', "says its channels itself"),
-        ('unit = "g/N"', "says its unit itself"),
+        ('channels = ["1:+x"]', "itself holds its channels"),
+        ('unit = "g/N"', "itself holds its unit"),
     ],
 )
 def test_keys_that_records_have_no_use_for_are_refused(refusal, records, key, text):
@@ -197,12 +200,12 @@ def test_keys_that_records_have_no_use_for_are_refused(refusal, records, key, te
 def test_keys_of_records_are_refused_for_frfs(refusal, key):
     frf = Function(numbers(1), rsp=(7, 1), ref=(11, 3)).content()
     message = refusal(f"{TEST}{key}\n", a_uff=frf)
-    assert f"a.uff holds FRFs, and {key.split(' ', maxsplit=1)[0]} is for time records" in message
+    assert f"a.uff holds FRFs, but {key.split(' ', maxsplit=1)[0]} is for time records" in message
 
 
 def test_averages_that_are_not_those_found_are_remarked(read, records):
     campaign = read(TEST + "averages = 8\n", a_uff=uff(records))
-    assert "5 hits were found, campaign.toml says averages = 8" in campaign.remarks[0]
+    assert "5 hits were found, but campaign.toml says averages = 8" in campaign.remarks[0]
     assert read(TEST + "averages = 5\n", a_uff=uff(records)).remarks == ()
 
 
@@ -211,7 +214,7 @@ def test_records_and_frfs_on_other_lines_are_refused_with_the_key(refusal, recor
     text = TEST + '[[test]]\nfile = "b.uff"\n'
     message = refusal(text, a_uff=uff(records), b_uff=frf)
     assert "b.uff has another frequency axis" in message
-    assert "that of time records is set by block_s" in message
+    assert "block_s sets the axis of time records" in message
 
 
 def test_a_node_without_site_is_refused_in_records_too(refusal, records):
@@ -308,7 +311,7 @@ def test_the_sign_holds_with_an_exponential_window(read, records):
 @pytest.mark.parametrize("quantity", ["receptance", "mobility"])
 def test_the_sign_is_read_in_every_quantity(read, records, quantity):
     campaign = read(TEST, a_uff=uff(records))
-    (test,) = campaign.lines(campaign.freq_hz > 0).tests
+    (test,) = campaign.select_lines(campaign.freq_hz > 0).tests
     frf = test.estimate.frf.as_quantity(quantity)
     size = np.abs(frf.values / test.estimate.frf.values) ** 2
     estimate = replace(test.estimate, frf=frf, variance=test.estimate.variance * size)
@@ -324,7 +327,7 @@ def test_a_point_with_power_of_both_signs_is_remarked(read, records):
     (point,) = drive_point_signs(campaign)
     assert abs(point.share) < 1
     if abs(point.share) < 0.5:
-        assert "has no sign: check that both are at one place" in point.remark
+        assert "has no clear sign: check that both are at one point" in point.remark
 
 
 def test_frf_files_have_their_drive_points_checked_too(read):
@@ -345,7 +348,7 @@ def test_the_modes_of_a_campaign_of_records_are_those_of_the_machine(read, dampi
     hammer = replace(HAMMER, duration_s=2.0, noise=3e-4)
     campaign = read(TEST, a_uff=uff(strike(system, hammer)))
     assert (campaign.tests[0].estimate.window_tau > 0) == (damping < 0.01)
-    band = campaign.lines(band_lines(campaign, (10.0, 220.0)))
+    band = campaign.select_lines(band_lines(campaign, (10.0, 220.0)))
     model = identify(band)[0]
     nearest = np.abs(model.freq_hz[:, None] / system.freq_hz - 1).argmin(axis=0)
     np.testing.assert_allclose(model.freq_hz[nearest], system.freq_hz, rtol=1e-4)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.hits import average, estimate_frf
+from identification.hits import average_spectra, estimate_frf
 from identification.noise.variance import coherence_variance
 
 LINES = 4000
@@ -22,7 +22,7 @@ def drawn(n, force_noise, motion_noise, seed=5):
     force = strength + np.sqrt(force_noise) * normal(n, LINES)
     motion = motion + np.sqrt(motion_noise) * normal(n, LINES, 2)
     power = (np.abs(strength) ** 2).mean()
-    return average(force, motion), power
+    return average_spectra(force, motion), power
 
 
 def test_noise_on_the_force_lowers_h1_by_its_share_and_leaves_h2():
@@ -118,7 +118,7 @@ def test_of_the_errors_95_per_cent_lie_within_the_predicted_circle():
 
 def test_a_channel_at_rest_has_no_coherence_and_no_frf():
     force = np.ones((3, 4), complex)
-    averages = average(force, np.zeros((3, 4, 1), complex))
+    averages = average_spectra(force, np.zeros((3, 4, 1), complex))
     assert not averages.coherence.any()
     for estimator in ("H1", "H2", "Hv"):
         assert not estimate_frf(averages, estimator).any()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification import independent
+from identification import lines_are_independent
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 LINES = 600
@@ -61,36 +61,36 @@ def falling(times):
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("size", [0.0, 3.0, 30.0])
 def test_lines_of_a_block_have_noise_of_their_own(seed, size):
-    assert independent(campaign(noise(seed, block) + mode(90.0, 0.01, size)))
+    assert lines_are_independent(campaign(noise(seed, block) + mode(90.0, 0.01, size)))
 
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("size", [3.0, 30.0])
 @pytest.mark.parametrize("window", [hann, falling(4.0), falling(2.0)], ids=["Hann", "4", "2"])
 def test_windows_make_neighbours_alike(seed, size, window):
-    assert not independent(campaign(noise(seed, window) + mode(90.0, 0.01, size)))
+    assert not lines_are_independent(campaign(noise(seed, window) + mode(90.0, 0.01, size)))
 
 
 def test_a_window_that_hardly_falls_leaves_them_their_own():
-    assert independent(campaign(noise(3, falling(0.5)) + mode(90.0, 0.01, 3.0)))
+    assert lines_are_independent(campaign(noise(3, falling(0.5)) + mode(90.0, 0.01, 3.0)))
 
 
 def test_averages_along_frequency_make_neighbours_alike():
     values = noise(4, block)
     smooth = np.apply_along_axis(lambda one: np.convolve(one, np.ones(3) / 3, "same"), 0, values)
-    assert not independent(campaign(smooth))
+    assert not lines_are_independent(campaign(smooth))
 
 
 def test_few_lines_and_still_channels_tell_nothing():
-    assert not independent(campaign(noise(5, block)).lines(slice(0, 50)))
-    assert not independent(campaign(noise(5, block)).lines(slice(0, 5)))
+    assert not lines_are_independent(campaign(noise(5, block)).select_lines(slice(0, 50)))
+    assert not lines_are_independent(campaign(noise(5, block)).select_lines(slice(0, 5)))
     still = campaign(np.zeros((LINES, len(OUTPUTS)), complex))
-    assert not independent(still)
+    assert not lines_are_independent(still)
     test = campaign(noise(5, block)).tests[0]
     dead = test.estimate.frf.values.copy()
     dead[:, 3] = 0.0
     estimate = replace(test.estimate, frf=replace(test.estimate.frf, values=dead))
-    assert independent(Campaign("x", LAYOUT, (replace(test, estimate=estimate),)))
+    assert lines_are_independent(Campaign("x", LAYOUT, (replace(test, estimate=estimate),)))
 
 
 def test_a_window_of_one_test_does_not_hide_among_the_others():
@@ -98,8 +98,8 @@ def test_a_window_of_one_test_does_not_hide_among_the_others():
     # Half as loud: the noisiest windows of all tests are those of the others.
     alike = 0.5 * noise(9, falling(4.0)) + mode(90.0, 0.01, 30.0)
     tests = [campaign(values).tests[0] for values in plain]
-    assert independent(Campaign("x", LAYOUT, tuple(tests)))
-    assert not independent(Campaign("x", LAYOUT, (*tests, campaign(alike).tests[0])))
+    assert lines_are_independent(Campaign("x", LAYOUT, tuple(tests)))
+    assert not lines_are_independent(Campaign("x", LAYOUT, (*tests, campaign(alike).tests[0])))
 
 
 @pytest.mark.parametrize(("times", "apart"), [(0.5, True), (1.2, False)])
@@ -109,5 +109,7 @@ def test_a_window_that_is_known_counts_as_such(times, apart):
     (test,) = one.tests
     block_s = 1 / 0.25
     estimate = replace(test.estimate, window_tau=block_s / times)
-    assert independent(Campaign("x", LAYOUT, (replace(test, estimate=estimate),))) is apart
-    assert independent(one)
+    assert (
+        lines_are_independent(Campaign("x", LAYOUT, (replace(test, estimate=estimate),))) is apart
+    )
+    assert lines_are_independent(one)

@@ -10,17 +10,17 @@ import scipy.stats
 
 from identification.impacts import ImpactSpectra
 from identification.matching import (
-    Beliefs,
     ImpactModes,
-    Match,
+    MatchingPriors,
+    ModeMatch,
     best_matching,
-    by_hand,
+    choose_reference,
+    estimate_by_hand,
     impact_modes,
-    in_phase,
-    odds,
+    match_by_ratios,
     pair_probabilities,
-    printed_match,
-    steadiest,
+    pairing_odds,
+    rotate_to_real,
 )
 from identification.matching.likelihood import mixing
 from identification.words import ConvergenceError, Dof, UsageError
@@ -70,8 +70,8 @@ def test_modes_of_impacts_have_their_poles_shapes_and_what_excites_them(drawn):
     assert np.abs(away).max() < 0.03
     assert 0.5 < np.mean(away**2 / found.variance) < 2.0
     assert (found.collinearity > 0.98).all()
-    assert found.excited[1, 0] < 0.05 * found.excited[1].max()
-    weaker = found.excited / found.excited.max(axis=1)[:, None]
+    assert found.excitation[1, 0] < 0.05 * found.excitation[1].max()
+    weaker = found.excitation / found.excitation.max(axis=1)[:, None]
     expected = excited / excited.max(axis=1)[:, None]
     np.testing.assert_allclose(weaker, expected, atol=0.05)
 
@@ -83,7 +83,7 @@ def test_noise_alone_holds_no_mode():
     noise = replace(
         spectra, values=error[0] + 1j * error[1], variance=np.full(spectra.variance.shape, 2.0)
     )
-    with pytest.raises(ConvergenceError, match="stands out of the noise"):
+    with pytest.raises(ConvergenceError, match="exceeds the noise"):
         impact_modes(noise)
 
 
@@ -93,20 +93,20 @@ def test_what_is_alike_but_out_of_phase_is_told_by_its_sign(drawn):
     random = np.random.default_rng(3)
     simulated = shapes[::-1] + 0.25 * random.standard_normal(shapes.shape)
     same, band = np.array([30.0, 45.0, 65.0, 95.0]), (20.0, 100.0)
-    blunt = Beliefs(frequency_error=2.0)  # frequencies tell nothing
-    pairs = pair_probabilities(odds(measured, simulated, same, band, blunt))
+    blunt = MatchingPriors(frequency_error=2.0)  # frequencies tell nothing
+    pairs = pair_probabilities(pairing_odds(measured, simulated, same, band, blunt))
     assert pairs.argmax(axis=1).tolist() == [3, 2, 1, 0]
     assert (pairs.max(axis=1) > 0.9).all()
     unsigned = np.abs(simulated)
     blind = replace(measured, shapes=np.abs(measured.shapes))
-    assert pair_probabilities(odds(blind, unsigned, same, band, blunt))[2:].max() < 0.9
+    assert pair_probabilities(pairing_odds(blind, unsigned, same, band, blunt))[2:].max() < 0.9
 
 
 def test_what_the_simulation_does_not_have_is_no_match(drawn):
     shapes, _, spectra = drawn
     measured = impact_modes(spectra)
     without = shapes[[0, 1, 3]]
-    table = odds(measured, without, HZ[[0, 1, 3]], (20.0, 100.0))
+    table = pairing_odds(measured, without, HZ[[0, 1, 3]], (20.0, 100.0))
     pairs = pair_probabilities(table)
     assert 1 - pairs[2].sum() > 0.9
     assert best_matching(table) == {0: 0, 1: 1, 3: 2}
@@ -120,8 +120,10 @@ def test_odds_are_the_ratio_of_two_densities():
         *(np.array([50.0]), np.array([0.02]), np.array([0.1]), np.array([0.001])),
         shape[None], variance[None], np.ones((1, 1)), np.ones(1),
     )  # fmt: skip
-    own = Beliefs(shape_error=0.3, frequency_error=0.1, independent=6.0, none=0.25)
-    (found,) = odds(measured, other[None], np.array([54.0]), (20.0, 100.0), own)[0]
+    own = MatchingPriors(
+        shape_error=0.3, frequency_error=0.1, independent_channels=6.0, no_match=0.25
+    )
+    (found,) = pairing_odds(measured, other[None], np.array([54.0]), (20.0, 100.0), own)[0]
     size = shape @ shape
     base = np.diag(variance) + 0.09 * size / 6 * np.eye(6)
 
@@ -156,8 +158,12 @@ def test_two_modes_at_one_frequency_are_told_however_they_are_turned():
         *(hz, 0.01 * np.ones(4), 0.02 * np.ones(4), 1e-3 * np.ones(4)),
         turned, np.full((4, 12), 1e-5), np.ones((4, 1)), np.ones(4),
     )  # fmt: skip
-    apart = pair_probabilities(odds(measured, at, np.array([40.0, 44.0, 55.0, 77.0]), (20, 100)))
-    same = pair_probabilities(odds(measured, at, np.array([40.0, 40.01, 55.0, 77.0]), (20, 100)))
+    apart = pair_probabilities(
+        pairing_odds(measured, at, np.array([40.0, 44.0, 55.0, 77.0]), (20, 100))
+    )
+    same = pair_probabilities(
+        pairing_odds(measured, at, np.array([40.0, 40.01, 55.0, 77.0]), (20, 100))
+    )
     assert (same[:2, :2].sum(axis=1) > 0.9).all()
     assert (apart[:2, :2].sum(axis=1) < same[:2, :2].sum(axis=1)).all()
 
@@ -170,8 +176,10 @@ def test_a_mixed_shapes_odds_are_the_ratio_of_two_densities():
         *(np.array([41.0]), np.array([0.02]), np.array([0.1]), np.array([0.001])),
         shape[None], np.full((1, 5), 0.05), np.ones((1, 1)), np.ones(1),
     )  # fmt: skip
-    own = Beliefs(shape_error=0.3, frequency_error=0.1, coupling=0.02, independent=5.0, none=0.5)
-    found = odds(measured, at, hz, (20.0, 100.0), own)[0]
+    own = MatchingPriors(
+        shape_error=0.3, frequency_error=0.1, coupling=0.02, independent_channels=5.0, no_match=0.5
+    )
+    found = pairing_odds(measured, at, hz, (20.0, 100.0), own)[0]
     size = shape @ shape
     base = (0.05 + 0.09 * size / 5) * np.eye(5)
     shares = mixing(hz, 0.02)
@@ -236,34 +244,38 @@ def test_many_modes_that_few_channels_hardly_tell_take_seconds():
 def test_sets_that_are_left_out_move_probabilities_little(monkeypatch):
     table = hardly_told(17, 12)
     exact = pair_probabilities(table)
-    monkeypatch.setattr("identification.matching.assignment._MOST", 1000)  # of 4096
+    monkeypatch.setattr("identification.matching.assignment._MAX_SETS", 1000)  # of 4096
     np.testing.assert_allclose(pair_probabilities(table), exact, atol=0.02)
 
 
 def test_a_mode_alone_has_nothing_to_be_told_from(drawn):
     shapes, _, spectra = drawn
     measured = impact_modes(spectra)
-    found = Match(measured, HZ[:1], shapes[:1], odds(measured, shapes[:1], HZ[:1], (20.0, 100.0)))
-    assert found.channels(0) == ()
+    found = ModeMatch(
+        measured, HZ[:1], shapes[:1], pairing_odds(measured, shapes[:1], HZ[:1], (20.0, 100.0))
+    )
+    assert found.telling_channels(0) == ()
     assert found.pairs == {0: 0}
 
 
 def test_a_mode_that_no_channel_sees_has_no_ratios_and_no_say(drawn):
     shapes, _, spectra = drawn
     blind = np.vstack([shapes, np.zeros(shapes.shape[1])])
-    found = printed_match(spectra, blind, spectra.dofs[0].point)
-    assert np.isfinite(found.impacts).all()
+    found = match_by_ratios(spectra, blind, spectra.dofs[0].point)
+    assert np.isfinite(found.closeness).all()
     assert not found.simulated[-1].any()
-    assert steadiest(blind, spectra.dofs) == steadiest(shapes, spectra.dofs)
-    assert steadiest(0 * shapes, spectra.dofs) == spectra.dofs[0].point
-    pairs = pair_probabilities(odds(impact_modes(spectra), blind, np.r_[HZ, 50.0], (20.0, 100.0)))
+    assert choose_reference(blind, spectra.dofs) == choose_reference(shapes, spectra.dofs)
+    assert choose_reference(0 * shapes, spectra.dofs) == spectra.dofs[0].point
+    pairs = pair_probabilities(
+        pairing_odds(impact_modes(spectra), blind, np.r_[HZ, 50.0], (20.0, 100.0))
+    )
     assert pairs[:, -1].max() < 0.5
 
 
 def test_a_shape_of_one_phase_is_real_and_keeps_its_signs():
     random = np.random.default_rng(7)
     shape = random.standard_normal(9)
-    found = in_phase(shape * np.exp(0.9j))
+    found = rotate_to_real(shape * np.exp(0.9j))
     np.testing.assert_allclose(np.abs(found), np.abs(shape), atol=1e-12)
     assert abs(found @ shape) == pytest.approx(np.linalg.norm(found) * np.linalg.norm(shape))
 
@@ -271,25 +283,25 @@ def test_a_shape_of_one_phase_is_real_and_keeps_its_signs():
 def test_the_printed_match_peaks_where_ratios_are_the_simulated(drawn):
     shapes, _, clean = drawn
     for reading in ("largest", "reference"):
-        found = printed_match(clean, shapes, "acc2", reading=reading, width_hz=0.3)
+        found = match_by_ratios(clean, shapes, "acc2", reading=reading, width_hz=0.3)
         assert found.places == tuple(f"acc{k}" for k in range(1, 10))
-        assert found.impacts.shape == (len(FREQ), 4, 3)
+        assert found.closeness.shape == (len(FREQ), 4, 3)
     triaxial = np.linalg.norm(shapes[:, 3:6], axis=1)
     np.testing.assert_allclose(found.simulated[:, 1], 1.0)
     np.testing.assert_allclose(found.simulated[:, 3], np.abs(shapes[:, 9]) / triaxial)
     line = 150
     amplitude = np.abs(clean.values[line])
-    narrow = printed_match(clean, shapes, "acc2", reading="reference", width_hz=0.0)
+    narrow = match_by_ratios(clean, shapes, "acc2", reading="reference", width_hz=0.0)
     own = [[dof.point == place for dof in DOFS] for place in narrow.places]
     places = [np.linalg.norm(amplitude[one], axis=0) for one in own]
     ratios = np.array(places) / places[1]
     by_hand = 1 / ((ratios - narrow.simulated[0][:, None]) ** 2).sum(axis=0)
-    np.testing.assert_allclose(narrow.impacts[line, 0], by_hand)
+    np.testing.assert_allclose(narrow.closeness[line, 0], by_hand)
     peak = narrow.mean[:, 0]
     assert FREQ[narrow.peaks[0]] == pytest.approx(HZ[0], abs=1.0)
     assert peak.max() > 5 * np.median(peak)
-    with pytest.raises(UsageError, match="acc77 is not among acc1"):
-        printed_match(clean, shapes, "acc77")
+    with pytest.raises(UsageError, match="acc77 is not among the places acc1"):
+        match_by_ratios(clean, shapes, "acc77")
 
 
 @pytest.mark.parametrize("late", [0.0, 2e-3], ids=["on time", "2 ms late"])
@@ -305,7 +317,7 @@ def test_damping_and_amplitude_by_hand_are_those_of_a_single_mode(late):
     modes = ImpactModes(
         hz * one, zeta * one, 0.1 * one, 0.1 * one, unit, 0 * unit, np.ones((1, 1)), one
     )
-    rows = by_hand(spectra, modes, 0)
+    rows = estimate_by_hand(spectra, modes, 0)
     assert [row.dof for row in rows] == [DOFS[2], DOFS[0], DOFS[1]]
     signs = {np.sign(row.least_squares / amplitude[DOFS.index(row.dof)]) for row in rows}
     assert len(signs) == 1  # the channel that moves against the others has the other sign
@@ -320,7 +332,7 @@ def test_damping_and_amplitude_by_hand_are_those_of_a_single_mode(late):
 def test_a_mode_that_is_not_alone_has_no_row_by_hand(drawn):
     _, _, spectra = drawn
     modes = impact_modes(spectra)
-    rows = [by_hand(spectra, modes, mode) for mode in range(4)]
+    rows = [estimate_by_hand(spectra, modes, mode) for mode in range(4)]
     assert [max(len(row) for row in rows)] == [3]
     for mode, row in enumerate(rows):
         for one in row:
@@ -333,5 +345,5 @@ def test_ratios_are_taken_to_the_place_that_no_mode_leaves_at_rest():
     at = np.zeros((2, len(DOFS)))
     at[0, [0, 3, 6]] = 1.0, 0.5, 0.01  # at acc1, acc2 and acc3
     at[1, [0, 4, 7]] = 0.02, -0.6, 1.0
-    assert steadiest(at, DOFS) == "acc2"
-    assert steadiest(at * [[1000.0], [1.0]], DOFS) == "acc2"  # however modes are normalised
+    assert choose_reference(at, DOFS) == "acc2"
+    assert choose_reference(at * [[1000.0], [1.0]], DOFS) == "acc2"  # however modes are normalised

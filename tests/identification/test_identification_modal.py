@@ -6,7 +6,7 @@ import scipy.linalg
 from modal_case import found_and_extra, modal_case
 
 from identification.modal import (
-    Data,
+    WeightedFrfs,
     auto_mac,
     cmif,
     comac,
@@ -17,7 +17,14 @@ from identification.modal import (
     mpc,
     mpd,
 )
-from identification.modal.refinement import _fit_shapes, _free, _moved, _schur, cost_without, refine
+from identification.modal.refinement import (
+    _apply_step,
+    _fit_shapes,
+    _free_parameters,
+    _schur_complement,
+    cost_rise_without,
+    refine,
+)
 from identification.words import Dof, ModalModel, UsageError
 
 SMALL = {"total": 6, "n_out": 7, "n_in": 2, "lines": 401}
@@ -27,8 +34,8 @@ def data_of(case, *, full=False):
     s = 2j * np.pi * case.freq_hz
     if full:
         ramp = np.linspace(1, 3, len(s))[:, None, None] * np.ones_like(case.sd)
-        return Data(s, 2, case.noisy, ramp / case.sd**2, np.ones_like(case.sd))
-    return Data(s, 2, case.noisy, np.ones((len(s), 1, 1)), 1 / case.sd**2)
+        return WeightedFrfs(s, 2, case.noisy, ramp / case.sd**2, np.ones_like(case.sd))
+    return WeightedFrfs(s, 2, case.noisy, np.ones((len(s), 1, 1)), 1 / case.sd**2)
 
 
 def start_of(case, count, *, off=0.0):
@@ -79,7 +86,7 @@ def test_orders_found_together_are_those_found_alone():
 
 def test_too_few_lines_for_the_order_are_refused():
     case = modal_case(5, 3, **SMALL)
-    with pytest.raises(UsageError, match="ask for at most"):
+    with pytest.raises(UsageError, match="use at most order"):
         lscf(case.freq_hz[:20], case.noisy[:20], 12)
 
 
@@ -98,12 +105,12 @@ def test_the_normal_matrix_is_that_of_the_jacobian_written_out(full):
     data = data_of(case, full=full)
     fitted, linear = _fit_shapes(data, *start_of(case, 3, off=0.02))
     every = np.ones(3, bool)
-    free = _free(fitted.participation, every, every)
-    matrix, right = _schur(data, fitted, linear, free)
+    free = _free_parameters(fitted.participation, every, every)
+    matrix, right = _schur_complement(data, fitted, linear, free)
     weight = np.sqrt(data.weights * data.cells)
 
     def residual(step):
-        moved, _ = _fit_shapes(data, *_moved(fitted, step, free))
+        moved, _ = _fit_shapes(data, *_apply_step(fitted, step, free))
         error = ((data.values - moved.values(data.laplace, 2)) * weight).ravel()
         return np.concatenate([error.real, error.imag])
 
@@ -129,7 +136,7 @@ def test_leaving_a_mode_out_costs_what_a_fit_without_it_says():
     case = modal_case(9, 4, **SMALL)
     data = data_of(case)
     fitted, _ = refine(data, *start_of(case, 4))
-    rise = cost_without(data, fitted)
+    rise = cost_rise_without(data, fitted)
     for mode in range(4):
         others = np.arange(4) != mode
         without, _ = _fit_shapes(data, fitted.poles[others], fitted.participation[:, others])
@@ -179,7 +186,7 @@ def test_a_roving_hammer_finds_what_roving_sensors_find():
         "damping": rng.uniform(0.0005, 0.009, 13),
     }
     case = modal_case(3, 13, total=15, n_out=77, lines=1601, start=40, **close)
-    exchanged = Data(
+    exchanged = WeightedFrfs(
         2j * np.pi * case.freq_hz,
         2,
         case.noisy.transpose(0, 2, 1),
@@ -299,8 +306,8 @@ def test_modes_that_are_held_stay_and_the_others_find_the_same_place():
     whole, matrix = refine(data, *start_of(case, 3))
     poles, participation = whole.poles.copy(), whole.participation.copy()
     poles[1] *= 1.002
-    only = np.array([False, True, False])
-    again, small = refine(data, poles, participation, only=only)
+    free_modes = np.array([False, True, False])
+    again, small = refine(data, poles, participation, free_modes=free_modes)
     np.testing.assert_array_equal(again.poles[[0, 2]], whole.poles[[0, 2]])
     np.testing.assert_array_equal(again.participation[:, [0, 2]], whole.participation[:, [0, 2]])
     np.testing.assert_allclose(again.poles[1], whole.poles[1], rtol=1e-5)

@@ -3,14 +3,14 @@
 import numpy as np
 from modal_case import modal_case
 
-from identification.modal import Data, identify_modes
+from identification.modal import WeightedFrfs, identify_modes
 from identification.modal.refinement import refine
 
 
 def found_in(seed):
     case = modal_case(seed, 8, total=12, n_out=18, lines=401, start=10)
     s = 2j * np.pi * case.freq_hz
-    data = Data(s, 2, case.noisy, np.ones((len(s), 1, 1)), 1 / case.sd**2)
+    data = WeightedFrfs(s, 2, case.noisy, np.ones((len(s), 1, 1)), 1 / case.sd**2)
     return case, data, identify_modes(data, case.freq_hz)
 
 

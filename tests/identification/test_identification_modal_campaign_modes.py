@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_machine import virtual_campaign
 
-from identification.modal import beside, identify
+from identification.modal import combine_tests, identify
 from identification.words import InputError
 from mbmodel import model_modes
 
@@ -33,7 +33,7 @@ def test_the_modes_of_a_virtual_test_are_the_machines_within_their_deviations(mo
 
 def test_signs_of_channels_and_references_do_not_matter(model, true_theta, flip):
     campaign = virtual_campaign(model, true_theta)
-    one, other = beside(campaign), beside(flip(campaign))
+    one, other = combine_tests(campaign), combine_tests(flip(campaign))
     np.testing.assert_allclose(other.values, one.values)
     assert one.outputs == other.outputs
 
@@ -48,7 +48,7 @@ def test_an_exponential_window_is_taken_off_the_damping(model, true_theta):
 def test_different_windows_are_refused(model, true_theta):
     campaign = virtual_campaign(model, true_theta, taus=(0.0, 0.3, 0.0))
     with pytest.raises(InputError, match="different exponential windows"):
-        beside(campaign)
+        combine_tests(campaign)
 
 
 def test_uneven_lines_are_refused(model, true_theta):
@@ -56,7 +56,7 @@ def test_uneven_lines_are_refused(model, true_theta):
     keep = np.ones(len(campaign.freq_hz), bool)
     keep[7] = False
     with pytest.raises(InputError, match="unevenly spaced"):
-        beside(campaign.lines(keep))
+        combine_tests(campaign.select_lines(keep))
 
 
 def test_channels_that_were_not_measured_weigh_nothing(model, true_theta):
@@ -67,9 +67,9 @@ def test_channels_that_were_not_measured_weigh_nothing(model, true_theta):
     values = test.estimate.frf.values.copy()
     values[:, 3] = 0
     holed = replace(test.estimate, measured=measured, frf=replace(test.estimate.frf, values=values))
-    data = beside(
+    data = combine_tests(
         replace(campaign, tests=(replace(test, estimate=holed), *campaign.tests[1:]))
-    ).data()
+    ).weight_by_variance()
     assert data.cells[3, 0] == 0
     assert (data.cells > 0).sum() == data.cells.size - 1
 
@@ -97,19 +97,23 @@ def test_a_channel_of_zeros_is_not_measured(model, true_theta):
         values[:, 2], variance[:, 2] = 0, 0
         frf = replace(test.estimate.frf, values=values)
         tests.append(replace(test, estimate=replace(test.estimate, frf=frf, variance=variance)))
-    measured = beside(replace(campaign, tests=tuple(tests)))
+    measured = combine_tests(replace(campaign, tests=tuple(tests)))
     assert not measured.measured[2].any()
     assert len(measured.freq_hz) == len(campaign.freq_hz)
 
 
 def test_a_cell_that_is_noisy_in_a_part_of_the_band_weighs_by_that_part(model, true_theta):
     campaign = virtual_campaign(model, true_theta)
-    plain = beside(campaign).data().cells
+    plain = combine_tests(campaign).weight_by_variance().cells
     first = campaign.tests[0]
     variance = np.array(first.estimate.variance)
     variance[-len(variance) // 4 :, 1] *= 81
     noisy = replace(first, estimate=replace(first.estimate, variance=variance))
-    cells = beside(replace(campaign, tests=(noisy, *campaign.tests[1:]))).data().cells
+    cells = (
+        combine_tests(replace(campaign, tests=(noisy, *campaign.tests[1:])))
+        .weight_by_variance()
+        .cells
+    )
     np.testing.assert_allclose(cells[1, 0] / plain[1, 0], 1 / 81, rtol=0.2)
     others = np.ones(cells.shape, bool)
     others[1, 0] = False

@@ -10,19 +10,19 @@ from hypothesis import strategies as st
 from identification_examples import random_layout
 
 from identification.modal import (
-    Measured,
+    MeasuredFrfs,
+    classify_pole_stability,
     comac,
-    full_matrix,
+    full_matrix_model,
     lscf,
     mac,
-    paired,
+    pair_shapes,
     real_shapes,
-    scaled,
+    scale_shapes,
     shapes_at_bodies,
     signed_comac,
-    stability,
     synthesis_error,
-    synthesised,
+    synthesise_frfs,
 )
 from identification.modal.lscf_method import Poles
 from identification.words import Dof, ModalModel, UsageError
@@ -72,7 +72,7 @@ def receptance(damping):
 
 def test_real_modes_come_out_mass_normalised_with_a_of_two_i_omega_per_kilogram():
     model, looks = state_space_modes(PROPORTIONAL)
-    found = scaled(model)
+    found = scale_shapes(model)
     _, expected = scipy.linalg.eigh(STIFFNESS, MASS)
     assert found.normalisation == "unit modal mass"
     np.testing.assert_allclose(np.abs(found.model.shapes), np.abs(expected), rtol=1e-9)
@@ -84,7 +84,7 @@ def test_real_modes_come_out_mass_normalised_with_a_of_two_i_omega_per_kilogram(
 
 def test_complex_modes_keep_a_as_the_product_with_the_state_matrix():
     model, looks = state_space_modes(GENERAL)
-    found = scaled(model)
+    found = scale_shapes(model)
     for s, phi, a in zip(
         found.model.poles, (looks * found.model.shapes).T, found.modal_a, strict=True
     ):
@@ -95,7 +95,7 @@ def test_complex_modes_keep_a_as_the_product_with_the_state_matrix():
 @pytest.mark.parametrize(("inputs", "signs"), [((0,), (1,)), ((1, 2), (1, -1))])
 def test_the_full_matrix_is_the_inverse_of_the_dynamic_stiffness(damping, inputs, signs):
     model, _ = state_space_modes(damping, inputs, signs)
-    full = full_matrix(scaled(model)).synthesise(FREQ, "receptance")
+    full = full_matrix_model(scale_shapes(model)).synthesise(FREQ, "receptance")
     expected = receptance(damping)
     looking_back = np.array([1, -1, 1])
     # outputs look along -ty at b2; an input named by an output's label pushes the same way
@@ -106,8 +106,8 @@ def test_the_full_matrix_is_the_inverse_of_the_dynamic_stiffness(damping, inputs
 
 def test_the_full_matrix_holds_the_measured_columns_of_a_reciprocal_machine():
     model, _ = state_space_modes(GENERAL, (1, 2), (-1, 1))
-    whole = scaled(model)
-    full = full_matrix(whole).synthesise(FREQ, "accelerance")
+    whole = scale_shapes(model)
+    full = full_matrix_model(whole).synthesise(FREQ, "accelerance")
     measured = whole.model.synthesise(FREQ, "accelerance")
     np.testing.assert_allclose(
         full.select(measured.outputs, measured.inputs).values, measured.values, rtol=1e-8
@@ -118,7 +118,7 @@ def test_the_full_matrix_holds_the_measured_columns_of_a_reciprocal_machine():
 def test_scaling_changes_no_frf():
     model, _ = state_space_modes(GENERAL, (0, 1), (1, 1))
     np.testing.assert_allclose(
-        scaled(model).model.synthesise(FREQ, "mobility").values,
+        scale_shapes(model).model.synthesise(FREQ, "mobility").values,
         model.synthesise(FREQ, "mobility").values,
         rtol=1e-10,
     )
@@ -126,18 +126,18 @@ def test_scaling_changes_no_frf():
 
 def test_without_a_drive_point_the_largest_entry_is_one_and_no_full_matrix_is_made():
     model, _ = state_space_modes(GENERAL)
-    found = scaled(replace(model, inputs=(Dof("elsewhere", "+tx"),)))
+    found = scale_shapes(replace(model, inputs=(Dof("elsewhere", "+tx"),)))
     assert found.normalisation == "largest entry 1"
     assert found.modal_a.size == 0
     np.testing.assert_allclose(np.abs(found.model.shapes).max(axis=0), 1.0)
     with pytest.raises(UsageError, match="drive point"):
-        full_matrix(found)
+        full_matrix_model(found)
 
 
 def solid_model(seed=4, modes=3):
     """Bodies that move as solids, hit at a point of their own between the sensors."""
     layout = random_layout(seed, n_body=2, n_sensor=5)
-    layout = layout.with_copy("p1_0", "hit7")
+    layout = layout.with_copied_point("p1_0", "hit7")
     positions = layout.positions.copy()
     positions[-1] += [0.05, -0.02, 0.03]
     layout = replace(layout, positions=positions)
@@ -163,11 +163,11 @@ def solid_model(seed=4, modes=3):
 
 def test_a_hammer_beside_the_sensor_scales_by_the_solid_body_under_it():
     model, layout, _ = solid_model()
-    found = scaled(model, layout)
+    found = scale_shapes(model, layout)
     assert found.normalisation == "unit modal mass"
     np.testing.assert_allclose(np.abs(found.model.shapes), np.abs(model.shapes), rtol=1e-8)
     np.testing.assert_allclose(found.reciprocity, 1.0)
-    assert not scaled(model).has_scale
+    assert not scale_shapes(model).has_scale
 
 
 def test_the_motion_of_solid_bodies_is_found_from_their_sensors():
@@ -175,7 +175,7 @@ def test_the_motion_of_solid_bodies_is_found_from_their_sensors():
     found = shapes_at_bodies(model.shapes, model.outputs, layout)
     assert found.dofs == layout.body_dofs()
     np.testing.assert_allclose(found.values, motion, rtol=1e-8, atol=1e-10)
-    np.testing.assert_allclose(found.rebuilt, model.shapes, rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(found.reconstructed, model.shapes, rtol=1e-8, atol=1e-10)
     assert found.solid.all()
     assert found.undetermined == ()
 
@@ -201,7 +201,7 @@ def test_no_mode_has_no_shape():
     model, layout, _ = solid_model()
     found = shapes_at_bodies(model.shapes[:, :0], model.outputs, layout)
     assert found.values.shape == (12, 0)
-    assert found.rebuilt.shape == (30, 0)
+    assert found.reconstructed.shape == (30, 0)
     assert real_shapes(model.shapes[:, :0]).shape == (30, 0)
 
 
@@ -221,7 +221,7 @@ def test_a_real_shape_stays_itself_at_any_phase(angle):
 
 
 def a_measurement(values, variance):
-    return Measured(
+    return MeasuredFrfs(
         freq_hz=FREQ,
         values=values,
         variance=np.full(values.shape, variance),
@@ -250,7 +250,7 @@ def test_a_window_that_is_still_in_the_data_is_in_the_synthesis_too():
     model, _ = state_space_modes(GENERAL)
     windowed = replace(a_measurement(receptance(GENERAL)[:, :, :1], 0.0), decay=4.0)
     shifted = replace(model, poles=model.poles - 4.0).synthesise(FREQ, "receptance").values
-    np.testing.assert_allclose(synthesised(model, windowed), shifted, rtol=1e-10)
+    np.testing.assert_allclose(synthesise_frfs(model, windowed), shifted, rtol=1e-10)
 
 
 def test_signed_comac_sees_a_turned_channel_that_comac_does_not():
@@ -273,7 +273,7 @@ def test_a_faint_mode_counts_by_its_weight():
 
 def test_pairs_are_one_to_one_and_need_likeness():
     criterion = np.array([[0.9, 0.85, 0.1], [0.95, 0.2, 0.1], [0.3, 0.1, 0.4]])
-    assert paired(criterion) == [(0, 1), (1, 0)]
+    assert pair_shapes(criterion) == [(0, 1), (1, 0)]
 
 
 def poles_of(order, freq, damping, rows):
@@ -291,7 +291,7 @@ def test_poles_are_stable_when_all_three_agree_with_the_order_below():
         2, [10.05, 20.1, 30.1, 40.0, 50.0, 60.0], [0.011, 0.2, 0.0101, 0.01, 0.3, 0.01],
         [one, one, other, one, one, one],
     )  # fmt: skip
-    first, second = stability(
+    first, second = classify_pole_stability(
         [below, here], frequency=0.01, damping=0.3, participation=0.8, highest_damping=0.25
     )
     assert first.tolist() == [1, 1, 1, 0, 0]
@@ -302,7 +302,9 @@ def test_no_pole_of_negative_damping_is_ever_stable():
     rng = np.random.default_rng(2)
     values = rng.normal(size=(120, 4, 2)) + 1j * rng.normal(size=(120, 4, 2))
     orders = lscf(np.linspace(1, 60, 120), values, 20)
-    kinds = stability(orders, frequency=1.0, damping=5.0, participation=0.0, highest_damping=0.9)
+    kinds = classify_pole_stability(
+        orders, frequency=1.0, damping=5.0, participation=0.0, highest_damping=0.9
+    )
     unstable = [kind[order.damping <= 0] for kind, order in zip(kinds, orders, strict=True)]
     assert sum(len(kind) for kind in unstable) > 10
     assert all((kind == 0).all() for kind in unstable)
@@ -332,8 +334,8 @@ def test_outputs_and_inputs_may_be_exchanged():
     measured = replace(
         a_measurement(values, 1e-9), inputs=model.inputs, measured=np.eye(3, 2, dtype=bool)
     )
-    turned, beside = turned_round(model), measured.exchanged()
+    turned, beside = turned_round(model), measured.transpose()
     assert turned.outputs == beside.outputs == model.inputs
     assert beside.measured.tolist() == [[True, False, False], [False, True, False]]
-    np.testing.assert_allclose(synthesised(turned, beside), beside.values, rtol=1e-12)
+    np.testing.assert_allclose(synthesise_frfs(turned, beside), beside.values, rtol=1e-12)
     np.testing.assert_allclose(beside.values, values.transpose(0, 2, 1))

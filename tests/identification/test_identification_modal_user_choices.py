@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from modal_case import modal_case
 
-from identification.modal import Data, Tolerances, Wishes, identify_modes, mpc, mpd
+from identification.modal import ModeChoices, ModeCriteria, WeightedFrfs, identify_modes, mpc, mpd
 from identification.words import UsageError
 
 
@@ -16,16 +16,16 @@ def case():
 @pytest.fixture(scope="module")
 def data(case):
     s = 2j * np.pi * case.freq_hz
-    return Data(s, 2, case.noisy, np.ones((len(s), 1, 1)), 1 / case.sd**2)
+    return WeightedFrfs(s, 2, case.noisy, np.ones((len(s), 1, 1)), 1 / case.sd**2)
 
 
-def frequencies(data, case, wishes=None):
-    found = identify_modes(data, case.freq_hz, wishes=wishes)
+def frequencies(data, case, choices=None):
+    found = identify_modes(data, case.freq_hz, choices=choices)
     return found, found.fit.freq_hz[found.inside]
 
 
 def test_a_dropped_mode_is_gone_and_the_others_stay(data, case) -> None:
-    _, freq = frequencies(data, case, Wishes(drop=(case.modes_hz[2],)))
+    _, freq = frequencies(data, case, ModeChoices(drop=(case.modes_hz[2],)))
     others = np.delete(case.modes_hz, 2)
     assert len(freq) == 5
     np.testing.assert_allclose(freq, others, rtol=5e-3)
@@ -33,7 +33,7 @@ def test_a_dropped_mode_is_gone_and_the_others_stay(data, case) -> None:
 
 def test_a_mode_that_was_dropped_can_be_added_again(data, case) -> None:
     place = case.modes_hz[2]
-    found, freq = frequencies(data, case, Wishes(drop=(place,), add=(1.004 * place,)))
+    found, freq = frequencies(data, case, ModeChoices(drop=(place,), add=(1.004 * place,)))
     plain, _ = frequencies(data, case)
     np.testing.assert_allclose(freq, plain.fit.freq_hz[plain.inside], rtol=1e-6)
     assert found.misfit == pytest.approx(plain.misfit, rel=1e-4)
@@ -41,7 +41,7 @@ def test_a_mode_that_was_dropped_can_be_added_again(data, case) -> None:
 
 def test_a_forced_pole_stays_exactly_where_it_was_put(data, case) -> None:
     place, damping = 1.001 * case.modes_hz[3], 0.02
-    found, freq = frequencies(data, case, Wishes(force=((place, damping),)))
+    found, freq = frequencies(data, case, ModeChoices(force=((place, damping),)))
     assert len(freq) == 6, "it takes the place of the mode found"
     own = int(np.abs(freq - place).argmin())
     assert freq[own] == pytest.approx(place, rel=1e-12)
@@ -51,28 +51,28 @@ def test_a_forced_pole_stays_exactly_where_it_was_put(data, case) -> None:
 
 
 @pytest.mark.parametrize(
-    ("wishes", "words"),
+    ("choices", "words"),
     [
-        (Wishes(drop=(3.0,)), "outside the band"),
-        (Wishes(add=(500.0,)), "outside the band"),
-        (Wishes(force=((50.0, 1.5),)), "not between 0 and 1"),
+        (ModeChoices(drop=(3.0,)), "outside the band"),
+        (ModeChoices(add=(500.0,)), "outside the band"),
+        (ModeChoices(force=((50.0, 1.5),)), "not between 0 and 1"),
     ],
 )
-def test_wishes_that_mean_nothing_are_refused_in_one_sentence(data, case, wishes, words) -> None:
+def test_impossible_choices_are_refused_in_one_sentence(data, case, choices, words) -> None:
     with pytest.raises(UsageError, match=words):
-        identify_modes(data, case.freq_hz, wishes=wishes)
+        identify_modes(data, case.freq_hz, choices=choices)
 
 
 def test_dropping_where_no_mode_is_names_those_that_are(data, case) -> None:
     empty = (case.modes_hz[:-1] + np.diff(case.modes_hz) / 2)[np.diff(case.modes_hz).argmax()]
     with pytest.raises(UsageError, match=f"{case.modes_hz[0]:.1f}"):
-        identify_modes(data, case.freq_hz, wishes=Wishes(drop=(empty,)))
+        identify_modes(data, case.freq_hz, choices=ModeChoices(drop=(empty,)))
 
 
 def test_adding_where_the_data_hold_no_mode_says_where_the_pole_went(data, case) -> None:
     empty = (case.modes_hz[:-1] + np.diff(case.modes_hz) / 2)[np.diff(case.modes_hz).argmax()]
     with pytest.raises(UsageError, match="the pole went to"):
-        identify_modes(data, case.freq_hz, wishes=Wishes(add=(empty,)))
+        identify_modes(data, case.freq_hz, choices=ModeChoices(add=(empty,)))
 
 
 def drifting(seed, shift=1e-4, hits=24, fixed=3):
@@ -96,7 +96,7 @@ def drifting(seed, shift=1e-4, hits=24, fixed=3):
     noise = rng.normal(size=(2, *values.shape)) / np.sqrt(2) * sd
     return (
         axis,
-        Data(s, 2, values + noise[0] + 1j * noise[1], np.ones((len(s), 1, 1)), 1 / sd**2),
+        WeightedFrfs(s, 2, values + noise[0] + 1j * noise[1], np.ones((len(s), 1, 1)), 1 / sd**2),
         freq,
     )
 
@@ -118,7 +118,7 @@ def test_shapes_less_real_than_asked_are_no_modes(data, case) -> None:
     plain, freq = frequencies(data, case)
     own = mpc(plain.fit.shapes)[plain.inside]
     asked = float(np.sort(own)[:2].mean())
-    real = identify_modes(data, case.freq_hz, Tolerances(collinearity=asked))
+    real = identify_modes(data, case.freq_hz, ModeCriteria(collinearity=asked))
     kept = real.fit.freq_hz[real.inside]
     np.testing.assert_allclose(kept, np.delete(freq, own.argmin()), rtol=2e-3)
 
@@ -127,6 +127,6 @@ def test_shapes_whose_phases_stray_more_than_asked_are_no_modes(data, case) -> N
     plain, freq = frequencies(data, case)
     own = mpd(plain.fit.shapes)[plain.inside]
     asked = float(np.sort(own)[-2:].mean())
-    real = identify_modes(data, case.freq_hz, Tolerances(phase_deviation=asked))
+    real = identify_modes(data, case.freq_hz, ModeCriteria(phase_deviation=asked))
     kept = real.fit.freq_hz[real.inside]
     np.testing.assert_allclose(kept, np.delete(freq, own.argmax()), rtol=2e-3)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.modal import Measured, identify_modes
+from identification.modal import MeasuredFrfs, identify_modes
 from identification.words import Dof
 
 LENGTH, COUNT, TAU = 4.0, 2048, 0.8  # of a block [s], its samples, the window [s]
@@ -31,7 +31,7 @@ def measured(seed, noise=0.004):
     error = windowed_noise(rng, 6)[lines]
     sd = noise * np.sqrt((np.abs(values) ** 2).mean())
     error *= sd / np.sqrt((np.abs(error) ** 2).mean())
-    return Measured(
+    return MeasuredFrfs(
         freq,
         (values + error)[:, :, None],
         np.full((len(freq), 6, 1), sd**2),
@@ -48,14 +48,14 @@ def test_as_many_lines_tell_as_one_as_the_correlation_of_windowed_noise_says() -
     window = np.exp(-np.arange(COUNT) * LENGTH / COUNT / TAU)
     covariance = np.fft.fft(window**2)
     alike = (np.abs(covariance / covariance[0]) ** 2).sum()
-    assert measured(1).data().alike == pytest.approx(alike, rel=1e-3)
+    assert measured(1).weight_by_variance().correlated_lines == pytest.approx(alike, rel=1e-3)
 
 
 def test_intervals_hold_though_neighbouring_lines_err_alike() -> None:
     pulls = []
     for seed in range(50_000, 50_030):
         test = measured(seed)
-        found = identify_modes(test.data(), test.freq_hz, roots=24)
+        found = identify_modes(test.weight_by_variance(), test.freq_hz, roots=24)
         for freq, damping in zip(FREQ, DAMPING, strict=True):
             near = int(np.abs(found.fit.freq_hz - freq).argmin())
             pulls.append((found.fit.freq_hz[near] - freq) / found.freq_sd[near])
@@ -66,4 +66,6 @@ def test_intervals_hold_though_neighbouring_lines_err_alike() -> None:
 
 def test_the_misfit_is_the_noise_all_the_same() -> None:
     test = measured(7)
-    assert identify_modes(test.data(), test.freq_hz, roots=24).misfit == pytest.approx(1.0, abs=0.2)
+    assert identify_modes(
+        test.weight_by_variance(), test.freq_hz, roots=24
+    ).misfit == pytest.approx(1.0, abs=0.2)

@@ -68,7 +68,7 @@ def read(folder):
 
 def test_its_clearest_mode_is_where_a_circle_fit_of_others_has_it(opened) -> None:
     campaign = opened()
-    model, found, _ = identify(campaign.lines(band_lines(campaign, (20.0, 300.0))))
+    model, found, _ = identify(campaign.select_lines(band_lines(campaign, (20.0, 300.0))))
     freq = model.freq_hz[: found.inside.sum()]
     # The package's own circle fit of case1, as its documentation prints it: 212.0925 Hz.
     assert np.abs(freq - 212.0925).min() < 0.05
@@ -76,9 +76,9 @@ def test_its_clearest_mode_is_where_a_circle_fit_of_others_has_it(opened) -> Non
 
 def test_a_flexible_structure_is_not_accepted_as_a_solid(opened) -> None:
     campaign = opened()
-    (check,) = check_bodies(campaign.lines(band_lines(campaign, (20.0, 300.0))))
+    (check,) = check_bodies(campaign.select_lines(band_lines(campaign, (20.0, 300.0))))
     assert check.solid_to_hz is None
-    assert "no check is possible" in check.words
+    assert "no check is possible" in check.sentence
 
 
 def test_sound_channels_are_not_spoken_of(opened) -> None:

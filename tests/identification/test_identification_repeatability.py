@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification import steadied, unsteady
+from identification import find_overstated_noise, remove_overstated_noise
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 FREQ = np.arange(40, 440) * 0.5
@@ -59,24 +59,24 @@ def campaign(seed, shift, averages=10, common=0.0):
 @pytest.mark.parametrize("seed", range(12))
 def test_noise_alone_is_steady(seed):
     seen = campaign(seed, 0.0, averages=(3, 5, 10)[seed % 3])
-    assert unsteady(seen) == ()
-    assert steadied(seen, ()) is seen
+    assert find_overstated_noise(seen) == ()
+    assert remove_overstated_noise(seen, ()) is seen
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_noise_that_all_channels_share_is_steady_too(seed):
-    assert unsteady(campaign(seed, 0.0, common=0.2)) == ()
+    assert find_overstated_noise(campaign(seed, 0.0, common=0.2)) == ()
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_mode_that_moves_between_hits_is_seen_where_it_is(seed):
     seen = campaign(seed, 0.025)
-    (found,) = unsteady(seen)
+    (found,) = find_overstated_noise(seen)
     low, high = found.band
     assert low < 90 < high
-    assert found.freq_hz[found.noise.argmin()] == pytest.approx(90, abs=8)
-    assert (found.noise <= 1).all()
-    after = steadied(seen, (found,))
+    assert found.freq_hz[found.noise_share.argmin()] == pytest.approx(90, abs=8)
+    assert (found.noise_share <= 1).all()
+    after = remove_overstated_noise(seen, (found,))
     before, steady = (one.tests[0].estimate.variance for one in (seen, after))
     near = np.abs(FREQ - 90) < 3
     assert (steady <= before).all()
@@ -90,11 +90,11 @@ def test_a_mode_that_moves_between_hits_is_seen_where_it_is(seed):
 @pytest.mark.parametrize("lines", range(8, 60))
 def test_of_however_few_lines_it_can_be_asked(lines):
     # Of two windows, a convolution with the three beside and between made three.
-    assert unsteady(campaign(1, 0.0).lines(np.arange(len(FREQ)) < lines)) == ()
+    assert find_overstated_noise(campaign(1, 0.0).select_lines(np.arange(len(FREQ)) < lines)) == ()
 
 
 def test_without_coherence_nothing_is_said():
     seen = campaign(3, 0.05)
     (test,) = seen.tests
     bare = replace(test.estimate, variance_source="differences", coherence=None)
-    assert unsteady(replace(seen, tests=(replace(test, estimate=bare),))) == ()
+    assert find_overstated_noise(replace(seen, tests=(replace(test, estimate=bare),))) == ()

@@ -5,7 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from identification.checks.roving_hammer import exchanged, is_roved, shape_points
+from identification.checks.roving_hammer import (
+    exchange_hits_and_channels,
+    is_roving_hammer,
+    shape_points,
+)
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 SITES = tuple(f"acc{k}" for k in range(1, 6))
@@ -37,7 +41,7 @@ def campaign():
 
 
 def test_every_value_is_found_again_with_its_ends_exchanged(campaign) -> None:
-    turned = exchanged(campaign)
+    turned = exchange_hits_and_channels(campaign)
     assert [test.condition.reference for test in turned.tests] == [d.positive for d in SENSORS]
     for column, test in enumerate(turned.tests):
         estimate = test.estimate
@@ -57,7 +61,7 @@ def test_every_value_is_found_again_with_its_ends_exchanged(campaign) -> None:
 
 
 def test_turned_twice_it_is_the_same(campaign) -> None:
-    twice = exchanged(exchanged(campaign))
+    twice = exchange_hits_and_channels(exchange_hits_and_channels(campaign))
     assert len(twice.tests) == len(campaign.tests)
     for one, other in zip(twice.tests, campaign.tests, strict=True):
         assert one.condition.reference == other.condition.reference.positive
@@ -67,14 +71,14 @@ def test_turned_twice_it_is_the_same(campaign) -> None:
 
 def test_a_point_hit_twice_counts_by_its_first_test(campaign) -> None:
     again = replace(campaign.tests[1], condition=replace(campaign.tests[1].condition, test="b"))
-    turned = exchanged(replace(campaign, tests=(*campaign.tests, again)))
+    turned = exchange_hits_and_channels(replace(campaign, tests=(*campaign.tests, again)))
     assert turned.tests[0].estimate.frf.outputs == HITS
 
 
 def test_more_hits_than_channels_make_a_roving_hammer(campaign) -> None:
-    assert is_roved(campaign)
-    assert not is_roved(exchanged(campaign))
-    assert not is_roved(replace(campaign, tests=campaign.tests[:2]))
+    assert is_roving_hammer(campaign)
+    assert not is_roving_hammer(exchange_hits_and_channels(campaign))
+    assert not is_roving_hammer(replace(campaign, tests=campaign.tests[:2]))
 
 
 def test_shapes_are_known_where_the_hammer_roved_else_at_the_channels(campaign) -> None:

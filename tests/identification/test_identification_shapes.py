@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import minimize
 
 from identification.shapes import (
-    closest,
+    closest_barycentric,
     read_shapes,
     shapes_at,
 )
@@ -107,7 +107,7 @@ def test_what_is_no_mesh_with_shapes_is_refused_by_name(tmp_path):
         read_shapes(spots)
     for name in ("mode 1 (34,50 Hz)", "mode 1 (x Hz)"):
         comma = written(tmp_path / "comma.vtu", points, cells, {name: vectors[0]})
-        with pytest.raises(InputError, match=r"tells no frequency.* with a point"):
+        with pytest.raises(InputError, match=r"holds no frequency.* with a point"):
             read_shapes(comma)
 
 
@@ -185,7 +185,7 @@ def test_the_closest_point_of_a_triangle_is_that_of_a_minimiser():
     a, b, c = random.standard_normal((3, 40, 3))
     c[0] = a[0] + 2 * (b[0] - a[0])  # one without area
     for position in random.standard_normal((5, 3)):
-        share = closest(position, a, b, c)
+        share = closest_barycentric(position, a, b, c)
         assert (share >= -1e-12).all()
         np.testing.assert_allclose(share.sum(axis=1), 1.0)
         found = np.linalg.norm(
@@ -219,7 +219,7 @@ def test_a_field_that_is_linear_is_exact_between_points_and_stepped_at_the_neare
     names = ["acc1", "acc2", "acc3"]
     found = shapes_at(shapes, places, names)
     np.testing.assert_allclose(found, np.einsum("mij,pj->mpi", slope, places), atol=1e-12)
-    nearest = shapes_at(shapes, places, names, how="nearest", far=1.0)
+    nearest = shapes_at(shapes, places, names, sampling="nearest", max_distance=1.0)
     apart = np.linalg.norm(points[None] - places[:, None], axis=2).argmin(axis=1)
     np.testing.assert_array_equal(nearest, vectors[:, apart])
 

@@ -33,9 +33,9 @@ def test_six_rigid_modes_weigh_a_body_however_they_mix():
         "body", points, np.array([[0, 1, 2]]), np.r_[np.zeros(6), 20, 30], np.r_[vectors, bent]
     )
     found = rigid_modes(shapes)
-    assert found.modes.tolist() == [True] * 6 + [False] * 2
+    assert found.is_rigid.tolist() == [True] * 6 + [False] * 2
     assert found.mass == pytest.approx(masses.sum(), rel=1e-9)
-    assert found.normalised
+    assert found.is_mass_normalised
     centre = masses @ points / masses.sum()
     np.testing.assert_allclose(found.centre, centre, atol=1e-9)
     arms = points - centre
@@ -59,7 +59,7 @@ def test_a_single_translation_weighs_it_as_the_document_has_it():
     assert found.mass == pytest.approx(400.0)
     turned = np.cross([0.0, 0.0, 1.0], points)
     shapes = Shapes("body", points, np.array([[0, 1, 2]]), np.zeros(1), turned[None])
-    with pytest.raises(InputError, match="none is a translation alone"):
+    with pytest.raises(InputError, match="none is a pure translation"):
         check_mass(rigid_modes(shapes), 400.0, 0.01, "body")
 
 
@@ -67,7 +67,7 @@ def test_shapes_that_are_not_normalised_by_mass_are_noticed():
     points, _, vectors = lumped(np.random.default_rng(9))
     own = vectors / np.abs(vectors).max(axis=(1, 2), keepdims=True)
     shapes = Shapes("body", points, np.array([[0, 1, 2]]), np.zeros(6), own)
-    assert not rigid_modes(shapes).normalised
+    assert not rigid_modes(shapes).is_mass_normalised
 
 
 def test_shapes_of_largest_displacement_one_weigh_nothing_that_could_be_told():
@@ -79,7 +79,7 @@ def test_shapes_of_largest_displacement_one_weigh_nothing_that_could_be_told():
     own = np.array([one / np.linalg.norm(one, axis=1).max() for one in pure])
     shapes = Shapes("body", points, np.array([[0, 1, 2]]), np.zeros(6), own)
     found = rigid_modes(shapes)
-    assert not found.normalised
+    assert not found.is_mass_normalised
     with pytest.raises(InputError, match="not normalised by mass"):
         check_mass(found, found.mass, 0.05, "body")
 
@@ -95,13 +95,13 @@ def plain(frequencies, rigid):
 
 def test_a_rigid_shape_that_mounts_hold_is_a_mode_like_any_other():
     on_mounts = rigid_modes(plain([18.0, 24.0, 29.0, 38.0, 45.0], [True] * 3 + [False] * 2))
-    assert on_mounts.modes.tolist() == [True] * 3 + [False] * 2
-    assert on_mounts.held.all()
+    assert on_mounts.is_rigid.tolist() == [True] * 3 + [False] * 2
+    assert on_mounts.supported.all()
     free = rigid_modes(plain([-1e-4, 0.0, 2e-3, 38.0, 45.0], [True] * 3 + [False] * 2))
-    assert free.held.tolist() == [False] * 3 + [True] * 2
+    assert free.supported.tolist() == [False] * 3 + [True] * 2
     # A mechanism is at rest, though it deforms.
     hinged = rigid_modes(plain([-2e-3, 0.0, 1e-3, 38.0], [False, True, True, False]))
-    assert hinged.held.tolist() == [False] * 3 + [True]
+    assert hinged.supported.tolist() == [False] * 3 + [True]
 
 
 def test_frequencies_in_another_order_than_the_shapes_are_refused():
@@ -112,8 +112,8 @@ def test_frequencies_in_another_order_than_the_shapes_are_refused():
 def test_the_gondolas_shapes_weigh_what_its_panels_do():
     shapes = read_shapes(GONDOLA)
     found = rigid_modes(shapes)
-    assert found.modes.tolist() == [True] * 6 + [False] * (len(shapes) - 6)
-    assert found.normalised
+    assert found.is_rigid.tolist() == [True] * 6 + [False] * (len(shapes) - 6)
+    assert found.is_mass_normalised
     assert found.mass == pytest.approx(264.1, rel=1e-3)  # make_gondola.py prints what was drawn
     assert abs(found.centre[1]) < 1e-4  # it is symmetric
     assert 25 < shapes.frequencies[6] < 40

@@ -5,7 +5,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from identification.shapes import antinodes, effective_independence, telling
+from identification.shapes import antinodes, distinguish_modes, effective_independence
 from identification.words import UsageError
 
 
@@ -39,7 +39,7 @@ def test_effective_independence_is_nearly_the_best_of_all_choices():
     assert np.median(ranks) <= 3  # of 126
     with pytest.raises(UsageError, match="2 channels of 9 candidates cannot tell 3 modes"):
         effective_independence(candidates, 2)
-    with pytest.raises(UsageError, match="the same at all candidates"):
+    with pytest.raises(UsageError, match="equal at all candidates"):
         effective_independence(np.vstack([candidates, candidates[:1]]), 5)
 
 
@@ -47,11 +47,11 @@ def test_modes_alike_but_out_of_phase_are_told_by_the_channels_that_differ():
     same = np.array([1.0, 0.8, 0.6, 0.05, 0.05])
     other = np.array([1.0, 0.8, 0.6, 0.05, -0.3])
     third = np.array([0.0, 0.0, 1.0, -1.0, 0.5])
-    found = telling(np.array([same, other, third]), noise=0.1)
+    found = distinguish_modes(np.array([same, other, third]), noise=0.1)
     assert found.confused == ((0, 1),)
     assert found.channels[0][0] == 4
     np.testing.assert_allclose(np.diag(found.mac), 1.0)
     expected = np.sqrt(1 - found.mac[0, 1]) / 0.1
     assert found.deviations[0, 1] == pytest.approx(expected)
     apart = np.sign(same) * np.abs(same), same * [1, 1, -1, 1, 1]
-    assert telling(np.array(apart)).confused == ()  # unsigned they would be the same
+    assert distinguish_modes(np.array(apart)).confused == ()  # unsigned they would be the same

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from identification_examples import an_estimate, random_layout, read_by_hand
 
@@ -37,7 +37,6 @@ def condition(layout, outputs):
     return max(np.linalg.cond(block[block.any(axis=1)]) for block in blocks)
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     seed=st.integers(0, 2**31 - 1),
     n_body=st.integers(1, 3),
@@ -253,7 +252,6 @@ def test_an_unmeasured_channel_does_not_enter_though_it_holds_a_value():
     np.testing.assert_allclose(reduced.frf.values, motion, rtol=1e-10)
 
 
-@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), unit=st.sampled_from([1e-3, 1e3, 39.37, 1e6]))
 def test_the_unit_of_length_does_not_matter(seed, unit):
     layout = random_layout(seed, n_body=1, n_sensor=4)
@@ -269,7 +267,6 @@ def test_the_unit_of_length_does_not_matter(seed, unit):
 # And back.
 
 
-@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 2**31 - 1), data=st.data())
 def test_reduction_and_back_leaves_rigid_data(seed, data):
     layout = random_layout(seed, n_body=2, n_sensor=4)

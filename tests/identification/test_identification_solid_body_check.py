@@ -8,11 +8,11 @@ from solid_bodies import HITS, Case, draw, triaxials
 
 from identification import check_bodies
 from identification.solid import fault_search
-from identification.solid.body_channels import body_data, gather
-from identification.solid.ranking import _begun_elsewhere, _judge, rank
-from identification.solid.rigid_fit import Model, Moments, fit
-from identification.solid.screening import Look
-from identification.solid.sensor_faults import State, hypotheses
+from identification.solid.body_channels import body_data, join_tests
+from identification.solid.ranking import _held_out_cost, _restart_null, rank_faults
+from identification.solid.rigid_fit import Moments, RigidFitModel, fit_errors
+from identification.solid.screening import BodyFit
+from identification.solid.sensor_faults import BelievedBody, list_hypotheses
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
 
 LINES = 200
@@ -50,8 +50,8 @@ def test_a_solid_body_within_tolerance_has_no_fault_in_sixty_draws():
     named = []
     for seed in range(60):
         found = check(Case(1000 + seed, sensors=3 + seed % 2, lines=160))
-        if found.faults or found.more or found.solid_to_hz != found.freq_hz[-1]:
-            named.append((seed, found.words))
+        if found.faults or found.has_unexplained or found.solid_to_hz != found.freq_hz[-1]:
+            named.append((seed, found.sentence))
     assert len(named) <= 1, named
 
 
@@ -80,7 +80,7 @@ def test_a_dead_channel_that_no_other_could_contradict_is_no_proof_of_stillness(
     case = Case(seed, sensors=3, lines=LINES, noise=0.001, level=True, read=read_times(8, 0.0))
     found = check(case)
     assert len(found.channels) == 8
-    assert not found.faults, found.words
+    assert not found.faults, found.sentence
     assert found.excess.mean() < 1.1
 
 
@@ -88,7 +88,7 @@ def test_a_dead_channel_that_no_other_could_contradict_is_no_proof_of_stillness(
 def test_noise_misstated_by_a_fifth_makes_no_fault(stated):
     for seed in range(4):
         found = check(Case(1100 + seed, lines=LINES, noise=0.05, noise_misstated=stated))
-        assert not found.faults, found.words
+        assert not found.faults, found.sentence
         assert found.solid_to_hz == found.freq_hz[-1]
 
 
@@ -98,7 +98,7 @@ def test_tolerances_of_three_standard_deviations_make_no_fault_of_the_second_ord
     wide = replace(tolerance, sensor_angle=3 * tolerance.sensor_angle)
     campaign = draw(Case(1200, lines=LINES, noise=0.003, tolerance=wide))
     (found,) = check_bodies(campaign)
-    assert not found.faults, found.words
+    assert not found.faults, found.sentence
     assert (found.deviation <= found.hidden).all()
     assert np.median(found.hidden) < 0.003
 
@@ -150,7 +150,7 @@ def test_a_beam_is_not_taken_for_a_solid():
     (found,) = check_bodies(beam(1800))
     assert found.solid_to_hz is None or found.solid_to_hz < 40
     assert np.median(found.deviation) > 0.1
-    assert found.more or any(fault.effect == "flexible_body" for fault in found.faults)
+    assert found.has_unexplained or any(fault.effect == "flexible_body" for fault in found.faults)
 
 
 # What cannot be checked.
@@ -160,23 +160,23 @@ def test_a_body_without_spare_channels_says_that_no_check_is_possible():
     campaign = draw(Case(1900, lines=60))
     outputs = list(triaxials(campaign.layout))
     (found,) = check_bodies(only(campaign, [*outputs[:3], outputs[4], outputs[8], outputs[10]]))
-    assert (found.rank, found.spare) == (6, 0)
+    assert (found.rank, found.redundant) == (6, 0)
     assert found.solid_to_hz is None
     assert not found.faults
-    assert "no check is possible" in found.words
+    assert "no check is possible" in found.sentence
 
 
 def test_two_triaxials_see_their_distance_alone_and_place_no_fault():
     (found,) = check_bodies(first_sensors(draw(Case(1901, lines=60)), 2))
-    assert (found.rank, found.spare) == (5, 1)
+    assert (found.rank, found.redundant) == (5, 1)
     assert not found.faults
-    assert "no fault can be placed" in found.words
+    assert "cannot locate a fault" in found.sentence
 
 
 def test_one_triaxial_cannot_be_checked():
     (found,) = check_bodies(first_sensors(draw(Case(1902, lines=60)), 1))
-    assert (found.rank, found.spare) == (3, 0)
-    assert "no check is possible" in found.words
+    assert (found.rank, found.redundant) == (3, 0)
+    assert "no check is possible" in found.sentence
 
 
 def test_a_body_without_channels_is_left_out():
@@ -262,7 +262,7 @@ def test_levels_stand_beside_one_another():
         for test in campaign.tests
     )
     (twice,) = check_bodies(replace(campaign, tests=tests))
-    assert len(gather(replace(campaign, tests=tests)).values) == 2 * len(HITS)
+    assert len(join_tests(replace(campaign, tests=tests)).values) == 2 * len(HITS)
     assert [fault.effect for fault in twice.faults] == ["flexible_body"]
 
 
@@ -271,7 +271,7 @@ def test_a_channel_missing_for_one_hit_is_no_hindrance():
     outputs = list(triaxials(campaign.layout))
     tests = (part(campaign.tests[0], outputs[:4] + outputs[5:]), *campaign.tests[1:])
     (found,) = check_bodies(replace(campaign, tests=tests))
-    assert found.spare == 6
+    assert found.redundant == 6
     assert not found.faults
     assert found.solid_to_hz == found.freq_hz[-1]
 
@@ -281,10 +281,10 @@ def test_a_channel_missing_for_one_hit_is_no_hindrance():
 
 def test_gradient_and_curvature_are_those_of_the_cost():
     campaign = draw(Case(2200, lines=60))
-    data = body_data(gather(campaign), campaign, "body0")
+    data = body_data(join_tests(campaign), campaign, "body0")
     moments = Moments.of(data)
     spread = data.sensors.spread(campaign.tolerance)
-    model = Model(data.sensors, data.scale, spread, np.zeros((12, 0)))
+    model = RigidFitModel(data.sensors, data.scale, spread, np.zeros((12, 0)))
     rng = np.random.default_rng(3)
     errors = 0.5 * spread * rng.normal(size=len(spread))
     gradient, _ = model.slopes(moments, errors)
@@ -302,12 +302,12 @@ def test_noise_alone_costs_nothing_in_the_mean():
     for seed in range(40):
         exact = replace(Case(0).tolerance, sensor_gain=0.0, sensor_angle=0.0, sensor_position=0.0)
         campaign = draw(Case(2300 + seed, lines=60, tolerance=exact, averages=200))
-        data = body_data(gather(campaign), campaign, "body0")
+        data = body_data(join_tests(campaign), campaign, "body0")
         spread = data.sensors.spread(campaign.tolerance)
-        model = Model(data.sensors, data.scale, spread, np.zeros((12, 0)))
+        model = RigidFitModel(data.sensors, data.scale, spread, np.zeros((12, 0)))
         moments = Moments.of(data, blocks=1)
         costs.append(model.data(moments, np.zeros(len(spread))) / np.sqrt(6 * 60 * 3))
-        assert fit(model, moments).prior < 1e-3
+        assert fit_errors(model, moments).prior < 1e-3
     assert abs(np.mean(costs)) < 3 / np.sqrt(40)
     assert 0.7 < np.std(costs) < 1.3
 
@@ -336,7 +336,7 @@ def test_a_direction_in_which_nothing_moves_makes_no_fault() -> None:
         (check,) = check_bodies(Campaign("c", layout, tests))
         assert check.faults == ()
         assert len(check.channels) == 3, "those along x"
-        assert "no check is possible" in check.words
+        assert "no check is possible" in check.sentence
 
 
 @pytest.mark.parametrize("seed", [1220, 1223, 1232])
@@ -349,21 +349,21 @@ def test_what_was_named_while_a_dead_channel_was_believed_is_asked_again(monkeyp
     asked = []
 
     def misled(state, tolerance, done, before=None):
-        found = rank(state, tolerance, done, before)
+        found = rank_faults(state, tolerance, done, before)
         asked.append(state.extra.shape[1])
         if len(asked) > 1:
             return found
-        turned = (one for one in hypotheses(state) if one.effect == "sensor_misalignment")
+        turned = (one for one in list_hypotheses(state) if one.effect == "sensor_misalignment")
         wrong = next(one for one in turned if one.location == "sensor:p0_0")
-        first = _judge(wrong, wrong.states(state)[0], found.look)
+        first = _held_out_cost(wrong, wrong.states(state)[0], found.body_fit)
         return replace(
             found,
-            judged=(first, *found.judged),
+            candidates=(first, *found.candidates),
             nats=np.append(0.0, found.nats),
             probability=np.append(1.0, found.probability),
         )
 
-    monkeypatch.setattr(fault_search, "rank", misled)
+    monkeypatch.setattr(fault_search, "rank_faults", misled)
     found = check(Case(1201, lines=LINES, read=read_times(4, 0.0)))
     assert [one.effect for one in found.faults] == ["dead_channel"]
     assert asked == [0, 0, 1, 0, 1]  # misled, the dead one, the rest; then the dead one first
@@ -371,17 +371,17 @@ def test_what_was_named_while_a_dead_channel_was_believed_is_asked_again(monkeyp
 
 def test_a_healthy_body_is_fitted_from_where_the_best_fault_ended_too():
     campaign = draw(Case(5001, sensors=3, lines=120, noise=1e-3))
-    data = body_data(gather(campaign), campaign, campaign.layout.bodies[0])
-    state = State.healthy(data, campaign.tolerance)
-    look = Look.at(state, campaign.tolerance)
-    healthy = _judge(None, state, look)
-    turned = next(one for one in hypotheses(state) if one.effect == "sensor_misalignment")
-    fault = _judge(turned, turned.states(state)[0], look)
+    data = body_data(join_tests(campaign), campaign, campaign.layout.bodies[0])
+    state = BelievedBody.healthy(data, campaign.tolerance)
+    body_fit = BodyFit.at(state, campaign.tolerance)
+    healthy = _held_out_cost(None, state, body_fit)
+    turned = next(one for one in list_hypotheses(state) if one.effect == "sensor_misalignment")
+    fault = _held_out_cost(turned, turned.states(state)[0], body_fit)
     # An end with tolerances of ten standard deviations, which the release of one got past.
     stuck = replace(healthy, cost=healthy.cost + 150)
-    found = _begun_elsewhere([stuck, fault], state, look)
+    found = _restart_null([stuck, fault], state, body_fit)
     assert found.hypothesis is None
     assert found.cost == pytest.approx(healthy.cost, abs=0.1)
     assert found.data == pytest.approx(healthy.data, abs=0.5)
-    assert _begun_elsewhere([healthy, fault], state, look) is healthy
-    assert _begun_elsewhere([stuck], state, look) is stuck
+    assert _restart_null([healthy, fault], state, body_fit) is healthy
+    assert _restart_null([stuck], state, body_fit) is stuck

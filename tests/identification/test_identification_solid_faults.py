@@ -30,7 +30,7 @@ def test_one_fault_in_four_triaxials_is_named_with_its_place():
             (found,) = check_bodies(draw(case))
             total += 1
             if not (is_right(found, truth) and len(found.faults) == 1):
-                wrong.append((kind, seed, truth, found.words))
+                wrong.append((kind, seed, truth, found.sentence))
     assert total == 24
     assert len(wrong) <= 1, wrong  # at least 95 %
 
@@ -44,14 +44,14 @@ def test_one_fault_in_three_triaxials_is_placed_on_its_sensor():
             case, truth = faulty(kind, seed, sensors=3, lines=LINES)
             (found,) = check_bodies(draw(case))
             if not found.faults or found.faults[0].location != truth.location:
-                wrong.append((kind, seed, truth, found.words))
+                wrong.append((kind, seed, truth, found.sentence))
     assert not wrong, wrong
 
 
 def fault_of(kind: str, seed: int = 11):
     case, truth = faulty(kind, seed, lines=LINES)
     (found,) = check_bodies(draw(case))
-    assert is_right(found, truth), found.words
+    assert is_right(found, truth), found.sentence
     return case, found.faults[0]
 
 
@@ -194,15 +194,15 @@ def test_two_faults_are_taken_out_one_after_the_other():
 
     (found,) = check_bodies(draw(Case(16, sensors=5, lines=LINES, read=both)))
     wanted = {("sensor_polarity", "sensor:p0_0", "ty"), ("sensor_gain", "sensor:p0_2", "tx")}
-    assert set(named(found)) == wanted, found.words
-    assert not found.more
+    assert set(named(found)) == wanted, found.sentence
+    assert not found.has_unexplained
 
 
 def test_two_sensors_of_different_bodies_exchanged_are_found_on_both():
     campaign = draw(Case(17, bodies=2, lines=LINES, read=exchange(4, 9 + 6)))
     first, second = check_bodies(campaign)
     for found in (first, second):
-        assert named(found) == [("sensor_swap", "sensor:p0_1+p1_1", None)], found.words
+        assert named(found) == [("sensor_swap", "sensor:p0_1+p1_1", None)], found.sentence
         assert found.solid_to_hz == found.freq_hz[-1]
 
 
@@ -257,17 +257,17 @@ def test_three_triaxials_in_a_plane_do_not_see_their_gains_across_it():
     # Three channels across the plane determine tz, rx and ry; no other channel sees these three.
     (found,) = check_bodies(in_a_plane(22))
     across = {f"sensor_gain@sensor:p0_{k}:tz" for k in range(3)}
-    assert across <= set(found.unseen)
+    assert across <= set(found.unidentifiable)
     assert not {f"sensor_gain@sensor:p0_{k}:{d}" for k in range(3) for d in ("tx", "ty")} & set(
-        found.unseen
+        found.unidentifiable
     )
-    assert "unseen by these channels" in found.words
+    assert "faults that these channels cannot show" in found.sentence
 
 
 def test_an_angle_in_the_plane_and_a_gain_of_it_are_not_called_twins_of_four_triaxials():
     (found,) = check_bodies(draw(Case(22, lines=LINES)))
-    assert not found.twins
-    assert not found.unseen
+    assert not found.confounded
+    assert not found.unidentifiable
 
 
 def test_every_channel_of_a_campaign_has_its_own_label():

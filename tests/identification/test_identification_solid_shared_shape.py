@@ -21,7 +21,7 @@ def check(case: Case):
 def test_a_flexible_mode_ends_solidity_below_it_and_is_no_sensors_fault(size):
     for seed in range(2):
         found = check(Case(1500 + seed, lines=LINES, flex=(150.0, size)))
-        assert [fault.effect for fault in found.faults] == ["flexible_body"], found.words
+        assert [fault.effect for fault in found.faults] == ["flexible_body"], found.sentence
         assert found.faults[0].location == "body:body0"
         assert 60 < found.solid_to_hz < 148
         assert found.faults[0].parameters["frequency"] == pytest.approx(150, rel=0.05)
@@ -50,8 +50,8 @@ def twisted(case: Case) -> Case:
 @pytest.mark.parametrize("seed", range(4))
 def test_a_plate_that_twists_is_flexible_though_any_of_its_corners_would_tell_as_much(seed):
     found = check(twisted(Case(1550 + seed, lines=LINES, level=True)))
-    assert "flexible_body" in [fault.effect for fault in found.faults], found.words
-    assert not any(fault.effect == "sensor_unknown" for fault in found.faults), found.words
+    assert "flexible_body" in [fault.effect for fault in found.faults], found.sentence
+    assert not any(fault.effect == "sensor_unknown" for fault in found.faults), found.sentence
 
 
 def test_the_larger_the_flexible_motion_the_lower_the_limit():
@@ -65,4 +65,4 @@ def test_motion_that_is_flexible_by_less_than_a_percent_is_reported_and_still_so
     found = check(Case(1700, lines=LINES, noise=0.001, flex=(150.0, 0.005)))
     assert found.solid_to_hz == found.freq_hz[-1]
     assert not found.faults
-    assert "as a solid within 0." in found.words
+    assert "as a solid within 0." in found.sentence

@@ -50,11 +50,11 @@ def test_what_was_written_is_read_back_to_six_digits(written):
     np.testing.assert_allclose(found.modal_a, MODAL_A, rtol=1e-5)
     np.testing.assert_array_equal(found.nodes, modes.nodes)
     np.testing.assert_allclose(found.values, modes.values, rtol=1e-5, atol=1e-6)
-    np.testing.assert_allclose(found.places, modes.places, rtol=1e-12)
+    np.testing.assert_allclose(found.positions, modes.positions, rtol=1e-12)
 
 
 def test_channels_come_back_whatever_the_axes_of_their_sensors(written, layout, outputs, shapes):
-    found, there = read_uff_modes(written[0]).at(outputs, layout)
+    found, there = read_uff_modes(written[0]).at_channels(outputs, layout)
     assert there.all()
     np.testing.assert_allclose(found, shapes, rtol=1e-4, atol=1e-4)
 
@@ -67,7 +67,7 @@ def test_pyuff_reads_every_dataset(written):
     assert header["model_name"].startswith("a machine: ?")
     assert header["date_db_created"] == "04-Mar-26"
     assert (unit["length"], unit["force"]) == (1.0, 1.0)
-    np.testing.assert_allclose(np.column_stack([nodes[k] for k in "xyz"]), modes.places)
+    np.testing.assert_allclose(np.column_stack([nodes[k] for k in "xyz"]), modes.positions)
     assert first["analysis_type"] == 3
     assert first["eig"] == pytest.approx(POLES[0])
     assert first["modal_a"] == pytest.approx(MODAL_A[0])
@@ -109,7 +109,7 @@ def test_normal_modes_become_poles_by_frequency_and_damping(tmp_path):
     assert found.damping == pytest.approx([0.03])
     assert found.modal_a == pytest.approx([2j * found.poles[0].imag * 2.0])
     np.testing.assert_allclose(found.values[:, :, 0], [[1, -0.5, 0.25], [2, -0.5, 0.25]])
-    np.testing.assert_allclose(found.places[1], [1.5, 0, -0.02])
+    np.testing.assert_allclose(found.positions[1], [1.5, 0, -0.02])
 
 
 def test_a_file_without_modes_is_refused(tmp_path):
@@ -133,18 +133,18 @@ def test_nodes_in_turned_systems_are_refused(tmp_path):
     node = [f"{2:10d}{0:10d}{5:10d}{0:10d}", "".join(f"{v:25.16E}" for v in (1, 2, 3))]
     path = tmp_path / "turned.unv"
     path.write_bytes(dataset("  2420", system) + dataset("  2411", node) + normal_mode())
-    with pytest.raises(InputError, match="turned system 5"):
+    with pytest.raises(InputError, match="rotated coordinate system 5"):
         read_uff_modes(path)
 
 
 def test_points_without_a_number_get_one_and_rotations_are_left_out(layout):
-    named = layout.with_copy("p0_0", "top").with_copy("p0_1", "side9")
+    named = layout.with_copied_point("p0_0", "top").with_copied_point("p0_1", "side9")
     outputs = (Dof("side9", "+tx"), Dof("top", "+ty"), Dof("top", "+rz"))
     modes = node_shapes(POLES, np.zeros(0), np.ones((3, 2), complex), outputs, named)
     assert modes.nodes.tolist() == [9, 10]
     assert not modes.modal_a.any()
     np.testing.assert_allclose(modes.values[1, :, 0], named.axes[named.points.index("top")][:, 1])
-    _, there = modes.at(outputs, named)
+    _, there = modes.at_channels(outputs, named)
     assert there.tolist() == [True, True, False]
 
 

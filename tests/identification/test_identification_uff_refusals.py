@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from identification_examples import EVEN, MARK, UNEVEN, Function, dataset, numbers, units
 
@@ -111,7 +111,7 @@ def test_two_infinite_frequencies_are_refused(refusal):
 
 @pytest.mark.parametrize("x", [EVEN[::-1], np.repeat(EVEN[:5], 2)[:9]], ids=["falling", "repeated"])
 def test_frequencies_that_do_not_rise_are_refused(refusal, x):
-    assert "do not rise" in refusal(replace(ONE, x=x, even=False))
+    assert "do not increase" in refusal(replace(ONE, x=x, even=False))
 
 
 @pytest.mark.parametrize(
@@ -209,7 +209,7 @@ def test_a_58b_that_is_cut_and_miscounts_is_refused(refusal, announced):
 
 def test_a_58b_whose_header_names_no_number_of_bytes_is_refused(refusal):
     content = replace(ONE, order="<").content().replace(b"         144", b"        many")
-    assert "record 1: the 58b header does not say" in refusal(content)
+    assert "record 1: the 58b header lacks the number" in refusal(content)
 
 
 @pytest.mark.parametrize("number_format", [1, 3], ids=["VAX", "IBM"])
@@ -318,7 +318,6 @@ def test_a_file_cut_anywhere_is_refused_or_was_whole(tmp_path, name):
         assert same_table(table, whole)
 
 
-@settings(max_examples=150, deadline=None)
 @given(
     sizes=st.lists(st.integers(4, 60), min_size=1, max_size=5),
     part=st.floats(0, 1, exclude_max=True),
@@ -346,7 +345,6 @@ def test_a_58b_of_any_size_cut_in_its_last_record_is_refused(tmp_path_factory, s
         read_uff(path)
 
 
-@settings(max_examples=150, deadline=None)
 @given(place=st.floats(0, 1, exclude_max=True), lost=st.integers(1, 200), data=st.data())
 def test_bytes_lost_from_the_middle_never_end_in_another_exception(
     tmp_path_factory, place, lost, data

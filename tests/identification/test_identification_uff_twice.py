@@ -33,7 +33,7 @@ def test_a_record_written_twice_counts_once_and_is_named(read, second) -> None:
     np.testing.assert_allclose(table.values[:, 0, 0], ONE.data, rtol=1e-12)
     (remark,) = table.remarks
     assert "records 1, 3" in remark
-    assert "are the same" in remark
+    assert "are identical" in remark
     assert "7:" in remark
 
 

@@ -1,4 +1,4 @@
-"""Machines for the tests: the station, the open campaigns' stations, and random skew trees."""
+"""Machines for the tests: the station, the stations of open campaigns, and random skew trees."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from identification.words import Dof
-from mbmodel import Machine, Question
+from mbmodel import FrfRequest, Machine
 
 ROOT = Path(__file__).resolve().parents[2]
 STATION = ROOT / "assets" / "microstation" / "station.xml"
@@ -15,7 +15,7 @@ OPEN = sorted(CAMPAIGNS.glob("*/model.xml"))
 
 
 def mjcf(bodies: str, *, gravity: str = "0 0 0", extra: str = "") -> str:
-    """A whole MJCF around some bodies."""
+    """Return a whole MJCF around some bodies."""
     return (
         f'<mujoco model="test"><compiler angle="radian"/><option gravity="{gravity}"/>{extra}'
         f"<worldbody>{bodies}</worldbody></mujoco>"
@@ -27,7 +27,7 @@ def numbers(values) -> str:
 
 
 def mass_on_spring(mass, stiffness, damping, *, name="a", node=1, axis="0 0 1", pos="0 0 0"):
-    """One mass on one slide."""
+    """Return a body: one mass on one slide."""
     return (
         f'<body name="{name}" pos="{pos}">'
         f'<inertial pos="0 0 0" mass="{mass:.17g}" diaginertia="1 1 1"/>'
@@ -37,9 +37,10 @@ def mass_on_spring(mass, stiffness, damping, *, name="a", node=1, axis="0 0 1", 
 
 
 def taut(stretch, *, start="0.01 0 0.003"):
-    """A mass held at the origin by two strings along x of different length under one tension.
+    """Return a mass at the origin between two taut strings along x, and their tension.
 
-    Strings of stiffness k1, k2 stretched by d1, d2 with k1 d1 = k2 d2 = N; drawn off its balance.
+    Strings of different length and of stiffness k1, k2 are stretched by d1, d2 with
+    k1 d1 = k2 d2 = N, the tension. The mass is drawn off its balance.
     """
     tension = 3e4 * stretch
     body = (
@@ -64,8 +65,9 @@ def taut(stretch, *, start="0.01 0 0.003"):
 
 
 def random_tree(seed: int, *, n_body: int | None = None, offset=(0.0, 0.0, 0.0)) -> str:
-    """One tree of 2 to 6 stages, nothing aligned: turned bodies, skew axes, 1 to 6 joints, a weld.
+    """Return a tree of 2 to 6 stages without any alignment, as an MJCF.
 
+    Bodies are turned, axes are skew, each stage has 1 to 6 joints, and one body is welded.
     Stiffness and damping put the modes at some 5 to 500 Hz with damping ratios around 0.01 to 0.1;
     some joints have an armature.
     """
@@ -122,31 +124,31 @@ def random_tree(seed: int, *, n_body: int | None = None, offset=(0.0, 0.0, 0.0))
 
 
 def some_dofs(machine: Machine, count: int, seed: int) -> tuple[Dof, ...]:
-    """Different signed translations and rotations at sensors and bodies."""
+    """Return different signed translations and rotations at sensors and bodies."""
     rng = np.random.default_rng(seed)
     places = machine.layout.points + machine.layout.bodies
     every = [Dof.of(point, axis, int(rng.choice([-1, 1]))) for point in places for axis in range(6)]
     return tuple(every[k] for k in rng.permutation(len(every))[:count])
 
 
-def question(machine: Machine, freq_hz, *, n_out=5, n_in=2, seed=1, **changed) -> Question:
-    """A question with more outputs than inputs, at random labels."""
+def random_request(machine: Machine, freq_hz, *, n_out=5, n_in=2, seed=1, **fields) -> FrfRequest:
+    """Return a request with more outputs than inputs, at random labels."""
     outputs = some_dofs(machine, n_out, seed)
     inputs = some_dofs(machine, n_in, seed + 1000)
-    return Question(np.asarray(freq_hz, float), outputs, inputs, **changed)
+    return FrfRequest(np.asarray(freq_hz, float), outputs, inputs, **fields)
 
 
 def sensor_dofs(machine: Machine) -> tuple[Dof, ...]:
-    """The three axes of every site."""
+    """Return the three axes of every site."""
     return tuple(Dof.of(point, axis) for point in machine.layout.points for axis in range(3))
 
 
 def channel_scale(values) -> np.ndarray:
-    """Peak of every channel over the lines; (1, n_out, n_in).
+    """Return the peak of every channel over the lines; (1, n_out, n_in).
 
     A channel's peak is what a test measures: the noise of a sensor does not follow an
-    antiresonance, and one of its lines can be as small as rounding makes it. Channels that are
-    zero but for rounding are measured by the largest peak of all.
+    antiresonance, and a single line can be as small as rounding makes it. Channels that are zero
+    but for rounding are measured by the largest peak of all channels.
     """
     peak = np.abs(values).max(axis=0)
     largest = peak.max() or 1.0
@@ -154,5 +156,5 @@ def channel_scale(values) -> np.ndarray:
 
 
 def worst_of_channels(values, expected) -> float:
-    """Largest error of any channel, relative to that channel's peak over the lines."""
+    """Return the largest error of any channel, relative to that channel's peak over the lines."""
     return float((np.abs(values - expected) / channel_scale(expected)).max())

@@ -25,10 +25,10 @@ def box(size, centre=(0, 0, 0)):
 def together(*shapes):
     """Several shapes as one list of points and triangles."""
     points, triangles, count = [], [], 0
-    for own, faces in shapes:
-        points.append(own)
+    for corners, faces in shapes:
+        points.append(corners)
         triangles.append(np.asarray(faces) + count)
-        count += len(own)
+        count += len(corners)
     return np.concatenate(points), np.concatenate(triangles)
 
 
@@ -60,9 +60,9 @@ def sum_solids(*solids):
     mass = sum(part[0] for part in solids)
     centre = sum(part[0] * part[1] for part in solids) / mass
     inertia = np.zeros((3, 3))
-    for own, place, own_inertia in solids:
+    for part_mass, place, part_inertia in solids:
         arm = place - centre
-        inertia += own_inertia + own * (arm @ arm * np.eye(3) - np.outer(arm, arm))
+        inertia += part_inertia + part_mass * (arm @ arm * np.eye(3) - np.outer(arm, arm))
     return mass, centre, inertia
 
 

@@ -1,4 +1,4 @@
-"""The station's drawing: meshes weigh what the MJCF says, sensors sit on them, legs carry."""
+"""The station's drawing: meshes have the mass that the MJCF states, sensors sit on them."""
 
 import importlib
 import re
@@ -12,7 +12,7 @@ from mbmodel_examples import ROOT, STATION
 
 from mbmodel import as_drawn, load_machine, modes_of_matrices
 from mbmodel.meshes.files import read_mesh
-from mbmodel.meshes.mass_properties import solid_of
+from mbmodel.meshes.mass_properties import read_mass_properties
 from mbmodel.meshes.surface import winding_number
 
 HERE = ROOT / "assets" / "microstation"
@@ -47,14 +47,14 @@ def meshes():
 
 def inertials(path):
     """Mass, centre and inertia of each body as written."""
-    found = {}
+    properties = {}
     for body in ElementTree.parse(path).iter("body"):
         element = body.find("inertial")
         xx, yy, zz, xy, xz, yz = map(float, element.get("fullinertia").split())
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         place = np.array(element.get("pos").split(), float)
-        found[body.get("name")] = float(element.get("mass")), place, inertia
-    return found
+        properties[body.get("name")] = float(element.get("mass")), place, inertia
+    return properties
 
 
 @pytest.mark.parametrize("path", [STATION, LEGS], ids=["station", "legs"])
@@ -62,7 +62,7 @@ def test_the_station_weighs_what_its_meshes_weigh(maker, path):
     written = inertials(path)
     assert tuple(written) == STAGES
     for name, (mass, centre, inertia) in written.items():
-        solid = solid_of(HERE / "meshes" / f"{name}.stl", maker.TARGETS[name].density)
+        solid = read_mass_properties(HERE / "meshes" / f"{name}.stl", maker.TARGETS[name].density)
         # Nine digits are written.
         assert mass == pytest.approx(solid.mass, rel=1e-8)
         np.testing.assert_allclose(centre, solid.centre, rtol=0, atol=1e-8)
@@ -82,11 +82,11 @@ def test_masses_are_those_chosen():
 def test_the_meshes_come_from_their_script(maker):
     for name, target in maker.TARGETS.items():
         shell = maker.together(target.shells(*maker.dimensions(target)))
-        made = np.frombuffer(maker.stl_bytes(shell, name)[84:], maker.FACET)
-        kept = np.frombuffer((HERE / "meshes" / f"{name}.stl").read_bytes()[84:], maker.FACET)
+        new = np.frombuffer(maker.stl_bytes(shell, name)[84:], maker.FACET)
+        committed = np.frombuffer((HERE / "meshes" / f"{name}.stl").read_bytes()[84:], maker.FACET)
         # Rounded to micrometres, which another computer's arithmetic may once do the other way.
-        np.testing.assert_allclose(made["corners"], kept["corners"], rtol=0, atol=1.5e-6)
-        assert len(kept) <= 1500
+        np.testing.assert_allclose(new["corners"], committed["corners"], rtol=0, atol=1.5e-6)
+        assert len(committed) <= 1500
 
 
 def test_the_station_with_legs_is_in_step_with_the_station(maker, tmp_path):
@@ -124,16 +124,16 @@ def test_every_accelerometer_sits_on_its_stage(meshes):
 
 def test_stages_stand_beside_each_other(meshes):
     # Points of one stage, drawn a hair inwards, are in no other; they may touch.
-    for one, mesh in meshes.items():
-        for other, obstacle in meshes.items():
-            if one == other:
+    for name, mesh in meshes.items():
+        for neighbour, obstacle in meshes.items():
+            if name == neighbour:
                 continue
             corners = obstacle.points[obstacle.triangles]
             low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
             middles = np.vstack([mesh.points, mesh.points[mesh.triangles].mean(axis=1)])
             near = middles[((middles > low) & (middles < high)).all(axis=1)]
             winding = [winding_number(corners - point) for point in near]
-            assert max(winding, default=0) < 0.75, (one, other)
+            assert max(winding, default=0) < 0.75, (name, neighbour)
 
 
 def test_geoms_are_for_the_eye_only():
@@ -144,9 +144,9 @@ def test_geoms_are_for_the_eye_only():
 
 
 def test_the_stations_first_modes_are_those_of_the_suspension(station_model):
-    found = modes_of_matrices(station_model.matrices(station_model.drawn))
-    assert 10 < found.freq_hz[0] < 15  # 11.9 Hz in the report
-    assert 15 <= (found.freq_hz < 200).sum() <= 18  # 16 in the report
+    modes = modes_of_matrices(station_model.matrices(station_model.drawn))
+    assert 10 < modes.freq_hz[0] < 15  # 11.9 Hz in the report
+    assert 15 <= (modes.freq_hz < 200).sum() <= 18  # 16 in the report
 
 
 @pytest.fixture(scope="module")
@@ -161,15 +161,15 @@ def test_six_legs_carry_the_hexapod_as_the_header_says(legs, maker):
     springs = [spring for spring in legs.springs if spring.name.startswith("leg")]
     assert len(springs) == 6
     total = sum(s.stiffness * np.outer(s.direction, s.direction) for s in springs)
-    found = total[np.ix_(rows, rows)]
+    stiffness = total[np.ix_(rows, rows)]
     # A force between spindle and hexapod moves nothing but their joint, but for rounding.
     assert np.abs(total[~np.array(rows)]).max() < 1e-12 * total.max()
     # The joint's coordinates are motions about the joint: the matrix is the closed form's.
     expected = importlib.import_module("legs").stiffness_at(np.array([0, 0, -0.42]))
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * expected.max())
-    for name, value in zip(("tx", "ty", "tz", "rx", "ry", "rz"), np.diag(found), strict=True):
+    np.testing.assert_allclose(stiffness, expected, rtol=0, atol=1e-5 * expected.max())
+    for name, value in zip(("tx", "ty", "tz", "rx", "ry", "rz"), np.diag(stiffness), strict=True):
         assert float(stated[name]) == pytest.approx(value, rel=2e-3)
-    assert found[2, 2] == pytest.approx(1e8, rel=1e-4)
+    assert stiffness[2, 2] == pytest.approx(1e8, rel=1e-4)
 
 
 def test_legs_lose_as_much_as_the_hexapods_joint_does(legs):
@@ -188,7 +188,7 @@ def test_ends_of_legs_are_no_accelerometers(legs, station):
 
 def test_the_station_with_legs_has_36_oscillating_modes(legs):
     model = as_drawn(legs)
-    found = modes_of_matrices(model.matrices(model.drawn))
-    assert len(found.freq_hz) == 36
-    assert 10 < found.freq_hz[0] < 15
-    assert (found.damping > 0.01).all()
+    modes = modes_of_matrices(model.matrices(model.drawn))
+    assert len(modes.freq_hz) == 36
+    assert 10 < modes.freq_hz[0] < 15
+    assert (modes.damping > 0.01).all()

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from identification.words import InputError
 from mbmodel import load_machine, mesh_files
-from mbmodel.meshes.mass_properties import solid_of
+from mbmodel.meshes.mass_properties import read_mass_properties
 from mbmodel.mjcf.read import compile_mjcf
 
 DENSITY = 2700.0
@@ -64,7 +64,7 @@ def load(folder, **changes):
     return load_machine(path)
 
 
-def moved(mass, centre, inertia):
+def place_and_turn(mass, centre, inertia):
     """A body's properties where the geom stands."""
     turn = TURN.as_matrix()
     return mass, turn @ centre + PLACE + [1, 0, 0], turn @ inertia @ turn.T
@@ -81,15 +81,15 @@ def agree(machine, expected, *, rtol=SINGLE):
 @pytest.mark.parametrize("kind", ["stl", "stl text", "obj", "msh", "vtu"])
 def test_a_body_weighs_what_its_mesh_encloses_in_every_format(tmp_path, kind):
     path = l_file(tmp_path, kind)
-    solid = solid_of(path, DENSITY)
+    solid = read_mass_properties(path, DENSITY)
     machine = load(tmp_path, mesh=f'file="{path.name}"')
-    agree(machine, moved(solid.mass, solid.centre, solid.inertia))
-    agree(machine, moved(*l_solid(DENSITY)))
+    agree(machine, place_and_turn(solid.mass, solid.centre, solid.inertia))
+    agree(machine, place_and_turn(*l_solid(DENSITY)))
 
 
 def test_mujocos_own_msh_is_summed_exactly_too(tmp_path):
     l_file(tmp_path, "msh own")
-    agree(load(tmp_path, mesh='file="shape.msh"'), moved(*l_solid(DENSITY)))
+    agree(load(tmp_path, mesh='file="shape.msh"'), place_and_turn(*l_solid(DENSITY)))
 
 
 def test_mujocos_default_would_have_been_wrong(tmp_path):
@@ -104,9 +104,9 @@ def test_mujocos_default_would_have_been_wrong(tmp_path):
 def test_the_tetrahedra_of_a_volume_mesh_give_mass_and_their_surface_is_seen(tmp_path):
     points, _ = box((0.2, 0.3, 0.4), (0.1, 0, 0))
     meshio.Mesh(points, {"tetra": BOX_TETRAHEDRA}).write(tmp_path / "shape.vtu")
-    solid = solid_of(tmp_path / "shape.vtu", DENSITY)
+    solid = read_mass_properties(tmp_path / "shape.vtu", DENSITY)
     machine = load(tmp_path, mesh='file="shape.vtu"')
-    agree(machine, moved(solid.mass, solid.centre, solid.inertia))
+    agree(machine, place_and_turn(solid.mass, solid.centre, solid.inertia))
     assert compile_mjcf(tmp_path / "machine.xml").mesh_facenum.tolist() == [12]
 
 
@@ -114,7 +114,9 @@ def test_vertices_written_in_the_mjcf_are_summed_exactly_too(tmp_path):
     points, triangles = l_shape()
     vertex = " ".join(f"{x:.17g}" for x in points.ravel())
     face = " ".join(map(str, triangles.ravel()))
-    agree(load(tmp_path, mesh=f'vertex="{vertex}" face="{face}"'), moved(*l_solid(DENSITY)))
+    agree(
+        load(tmp_path, mesh=f'vertex="{vertex}" face="{face}"'), place_and_turn(*l_solid(DENSITY))
+    )
 
 
 def test_scale_stretches_and_mirrors_the_solid(tmp_path):
@@ -123,9 +125,9 @@ def test_scale_stretches_and_mirrors_the_solid(tmp_path):
     factor = np.array([-2.0, 1.0, 0.5])
     mirrored = tmp_path / "mirrored.vtu"
     meshio.Mesh(points * factor, {"triangle": triangles[:, ::-1]}).write(mirrored)
-    solid = solid_of(mirrored, DENSITY)
+    solid = read_mass_properties(mirrored, DENSITY)
     machine = load(tmp_path, mesh='file="shape.vtu" scale="-2 1 0.5"')
-    agree(machine, moved(solid.mass, solid.centre, solid.inertia), rtol=2 * SINGLE)
+    agree(machine, place_and_turn(solid.mass, solid.centre, solid.inertia), rtol=2 * SINGLE)
 
 
 def test_a_reference_frame_of_the_mesh_moves_the_solid(tmp_path):
@@ -135,13 +137,13 @@ def test_a_reference_frame_of_the_mesh_moves_the_solid(tmp_path):
     turn = Rotation.from_quat([0.2, 0.4, -0.1, 0.8]).as_matrix().T
     expected = mass, turn @ (centre - [0.3, 0.1, -0.2]), turn @ inertia @ turn.T
     frame = 'refpos="0.3 0.1 -0.2" refquat="0.8 0.2 0.4 -0.1"'
-    agree(load(tmp_path, mesh=f'file="shape.vtu" {frame}'), moved(*expected))
+    agree(load(tmp_path, mesh=f'file="shape.vtu" {frame}'), place_and_turn(*expected))
 
 
 def test_a_mass_instead_of_a_density_spreads_over_the_solid(tmp_path):
     l_file(tmp_path, "obj")
     mass, centre, inertia = l_solid(DENSITY)
-    expected = moved(12.0, centre, inertia * 12 / mass)
+    expected = place_and_turn(12.0, centre, inertia * 12 / mass)
     agree(load(tmp_path, mesh='file="shape.obj"', geom='mass="12"'), expected)
 
 
@@ -149,7 +151,7 @@ def test_meshes_are_found_in_their_folder(tmp_path):
     (tmp_path / "parts").mkdir()
     l_file(tmp_path / "parts", "vtu")
     machine = load(tmp_path, mesh='file="shape.vtu"', compiler='meshdir="parts"')
-    agree(machine, moved(*l_solid(DENSITY)))
+    agree(machine, place_and_turn(*l_solid(DENSITY)))
 
 
 def write_stl(path, points, triangles):
@@ -217,7 +219,7 @@ REFUSED = {
     ),
     "a part inside out": (
         *together(SHAPE, (SHAPE[0] / 2 + 2, SHAPE[1][:, ::-1])),
-        "is inside out: turn the faces of that part",
+        "is inside out: reverse the faces of that part",
     ),
 }  # fmt: skip
 
@@ -242,7 +244,7 @@ def test_a_mesh_that_is_no_solid_is_refused_by_name(tmp_path, case, suffix):
 def test_an_open_mesh_in_mujocos_own_format_is_refused(tmp_path):
     points, triangles = l_shape()
     (tmp_path / "shape.msh").write_bytes(mujocos_msh(points, triangles[1:]))
-    with pytest.raises(InputError, match="mesh 'shape': its surface is not that of a solid"):
+    with pytest.raises(InputError, match="mesh 'shape': the surface does not bound a solid"):
         load(tmp_path, mesh='file="shape.msh"')
 
 
@@ -268,7 +270,7 @@ def test_every_turn_of_the_faces_triangles_is_the_same_shape(tmp_path):
     points, triangles = l_shape()
     turned = [np.roll(t, k) for t, k in zip(triangles[::-1], itertools.cycle(range(3)))]
     write_stl(tmp_path / "shape.stl", points, np.array(turned))
-    agree(load(tmp_path), moved(*l_solid(DENSITY)))
+    agree(load(tmp_path), place_and_turn(*l_solid(DENSITY)))
 
 
 def test_files_of_meshes_are_named(tmp_path):

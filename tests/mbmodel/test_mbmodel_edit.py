@@ -10,7 +10,7 @@ from mbmodel_examples import (
     STATION,
     mass_on_spring,
     mjcf,
-    question,
+    random_request,
     random_tree,
     taut,
     worst_of_channels,
@@ -19,8 +19,8 @@ from mbmodel_examples import (
 from identification.words import Dof, InputError
 from mbmodel import (
     Edit,
+    FrfRequest,
     Model,
-    Question,
     as_drawn,
     hammer_parts,
     linearise,
@@ -37,7 +37,7 @@ MESHED = (
 )
 
 
-def written(model, theta):
+def edits_of(model, theta):
     return model.edits(theta)
 
 
@@ -46,35 +46,35 @@ def spring(name, **values):
     return [Edit("spring", name, values)]
 
 
-def changed(model, seed=3):
+def random_theta(model, seed=3):
     return model.drawn * np.exp(0.3 * np.random.default_rng(seed).normal(size=len(model.drawn)))
 
 
-def assert_file_answers_as_model(model, theta, target, asked=None):
-    asked = asked or question(model.machine, np.linspace(1, 250, 26))
+def assert_file_answers_as_model(model, theta, target, frf_request=None):
+    frf_request = frf_request or random_request(model.machine, np.linspace(1, 250, 26))
     again = as_drawn(load_machine(target))
-    expected = linearise(model, theta, asked).values
-    assert worst_of_channels(linearise(again, again.drawn, asked).values, expected) < 1e-9
+    expected = linearise(model, theta, frf_request).values
+    assert worst_of_channels(linearise(again, again.drawn, frf_request).values, expected) < 1e-9
 
 
 def test_the_written_station_answers_as_the_model_at_theta(station_model, away, tmp_path):
     target = tmp_path / "tuned.xml"
-    assert write_mjcf(STATION, target, written(station_model, away)) == ()
+    assert write_mjcf(STATION, target, edits_of(station_model, away)) == ()
     assert_file_answers_as_model(station_model, away, target)
 
 
 def test_written_numbers_are_exact(station_model, away, tmp_path):
     target = tmp_path / "tuned.xml"
-    write_mjcf(STATION, target, written(station_model, away))
+    write_mjcf(STATION, target, edits_of(station_model, away))
     np.testing.assert_array_equal(as_drawn(load_machine(target)).drawn, away)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_written_skew_tree_answers_as_the_model_at_theta(from_text, tmp_path, seed):
     model = as_drawn(from_text(random_tree(seed)))
-    theta = changed(model)
+    theta = random_theta(model)
     target = tmp_path / "tuned.xml"
-    assert write_mjcf(model.machine.source, target, written(model, theta)) == ()
+    assert write_mjcf(model.machine.source, target, edits_of(model, theta)) == ()
     assert_file_answers_as_model(model, theta, target)
 
 
@@ -87,12 +87,12 @@ def test_tendons_are_written_too(from_text, tmp_path):
     )
     anchored = mjcf('<site name="anchor" pos="0.3 0 0.4"/>' + text)
     model = as_drawn(from_text(anchored.replace("</mujoco>", tendons + "</mujoco>")))
-    theta = changed(model)
+    theta = random_theta(model)
     target = tmp_path / "tuned.xml"
-    assert write_mjcf(model.machine.source, target, written(model, theta)) == ()
+    assert write_mjcf(model.machine.source, target, edits_of(model, theta)) == ()
     dofs = (Dof.parse("acc1:+tz"), Dof.parse("acc2:-tz"))
-    asked = Question(np.linspace(1, 60, 20), dofs, dofs)
-    assert_file_answers_as_model(model, theta, target, asked)
+    frf_request = FrfRequest(np.linspace(1, 60, 20), dofs, dofs)
+    assert_file_answers_as_model(model, theta, target, frf_request)
 
 
 def test_a_written_taut_string_answers_as_the_model_at_theta(from_text, tmp_path):
@@ -100,10 +100,10 @@ def test_a_written_taut_string_answers_as_the_model_at_theta(from_text, tmp_path
     text, _ = taut(0.02)
     model = as_drawn(from_text(text))
     target = tmp_path / "tuned.xml"
-    assert write_mjcf(model.machine.source, target, written(model, 2 * model.drawn)) == ()
+    assert write_mjcf(model.machine.source, target, edits_of(model, 2 * model.drawn)) == ()
     dofs = (Dof.parse("acc1:+tx"), Dof.parse("acc1:+ty"))
-    asked = Question(np.linspace(1, 60, 20), dofs, dofs)
-    assert_file_answers_as_model(model, 2 * model.drawn, target, asked)
+    frf_request = FrfRequest(np.linspace(1, 60, 20), dofs, dofs)
+    assert_file_answers_as_model(model, 2 * model.drawn, target, frf_request)
 
 
 def test_only_the_named_attributes_change(tmp_path):
@@ -229,18 +229,20 @@ def test_paths_relative_to_the_working_folder_are_understood(folders, monkeypatc
     assert load_machine(source.parent / target).springs[0].stiffness == 2e4
 
 
-def test_joints_without_a_name_are_reported_as_not_held(from_text, tmp_path):
+def test_joints_without_a_name_are_reported_as_not_in_the_mjcf(from_text, tmp_path):
     model = as_drawn(from_text(mjcf(mass_on_spring(4, 3e4, 7)).replace('name="a_j"', "")))
     names = [parameter.name for parameter in model.parameters]
-    held_not = write_mjcf(model.machine.source, tmp_path / "m.xml", written(model, model.drawn * 2))
+    not_written = write_mjcf(
+        model.machine.source, tmp_path / "m.xml", edits_of(model, model.drawn * 2)
+    )
     assert (
-        [missing.name for missing in held_not]
+        [missing.name for missing in not_written]
         == names
         == ["a_joint0.stiffness", "a_joint0.damping"]
     )
 
 
-def test_joints_in_an_included_file_are_reported_as_not_held(folders):
+def test_joints_in_an_included_file_are_reported_as_not_in_the_mjcf(folders):
     source, target = folders
     (source / "part.xml").write_text(
         f"<mujocoinclude><asset>{MESH}</asset><worldbody>{MESHED}</worldbody></mujocoinclude>",
@@ -252,7 +254,7 @@ def test_joints_in_an_included_file_are_reported_as_not_held(folders):
     edits = spring("j", stiffness=2e4) + spring("a_j", stiffness=5e4)
     (missing,) = write_mjcf(path, target / "m.xml", edits)
     assert missing.name == "j.stiffness"
-    assert "in the file itself" in str(missing)
+    assert "the file itself has no element" in str(missing)
     moved = {spring.name: spring.stiffness for spring in load_machine(target / "m.xml").springs}
     assert moved == {"j": 1e4, "a_j": 5e4}
 
@@ -293,9 +295,9 @@ def test_the_hammer_stays_where_it_is_drawn_if_the_sensor_there_moves(station_mo
     assert write_mjcf(STATION, target, model.edits(theta)) == ()
     again = as_drawn(load_machine(target))
     freq, outputs = np.linspace(5, 200, 14), tuple(Dof.of("acc11", axis) for axis in range(3))
-    ours = linearise(model, theta, Question(freq, outputs, hit)).values
+    expected = linearise(model, theta, FrfRequest(freq, outputs, hit)).values
     hammer = tuple(Dof.of("hit11", axis) for axis in range(3))
-    theirs = linearise(again, again.drawn, Question(freq, outputs, hammer)).values
-    assert worst_of_channels(theirs, ours) < 1e-9
-    moved = linearise(again, again.drawn, Question(freq, outputs, hit)).values
-    assert worst_of_channels(moved, ours) > 1e-3
+    values = linearise(again, again.drawn, FrfRequest(freq, outputs, hammer)).values
+    assert worst_of_channels(values, expected) < 1e-9
+    moved = linearise(again, again.drawn, FrfRequest(freq, outputs, hit)).values
+    assert worst_of_channels(moved, expected) > 1e-3

@@ -5,7 +5,7 @@ import pytest
 from mbmodel_examples import mass_on_spring, mjcf, taut
 
 from identification.words import ConvergenceError, Dof
-from mbmodel import Question, as_drawn, linearise, modes_of_matrices
+from mbmodel import FrfRequest, as_drawn, linearise, modes_of_matrices
 
 G = 9.81
 DOWN = f"0 0 -{G}"
@@ -53,10 +53,10 @@ def test_a_pendulum_on_a_ball_swings_both_ways_and_turns_freely(from_text):
     text = text.replace('diaginertia="0.001 0.001', 'diaginertia="0.002 0.001')
     model = as_drawn(from_text(text))
     swing = [np.sqrt(3 * G * 0.7 / (3 * 0.7**2 + about)) / (2 * np.pi) for about in (2e-3, 1e-3)]
-    found = np.sort(modes_of_matrices(model.matrices(model.drawn)).freq_hz)
-    np.testing.assert_allclose(found[-2:], swing, rtol=DIFFERENCES)
+    freq_hz = np.sort(modes_of_matrices(model.matrices(model.drawn)).freq_hz)
+    np.testing.assert_allclose(freq_hz[-2:], swing, rtol=DIFFERENCES)
     # Spinning is a double pole at zero: it splits by the root of the differences' 1e-10.
-    assert (found[:-2] < 1e-4).all()
+    assert (freq_hz[:-2] < 1e-4).all()
 
 
 def test_a_double_pendulum_swings_as_the_textbook_says(from_text):
@@ -97,7 +97,7 @@ def test_an_unstable_machine_still_has_its_receptance(from_text):
     # Z = k - m g l - J w^2 < 0: the modal form with a negative squared frequency.
     model = as_drawn(from_text(pendulum(length=-0.7, joint='stiffness="5" damping="0.3"')))
     freq, dof = np.array([0.0, 0.3, 0.8, 2.0]), Dof.parse("bob:+ry")
-    H = linearise(model, model.drawn, Question(freq, (dof,), (dof,), "receptance")).values
+    H = linearise(model, model.drawn, FrfRequest(freq, (dof,), (dof,), "receptance")).values
     w = 2 * np.pi * freq
     expected = 1 / (5 - 3 * G * 0.7 - (3 * 0.7**2 + 1e-3) * w**2 + 0.3j * w)
     np.testing.assert_allclose(H[:, 0, 0], expected, rtol=DIFFERENCES)

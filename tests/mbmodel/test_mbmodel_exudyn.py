@@ -8,7 +8,7 @@ from exudyn_twin import exudyn_twin
 from mbmodel_examples import CAMPAIGNS, OPEN, STATION, worst_of_channels
 
 from identification.words import Dof
-from mbmodel import Evaluator, Question, as_drawn, load_machine
+from mbmodel import Evaluator, FrfRequest, as_drawn, load_machine
 
 FREQ = np.linspace(1.0, 250.0, 84)
 HITS = [("acc11", 0), ("acc11", 2), ("acc17", 1)]
@@ -28,12 +28,12 @@ def test_frfs_at_all_sensors_are_those_of_exudyn(path):
     model = as_drawn(load_machine(path))
     outputs = [(site, axis) for site in twin.sites for axis in range(3)]
     labels = [tuple(Dof.of(*pair) for pair in pairs) for pairs in (outputs, HITS)]
-    ours = Evaluator(model, Question(FREQ, *labels)).at(model.drawn).frf()
+    frf = Evaluator(model, FrfRequest(FREQ, *labels)).at(model.drawn).frf()
     # Relative to each channel's peak: antiresonances are differences of large terms, whose
     # rounding depends on the coordinates (absolute there, joints here). Condition 1e5 times 1e-16
     # would allow 1e-11; 1e-9 leaves room for exudyn's own assembly.
     assert len(outputs) == 69
-    assert worst_of_channels(ours.values, twin.accelerance(FREQ, outputs, HITS)) < 1e-9
+    assert worst_of_channels(frf.values, twin.accelerance(FREQ, outputs, HITS)) < 1e-9
 
 
 def hexapod_inertial():
@@ -69,12 +69,12 @@ def test_mass_and_stiffness_of_the_station_are_exudyns_in_joint_coordinates(stat
     twin = exudyn_twin(STATION)
     jacobian = station.jacobian
     assert station.layout.bodies == twin.bodies
-    ours = station_model.matrices(station_model.drawn)
-    for mine, theirs in (
-        (ours.mass, twin.mass),
-        (ours.damping, twin.damping),
-        (ours.stiffness, twin.stiffness),
+    matrices = station_model.matrices(station_model.drawn)
+    for matrix, twin_matrix in (
+        (matrices.mass, twin.mass),
+        (matrices.damping, twin.damping),
+        (matrices.stiffness, twin.stiffness),
     ):
-        scale = np.sqrt(np.outer(np.diag(mine), np.diag(mine)))
+        scale = np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
         # T' K T cancels forces of stiff joints against one another: 5e9 N/m beside 3e5 N m/rad.
-        assert (np.abs(jacobian.T @ theirs @ jacobian - mine) / scale).max() < 1e-10
+        assert (np.abs(jacobian.T @ twin_matrix @ jacobian - matrix) / scale).max() < 1e-10

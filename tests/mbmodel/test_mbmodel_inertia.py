@@ -1,4 +1,4 @@
-"""Moments of inertia that no body has: the nearest that one can have are written, and said."""
+"""Impossible moments of inertia: the nearest possible ones are written, with a remark."""
 
 import mujoco
 import numpy as np
@@ -15,7 +15,7 @@ def second_moments(inertia):
     return np.trace(inertia) / 2 * np.eye(3) - inertia
 
 
-def turned(second, seed=1):
+def turned_inertia(second, seed=1):
     """I = tr(J) 1 - J of principal second moments, about skew axes."""
     axes = Rotation.random(random_state=seed).as_matrix()
     full = axes @ np.diag(second) @ axes.T
@@ -29,8 +29,8 @@ def model(from_text):
     return Model(machine, body_parts(machine))
 
 
-def told(model, **values):
-    """Parameters as drawn but for some."""
+def theta_with(model, **values):
+    """Return the parameters as drawn with some values replaced."""
     names = [parameter.name.partition(".")[2] for parameter in model.parameters]
     theta = model.drawn.copy()
     for name, value in values.items():
@@ -40,53 +40,56 @@ def told(model, **values):
 
 def test_what_a_body_can_have_stays_as_it_is():
     for seed in range(5):
-        inertia = turned(np.random.default_rng(seed).uniform(0.01, 3, 3), seed)
+        inertia = turned_inertia(np.random.default_rng(seed).uniform(0.01, 3, 3), seed)
         np.testing.assert_array_equal(nearest_inertia(inertia), inertia)
 
 
 def test_second_moments_below_zero_become_small_and_the_others_stay():
-    found = nearest_inertia(turned([-0.4, 1.0, 3.0]))
-    np.testing.assert_allclose(found, turned([4e-6, 1.0, 3.0]), atol=1e-12)
+    nearest = nearest_inertia(turned_inertia([-0.4, 1.0, 3.0]))
+    np.testing.assert_allclose(nearest, turned_inertia([4e-6, 1.0, 3.0]), atol=1e-12)
 
 
 def test_no_body_is_nearer_than_the_nearest():
     random = np.random.default_rng(2)
-    asked = second_moments(turned([-0.4, -0.1, 2.0]))
-    found = second_moments(nearest_inertia(turned([-0.4, -0.1, 2.0])))
-    root = np.linalg.cholesky(found)
+    wanted = second_moments(turned_inertia([-0.4, -0.1, 2.0]))
+    nearest = second_moments(nearest_inertia(turned_inertia([-0.4, -0.1, 2.0])))
+    root = np.linalg.cholesky(nearest)
     for size in (1e-4, 1e-2, 0.3):
         for _ in range(100):
-            other = root + size * random.normal(size=(3, 3))  # other @ other.T is any body's
-            assert np.linalg.norm(other @ other.T - asked) > np.linalg.norm(found - asked) - 1e-5
+            factor = root + size * random.normal(size=(3, 3))  # factor @ factor.T is any body's
+            assert (
+                np.linalg.norm(factor @ factor.T - wanted) > np.linalg.norm(nearest - wanted) - 1e-5
+            )
 
 
 @pytest.mark.parametrize("moment", [3.0, 0.003, -0.5])
 def test_mass_and_centre_are_written_where_no_body_has_the_moments(model, tmp_path, moment):
     inertia = {"inertia_xx": 1.0, "inertia_yy": 1.1, "inertia_zz": moment, "inertia_xy": 0.9}
-    theta = told(model, mass=6.5, com_x=0.02, com_z=-0.01, **inertia)
+    theta = theta_with(model, mass=6.5, com_x=0.02, com_z=-0.01, **inertia)
     target = tmp_path / "tuned.xml"
     (missing,) = write_mjcf(model.machine.source, target, model.edits(theta))
     assert str(missing) == (
-        "a.inertia (no body has such moments of inertia: written are the nearest that one can have)"
+        "a.inertia (no body can have the fitted moments of inertia, "
+        "so the nearest possible ones are written)"
     )
     written = load_machine(target)
     drawn = model.machine.layout.centres[0]
     assert written.mass == pytest.approx(6.5, rel=1e-12)
     np.testing.assert_allclose(written.layout.centres[0] - drawn, [0.02, 0, -0.01], atol=1e-12)
-    asked = np.array([[1.0, 0.9, 0], [0.9, 1.1, 0], [0, 0, moment]])
-    np.testing.assert_allclose(written.body_mass[3:, 3:], nearest_inertia(asked), atol=1e-9)
+    frf_request = np.array([[1.0, 0.9, 0], [0.9, 1.1, 0], [0, 0, moment]])
+    np.testing.assert_allclose(written.body_mass[3:, 3:], nearest_inertia(frf_request), atol=1e-9)
 
 
 def test_mujoco_itself_takes_the_thinnest_body_that_is_written(model, tmp_path):
     inertia = {"inertia_xx": 1.0, "inertia_yy": 0.5, "inertia_zz": 40.0}
     target = tmp_path / "tuned.xml"
-    write_mjcf(model.machine.source, target, model.edits(told(model, **inertia)))
+    write_mjcf(model.machine.source, target, model.edits(theta_with(model, **inertia)))
     low, middle, high = np.sort(mujoco.MjModel.from_xml_path(str(target)).body_inertia[1])
     assert 0 < low + middle - high < 1e-3 * high
 
 
 def test_of_moments_that_a_body_can_have_nothing_is_said(model, tmp_path):
-    theta = told(model, mass=6.5, inertia_xx=1.0, inertia_yy=1.1, inertia_zz=1.2)
+    theta = theta_with(model, mass=6.5, inertia_xx=1.0, inertia_yy=1.1, inertia_zz=1.2)
     assert write_mjcf(model.machine.source, tmp_path / "m.xml", model.edits(theta)) == ()
     written = load_machine(tmp_path / "m.xml")
     np.testing.assert_allclose(written.body_mass[3:, 3:], np.diag([1.0, 1.1, 1.2]), rtol=1e-12)

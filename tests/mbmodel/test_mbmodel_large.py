@@ -6,7 +6,7 @@ from large_machine import large_mjcf
 from mbmodel_examples import channel_scale, worst_of_channels
 
 from identification.words import Dof
-from mbmodel import Evaluator, Question, as_drawn
+from mbmodel import Evaluator, FrfRequest, as_drawn
 
 FREQ = np.array([0.0, 3.0, 21.0, 60.5, 133.0, 200.0])
 
@@ -19,7 +19,7 @@ def large(from_text):
 def ask(model, freq=FREQ):
     points = model.machine.layout.points
     outputs = tuple(Dof.of(point, axis) for point in points[::6] for axis in range(3))
-    return Question(freq, outputs, tuple(Dof.of(points[-1], axis) for axis in range(3)))
+    return FrfRequest(freq, outputs, tuple(Dof.of(points[-1], axis) for axis in range(3)))
 
 
 def test_sixty_stages_have_720_parameters_and_a_modal_form(large):
@@ -28,9 +28,9 @@ def test_sixty_stages_have_720_parameters_and_a_modal_form(large):
 
 
 def test_frfs_of_sixty_stages_are_those_of_the_direct_solve(large):
-    asked = ask(large)
+    frf_request = ask(large)
     modal, direct = (
-        Evaluator(large, asked, direct=way).at(large.drawn).values for way in (False, True)
+        Evaluator(large, frf_request, direct=way).at(large.drawn).values for way in (False, True)
     )
     assert worst_of_channels(modal, direct) < 1e-9
 

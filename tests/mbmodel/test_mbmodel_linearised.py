@@ -8,14 +8,14 @@ import scipy.integrate
 from mbmodel_examples import (
     mass_on_spring,
     mjcf,
-    question,
+    random_request,
     random_tree,
     some_dofs,
     worst_of_channels,
 )
 
 from identification.words import Dof, Frf, UsageError
-from mbmodel import Evaluator, Model, Question, as_drawn, linearise
+from mbmodel import Evaluator, FrfRequest, Model, as_drawn, linearise
 
 SPRINGS = {"tx": 3e6, "ty": 5e6, "tz": 7e6, "rx": 2e5, "ry": 3e5, "rz": 4e5}
 FREQ = np.linspace(0.0, 120.0, 61)
@@ -46,7 +46,7 @@ def impedance(direction, freq):
 
 def answer(model, outputs, inputs, quantity="receptance", freq=FREQ, **changed):
     labels = [tuple(map(Dof.parse, side)) for side in (outputs, inputs)]
-    return linearise(model, model.drawn, Question(freq, *labels, quantity, **changed)).frf()
+    return linearise(model, model.drawn, FrfRequest(freq, *labels, quantity, **changed)).frf()
 
 
 @pytest.mark.parametrize("direction", SPRINGS)
@@ -104,16 +104,18 @@ def test_two_masses_in_a_row_follow_the_closed_form(from_text, quantity):
 @pytest.mark.parametrize(("quantity", "power"), [("mobility", 1), ("accelerance", 2)])
 def test_quantities_of_the_station_differ_by_powers_of_i_omega(station_model, quantity, power):
     freq = np.linspace(2, 200, 40)
-    asked = question(station_model.machine, freq, quantity="receptance")
-    receptance = linearise(station_model, station_model.drawn, asked).values
-    other = linearise(station_model, station_model.drawn, replace(asked, quantity=quantity)).values
+    frf_request = random_request(station_model.machine, freq, quantity="receptance")
+    receptance = linearise(station_model, station_model.drawn, frf_request).values
+    values = linearise(
+        station_model, station_model.drawn, replace(frf_request, quantity=quantity)
+    ).values
     factor = (2j * np.pi * freq[:, None, None]) ** power
     # To rounding of each line's sum over modes, whose terms are far larger than some sums.
-    peak = np.abs(other).max(axis=(1, 2), keepdims=True)
-    assert (np.abs(other - receptance * factor) < 1e-12 * peak).all()
+    peak = np.abs(values).max(axis=(1, 2), keepdims=True)
+    assert (np.abs(values - receptance * factor) < 1e-12 * peak).all()
 
 
-def windowed(order, tau):
+def windowed_transform(order, tau):
     """Transform of exp(-t/tau) times an impulse response and its derivatives, by quadrature.
 
     One mass m, pole -d + i b: h = exp(-d t) sin(b t) / (m b), h' and h'' in closed form; the
@@ -138,7 +140,7 @@ def test_a_windowed_frf_is_the_transform_of_the_windowed_impulse_response(
     from_text, quantity, order
 ):
     tau = 0.8
-    freq, expected = windowed(order, tau)
+    freq, expected = windowed_transform(order, tau)
     model = as_drawn(from_text(mjcf(mass_on_spring(4.0, 3e4, 11.0))))
     H = answer(model, ["acc1:+tz"], ["acc1:+tz"], quantity, freq, window_tau=tau).values[:, 0, 0]
     # Simpson with 1440 steps a period of the fastest line: (w dt)^4 / 180 = 5e-11.
@@ -166,7 +168,7 @@ def test_a_free_solid_body_accelerates_by_its_mass_and_inertia(from_text):
     machine = from_text(mjcf(text))
     outputs, inputs = some_dofs(machine, 6, 1), some_dofs(machine, 3, 2)
     freq = np.array([0.5, 3.0, 40.0])
-    H = linearise(as_drawn(machine), np.zeros(0), Question(freq, outputs, inputs)).values
+    H = linearise(as_drawn(machine), np.zeros(0), FrfRequest(freq, outputs, inputs)).values
     rows, columns = machine.layout.rows(outputs), machine.layout.rows(inputs).T
     expected = rows @ np.linalg.inv(machine.body_mass) @ columns
     np.testing.assert_allclose(H, np.broadcast_to(expected, H.shape), rtol=1e-12, atol=1e-14)
@@ -204,9 +206,9 @@ def test_a_free_pair_moves_as_one_mass_at_low_frequency(from_text):
 def test_a_free_pair_at_0_hz_is_refused_with_the_remedy(from_text, direct):
     model = free_pair(from_text)
     dof = (Dof.parse("acc1:+tz"),)
-    asked = Question(np.array([0.0, 1.0, 2.0]), dof, dof, "receptance")
+    frf_request = FrfRequest(np.array([0.0, 1.0, 2.0]), dof, dof, "receptance")
     with pytest.raises(UsageError, match="start the band above it"):
-        Evaluator(model, asked, direct=direct).at(model.drawn)
+        Evaluator(model, frf_request, direct=direct).at(model.drawn)
 
 
 def test_a_window_gives_a_free_pair_a_value_at_0_hz(from_text):
@@ -223,37 +225,41 @@ def test_a_window_gives_a_free_pair_a_value_at_0_hz(from_text):
 
 def test_static_receptance_is_the_inverse_stiffness(station_model):
     machine = station_model.machine
-    asked = question(machine, [0.0, 10.0], quantity="receptance")
-    H = linearise(station_model, station_model.drawn, asked).values[0]
-    rows = machine.layout.rows(asked.outputs) @ machine.jacobian
-    columns = (machine.layout.rows(asked.inputs) @ machine.jacobian).T
+    frf_request = random_request(machine, [0.0, 10.0], quantity="receptance")
+    H = linearise(station_model, station_model.drawn, frf_request).values[0]
+    rows = machine.layout.rows(frf_request.outputs) @ machine.jacobian
+    columns = (machine.layout.rows(frf_request.inputs) @ machine.jacobian).T
     expected = rows @ np.linalg.inv(station_model.matrices(station_model.drawn).stiffness) @ columns
     assert np.abs(H - expected).max() < 1e-12 * np.abs(expected).max()
     assert not H.imag.any() or np.abs(H.imag).max() < 1e-12 * np.abs(H).max()
 
 
 def test_accelerance_at_0_hz_is_zero(station_model):
-    asked = question(station_model.machine, [0.0, 10.0])
-    assert not linearise(station_model, station_model.drawn, asked).values[0].any()
+    frf_request = random_request(station_model.machine, [0.0, 10.0])
+    assert not linearise(station_model, station_model.drawn, frf_request).values[0].any()
 
 
 def test_an_answer_carries_the_questions_labels(station_model):
-    asked = question(station_model.machine, [1.0, 2.0, 5.0], quantity="mobility")
-    frf = linearise(station_model, station_model.drawn, asked).frf()
+    frf_request = random_request(station_model.machine, [1.0, 2.0, 5.0], quantity="mobility")
+    frf = linearise(station_model, station_model.drawn, frf_request).frf()
     assert isinstance(frf, Frf)
-    assert (frf.outputs, frf.inputs, frf.quantity) == (asked.outputs, asked.inputs, "mobility")
+    assert (frf.outputs, frf.inputs, frf.quantity) == (
+        frf_request.outputs,
+        frf_request.inputs,
+        "mobility",
+    )
     np.testing.assert_array_equal(frf.freq_hz, [1, 2, 5])
 
 
 def test_asking_for_other_labels_is_selecting_among_the_answers(station_model):
-    asked = question(station_model.machine, np.linspace(1, 200, 9), n_out=7, n_in=3)
-    whole = linearise(station_model, station_model.drawn, asked).frf()
-    outputs = [Dof.of(d.point, d.axis, -d.sign) for d in asked.outputs[4:1:-1]]
-    inputs = asked.inputs[::-1]
+    frf_request = random_request(station_model.machine, np.linspace(1, 200, 9), n_out=7, n_in=3)
+    whole = linearise(station_model, station_model.drawn, frf_request).frf()
+    outputs = [Dof.of(d.point, d.axis, -d.sign) for d in frf_request.outputs[4:1:-1]]
+    inputs = frf_request.inputs[::-1]
     part = linearise(
         station_model,
         station_model.drawn,
-        replace(asked, outputs=tuple(outputs), inputs=tuple(inputs)),
+        replace(frf_request, outputs=tuple(outputs), inputs=tuple(inputs)),
     ).frf()
     # The same sums in other blocks of the same products.
     assert worst_of_channels(whole.select(outputs, inputs).values, part.values) < 1e-13
@@ -262,7 +268,7 @@ def test_asking_for_other_labels_is_selecting_among_the_answers(station_model):
 def test_an_unknown_label_is_named(station_model):
     dof = (Dof.parse("acc99:+tx"),)
     with pytest.raises(UsageError, match="acc99"):
-        Evaluator(station_model, Question(np.array([1.0]), dof, dof))
+        Evaluator(station_model, FrfRequest(np.array([1.0]), dof, dof))
 
 
 @pytest.mark.parametrize("length", [0, 71, 73])
@@ -273,16 +279,16 @@ def test_theta_of_another_length_is_refused(station_model, length):
 
 def test_two_parameters_with_one_name_are_refused(station_model):
     parts = station_model.parts
-    with pytest.raises(ValueError, match=r"named twice: .*tilt_tx\.stiffness"):
+    with pytest.raises(ValueError, match=r"with the same name: .*tilt_tx\.stiffness"):
         Model(station_model.machine, (*parts, parts[3]))
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_an_evaluator_answers_as_a_single_call(from_text, seed):
     model = as_drawn(from_text(random_tree(seed)))
-    asked = question(model.machine, np.linspace(1, 300, 20))
-    once = linearise(model, model.drawn * 1.2, asked).values
-    evaluator = Evaluator(model, asked)
+    frf_request = random_request(model.machine, np.linspace(1, 300, 20))
+    once = linearise(model, model.drawn * 1.2, frf_request).values
+    evaluator = Evaluator(model, frf_request)
     evaluator.at(model.drawn)
     np.testing.assert_array_equal(evaluator.at(model.drawn * 1.2).values, once)
 

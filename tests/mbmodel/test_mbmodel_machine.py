@@ -104,9 +104,9 @@ def test_rows_times_jacobian_are_mujocos_site_jacobians_in_the_sites_axes(from_t
         mujoco.mj_jacSite(model, data, block[:3], block[3:], site)
         axes = data.site_xmat[site].reshape(3, 3)
         expected = np.vstack([axes.T @ block[:3], axes.T @ block[3:]])
-        ours = machine.layout.rows([Dof.of(point, axis) for axis in range(6)]) @ machine.jacobian
+        rows = machine.layout.rows([Dof.of(point, axis) for axis in range(6)]) @ machine.jacobian
         # Levers of some metres: absolute, since many entries are zero.
-        np.testing.assert_allclose(ours, expected, atol=1e-14)
+        np.testing.assert_allclose(rows, expected, atol=1e-14)
 
 
 def test_the_station_has_six_bodies_of_six_coordinates_and_23_sensors(station):

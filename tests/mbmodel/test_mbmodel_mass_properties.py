@@ -6,7 +6,7 @@ import struct
 import meshio
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mesh_examples import (
     BOX_FACES,
@@ -24,36 +24,45 @@ from mesh_examples import (
 from scipy.spatial.transform import Rotation
 
 from identification.words import InputError
-from mbmodel.meshes.mass_properties import outward_faces, solid_of, surface_solid, volume_solid
+from mbmodel.meshes.mass_properties import (
+    outward_faces,
+    read_mass_properties,
+    surface_mass_properties,
+    volume_mass_properties,
+)
 
 DENSITY = 2800.0
 SIZE, CENTRE = (0.3, 0.5, 0.7), (1.0, -2.0, 3.0)
 CUBOID = box(SIZE, CENTRE)
 
 
-def agree(solid, expected, *, rtol=1e-12):
+def agree(properties, expected, *, rtol=1e-12):
     """Same mass, centre and inertia: lengths and moments relative to their largest."""
     mass, centre, inertia = expected
-    assert solid.mass == pytest.approx(mass, rel=rtol)
-    np.testing.assert_allclose(solid.centre, centre, rtol=0, atol=rtol * np.abs(centre).max())
-    np.testing.assert_allclose(solid.inertia, inertia, rtol=0, atol=rtol * np.abs(inertia).max())
+    assert properties.mass == pytest.approx(mass, rel=rtol)
+    np.testing.assert_allclose(properties.centre, centre, rtol=0, atol=rtol * np.abs(centre).max())
+    np.testing.assert_allclose(
+        properties.inertia, inertia, rtol=0, atol=rtol * np.abs(inertia).max()
+    )
 
 
 def test_a_box_away_from_the_origin_has_its_textbook_inertia():
-    agree(surface_solid(*CUBOID, DENSITY), box_solid(SIZE, CENTRE, DENSITY))
+    agree(surface_mass_properties(*CUBOID, DENSITY), box_solid(SIZE, CENTRE, DENSITY))
 
 
 def test_a_kilometre_away_no_digits_of_the_inertia_are_lost():
     # Coordinates of 1000 m are rounded to 1e-13 m, that is 4e-13 of the smallest side.
     far = box(SIZE, (1000.0, 0, 0))
-    agree(surface_solid(*far, DENSITY), box_solid(SIZE, (1000.0, 0, 0), DENSITY), rtol=3e-12)
+    agree(
+        surface_mass_properties(*far, DENSITY), box_solid(SIZE, (1000.0, 0, 0), DENSITY), rtol=3e-12
+    )
 
 
 def test_a_turned_box_has_its_inertia_turned():
     turn = Rotation.from_euler("zyx", [0.3, -0.7, 1.1]).as_matrix()
     mass, centre, inertia = box_solid(SIZE, CENTRE, DENSITY)
     points, triangles = CUBOID
-    turned = surface_solid(points @ turn.T, triangles, DENSITY)
+    turned = surface_mass_properties(points @ turn.T, triangles, DENSITY)
     agree(turned, (mass, turn @ centre, turn @ inertia @ turn.T))
 
 
@@ -67,8 +76,11 @@ def test_a_tetrahedron_on_the_axes_has_its_closed_form():
     centre = np.array([a, b, c]) / 4
     second -= mass * np.outer(centre, centre)
     expected = mass, centre, np.trace(second) * np.eye(3) - second
-    agree(surface_solid(points, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], DENSITY), expected)
-    agree(volume_solid(points, [[0, 1, 2, 3]], DENSITY), expected)
+    agree(
+        surface_mass_properties(points, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], DENSITY),
+        expected,
+    )
+    agree(volume_mass_properties(points, [[0, 1, 2, 3]], DENSITY), expected)
 
 
 def test_a_polygonal_cylinder_has_its_closed_form():
@@ -82,34 +94,37 @@ def test_a_polygonal_cylinder_has_its_closed_form():
     axial = mass * r**2 * (2 + np.cos(2 * np.pi / n)) / 6
     across = axial / 2 + mass * h**2 / 12
     expected = mass, np.array([0, 0, h / 2]), np.diag([across, across, axial])
-    agree(surface_solid(points, triangles, DENSITY), expected)
+    agree(surface_mass_properties(points, triangles, DENSITY), expected)
 
 
 def test_a_shape_that_is_not_convex_is_the_sum_of_its_boxes():
-    agree(surface_solid(*l_shape(), DENSITY), l_solid(DENSITY))
+    agree(surface_mass_properties(*l_shape(), DENSITY), l_solid(DENSITY))
 
 
 def test_a_shell_turned_inward_inside_another_is_a_cavity():
     points, triangles = box((0.1, 0.2, 0.1), (1.05, -2.1, 3.0))
     hollow = together(CUBOID, (points, triangles[:, ::-1]))
     hole = box_solid((0.1, 0.2, 0.1), (1.05, -2.1, 3.0), -DENSITY)
-    agree(surface_solid(*hollow, DENSITY), sum_solids(box_solid(SIZE, CENTRE, DENSITY), hole))
+    agree(
+        surface_mass_properties(*hollow, DENSITY),
+        sum_solids(box_solid(SIZE, CENTRE, DENSITY), hole),
+    )
 
 
 def test_two_bodies_in_one_file_are_summed():
-    other = box((0.2, 0.2, 0.2), (2.0, 0, 0))
+    second = box((0.2, 0.2, 0.2), (2.0, 0, 0))
     expected = sum_solids(
         box_solid(SIZE, CENTRE, DENSITY), box_solid((0.2, 0.2, 0.2), (2.0, 0, 0), DENSITY)
     )
-    agree(surface_solid(*together(CUBOID, other), DENSITY), expected)
+    agree(surface_mass_properties(*together(CUBOID, second), DENSITY), expected)
 
 
 @pytest.mark.parametrize("where", [(0.3, 0, 0), (0.3, 0.5, 0), (0.3, 0.5, 0.7)])
 def test_shells_that_share_a_face_an_edge_or_a_corner_are_summed(where):
     # With points merged, an edge then belongs to four faces.
-    other = np.add(CENTRE, where)
-    expected = sum_solids(box_solid(SIZE, CENTRE, DENSITY), box_solid(SIZE, other, DENSITY))
-    agree(surface_solid(*together(CUBOID, box(SIZE, other)), DENSITY), expected)
+    second_centre = np.add(CENTRE, where)
+    expected = sum_solids(box_solid(SIZE, CENTRE, DENSITY), box_solid(SIZE, second_centre, DENSITY))
+    agree(surface_mass_properties(*together(CUBOID, box(SIZE, second_centre)), DENSITY), expected)
 
 
 def test_a_body_inside_a_cavity_counts():
@@ -120,10 +135,9 @@ def test_a_body_inside_a_cavity_counts():
         box_solid((0.2, 0.2, 0.2), CENTRE, -DENSITY),
         box_solid((0.1, 0.1, 0.1), CENTRE, DENSITY),
     )
-    agree(surface_solid(*nested, DENSITY), expected)
+    agree(surface_mass_properties(*nested, DENSITY), expected)
 
 
-@settings(max_examples=40, deadline=None)
 @given(
     turn=st.tuples(*[st.floats(-3, 3)] * 3),
     shift=st.tuples(*[st.floats(-5, 5)] * 3),
@@ -132,7 +146,7 @@ def test_a_body_inside_a_cavity_counts():
 def test_turning_shifting_and_relabelling_only_turn_and_shift_the_result(turn, shift, order):
     points, triangles = l_shape()
     matrix = Rotation.from_rotvec(turn).as_matrix()
-    moved = surface_solid(points @ matrix.T + shift, triangles[list(order)], DENSITY)
+    moved = surface_mass_properties(points @ matrix.T + shift, triangles[list(order)], DENSITY)
     mass, centre, inertia = l_solid(DENSITY)
     # A shift of 5 m rounds coordinates to 1e-15 m.
     assert moved.mass == pytest.approx(mass, rel=1e-12)
@@ -142,14 +156,14 @@ def test_turning_shifting_and_relabelling_only_turn_and_shift_the_result(turn, s
 
 def test_tetrahedra_and_their_boundary_enclose_the_same():
     points, _ = CUBOID
-    agree(volume_solid(points, BOX_TETRAHEDRA, DENSITY), box_solid(SIZE, CENTRE, DENSITY))
+    agree(volume_mass_properties(points, BOX_TETRAHEDRA, DENSITY), box_solid(SIZE, CENTRE, DENSITY))
     boundary = outward_faces(BOX_TETRAHEDRA)
     assert len(boundary) == 12
-    agree(surface_solid(points, boundary, DENSITY), box_solid(SIZE, CENTRE, DENSITY))
+    agree(surface_mass_properties(points, boundary, DENSITY), box_solid(SIZE, CENTRE, DENSITY))
 
 
 def write_as(folder, kind, points, cells):
-    """The same mesh in one of the formats; cells by meshio's names."""
+    """Write a mesh in one of the formats; cells by meshio's names."""
     suffix = kind.split()[0]
     path = folder / f"{kind.replace(' ', '_')}.{suffix}"
     if kind == "stl text":
@@ -187,7 +201,7 @@ def test_every_format_gives_the_same_body(tmp_path, kind):
     path = write_as(tmp_path, kind, points, {"triangle": triangles})
     # Binary STL holds single precision.
     rtol = 2e-7 if kind in ("stl", "stl solid") else 1e-12
-    agree(solid_of(path, DENSITY), l_solid(DENSITY), rtol=rtol)
+    agree(read_mass_properties(path, DENSITY), l_solid(DENSITY), rtol=rtol)
 
 
 @pytest.mark.parametrize("kind", ["msh gmsh22", "vtu"])
@@ -195,7 +209,7 @@ def test_a_volume_mesh_is_summed_over_its_cells_only(tmp_path, kind):
     points, triangles = CUBOID
     cells = {"tetra": BOX_TETRAHEDRA, "triangle": triangles[:3], "line": np.array([[0, 1]])}
     path = write_as(tmp_path, kind, points, cells)
-    agree(solid_of(path, DENSITY), box_solid(SIZE, CENTRE, DENSITY))
+    agree(read_mass_properties(path, DENSITY), box_solid(SIZE, CENTRE, DENSITY))
 
 
 def test_quadrilaterals_and_polygons_are_divided(tmp_path):
@@ -204,7 +218,7 @@ def test_quadrilaterals_and_polygons_are_divided(tmp_path):
     walls = [[k, (k + 1) % 6, (k + 1) % 6 + 6, k + 6] for k in range(6)]
     path = tmp_path / "l.obj"
     path.write_text(obj_text(points, [*floor, *walls]), encoding="utf-8")
-    agree(solid_of(path, DENSITY), l_solid(DENSITY))
+    agree(read_mass_properties(path, DENSITY), l_solid(DENSITY))
 
 
 def test_hexahedra_wedges_and_pyramids_are_divided(tmp_path):
@@ -224,7 +238,7 @@ def test_hexahedra_wedges_and_pyramids_are_divided(tmp_path):
     path = tmp_path / "bricks.vtu"
     meshio.Mesh(points * 0.1, {k: np.array(v) for k, v in cells.items()}).write(path)
     expected = box_solid((0.3, 0.1, 0.1), (0.15, 0.05, 0.05), DENSITY)
-    agree(solid_of(path, DENSITY), expected)
+    agree(read_mass_properties(path, DENSITY), expected)
 
 
 def test_neighbours_agree_on_a_face_that_is_not_plane(tmp_path):
@@ -236,13 +250,13 @@ def test_neighbours_agree_on_a_face_that_is_not_plane(tmp_path):
     cells = np.array([[0, 8, 9, 3, 4, 11, 10, 7], [8, 1, 2, 9, 11, 5, 6, 10]])
     path = tmp_path / "bent.vtu"
     meshio.Mesh(everything, {"hexahedron": cells}).write(path)
-    agree(solid_of(path, DENSITY), box_solid((2, 1, 1), (1, 0.5, 0.5), DENSITY))
+    agree(read_mass_properties(path, DENSITY), box_solid((2, 1, 1), (1, 0.5, 0.5), DENSITY))
 
 
 def test_a_file_in_millimetres_is_scaled(tmp_path):
     points, triangles = l_shape()
     path = write_as(tmp_path, "vtu", 1000 * points, {"triangle": triangles})
-    agree(solid_of(path, DENSITY, scale=0.001), l_solid(DENSITY))
+    agree(read_mass_properties(path, DENSITY, scale=0.001), l_solid(DENSITY))
 
 
 def test_corners_that_differ_by_rounding_are_one_point():
@@ -250,11 +264,15 @@ def test_corners_that_differ_by_rounding_are_one_point():
     points, triangles = l_shape()
     corners = points[triangles].reshape(-1, 3)
     noise = np.random.default_rng(2).choice([-1, 0, 1], corners.shape) * 4e-8
-    own = np.arange(len(corners)).reshape(-1, 3)
-    agree(surface_solid(corners * (1 + noise), own, DENSITY), l_solid(DENSITY), rtol=1e-6)
+    corner_numbers = np.arange(len(corners)).reshape(-1, 3)
+    agree(
+        surface_mass_properties(corners * (1 + noise), corner_numbers, DENSITY),
+        l_solid(DENSITY),
+        rtol=1e-6,
+    )
 
 
-def flipped(triangles, which):
+def flip_faces(triangles, which):
     changed = np.array(triangles)
     changed[which] = changed[which][..., ::-1]
     return changed
@@ -265,8 +283,8 @@ INNER = box((0.1, 0.1, 0.1), CENTRE)
 OUTER = box((0.1, 0.1, 0.1), (2.0, 0, 0))
 REFUSED = {
     "open": ((POINTS, TRIANGLES[1:]), ["3 of 18 edges", "one face only", "close it"]),
-    "one flipped face": ((POINTS, flipped(TRIANGLES, 4)), ["3 of 18 edges", "turned against"]),
-    "inside out": ((POINTS, TRIANGLES[:, ::-1]), ["inside out", "turn its faces"]),
+    "one flipped face": ((POINTS, flip_faces(TRIANGLES, 4)), ["3 of 18 edges", "turned against"]),
+    "inside out": ((POINTS, TRIANGLES[:, ::-1]), ["inside out", "reverse its faces"]),
     "a loose face inside": (
         (np.vstack([POINTS, [CENTRE]]), np.vstack([TRIANGLES, [0, 6, 8]])),
         ["3 of 21 edges", "one face only"],
@@ -290,42 +308,44 @@ REFUSED = {
 def test_a_surface_that_bounds_no_solid_is_refused(case):
     shape, words = REFUSED[case]
     with pytest.raises(InputError) as caught:
-        surface_solid(*shape, DENSITY)
+        surface_mass_properties(*shape, DENSITY)
     for word in words:
         assert word in str(caught.value)
 
 
 def test_tetrahedra_that_are_inside_out_flat_or_overlap_are_refused():
     with pytest.raises(InputError, match="1 of 5 tetrahedra are flat or inside out"):
-        volume_solid(POINTS, [*BOX_TETRAHEDRA[:2], [6, 1, 4, 5], *BOX_TETRAHEDRA[3:]], DENSITY)
+        volume_mass_properties(
+            POINTS, [*BOX_TETRAHEDRA[:2], [6, 1, 4, 5], *BOX_TETRAHEDRA[3:]], DENSITY
+        )
     with pytest.raises(InputError, match="5 of 5"):
-        volume_solid(POINTS * [1, 1, 0], BOX_TETRAHEDRA, DENSITY)
+        volume_mass_properties(POINTS * [1, 1, 0], BOX_TETRAHEDRA, DENSITY)
     with pytest.raises(InputError, match="overlap"):
-        volume_solid(POINTS, np.vstack([BOX_TETRAHEDRA, BOX_TETRAHEDRA[:1]]), DENSITY)
+        volume_mass_properties(POINTS, np.vstack([BOX_TETRAHEDRA, BOX_TETRAHEDRA[:1]]), DENSITY)
     with pytest.raises(InputError, match="no cells"):
-        volume_solid(POINTS, np.empty((0, 4), int), DENSITY)
+        volume_mass_properties(POINTS, np.empty((0, 4), int), DENSITY)
 
 
 @pytest.mark.parametrize("density", [0.0, -2800.0, np.nan, np.inf])
 def test_a_density_that_is_not_positive_is_refused(density):
     with pytest.raises(InputError, match="density"):
-        surface_solid(*CUBOID, density)
+        surface_mass_properties(*CUBOID, density)
     with pytest.raises(InputError, match="density"):
-        volume_solid(POINTS, BOX_TETRAHEDRA, density)
+        volume_mass_properties(POINTS, BOX_TETRAHEDRA, density)
 
 
 @pytest.mark.parametrize("scale", [0.0, -1.0, np.nan])
 def test_a_scale_that_is_not_positive_is_refused(tmp_path, scale):
     path = write_as(tmp_path, "stl", POINTS, {"triangle": TRIANGLES})
     with pytest.raises(InputError, match="metres per unit"):
-        solid_of(path, DENSITY, scale=scale)
+        read_mass_properties(path, DENSITY, scale=scale)
 
 
 def test_arrays_that_are_no_mesh_are_a_mistake_of_the_program():
     with pytest.raises(ValueError, match="not finite"):
-        surface_solid(POINTS * np.nan, TRIANGLES, DENSITY)
-    with pytest.raises(ValueError, match="not there"):
-        surface_solid(POINTS, TRIANGLES + 1, DENSITY)
+        surface_mass_properties(POINTS * np.nan, TRIANGLES, DENSITY)
+    with pytest.raises(ValueError, match="does not exist"):
+        surface_mass_properties(POINTS, TRIANGLES + 1, DENSITY)
 
 
 def binary_stl(corners):
@@ -337,11 +357,11 @@ BAD_FILES = {
     "empty.stl": (b"", ["no faces", "export"]),
     "nothing.stl": (binary_stl([]), ["no faces"]),
     "short.stl": (binary_stl(POINTS[TRIANGLES])[:-30], ["short.stl"]),
-    "nan.stl": (binary_stl([[[0, 0, 0], [1, 0, np.nan], [0, 1, 0]]]), ["no finite number"]),
+    "nan.stl": (binary_stl([[[0, 0, 0], [1, 0, np.nan], [0, 1, 0]]]), ["are not finite"]),
     "open.stl": (binary_stl(POINTS[TRIANGLES[1:]]), ["one face only"]),
     "word.obj": (b"v 0 0 zero\n", ["cannot be read as OBJ"]),
     "flat.obj": (b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", ["three coordinates"]),
-    "wrong.obj": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", ["not there"]),
+    "wrong.obj": (b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", ["does not exist"]),
     "points.obj": (b"v 0 0 0\n", ["no faces"]),
     "text.vtu": (b"hello", ["cannot be read as VTU"]),
     "other.vtu": (b"<page/>", ["cannot be read as VTU"]),
@@ -356,7 +376,7 @@ def test_a_broken_file_is_refused_by_name_and_in_silence(tmp_path, capfd, name):
     path = tmp_path / name
     path.write_bytes(content)
     with pytest.raises(InputError) as caught:
-        solid_of(path, DENSITY)
+        read_mass_properties(path, DENSITY)
     for word in (str(path), *words):
         assert word in str(caught.value)
     assert capfd.readouterr() == ("", "")
@@ -364,7 +384,7 @@ def test_a_broken_file_is_refused_by_name_and_in_silence(tmp_path, capfd, name):
 
 def test_a_missing_file_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"none\.stl does not exist"):
-        solid_of(tmp_path / "none.stl", DENSITY)
+        read_mass_properties(tmp_path / "none.stl", DENSITY)
 
 
 def test_curved_cells_are_refused_by_their_kind(tmp_path):
@@ -372,7 +392,7 @@ def test_curved_cells_are_refused_by_their_kind(tmp_path):
     points = np.vstack([POINTS, POINTS])
     meshio.Mesh(points, {"tetra10": np.arange(10)[None]}).write(path)
     with pytest.raises(InputError, match="cells of kind tetra10"):
-        solid_of(path, DENSITY)
+        read_mass_properties(path, DENSITY)
 
 
 def test_the_boxes_of_these_tests_are_turned_outward():

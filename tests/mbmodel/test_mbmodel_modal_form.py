@@ -7,7 +7,7 @@ import pytest
 from mbmodel_examples import (
     mass_on_spring,
     mjcf,
-    question,
+    random_request,
     random_tree,
     sensor_dofs,
     some_dofs,
@@ -15,7 +15,7 @@ from mbmodel_examples import (
 )
 
 from identification.words import Dof
-from mbmodel import Evaluator, Question, as_drawn, linearise, modes_of_matrices
+from mbmodel import Evaluator, FrfRequest, as_drawn, linearise, modes_of_matrices
 from mbmodel.frf.modal_form import modal_form
 
 # DESIGN: error of a fast FRF at most 1e-10. Relative to a channel's peak, as antiresonances are
@@ -24,10 +24,10 @@ AGREEMENT = 1e-10
 QUANTITIES = ["receptance", "mobility", "accelerance"]
 
 
-def against_direct(model, theta, asked):
+def against_direct(model, theta, frf_request):
     """Worst channel of the modal evaluator, and whether the modal form answered."""
-    fast = Evaluator(model, asked).at(theta)
-    exact = Evaluator(model, asked, direct=True).at(theta)
+    fast = Evaluator(model, frf_request).at(theta)
+    exact = Evaluator(model, frf_request, direct=True).at(theta)
     assert exact.solver.form is None
     return worst_of_channels(fast.values, exact.values), fast.solver.form is not None
 
@@ -37,15 +37,15 @@ def test_the_stations_modal_frfs_are_those_of_the_direct_solve(station_model, aw
     machine = station_model.machine
     hits = tuple(map(Dof.parse, ["acc11:+tx", "acc11:-tz", "acc17:+ty"]))
     freq = np.linspace(0.0, 250.0, 126)
-    asked = Question(freq, sensor_dofs(machine), hits, quantity)
-    error, modal = against_direct(station_model, away, asked)
+    frf_request = FrfRequest(freq, sensor_dofs(machine), hits, quantity)
+    error, modal = against_direct(station_model, away, frf_request)
     assert modal
     assert error < AGREEMENT
 
 
 def test_a_windowed_answer_is_that_of_the_direct_solve(station_model, away):
-    asked = question(station_model.machine, np.linspace(0, 250, 51), window_tau=0.3)
-    error, modal = against_direct(station_model, away, asked)
+    frf_request = random_request(station_model.machine, np.linspace(0, 250, 51), window_tau=0.3)
+    error, modal = against_direct(station_model, away, frf_request)
     assert modal
     assert error < AGREEMENT
 
@@ -56,18 +56,20 @@ def test_an_overdamped_station_is_answered_as_by_the_direct_solve(station_model,
     theta[[p.name.endswith("damping") for p in station_model.parameters]] *= 60
     poles = modes_of_matrices(station_model.matrices(theta)).poles
     assert (poles.imag == 0).sum() >= 10
-    asked = question(station_model.machine, np.linspace(0, 250, 51), quantity=quantity)
+    frf_request = random_request(station_model.machine, np.linspace(0, 250, 51), quantity=quantity)
     # Whether the modal form is exact enough here (2e-10 of a coordinate's peak) is the evaluator's
     # to decide; the answer is right either way.
-    error, _ = against_direct(station_model, theta, asked)
+    error, _ = against_direct(station_model, theta, frf_request)
     assert error < AGREEMENT
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_skew_tree_is_answered_as_by_the_direct_solve(from_text, seed):
     model = as_drawn(from_text(random_tree(seed)))
-    asked = question(model.machine, np.linspace(0.5, 400, 60), n_out=7, n_in=3, seed=seed)
-    error, _ = against_direct(model, model.drawn, asked)
+    frf_request = random_request(
+        model.machine, np.linspace(0.5, 400, 60), n_out=7, n_in=3, seed=seed
+    )
+    error, _ = against_direct(model, model.drawn, frf_request)
     assert error < AGREEMENT
 
 
@@ -77,8 +79,8 @@ def test_a_skew_tree_is_reciprocal(from_text, seed, direct):
     # Maxwell-Betti: K, C and M are symmetric, so H_ij = H_ji whatever the labels.
     model = as_drawn(from_text(random_tree(seed)))
     dofs = some_dofs(model.machine, 5, seed)
-    asked = Question(np.linspace(0.5, 400, 30), dofs, dofs)
-    H = Evaluator(model, asked, direct=direct).at(model.drawn).values
+    frf_request = FrfRequest(np.linspace(0.5, 400, 30), dofs, dofs)
+    H = Evaluator(model, frf_request, direct=direct).at(model.drawn).values
     assert worst_of_channels(H.transpose(0, 2, 1), H) < AGREEMENT
 
 
@@ -89,11 +91,11 @@ def test_a_gyroscopic_station_is_not_reciprocal_but_right(station_model):
     gyroscopic[rx, ry], gyroscopic[ry, rx] = 8e4, -8e4
     model = as_drawn(replace(machine, remaining_damping=gyroscopic))
     dofs = tuple(map(Dof.parse, ["acc21:+tx", "acc22:+tz", "acc5:-ty"]))
-    asked = Question(np.linspace(1, 250, 50), dofs, dofs)
-    error, modal = against_direct(model, model.drawn, asked)
+    frf_request = FrfRequest(np.linspace(1, 250, 50), dofs, dofs)
+    error, modal = against_direct(model, model.drawn, frf_request)
     assert modal
     assert error < AGREEMENT
-    H = linearise(model, model.drawn, asked).values
+    H = linearise(model, model.drawn, frf_request).values
     assert worst_of_channels(H.transpose(0, 2, 1), H) > 1e-3
 
 
@@ -104,12 +106,12 @@ def test_unsymmetric_stiffness_has_no_modal_form_and_is_solved_directly(station_
     model = as_drawn(replace(machine, remaining_stiffness=follower))
     assert modal_form(model.matrices(model.drawn)) is None
     dofs = some_dofs(machine, 4, 3)
-    asked = Question(np.linspace(1, 250, 20), dofs, dofs[:2])
-    lines = linearise(model, model.drawn, asked)
+    frf_request = FrfRequest(np.linspace(1, 250, 20), dofs, dofs[:2])
+    lines = linearise(model, model.drawn, frf_request)
     assert lines.solver.form is None
     rows = machine.layout.rows(dofs) @ machine.jacobian
     matrices = model.matrices(model.drawn)
-    for k, s in enumerate(2j * np.pi * asked.freq_hz):
+    for k, s in enumerate(2j * np.pi * frf_request.freq_hz):
         exact = s**2 * rows @ np.linalg.solve(matrices.dynamic_stiffness(s), rows[:2].T)
         np.testing.assert_allclose(lines.values[k], exact, rtol=1e-9, atol=1e-18)
 
@@ -127,7 +129,7 @@ def test_a_critically_damped_mass_is_right(from_text, quantity, factor):
     model = as_drawn(from_text(mjcf(mass_on_spring(mass, k, c))))
     freq = np.linspace(0.0, 600.0, 61)
     dof = (Dof.parse("acc1:+tz"),)
-    H = linearise(model, model.drawn, Question(freq, dof, dof, quantity)).values
+    H = linearise(model, model.drawn, FrfRequest(freq, dof, dof, quantity)).values
     s = 2j * np.pi * freq
     power = QUANTITIES.index(quantity)
     expected = s**power / (mass * s**2 + c * s + k)
@@ -145,7 +147,7 @@ def test_a_critically_damped_mass_beside_a_soft_one_is_right(from_text, factor):
     model = as_drawn(from_text(mjcf(soft + stiff)))
     freq = np.linspace(0, 42, 301)
     dofs = tuple(map(Dof.parse, ["acc1:+tx", "acc2:+tx"]))
-    H = linearise(model, model.drawn, Question(freq, dofs, dofs)).values
+    H = linearise(model, model.drawn, FrfRequest(freq, dofs, dofs)).values
     s = 2j * np.pi * freq
     expected = s**2 / (m * s**2 + c * s + k)
     assert worst_of_channels(H[:, 1, 1], expected) < 1e-9
@@ -155,7 +157,7 @@ def test_an_undamped_machine_is_right_between_its_poles(from_text):
     model = as_drawn(from_text(mjcf(mass_on_spring(4.0, 3e4, 0.0))))
     freq = np.array([0.0, 5.0, 13.0, 14.5, 40.0])
     dof = (Dof.parse("acc1:+tz"),)
-    H = linearise(model, model.drawn, Question(freq, dof, dof, "receptance")).values[:, 0, 0]
+    H = linearise(model, model.drawn, FrfRequest(freq, dof, dof, "receptance")).values[:, 0, 0]
     np.testing.assert_allclose(H, 1 / (3e4 - 4 * (2 * np.pi * freq) ** 2), rtol=1e-12)
 
 
@@ -169,12 +171,12 @@ def test_modal_shapes_of_the_transpose_swap_rows_and_columns(station_model):
 
 def test_a_machine_with_two_equal_modes_is_right(from_text):
     # Semisimple double poles: any pair of independent shapes serves.
-    one = mass_on_spring(4.0, 3e4, 11.0, name="a", node=1)
-    other = mass_on_spring(4.0, 3e4, 11.0, name="b", node=2, pos="2 0 0")
-    model = as_drawn(from_text(mjcf(one + other)))
+    first = mass_on_spring(4.0, 3e4, 11.0, name="a", node=1)
+    second = mass_on_spring(4.0, 3e4, 11.0, name="b", node=2, pos="2 0 0")
+    model = as_drawn(from_text(mjcf(first + second)))
     dofs = tuple(map(Dof.parse, ["acc1:+tz", "acc2:+tz"]))
     error, modal = against_direct(
-        model, model.drawn, Question(np.linspace(0, 30, 31), dofs, dofs, "receptance")
+        model, model.drawn, FrfRequest(np.linspace(0, 30, 31), dofs, dofs, "receptance")
     )
     assert modal
     assert error < AGREEMENT

@@ -22,8 +22,8 @@ from test_mbmodel_slopes import assert_gradient_is_contraction, worst_column
 from identification.words import Dof
 from mbmodel import (
     Evaluator,
+    FrfRequest,
     Model,
-    Question,
     as_drawn,
     body_parts,
     hammer_parts,
@@ -75,10 +75,10 @@ def sensors(machine, count=6, seed=3):
 
 def ask(machine, **changed):
     outputs, inputs = sensors(machine)
-    return Question(FREQ, outputs, inputs, **changed)
+    return FrfRequest(FREQ, outputs, inputs, **changed)
 
 
-def hung(seed=0):
+def sprung_pendulum(seed=0):
     """Stages under gravity that sag little and swing: a pendulum on a sprung stage, skew."""
     turn = numbers(Rotation.random(random_state=seed).as_quat())
     bob = (
@@ -105,20 +105,20 @@ FAMILIES = {
 }
 
 
-@pytest.fixture(scope="module", params=["station", "skew", "hung"])
+@pytest.fixture(scope="module", params=["station", "skew", "pendulum"])
 def machine(request, station, from_text):
     if request.param == "station":
         return station
-    return from_text(random_tree(4, n_body=3) if request.param == "skew" else hung())
+    return from_text(random_tree(4, n_body=3) if request.param == "skew" else sprung_pendulum())
 
 
-def differences(model, theta, asked, step=5e-3):
+def differences(model, theta, frf_request, step=5e-3):
     """Sixth-order central differences of the direct solve by each parameter in its own size.
 
     Rounding leaves 1e-14 / step of H, 2e-12; the truncation at the tested damping is below 1e-9 of
     a column, as it must be for ``worst_column`` to stay below 1e-6 where columns are small.
     """
-    evaluator = Evaluator(model, asked, direct=True)
+    evaluator = Evaluator(model, frf_request, direct=True)
     columns = []
     for k, parameter in enumerate(model.parameters):
         move = step * size_of(parameter) * np.eye(len(theta))[k]
@@ -137,10 +137,10 @@ def differences(model, theta, asked, step=5e-3):
 @pytest.mark.parametrize("quantity", ["accelerance", "receptance"])
 def test_columns_are_differences_of_finite_changes(machine, family, quantity):
     model = Model(machine, FAMILIES[family](machine)[:3] + spring_parts(machine)[:1])
-    theta, asked = off(model), ask(machine, quantity=quantity)
-    lines = linearise(model, theta, asked)
+    theta, frf_request = off(model), ask(machine, quantity=quantity)
+    lines = linearise(model, theta, frf_request)
     sizes = np.array([size_of(parameter) for parameter in model.parameters])
-    expected = differences(model, theta, asked)
+    expected = differences(model, theta, frf_request)
     assert worst_column(lines.columns() * sizes, expected, lines.values) < 1e-6
 
 
@@ -163,20 +163,20 @@ def everything(machine, inputs):
 
 
 def test_the_gradient_of_everything_at_once_is_the_columns_times_the_cotangent(machine):
-    asked = ask(machine)
-    model = everything(machine, asked.inputs)
-    assert_gradient_is_contraction(linearise(model, off(model, amount=0.3), asked))
+    frf_request = ask(machine)
+    model = everything(machine, frf_request.inputs)
+    assert_gradient_is_contraction(linearise(model, off(model, amount=0.3), frf_request))
 
 
 def test_hammer_columns_are_differences_and_move_their_own_input_only(machine):
-    asked = ask(machine)
-    model = Model(machine, hammer_parts(machine, asked.inputs[:1]))
+    frf_request = ask(machine)
+    model = Model(machine, hammer_parts(machine, frf_request.inputs[:1]))
     theta = off(model)
-    lines = linearise(model, theta, asked)
+    lines = linearise(model, theta, frf_request)
     sizes = np.array([size_of(parameter) for parameter in model.parameters])
     columns = lines.columns() * sizes
     assert not columns[:, :, 1].any()
-    expected = differences(model, theta, asked)[:, :, :1]
+    expected = differences(model, theta, frf_request)[:, :, :1]
     assert worst_column(columns[:, :, :1], expected, lines.values[:, :, :1]) < 1e-6
     assert_gradient_is_contraction(lines)
 
@@ -185,8 +185,8 @@ def test_the_hammer_of_one_direction_leaves_the_sensor_there_alone(station):
     outputs, inputs = (Dof("acc11", "+ty"),), (Dof("acc11", "+tx"), Dof("acc11", "+ty"))
     model = Model(station, hammer_parts(station, inputs[:1]))
     theta = np.array([0.1, -0.2, 0.3, 0.01, 0.02, -0.03])
-    asked = Question(FREQ, outputs, inputs)
-    drawn, hit = (linearise(model, t, asked).values for t in (model.drawn, theta))
+    frf_request = FrfRequest(FREQ, outputs, inputs)
+    drawn, hit = (linearise(model, t, frf_request).values for t in (model.drawn, theta))
     np.testing.assert_array_equal(hit[:, 0, 1], drawn[:, 0, 1])
     assert (np.abs(hit[:, 0, 0] - drawn[:, 0, 0]) > 1e-3 * np.abs(drawn[:, 0, 0])).all()
 
@@ -201,12 +201,12 @@ def assert_rebuilt_answers_alike(model, theta, tmp_path, *, within):
     again, missing = rebuilt(model, theta, tmp_path)
     assert not missing
     outputs, inputs = sensors(model.machine)
-    asked = Question(FREQ, outputs, inputs)
-    expected = linearise(again, again.drawn, asked).values
-    drawn = linearise(model, model.drawn, asked).values
-    found = linearise(model, theta, asked).values
-    assert worst_of_channels(found, expected) < within
-    assert worst_of_channels(found, drawn) > 100 * within  # the change is one
+    frf_request = FrfRequest(FREQ, outputs, inputs)
+    expected = linearise(again, again.drawn, frf_request).values
+    drawn = linearise(model, model.drawn, frf_request).values
+    values = linearise(model, theta, frf_request).values
+    assert worst_of_channels(values, expected) < within
+    assert worst_of_channels(values, drawn) > 100 * within  # the change is one
 
 
 @pytest.mark.parametrize("family", ["bodies", "joints"])
@@ -234,9 +234,9 @@ def test_displaced_and_turned_sensors_are_those_rebuilt_from_the_mjcf(from_text,
     assert not missing
     outputs, _ = sensors(machine)
     inputs = some_dofs(replace_points(machine), 2, 5)  # at bodies: a moved site would move the hit
-    asked = Question(FREQ, outputs, inputs)
-    expected = linearise(again, again.drawn, asked).values
-    assert worst_of_channels(linearise(model, theta, asked).values, expected) < 1e-9
+    frf_request = FrfRequest(FREQ, outputs, inputs)
+    expected = linearise(again, again.drawn, frf_request).values
+    assert worst_of_channels(linearise(model, theta, frf_request).values, expected) < 1e-9
 
 
 def replace_points(machine):
@@ -251,7 +251,7 @@ def replace_points(machine):
     return replace(machine, layout=bare)
 
 
-def test_gains_are_said_not_to_be_held_by_the_mjcf(station, tmp_path):
+def test_gains_are_reported_as_not_in_the_mjcf(station, tmp_path):
     model = Model(station, sensor_parts(station)[:1])
     theta = model.drawn.copy()
     theta[1] = 1.02
@@ -259,7 +259,7 @@ def test_gains_are_said_not_to_be_held_by_the_mjcf(station, tmp_path):
     assert [str(m) for m in missing] == ["acc17.gain_y (an MJCF site has no gain)"]
 
 
-def test_a_hit_of_one_direction_is_said_not_to_be_held_by_the_mjcf(station, tmp_path):
+def test_a_hit_of_one_direction_is_reported_as_not_in_the_mjcf(station, tmp_path):
     model = Model(station, hammer_parts(station, (Dof("acc11", "+ty"),)))
     _, missing = rebuilt(model, off(model), tmp_path)
     assert [m.name for m in missing] == ["hammer(acc11:ty)"]
@@ -274,20 +274,24 @@ def test_a_turned_hit_is_that_of_a_turned_site(station, tmp_path, axis):
     hit = (Dof.of("acc11", axis),)
     model = Model(station, (*spring_parts(station), *hammer_parts(station, hit)))
     outputs = tuple(Dof.parse(label) for label in ("acc7:+tx", "acc1:-ty", "acc20:+tz"))
-    asked = Question(FREQ, outputs, hit)
-    expected = linearise(again, again.drawn, asked).values
-    found = linearise(model, np.concatenate([as_drawn(station).drawn, theta[3:]]), asked).values
-    assert worst_of_channels(found, expected) < 1e-9
+    frf_request = FrfRequest(FREQ, outputs, hit)
+    expected = linearise(again, again.drawn, frf_request).values
+    values = linearise(
+        model, np.concatenate([as_drawn(station).drawn, theta[3:]]), frf_request
+    ).values
+    assert worst_of_channels(values, expected) < 1e-9
 
 
 def test_a_gain_multiplies_its_channel(station):
     acc7 = tuple(p for p in sensor_parts(station) if "acc7" in p.location)
     model = Model(station, (*acc7, *spring_parts(station)))
     outputs = (Dof("acc7", "+tx"), Dof("acc7", "-ty"), Dof("acc8", "+tx"))
-    asked = Question(FREQ, outputs, (Dof("acc11", "+tx"),))
+    frf_request = FrfRequest(FREQ, outputs, (Dof("acc11", "+tx"),))
     theta = model.drawn.copy()
     theta[:2] = 1.1, 0.7
-    drawn, off_drawing = (linearise(model, t, asked).values[:, :, 0] for t in (model.drawn, theta))
+    drawn, off_drawing = (
+        linearise(model, t, frf_request).values[:, :, 0] for t in (model.drawn, theta)
+    )
     np.testing.assert_allclose(off_drawing, drawn * [1.1, 0.7, 1.0], rtol=1e-13)
 
 
@@ -320,7 +324,7 @@ def test_a_lower_pivot_shortens_the_pendulum(from_text):
 
 def test_under_gravity_the_rebuilt_machine_differs_by_its_new_sag_only(from_text, tmp_path):
     # The Part keeps the pose at rest: mass + 2 % moves the sag m g / k of 1.3 mm by 26 um.
-    machine = from_text(hung())
+    machine = from_text(sprung_pendulum())
     model = Model(machine, spring_parts(machine) + body_parts(machine))
     theta = model.drawn.copy()
     heavier = [k for k, p in enumerate(model.parameters) if p.name.endswith(".mass")]

@@ -137,7 +137,7 @@ def test_a_missing_file_is_named(tmp_path):
 
 
 def test_a_folder_is_no_machine(tmp_path):
-    with pytest.raises(InputError, match="name an MJCF file"):
+    with pytest.raises(InputError, match="give the path of an MJCF file"):
         load_machine(tmp_path)
 
 
@@ -172,7 +172,7 @@ def test_a_contact_that_is_switched_off_is_no_obstacle(from_text):
 
 def test_a_sensor_and_a_hammer_point_may_share_a_node(from_text):
     machine = from_text(GOOD.replace("<site", '<site name="hit1"/><site', 1))
-    assert (machine.layout.sensor(1), machine.layout.hammer(1)) == ("acc1", "hit1")
+    assert (machine.layout.sensor_at_node(1), machine.layout.hammer_at_node(1)) == ("acc1", "hit1")
 
 
 def test_a_block_that_rests_on_its_contacts_is_told_of_them(from_text):

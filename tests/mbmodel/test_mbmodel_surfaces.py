@@ -8,7 +8,7 @@ import pytest
 
 from mbmodel import load_machine
 from mbmodel.geometry.primitives import box, capsule, cylinder
-from mbmodel.geometry.surfaces import looks, sharp_edges, simplified
+from mbmodel.geometry.surfaces import machine_geometry, sharp_edges, simplify_mesh
 
 MJCF = """
 <mujoco>
@@ -53,12 +53,12 @@ def machine(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def shown(machine):
-    return looks(machine)
+def geometry(machine):
+    return machine_geometry(machine)
 
 
 @pytest.fixture(scope="module")
-def settled(machine):
+def settled_data(machine):
     """MuJoCo's own account of the same machine, let down by hand to where it rests."""
     model = mujoco.MjModel.from_xml_path(str(machine.source))
     model.opt.timestep = 1e-3
@@ -70,54 +70,54 @@ def settled(machine):
     return model, data
 
 
-def by_colour(shown, colour):
-    (found,) = [s for s in shown.surfaces if s.colour == pytest.approx(colour)]
-    return found
+def by_colour(geometry, colour):
+    (surface,) = [s for s in geometry.surfaces if s.colour == pytest.approx(colour)]
+    return surface
 
 
-def test_the_corners_of_a_box_lie_where_mujoco_has_them_at_rest(shown, settled):
-    model, data = settled
+def test_the_corners_of_a_box_lie_where_mujoco_has_them_at_rest(geometry, settled_data):
+    model, data = settled_data
     geom = model.geom("top").id
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     axes = data.geom_xmat[geom].reshape(3, 3)
     corners = data.geom_xpos[geom] + (signs * model.geom_size[geom]) @ axes.T
-    vertices = by_colour(shown, (0.9, 0.1, 0.2, 1)).vertices
+    vertices = by_colour(geometry, (0.9, 0.1, 0.2, 1)).vertices
     assert np.sort(vertices, axis=0) == pytest.approx(np.sort(corners, axis=0), abs=1e-6)
     assert abs(data.qpos[0]) > 0.05  # it sags, so that the drawn place would be seen to differ
 
 
-def test_a_welded_body_moves_with_the_stage_that_carries_it(shown):
-    assert by_colour(shown, (0.1, 0.2, 0.3, 1)).stage == "table"
+def test_a_welded_body_moves_with_the_stage_that_carries_it(geometry):
+    assert by_colour(geometry, (0.1, 0.2, 0.3, 1)).stage == "table"
 
 
-def test_what_stands_on_the_world_has_no_stage(shown):
-    assert by_colour(shown, (0.5, 0.6, 0.7, 1)).stage is None
+def test_what_stands_on_the_world_has_no_stage(geometry):
+    assert by_colour(geometry, (0.5, 0.6, 0.7, 1)).stage is None
 
 
-def test_planes_and_hidden_groups_are_left_out(shown):
+def test_planes_and_hidden_groups_are_left_out(geometry):
     # foot, top, ball, and the box of the bare stage
-    assert len(shown.surfaces) == 4
+    assert len(geometry.surfaces) == 4
 
 
-def test_a_stage_without_geom_gets_a_box_at_its_centre_of_mass(machine, shown):
-    assert shown.boxed == ("bare",)
-    (made,) = [s for s in shown.surfaces if s.stage == "bare"]
+def test_a_stage_without_geom_gets_a_box_at_its_centre_of_mass(machine, geometry):
+    assert geometry.boxed == ("bare",)
+    (placeholder,) = [s for s in geometry.surfaces if s.stage == "bare"]
     centre = machine.layout.centres[machine.layout.bodies.index("bare")]
-    assert made.vertices.mean(axis=0) == pytest.approx(centre)
+    assert placeholder.vertices.mean(axis=0) == pytest.approx(centre)
 
 
-def test_a_tendon_runs_through_its_sites_each_with_its_own_stage(shown, settled):
-    model, data = settled
-    (line,) = shown.lines
+def test_a_tendon_runs_through_its_sites_each_with_its_own_stage(geometry, settled_data):
+    model, data = settled_data
+    (line,) = geometry.lines
     assert line.stages == (None, "table", "bare")
     sites = [data.site_xpos[model.site(name).id] for name in ("anchor", "hook", "eye")]
     assert line.points == pytest.approx(np.array(sites), abs=1e-6)
 
 
-def test_every_vertex_of_an_ellipsoid_lies_on_it(shown, settled):
-    model, data = settled
+def test_every_vertex_of_an_ellipsoid_lies_on_it(geometry, settled_data):
+    model, data = settled_data
     geom = model.geom("ball").id
-    vertices = by_colour(shown, (0.1, 0.2, 0.3, 1)).vertices
+    vertices = by_colour(geometry, (0.1, 0.2, 0.3, 1)).vertices
     inside = (vertices - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
     assert ((inside / model.geom_size[geom]) ** 2).sum(axis=1) == pytest.approx(1.0, abs=1e-5)
 
@@ -161,12 +161,12 @@ def test_a_ball_is_outlined_by_its_great_circles():
 
 def test_a_mesh_of_many_triangles_is_made_smaller_and_keeps_its_size():
     vertices, triangles = capsule(np.ones(3), 0.0)
-    fewer_points, fewer = simplified(vertices, triangles, limit=300)
+    fewer_points, fewer = simplify_mesh(vertices, triangles, limit=300)
     assert 50 < len(fewer) <= 300
     assert np.ptp(fewer_points, axis=0) == pytest.approx([2, 2, 2], rel=0.15)
 
 
 def test_the_legs_of_the_station_join_spindle_and_hexapod():
     path = Path(__file__).resolve().parents[2] / "assets" / "microstation" / "station_legs.xml"
-    shown = looks(load_machine(path))
-    assert [line.stages for line in shown.lines] == 6 * [("spindle", "hexapod")]
+    geometry = machine_geometry(load_machine(path))
+    assert [line.stages for line in geometry.lines] == 6 * [("spindle", "hexapod")]

@@ -14,8 +14,8 @@ from test_mbmodel_slopes import assert_gradient_is_contraction, worst_column
 
 from identification.words import Dof
 from mbmodel import (
+    FrfRequest,
     Model,
-    Question,
     as_drawn,
     body_parts,
     joint_parts,
@@ -63,7 +63,7 @@ PATHS = {
 }
 
 
-def tied(path, **spring):
+def two_tied_stages(path, **spring):
     """Two stages on springs and one tendon between them."""
     attributes = {"stiffness": 7e3, "damping": 3, **spring}
     words = " ".join(f'{key}="{value}"' for key, value in attributes.items())
@@ -73,7 +73,7 @@ def tied(path, **spring):
 
 @pytest.mark.parametrize("path", PATHS)
 def test_the_pull_at_bodies_is_mujocos_row_in_joint_coordinates(from_text, path):
-    machine = from_text(tied(path))
+    machine = from_text(two_tied_stages(path))
     (spring,) = (s for s in machine.springs if s.name == "t")
     assert np.abs(spring.direction).max() > 0.1
     np.testing.assert_allclose(
@@ -83,22 +83,22 @@ def test_the_pull_at_bodies_is_mujocos_row_in_joint_coordinates(from_text, path)
 
 @pytest.mark.parametrize("path", PATHS)
 def test_columns_are_right_where_joints_move_a_tendon(from_text, path):
-    machine = from_text(tied(path))
+    machine = from_text(two_tied_stages(path))
     model = Model(machine, spring_parts(machine) + joint_parts(machine))
     theta = off(model, amount=0.5)
     outputs, inputs = sensors(machine)
-    asked = Question(np.array([5.0, 13.0, 21.0]), outputs, inputs)
-    lines = linearise(model, theta, asked)
+    frf_request = FrfRequest(np.array([5.0, 13.0, 21.0]), outputs, inputs)
+    lines = linearise(model, theta, frf_request)
     sizes = np.array([size_of(parameter) for parameter in model.parameters])
-    assert worst_column(lines.columns() * sizes, differences(model, theta, asked), lines.values) < (
-        1e-6
-    )
+    assert worst_column(
+        lines.columns() * sizes, differences(model, theta, frf_request), lines.values
+    ) < (1e-6)
     assert_gradient_is_contraction(lines)
 
 
 @pytest.mark.parametrize("path", PATHS)
 def test_a_tendon_follows_joints_that_move(from_text, path, tmp_path):
-    machine = from_text(tied(path))
+    machine = from_text(two_tied_stages(path))
     model = Model(machine, spring_parts(machine) + joint_parts(machine) + body_parts(machine))
     assert_rebuilt_answers_alike(model, off(model, amount=0.5), tmp_path, within=1e-9)
 
@@ -131,11 +131,11 @@ def test_columns_by_a_legs_stiffness_and_damping_are_differences(legs):
     whole = Model(legs, spring_parts(legs))
     theta = off(whole)
     outputs = tuple(map(Dof.parse, ["acc1:+tx", "acc2:-ty", "acc21:+tz"]))
-    asked = Question(np.array([30.0, 88.0, 140.0]), outputs, (Dof("acc11", "+tx"),))
-    lines = linearise(whole, theta, asked)
+    frf_request = FrfRequest(np.array([30.0, 88.0, 140.0]), outputs, (Dof("acc11", "+tx"),))
+    lines = linearise(whole, theta, frf_request)
     sizes = np.array([size_of(parameter) for parameter in whole.parameters])
     columns = (lines.columns() * sizes)[..., -12:]
-    expected = differences(whole, theta, asked)[..., -12:]
+    expected = differences(whole, theta, frf_request)[..., -12:]
     assert worst_column(columns, expected, lines.values) < 1e-6
     assert_gradient_is_contraction(lines)
     assert [p.name for p in model.parameters][-2:] == ["leg6.stiffness", "leg6.damping"]
@@ -157,8 +157,10 @@ def test_a_leg_of_twice_the_stiffness_changes_its_own_direction_only(legs):
 
 def test_the_station_on_legs_moves_like_the_station_below_the_hexapods_own_modes(station, legs):
     outputs = tuple(Dof.of(name, axis) for name in ("acc7", "acc12", "acc20") for axis in range(3))
-    asked = Question(np.linspace(5, 30, 11), outputs, (Dof("acc11", "+tx"), Dof("acc11", "+tz")))
-    one, other = (as_drawn(machine) for machine in (station, legs))
-    expected = linearise(one, one.drawn, asked).values
-    values = linearise(other, other.drawn, asked).values
+    frf_request = FrfRequest(
+        np.linspace(5, 30, 11), outputs, (Dof("acc11", "+tx"), Dof("acc11", "+tz"))
+    )
+    with_joints, with_legs = (as_drawn(machine) for machine in (station, legs))
+    expected = linearise(with_joints, with_joints.drawn, frf_request).values
+    values = linearise(with_legs, with_legs.drawn, frf_request).values
     assert worst_of_channels(values, expected) < 0.05

@@ -8,7 +8,7 @@ from mbmodel_examples import STATION, mass_on_spring, mjcf
 from test_mbmodel_inputs import driven
 
 from identification.words import Dof, Motor, UsageError
-from mbmodel import Question, as_drawn, load_machine, respond, state_space
+from mbmodel import FrfRequest, as_drawn, load_machine, simulate, state_space
 
 LEGS = STATION.with_name("station_legs.xml")
 
@@ -25,10 +25,10 @@ def test_one_mass_follows_its_closed_form_under_a_parabola(from_text):
     model = as_drawn(from_text(mjcf(mass_on_spring(m, k, c))))
     time_s = np.linspace(0, 0.5, 41)
     dof = (Dof("acc1", "+tz"),)
-    found = respond(
+    response = simulate(
         model,
         model.drawn,
-        Question(np.ones(1), dof, dof, "receptance"),
+        FrfRequest(np.ones(1), dof, dof, "receptance"),
         time_s,
         time_s[:, None] ** 2,
     )
@@ -40,24 +40,24 @@ def test_one_mass_follows_its_closed_form_under_a_parabola(from_text):
         -a0 * np.cos(w * time_s) + (-a1 - decay * a0) / w * np.sin(w * time_s)
     )
     expected = a2 * time_s**2 + a1 * time_s + a0 + free
-    np.testing.assert_allclose(found[:, 0], expected, atol=1e-11 * np.abs(expected).max())
+    np.testing.assert_allclose(response[:, 0], expected, atol=1e-11 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize("quantity", ["receptance", "mobility", "accelerance"])
 def test_python_control_gives_the_same_at_a_fine_step(from_text, quantity):
     model = as_drawn(from_text(driven()))
     inputs = (Motor("push"), Dof("floor", "+tz"), Dof("acc2", "-tz"))
-    asked = Question(np.ones(1), (Dof("acc1", "+tz"), Dof("b", "-tz")), inputs, quantity)
+    frf_request = FrfRequest(np.ones(1), (Dof("acc1", "+tz"), Dof("b", "-tz")), inputs, quantity)
     coarse = np.linspace(0, 0.2, 201)
     fine = np.linspace(0, 0.2, 20 * 200 + 1)
     signals = [
         np.stack([burst(t), 2 * burst(t, low=50), -burst(t, high=90)], 1) for t in (coarse, fine)
     ]
-    found = respond(model, model.drawn, asked, coarse, signals[0])
-    system = state_space(model, model.drawn, asked)
+    response = simulate(model, model.drawn, frf_request, coarse, signals[0])
+    system = state_space(model, model.drawn, frf_request)
     expected = control.forced_response(system, fine, signals[1].T).outputs.T[::20]
     # The first-order hold errs by (w dt)^2 / 12 = 2e-4 at 160 Hz and 50 us, the spline by 1e-5.
-    assert np.abs(found - expected).max() < 3e-4 * np.abs(expected).max()
+    assert np.abs(response - expected).max() < 3e-4 * np.abs(expected).max()
 
 
 def mujoco_response(path, force, time_end, step, outputs):
@@ -97,8 +97,8 @@ def test_the_station_moves_as_in_mujoco_at_small_motion(path):
     time_end, samples = 0.15, 150
     time_s = np.arange(samples * 8) * time_end / samples / 8
     force = 3 * burst(time_s)  # at 30 N the kinematics of a rotation squared show: 1.4e-5
-    asked = Question(np.ones(1), dofs, (Dof("acc11", "+ty"),), "receptance")
-    found = respond(model, model.drawn, asked, time_s, force[:, None])[::8]
+    frf_request = FrfRequest(np.ones(1), dofs, (Dof("acc11", "+ty"),), "receptance")
+    response = simulate(model, model.drawn, frf_request, time_s, force[:, None])[::8]
     step, before = 2e-5, None
     for _ in range(5):
         expected = mujoco_response(path, lambda t: 3 * burst(np.array(t)), time_end, step, outputs)
@@ -108,15 +108,15 @@ def test_the_station_moves_as_in_mujoco_at_small_motion(path):
         step, before = step / 2, expected
     else:
         pytest.fail("MuJoCo's step does not settle")
-    assert (np.abs(found - expected) < 1e-5 * peak).all()
+    assert (np.abs(response - expected) < 1e-5 * peak).all()
 
 
 def test_uneven_time_and_ill_fitting_signals_are_refused(station_model):
     dof = (Dof("acc1", "+tx"),)
-    asked = Question(np.ones(1), dof, dof)
+    frf_request = FrfRequest(np.ones(1), dof, dof)
     with pytest.raises(UsageError, match="not evenly spaced"):
-        respond(station_model, station_model.drawn, asked, [0, 1, 3, 4], np.zeros((4, 1)))
+        simulate(station_model, station_model.drawn, frf_request, [0, 1, 3, 4], np.zeros((4, 1)))
     with pytest.raises(UsageError, match="at least 4"):
-        respond(station_model, station_model.drawn, asked, [0, 1, 2], np.zeros((3, 1)))
+        simulate(station_model, station_model.drawn, frf_request, [0, 1, 2], np.zeros((3, 1)))
     with pytest.raises(UsageError, match=r"expected \(5, 1\)"):
-        respond(station_model, station_model.drawn, asked, np.arange(5), np.zeros((4, 1)))
+        simulate(station_model, station_model.drawn, frf_request, np.arange(5), np.zeros((4, 1)))

@@ -7,11 +7,11 @@ import pytest
 from exudyn_twin import exudyn_twin
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mbmodel_examples import mjcf, numbers, question, random_tree, worst_of_channels
+from mbmodel_examples import mjcf, numbers, random_request, random_tree, worst_of_channels
 from scipy.spatial.transform import Rotation
 
 from identification.words import Dof
-from mbmodel import Question, as_drawn, linearise
+from mbmodel import FrfRequest, as_drawn, linearise
 
 FREQ = np.linspace(2, 300, 17)
 TREES = st.tuples(st.integers(0, 10_000), st.integers(3, 12))
@@ -26,8 +26,8 @@ def tree(from_text, seed, count, **changed):
 @given(TREES)
 def test_force_and_motion_can_be_exchanged(from_text, chosen):
     model = tree(from_text, *chosen)
-    asked = question(model.machine, FREQ, n_out=6, n_in=1)
-    both = Question(FREQ, asked.outputs, asked.outputs)
+    frf_request = random_request(model.machine, FREQ, n_out=6, n_in=1)
+    both = FrfRequest(FREQ, frf_request.outputs, frf_request.outputs)
     values = linearise(model, model.drawn, both).values
     assert worst_of_channels(values.transpose(0, 2, 1), values) < 1e-8
 
@@ -40,8 +40,8 @@ def test_mass_and_stiffness_are_positive_definite_and_no_hit_gains_energy(from_t
     for matrix in (matrices.mass, matrices.stiffness, matrices.damping):
         np.testing.assert_allclose(matrix, matrix.T, atol=1e-12 * np.abs(matrix).max())
         assert np.linalg.eigvalsh(matrix).min() > 0
-    dofs = question(model.machine, FREQ, n_out=5, n_in=1).outputs
-    mobility = linearise(model, model.drawn, Question(FREQ, dofs, dofs, "mobility")).values
+    dofs = random_request(model.machine, FREQ, n_out=5, n_in=1).outputs
+    mobility = linearise(model, model.drawn, FrfRequest(FREQ, dofs, dofs, "mobility")).values
     power = np.linalg.eigvalsh((mobility + mobility.conj().transpose(0, 2, 1)) / 2)
     assert (power.min(axis=1) >= -1e-9 * np.abs(power).max(axis=1)).all()
 
@@ -58,19 +58,22 @@ def test_the_order_of_bodies_in_the_file_does_not_matter(from_text, chosen, rand
         random.shuffle(bodies)
         parent.extend(bodies)
     shuffled = ElementTree.tostring(root, encoding="unicode")
-    model, other = (as_drawn(from_text(t, name="tree.xml")) for t in (text, shuffled))
-    asked = question(model.machine, FREQ)
-    expected = linearise(model, model.drawn, asked).values
-    assert worst_of_channels(linearise(other, other.drawn, asked).values, expected) < 1e-9
+    model, reordered = (as_drawn(from_text(t, name="tree.xml")) for t in (text, shuffled))
+    frf_request = random_request(model.machine, FREQ)
+    expected = linearise(model, model.drawn, frf_request).values
+    assert (
+        worst_of_channels(linearise(reordered, reordered.drawn, frf_request).values, expected)
+        < 1e-9
+    )
 
 
 @TWENTY
 @given(TREES, st.tuples(*[st.floats(-3, 3, allow_subnormal=False)] * 3))
 def test_the_origin_does_not_matter(from_text, chosen, offset):
     here, there = (tree(from_text, *chosen, offset=place) for place in ((0, 0, 0), offset))
-    asked = question(here.machine, FREQ)
-    expected = linearise(here, here.drawn, asked).values
-    assert worst_of_channels(linearise(there, there.drawn, asked).values, expected) < 1e-8
+    frf_request = random_request(here.machine, FREQ)
+    expected = linearise(here, here.drawn, frf_request).values
+    assert worst_of_channels(linearise(there, there.drawn, frf_request).values, expected) < 1e-8
 
 
 def sprung_tree(seed, count):
@@ -118,6 +121,6 @@ def test_exudyn_gives_a_turned_tree_the_same_frfs(from_text, tmp_path, seed, cou
     dofs = tuple(Dof.of(name, axis) for name in names for axis in range(3))
     pairs = [(name, axis) for name in names for axis in range(3)]
     expected = twin.accelerance(FREQ, pairs, pairs[:3])
-    values = linearise(model, model.drawn, Question(FREQ, dofs, dofs[:3])).values
+    values = linearise(model, model.drawn, FrfRequest(FREQ, dofs, dofs[:3])).values
     # exudyn differentiates its damping numerically: 1e-10 of C
     assert worst_of_channels(values, expected) < 1e-9

@@ -11,9 +11,9 @@ from mbmodel import (
     AddedPart,
     Change,
     Evaluator,
+    FrfRequest,
     Model,
     Parameter,
-    Question,
     as_drawn,
     joint_parts,
     load_machine,
@@ -21,15 +21,15 @@ from mbmodel import (
     spring_parts,
     state_space,
 )
-from mbmodel.frf.woodbury import ShapedSolver
-from mbmodel.model import ShapedTerm
+from mbmodel.frf.woodbury import WoodburySolver
+from mbmodel.model import FrequencyDependentTerm
 
 __all__ = ["drawing"]
 
 FREQ = np.linspace(3, 160, 53)
 OUTPUTS = tuple(Dof.parse(f"acc{n}:+{d}") for n in (1, 3, 4) for d in ("tx", "ty", "tz"))
 INPUTS = (Dof.parse("acc3:+tx"), Dof.parse("acc5:-tz"))
-QUESTION = Question(FREQ, OUTPUTS, INPUTS)
+REQUEST = FrfRequest(FREQ, OUTPUTS, INPUTS)
 MASS, STIFFNESS, DAMPING = 3.0, 6e5, 40.0
 HANGING = """<body name="cover"><inertial pos="0 0.03 0.7" mass="3" diaginertia="1e-9 1e-9 1e-9"/>
   <joint type="slide" axis="1 0 0" stiffness="6e5" damping="40"/></body>"""
@@ -59,7 +59,7 @@ def on_head(machine, *axes, shape=None, power=0, name="cover"):
 
 
 @pytest.fixture(scope="module")
-def lossy(machine):
+def lossy_model(machine):
     """Joints and sensors that move, an appendage, structural damping of the head's joint."""
     nv = len(machine.coordinates)
     core = np.zeros((1, 3, nv, nv))
@@ -89,7 +89,7 @@ def lossy(machine):
 def test_an_appendage_is_a_body_on_a_spring(machine, tmp_path):
     path = tmp_path / "hanging.xml"
     path.write_text(MJCF.replace("</body>\n    </body>", f"{HANGING}</body>\n    </body>"))
-    expected = Evaluator(as_drawn(load_machine(path)), QUESTION)
+    expected = Evaluator(as_drawn(load_machine(path)), REQUEST)
     expected = expected.at(expected.model.drawn).values
     parts = (
         *spring_parts(machine),
@@ -99,14 +99,14 @@ def test_an_appendage_is_a_body_on_a_spring(machine, tmp_path):
     model = Model(machine, parts)
     theta = model.drawn.copy()
     theta[-2:] = MASS
-    found = Evaluator(model, QUESTION).at(theta).values
+    values = Evaluator(model, REQUEST).at(theta).values
     scale = np.abs(expected).max(axis=(0, 1))
-    np.testing.assert_allclose(found / scale, expected / scale, atol=1e-7)
-    without = Evaluator(model, QUESTION).at(model.drawn).values
+    np.testing.assert_allclose(values / scale, expected / scale, atol=1e-7)
+    without = Evaluator(model, REQUEST).at(model.drawn).values
     assert np.abs((without - expected) / scale).max() > 0.05
 
 
-def bent(model, seed=3):
+def random_theta(model, seed=3):
     rng = np.random.default_rng(seed)
     theta = model.drawn * np.exp(0.1 * rng.normal(size=len(model.drawn)))
     theta += np.where(model.drawn == 0, 0.01 * rng.normal(size=len(theta)), 0.0)
@@ -115,27 +115,27 @@ def bent(model, seed=3):
 
 
 @pytest.mark.parametrize("condition", [None, Condition("a", INPUTS[0])])
-def test_the_dynamic_stiffness_is_that_of_a_twin_line_by_line(lossy, condition):
-    theta = bent(lossy)
-    lines = Evaluator(lossy, QUESTION, condition=condition).at(theta)
+def test_the_dynamic_stiffness_is_that_of_a_twin_line_by_line(lossy_model, condition):
+    theta = random_theta(lossy_model)
+    lines = Evaluator(lossy_model, REQUEST, condition=condition).at(theta)
     assembly = lines.assembly
     eye = np.eye(len(assembly.jacobian))
     head = eye[6:7] @ assembly.jacobian
     springs = np.diag([0, 0, 0, 8e6, 6e6, 3e5])
-    for k, s in enumerate(QUESTION.laplace):
+    for k, s in enumerate(REQUEST.laplace):
         z = assembly.matrices.dynamic_stiffness(s) + 2.5 * resonator(s) * head.T @ head
         z = z + 0.2j * springs
         if condition is not None:
             z = z + 0.4 * (np.exp(-0.002 * s) - 1) * springs
-        drive = assembly.jacobian.T @ lines.places.force
+        drive = assembly.jacobian.T @ lines.ports.force
         expected = s**2 * lines.readout @ np.linalg.solve(z, drive)
         np.testing.assert_allclose(lines.values[k], expected, rtol=1e-8, atol=1e-12)
 
 
 @pytest.mark.parametrize("condition", [None, Condition("a", INPUTS[0])])
-def test_columns_and_adjoint_are_difference_quotients(lossy, condition):
-    theta = bent(lossy)
-    evaluator = Evaluator(lossy, QUESTION, condition=condition)
+def test_columns_and_adjoint_are_difference_quotients(lossy_model, condition):
+    theta = random_theta(lossy_model)
+    evaluator = Evaluator(lossy_model, REQUEST, condition=condition)
     lines = evaluator.at(theta)
     columns = lines.columns()
     rng = np.random.default_rng(4)
@@ -150,7 +150,7 @@ def test_columns_and_adjoint_are_difference_quotients(lossy, condition):
             values.append(evaluator.at(moved).values)
         quotient = (-values[0] + 8 * values[1] - 8 * values[2] + values[3]) / (12 * step)
         rounding = 1e-12 * np.abs(lines.values).max() / step
-        name = lossy.parameters[k].name
+        name = lossy_model.parameters[k].name
         off = np.abs(columns[..., k] - quotient).max()
         assert off < 1e-6 * np.abs(quotient).max() + rounding, name
         assert adjoint[k] == pytest.approx(
@@ -162,10 +162,10 @@ def test_columns_and_adjoint_are_difference_quotients(lossy, condition):
     assert (np.abs(columns[..., -1]).max() > 0) == (condition is not None)
 
 
-def test_no_state_space_holds_them(lossy):
-    theta = bent(lossy)
-    with pytest.raises(UsageError, match="depends on frequency"):
-        state_space(lossy, theta, QUESTION)
+def test_no_state_space_holds_them(lossy_model):
+    theta = random_theta(lossy_model)
+    with pytest.raises(UsageError, match="is no polynomial in s"):
+        state_space(lossy_model, theta, REQUEST)
 
 
 def test_a_line_exactly_at_an_undamped_resonance_answers_hugely_not_never():
@@ -179,7 +179,9 @@ def test_a_line_exactly_at_an_undamped_resonance_answers_hugely_not_never():
 
     core = np.zeros((3, 1, 1))
     core[0] = -1.0
-    whole = ShapedTerm(np.ones((1, 1)), np.ones((1, 1)), Change("joint", None, None, core))
-    answer = ShapedSolver(Unit(), (whole,)).solve(np.ones((1, 1, 1)))
+    whole = FrequencyDependentTerm(
+        np.ones((1, 1)), np.ones((1, 1)), Change("joint", None, None, core)
+    )
+    answer = WoodburySolver(Unit(), (whole,)).solve(np.ones((1, 1, 1)))
     assert np.isfinite(answer).all()
     assert (np.abs(answer) > 1e10).all()

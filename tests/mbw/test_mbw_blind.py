@@ -1,4 +1,4 @@
-"""``mbw blind``: draws, seals, judges, grades, goes on, and survives a case that fails."""
+"""``mbw blind``: cases, seals, verdicts, grades, resumption, and a case that fails."""
 
 import hashlib
 import json
@@ -178,7 +178,7 @@ def test_another_seed_model_or_folder_is_refused(model, tmp_path, quick):
     (tmp_path / "thesis" / "one.txt").touch()
     taken = run(model, tmp_path / "thesis", "--cases", 1)
     assert taken.exit_code == 3
-    assert "something else" in taken.stderr
+    assert "not the folder of a blind test" in taken.stderr
     missing = run(tmp_path / "no.xml", tmp_path / "new", "--cases", 1)
     assert missing.exit_code == 3
     assert "trees" in missing.stderr

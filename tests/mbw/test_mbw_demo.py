@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from diagnosis import Verdict
-from mbw.demo import graded
+from mbw.demo.verb import grade_verdict
 
 ROOT = Path(__file__).resolve().parents[2]
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -59,7 +59,7 @@ def demo(installed, tmp_path_factory):
 
 
 def test_the_wheel_is_what_runs_and_it_holds_the_assets(installed, tmp_path):
-    code = "import mbw, mbw.assets; print(mbw.__file__, mbw.assets.asset('demo'))"
+    code = "import mbw, mbw.assets; print(mbw.__file__, mbw.assets.asset_path('demo'))"
     done = _run(installed, tmp_path, "-c", code)
     paths = done.stdout.split()
     assert len(paths) == 2, done.stderr
@@ -78,7 +78,7 @@ def test_the_demo_ends_with_the_address_of_its_report(demo):
 
 def test_the_demo_finds_what_is_hidden_and_grades_it_by_the_answer(demo):
     folder, done = demo
-    said = done.stderr.partition("4. graded by the answer")[2]
+    said = done.stderr.partition("4. grading by the answer")[2]
     assert "effect: appendage, right" in said
     assert "location: body:spindle, right" in said
     off = re.search(r"mass: [\d.]+, true [\d.]+, ([\d.]+)% off", said)
@@ -108,16 +108,16 @@ def test_a_wrong_verdict_is_graded_as_wrong():
             "next_experiment": None,
         }
     )  # fmt: skip
-    word, effect, place, along, mass = graded(verdict, answer)
+    word, effect, place, along, mass = grade_verdict(verdict, answer)
     assert word == "verdict: explained, right"
     assert effect == "effect: mass_error, wrong: it is appendage"
     assert place == "location: body:spindle, right"
     assert mass.endswith("100.00% off")
     doubted = verdict.model_copy(update={"verdict": "unexplained"})
-    assert graded(doubted, answer)[0] == "verdict: unexplained, wrong: it is explained"
+    assert grade_verdict(doubted, answer)[0] == "verdict: unexplained, wrong: it is explained"
     assert along == "dof: None, wrong: it is tx"
     missed = verdict.model_copy(update={"verdict": "none", "causes": []})
-    assert graded(missed, answer) == ["said none; true is appendage at body:spindle"]
+    assert grade_verdict(missed, answer) == ["verdict none, wrong: it is appendage at body:spindle"]
 
 
 def test_the_demo_tunes_the_station_and_leaves_a_gap_for_the_diagnosis(demo):

@@ -1,4 +1,4 @@
-"""What the page of ``mbw diagnose`` says of verdicts that are harder to tell."""
+"""Headline of the page of ``mbw diagnose`` for verdicts with several or doubtful causes."""
 
 import json
 from dataclasses import replace
@@ -12,7 +12,7 @@ from diagnosis.inference.evidence import Paired
 from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.files import read_result
 from mbw.diagnose.page import render
-from mbw.diagnose.sentences import gate_sentences
+from mbw.diagnose.sentences import sensor_check_sentences
 from mbw.identify.schema import FaultRow
 
 
@@ -28,7 +28,7 @@ def fake(effect, location, dof, probability, **parameters):
     )  # fmt: skip
 
 
-def test_several_causes_twins_and_taken_out_sensors_are_told_in_words(explained):
+def test_several_causes_confounded_causes_and_removed_sensors_are_stated_in_words(explained):
     rows = [
         fake("appendage", "body:stage2", None, 0.9, mass=31.24, frequency=109.04, damping=0.0113),
         fake("joint_coupling", "joint:stage3", None, 0.8, offset=(-0.1224, 0.0031, 0.0)),
@@ -55,11 +55,11 @@ def test_several_causes_twins_and_taken_out_sensors_are_told_in_words(explained)
     )
     page = render(replace(explained, verdict=verdict, shown=shown))
     assert lead_of(page).startswith(
-        "Several things are missing or wrong: a small mass on a spring on body stage2 (mass "
+        "Several effects are present: a small mass on a spring on body stage2 (mass "
         "31.2 kg, frequency 109 Hz, damping 1.13 %), 90 %; a centre of stiffness elsewhere than "
         "drawn at joint stage3 (offset (-122, 3.1, 0) mm), 80 %. With them the gap falls"
     )
-    assert "These data hardly tell a small mass on a spring on body stage2 and a centre of" in page
+    assert "hardly distinguish a small mass on a spring on body stage2 and a centre of" in page
     # What the model was corrected by is there, however likely another partner is.
     corrected = [row.model_copy(update={"excess_after": 1.0}) for row in (rows[0], rows[2])]
     several = verdict.model_copy(update={"causes": [corrected[0], rows[1], corrected[1]]})
@@ -68,16 +68,16 @@ def test_several_causes_twins_and_taken_out_sensors_are_told_in_words(explained)
     assert "a centre of stiffness" not in first
     assert "Not tested, so not excluded: friction; only hits of" in page
     assert "another stiffness in one test; one direction of one set-up" in page
-    first, second, third = gate_sentences(shown)
+    first, second, third = sensor_check_sentences(shown)
     assert first.startswith("Sensor acc11 along y: a turned sign")
-    assert "the channel took no part" in first
+    assert "the search left the channel out" in first
     assert second.startswith("Sensors acc21 and acc22: exchanged channels")
     assert third.startswith("Body stage1 bends")
     out = [c["output"] for c in data_of(page)["channels"] if c["out"] and c["test"] == 0]
     assert out == ["acc11:+ty", *(f"acc{n}:+t{axis}" for n in (21, 22) for axis in "xyz")]
 
 
-def test_pairs_that_were_fitted_are_listed_with_what_they_leave(explained):
+def test_refitted_pairs_are_listed_with_their_residuals(explained):
     keys = ("appendage", "body:stage2", None), ("missing_dof", "joint:stage1", "rx")
     best = min(one.cost for one in explained.evidence.refits)
     both = Paired(keys=keys, cost=best - 50.0, chi_square=1.0)
@@ -89,7 +89,7 @@ def test_pairs_that_were_fitted_are_listed_with_what_they_leave(explained):
     assert "<td>50</td>" in page
 
 
-def test_a_second_cause_that_may_be_it_is_told_at_once(explained):
+def test_the_headline_names_a_second_probable_cause(explained):
     rows = [
         fake("appendage", "body:stage2", None, 0.54, mass=32.7),
         fake("appendage", "body:stage1", None, 0.44, mass=72.3),
@@ -97,19 +97,20 @@ def test_a_second_cause_that_may_be_it_is_told_at_once(explained):
     verdict = explained.verdict.model_copy(update={"causes": rows})
     shown = explained.shown.model_copy(update={"means": ["", ""]})
     assert lead_of(render(replace(explained, verdict=verdict, shown=shown))).startswith(
-        "One thing is missing: most probably (54 %) a small mass on a spring on body stage2 (mass "
-        "32.7 kg), else a small mass on a spring on body stage1 (44 %). With it the gap falls from"
+        "One effect is missing: most probably (54 %) a small mass on a spring on body stage2 (mass "
+        "32.7 kg), otherwise a small mass on a spring on body stage1 (44 %). With it the gap falls "
+        "from"
     )
 
 
-def test_a_cause_that_leaves_much_is_doubted(explained):
+def test_a_cause_with_a_large_remaining_gap_gets_a_warning(explained):
     gap = explained.verdict.gap
     gap = gap.model_copy(
         update={"closed": 0.46, "after": gap.after.model_copy(update={"excess": 15.9})}
     )
     page = render(replace(explained, verdict=explained.verdict.model_copy(update={"gap": gap})))
-    assert "With the cause the model is still off by 15.9 times the noise" in page
-    assert "still off" not in render(explained)
+    assert "With the cause the gap is still 15.9 times the noise" in page
+    assert "the gap is still" not in render(explained)
 
 
 def test_a_verdict_without_a_known_gap_still_has_its_page(explained):
@@ -127,4 +128,4 @@ def test_a_verdict_without_a_known_gap_still_has_its_page(explained):
     }
     page = render(replace(explained, verdict=verdict, arrays=arrays))
     assert data_of(page)["gap"] == []
-    assert "how far that shrinks with the cause is not known" in page
+    assert "its change with the cause is unknown" in page

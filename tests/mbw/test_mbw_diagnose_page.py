@@ -1,4 +1,4 @@
-"""The page of ``mbw diagnose``: what it says of each verdict, and what it does in a browser."""
+"""Page of ``mbw diagnose``: its text for each verdict, and its behaviour in a browser."""
 
 import re
 import shutil
@@ -17,7 +17,7 @@ from mbmodel import load_machine
 from mbw.command import app
 from mbw.diagnose.files import NAMES, read_result, write_files
 from mbw.diagnose.page import render
-from mbw.diagnose.sentences import place, placed
+from mbw.diagnose.sentences import place_name, place_phrase
 
 RUNNER = CliRunner()
 
@@ -42,17 +42,19 @@ def explained(folders):
     return read_result(folders["explained"])
 
 
-def test_the_verdict_is_told_in_plain_words_with_cause_place_size_and_gap(texts, explained):
+def test_the_headline_states_cause_place_size_and_gap(texts, explained):
     lead, verdict = lead_of(texts["explained"]), explained.verdict
     assert verdict.verdict == "explained"
-    assert lead.startswith("One thing is missing (99 %): a spinning rotor on body stage2 (angular ")
+    assert lead.startswith(
+        "One effect is missing (99 %): a spinning rotor on body stage2 (angular "
+    )
     assert "kg m²/s" in lead
     assert f"{verdict.gap.retuned.excess:.3g} times" in lead
     assert f"{verdict.gap.after.excess:.3g} times" in lead
-    assert f"{100 * verdict.gap.closed:.3g} % of what lay beyond the noise is closed." in lead
+    assert f"{100 * verdict.gap.closed:.3g} % of the gap beyond the noise is closed." in lead
     assert '<span class="badge good">one cause 99 %</span>' in texts["explained"]
     assert "<b>gyroscopic</b><br><small>a rotor spins in stage2</small>" in texts["explained"]
-    assert f"<b>What to do next:</b> {verdict.next_experiment}" in texts["explained"]
+    assert f"<b>Next experiment:</b> {verdict.next_experiment}" in texts["explained"]
     drawn, retuned, after = explained.shown.centres
     assert drawn.excess > retuned.excess > after.excess > 0.5
     assert (
@@ -69,21 +71,21 @@ def test_the_tuned_model_is_an_mjcf_that_says_what_it_does_not_hold(folders, exp
     assert any("gain" in text for text in said)
 
 
-def test_a_proven_sensor_comes_first_where_nobody_explains_what_is_beside_it(folders):
+def test_a_proven_sensor_fault_comes_first_where_no_known_effect_explains_the_rest(folders):
     result = read_result(folders["sensor"])
     verdict = result.verdict.model_copy(update={"verdict": "unexplained"})
     lead = lead_of(render(replace(result, verdict=verdict)))
-    assert lead.startswith("Proven by the spare channels: ")
+    assert lead.startswith("Proven by the redundant channels: ")
     assert "turned sign" in lead
     retuned, after = (f"{at.excess:.3g} times" for at in (verdict.gap.retuned, verdict.gap.after))
-    assert f"off by {retuned} the noise, with that mended still by {after}" in lead
+    assert f"model is {retuned} the noise, with that fault corrected still {after}" in lead
 
 
 def test_nothing_missing_is_said_without_place_and_without_effect(texts):
     assert lead_of(texts["none"]).startswith("Nothing is missing beyond tolerances and noise (> 99")
     assert '<span class="badge good">nothing missing &gt; 99 %</span>' in texts["none"]
     assert "No place stands out" in texts["none"]
-    assert "only hits of several levels can show" in texts["none"]  # not: excluded
+    assert "hits of several levels show" in texts["none"]  # not: excluded
     data = data_of(texts["none"])
     assert [bar["name"] for bar in data["gap"]] == ["as drawn", "re-tuned"]
     assert data["places"] == []
@@ -91,17 +93,17 @@ def test_nothing_missing_is_said_without_place_and_without_effect(texts):
     assert "picture" not in data
 
 
-def test_what_nobody_explains_says_where_something_pushes(texts, folders):
+def test_what_no_known_effect_explains_is_located_by_a_free_force(texts, folders):
     result = read_result(folders["unexplained"])
     assert result.verdict.verdict == "unexplained"
     best = result.evidence.pushed[0]
     lead = lead_of(texts["unexplained"])
-    assert lead.startswith("Something is missing that no effect of the catalogue explains (")
-    towards = f"{placed(best.location)}, {direction(best.dof)}"
-    assert f"It pushes most probably {towards}; next comes" in lead
+    assert lead.startswith("The model lacks something that no effect of the catalogue explains (")
+    towards = f"{place_phrase(best.location)}, {direction(best.dof)}"
+    assert f"The missing force most probably acts {towards}; second comes" in lead
     assert '<span class="badge trouble">unexplained' in texts["unexplained"]
     names = {row["name"]: row for row in data_of(texts["unexplained"])["places"]}
-    assert names[place(best.location)]["gain"] == best.gain
+    assert names[place_name(best.location)]["gain"] == best.gain
 
 
 def test_a_sensor_that_is_at_fault_is_shown_as_measured_and_as_it_would_be(texts, folders):
@@ -124,7 +126,7 @@ def test_report_makes_the_same_page_again_from_the_folder_alone(folders, texts, 
     assert (tmp_path / "moved" / "report.html").read_text("utf-8") == texts[name]
 
 
-def test_the_page_lies_where_it_is_asked(folders, texts, tmp_path):
+def test_the_page_is_written_to_the_named_file(folders, texts, tmp_path):
     target = tmp_path / "mine.html"
     assert mbw("report", folders["none"] / "verdict.json", "--out", target).exit_code == 0
     assert target.read_text("utf-8") == texts["none"]
@@ -132,7 +134,7 @@ def test_the_page_lies_where_it_is_asked(folders, texts, tmp_path):
 
 @pytest.mark.parametrize("fault", ["missing", "broken", "cut", "empty"])
 @pytest.mark.parametrize("name", NAMES[:4])
-def test_a_file_that_is_missing_or_broken_is_told_in_one_sentence(folders, tmp_path, name, fault):
+def test_a_missing_or_broken_file_is_refused_in_one_sentence(folders, tmp_path, name, fault):
     folder = tmp_path / "result"
     shutil.copytree(folders["none"], folder, ignore=shutil.ignore_patterns("report.html"))
     kept = (folder / name).read_bytes()

@@ -1,4 +1,4 @@
-"""Where nothing is missing but the re-tuned model is off: the tolerance that was believed."""
+"""Sentence on tolerances beyond their bound, for a verdict "none" with a remaining gap."""
 
 from types import SimpleNamespace
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mbw.diagnose import verb
-from mbw.diagnose.pulled_tolerance import pulled_sentence
-from mbw.diagnose.result import unfinished
+from mbw.diagnose.pulled_tolerance import pull_sentence
+from mbw.diagnose.result import unfinished_fit_sentences
 from mbw.messages import SCREEN
 
 NAMES = ("ty_tx.stiffness", "acc1.rotation_z", "hammer(acc1:ty).rotation_z")
@@ -15,9 +15,11 @@ NAMES = ("ty_tx.stiffness", "acc1.rotation_z", "hammer(acc1:ty).rotation_z")
 
 def case(x, *, word="none", excess=96.6, pull=0.0):
     """Verdict and fit without any effect, which ended at x; a stiffness has no prior."""
-    freedom = SimpleNamespace(names=NAMES, has_prior=np.array([False, True, True]))
+    parametrisation = SimpleNamespace(names=NAMES, has_prior=np.array([False, True, True]))
     found = SimpleNamespace(
-        nothing=SimpleNamespace(fit=SimpleNamespace(freedom=freedom, x=np.array(x))),
+        nothing=SimpleNamespace(
+            fit=SimpleNamespace(parametrisation=parametrisation, x=np.array(x))
+        ),
         evidence=SimpleNamespace(pull=pull, variance="coherence", serial=0.0, refits=(), pairs=()),
         gate=SimpleNamespace(flexible=(), unknown=()),
         known=None,
@@ -31,21 +33,21 @@ def case(x, *, word="none", excess=96.6, pull=0.0):
 
 
 def told(x, **values):
-    return pulled_sentence(*case(x, **values))
+    return pull_sentence(*case(x, **values))
 
 
 def test_a_tolerance_beyond_its_bound_is_named_with_what_its_bound_leaves():
     assert told([9.0, 1.0, -3.29]) == (
-        "This verdict believes hammer(acc1:ty).rotation_z to be off by 3.3 standard deviations, as "
-        "up to 4.5 may be where tolerances are many; with each kept within 2.5, as in these "
-        "figures, the model stays off by 96.6 times the noise."
+        "This verdict accepts a pull of 3.3 for hammer(acc1:ty).rotation_z (shift in standard "
+        "deviations of the prior): among many tolerances, pulls up to 4.5 occur by chance. The "
+        "figures here keep each within 2.5, so that a gap of 96.6 times the noise remains."
     )
 
 
 def test_of_two_the_one_that_is_pulled_more_comes_first():
     said = told([0.0, 2.7, 3.1])
     assert (
-        "believes hammer(acc1:ty).rotation_z to be off by 3.1, acc1.rotation_z to be off by 2.7"
+        "accepts a pull of 3.1 for hammer(acc1:ty).rotation_z, a pull of 2.7 for acc1.rotation_z"
         in said
     )
 
@@ -53,7 +55,7 @@ def test_of_two_the_one_that_is_pulled_more_comes_first():
 @pytest.mark.parametrize(
     "other", [{"word": "explained"}, {"excess": 1.09}, {"excess": None}], ids=str
 )
-def test_it_is_told_only_where_nothing_is_missing_and_the_model_is_off(other):
+def test_the_sentence_exists_only_if_nothing_is_missing_and_a_gap_remains(other):
     assert told([0.0, 1.0, 3.3], **other) is None
 
 
@@ -62,26 +64,28 @@ def test_a_model_that_is_off_with_all_tolerances_near_has_another_reason():
 
 
 def test_a_tolerance_that_only_the_fit_without_bounds_pulls_has_no_name():
-    assert "believes a tolerance to be off by 3.4 standard" in told([0.0, 1.0, 2.5], pull=3.4)
+    assert "accepts a pull of 3.4 for one tolerance" in told([0.0, 1.0, 2.5], pull=3.4)
     assert told([0.0, 1.0, 2.5], pull=7.0) is None
 
 
-def test_the_screen_tells_it_too(capsys, monkeypatch):
+def test_the_terminal_shows_the_sentence_too(capsys, monkeypatch):
     monkeypatch.setattr(SCREEN, "quiet", False)
     verb._say_more(*case([9.0, 1.0, 3.3]))
     said = capsys.readouterr().err
-    assert "hammer(acc1:ty).rotation_z to be off by 3.3" in said
+    assert "a pull of 3.3 for hammer(acc1:ty).rotation_z" in said
     assert "not excluded: friction" in said
 
 
-def test_fits_that_did_not_end_are_named():
+def test_fits_that_did_not_converge_are_named():
     def said(converged, retuned, after):
         levels = (SimpleNamespace(unfinished=count) for count in (retuned, after))
         known = SimpleNamespace(converged=converged)
         keys = ("known", "retuned", "after")
-        return unfinished(SimpleNamespace(**dict(zip(keys, (known, *levels), strict=True))))
+        return unfinished_fit_sentences(
+            SimpleNamespace(**dict(zip(keys, (known, *levels), strict=True)))
+        )
 
     assert said(True, 0, 0) == []
     sizes, gaps = said(False, 2, 4)
-    assert sizes.startswith("The fit that sizes are stated from did not end")
+    assert sizes.startswith("The fit that gives the sizes did not converge")
     assert "2 re-tuned, 4 with the cause" in gaps

@@ -10,12 +10,12 @@ from mbw.diagnose.effect_parameters import number, parameter_lines, parameter_wo
 from mbw.diagnose.sentences import (
     cause_parameters,
     closed_words,
+    confounded_sentences,
     noise_sentences,
-    place,
-    placed,
-    shared_sentences,
+    place_name,
+    place_phrase,
+    serial_correlation_sentences,
     site_words,
-    twin_sentences,
     untested_sentences,
 )
 from mbw.diagnose.tables import _cause
@@ -51,9 +51,9 @@ def test_sizes_have_as_many_digits_as_their_interval_leaves():
 
 
 def test_places_and_directions_are_words():
-    assert placed("pair:ty-hexapod") == "between ty-hexapod"
-    assert placed("hammer:acc11") == "at hammer acc11"
-    assert place("sensor:acc1+acc2") == "sensors acc1 and acc2"
+    assert place_phrase("pair:ty-hexapod") == "between ty-hexapod"
+    assert place_phrase("hammer:acc11") == "at hammer acc11"
+    assert place_name("sensor:acc1+acc2") == "sensors acc1 and acc2"
     assert direction("rx") == "about x"
     assert direction("tx+ty") == "x and y"
     assert direction("acc11:+ty") == "hit at acc11:+ty"
@@ -68,7 +68,7 @@ def row(interval):
     )  # fmt: skip
 
 
-def test_a_place_of_a_mass_that_may_be_none_is_not_told():
+def test_a_mass_that_may_be_zero_has_no_known_position():
     said = cause_parameters(row({"mass": (-0.31, 0.35)}))
     assert said == "mass -0.31 … 0.35 kg, position not known"
     page = _cause(row({"mass": (-0.31, 0.35)}), "a mass")
@@ -78,7 +78,7 @@ def test_a_place_of_a_mass_that_may_be_none_is_not_told():
 
 
 @pytest.mark.parametrize("interval", [{}, {"mass": (0.01, 0.03)}])
-def test_a_place_of_a_mass_that_is_there_is_told(interval):
+def test_a_mass_above_zero_has_a_position(interval):
     said = cause_parameters(row(interval))
     assert said == "mass 0.02 kg, position (4000, -9000, 500) mm"
     assert "4000" in _cause(row(interval), "a mass")
@@ -92,7 +92,9 @@ def test_no_more_than_all_of_a_gap_is_closed_at_either_end():
 
 
 def test_a_gap_that_held_out_lines_see_grow_is_not_said_to_close_by_less_than_nothing():
-    assert closed_words(-6.9, (-27.4, 13.6)).startswith("lines that were left out do not show")
+    assert closed_words(-6.9, (-27.4, 13.6)).startswith(
+        "the gap on held-out frequency lines does not"
+    )
 
 
 def test_what_levels_could_show_is_untested_for_one_reason_or_another():
@@ -100,65 +102,66 @@ def test_what_levels_could_show_is_untested_for_one_reason_or_another():
     once, drift = untested_sentences(verdict, 1)
     assert once == (
         "Not tested, so not excluded: friction and a spring that hardens; only hits of several "
-        "levels can show that."
+        "levels can reveal this."
     )
     several, same = untested_sentences(verdict, 3)
-    assert "hardens; no effect here is of that kind: compare the hits of each level." in several
+    assert "hardens; this catalogue has no such effect: compare the hits of each" in several
     assert drift == same
 
 
-def test_what_a_user_keeps_as_drawn_is_told_to_be_untested():
+def test_parameters_that_a_user_fixes_are_stated_as_untested():
     (said,) = untested_sentences(SimpleNamespace(not_testable=["sensor_gain"]), 1)
     assert said == (
-        "Not tested, so not excluded: a wrong gain; [tuning] or [tolerance] keeps some of that as "
-        "drawn, and no fit moves it."
+        "Not tested, so not excluded: a wrong gain; [tuning] or [tolerance] in campaign.toml fixes "
+        "some of these at their nominal values."
     )
 
 
-def test_twins_that_these_data_tell_apart_are_told_apart():
+def test_confounded_causes_are_listed_with_the_preference_of_the_data():
     def said(*shares, twins=(("ty", "rz"),)):
         rows = [
             row({}).model_copy(update={"location": f"body:{at}", "probability": share})
             for at, share in zip(("ty", "rz", "top"), shares, strict=False)
         ]
         named = [tuple(f"mass_error@body:{name}" for name in pair) for pair in twins]
-        return twin_sentences(SimpleNamespace(causes=rows, twins=named))
+        return confounded_sentences(SimpleNamespace(causes=rows, twins=named))
 
     mass = "mass beyond tolerance on body"
-    assert said(0.6, 0.3) == [f"These data hardly tell {mass} ty and {mass} rz apart."]
+    end = "(confounded causes)."
+    assert said(0.6, 0.3) == [f"These data hardly distinguish {mass} ty and {mass} rz {end}"]
     (told,) = said(0.96, 0.02)
-    assert told.startswith(f"M{mass[1:]} ty and {mass} rz are hard to tell apart")
+    assert told.startswith(f"M{mass[1:]} ty and {mass} rz have similar signatures")
     assert told.endswith("these data prefer the first, 96 % to 2 %.")
-    assert said(0.03, 0.002)[0].startswith("These data hardly tell")
+    assert said(0.03, 0.002)[0].startswith("These data hardly distinguish")
     # Pairs that share one are a set, the likeliest first.
     chain = (("rz", "top"), ("ty", "rz"))
     assert said(0.2, 0.3, 0.4, twins=chain) == [
-        f"These data hardly tell {mass} top, {mass} rz and {mass} ty apart."
+        f"These data hardly distinguish {mass} top, {mass} rz and {mass} ty {end}"
     ]
-    assert said() == [f"These data hardly tell {mass} rz and {mass} ty apart."]
+    assert said() == [f"These data hardly distinguish {mass} rz and {mass} ty {end}"]
 
 
-def test_what_lines_share_is_told_before_and_after():
+def test_the_serial_correlation_is_stated_without_and_with_the_effect():
     after = [SimpleNamespace(gap=0.0025), SimpleNamespace(gap=-0.001)]
     seen = SimpleNamespace(serial=0.09, gap=0.09, refits=after[:1], pairs=[])
-    (said,) = shared_sentences(seen)
-    assert "0.3 times the noise without any effect and 0.05 with the best" in said
+    (said,) = serial_correlation_sentences(seen)
+    assert "0.3 times the noise without any effect and 0.05 times with the best" in said
     seen.pairs = after[1:]
-    assert "and 0 with the best" in shared_sentences(seen)[0]
+    assert "and 0 times with the best" in serial_correlation_sentences(seen)[0]
     seen.serial = None
-    assert shared_sentences(seen) == []
+    assert serial_correlation_sentences(seen) == []
 
 
 @pytest.mark.parametrize(
     ("variance", "serial", "said"),
     [
         ("coherence", 0.0, []),
-        ("differences", 0.0, ["without coherence"]),
-        ("coherence", None, ["it cannot be told whether neighbouring lines"]),
-        ("differences", None, ["without coherence", "it cannot be told whether neighbouring"]),
+        ("differences", 0.0, ["the files hold no coherence"]),
+        ("coherence", None, ["the noise of neighbouring frequency lines"]),
+        ("differences", None, ["the files hold no coherence", "the noise of neighbouring"]),
     ],
 )
-def test_what_is_not_known_of_the_noise_is_said(variance, serial, said):
+def test_limits_of_the_noise_estimate_are_stated(variance, serial, said):
     found = noise_sentences(SimpleNamespace(variance=variance, serial=serial))
     assert [text.startswith(opening) for text, opening in zip(found, said, strict=True)] == [
         True

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from mbw.assets import asset
+from mbw.assets import asset_path
 from mbw.command import app
 
 RUNNER = CliRunner()
@@ -15,7 +15,7 @@ RUNNER = CliRunner()
 @pytest.fixture(scope="module")
 def result(tmp_path_factory):
     folder = tmp_path_factory.mktemp("identified")
-    arguments = ["identify", str(asset("demo")), "--out", str(folder / "out")]
+    arguments = ["identify", str(asset_path("demo")), "--out", str(folder / "out")]
     return RUNNER.invoke(app, [*arguments, "--json", str(folder / "m.json")]), folder
 
 

@@ -131,7 +131,7 @@ def test_shapes_are_mass_normalised_as_those_of_the_machine(out, content, folder
         )
 
 
-def test_the_model_as_drawn_stands_beside_the_measured_shapes(out, content, folder):
+def test_measured_shapes_are_compared_with_the_nominal_model(out, content, folder):
     drawn = as_drawn(load_machine(folder / "model.xml"))
     found = model_modes(drawn, drawn.drawn)
     shapes = shapes_at(drawn, drawn.drawn, found, tuple(map(Dof.parse, content["outputs"])))
@@ -211,7 +211,7 @@ def test_a_forced_mode_stays_where_it_is_put(folder, content, tmp_path):
     [
         (("--drop", "3.3"), "3.3 Hz"),
         (("--drop", "33.3"), "no mode to drop at 33.3 Hz"),
-        (("--force", "50"), "--force 50 is no frequency and damping"),
+        (("--force", "50"), "--force 50 does not state a frequency and a damping ratio"),
         (("--force", "50,ten"), "write --force 120.5,2"),
         (("--force", "50,120"), "between 0 and 100 per cent"),
         (("--mac-tolerance", "2"), "mac-tolerance"),

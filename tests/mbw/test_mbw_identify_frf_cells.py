@@ -1,4 +1,4 @@
-"""What stands beside each measured FRF: coherence, and its body as a solid."""
+"""Coherence and rigid-body reconstruction of each measured FRF."""
 
 from dataclasses import replace
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from campaign_folder import write_folder
 
-from identification.modal.campaign_modes import beside
-from mbw.identify.frf_cells import cells_of
+from identification.modal.campaign_modes import combine_tests
+from mbw.identify.frf_cells import compute_frf_cells
 from tuning import open_campaign
 
 LOST = ("acc3:+tx", "acc4:+tz", "acc6:+ty")  # of nine channels on the head: six are left
@@ -30,7 +30,7 @@ def test_coherence_is_that_of_the_test_each_cell_was_taken_from(campaign):
     first = campaign.tests[0]
     other = changed(first, 4.0, coherence=0.5 * first.estimate.coherence)
     both = replace(campaign, tests=(other, *campaign.tests))
-    cells = cells_of(both, beside(both))
+    cells = compute_frf_cells(both, combine_tests(both))
     assert cells.has_coherence.all()
     for column, test in enumerate(campaign.tests):
         np.testing.assert_array_equal(
@@ -42,15 +42,15 @@ def test_a_test_without_coherence_shows_none_and_not_that_of_a_worse_test(campai
     first = campaign.tests[0]
     tests = (changed(first, 4.0), changed(first, 1.0, coherence=None), *campaign.tests[1:])
     both = replace(campaign, tests=tests)
-    cells = cells_of(both, beside(both))
+    cells = compute_frf_cells(both, combine_tests(both))
     assert not cells.has_coherence[:, 0].any()
     assert not cells.coherence[:, :, 0].any()
     assert cells.has_coherence[:, 1:].all()
 
 
 def test_solid_bodies_read_what_was_measured_but_for_noise(campaign):
-    measured = beside(campaign)
-    cells = cells_of(campaign, measured)
+    measured = combine_tests(campaign)
+    cells = compute_frf_cells(campaign, measured)
     assert cells.has_solid.all()
     rows = campaign.layout.rows(measured.outputs)  # the bodies' columns do not mix
     motion = np.linalg.lstsq(rows, measured.values[30], rcond=None)[0]
@@ -60,20 +60,20 @@ def test_solid_bodies_read_what_was_measured_but_for_noise(campaign):
 
 
 def test_a_turned_channel_is_far_from_its_body(campaign):
-    measured = beside(campaign)
+    measured = combine_tests(campaign)
     values = measured.values.copy()
     values[:, 6] *= -1
-    cells = cells_of(campaign, replace(measured, values=values))
+    cells = compute_frf_cells(campaign, replace(measured, values=values))
     away = np.linalg.norm(cells.solid[:, 6] - values[:, 6])
     assert away > 0.3 * np.linalg.norm(values[:, 6])
 
 
-def test_a_body_without_spare_channels_has_no_curve_as_a_solid(campaign):
-    measured = beside(campaign)
+def test_a_body_without_redundant_channels_has_no_rigid_reconstruction(campaign):
+    measured = combine_tests(campaign)
     there = measured.measured.copy()
     lost = [k for k, dof in enumerate(measured.outputs) if str(dof) in LOST]
     there[lost, 0] = False
-    cells = cells_of(campaign, replace(measured, measured=there))
+    cells = compute_frf_cells(campaign, replace(measured, measured=there))
     head = [k for k, dof in enumerate(measured.outputs) if dof.point in {"acc3", "acc4", "acc6"}]
     assert not cells.has_solid[head, 0].any()
     assert not cells.solid[:, head, 0].any()

@@ -15,7 +15,7 @@ from identification.words import Dof
 from mbmodel import as_drawn, load_machine, model_modes, shapes_at
 from mbw.command import app
 from mbw.identify.files import read_result
-from mbw.identify.hits import _grouped
+from mbw.identify.hits import _average_neighbours
 from tuning import open_campaign
 
 RUNNER = CliRunner()
@@ -147,7 +147,7 @@ def test_densities_are_those_of_the_estimates(result, tests):
     for number, test in enumerate(tests, start=1):
         own, shown = test.hits.densities, result.arrays[f"hits_{number}_freq_hz"]
         assert shown[0] > 0
-        assert shown[-1] <= test.hits.highest_hz
+        assert shown[-1] <= test.hits.usable_limit_hz
         rows = np.searchsorted(own.freq_hz, shown)
         np.testing.assert_array_equal(own.freq_hz[rows], shown)
         force, motion = (result.arrays[f"hits_{number}_{name}"] for name in ("force", "motion"))
@@ -160,7 +160,7 @@ def test_densities_are_those_of_the_estimates(result, tests):
 
 def test_many_lines_share_a_density_without_losing_power():
     values = np.random.default_rng(1).random((2003, 2))
-    grouped = _grouped(values, 3)
+    grouped = _average_neighbours(values, 3)
     assert grouped.shape == (668, 2)
     counts = np.append(np.full(667, 3), 2)
     np.testing.assert_allclose((grouped * counts[:, None]).sum(axis=0), values.sum(axis=0))
@@ -193,15 +193,15 @@ def test_the_page_holds_densities_channel_by_channel(text, result):
             )
 
 
-def test_the_table_names_hits_windows_and_what_was_left_out(found, content):
+def test_the_table_lists_hits_windows_and_rejected_hits(found, content):
     assert found["faults"] == []
     first, gone, second = found["rows"]
     cells = dict(zip(found["heads"], first, strict=True))
-    assert (cells["force at"], cells["found"], cells["kept"]) == ("acc3:+tx", "6", "5")
+    assert (cells["force at"], cells["hits"], cells["averaged"]) == ("acc3:+tx", "6", "5")
     assert re.fullmatch(r"\d+ \.\. \d+", cells["peaks / N"])
     assert cells["estimator"] == "H1"
     most = max(100 * added for added in content["hits"][0]["added_damping"])
-    assert float(cells["adds to ζ / %"].removeprefix("≤ ")) == pytest.approx(most, rel=0.05)
+    assert float(cells["added to ζ / %"].removeprefix("≤ ")) == pytest.approx(most, rel=0.05)
     assert gone[0].startswith("left out: hit 3 at 4.3 s of record 1: weak: ")
     assert second[:3] == ["acc3:-ty", "6", "6"]
 

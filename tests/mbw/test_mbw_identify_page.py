@@ -1,4 +1,4 @@
-"""The page of ``mbw identify``: what it holds, and what it does in a browser."""
+"""Page of ``mbw identify``: its data, and its behaviour in a browser."""
 
 import json
 import re
@@ -11,12 +11,12 @@ from browser import CHROMIUM, GL, browse, data_of, unpacked
 from campaign_folder import write_folder
 from typer.testing import CliRunner
 
-from identification.modal import Scaled, full_matrix
-from mbmodel import load_machine, looks
+from identification.modal import ScaledModes, full_matrix_model
+from mbmodel import load_machine, machine_geometry
 from mbw.command import app
 from mbw.identify.files import _modal_model, read_result
 from mbw.identify.page import render
-from mbw.identify.result import Result
+from mbw.identify.result import IdentificationResult
 from mbw.identify.schema import FaultRow, SolidRow
 
 RUNNER = CliRunner()
@@ -129,8 +129,8 @@ def text(folder):
 @pytest.fixture(scope="module")
 def checked(result):
     summary = result.summary.model_copy(update={"solid": [SOLID]})
-    seen = looks(load_machine(Path(summary.model)))
-    return render(Result(summary, result.arrays, result.layout), seen)
+    seen = machine_geometry(load_machine(Path(summary.model)))
+    return render(IdentificationResult(summary, result.arrays, result.layout), seen)
 
 
 def test_the_page_fetches_nothing(text):
@@ -182,7 +182,7 @@ def test_bodies_move_as_the_solids_that_fit_their_sensors(text, result):
 
 def test_names_cannot_break_the_page(result):
     evil = result.summary.model_copy(update={"campaign": "</script><b>x"})
-    page = render(Result(evil, result.arrays, result.layout), None)
+    page = render(IdentificationResult(evil, result.arrays, result.layout), None)
     assert "<b>x" not in page
 
 
@@ -223,10 +223,10 @@ def test_a_click_on_the_map_chooses_the_frf_that_is_synthesised_as_by_python(fou
 
 
 def test_an_input_that_was_not_hit_is_synthesised_by_shapes_and_modal_a(found, result):
-    whole = Scaled(
+    whole = ScaledModes(
         _modal_model(result), result.summary.normalisation, result.arrays["modal_a"], np.zeros(0)
     )
-    full = full_matrix(whole, result.arrays["in_full_matrix"])
+    full = full_matrix_model(whole, result.arrays["in_full_matrix"])
     values = full.synthesise(result.arrays["freq_hz"], "accelerance").values
     column = result.summary.outputs.index("acc6:+ty")
     np.testing.assert_allclose(found["far"], np.abs(values[:20, 7, column]), rtol=1e-3)
@@ -240,7 +240,7 @@ def test_the_chosen_frf_has_its_coherence_and_its_body_as_a_solid(found, result)
     np.testing.assert_allclose(found["coherence"], result.arrays["coherence"][:, 7, 2], rtol=1e-6)
     seen, solid = (result.arrays[name][:, 7, 2] for name in ("measured", "as_solid"))
     apart = 100 * np.linalg.norm(seen - solid) / np.linalg.norm(seen)
-    said = re.search(r"moving as a solid, would read (\S+) % off", found["remark"])[1]
+    said = re.search(r"Difference to the motion of a solid body: (\S+) %", found["remark"])[1]
     assert float(said) == pytest.approx(apart, rel=0.01)
 
 
@@ -267,13 +267,13 @@ def test_checks_of_solid_bodies_have_their_room(found):
     assert "head93160.0moves as a solid <b>up to</b> 160 Hz" in found["solid"]
 
 
-def test_faults_twins_and_what_is_not_seen_are_listed_to_be_read(found):
+def test_faults_confounded_and_unidentifiable_ones_are_listed_as_text(found):
     fault, hidden = found["solidRows"]
     assert fault == [
-        "head", "place", "acc4", "all", "offset 0, 12.3, -4 mm", "98.7 %", "1.02",
+        "head", "position", "acc4", "all", "offset 0, 12.3, -4 mm", "98.7 %", "1.02",
     ]  # fmt: skip
-    assert hidden == ["head", "acc3 tx: gain = acc3: axes", "acc6 tz: gain"]
-    assert "More remains than that explains on head." in found["solidWords"]
+    assert hidden == ["head", "acc3 tx: gain = acc3: misalignment", "acc6 tz: gain"]
+    assert "A significant residual remains on head." in found["solidWords"]
 
 
 def test_without_raw_records_there_is_no_section_of_hits(text, result):

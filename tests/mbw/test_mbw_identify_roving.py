@@ -89,7 +89,7 @@ def test_the_points_that_were_hit_stand_as_outputs(outcome) -> None:
 def test_records_that_are_there_twice_are_named(outcome) -> None:
     ran, found = outcome
     same, unlike = sorted(found["remarks"], key=lambda text: "differ" in text)
-    assert "are the same" in same
+    assert "are identical" in same
     assert "5:-tz" in same
     assert "differ" in unlike
     assert "9:-tz" in unlike
@@ -109,4 +109,4 @@ def test_where_no_common_shape_stands_out_it_is_still_not_called_solid(tmp_path)
     _, found = identified(tmp_path, seed=83)  # its six shapes differ too much
     (check,) = found["solid"]
     assert not check["faults"]
-    assert "no single cause explains that: it is flexible" in check["words"]
+    assert "no single cause explains it: the body is flexible" in check["words"]

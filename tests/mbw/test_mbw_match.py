@@ -82,7 +82,7 @@ def test_what_cannot_be_matched_is_refused_in_a_sentence(campaign, tmp_path, cal
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("band = [15.0, 95.0]", "band = [95.0, 15.0]", r"band = \[95, 15\] is none"),
+        ("band = [15.0, 95.0]", "band = [95.0, 15.0]", r"band = \[95, 15\] is not a band"),
         ("band = [15.0, 95.0]", "", "key band is missing"),
         ('layout = "layout.toml"', 'layout = "none.toml"', "does not exist"),
         ('file = "bow2.npz"', 'file = "bow9.npz"', "bow9.npz is not there"),
@@ -90,7 +90,7 @@ def test_what_cannot_be_matched_is_refused_in_a_sentence(campaign, tmp_path, cal
         ("band =", "colour = 3\nband =", "unknown key colour"),
         ("band =", "band = =", "TOML syntax"),
         ('file = "bow2.npz"', 'file = "bow3.npz"', "bow3.npz is listed twice"),
-        ("band =", 'test = "bow2.npz"\nband =', "is a campaign of FRFs, with a force"),
+        ("band =", 'test = "bow2.npz"\nband =', "is a campaign of FRFs with a measured force"),
     ],
 )
 def test_a_campaign_that_is_wrong_is_named(campaign, tmp_path, old, new, said, called):
@@ -125,16 +125,16 @@ def test_a_mass_that_is_none_is_refused(campaign, called, mass):
     assert "is no mass" in done.output
 
 
-def test_an_frf_campaign_and_one_of_impacts_are_told_apart(campaign, called):
+def test_a_campaign_of_frfs_is_distinguished_from_one_of_impacts(campaign, called):
     done = called(SHAPES, ASSETS.parent / "demo")
     assert done.exit_code == 3
-    assert "a match needs impacts that nobody measured" in " ".join(done.output.split())
+    assert "a match needs impacts whose force is not measured" in " ".join(done.output.split())
     done = CliRunner().invoke(app, ["identify", str(campaign)])
     assert done.exit_code == 3
-    assert "mbw match reads it" in " ".join(done.output.split())
+    assert "mbw match reads" in " ".join(done.output.split())
 
 
-def test_the_nearest_node_and_a_width_may_be_asked_for(campaign, tmp_path, called):
+def test_nearest_node_and_averaging_width_are_options(campaign, tmp_path, called):
     layout = read_layout(campaign / "layout.toml")  # whose sites are nodes
     sites = zip(layout.points, np.add(layout.positions, [0.004, 0.003, 0.0]), strict=True)
     rows = "".join(f"{name},{x},{y},{z},xyz\n" for name, (x, y, z) in sites)

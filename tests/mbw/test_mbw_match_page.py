@@ -1,4 +1,4 @@
-"""The page of ``mbw match``: what it holds and what a browser makes of it."""
+"""Page of ``mbw match``: its data, and its behaviour in a browser."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ PROBE = """<script>setTimeout(() => {
   choose(3);
   setTimeout(() => {
     found.chosen = byId("chosen").textContent;
-    found.told = byId("told").textContent;
+    found.evidence = byId("evidence").textContent;
     found.moved = Math.max(...vertices().x.map((v, k) => Math.abs(v - SURFACE.points[3 * k])));
     found.ratio = byId("ratio").data.map(t => t.name);
     found.close = byId("closeness").data.length;
@@ -86,7 +86,9 @@ def test_the_page_works_in_a_browser(matched, tmp_path):
     assert found["hands"] >= 10
     assert "mesh3d" in found["kinds"]
     assert found["chosen"].startswith("Mode 4")
-    assert found["told"].startswith("Told from the next candidate by acc")
+    assert found["evidence"].startswith(
+        "Channels that distinguish this match from the next candidate: acc"
+    )
     assert found["moved"] > 0
     assert found["ratio"][-1].startswith("simulated mode")
     assert found["close"] == 4

@@ -1,4 +1,4 @@
-"""``mbw place``: where sensors tell modes apart, and what a layout confuses."""
+"""``mbw place``: places that distinguish modes, and modes that a layout confuses."""
 
 import re
 from pathlib import Path
@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from identification.matching import at_channels
+from identification.matching import shapes_at_channels
 from identification.readers.layout import read_layout
 from identification.readers.sites_table import read_sites
-from identification.shapes import read_shapes, telling
+from identification.shapes import distinguish_modes, read_shapes
 from mbw.command import app
-from mbw.match.place import Wanted, proposed, written
+from mbw.match.place import PlacementRequest, format_sites_table, propose_channels
 
 SHAPES = Path(__file__).parents[2] / "assets" / "gondola" / "shapes.vtu"
 BAND = ("--band", 15, 95)
@@ -31,10 +31,15 @@ def test_proposed_channels_tell_all_modes_and_are_some_way_apart(tmp_path):
     assert len(dofs) == 12
     apart = np.linalg.norm(layout.positions[:, None] - layout.positions, axis=2)
     assert apart[~np.eye(len(apart), dtype=bool)].min() > 0.3 - 1e-9
-    shapes = read_shapes(SHAPES).only(np.arange(6, 12))
-    assert telling(at_channels(shapes, layout, dofs)).mac[~np.eye(6, dtype=bool)].max() < 0.3
+    shapes = read_shapes(SHAPES).select(np.arange(6, 12))
+    assert (
+        distinguish_modes(shapes_at_channels(shapes, layout, dofs))
+        .mac[~np.eye(6, dtype=bool)]
+        .max()
+        < 0.3
+    )
     # No more is known of the amplitudes from twelve channels in random places.
-    at = at_channels(shapes, layout, dofs)
+    at = shapes_at_channels(shapes, layout, dofs)
     best = np.linalg.slogdet(at @ at.T)[1]
     random = np.random.default_rng(1)
     for _ in range(20):
@@ -47,9 +52,9 @@ def test_proposed_channels_tell_all_modes_and_are_some_way_apart(tmp_path):
 
 
 def test_a_table_is_read_as_it_was_written(tmp_path):
-    shapes = read_shapes(SHAPES).only(np.arange(6, 10))
-    layout, dofs = proposed(shapes, Wanted(9, None, None))
-    (tmp_path / "t.csv").write_text(written(layout, dofs))
+    shapes = read_shapes(SHAPES).select(np.arange(6, 10))
+    layout, dofs = propose_channels(shapes, PlacementRequest(9, None, None))
+    (tmp_path / "t.csv").write_text(format_sites_table(layout, dofs))
     seen, channels = read_sites(tmp_path / "t.csv")
     assert seen.points == layout.points
     assert seen.positions == pytest.approx(layout.positions, rel=1e-5)
@@ -64,24 +69,24 @@ def test_a_layout_is_looked_at_with_three_axes_at_every_site():
     )
 
 
-def test_a_layout_that_confuses_two_modes_is_told_which_and_by_what(tmp_path):
+def test_confused_modes_of_a_layout_are_named_with_the_channels_that_differ(tmp_path):
     table = tmp_path / "few.csv"
     table.write_text("site,x,y,z,axes\na,0.7,-0.8,1.2,y\nb,0.8,-0.8,1,y\nc,0,0,1.2,x\n")
     done = called(SHAPES, *BAND, "--check", table)
     assert done.exit_code == 0, done.output
-    assert "are confused; what tells them is" in done.output
+    assert "are confused; they differ most at" in done.output
     table.write_text("site,x,y,z,axes\nlow,0.7,-0.8,0.02,z\n")
-    assert "hardly moves there" in called(SHAPES, *BAND, "--check", table).output
+    assert "hardly moves at these channels" in called(SHAPES, *BAND, "--check", table).output
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         ("site,x,y\n", "the first row must be site,x,y,z,axes"),
-        ("site,x,y,z,axes\na,0,0,1,q\n", "row 2 is no site"),
-        ("site,x,y,z,axes\na,0,zero,1,x\n", "row 2 is no site"),
+        ("site,x,y,z,axes\na,0,0,1,q\n", "row 2 is not a site"),
+        ("site,x,y,z,axes\na,0,zero,1,x\n", "row 2 is not a site"),
         ("site,x,y,z,axes\na,0,0,1,x\na,0,0,1.2,x\n", "row 3: a is there twice"),
-        ("site,x,y,z,axes\na,0,0,1,\n", "reads no axis"),
+        ("site,x,y,z,axes\na,0,0,1,\n", "has no axis"),
         ("site,x,y,z,axes\n", "has no site"),
         ("site,x,y,z,axes\nfar,9,0,1,x\n", "far at (9, 0, 1) m is"),
     ],

@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 from identification.words import Dof
 from mbmodel import (
     Evaluator,
-    Question,
+    FrfRequest,
     as_drawn,
-    energy,
+    energy_shares,
     load_machine,
     model_modes,
     modes_of_matrices,
@@ -90,7 +90,7 @@ def test_frfs_are_csv_on_stdout(drawing):
     assert rows[0][:2] == ["frequency/Hz", "Re head:-rz / acc3:+tx"]
     table = np.array(rows[1:], float)
     model = as_drawn(load_machine(drawing))
-    question = Question(
+    question = FrfRequest(
         np.linspace(10, 90, 41), (Dof("head", "-rz"), Dof("acc1", "+tz")), (Dof("acc3", "+tx"),)
     )
     values = Evaluator(model, question).at(model.drawn).values[:, :, 0]
@@ -110,7 +110,7 @@ def test_the_state_space_reproduces_the_frfs(drawing, tmp_path, suffix):
     size = len(data["A"])
     value = data["C"] @ np.linalg.solve(s * np.eye(size) - data["A"], data["B"]) + data["D"]
     model = as_drawn(load_machine(drawing))
-    question = Question(np.array([33.0]), (Dof("acc1", "+tz"),), (Dof("acc3", "+tx"),))
+    question = FrfRequest(np.array([33.0]), (Dof("acc1", "+tz"),), (Dof("acc3", "+tx"),))
     assert value[0, 0] == pytest.approx(Evaluator(model, question).at(model.drawn).values[0, 0, 0])
 
 
@@ -149,7 +149,7 @@ def test_the_table_names_the_spring_to_touch_and_the_damper_that_works(drawing):
     result = mbw("predict", drawing, "--no-pictures")
     model = as_drawn(load_machine(drawing))
     found = model_modes(model, model.drawn)
-    shares = energy(model, model.drawn, found)
+    shares = energy_shares(model, model.drawn, found)
     lines = result.stdout.splitlines()[1:]
     assert len(lines) == len(found.poles)
     for number, line in enumerate(lines):
@@ -184,7 +184,7 @@ def test_json_tells_shares_and_shapes(drawing, tmp_path):
         assert sum(row[whole].values()) == pytest.approx(1.0, abs=0.01)
         assert min(row[whole].values()) >= 0.001
     model = as_drawn(load_machine(drawing))
-    shares = energy(model, model.drawn, model_modes(model, model.drawn))
+    shares = energy_shares(model, model.drawn, model_modes(model, model.drawn))
     stages = shares.by_stage(shares.strain)
     assert row["strain_by_stage"]["joint:head"] == pytest.approx(stages["joint:head"][2])
     size = 3 * 6 + 6 * 2
@@ -194,7 +194,7 @@ def test_json_tells_shares_and_shapes(drawing, tmp_path):
     assert len(row["shape_imaginary"]) == size
 
 
-def test_what_is_asked_together_is_all_written(drawing, tmp_path):
+def test_all_outputs_of_one_call_are_written(drawing, tmp_path):
     result = mbw(
         "predict", drawing, "--modes", "--frf", "--statespace", "system.npz", "--json", "all.json",
         "--out", "pictures", "--input", "acc3:+x", "--output", "acc1:+z",

@@ -1,4 +1,4 @@
-"""The page of ``mbw predict``: what it holds, and what it does in a browser."""
+"""Page of ``mbw predict``: its data, and its behaviour in a browser."""
 
 import re
 
@@ -9,7 +9,7 @@ from small_machine import MJCF
 from typer.testing import CliRunner
 
 from identification.words import Dof
-from mbmodel import Evaluator, Question, as_drawn, load_machine, model_modes, shapes_at
+from mbmodel import Evaluator, FrfRequest, as_drawn, load_machine, model_modes, shapes_at
 from mbw.command import app
 
 RUNNER = CliRunner()
@@ -82,13 +82,13 @@ def test_the_picture_moves_as_the_modes_do(model, data):
     assert shapes == pytest.approx(expected.T, rel=1e-5, abs=1e-6)
 
 
-def test_the_bode_plot_holds_the_frfs_that_were_asked_for(model, data):
+def test_the_bode_plot_holds_the_requested_frfs(model, data):
     bode = data["bode"]
     assert bode["labels"] == ["acc1:+tz / acc3:+tx", "head:-rz / acc3:+tx"]
     assert bode["units"] == ["m/s² per N", "rad/s² per N"]
     freq = unpacked(bode["freq"]).astype(float)
     outputs = (Dof("acc1", "+tz"), Dof("head", "-rz"))
-    question = Question(freq, outputs, (Dof("acc3", "+tx"),))
+    question = FrfRequest(freq, outputs, (Dof("acc3", "+tx"),))
     expected = Evaluator(model, question).at(model.drawn).values[:, :, 0].T
     values = unpacked(bode["values"], "<c8").reshape(2, -1)
     assert np.abs(values - expected).max() < 1e-3 * np.abs(expected).max()

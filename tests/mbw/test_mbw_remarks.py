@@ -1,11 +1,11 @@
-"""What is said of a result beside its figures: whole, and short."""
+"""Remarks on a tuning: complete, and short."""
 
 import pytest
 from campaign_folder import write_folder
 from typer.testing import CliRunner
 
 from mbw.command import app
-from mbw.remarks import limits, not_held, remarks
+from mbw.remarks import describe_not_in_mjcf, list_limits, list_remarks
 from tuning import read_result
 from tuning.files.schema import UnseenRow
 
@@ -43,11 +43,11 @@ def tolerances(summary, pulls):
 
 def test_a_result_without_faults_has_nothing_to_remark(summary):
     clean, _ = tolerances(doubted(summary), [])
-    assert remarks(changed(clean, unseen=[], not_held_by_mjcf=[])) == []
+    assert list_remarks(changed(clean, unseen=[], not_held_by_mjcf=[])) == []
 
 
 def test_every_doubt_is_said(summary):
-    (text, *_) = remarks(doubted(summary, "it was interrupted", "at a bound: k"))
+    (text, *_) = list_remarks(doubted(summary, "it was interrupted", "at a bound: k"))
     assert text == "Not to be trusted: it was interrupted; at a bound: k."
 
 
@@ -55,7 +55,7 @@ def test_every_doubt_is_said(summary):
 def test_tolerances_at_their_bound_are_a_number_with_the_four_largest_pulls(summary, count):
     pulls = [2.5, -3.1, 9.0, -4.0, 2.6, 2.7][:count]
     lacking, names = tolerances(summary, pulls)
-    (text,) = [text for text in remarks(lacking) if "their bound" in text]
+    (text,) = [text for text in list_remarks(lacking) if "reached the bound" in text]
     assert text.startswith("1 tolerance " if count == 1 else "6 tolerances ")
     if count == 6:
         largest = [f"{names[k]} {pulls[k]:+.1f}" for k in (2, 3, 1, 5)]
@@ -63,13 +63,17 @@ def test_tolerances_at_their_bound_are_a_number_with_the_four_largest_pulls(summ
         assert names[0] not in text
 
 
-def test_of_many_unseen_directions_four_are_said(summary):
+def test_at_most_four_unidentifiable_directions_are_named(summary):
     rows = [
-        UnseenRow(parameters=[f"k{n}"], deviation=2.0, sentence=f"k{n} is not seen by the data")
+        UnseenRow(
+            parameters=[f"k{n}"], deviation=2.0, sentence=f"k{n} is not determined by the data"
+        )
         for n in range(6)
     ]
-    (text,) = [text for text in remarks(changed(summary, unseen=rows)) if "not seen" in text]
-    assert "k3 is not seen" in text
+    (text,) = [
+        text for text in list_remarks(changed(summary, unseen=rows)) if "not determined" in text
+    ]
+    assert "k3 is not determined" in text
     assert "k4" not in text
     assert text.endswith("and 2 more.")
 
@@ -77,19 +81,20 @@ def test_of_many_unseen_directions_four_are_said(summary):
 def test_what_the_mjcf_does_not_hold_is_summed_up(summary):
     names = [f"acc{k}.gain_{axis} (an MJCF site has no gain)" for k in (1, 12) for axis in "xyz"]
     names += ["hammer(acc1:tx) (one place)", "base.mass (its own MJCF body would weigh nothing)"]
-    assert not_held(names, "tuned.json") == (
-        "The tuned MJCF does not hold: gains of 2 sensors, place and aim of 1 hit, "
+    assert describe_not_in_mjcf(names, "tuned.json") == (
+        "The tuned MJCF does not hold: gains of 2 sensors, place and direction of 1 hit, "
         "base.mass (its own MJCF body would weigh nothing) (tuned.json lists them)."
     )
-    assert not_held([], "tuned.json") == ""
+    assert describe_not_in_mjcf([], "tuned.json") == ""
     alike = [f"ty.loss({one}) (it depends on frequency)" for one in ("a", "b")]
-    assert "hold: ty.loss(a), ty.loss(b) (it depends on frequency) (" in not_held(alike, "t.json")
+    text = describe_not_in_mjcf(alike, "t.json")
+    assert "hold: ty.loss(a), ty.loss(b) (it depends on frequency) (" in text
 
 
 def test_limits_of_the_figures_are_no_doubts_of_the_fit(summary):
-    assert limits(doubted(summary, "it was interrupted")) == []
+    assert list_limits(doubted(summary, "it was interrupted")) == []
     failed = changed(summary, held_out_outcomes=["converged", "out of evaluations"])
-    assert limits(failed) == [
+    assert list_limits(failed) == [
         "Some held-out fits did not converge: the held-out error may be too high."
     ]
-    assert limits(failed)[0] in remarks(failed)
+    assert list_limits(failed)[0] in list_remarks(failed)

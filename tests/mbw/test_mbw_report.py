@@ -1,4 +1,4 @@
-"""``mbw report``: what it says of a result, and what it refuses."""
+"""``mbw report``: pages of results, and refusals."""
 
 import json
 
@@ -26,7 +26,7 @@ def folder(tmp_path_factory):
     return place / "result"
 
 
-def test_the_report_lies_beside_its_result_or_where_it_is_asked(folder, tmp_path):
+def test_the_report_is_written_beside_its_result_or_to_the_named_file(folder, tmp_path):
     assert mbw("report", folder).exit_code == 0
     assert (folder / "report.html").is_file()
     assert mbw("report", folder / "tuned.json", "--out", tmp_path / "mine.html").exit_code == 0

@@ -1,4 +1,4 @@
-"""The report's parts about trust: badges, intervals, pulls, what the data cannot tell, starts."""
+"""Sections of the tuning page: badges, intervals, pulls, identifiability, starts."""
 
 import re
 from dataclasses import replace
@@ -10,8 +10,8 @@ from campaign_folder import write_folder
 from typer.testing import CliRunner
 
 from mbw.command import app
-from mbw.page.numbers import moved, short, tolerance
-from mbw.tune.convergence import badges, starts_section, unknown_section
+from mbw.page.numbers import format_four_digits, format_shift, format_tolerance
+from mbw.tune.convergence import badges, identifiability_section, starts_section
 from mbw.tune.page import render
 from mbw.tune.parameters import parameter_rows
 from mbw.tune.pulls import kind_of, pull_points, pulls_note, pulls_table
@@ -85,7 +85,7 @@ def test_each_parameter_has_its_interval_and_a_whisker_about_the_end_of_its_bar(
     assert rows.count("<tr") == len(free) == 12
     for row in free:
         html = row_of(rows, row.name)
-        assert f"{short(row.low)} … {short(row.high)}" in html
+        assert f"{format_four_digits(row.low)} … {format_four_digits(row.high)}" in html
         left, width = map(float, re.search(r'<u style="left:(.*?)%;width:(.*?)%"', html).groups())
         end = 50 + 25 * np.log2(row.tuned / row.drawn)
         # Two figures behind the comma of places, one of the bar's.
@@ -93,10 +93,10 @@ def test_each_parameter_has_its_interval_and_a_whisker_about_the_end_of_its_bar(
         assert width == pytest.approx(25 * np.log2(row.high / row.low), abs=0.02)
 
 
-def test_what_the_data_do_not_tell_has_no_interval_however_narrow(summary):
+def test_an_unidentifiable_parameter_has_no_interval(summary):
     name = "head_tx.damping"
     html = row_of(parameter_rows(with_row(summary, name, seen=False)), name)
-    assert "the data do not tell" in html
+    assert "unidentifiable" in html
     assert "…" not in html
     assert "<u" not in html
     assert "hatched" in html
@@ -156,31 +156,33 @@ def test_the_table_has_the_ten_largest_pulls_and_marks_the_impossible(summary):
 
 
 def test_numbers_are_in_units_that_a_workshop_reads():
-    assert [short(value) for value in (5.5734e9, 3000.0, 40.0, 0.0, -2.5e-7)] == [
+    assert [format_four_digits(value) for value in (5.5734e9, 3000.0, 40.0, 0.0, -2.5e-7)] == [
         "5.573e9", "3000", "40.00", "0.000", "-2.500e-7",
     ]  # fmt: skip
-    assert moved(0.0, 0.00375, "m") == "+3.75 mm"
-    assert moved(0.0, np.radians(-2.0), "rad") == "-2°"
-    assert moved(40.0, 41.0, "kg") == "+2.5 %"
-    assert moved(0.0, 0.02, "kg m^2") == "+0.02 kg m^2"
-    assert [tolerance(0.0015, "m"), tolerance(np.radians(1), "rad"), tolerance(0.05, "kg m^2")] == [
-        "1.5 mm", "1°", "5 %",
-    ]  # fmt: skip
+    assert format_shift(0.0, 0.00375, "m") == "+3.75 mm"
+    assert format_shift(0.0, np.radians(-2.0), "rad") == "-2°"
+    assert format_shift(40.0, 41.0, "kg") == "+2.5 %"
+    assert format_shift(0.0, 0.02, "kg m^2") == "+0.02 kg m^2"
+    assert format_tolerance(0.0015, "m") == "1.5 mm"
+    assert format_tolerance(np.radians(1), "rad") == "1°"
+    assert format_tolerance(0.05, "kg m^2") == "5 %"
 
 
-def test_what_the_data_cannot_tell_is_listed_with_the_ten_strongest_correlations(summary):
+def test_unidentifiable_parameters_and_the_ten_strongest_correlations_are_listed(summary):
     unseen = [UnseenRow(parameters=["a", "b"], deviation=3.0, sentence="a & b: only as a sum")]
     pairs = [
         CorrelationRow(first=f"p{k}", second=f"q{k}", correlation=(-1) ** k * (1 - 0.001 * k))
         for k in range(12)
     ]
-    html = unknown_section(changed(summary, unseen=unseen, correlations=pairs))
+    html = identifiability_section(changed(summary, unseen=unseen, correlations=pairs))
     assert "<li>a &amp; b: only as a sum</li>" in html
     assert "-0.9910" in html
     assert "p9" in html
     assert "p10" not in html
-    assert "the data see all" in unknown_section(changed(summary, unseen=[]))
-    assert "no correlation is above 0.9" in unknown_section(changed(summary, correlations=[]))
+    assert "the data determine all" in identifiability_section(changed(summary, unseen=[]))
+    assert "no correlation is above 0.9" in identifiability_section(
+        changed(summary, correlations=[])
+    )
 
 
 def test_an_interrupted_tuning_claims_nothing_about_what_the_data_tell(result):
@@ -189,7 +191,7 @@ def test_an_interrupted_tuning_claims_nothing_about_what_the_data_tell(result):
         for row in result.summary.parameters
     ]
     bare = changed(result.summary, parameters=rows, correlations=[], unseen=[], interrupted=True)
-    assert unknown_section(bare) == ""
+    assert identifiability_section(bare) == ""
     levels = {name: replace(level, deviation=None) for name, level in result.levels.items()}
     text = render(replace(result, summary=bare, levels=levels))
     assert "What the data cannot tell" not in text

@@ -1,4 +1,4 @@
-"""Ctrl-C for real: a signal to the running command."""
+"""Interruption of the running command by a signal (Ctrl-C)."""
 
 import json
 import os
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tuning.fitting.checkpoint import CHECKPOINT
+from tuning.fitting.checkpoint import CHECKPOINT_FILE
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -32,7 +32,7 @@ def test_ctrl_c_keeps_the_best_however_often_it_is_pressed(tmp_path, presses):
         command, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True
     ) as process:
         for _ in range(600):  # until something was found, however slow the machine is
-            if (out / CHECKPOINT).is_file() or process.poll() is not None:
+            if (out / CHECKPOINT_FILE).is_file() or process.poll() is not None:
                 break
             time.sleep(0.1)
         for _ in range(presses):

@@ -13,10 +13,10 @@ from campaign_folder import write_folder
 from typer.testing import CliRunner
 
 from identification.words import Dof
-from mbmodel import Evaluator, Question, as_drawn, load_machine
+from mbmodel import Evaluator, FrfRequest, as_drawn, load_machine
 from mbw.command import app
 from mbw.tune import verb
-from tuning import Progress, campaign_tuning, read_result
+from tuning import FitProgress, campaign_tuning, read_result
 
 RUNNER = CliRunner()
 
@@ -97,7 +97,7 @@ def test_the_tuned_mjcf_answers_as_the_reported_tuning(folder, tmp_path):
     level = read.levels["sensors"]
     first = [k for k, test in enumerate(level.tests) if test == level.tests[0]]
     outputs = tuple(Dof.parse(level.outputs[k]) for k in first)
-    question = Question(read.freq_hz, outputs, (Dof("hit3", "+tx"),))
+    question = FrfRequest(read.freq_hz, outputs, (Dof("hit3", "+tx"),))
     values = Evaluator(written, question).at(written.drawn).values[:, :, 0]
     # Stored in single precision.
     scale = np.abs(values).max(axis=0)
@@ -108,7 +108,9 @@ def test_what_varies_and_what_the_mjcf_lacks_is_said_in_few_words(tuned):
     out, result = tuned
     assert "12 parameters, 92 tolerances" in result.stderr
     (line,) = [text for text in result.stderr.splitlines() if "MJCF does not hold" in text]
-    assert line.endswith("gains of 6 sensors, place and aim of 3 hits (tuned.json lists them).")
+    assert line.endswith(
+        "gains of 6 sensors, place and direction of 3 hits (tuned.json lists them)."
+    )
     names = json.loads((out / "tuned.json").read_text())["not_held_by_mjcf"]
     assert len([name for name in names if ".gain_" in name]) == 3 * 6
 
@@ -138,7 +140,7 @@ def test_an_interrupt_writes_the_best_so_far_and_exits_130(folder, tmp_path, mon
     whole = campaign_tuning.fit
 
     def interrupted(*args, report=None, **kwargs):
-        def tell(step: Progress):
+        def tell(step: FitProgress):
             report(step)
             if step.stage == 1:
                 raise KeyboardInterrupt
@@ -275,7 +277,7 @@ def test_results_that_cannot_be_written_are_refused_before_the_work(folder, tmp_
     taken = tmp_path / "taken"
     (taken / "tuned.json").mkdir(parents=True)
     for arguments, words in (
-        (("--out", blocked / "out"), "cannot be made"),
+        (("--out", blocked / "out"), "cannot be created"),
         (("--out", taken), "is a folder"),
         (("--out", tmp_path / "o", "--json", tmp_path / "nowhere" / "x.json"), "cannot be written"),
     ):

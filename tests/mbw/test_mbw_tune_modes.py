@@ -61,7 +61,7 @@ def test_modes_alone_come_near_the_frfs_and_hold_no_lines_out(folder, tmp_path):
     assert summary["residuals"] == ["modal"]
     assert summary["gap"]["sensors"]["held_out"] is None
     assert summary["gap"]["sensors"]["tuned"]["error"] < 0.02
-    assert "none is held out" in result.stderr
+    assert "no line is held out" in result.stderr
     assert "too narrow" not in result.stderr
     assert "2 of 2 starts" in result.stderr
 
@@ -96,7 +96,7 @@ def test_the_report_has_a_table_of_the_pairs(folder, identified, tmp_path):
     tuned(folder, tmp_path, "--residual", "modal", "--from-modes", identified, "-q")
     result = read_result(tmp_path / "out")
     text = render(result)
-    section = text[text.index("Measured modes and the model") : text.index("<h2>Tests")]
+    section = text[text.index("Measured and modelled modes") : text.index("<h2>Tests")]
     assert section.count("<tr>") == 1 + 5
     for row in result.summary.pairs:
         assert f"<td>{row.frequency:.2f}</td>" in section
@@ -105,7 +105,7 @@ def test_the_report_has_a_table_of_the_pairs(folder, identified, tmp_path):
     summary = result.summary.model_copy(update={"pairs": lost})
     text = render(type(result)(summary, result.freq_hz, result.levels))
     assert text.count('<td colspan="3">none</td>') == 5
-    assert "Measured modes without one of the model&#x27;s: " in text
+    assert "Measured modes without a mode of the model: " in text
 
 
 def test_a_result_without_pairs_has_no_table_and_is_still_read(folder, tmp_path):

@@ -1,4 +1,4 @@
-"""A tuning that was killed goes on where it was, to the same bits."""
+"""Resumption of a killed tuning, with a result equal to the last bit."""
 
 import json
 
@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from mbw.command import app
 from tests.helpers.killed import campaign_in, killed_and_resumed, whole
-from tuning import CHECKPOINT
+from tuning import CHECKPOINT_FILE
 
 
 @pytest.fixture(scope="module")
@@ -29,13 +29,13 @@ def test_a_killed_run_that_is_resumed_ends_with_the_same_bits(
     assert found.killed
     assert found.steps >= steps
     assert found.bits == bits
-    assert not (tmp_path / CHECKPOINT).exists()
+    assert not (tmp_path / CHECKPOINT_FILE).exists()
 
 
 def kept_from(other, tmp_path):
     """A checkpoint whose fingerprint is another's."""
     tmp_path.mkdir(exist_ok=True)
-    (tmp_path / CHECKPOINT).write_text(json.dumps({"fingerprint": other, "steps": {}}))
+    (tmp_path / CHECKPOINT_FILE).write_text(json.dumps({"fingerprint": other, "steps": {}}))
 
 
 def test_steps_of_other_inputs_are_refused_by_name(campaign, tmp_path):
@@ -46,7 +46,7 @@ def test_steps_of_other_inputs_are_refused_by_name(campaign, tmp_path):
 
 
 def test_a_broken_checkpoint_is_refused_by_name(campaign, tmp_path):
-    (tmp_path / CHECKPOINT).write_text('{"fingerprint": ')
+    (tmp_path / CHECKPOINT_FILE).write_text('{"fingerprint": ')
     run = CliRunner().invoke(app, ["tune", str(campaign), "--out", str(tmp_path), "--resume"])
     assert run.exit_code == 3
-    assert "begin anew without --resume" in " ".join(run.stderr.split())
+    assert "start again without --resume" in " ".join(run.stderr.split())

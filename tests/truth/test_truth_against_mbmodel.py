@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from identification.words import Dof
-from mbmodel import Question, as_drawn, linearise, load_machine
+from mbmodel import FrfRequest, as_drawn, linearise, load_machine
 from truth.campaign.draw import NO_TOLERANCE, draw_basis, draw_drawing, draw_hammers, draw_rigid
 from truth.campaign.file_formats import model_xml
 from truth.machine.mjcf_reader import read_station
@@ -38,7 +38,7 @@ def test_both_give_the_same_frfs_to_nine_digits(name, nominal, tmp_path):
     hits = [hit.node for stage in station.stages for hit in stage.hit_points]
     site = f"hit{node}" if node in hits else f"acc{node}"
     model = as_drawn(load_machine(path))
-    question = Question(
+    question = FrfRequest(
         FREQ,
         tuple(Dof.of(f"acc{one.node}", axis) for _, one in station.sensors() for axis in range(3)),
         tuple(Dof.of(site, axis) for axis in range(3)),

@@ -6,7 +6,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -124,7 +124,6 @@ def test_matrices_of_two_bodies_are_the_hand_assembled_ones(two_bodies):
 vectors = arrays(float, 3, elements=st.floats(-1, 1)).filter(lambda v: np.linalg.norm(v) > 0.1)
 
 
-@settings(max_examples=25, deadline=None)
 @given(places=st.tuples(vectors, vectors), directions=st.tuples(vectors, vectors))
 def test_force_and_response_may_change_places(two_bodies, places, directions):
     def response(here: int, there: int) -> np.ndarray:

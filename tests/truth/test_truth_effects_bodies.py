@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from effect_rigs import FREQ, chain, frf_of, machine_of, random_of, rig_of, scene_of
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
@@ -38,7 +38,6 @@ def test_an_added_mass_is_a_small_body_welded_on(two_bodies):
     assert effect.answer().parameters == {"mass": 18.0, "position": tuple(position)}
 
 
-@settings(max_examples=40)
 @given(st.tuples(NUMBERS, NUMBERS, NUMBERS), st.floats(1e-3, 1))
 def test_an_added_mass_keeps_the_moments_about_any_point(position, size):
     # Second moments about the body's old centre of mass grow by m p p^T, whatever the new one.
@@ -119,7 +118,6 @@ def test_a_twisting_plate_adds_its_mode_to_the_rigid_motion():
     assert effect.answer().parameters == {"frequency": 90.0, "damping": 0.01}
 
 
-@settings(max_examples=30)
 @given(st.tuples(NUMBERS, NUMBERS, NUMBERS), st.integers(0, 2))
 def test_a_bending_moves_its_measured_and_held_points_by_no_rigid_motion(bending, index):
     station = chain()
@@ -133,7 +131,6 @@ def test_a_bending_moves_its_measured_and_held_points_by_no_rigid_motion(bending
     assert np.abs(np.cross(points - stage.com, moved).sum(axis=0)).max() < scale
 
 
-@settings(max_examples=30)
 @given(st.tuples(NUMBERS, NUMBERS, NUMBERS), st.tuples(NUMBERS, NUMBERS, NUMBERS))
 def test_the_rotation_of_a_bending_is_half_the_curl_of_its_translation(bending, away):
     bend = bend_of(chain(), 1, bending)

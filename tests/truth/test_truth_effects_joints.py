@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from effect_rigs import OCCASIONS, chain, frf_of, machine_of, random_of, rig_of, scene_of
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from truth.effects import Scene
@@ -171,7 +171,6 @@ def rig_of_block(station, effects):
     return rig_of(station, effects).equations
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     st.lists(st.floats(-3, 3), min_size=12, max_size=12),
     st.sampled_from([(0,), (1,), (0, 2), (1, 2), (0, 1, 2, 3)]),
@@ -239,7 +238,6 @@ def test_more_than_all_cannot_be_lost():
         SupportLoss("block", (0,), size=1.01)
 
 
-@settings(max_examples=30)
 @given(st.lists(st.floats(-1, 1), min_size=18, max_size=18))
 def test_a_link_stores_what_it_is_stretched_by(motion):
     station = chain()

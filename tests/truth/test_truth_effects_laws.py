@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from effect_rigs import FREQ, chain, frf_of, machine_of, random_of, rig_of, scene_of
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from truth.campaign.draw import Tolerance, draw_basis, draw_true
@@ -170,7 +170,6 @@ def test_the_largest_coupling_of_two_dampers_is_exact():
     assert largest_coupling(rig, row, row) == np.inf
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.floats(1, 300), st.floats(0.001, 0.9))
 def test_poles_are_those_of_the_textbook(frequency, damping):
     rig = rig_of(chain())

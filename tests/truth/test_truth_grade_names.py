@@ -82,13 +82,15 @@ def test_every_effect_that_is_drawn_can_be_graded():
     assert set(DRAWN) - {"none"} <= set(CATALOGUE)
 
 
-def test_the_catalogue_is_that_of_the_contract():
+def test_every_effect_of_the_catalogue_stands_in_the_contract():
     if not CONTRACT.is_file():
         pytest.skip(f"{CONTRACT} is absent")
     rows = re.findall(
         r"^\| `(\w+)` \|[^|]*\| (\w+) \|[^|]*\| ?([^|]*)\|$", CONTRACT.read_text(), re.M
     )
-    assert {name: kind for name, kind, _ in rows} == {n: e.kind for n, e in CATALOGUE.items()}
-    for name, _, parameters in rows:
-        size = CATALOGUE[name].size
-        assert not size or f"`{size}`" in parameters
+    # The contract may already name effects that are still to come.
+    contract = {name: (kind, parameters) for name, kind, parameters in rows}
+    for name, effect in CATALOGUE.items():
+        kind, parameters = contract[name]
+        assert kind == effect.kind
+        assert not effect.size or f"`{effect.size}`" in parameters

@@ -9,8 +9,8 @@ from small_machine import MJCF, TOLERANCE, campaign, drawing, flip, model, true_
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Test
 from mbmodel import (
     Evaluator,
+    FrfRequest,
     Model,
-    Question,
     body_parts,
     hammer_parts,
     joint_parts,
@@ -18,7 +18,7 @@ from mbmodel import (
     sensor_parts,
     spring_parts,
 )
-from tuning import Wishes, freedom
+from tuning import UserSpecification, parametrise
 
 __all__ = ["campaign", "drawing", "flip", "model", "true_theta"]
 
@@ -41,7 +41,7 @@ TURNED = MJCF.replace('diaginertia="4 5 6"', 'fullinertia="4 5 6 0.3 -0.2 0.4"')
 
 @pytest.fixture(scope="session")
 def whole(tmp_path_factory) -> Model:
-    """Springs, bodies, joints, six sensors, three hits: 110 parameters that vary, 6 that do not."""
+    """Return springs, bodies, joints, six sensors, three hits: 110 parameters vary, 6 do not."""
     path = tmp_path_factory.mktemp("turned") / "turned.xml"
     path.write_text(TURNED, encoding="utf-8")
     machine = load_machine(path)
@@ -59,43 +59,43 @@ def whole(tmp_path_factory) -> Model:
 
 
 @pytest.fixture(scope="session")
-def made(whole):
-    """What varies of it with tolerances that all differ."""
-    return freedom(whole, TOLERANCE)
+def toleranced(whole):
+    """Return its parametrisation, with tolerances that all differ."""
+    return parametrise(whole, TOLERANCE)
 
 
 @pytest.fixture(scope="session")
-def wish(whole):
-    """The same with a user's wishes."""
-    return lambda **wishes: freedom(whole, TOLERANCE, Wishes(**wishes))
+def specify(whole):
+    """Return a function: that parametrisation, changed by a user specification."""
+    return lambda **specification: parametrise(whole, TOLERANCE, UserSpecification(**specification))
 
 
 @pytest.fixture(scope="session")
 def place(whole):
-    """The number of a parameter by name."""
+    """Return a function: the index of a parameter by name."""
     names = [parameter.name for parameter in whole.parameters]
     return names.index
 
 
 @pytest.fixture(scope="session")
-def varies(whole, campaign):
-    """What varies of it by default."""
-    return freedom(whole, campaign.tolerance)
+def parametrisation(whole, campaign):
+    """Return its parametrisation with the tolerances of the campaign."""
+    return parametrise(whole, campaign.tolerance)
 
 
 @pytest.fixture(scope="session")
-def off(varies):
-    """The x of a machine that is off everywhere: one tolerance, or a factor exp(N(0, 0.3))."""
+def off(parametrisation):
+    """Return an x off zero everywhere: by one tolerance, or by a factor exp(N(0, 0.3))."""
     random = np.random.default_rng(11)
-    x = random.normal(0.0, np.where(varies.has_prior, 1.0, 0.3))
+    x = random.normal(0.0, np.where(parametrisation.has_prior, 1.0, 0.3))
     return np.clip(x, -2.0, 2.0)
 
 
 @pytest.fixture(scope="session")
-def mixed(whole, varies, off) -> Campaign:
-    """Tests as different as they may be, with one cell masked."""
+def mixed(whole, parametrisation, off) -> Campaign:
+    """Return tests as different as possible, with one FRF masked."""
     random = np.random.default_rng(12)
-    tests = [_hit(whole, varies.theta(off), random, *what) for what in HITS]
+    tests = [_virtual_test(whole, parametrisation.theta(off), random, *what) for what in HITS]
     estimate = tests[3].estimate
     measured, values = estimate.measured.copy(), estimate.frf.values.copy()
     measured[4], values[:, 4] = False, 0.0
@@ -104,11 +104,11 @@ def mixed(whole, varies, off) -> Campaign:
     return Campaign("mixed", whole.machine.layout, tuple(tests))
 
 
-def _hit(model, theta, random, name, tau, sensors, level) -> Test:
-    """One virtual test; noise of some 3 %, of its own in every channel and line."""
+def _virtual_test(model, theta, random, name, tau, sensors, level) -> Test:
+    """Return one virtual test, with noise of some 3 % that differs in every channel and line."""
     reference = Dof.parse(name)
     outputs = tuple(Dof.of(f"acc{k}", axis) for k in sensors for axis in (2, 0, 1))
-    question = Question(FREQ, outputs, (reference,), window_tau=tau)
+    question = FrfRequest(FREQ, outputs, (reference,), window_tau=tau)
     values = Evaluator(model, question).at(theta).values
     rms = np.sqrt((np.abs(values) ** 2).mean(axis=0))
     sigma = 0.03 * rms * random.uniform(0.5, 2.0, values.shape)

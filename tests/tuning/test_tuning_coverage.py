@@ -11,7 +11,7 @@ MACHINES, FIRST = 20, 71_100
 
 
 @pytest.fixture(scope="module")
-def found():
+def result():
     rows = []
     for seed in range(FIRST, FIRST + MACHINES):
         tree = draw_tree(seed, 3)
@@ -21,14 +21,14 @@ def found():
 
 
 @pytest.mark.parametrize("kind", ["stiffness", "damping", "FRF"])
-def test_ninety_five_per_cent_intervals_hold_the_truth_of_twenty_machines(found, kind):
+def test_ninety_five_per_cent_intervals_hold_the_truth_of_twenty_machines(result, kind):
     # The interval of the mean over 20 machines is some 5 per cent wide; the bench has 200.
-    each = np.array([row[kind][0] / row[kind][1] for row in found])
+    each = np.array([row[kind][0] / row[kind][1] for row in result])
     half = 1.96 * each.std(ddof=1) / np.sqrt(len(each))
     assert each.mean() + half >= 0.93
     assert each.mean() >= 0.90
     assert each.mean() < 1.0  # an interval that always holds is too wide
 
 
-def test_nothing_is_held_at_a_bound_where_nothing_is_missing(found):
-    assert not any(row["bounded"] for row in found)
+def test_nothing_is_held_at_a_bound_where_nothing_is_missing(result):
+    assert not any(row["bounded"] for row in result)

@@ -21,25 +21,25 @@ def slopes_of_turning(x):
     return np.array([first, [0.0, 0.0, 0.0, 1.0, 0.1 * x[0]]]).T
 
 
-def turned(curved, steps, start=0.0, **box):
+def turned(exact_curvature, steps, start=0.0, **box):
     problem = Squares(turning, slopes_of_turning, np.zeros(2))
     return gauss_newton(
         problem,
         np.array([start, 0.0]),
         box_of(2, **box),
-        promise=1e-9,
+        min_gain_nats=1e-9,
         tolerance=0.0,
         max_steps=steps,
-        curved=curved,
+        exact_curvature=exact_curvature,
     )
 
 
 def test_where_residuals_turn_steps_by_their_own_curvature_arrive():
     best = scipy.optimize.minimize(lambda x: turning(x) @ turning(x), [3.0, 1.0], tol=1e-14)
     # N is J's curvature 145 times: each step goes 1 / 145 of the way.
-    crept = turned(curved=False, steps=30)
+    crept = turned(exact_curvature=False, steps=30)
     assert crept.x[0] < 1.5
-    arrived = turned(curved=True, steps=30)
+    arrived = turned(exact_curvature=True, steps=30)
     assert arrived.outcome == "converged"
     assert arrived.x == pytest.approx(best.x, abs=1e-4)
     assert arrived.value == pytest.approx(best.fun, abs=1e-8)
@@ -47,16 +47,20 @@ def test_where_residuals_turn_steps_by_their_own_curvature_arrive():
 
 
 def test_steps_by_curvature_stay_inside_bounds():
-    found = turned(curved=True, steps=40, upper=[2.0, 0.5])
-    assert found.outcome == "converged"
-    assert found.x == pytest.approx([2.0, 0.5], abs=1e-9)
+    result = turned(exact_curvature=True, steps=40, upper=[2.0, 0.5])
+    assert result.outcome == "converged"
+    assert result.x == pytest.approx([2.0, 0.5], abs=1e-9)
 
 
 def test_steps_by_curvature_never_rise():
     values = []
     problem = Squares(turning, slopes_of_turning, np.zeros(2))
     gauss_newton(
-        problem, np.array([-5.0, 4.0]), box_of(2), curved=True, report=lambda _, j: values.append(j)
+        problem,
+        np.array([-5.0, 4.0]),
+        box_of(2),
+        exact_curvature=True,
+        report=lambda _, j: values.append(j),
     )
     assert len(values) > 3
     assert (np.diff(values) <= 0).all()
@@ -64,8 +68,9 @@ def test_steps_by_curvature_never_rise():
 
 def test_without_creeping_curvature_costs_nothing():
     start = TRUTH + 0.1
-    one, other = (
-        gauss_newton(decay(), start, box_of(4), curved=curved) for curved in (False, True)
+    first, second = (
+        gauss_newton(decay(), start, box_of(4), exact_curvature=exact_curvature)
+        for exact_curvature in (False, True)
     )
-    assert one.evaluations == other.evaluations
-    assert (one.x == other.x).all()
+    assert first.evaluations == second.evaluations
+    assert (first.x == second.x).all()

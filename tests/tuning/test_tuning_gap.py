@@ -9,23 +9,22 @@ from small_machine import virtual_campaign
 from mbmodel import modes_of_matrices
 from tuning import (
     STAGES,
-    at_bodies,
     block_width,
     channel_gaps,
     fit,
     fit_held_out,
-    fold_of_lines,
     gap_at_bodies,
     predict,
-    summarise,
+    summarise_gaps,
 )
-from tuning.assessment.gap import block_shares
+from tuning.assessment.gap import block_error_shares, reduce_campaign_to_bodies
+from tuning.assessment.held_out import assign_folds
 from tuning.misfit.misfit import Misfit
 
 
 def test_the_gap_of_measurement_plus_noise_is_the_noise(model, true_theta):
     campaign = virtual_campaign(model, true_theta, noise=0.05, lines=800)
-    gap = summarise(channel_gaps(predict(model, true_theta, campaign), campaign))
+    gap = summarise_gaps(channel_gaps(predict(model, true_theta, campaign), campaign))
     # 800 lines and some 20 channels of complex noise: the rms is known to 1 %.
     assert gap.error == pytest.approx(0.05, rel=0.02)
     assert gap.noise == pytest.approx(0.05, rel=0.02)
@@ -41,7 +40,7 @@ def test_error_and_excess_are_those_of_a_slow_twin(model, campaign):
             size = np.linalg.norm(measured[:, row, 0])
             errors.append(np.linalg.norm(answer[:, row, 0] - measured[:, row, 0]) / size)
             noises.append(np.sqrt(variance[:, row, 0].sum()) / size)
-    gap = summarise(channel_gaps(predicted, campaign))
+    gap = summarise_gaps(channel_gaps(predicted, campaign))
     assert gap.error == pytest.approx(np.sqrt(np.mean(np.square(errors))), rel=1e-12)
     assert gap.excess == pytest.approx(
         np.sqrt(np.mean(np.square(np.array(errors) / noises))), rel=1e-12
@@ -59,7 +58,7 @@ def test_the_gap_at_the_centres_is_that_of_both_reduced_with_the_noise_that_is_l
     wrong = [answer * 1.3 for answer in exact]
     off = gap_at_bodies(wrong, campaign)
     assert off.error == pytest.approx(np.hypot(0.3, right.error), rel=0.1)
-    reduced = at_bodies(campaign)
+    reduced = reduce_campaign_to_bodies(campaign)
     assert off.channels == sum(test.estimate.measured.sum() for test in reduced.tests)
 
 
@@ -73,7 +72,7 @@ def test_a_noisy_channel_counts_for_excess_only(model, campaign):
     alone = replace(campaign, tests=campaign.tests[:1])
     predicted = predict(model, model.drawn, alone)
     gaps = channel_gaps(predicted, loud)
-    summary = summarise(gaps)
+    summary = summarise_gaps(gaps)
     assert summary.quiet == summary.channels - 1
     assert summary.error == pytest.approx(np.sqrt(np.mean(gaps.error[1:] ** 2)))
 
@@ -82,7 +81,7 @@ def test_numbers_that_do_not_exist_are_none(model, campaign):
     test = campaign.tests[0]
     silent = replace(test.estimate, variance=np.zeros_like(test.estimate.variance))
     exact = replace(campaign, tests=(replace(test, estimate=silent),))
-    gap = summarise(channel_gaps(predict(model, model.drawn, exact), exact))
+    gap = summarise_gaps(channel_gaps(predict(model, model.drawn, exact), exact))
     assert gap.excess is None
     assert gap.noise == 0.0
 
@@ -92,13 +91,13 @@ def test_numbers_that_do_not_exist_are_none(model, campaign):
     [(10, 2, [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]), (13, 2, [0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 0, 0, 1])],
 )
 def test_block_i_belongs_to_fold_i_modulo_five(n_freq, width, folds):
-    assert fold_of_lines(n_freq, width).tolist() == folds
+    assert assign_folds(n_freq, width).tolist() == folds
 
 
 def test_a_block_is_three_lower_quartiles_of_the_bandwidth_wide(model):
-    found = modes_of_matrices(model.matrices(model.drawn))
-    inside = (found.freq_hz > 5) & (found.freq_hz < 165) & (found.poles.imag > 0)
-    bandwidth = np.quantile(2 * found.damping[inside] * found.freq_hz[inside], 0.25)
+    result = modes_of_matrices(model.matrices(model.drawn))
+    inside = (result.freq_hz > 5) & (result.freq_hz < 165) & (result.poles.imag > 0)
+    bandwidth = np.quantile(2 * result.damping[inside] * result.freq_hz[inside], 0.25)
     freq = np.arange(5.0, 165.0, bandwidth / 10)  # so fine that neither bound acts
     assert block_width(model, model.drawn, freq) == pytest.approx(30, abs=1)
 
@@ -110,8 +109,8 @@ def test_a_block_is_at_least_eight_lines_and_at_most_a_fifteenth(model):
 
 
 def test_held_out_lines_come_from_fits_that_did_not_see_them(model, campaign, true_theta):
-    found = fit(model, campaign)
-    held = fit_held_out(model, found, campaign)
+    result = fit(model, campaign)
+    held = fit_held_out(model, result, campaign)
     spoiled_lines = held.folds == 2
     tests = []
     for test in campaign.tests:
@@ -121,23 +120,30 @@ def test_held_out_lines_come_from_fits_that_did_not_see_them(model, campaign, tr
             replace(test, estimate=replace(test.estimate, frf=replace(frf, values=values)))
         )
     spoiled = replace(campaign, tests=tuple(tests))
-    again = fit_held_out(model, found, spoiled)
+    again = fit_held_out(model, result, spoiled)
     assert again.thetas[2] == pytest.approx(held.thetas[2], rel=1e-12)
     assert not np.allclose(again.thetas[1], held.thetas[1], rtol=1e-3)
-    gap = summarise(channel_gaps(held.predict(model, campaign), campaign))
+    gap = summarise_gaps(channel_gaps(held.predict(model, campaign), campaign))
     # The model is right: lines never seen are predicted at the level of the noise, but for what a
     # fifth less of the data leaves unknown of the 12 parameters.
     assert 0.9 < gap.excess < 1.3
 
 
 def test_held_out_fits_are_the_minima_of_their_own_lines(model, campaign):
-    found = fit(model, campaign)
-    held = fit_held_out(model, found, campaign)
+    result = fit(model, campaign)
+    held = fit_held_out(model, result, campaign)
     for fold, theta in enumerate(held.thetas):
-        kept = Misfit(model, campaign, found.freedom, allowance=0.0, counted=held.folds != fold)
-        alone = fit(model, campaign.lines(held.folds != fold), starts=(found.theta,))
+        kept = Misfit(
+            model,
+            campaign,
+            result.parametrisation,
+            model_error_floor=0.0,
+            counted=held.folds != fold,
+        )
+        alone = fit(model, campaign.select_lines(held.folds != fold), starts=(result.theta,))
         begin, end, best = (
-            kept.value(found.freedom.coordinates(at)) for at in (found.theta, theta, alone.theta)
+            kept.value(result.parametrisation.coordinates(at))
+            for at in (result.theta, theta, alone.theta)
         )
         # Its own variance is smoothed without the neighbours: hence a little above zero at best.
         assert end - best < 1.0
@@ -145,17 +151,17 @@ def test_held_out_fits_are_the_minima_of_their_own_lines(model, campaign):
 
 
 def test_held_out_fits_do_not_depend_on_the_number_of_processes(model, campaign):
-    thin = campaign.lines(slice(None, None, 2))
-    found = fit(model, thin, stages=STAGES[:2])
-    one = fit_held_out(model, found, thin, jobs=1)
-    two = fit_held_out(model, found, thin, jobs=2)
-    assert np.array_equal(one.thetas, two.thetas)
+    thin = campaign.select_lines(slice(None, None, 2))
+    result = fit(model, thin, stages=STAGES[:2])
+    first = fit_held_out(model, result, thin, jobs=1)
+    second = fit_held_out(model, result, thin, jobs=2)
+    assert np.array_equal(first.thetas, second.thetas)
 
 
 def test_block_shares_tell_where_the_error_lies(model, true_theta, campaign):
     predicted = [p.copy() for p in predict(model, true_theta, campaign)]
     predicted[0][30:40] *= 3
-    shares = block_shares(predicted, campaign, 10)
+    shares = block_error_shares(predicted, campaign, 10)
     assert len(shares) == 16
     assert shares.sum() == pytest.approx(1.0)
     assert np.argmax(shares) == 3
@@ -163,7 +169,7 @@ def test_block_shares_tell_where_the_error_lies(model, true_theta, campaign):
 
 def test_the_gap_at_the_bodies_is_that_of_the_reduced_tests(model, true_theta):
     campaign = virtual_campaign(model, true_theta, noise=0.02, lines=400)
-    reduced = at_bodies(campaign)
+    reduced = reduce_campaign_to_bodies(campaign)
     assert {dof.point for dof in reduced.tests[0].estimate.frf.outputs} == {"base", "head"}
-    gap = summarise(channel_gaps(predict(model, true_theta, reduced), reduced))
+    gap = summarise_gaps(channel_gaps(predict(model, true_theta, reduced), reduced))
     assert gap.excess == pytest.approx(1.0, abs=0.05)

@@ -6,72 +6,78 @@ import numpy as np
 import pytest
 from small_machine import virtual_campaign
 
-from mbmodel import Evaluator, Model, Question
+from mbmodel import Evaluator, FrfRequest, Model
 from mbmodel.parts import JointPart
-from tuning import Misfit, Wishes, freedom
+from tuning import Misfit, UserSpecification, parametrise
 from tuning.misfit import accumulation
 
 # What varies: sensors have blocks of their own unless they are tied to others or within.
 WISHES = {
-    "all": Wishes(),
-    "legs tied": Wishes(ties=[["base_t?.stiffness"], ["head_t?.damping", "base_tx.damping"]]),
-    "sensors tied": Wishes(ties=[["acc1.gain_x", "acc4.gain_x"], ["acc?.rotation_z"]]),
-    "one sensor tied": Wishes(ties=[["acc3.gain_?"], ["base.mass", "head.mass"]]),
-    "blocks of different sizes": Wishes(fix=["acc1.position_?", "acc2.*", "acc6.gain_y"]),
-    "no sensor": Wishes(fix=["acc*"], free=["base.joint_rotation_?"]),
+    "all": UserSpecification(),
+    "legs tied": UserSpecification(
+        ties=[["base_t?.stiffness"], ["head_t?.damping", "base_tx.damping"]]
+    ),
+    "sensors tied": UserSpecification(ties=[["acc1.gain_x", "acc4.gain_x"], ["acc?.rotation_z"]]),
+    "one sensor tied": UserSpecification(ties=[["acc3.gain_?"], ["base.mass", "head.mass"]]),
+    "blocks of different sizes": UserSpecification(
+        fix=["acc1.position_?", "acc2.*", "acc6.gain_y"]
+    ),
+    "no sensor": UserSpecification(fix=["acc*"], free=["base.joint_rotation_?"]),
 }
 KINDS = [(0.2, True), (0.0, True), (0.03, False), (0.0, False)]
 
 
 @pytest.fixture(scope="module", params=WISHES, ids=lambda name: name.replace(" ", "-"))
 def wished(request, whole, mixed):
-    return request.param, freedom(whole, mixed.tolerance, WISHES[request.param])
+    return request.param, parametrise(whole, mixed.tolerance, WISHES[request.param])
 
 
-def somewhere(varies, seed=21):
+def somewhere(parametrisation, seed=21):
     """An x at which every parameter is off, not where the data come from."""
-    x = np.random.default_rng(seed).normal(0.0, np.where(varies.has_prior, 0.8, 0.2))
+    x = np.random.default_rng(seed).normal(0.0, np.where(parametrisation.has_prior, 0.8, 0.2))
     return np.clip(x, -2, 2)
 
 
-def weights(model, test, allowance, logarithmic):
+def weights(model, test, model_error_floor, logarithmic):
     """1 / (var + a^2 |H_point|^2), value by value; zero where nothing counts."""
     estimate, frf = test.estimate, test.estimate.frf
     drawn = answer(model, model.drawn, test).values
-    found = np.zeros(frf.values.shape)
-    for line, row in np.ndindex(found.shape[:2]):
+    result = np.zeros(frf.values.shape)
+    for line, row in np.ndindex(result.shape[:2]):
         dof = frf.outputs[row]
         same = [k for k, d in enumerate(frf.outputs)
                 if d.point == dof.point and d.is_rotation == dof.is_rotation]  # fmt: skip
         power = sum(abs(frf.values[line, k, 0]) ** 2 for k in same)
-        variance = estimate.variance[line, row, 0] + max(allowance, 3e-4) ** 2 * power
+        variance = estimate.variance[line, row, 0] + max(model_error_floor, 3e-4) ** 2 * power
         still = np.abs(drawn[:, row]).max() <= 1e-10 * np.abs(drawn).max()
         near = abs(frf.values[line, row, 0]) ** 2 <= 25 * estimate.variance[line, row, 0]
         if estimate.measured[row, 0] and not (logarithmic and (still or near)):
-            found[line, row, 0] = 1 / variance
-    return found
+            result[line, row, 0] = 1 / variance
+    return result
 
 
 def answer(model, theta, test):
     """One test alone, in its own labels."""
     estimate, frf = test.estimate, test.estimate.frf
-    question = Question(
+    question = FrfRequest(
         frf.freq_hz, frf.outputs, frf.inputs, frf.quantity, window_tau=estimate.window_tau
     )
     return Evaluator(model, question).at(theta)
 
 
-def twin(model, campaign, varies, x, allowance, logarithmic):
+def twin(model, campaign, parametrisation, x, model_error_floor, logarithmic):
     """J, its gradient and N from columns of all parameters, test by test."""
-    theta = varies.theta(x)
-    rates = np.zeros((len(theta), varies.size))
-    rates[varies.free, varies.member[varies.free]] = varies.rates(x)[varies.free]
-    total = 0.5 * (x[varies.has_prior] ** 2).sum()
-    gradient = np.where(varies.has_prior, x, 0.0)
-    normal = np.zeros((varies.size, varies.size))
+    theta = parametrisation.theta(x)
+    rates = np.zeros((len(theta), parametrisation.size))
+    rates[parametrisation.free, parametrisation.coordinate_of[parametrisation.free]] = (
+        parametrisation.rates(x)[parametrisation.free]
+    )
+    total = 0.5 * (x[parametrisation.has_prior] ** 2).sum()
+    gradient = np.where(parametrisation.has_prior, x, 0.0)
+    normal = np.zeros((parametrisation.size, parametrisation.size))
     for test in campaign.tests:
         lines, measured = answer(model, theta, test), test.estimate.frf.values
-        weight = weights(model, test, allowance, logarithmic)
+        weight = weights(model, test, model_error_floor, logarithmic)
         counts = weight > 0
         columns = (lines.columns() @ rates)[counts]
         off, slope = (lines.values - measured)[counts], np.ones(counts.sum())
@@ -93,48 +99,58 @@ def sizes(arrow):
     return np.sqrt(np.where(diagonal > 1e-12 * diagonal.max(), diagonal, 1.0))
 
 
-def close(found, expected, size, tolerance=1e-9):
+def close(result, expected, size, tolerance=1e-9):
     """Each entry relative to the size of its coordinates."""
-    np.testing.assert_allclose(found / size, expected / size, rtol=0, atol=tolerance)
+    np.testing.assert_allclose(result / size, expected / size, rtol=0, atol=tolerance)
 
 
-@pytest.mark.parametrize(("allowance", "logarithmic"), KINDS)
+@pytest.mark.parametrize(("model_error_floor", "logarithmic"), KINDS)
 def test_cost_gradient_and_normal_equations_are_those_of_the_twin(
-    whole, mixed, wished, allowance, logarithmic
+    whole, mixed, wished, model_error_floor, logarithmic
 ):
-    _, varies = wished
-    cost = Misfit(whole, mixed, varies, allowance=allowance, logarithmic=logarithmic)
-    x = somewhere(varies)
-    value, gradient, arrow = cost.normal(x)
-    expected = twin(whole, mixed, varies, x, allowance, logarithmic)
+    _, parametrisation = wished
+    cost = Misfit(
+        whole, mixed, parametrisation, model_error_floor=model_error_floor, logarithmic=logarithmic
+    )
+    x = somewhere(parametrisation)
+    value, gradient, arrow = cost.quadratic_model(x)
+    expected = twin(whole, mixed, parametrisation, x, model_error_floor, logarithmic)
     assert value == pytest.approx(expected[0], rel=1e-9)
     size = sizes(arrow)
     close(gradient, expected[1], size * np.sqrt(expected[0]))
     close(arrow.dense(), expected[2], np.outer(size, size))
 
 
-def test_coordinates_in_another_order_than_parameters_are_the_same_misfit(whole, mixed, varies):
+def test_coordinates_in_another_order_than_parameters_are_the_same_misfit(
+    whole, mixed, parametrisation
+):
     # Those of joints, which stand in the middle, come last.
     some = Model(whole.machine, tuple(p for p in whole.parts if not isinstance(p, JointPart)))
-    other = freedom(some, mixed.tolerance).extended(varies)
-    order = [varies.names.index(name) for name in other.names]
+    second = parametrise(some, mixed.tolerance).extend(parametrisation)
+    order = [parametrisation.names.index(name) for name in second.names]
     assert order != sorted(order)
-    x = somewhere(varies)
-    value, gradient, arrow = Misfit(whole, mixed, varies, allowance=0.05).normal(x)
-    found = Misfit(whole, mixed, other, allowance=0.05).normal(x[order])
-    assert found[0] == pytest.approx(value, rel=1e-12)
+    x = somewhere(parametrisation)
+    value, gradient, arrow = Misfit(
+        whole, mixed, parametrisation, model_error_floor=0.05
+    ).quadratic_model(x)
+    result = Misfit(whole, mixed, second, model_error_floor=0.05).quadratic_model(x[order])
+    assert result[0] == pytest.approx(value, rel=1e-12)
     size = sizes(arrow)[order]
-    close(found[1], gradient[order], size * np.sqrt(value))
-    close(found[2].dense(), arrow.dense()[np.ix_(order, order)], np.outer(size, size))
+    close(result[1], gradient[order], size * np.sqrt(value))
+    close(result[2].dense(), arrow.dense()[np.ix_(order, order)], np.outer(size, size))
 
 
-@pytest.mark.parametrize(("allowance", "logarithmic"), KINDS)
-def test_value_adjoint_and_normal_equations_agree(whole, mixed, wished, allowance, logarithmic):
-    _, varies = wished
-    cost = Misfit(whole, mixed, varies, allowance=allowance, logarithmic=logarithmic)
+@pytest.mark.parametrize(("model_error_floor", "logarithmic"), KINDS)
+def test_value_adjoint_and_normal_equations_agree(
+    whole, mixed, wished, model_error_floor, logarithmic
+):
+    _, parametrisation = wished
+    cost = Misfit(
+        whole, mixed, parametrisation, model_error_floor=model_error_floor, logarithmic=logarithmic
+    )
     for seed in (22, 23):
-        x = somewhere(varies, seed)
-        by_adjoint, by_columns = cost(x), cost.normal(x)
+        x = somewhere(parametrisation, seed)
+        by_adjoint, by_columns = cost(x), cost.quadratic_model(x)
         assert by_adjoint[0] == pytest.approx(cost.value(x), rel=1e-12)
         assert by_columns[0] == pytest.approx(cost.value(x), rel=1e-12)
         size = sizes(by_columns[2]) * np.sqrt(by_columns[0])
@@ -142,24 +158,28 @@ def test_value_adjoint_and_normal_equations_agree(whole, mixed, wished, allowanc
 
 
 @pytest.mark.parametrize("logarithmic", [True, False])
-def test_the_gradient_is_the_difference_quotient_of_the_cost(whole, mixed, varies, logarithmic):
+def test_the_gradient_is_the_difference_quotient_of_the_cost(
+    whole, mixed, parametrisation, logarithmic
+):
     # Fourth order: a step of 3e-4 leaves 1e-10 of truncation and less of rounding.
-    cost = Misfit(whole, mixed, varies, allowance=0.05, logarithmic=logarithmic)
-    x, step = somewhere(varies), 3e-4
+    cost = Misfit(whole, mixed, parametrisation, model_error_floor=0.05, logarithmic=logarithmic)
+    x, step = somewhere(parametrisation), 3e-4
     value, gradient = cost(x)
-    some = np.arange(0, varies.size, 2)
-    quotient = np.zeros(varies.size)
+    some = np.arange(0, parametrisation.size, 2)
+    quotient = np.zeros(parametrisation.size)
     for k in some:
-        unit = step * (np.arange(varies.size) == k)
+        unit = step * (np.arange(parametrisation.size) == k)
         near, far = (cost.value(x + m * unit) - cost.value(x - m * unit) for m in (1, 2))
         quotient[k] = (8 * near - far) / (12 * step)
-    size = sizes(cost.normal(x)[2]) * np.sqrt(value)
+    size = sizes(cost.quadratic_model(x)[2]) * np.sqrt(value)
     close(gradient[some], quotient[some], size[some], 1e-8)
 
 
 def test_every_sensor_has_a_block_unless_something_ties_it(whole, mixed, wished):
-    name, varies = wished
-    arrow = Misfit(whole, mixed, varies, allowance=0.1).normal(somewhere(varies))[2]
+    name, parametrisation = wished
+    arrow = Misfit(whole, mixed, parametrisation, model_error_floor=0.1).quadratic_model(
+        somewhere(parametrisation)
+    )[2]
     blocks = {
         "all": [9] * 6,
         "legs tied": [9] * 6,
@@ -168,19 +188,23 @@ def test_every_sensor_has_a_block_unless_something_ties_it(whole, mixed, wished)
         "blocks of different sizes": [6, 9, 9, 9, 8],
         "no sensor": [],
     }[name]
-    assert (arrow.own_at >= 0).sum(axis=1).tolist() == blocks
-    assert len(arrow.shared_at) == varies.size - sum(blocks)
-    own = arrow.own_at[arrow.own_at >= 0]
-    assert sorted([*own, *arrow.shared_at]) == list(range(varies.size))
+    assert (arrow.block_coordinates >= 0).sum(axis=1).tolist() == blocks
+    assert len(arrow.shared_coordinates) == parametrisation.size - sum(blocks)
+    own_rows = arrow.block_coordinates[arrow.block_coordinates >= 0]
+    assert sorted([*own_rows, *arrow.shared_coordinates]) == list(range(parametrisation.size))
 
 
 def test_sensors_alone_may_vary(whole, mixed):
-    varies = freedom(whole, mixed.tolerance, Wishes(fix=["base*", "head*", "hammer*", "acc5.*"]))
-    x = somewhere(varies)
-    value, gradient, arrow = Misfit(whole, mixed, varies, allowance=0.1).normal(x)
-    expected = twin(whole, mixed, varies, x, 0.1, False)
+    parametrisation = parametrise(
+        whole, mixed.tolerance, UserSpecification(fix=["base*", "head*", "hammer*", "acc5.*"])
+    )
+    x = somewhere(parametrisation)
+    value, gradient, arrow = Misfit(
+        whole, mixed, parametrisation, model_error_floor=0.1
+    ).quadratic_model(x)
+    expected = twin(whole, mixed, parametrisation, x, 0.1, False)
     assert value == pytest.approx(expected[0], rel=1e-9)
-    assert arrow.own_at.shape == (5, 9)
+    assert arrow.block_coordinates.shape == (5, 9)
     size = sizes(arrow)
     close(gradient, expected[1], size * np.sqrt(value))
     close(arrow.dense(), expected[2], np.outer(size, size))
@@ -188,11 +212,14 @@ def test_sensors_alone_may_vary(whole, mixed):
 
 @pytest.mark.parametrize("chunk", [1, 40_000])
 def test_how_many_lines_are_held_at_once_does_not_matter(whole, mixed, wished, monkeypatch, chunk):
-    _, varies = wished
-    cost, x = Misfit(whole, mixed, varies, allowance=0.1, logarithmic=True), somewhere(varies)
-    at_once = cost.normal(x)
-    monkeypatch.setattr(accumulation, "_CHUNK", chunk)
-    piecewise = cost.normal(x)
+    _, parametrisation = wished
+    cost, x = (
+        Misfit(whole, mixed, parametrisation, model_error_floor=0.1, logarithmic=True),
+        somewhere(parametrisation),
+    )
+    at_once = cost.quadratic_model(x)
+    monkeypatch.setattr(accumulation, "_MAX_JACOBIAN_VALUES", chunk)
+    piecewise = cost.quadratic_model(x)
     size = sizes(at_once[2])
     assert piecewise[0] == at_once[0]
     close(piecewise[1], at_once[1], size * np.sqrt(at_once[0]), 1e-13)
@@ -203,71 +230,81 @@ def test_how_many_lines_are_held_at_once_does_not_matter(whole, mixed, wished, m
 def test_all_lines_but_a_fold_are_those_of_a_misfit_that_never_saw_it(
     whole, mixed, wished, logarithmic
 ):
-    _, varies = wished
-    x, n_freq = somewhere(varies), len(mixed.freq_hz)
+    _, parametrisation = wished
+    x, n_freq = somewhere(parametrisation), len(mixed.freq_hz)
     folds = np.arange(n_freq) // 5 % 3
-    cost = Misfit(whole, mixed, varies, allowance=0.05, logarithmic=logarithmic)
-    all_lines, *without = cost.normals(x, folds)
+    cost = Misfit(whole, mixed, parametrisation, model_error_floor=0.05, logarithmic=logarithmic)
+    all_lines, *without = cost.quadratic_models_by_fold(x, folds)
     assert len(without) == 3
-    assert all_lines[0] == pytest.approx(cost.normal(x)[0], rel=1e-12)
+    assert all_lines[0] == pytest.approx(cost.quadratic_model(x)[0], rel=1e-12)
     size = sizes(all_lines[2])
     for fold, (value, gradient, arrow) in enumerate(without):
         kept = Misfit(
-            whole, mixed, varies, allowance=0.05, logarithmic=logarithmic, counted=folds != fold
+            whole,
+            mixed,
+            parametrisation,
+            model_error_floor=0.05,
+            logarithmic=logarithmic,
+            counted=folds != fold,
         )
         assert kept.values < cost.values
-        expected = kept.normal(x)
+        expected = kept.quadratic_model(x)
         assert value == pytest.approx(expected[0], rel=1e-10)
         close(gradient, expected[1], size * np.sqrt(value), 1e-12)
         close(arrow.dense(), expected[2].dense(), np.outer(size, size), 1e-12)
 
 
 def test_a_prior_counts_half_its_square_and_stays_out_of_the_normal_equations(whole, mixed):
-    wishes = Wishes(free=["head.mass", "acc3.position_y"])
-    priors, none = (freedom(whole, mixed.tolerance, w) for w in (None, wishes))
+    wishes = UserSpecification(free=["head.mass", "acc3.position_y"])
+    priors, none = (parametrise(whole, mixed.tolerance, w) for w in (None, wishes))
     scale = np.array([mixed.tolerance.mass, mixed.tolerance.sensor_position])
     places = [priors.names.index(name) for name in wishes.free]
     x = somewhere(priors)
     free_x = x.copy()
     free_x[places] *= scale
-    with_prior, without = (Misfit(whole, mixed, varies, allowance=0.1) for varies in (priors, none))
+    with_prior, without = (
+        Misfit(whole, mixed, parametrisation, model_error_floor=0.1)
+        for parametrisation in (priors, none)
+    )
     lost = 0.5 * (x[places] ** 2).sum()
     assert with_prior.prior(x) == pytest.approx(0.5 * (x[priors.has_prior] ** 2).sum())
     assert with_prior.value(x) - without.value(free_x) == pytest.approx(lost, rel=1e-6)
-    one, two = with_prior.normal(x), without.normal(free_x)
-    expected = one[1][places] - two[1][places] * scale
+    first, second = with_prior.quadratic_model(x), without.quadratic_model(free_x)
+    expected = first[1][places] - second[1][places] * scale
     np.testing.assert_allclose(expected, x[places], rtol=1e-6)
     np.testing.assert_allclose(
-        one[2].diagonal()[places], two[2].diagonal()[places] * scale**2, rtol=1e-9
+        first[2].diagonal()[places], second[2].diagonal()[places] * scale**2, rtol=1e-9
     )
 
 
 def test_the_misfit_of_noise_alone_is_the_number_of_values(model, true_theta):
     # 7200 values, each |error|^2 / var is exponential of mean 1: their sum is known to 1.2 %.
     campaign = virtual_campaign(model, true_theta, noise=0.1)
-    varies = freedom(model, campaign.tolerance)
-    cost = Misfit(model, campaign, varies, allowance=0.0)
+    parametrisation = parametrise(model, campaign.tolerance)
+    cost = Misfit(model, campaign, parametrisation, model_error_floor=0.0)
     assert cost.values == sum(test.estimate.frf.values.size for test in campaign.tests) == 7200
-    value = cost.value(varies.coordinates(true_theta))
+    value = cost.value(parametrisation.coordinates(true_theta))
     assert value == pytest.approx(cost.values, rel=0.04)
 
 
 @pytest.mark.parametrize("logarithmic", [True, False])
 def test_the_misfit_vanishes_at_the_truth_of_noiseless_data(model, true_theta, logarithmic):
     exact = virtual_campaign(model, true_theta, noise=0.0)
-    varies = freedom(model, exact.tolerance)
-    cost = Misfit(model, exact, varies, allowance=0.1, logarithmic=logarithmic)
-    value, gradient = cost(varies.coordinates(true_theta))
+    parametrisation = parametrise(model, exact.tolerance)
+    cost = Misfit(model, exact, parametrisation, model_error_floor=0.1, logarithmic=logarithmic)
+    value, gradient = cost(parametrisation.coordinates(true_theta))
     assert value < 1e-15
     assert np.abs(gradient).max() < 1e-6
 
 
 def test_of_small_errors_the_logarithm_is_the_difference(model, true_theta):
     exact = virtual_campaign(model, true_theta, noise=0.0)
-    varies = freedom(model, exact.tolerance)
-    x = varies.coordinates(true_theta) + 1e-5 * np.arange(varies.size)
+    parametrisation = parametrise(model, exact.tolerance)
+    x = parametrisation.coordinates(true_theta) + 1e-5 * np.arange(parametrisation.size)
     by_log, by_difference = (
-        Misfit(model, exact, varies, allowance=0.1, logarithmic=way).normal(x)
+        Misfit(
+            model, exact, parametrisation, model_error_floor=0.1, logarithmic=way
+        ).quadratic_model(x)
         for way in (True, False)
     )
     assert by_log[0] == pytest.approx(by_difference[0], rel=0.01)
@@ -276,11 +313,13 @@ def test_of_small_errors_the_logarithm_is_the_difference(model, true_theta):
 
 @pytest.mark.parametrize("logarithmic", [True, False])
 def test_turned_signs_of_channels_and_hammer_change_nothing(
-    whole, mixed, varies, flip, logarithmic
+    whole, mixed, parametrisation, flip, logarithmic
 ):
-    x = somewhere(varies)
+    x = somewhere(parametrisation)
     straight, turned = (
-        Misfit(whole, campaign, varies, allowance=0.1, logarithmic=logarithmic).normal(x)
+        Misfit(
+            whole, campaign, parametrisation, model_error_floor=0.1, logarithmic=logarithmic
+        ).quadratic_model(x)
         for campaign in (mixed, flip(mixed))
     )
     size = sizes(straight[2])
@@ -290,8 +329,10 @@ def test_turned_signs_of_channels_and_hammer_change_nothing(
 
 
 @pytest.mark.parametrize("logarithmic", [True, False])
-def test_the_order_of_tests_and_channels_does_not_matter(whole, mixed, varies, logarithmic):
-    x, tests = somewhere(varies), []
+def test_the_order_of_tests_and_channels_does_not_matter(
+    whole, mixed, parametrisation, logarithmic
+):
+    x, tests = somewhere(parametrisation), []
     for number, test in enumerate(mixed.tests[::-1]):
         estimate = test.estimate
         order = np.random.default_rng(number).permutation(len(estimate.frf.outputs))
@@ -299,11 +340,13 @@ def test_the_order_of_tests_and_channels_does_not_matter(whole, mixed, varies, l
         variance, measured = estimate.variance[:, order], estimate.measured[order]
         mixed_up = replace(estimate, frf=frf, variance=variance, measured=measured)
         tests.append(replace(test, estimate=mixed_up))
-    one, two = (
-        Misfit(whole, campaign, varies, allowance=0.1, logarithmic=logarithmic).normal(x)
+    first, second = (
+        Misfit(
+            whole, campaign, parametrisation, model_error_floor=0.1, logarithmic=logarithmic
+        ).quadratic_model(x)
         for campaign in (mixed, replace(mixed, tests=tuple(tests)))
     )
-    size = sizes(one[2])
-    assert two[0] == pytest.approx(one[0], rel=1e-12)
-    close(two[1], one[1], size * np.sqrt(one[0]))
-    close(two[2].dense(), one[2].dense(), np.outer(size, size))
+    size = sizes(first[2])
+    assert second[0] == pytest.approx(first[0], rel=1e-12)
+    close(second[1], first[1], size * np.sqrt(first[0]))
+    close(second[2].dense(), first[2].dense(), np.outer(size, size))

@@ -6,23 +6,25 @@ import numpy as np
 import pytest
 
 from identification.words import Campaign
-from tuning import Misfit, freedom, predict
+from tuning import Misfit, parametrise, predict
 
 
-def somewhere(varies, seed=21):
+def somewhere(parametrisation, seed=21):
     """An x at which every parameter is off, not where the data come from."""
-    x = np.random.default_rng(seed).normal(0.0, np.where(varies.has_prior, 0.8, 0.2))
+    x = np.random.default_rng(seed).normal(0.0, np.where(parametrisation.has_prior, 0.8, 0.2))
     return np.clip(x, -2, 2)
 
 
-def test_squares_of_all_values_sum_to_the_cost_of_the_data(whole, mixed, varies):
-    x = somewhere(varies)
-    misfit = Misfit(whole, mixed, varies, allowance=0.0)
-    squares = misfit.squares(x)
+def test_squares_of_all_values_sum_to_the_cost_of_the_data(whole, mixed, parametrisation):
+    x = somewhere(parametrisation)
+    misfit = Misfit(whole, mixed, parametrisation, model_error_floor=0.0)
+    squares = misfit.squared_residuals(x)
     assert squares.shape == (misfit.values,)
     assert squares.sum() == pytest.approx(misfit.value(x) - misfit.prior(x), rel=1e-12)
     with pytest.raises(ValueError, match="differences at the channels"):
-        Misfit(whole, mixed, varies, allowance=0.0, logarithmic=True).squares(x)
+        Misfit(
+            whole, mixed, parametrisation, model_error_floor=0.0, logarithmic=True
+        ).squared_residuals(x)
 
 
 def without(test, row):
@@ -50,17 +52,19 @@ def silenced(test, row, *, measured):
 
 @pytest.mark.parametrize("logarithmic", [True, False])
 @pytest.mark.parametrize("measured", [False, True], ids=["masked", "dead"])
-def test_a_channel_that_holds_nothing_does_not_count(whole, mixed, varies, logarithmic, measured):
-    x, row = somewhere(varies), 7
-    first, *others = mixed.tests
-    lost = replace(mixed, tests=(without(first, row), *others))
-    silent = replace(mixed, tests=(silenced(first, row, measured=measured), *others))
-    one, two = (
-        Misfit(whole, campaign, varies, allowance=0.0, logarithmic=logarithmic)
+def test_a_channel_that_holds_nothing_does_not_count(
+    whole, mixed, parametrisation, logarithmic, measured
+):
+    x, row = somewhere(parametrisation), 7
+    first, *rest = mixed.tests
+    lost = replace(mixed, tests=(without(first, row), *rest))
+    silent = replace(mixed, tests=(silenced(first, row, measured=measured), *rest))
+    single, second = (
+        Misfit(whole, campaign, parametrisation, model_error_floor=0.0, logarithmic=logarithmic)
         for campaign in (lost, silent)
     )
-    assert one.values == two.values
-    assert two.value(x) == pytest.approx(one.value(x), rel=1e-12)
+    assert single.values == second.values
+    assert second.value(x) == pytest.approx(single.value(x), rel=1e-12)
 
 
 def shifted(campaign, hz) -> Campaign:
@@ -76,21 +80,25 @@ def test_the_line_at_rest_does_not_count(model, campaign, logarithmic):
     # Measured accelerance at 0 Hz is noise, the model's is zero and has no logarithm.
     at_rest = shifted(campaign, -5.0)
     assert at_rest.freq_hz[0] == 0
-    varies = freedom(model, campaign.tolerance)
-    x = somewhere(varies)
-    one, two = (
-        Misfit(model, some, varies, allowance=0.1, logarithmic=logarithmic).normal(x)
-        for some in (at_rest, at_rest.lines(slice(1, None)))
+    parametrisation = parametrise(model, campaign.tolerance)
+    x = somewhere(parametrisation)
+    single, second = (
+        Misfit(
+            model, some, parametrisation, model_error_floor=0.1, logarithmic=logarithmic
+        ).quadratic_model(x)
+        for some in (at_rest, at_rest.select_lines(slice(1, None)))
     )
-    assert one[0] == pytest.approx(two[0], rel=1e-12)
-    np.testing.assert_allclose(one[1], two[1], rtol=1e-9)
-    np.testing.assert_allclose(one[2].dense(), two[2].dense(), rtol=1e-9, atol=1e-9 * one[0])
+    assert single[0] == pytest.approx(second[0], rel=1e-12)
+    np.testing.assert_allclose(single[1], second[1], rtol=1e-9)
+    np.testing.assert_allclose(
+        single[2].dense(), second[2].dense(), rtol=1e-9, atol=1e-9 * single[0]
+    )
 
 
-def test_a_large_allowance_weighs_every_point_by_its_motion_alone(whole, mixed, varies):
+def test_a_large_allowance_weighs_every_point_by_its_motion_alone(whole, mixed, parametrisation):
     # Noise of 3 % is nothing beside an allowance of 30: the cost falls with its square.
-    x = somewhere(varies)
-    wide, wider = (Misfit(whole, mixed, varies, allowance=a) for a in (30.0, 60.0))
+    x = somewhere(parametrisation)
+    wide, wider = (Misfit(whole, mixed, parametrisation, model_error_floor=a) for a in (30.0, 60.0))
     data = [cost.value(x) - cost.prior(x) for cost in (wide, wider)]
     assert data[0] == pytest.approx(4 * data[1], rel=1e-3)
 
@@ -103,7 +111,7 @@ def test_a_prediction_answers_in_the_labels_of_the_test(model, campaign, flip):
 
 
 def test_the_logarithm_of_values_near_the_noise_does_not_count(model, campaign):
-    varies = freedom(model, campaign.tolerance)
+    parametrisation = parametrise(model, campaign.tolerance)
 
     def at(first):
         """The campaign with a signal to noise of 100 from some line on, of 4.5 before."""
@@ -117,10 +125,12 @@ def test_the_logarithm_of_values_near_the_noise_does_not_count(model, campaign):
         return replace(campaign, tests=tuple(tests))
 
     def values(tests, *, logarithmic):
-        return Misfit(model, tests, varies, allowance=0.1, logarithmic=logarithmic).values
+        return Misfit(
+            model, tests, parametrisation, model_error_floor=0.1, logarithmic=logarithmic
+        ).values
 
     assert values(at(20), logarithmic=False) == values(at(0), logarithmic=False)
-    heard = values(at(0).lines(slice(20, None)), logarithmic=True)
+    heard = values(at(0).select_lines(slice(20, None)), logarithmic=True)
     assert values(at(20), logarithmic=True) == heard < values(at(0), logarithmic=True)
 
 
@@ -141,8 +151,8 @@ def fitted(campaign):
 
 
 def test_what_neighbouring_lines_share_is_the_error_and_not_the_noise(model, campaign):
-    varies, random = freedom(model, campaign.tolerance), np.random.default_rng(31)
-    x = somewhere(varies)
+    parametrisation, random = parametrise(model, campaign.tolerance), np.random.default_rng(31)
+    x = somewhere(parametrisation)
 
     def scatter(shape):
         # Twice as large as is stated.
@@ -152,9 +162,9 @@ def test_what_neighbouring_lines_share_is_the_error_and_not_the_noise(model, cam
         return 0.7 * np.exp(0.1j * np.arange(shape[0]))[:, None, None] * np.ones(shape)
 
     def serial(add, lags):
-        made = left_over(model, campaign, varies.theta(x), add)
-        misfit = Misfit(model, made, varies, allowance=0.0)
-        return misfit.serial(x, lags, fitted(made)), misfit.squares(x)
+        made = left_over(model, campaign, parametrisation.theta(x), add)
+        misfit = Misfit(model, made, parametrisation, model_error_floor=0.0)
+        return misfit.serial_covariance(x, lags, fitted(made)), misfit.squared_residuals(x)
 
     noise, squares = serial(scatter, (3, 5))
     assert squares.mean() == pytest.approx(4.0, rel=0.1)
@@ -167,14 +177,18 @@ def test_what_neighbouring_lines_share_is_the_error_and_not_the_noise(model, cam
     assert both == pytest.approx(error, abs=0.06)
 
 
-def test_what_lines_share_is_summed_over_pairs_that_both_count(whole, mixed, varies):
-    x = somewhere(varies)
-    misfit = Misfit(whole, mixed, varies, allowance=0.0)
+def test_what_lines_share_is_summed_over_pairs_that_both_count(whole, mixed, parametrisation):
+    x = somewhere(parametrisation)
+    misfit = Misfit(whole, mixed, parametrisation, model_error_floor=0.0)
     shared, count, seen = 0.0, 0, np.arange(len(mixed.freq_hz)) % 4 == 2
-    for test, values in zip(mixed.tests, predict(whole, varies.theta(x), mixed), strict=True):
-        one = Misfit(whole, replace(mixed, tests=(test,)), varies, allowance=0.0)
+    for test, values in zip(
+        mixed.tests, predict(whole, parametrisation.theta(x), mixed), strict=True
+    ):
+        single = Misfit(
+            whole, replace(mixed, tests=(test,)), parametrisation, model_error_floor=0.0
+        )
         estimate = test.estimate
-        (term,) = one._terms
+        (term,) = single._terms
         off = (values - estimate.frf.values)[:, :, 0]
         for lag in (1, 3):
             for first in range(len(off) - lag):
@@ -186,8 +200,10 @@ def test_what_lines_share_is_summed_over_pairs_that_both_count(whole, mixed, var
                         count += 1
                         pair = off[first, row].conjugate() * off[first + lag, row]
                         shared += pair.real * np.sqrt(here * there)
-    assert misfit.serial(x, (1, 3), seen) == pytest.approx(shared / count, rel=1e-9)
-    assert misfit.serial(x, (len(mixed.freq_hz),), seen) is None
-    assert misfit.serial(x, (4, 8), seen) is None
+    assert misfit.serial_covariance(x, (1, 3), seen) == pytest.approx(shared / count, rel=1e-9)
+    assert misfit.serial_covariance(x, (len(mixed.freq_hz),), seen) is None
+    assert misfit.serial_covariance(x, (4, 8), seen) is None
     with pytest.raises(ValueError, match="differences at the channels"):
-        Misfit(whole, mixed, varies, allowance=0.0, logarithmic=True).serial(x, (1,), seen)
+        Misfit(
+            whole, mixed, parametrisation, model_error_floor=0.0, logarithmic=True
+        ).serial_covariance(x, (1,), seen)

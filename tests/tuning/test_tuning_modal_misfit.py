@@ -11,19 +11,17 @@ from identification.modal import mac
 from identification.words import Dof, UsageError
 from mbmodel import modes_of_matrices, shapes_at
 from tuning import (
-    MODAL_STAGES,
     STAGES,
     Misfit,
-    ModalCost,
-    ModalStage,
     Stage,
     fit,
-    freedom,
     modes_in_band,
+    parametrise,
     random_starts,
-    some_modes,
-    stages_of,
+    select_modes,
+    select_stages,
 )
+from tuning.misfit.modal_misfit import MODAL_STAGES, ModalCost, ModalStage
 
 STAGE = ModalStage(0.05, 0.3)
 
@@ -31,9 +29,9 @@ STAGE = ModalStage(0.05, 0.3)
 @pytest.fixture(scope="module")
 def last(model, campaign):
     """The misfit of theta with an allowance of 3 %."""
-    varies = freedom(model, campaign.tolerance)
-    cost = Misfit(model, campaign, varies, allowance=0.03, logarithmic=True)
-    return lambda theta: cost.value(varies.coordinates(theta))
+    parametrisation = parametrise(model, campaign.tolerance)
+    cost = Misfit(model, campaign, parametrisation, model_error_floor=0.03, logarithmic=True)
+    return lambda theta: cost.value(parametrisation.coordinates(theta))
 
 
 @pytest.fixture(scope="module")
@@ -50,14 +48,14 @@ def test_the_modes_in_the_band_are_those_of_the_machine(model, true_theta, measu
 
 def test_the_cost_is_its_definition_written_out(model, measured):
     # Pairs by the least sum over all assignments, modes one by one, as a slow twin.
-    found = modes_of_matrices(model.matrices(model.drawn))
-    shapes = shapes_at(model, model.drawn, found, measured.outputs)
+    result = modes_of_matrices(model.matrices(model.drawn))
+    shapes = shapes_at(model, model.drawn, result, measured.outputs)
     criterion = mac(measured.shapes, shapes)
     cost = np.zeros(criterion.shape)
     for r in range(cost.shape[0]):
         for q in range(cost.shape[1]):
-            freq = np.log(found.freq_hz[q] / measured.freq_hz[r])
-            damping = np.log(found.damping[q] / measured.damping[r])
+            freq = np.log(result.freq_hz[q] / measured.freq_hz[r])
+            damping = np.log(result.damping[q] / measured.damping[r])
             sd = measured.freq_sd[r] / measured.freq_hz[r]
             sd_damping = measured.damping_sd[r] / measured.damping[r]
             cost[r, q] = 0.5 * (
@@ -89,10 +87,10 @@ def differences(cost, theta, step=1e-4):
 @pytest.mark.parametrize("stage", [*MODAL_STAGES, STAGE])
 def test_the_gradient_is_the_difference_quotient_of_the_cost(model, measured, stage):
     for theta in random_starts(model, 4, seed=7):
-        cost = ModalCost(model, measured, stage).begin(model.drawn)
+        cost = ModalCost(model, measured, stage).start_at(model.drawn)
         expected = differences(cost, theta)
-        found = cost(theta)[1] * theta
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+        result = cost(theta)[1] * theta
+        np.testing.assert_allclose(result, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
 
 
 def test_the_cost_vanishes_where_the_model_is_what_was_measured(model, true_theta, campaign):
@@ -104,10 +102,10 @@ def test_the_cost_vanishes_where_the_model_is_what_was_measured(model, true_thet
 
 def test_size_and_phase_of_measured_shapes_do_not_count(model, measured):
     factor = np.exp(1j * np.arange(5)) * (1 + np.arange(5))
-    other = replace(measured, shapes=measured.shapes * factor)
-    one, two = (ModalCost(model, m, STAGE)(model.drawn) for m in (measured, other))
-    assert one[0] == pytest.approx(two[0], rel=1e-12)
-    np.testing.assert_allclose(one[1], two[1], rtol=1e-9)
+    changed = replace(measured, shapes=measured.shapes * factor)
+    first, second = (ModalCost(model, m, STAGE)(model.drawn) for m in (measured, changed))
+    assert first[0] == pytest.approx(second[0], rel=1e-12)
+    np.testing.assert_allclose(first[1], second[1], rtol=1e-9)
 
 
 def with_stranger(measured):
@@ -127,31 +125,31 @@ def test_pairs_are_one_to_one_and_a_stranger_has_none(model, true_theta, measure
     pairs = ModalCost(model, with_stranger(measured), MODAL_STAGES[-1]).pairs(true_theta)
     assert pairs.partner[-1] == -1
     assert pairs.mac[-1] == 0
-    found = pairs.partner[:-1]
-    assert sorted(found) == [0, 1, 2, 3, 4]
-    np.testing.assert_allclose(pairs.freq_hz[found], measured.freq_hz, rtol=1e-3)
+    result = pairs.partner[:-1]
+    assert sorted(result) == [0, 1, 2, 3, 4]
+    np.testing.assert_allclose(pairs.freq_hz[result], measured.freq_hz, rtol=1e-3)
     assert (pairs.mac[:-1] > 0.99).all()
 
 
 def test_a_mode_without_partner_costs_what_it_costs_and_moves_nothing(model, true_theta, measured):
     theta = true_theta * 1.1
     stage = MODAL_STAGES[-1]
-    alone = ModalCost(model, measured, stage).begin(theta)
-    beside = ModalCost(model, with_stranger(measured), stage).begin(theta)
-    one, two = alone(theta), beside(theta)
-    lost = stage.edge / (2 * stage.allowance**2)
-    assert two[0] == pytest.approx((5 * one[0] + lost) / 6, rel=1e-12)
-    np.testing.assert_allclose(two[1], one[1] * 5 / 6, rtol=1e-12)
+    alone = ModalCost(model, measured, stage).start_at(theta)
+    beside = ModalCost(model, with_stranger(measured), stage).start_at(theta)
+    first, second = alone(theta), beside(theta)
+    lost = stage.edge / (2 * stage.model_error_floor**2)
+    assert second[0] == pytest.approx((5 * first[0] + lost) / 6, rel=1e-12)
+    np.testing.assert_allclose(second[1], first[1] * 5 / 6, rtol=1e-12)
 
 
 def test_what_no_mode_sees_stays_where_the_search_began(model, campaign, measured):
     # One mode alone tells little of twelve parameters.
-    one = some_modes(measured, np.arange(5) == 0, np.ones(len(measured.outputs), bool))
-    found = fit(model, campaign, stages=MODAL_STAGES, measured=one)
-    assert found.converged
-    assert np.abs(np.log(found.theta / model.drawn)).max() < 1.0
-    pairs = ModalCost(model, one, MODAL_STAGES[-1]).pairs(found.theta)
-    assert pairs.freq_hz[pairs.partner[0]] == pytest.approx(one.freq_hz[0], rel=1e-3)
+    lowest = select_modes(measured, np.arange(5) == 0, np.ones(len(measured.outputs), bool))
+    result = fit(model, campaign, stages=MODAL_STAGES, measured=lowest)
+    assert result.converged
+    assert np.abs(np.log(result.theta / model.drawn)).max() < 1.0
+    pairs = ModalCost(model, lowest, MODAL_STAGES[-1]).pairs(result.theta)
+    assert pairs.freq_hz[pairs.partner[0]] == pytest.approx(lowest.freq_hz[0], rel=1e-3)
 
 
 def test_the_cost_goes_on_where_two_modes_pass_each_other(model, measured):
@@ -170,9 +168,9 @@ def test_random_starts_reach_the_minimum_of_the_frfs_by_modes_alone(
     model, true_theta, campaign, measured, last
 ):
     starts = random_starts(model, 9, seed=11)[1:]
-    found = fit(model, campaign, starts=starts, stages=MODAL_STAGES, measured=measured)
-    assert found.agree >= 7
-    assert last(found.theta) < 1.05 * last(true_theta)
+    result = fit(model, campaign, starts=starts, stages=MODAL_STAGES, measured=measured)
+    assert result.agreeing_starts >= 7
+    assert last(result.theta) < 1.05 * last(true_theta)
 
 
 def test_starts_twice_as_far_off_reach_it_by_modes_and_then_frfs(model, true_theta, campaign, last):
@@ -180,7 +178,7 @@ def test_starts_twice_as_far_off_reach_it_by_modes_and_then_frfs(model, true_the
     starts = random_starts(model, 9, seed=8, spread=1.0)[1:]
     stages = (*MODAL_STAGES, Stage(0.03))
     best = last(true_theta)
-    costs = fit(model, campaign, starts=starts, stages=stages, measured=measured).costs
+    costs = fit(model, campaign, starts=starts, stages=stages, measured=measured).start_costs
     # Of 40 such starts 38 do, of FRFs alone 33.
     assert sum(cost < 1.05 * best for cost in costs) >= 6
 
@@ -193,32 +191,32 @@ def test_the_search_is_no_further_than_30_percent_stiffness_and_50_percent_dampi
     best = last(true_theta)
     for _ in range(3):
         start = true_theta * (1 + size * rng.choice([-1, 1], len(size)))
-        found = fit(model, campaign, starts=(start,), stages=MODAL_STAGES, measured=measured)
-        assert last(found.theta) < 1.05 * best
+        result = fit(model, campaign, starts=(start,), stages=MODAL_STAGES, measured=measured)
+        assert last(result.theta) < 1.05 * best
 
 
 def test_stages_follow_the_residuals_in_order():
-    assert stages_of(("modal", "log")) == (*MODAL_STAGES, *STAGES[1:])
-    assert stages_of(("modal",)) == MODAL_STAGES
-    assert stages_of(("log",)) == STAGES
+    assert select_stages(("modal", "log")) == (*MODAL_STAGES, *STAGES[1:])
+    assert select_stages(("modal",)) == MODAL_STAGES
+    assert select_stages(("log",)) == STAGES
 
 
 def test_channels_that_the_model_cannot_move_do_not_count(model, measured):
     still = Dof.parse("acc1:+ty")  # the base has no joint along y
     assert still not in measured.outputs
-    other = replace(
+    changed = replace(
         measured,
         outputs=(*measured.outputs, still),
         shapes=np.vstack([measured.shapes, 5 * np.ones((1, 5))]),
         lower=np.vstack([measured.lower, measured.lower[:1]]),
         upper=np.vstack([measured.upper, measured.upper[:1]]),
     )
-    one, two = (ModalCost(model, m, STAGE)(model.drawn)[0] for m in (measured, other))
-    assert one == pytest.approx(two, rel=1e-9)
+    first, second = (ModalCost(model, m, STAGE)(model.drawn)[0] for m in (measured, changed))
+    assert first == pytest.approx(second, rel=1e-9)
 
 
 def test_no_mode_and_no_measurement_are_refused(model, campaign, measured):
-    none = some_modes(measured, np.zeros(5, bool), np.ones(len(measured.outputs), bool))
+    none = select_modes(measured, np.zeros(5, bool), np.ones(len(measured.outputs), bool))
     with pytest.raises(UsageError, match="no mode"):
         ModalCost(model, none, STAGE)
     with pytest.raises(UsageError, match="measured modes"):

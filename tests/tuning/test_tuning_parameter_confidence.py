@@ -7,10 +7,16 @@ import pytest
 from small_machine import virtual_campaign
 
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Test
-from mbmodel import Evaluator, Model, Question, as_drawn, body_parts, load_machine, spring_parts
-from tuning import confidence, fit, freedom, predict, pulls
-from tuning.assessment.frf_bands import deviations, magnitude_deviations
-from tuning.misfit.batch import batches
+from mbmodel import Evaluator, FrfRequest, Model, as_drawn, body_parts, load_machine, spring_parts
+from tuning import (
+    estimate_confidence,
+    fit,
+    parametrise,
+    predict,
+)
+from tuning.assessment.frf_bands import frf_deviations, magnitude_deviations
+from tuning.assessment.parameter_confidence import rank_pulls
+from tuning.misfit.batch import batch_tests
 
 FREQ = np.linspace(3.0, 90.0, 120)
 
@@ -28,7 +34,7 @@ def one_test_of(model, theta, outputs, reference) -> Campaign:
     """One virtual test with 1 % noise."""
     random = np.random.default_rng(3)
     dofs = tuple(Dof.parse(name) for name in outputs)
-    asked = Question(FREQ, dofs, (Dof.parse(reference),))
+    asked = FrfRequest(FREQ, dofs, (Dof.parse(reference),))
     values = Evaluator(model, asked).at(theta).values
     sigma = np.broadcast_to(0.01 * np.sqrt((np.abs(values) ** 2).mean(axis=0)), values.shape)
     error = random.normal(size=(2, *values.shape)) * sigma / np.sqrt(2)
@@ -39,9 +45,9 @@ def one_test_of(model, theta, outputs, reference) -> Campaign:
     )
 
 
-def sure_of(model, campaign):
-    found = fit(model, campaign)
-    return found, confidence(model, campaign, found)
+def fit_with_confidence(model, campaign):
+    result = fit(model, campaign)
+    return result, estimate_confidence(model, campaign, result)
 
 
 def test_one_spring_has_the_deviation_of_closed_form(tmp_path):
@@ -52,8 +58,8 @@ def test_one_spring_has_the_deviation_of_closed_form(tmp_path):
         'type="slide" axis="1 0 0" stiffness="2e5" damping="90"/><site name="acc1"/></body>',
     )
     campaign = one_test_of(model, model.drawn, ["acc1:+tx"], "acc1:+tx")
-    found, sure = sure_of(model, campaign)
-    stiffness, damping = found.theta
+    result, confidence = fit_with_confidence(model, campaign)
+    stiffness, damping = result.theta
     omega = 2 * np.pi * FREQ
     impedance = stiffness - 5 * omega**2 + 1j * omega * damping
     response = -(omega**2) / impedance
@@ -63,9 +69,9 @@ def test_one_spring_has_the_deviation_of_closed_form(tmp_path):
     size = np.abs(campaign.tests[0].estimate.frf.values[:, 0, 0])
     weight = 1 / (campaign.tests[0].estimate.variance[:, 0, 0] + (3e-4 * size) ** 2)
     information = 2 * ((slopes.conj() * weight) @ slopes.T).real + np.eye(2) / np.log(100) ** 2
-    expected = np.sqrt(np.diag(np.linalg.inv(information)) * sure.widened)
-    assert sure.deviation == pytest.approx(expected, rel=1e-3)
-    low, high = sure.interval()
+    expected = np.sqrt(np.diag(np.linalg.inv(information)) * confidence.variance_inflation)
+    assert confidence.deviation == pytest.approx(expected, rel=1e-3)
+    low, high = confidence.interval()
     assert (low < model.drawn).all()
     assert (model.drawn < high).all()
 
@@ -77,14 +83,23 @@ def test_a_joint_that_the_data_cannot_see_is_said_and_has_no_narrow_interval(tmp
         'type="slide" axis="1 0 0" stiffness="2e5" damping="90"/><joint name="a_ty" type="slide" '
         'axis="0 1 0" stiffness="3e5" damping="80"/><site name="acc1"/></body>',
     )
-    _, sure = sure_of(model, one_test_of(model, model.drawn, ["acc1:+tx"], "acc1:+tx"))
-    unseen = {name for one in sure.unseen() for name in one.parameters}
+    _, confidence = fit_with_confidence(
+        model, one_test_of(model, model.drawn, ["acc1:+tx"], "acc1:+tx")
+    )
+    unseen = {
+        name
+        for direction in confidence.unidentifiable_directions()
+        for name in direction.parameters
+    }
     assert unseen == {"a_ty.stiffness", "a_ty.damping"}
-    assert [bool(one) for one in sure.unknown] == [False, False, True, True]
-    low, high = sure.interval()
+    assert confidence.unidentifiable.tolist() == [False, False, True, True]
+    low, high = confidence.interval()
     assert (high[2:] / low[2:] > 1000).all()
     assert (high[:2] / low[:2] < 2).all()
-    assert any(one.sentence == "a_ty.stiffness is not seen by the data" for one in sure.unseen())
+    assert any(
+        direction.sentence == "a_ty.stiffness is not determined by the data"
+        for direction in confidence.unidentifiable_directions()
+    )
 
 
 def test_two_springs_side_by_side_are_seen_only_as_a_sum(tmp_path):
@@ -94,10 +109,12 @@ def test_two_springs_side_by_side_are_seen_only_as_a_sum(tmp_path):
         'type="slide" axis="1 0 0" stiffness="2e5" damping="90"/><site name="acc1"/></body>',
         '<tendon><fixed name="leg" stiffness="3e5"><joint joint="a_tx" coef="1"/></fixed></tendon>',
     )
-    _, sure = sure_of(model, one_test_of(model, model.drawn, ["acc1:+tx"], "acc1:+tx"))
-    (one,) = sure.unseen()
-    assert sorted(one.parameters) == ["a_tx.stiffness", "leg.stiffness"]
-    assert one.sentence.endswith("are seen only as a sum")
+    _, confidence = fit_with_confidence(
+        model, one_test_of(model, model.drawn, ["acc1:+tx"], "acc1:+tx")
+    )
+    (direction,) = confidence.unidentifiable_directions()
+    assert sorted(direction.parameters) == ["a_tx.stiffness", "leg.stiffness"]
+    assert direction.sentence.endswith("are determined only as a sum")
 
 
 def test_two_springs_in_a_row_are_seen_only_as_a_sum_of_compliances(tmp_path):
@@ -110,8 +127,12 @@ def test_two_springs_in_a_row_are_seen_only_as_a_sum_of_compliances(tmp_path):
         'damping="70"/><site name="acc1"/></body></body>',
     )
     campaign = one_test_of(model, model.drawn, ["acc1:+tx", "acc1:+ty"], "acc1:+tx")
-    _, sure = sure_of(model, campaign)
-    words = [one.sentence for one in sure.unseen() if "compliances" in one.sentence]
+    _, confidence = fit_with_confidence(model, campaign)
+    words = [
+        direction.sentence
+        for direction in confidence.unidentifiable_directions()
+        if "compliances" in direction.sentence
+    ]
     assert len(words) == 1
     assert "plate_tx.stiffness" in words[0]
     assert "a_tx.stiffness" in words[0]
@@ -125,36 +146,42 @@ def test_a_mass_drawn_a_fifth_too_small_is_called_out_by_its_pull(model, true_th
     wrong[head, head] /= 1.2
     drawn = replace(machine, body_mass=wrong)
     tuned = Model(drawn, (*spring_parts(drawn), *body_parts(drawn)))
-    varies = freedom(tuned, campaign.tolerance).unbounded()
-    found = fit(tuned, campaign, varies=varies)
-    name, pull = pulls(varies, found.x)[0]
+    parametrisation = parametrise(tuned, campaign.tolerance).lift_bounds()
+    result = fit(tuned, campaign, parametrisation=parametrisation)
+    name, pull = rank_pulls(parametrisation, result.x)[0]
     assert name == "head.mass"
     assert pull > 6  # ln 1.2 / 0.02 is 9; the moments of inertia take a part
 
 
-def test_deviations_are_those_of_the_dense_covariance(whole, varies, off, mixed):
-    found = replace(fit(whole, mixed, varies=varies, stages=()), x=off)
-    sure = confidence(whole, mixed, found)
-    lines = batches(whole, mixed.lines(slice(4, 9)))[0].evaluator.at(varies.theta(off))
-    columns = lines.forward(varies.free).columns() * varies.rates(off)[varies.free]
+def test_deviations_are_those_of_the_dense_covariance(whole, parametrisation, off, mixed):
+    result = replace(fit(whole, mixed, parametrisation=parametrisation, stages=()), x=off)
+    confidence = estimate_confidence(whole, mixed, result)
+    lines = batch_tests(whole, mixed.select_lines(slice(4, 9)))[0].evaluator.at(
+        parametrisation.theta(off)
+    )
+    columns = (
+        lines.sensitivities(parametrisation.free).columns()
+        * parametrisation.rates(off)[parametrisation.free]
+    )
     units = [np.full(lines.values.shape, unit) for unit in (1.0 + 0j, 1j, np.exp(0.7j))]
-    for unit, ours in zip(units, deviations(lines, sure, units), strict=True):
+    for unit, actual in zip(units, frf_deviations(lines, confidence, units), strict=True):
         slopes = (unit.conj()[..., None] * columns).real
-        dense = np.sqrt(np.einsum("fomi,ij,fomj->fom", slopes, sure.covariance, slopes))
-        assert ours == pytest.approx(dense, rel=1e-9)
+        dense = np.sqrt(np.einsum("fomi,ij,fomj->fom", slopes, confidence.covariance, slopes))
+        assert actual == pytest.approx(dense, rel=1e-9)
 
 
 def test_the_magnitude_of_a_prediction_scatters_as_its_band_says(model, true_theta, campaign):
-    found, sure = sure_of(model, campaign)
+    result, confidence = fit_with_confidence(model, campaign)
     random = np.random.default_rng(8)
-    root = np.linalg.cholesky(sure.covariance)
+    root = np.linalg.cholesky(confidence.covariance)
     drawn = [
-        found.freedom.theta(found.x + root @ random.normal(size=len(root))) for _ in range(300)
+        result.parametrisation.theta(result.x + root @ random.normal(size=len(root)))
+        for _ in range(300)
     ]
     spread = np.std([np.abs(predict(model, theta, campaign)[0]) for theta in drawn], axis=0)
-    band = magnitude_deviations(model, sure, campaign)[0]
+    band = magnitude_deviations(model, confidence, campaign)[0]
     moving = band > 1e-6 * band.max()
     ratio = spread[moving] / band[moving]
     assert np.median(ratio) == pytest.approx(1.0, abs=0.05)
     assert np.quantile(ratio, [0.05, 0.95]) == pytest.approx([1.0, 1.0], abs=0.2)
-    assert true_theta.shape == found.theta.shape
+    assert true_theta.shape == result.theta.shape

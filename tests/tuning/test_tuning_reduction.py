@@ -4,21 +4,23 @@ import numpy as np
 import pytest
 from test_tuning_misfit import answer, close, sizes, somewhere, weights
 
-from tuning import Misfit, fit, freedom, stages_of
-from tuning.assessment.parameter_confidence import confidence
+from tuning import Misfit, fit, parametrise, select_stages
+from tuning.assessment.parameter_confidence import estimate_confidence
 
 
-def reduced_twin(model, campaign, varies, x, allowance):
+def reduced_twin(model, campaign, parametrisation, x, model_error_floor):
     """J, its gradient and N of residuals that are reduced and whitened body by body."""
-    theta = varies.theta(x)
-    rates = np.zeros((len(theta), varies.size))
-    rates[varies.free, varies.member[varies.free]] = varies.rates(x)[varies.free]
-    total = 0.5 * (x[varies.has_prior] ** 2).sum()
-    gradient = np.where(varies.has_prior, x, 0.0)
-    normal = np.zeros((varies.size, varies.size))
+    theta = parametrisation.theta(x)
+    rates = np.zeros((len(theta), parametrisation.size))
+    rates[parametrisation.free, parametrisation.coordinate_of[parametrisation.free]] = (
+        parametrisation.rates(x)[parametrisation.free]
+    )
+    total = 0.5 * (x[parametrisation.has_prior] ** 2).sum()
+    gradient = np.where(parametrisation.has_prior, x, 0.0)
+    normal = np.zeros((parametrisation.size, parametrisation.size))
     for test in campaign.tests:
         lines, frf = answer(model, theta, test), test.estimate.frf
-        weight = weights(model, test, allowance, logarithmic=False)[:, :, 0]
+        weight = weights(model, test, model_error_floor, logarithmic=False)[:, :, 0]
         jacobian = (lines.columns() @ rates)[:, :, 0]
         off = (lines.values - frf.values)[:, :, 0]
         rows = campaign.layout.rows(frf.outputs)
@@ -40,14 +42,16 @@ def reduced_twin(model, campaign, varies, x, allowance):
     return total, gradient, normal
 
 
-@pytest.mark.parametrize("allowance", [0.03, 0.0])
+@pytest.mark.parametrize("model_error_floor", [0.03, 0.0])
 def test_cost_gradient_and_normal_equations_are_those_of_reduced_residuals(
-    whole, mixed, varies, allowance
+    whole, mixed, parametrisation, model_error_floor
 ):
-    cost = Misfit(whole, mixed, varies, allowance=allowance, at_bodies=True)
-    x = somewhere(varies)
-    value, gradient, arrow = cost.normal(x)
-    expected = reduced_twin(whole, mixed, varies, x, allowance)
+    cost = Misfit(
+        whole, mixed, parametrisation, model_error_floor=model_error_floor, at_bodies=True
+    )
+    x = somewhere(parametrisation)
+    value, gradient, arrow = cost.quadratic_model(x)
+    expected = reduced_twin(whole, mixed, parametrisation, x, model_error_floor)
     assert value == pytest.approx(expected[0], rel=1e-8)
     size = sizes(arrow)
     close(gradient, expected[1], size * np.sqrt(expected[0]), 1e-8)
@@ -58,15 +62,15 @@ def test_cost_gradient_and_normal_equations_are_those_of_reduced_residuals(
 
 
 def test_both_residuals_find_the_same_machine_within_their_intervals(model, campaign):
-    varies = freedom(model, campaign.tolerance)
+    parametrisation = parametrise(model, campaign.tolerance)
     fits = [
-        fit(model, campaign, varies=varies, stages=stages_of(("log",), at))
+        fit(model, campaign, parametrisation=parametrisation, stages=select_stages(("log",), at))
         for at in ("sensors", "bodies")
     ]
-    sures = [confidence(model, campaign, one) for one in fits]
-    assert all(one.converged for one in fits)
+    confidences = [estimate_confidence(model, campaign, result) for result in fits]
+    assert all(result.converged for result in fits)
     # The channels hold all that the bodies do: the difference has the difference of covariances.
-    spread = sures[1].covariance - sures[0].covariance
+    spread = confidences[1].covariance - confidences[0].covariance
     values, vectors = np.linalg.eigh(spread)
     assert values.min() > -1e-3 * values.max()
     known = values > 1e-3 * values.max()

@@ -5,7 +5,7 @@ import pytest
 from campaign_folder import CAMPAIGN, write_folder
 
 from identification.words import InputError
-from tuning import open_session, with_tolerances
+from tuning import build_toleranced_model, open_session
 
 
 @pytest.fixture(scope="module")
@@ -29,18 +29,18 @@ def names_of(model):
 
 
 def test_all_that_a_drawing_limits_is_a_part(model, campaign, whole):
-    found = set(names_of(with_tolerances(model.machine, campaign)))
-    others = {name for name in names_of(whole) if not name.startswith("hammer(")}
-    hits = {name for name in found if name.startswith("hammer(")}
-    assert found - hits == others
+    result = set(names_of(build_toleranced_model(model.machine, campaign)))
+    rest = {name for name in names_of(whole) if not name.startswith("hammer(")}
+    hits = {name for name in result if name.startswith("hammer(")}
+    assert result - hits == rest
     assert {name.split(".")[0] for name in hits} == {f"hammer(acc3:t{axis})" for axis in "xyz"}
 
 
 def test_sensors_that_no_test_reads_are_left_out_and_so_are_points_never_hit(whole, mixed):
-    assert names_of(with_tolerances(whole.machine, mixed)) == names_of(whole)
+    assert names_of(build_toleranced_model(whole.machine, mixed)) == names_of(whole)
     third = type(mixed)("one", mixed.layout, mixed.tests[2:3])
-    found = names_of(with_tolerances(whole.machine, third))
-    points = {name.split(".")[0] for name in found}
+    result = names_of(build_toleranced_model(whole.machine, third))
+    points = {name.split(".")[0] for name in result}
     assert {point for point in points if point.startswith("acc")} == {"acc1", "acc3", "acc4"}
     assert {point for point in points if "(" in point} == {"hammer(acc3:ty)"}
 
@@ -49,7 +49,9 @@ def test_without_wishes_all_vary_but_what_is_known_exactly(opened):
     session = opened()
     fixed = {
         parameter.name
-        for parameter, free in zip(session.model.parameters, session.freedom.free, strict=True)
+        for parameter, free in zip(
+            session.model.parameters, session.parametrisation.free, strict=True
+        )
         if not free
     }
     # The drawn bodies have no products of inertia: 5 % of nothing is nothing.
@@ -66,8 +68,8 @@ def test_without_wishes_all_vary_but_what_is_known_exactly(opened):
 def test_the_tolerances_are_those_of_the_campaign(opened):
     session = opened("[tolerance]\nmass = 0.07\nsensor_gain = 0.0\n")
     place = names_of(session.model).index("head.mass")
-    assert session.freedom.scale[place] == 0.07
-    assert not any(".gain_" in name for name in session.freedom.names)
+    assert session.parametrisation.scale[place] == 0.07
+    assert not any(".gain_" in name for name in session.parametrisation.names)
 
 
 def test_wishes_reach_what_varies(opened):
@@ -83,8 +85,8 @@ def test_wishes_reach_what_varies(opened):
         "head_tx.stiffness" = [4e6, 9e6]
         """
     )
-    made, names = session.freedom, names_of(session.model)
-    member = dict(zip(names, made.member, strict=True))
+    made, names = session.parametrisation, names_of(session.model)
+    member = dict(zip(names, made.coordinate_of, strict=True))
     assert not made.has_prior[[member[f"acc4.rotation_{axis}"] for axis in "xyz"]].any()
     assert all(member[name] == -1 for name in names if name.endswith(".damping"))
     assert member["base_tx.stiffness"] == member["base_tz.stiffness"]

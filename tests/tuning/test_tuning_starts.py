@@ -5,7 +5,7 @@ import pytest
 from tuning_case import tuning_case
 
 from mbmodel import load_machine
-from tuning import Misfit, fit, freedom
+from tuning import Misfit, fit, parametrise
 
 STARTS = range(8)
 
@@ -17,15 +17,16 @@ def case(drawing):
 
 
 @pytest.fixture(scope="module")
-def varies(case):
-    return freedom(case.model, case.campaign.tolerance)
+def parametrisation(case):
+    return parametrise(case.model, case.campaign.tolerance)
 
 
 @pytest.fixture(scope="module")
-def ends(case, varies):
+def ends(case, parametrisation):
     """Each start alone, so that each goes through all stages."""
     return [
-        fit(case.model, case.campaign, varies=varies, starts=(case.start(seed),)) for seed in STARTS
+        fit(case.model, case.campaign, parametrisation=parametrisation, starts=(case.start(seed),))
+        for seed in STARTS
     ]
 
 
@@ -36,10 +37,10 @@ def test_all_starts_end_at_one_cost(ends):
     assert all(end.converged for end in ends)
 
 
-def test_that_cost_is_below_the_one_of_the_truth(case, varies, ends):
+def test_that_cost_is_below_the_one_of_the_truth(case, parametrisation, ends):
     # Twelve parameters take about 6 of the nats that noise alone costs, and not hundreds.
-    misfit = Misfit(case.model, case.campaign, varies, allowance=0.0)
-    gained = misfit.value(varies.coordinates(case.truth)) - ends[0].cost
+    misfit = Misfit(case.model, case.campaign, parametrisation, model_error_floor=0.0)
+    gained = misfit.value(parametrisation.coordinates(case.truth)) - ends[0].cost
     assert 1 < gained < 20
 
 
@@ -51,14 +52,22 @@ def test_all_starts_end_at_one_set_of_parameters_near_the_truth(case, ends):
 
 @pytest.mark.parametrize("algorithm", ["LD_LBFGS", "LD_SLSQP", "LD_MMA", "LD_CCSAQ"])
 def test_an_algorithm_by_name_and_a_finish_by_gauss_newton_reach_it_too(
-    case, varies, ends, algorithm
+    case, parametrisation, ends, algorithm
 ):
     start = case.start(STARTS[0])
-    found = fit(case.model, case.campaign, varies=varies, starts=(start,), algorithm=algorithm)
-    assert found.cost == pytest.approx(ends[0].cost, abs=0.02)
-    assert found.evaluations > ends[0].evaluations
+    result = fit(
+        case.model,
+        case.campaign,
+        parametrisation=parametrisation,
+        starts=(start,),
+        algorithm=algorithm,
+    )
+    assert result.cost == pytest.approx(ends[0].cost, abs=0.02)
+    assert result.evaluations > ends[0].evaluations
 
 
-def test_the_same_start_gives_the_same_bits(case, varies, ends):
-    again = fit(case.model, case.campaign, varies=varies, starts=(case.start(STARTS[1]),))
+def test_the_same_start_gives_the_same_bits(case, parametrisation, ends):
+    again = fit(
+        case.model, case.campaign, parametrisation=parametrisation, starts=(case.start(STARTS[1]),)
+    )
     assert np.array_equal(again.x, ends[1].x)

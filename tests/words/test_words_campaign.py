@@ -135,7 +135,7 @@ def test_the_axis_of_a_campaign_is_that_of_its_tests():
 @pytest.mark.parametrize("chosen", [slice(1, 3), np.array([False, True, True, False])])
 def test_lines_are_kept_in_every_test(chosen):
     whole = Campaign("c", LAYOUT, (a_test(), a_test("acc1:-tz", scale=2.0)), Tolerance(mass=0.5))
-    kept = whole.lines(chosen)
+    kept = whole.select_lines(chosen)
     np.testing.assert_array_equal(kept.freq_hz, [2.0, 4.0])
     for before, after in zip(whole.tests, kept.tests, strict=True):
         assert after.condition == before.condition

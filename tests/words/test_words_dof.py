@@ -93,11 +93,11 @@ def test_what_is_no_label_is_refused_with_the_form_to_write(text):
 
 @pytest.mark.parametrize("direction", ["", "+", "tx", "x", "+x", "+tw", "*tx", "+tx ", "+rxy"])
 def test_a_direction_without_sign_or_axis_is_refused(direction):
-    with pytest.raises(ValueError, match="is no direction"):
+    with pytest.raises(ValueError, match="is not a direction"):
         Dof("acc11", direction)
 
 
 @pytest.mark.parametrize("point", ["", "a:b", ":"])
 def test_a_point_that_would_not_read_back_is_refused(point):
-    with pytest.raises(ValueError, match="is no name of a point"):
+    with pytest.raises(ValueError, match="is not the name of a point"):
         Dof(point, "+tx")

@@ -1,1 +1,1 @@
-"""How good a fit is: held-out lines, gap, intervals of parameters and FRFs, further tests."""
+"""Assessment of a fit: gap, held-out lines, intervals, and the value of further tests."""

@@ -1,11 +1,11 @@
-r"""Standard deviations of predicted FRFs.
+"""Standard deviations of predicted FRFs.
 
-With the covariance C of the coordinates and the slopes J of an FRF, its error along a direction u
-of the complex plane, |u| = 1, has the variance
+Let C be the covariance of the coordinates, J the derivatives of an FRF, and u a direction of the
+complex plane, |u| = 1. To first order the FRF's error along u has the variance
 
-    var Re(conj(u) H) = a' C a,   a = Re(conj(u) J):
+    var Re(conj(u) H) = a' C a,   a = Re(conj(u) J).
 
-u = 1 and u = i give those of the real and imaginary part, u = H / |H| that of the magnitude.
+The directions u = 1 and u = i give the real and imaginary part, u = H / |H| the magnitude.
 """
 
 from collections.abc import Sequence
@@ -14,72 +14,92 @@ import numpy as np
 
 from identification.words import Campaign, Complex, Real
 from mbmodel import Linearised, Model
-from tuning.assessment.parameter_confidence import Confidence
-from tuning.misfit.batch import answers, predict
-from tuning.misfit.partition import shares
+from tuning.assessment.parameter_confidence import ParameterConfidence
+from tuning.misfit.batch import evaluate_tests, predict
+from tuning.misfit.partition import partition_coordinates
 
-_RUN = 16  # lines at once
-_LINES = 300
+_LINES_PER_CHUNK = 16  # limits the memory for derivatives
+_MAX_BAND_LINES = 300  # at which deviations are computed; others are interpolated
 
 
-def deviations(lines: Linearised, sure: Confidence, ways: Sequence[Complex]) -> list[Real]:
-    """Standard deviations of everything that a linearised model answers, along some directions.
+def frf_deviations(
+    lines: Linearised, confidence: ParameterConfidence, directions: Sequence[Complex]
+) -> list[Real]:
+    """Return standard deviations of all FRFs of a linearised model along some directions.
 
     Args:
-        lines: the model at the parameters that ``sure`` is about.
-        sure: their covariance.
-        ways: u, one array for each direction; (n_freq, n_out, n_in).
+        lines: model at the parameters of ``confidence``.
+        confidence: covariance of the coordinates.
+        directions: u, one array for each direction; (n_freq, n_out, n_in) each.
 
     Returns:
         One array for each direction; (n_freq, n_out, n_in).
     """
-    freedom, covariance = sure.freedom, sure.covariance
-    plan = shares(lines.model, freedom)
-    rates = freedom.rates(sure.x)
-    forward = lines.forward(plan.shared, rates)
-    own = list(plan.own_columns(lines.forward(plan.of_sensors), rates))
-    whole = covariance[np.ix_(plan.shared_at, plan.shared_at)]
-    found = [np.zeros(lines.values.shape) for _ in ways]
-    for start in range(0, len(lines.values), _RUN):
-        span = slice(start, start + _RUN)
-        columns = plan.gather(forward, span)
-        for total, way in zip(found, ways, strict=True):
-            a = _along(way[span], columns)
-            variance = np.einsum("foms,foms->fom", a @ whole, a)
-            for rows, values, at in own:
-                b = _along(way[span][:, rows], values[span])
-                between = covariance[np.ix_(plan.shared_at, at)]
-                inside = covariance[np.ix_(at, at)]
-                more = 2 * (a[:, rows] @ between) + b @ inside
-                variance[:, rows] += np.einsum("fomk,fomk->fom", more, b)
+    parametrisation, covariance = confidence.parametrisation, confidence.covariance
+    partition = partition_coordinates(lines.model, parametrisation)
+    rates = parametrisation.rates(confidence.x)
+    forward = lines.sensitivities(partition.shared_parameters, rates)
+    sensors = list(
+        partition.sensor_columns(lines.sensitivities(partition.sensor_parameters), rates)
+    )
+    shared_covariance = covariance[
+        np.ix_(partition.shared_coordinates, partition.shared_coordinates)
+    ]
+    deviations = [np.zeros(lines.values.shape) for _ in directions]
+    for start in range(0, len(lines.values), _LINES_PER_CHUNK):
+        span = slice(start, start + _LINES_PER_CHUNK)
+        columns = partition.shared_columns(forward, span)
+        for total, direction in zip(deviations, directions, strict=True):
+            shared_slopes = _along(direction[span], columns)
+            variance = np.einsum("foms,foms->fom", shared_slopes @ shared_covariance, shared_slopes)
+            for rows, values, coordinates in sensors:
+                own_slopes = _along(direction[span][:, rows], values[span])
+                between = covariance[np.ix_(partition.shared_coordinates, coordinates)]
+                inside = covariance[np.ix_(coordinates, coordinates)]
+                terms = 2 * (shared_slopes[:, rows] @ between) + own_slopes @ inside
+                variance[:, rows] += np.einsum("fomk,fomk->fom", terms, own_slopes)
             total[span] = np.sqrt(np.maximum(variance, 0.0))
-    return found
+    return deviations
 
 
-def _along(way: Complex, columns: Complex) -> Real:
-    """Re(conj(u) J)."""
-    part: Real = way.real[..., None] * columns.real + way.imag[..., None] * columns.imag
-    return part
+def _along(direction: Complex, columns: Complex) -> Real:
+    """Return Re(conj(u) J)."""
+    along: Real = (
+        direction.real[..., None] * columns.real + direction.imag[..., None] * columns.imag
+    )
+    return along
 
 
-def magnitude_deviations(model: Model, sure: Confidence, campaign: Campaign) -> tuple[Real, ...]:
-    """Deviation of the magnitude of each test's FRFs, in its labels; (n_freq, n_out, 1) each.
+def magnitude_deviations(
+    model: Model, confidence: ParameterConfidence, campaign: Campaign
+) -> tuple[Real, ...]:
+    """Return the standard deviation of the magnitude of each test's FRFs, in its labels.
 
-    At some 300 lines; between them the relative deviation is interpolated.
+    It is computed at up to 300 lines, between which the relative deviation is interpolated.
+
+    Args:
+        model: model that was fitted.
+        confidence: covariance of the coordinates.
+        campaign: tests.
+
+    Returns:
+        One array for each test; (n_freq, n_out, 1).
     """
-    freq, theta = campaign.freq_hz, sure.freedom.theta(sure.x)
-    every = -(-len(freq) // _LINES)
-    places = np.unique(np.append(np.arange(0, len(freq), every), len(freq) - 1))
+    freq, theta = campaign.freq_hz, confidence.parametrisation.theta(confidence.x)
+    stride = -(-len(freq) // _MAX_BAND_LINES)
+    chosen = np.unique(np.append(np.arange(0, len(freq), stride), len(freq) - 1))
 
-    def ask(lines: Linearised) -> Complex:
+    def relative_deviation(lines: Linearised) -> Complex:
         size = np.maximum(np.abs(lines.values), np.finfo(float).tiny)
-        return np.asarray(deviations(lines, sure, [lines.values / size])[0] / size, complex)
+        return np.asarray(
+            frf_deviations(lines, confidence, [lines.values / size])[0] / size, complex
+        )
 
-    found = answers(model, campaign.lines(places), ask, theta)
-    between = np.interp(freq, freq[places], np.arange(len(places)))
-    low = np.floor(between).astype(int)
-    high, share = np.minimum(low + 1, len(places) - 1), (between - low)[:, None, None]
+    by_test = evaluate_tests(model, campaign.select_lines(chosen), relative_deviation, theta)
+    position = np.interp(freq, freq[chosen], np.arange(len(chosen)))
+    low = np.floor(position).astype(int)
+    high, share = np.minimum(low + 1, len(chosen) - 1), (position - low)[:, None, None]
     return tuple(
         np.abs(values) * ((1 - share) * relative.real[low] + share * relative.real[high])
-        for values, relative in zip(predict(model, theta, campaign), found, strict=True)
+        for values, relative in zip(predict(model, theta, campaign), by_test, strict=True)
     )

@@ -1,4 +1,8 @@
-"""Held-out lines: blocks as wide as resonances, dealt to five folds."""
+"""Held-out lines: K-fold cross-validation with blocks as wide as resonances.
+
+Neighbouring lines within a resonance predict each other. Folds therefore consist of contiguous
+blocks (Roberts et al. 2017, Ecography 40), which are assigned to five folds in turn.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,27 +13,29 @@ from threadpoolctl import threadpool_limits
 
 from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Model, modes_of_matrices
-from tuning.fitting.checkpoint import Journal
-from tuning.fitting.fitter import Fit, descend
-from tuning.fitting.stages import LAST, counted_lines, thinned
+from tuning.fitting.checkpoint import Checkpoint
+from tuning.fitting.fitter import Fit, minimise_stage
+from tuning.fitting.stages import LAST_STAGE, thin_lines, thinning_slice
 from tuning.misfit.batch import predict
-from tuning.misfit.normal_equations import Arrow
+from tuning.misfit.normal_equations import ArrowMatrix
 from tuning.solvers.nlopt_solver import Minimum, Outcome
 
-FOLDS = 5
-_LEAST = 8
-_PROMISE = 1.0  # nats: of 1e5 that a campaign has, it moves no gap's fifth digit
+N_FOLDS = 5
+_MIN_BLOCK_LINES = 8
+# A campaign has 1e5 nats: a decrease of 1 changes no gap in its fifth digit.
+_MIN_FOLD_GAIN_NATS = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class HeldOut:
-    """Fits that each left one fold of the lines out.
+class HeldOutFits:
+    """Fits that left out one fold of the lines each.
 
     Args:
-        thetas: of each fold's fit, in SI; (n_fold, n_parameter), 5 folds unless blocks are fewer.
+        thetas: parameters of each fold's fit [SI]; (n_fold, n_parameter), 5 folds unless there are
+            fewer blocks.
         outcomes: how each fold's search ended; n_fold.
         folds: fold of each line; (n_freq,).
-        width: lines in a block.
+        width: number of lines in a block.
     """
 
     thetas: Real
@@ -38,119 +44,145 @@ class HeldOut:
     width: int
 
     def predict(self, model: Model, campaign: Campaign) -> tuple[Complex, ...]:
-        """Each test's FRFs in its labels, each line by the fit that did not see it.
+        """Predict each test's FRFs in its labels, each line by the fit that left it out.
 
         Args:
-            model: that was fitted.
+            model: model that was fitted.
             campaign: any channels on the lines of the fits.
 
         Returns:
-            (n_freq, n_out, 1) each.
+            One array for each test; (n_freq, n_out, 1).
         """
-        whole = [np.zeros_like(test.estimate.frf.values) for test in campaign.tests]
+        predicted = [np.zeros_like(test.estimate.frf.values) for test in campaign.tests]
         for fold, theta in enumerate(self.thetas):
-            held = self.folds == fold
-            if held.any():
+            is_held_out = self.folds == fold
+            if is_held_out.any():
                 for values, answer in zip(
-                    whole, predict(model, theta, campaign.lines(held)), strict=True
+                    predicted,
+                    predict(model, theta, campaign.select_lines(is_held_out)),
+                    strict=True,
                 ):
-                    values[held] = answer
-        return tuple(whole)
+                    values[is_held_out] = answer
+        return tuple(predicted)
 
 
 def block_width(model: Model, theta: Real, freq_hz: Real) -> int:
-    """Lines in a block: three lower quartiles of the modes' bandwidth 2 zeta f in the band.
+    """Return the number of lines in a block: three lower quartiles of the modes' bandwidth.
 
-    At least 8 lines and at most a fifteenth of the band; in a band of less than 120 lines the 8
-    win. Without a mode in the band the blocks are as wide as they may.
+    The bandwidth of a mode is 2 zeta f; modes inside the band count. A block has at least 8 lines
+    and at most a fifteenth of the band; in a band of less than 120 lines, 8 lines take precedence.
+    Without a mode in the band, blocks are as wide as allowed.
 
     Args:
-        model: the re-tuned model.
-        theta: its parameters.
+        model: tuned model.
+        theta: its parameters [SI]; (n_parameter,).
         freq_hz: lines of the band; (n_freq,).
     """
-    found = modes_of_matrices(model.matrices(theta))
-    inside = (found.freq_hz >= freq_hz[0]) & (found.freq_hz <= freq_hz[-1]) & (found.poles.imag > 0)
-    most = len(freq_hz) // 15
-    if not inside.any() or len(freq_hz) < 2:
-        return max(_LEAST, most)
-    bandwidth = np.quantile(2 * found.damping[inside] * found.freq_hz[inside], 0.25)
+    modes = modes_of_matrices(model.matrices(theta))
+    is_inside = (
+        (modes.freq_hz >= freq_hz[0]) & (modes.freq_hz <= freq_hz[-1]) & (modes.poles.imag > 0)
+    )
+    max_lines = len(freq_hz) // 15
+    if not is_inside.any() or len(freq_hz) < 2:
+        return max(_MIN_BLOCK_LINES, max_lines)
+    bandwidth = np.quantile(2 * modes.damping[is_inside] * modes.freq_hz[is_inside], 0.25)
     spacing = (freq_hz[-1] - freq_hz[0]) / (len(freq_hz) - 1)
-    return max(_LEAST, min(round(float(3 * bandwidth / spacing)), most))
+    return max(_MIN_BLOCK_LINES, min(round(float(3 * bandwidth / spacing)), max_lines))
 
 
-def fold_of_lines(n_freq: int, width: int) -> Integers:
-    """Block i belongs to fold i mod 5; (n_freq,)."""
-    folds: Integers = (np.arange(n_freq) // width) % FOLDS
+def assign_folds(n_freq: int, width: int) -> Integers:
+    """Return the fold of each line, with block i in fold i mod 5; (n_freq,)."""
+    folds: Integers = (np.arange(n_freq) // width) % N_FOLDS
     return folds
 
 
 def fit_held_out(
     model: Model,
-    found: Fit,
+    full_fit: Fit,
     campaign: Campaign,
     *,
     jobs: int = 1,
     width: int | None = None,
-    promise: float = _PROMISE,
+    min_gain_nats: float = _MIN_FOLD_GAIN_NATS,
     report: Callable[[int], None] | None = None,
-    journal: Journal | None = None,
-) -> HeldOut | None:
-    """Leave out one fold of the lines after the other and fit the rest, started at a fit to all.
+    checkpoint: Checkpoint | None = None,
+) -> HeldOutFits | None:
+    """Fit the lines of all folds but one, for each fold, starting at the fit to all lines.
 
-    A fit that counted every so manyth line leaves out folds of these; blocks are still those of
+    If the fit counted every k-th line only, folds are left out of these; blocks are still those of
     all lines.
 
     Args:
         model: machine and Parts.
-        found: the fit to all folds.
-        campaign: the lines of the band.
+        full_fit: fit to all folds.
+        campaign: tests on the lines of the band.
         jobs: threads; the result does not depend on it.
-        width: lines in a block; by the fitted model's modes if None.
-        promise: nats that a further step may promise and is not made.
-        report: told the number of each fold that is done.
-        journal: knows finished folds, which are not made again.
+        width: number of lines in a block; by the fitted model's modes if None.
+        min_gain_nats: predicted decrease of J below which no further step is taken.
+        report: called with the number of each finished fold.
+        checkpoint: finished folds, which are not repeated.
 
     Returns:
-        The fits; None if the band holds a single block, which nothing could predict.
+        The fits; None if the band consists of a single block, which no other line could predict.
 
     Raises:
         KeyboardInterrupt: interrupted; there is no held-out prediction then.
     """
-    theta, varies = found.theta, found.freedom
+    theta, parametrisation = full_fit.theta, full_fit.parametrisation
     width = block_width(model, theta, campaign.freq_hz) if width is None else width
-    folds = fold_of_lines(len(campaign.freq_hz), width)
+    folds = assign_folds(len(campaign.freq_hz), width)
     if not folds.any():
         return None
-    journal = Journal() if journal is None else journal
-    stage = found.last or LAST
-    campaign, seen = thinned(campaign, stage.stride), folds[counted_lines(len(folds), stage.stride)]
-    ends = {fold: journal.recall(f"fold {fold}") for fold in range(int(folds.max()) + 1)}
+    checkpoint = Checkpoint() if checkpoint is None else checkpoint
+    stage = full_fit.last_stage or LAST_STAGE
+    campaign, fold_of_line = (
+        thin_lines(campaign, stage.stride),
+        folds[thinning_slice(len(folds), stage.stride)],
+    )
+    ends = {fold: checkpoint.recall(f"fold {fold}") for fold in range(int(folds.max()) + 1)}
     missing = [fold for fold, end in ends.items() if end is None]
-    normals = stage.normals(model, campaign, varies, found.x, seen, jobs) if missing else []
+    normals = (
+        stage.leave_out_normals(model, campaign, parametrisation, full_fit.x, fold_of_line, jobs)
+        if missing
+        else []
+    )
     work = (
-        delayed(_fit_without)(model, campaign, found, seen != fold, normals[fold], promise)
+        delayed(_fit_without)(
+            model, campaign, full_fit, fold_of_line != fold, normals[fold], min_gain_nats
+        )
         for fold in missing
     )
     with threadpool_limits(1):
-        made = Parallel(n_jobs=jobs, prefer="threads", return_as="generator")(work)
-        for fold, end in zip(missing, made, strict=True):
-            journal.keep(f"fold {fold}", end)
+        results = Parallel(n_jobs=jobs, prefer="threads", return_as="generator")(work)
+        for fold, end in zip(missing, results, strict=True):
+            checkpoint.keep(f"fold {fold}", end)
             ends[fold] = end
             if report is not None:
                 report(fold)
-    known = [end for end in ends.values() if end is not None]
-    thetas = np.array([varies.theta(end.x) for end in known])
-    return HeldOut(thetas, tuple(end.outcome for end in known), folds, width)
+    finished = [end for end in ends.values() if end is not None]
+    thetas = np.array([parametrisation.theta(end.x) for end in finished])
+    return HeldOutFits(thetas, tuple(end.outcome for end in finished), folds, width)
 
 
 def _fit_without(
-    model: Model, campaign: Campaign, found: Fit, kept: Mask, normal: Arrow, promise: float
+    model: Model,
+    campaign: Campaign,
+    full_fit: Fit,
+    kept: Mask,
+    normal: ArrowMatrix,
+    min_gain_nats: float,
 ) -> Minimum:
-    """The fit to the lines that are kept, from the one to all: mostly a single step."""
-    stage = found.last or LAST
-    problem = stage.problem(model, campaign, found.freedom, counted=kept)
-    end = descend(problem, found.freedom, found.x, stage, known=normal, promise=promise)
+    """Fit the lines that are kept, from the fit to all lines; mostly a single step."""
+    stage = full_fit.last_stage or LAST_STAGE
+    problem = stage.build_problem(model, campaign, full_fit.parametrisation, counted=kept)
+    end = minimise_stage(
+        problem,
+        full_fit.parametrisation,
+        full_fit.x,
+        stage,
+        initial_normal=normal,
+        min_gain_nats=min_gain_nats,
+    )
     if end.outcome == "interrupted":
         raise KeyboardInterrupt
     return end

@@ -1,4 +1,4 @@
-"""Tests that were not made, as a model foresees them, with the noise of those that were."""
+"""Tests that were not made, predicted by a model with the noise of those that were."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -7,29 +7,29 @@ import numpy as np
 
 from identification import smooth_variance
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Real, Test
-from mbmodel import Evaluator, Model, Question
+from mbmodel import Evaluator, FrfRequest, Model
 
 
-def foreseen(
+def predict_tests(
     model: Model,
     theta: Real,
     campaign: Campaign,
-    noise: Mapping[Dof, Real],
+    variances: Mapping[Dof, Real],
     inputs: tuple[Dof, ...],
 ) -> Campaign:
-    """The campaign with a test for each hit, and no other.
+    """Return a campaign of one predicted test for each hit.
 
     Args:
         model: machine and Parts.
-        theta: its parameters; (n_parameter,).
-        campaign: whose lines and quantity count.
-        noise: variance of each channel that is read; (n_freq,) each.
+        theta: parameters [SI]; (n_parameter,).
+        campaign: campaign with the lines and the quantity.
+        variances: variance of each channel; (n_freq,) each.
         inputs: hits.
     """
-    outputs, quantity = tuple(noise), campaign.tests[0].estimate.frf.quantity
-    question = Question(campaign.freq_hz, outputs, inputs, quantity)
+    outputs, quantity = tuple(variances), campaign.tests[0].estimate.frf.quantity
+    question = FrfRequest(campaign.freq_hz, outputs, inputs, quantity)
     values = Evaluator(model, question).at(theta).values
-    variance = np.stack(list(noise.values()), axis=1)[:, :, None]
+    variance = np.stack(list(variances.values()), axis=1)[:, :, None]
     measured = np.ones((len(outputs), 1), bool)
     tests = []
     for column, reference in enumerate(inputs):
@@ -39,12 +39,12 @@ def foreseen(
     return replace(campaign, tests=tuple(tests))
 
 
-def channel_noise(campaign: Campaign) -> dict[Dof, Real]:
-    """Mean variance of each channel over the tests that measured it; (n_freq,) each."""
-    found: dict[Dof, list[Real]] = {}
+def mean_channel_variance(campaign: Campaign) -> dict[Dof, Real]:
+    """Return the mean variance of each channel over the tests that measured it; (n_freq,) each."""
+    by_channel: dict[Dof, list[Real]] = {}
     for test in campaign.tests:
         variance = smooth_variance(test.estimate)
         for row, dof in enumerate(test.estimate.frf.outputs):
             if test.estimate.measured[row, 0]:
-                found.setdefault(dof.positive, []).append(variance[:, row, 0])
-    return {dof: np.mean(rows, axis=0) for dof, rows in found.items()}
+                by_channel.setdefault(dof.positive, []).append(variance[:, row, 0])
+    return {dof: np.mean(rows, axis=0) for dof, rows in by_channel.items()}

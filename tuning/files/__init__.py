@@ -1,1 +1,1 @@
-"""The files of a tuning: ``tuned.json``, the tuned MJCF and the FRFs."""
+"""Files that a tuning reads and writes."""

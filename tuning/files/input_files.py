@@ -1,4 +1,4 @@
-"""Files that a tuning read, by their hashes."""
+"""Files that a tuning read, with their hashes."""
 
 import hashlib
 import json
@@ -10,8 +10,8 @@ from tuning.files.schema import InputRow
 from tuning.session import Session
 
 
-def inputs(session: Session) -> list[InputRow]:
-    """Every file that was read, relative to campaign.toml, with its SHA-256."""
+def input_rows(session: Session) -> list[InputRow]:
+    """Return every file that was read, relative to campaign.toml, with its SHA-256."""
     folder = session.source.parent
     files = {session.source, session.model.machine.source}
     files |= set(mesh_files(session.model.machine.source))
@@ -27,9 +27,12 @@ def inputs(session: Session) -> list[InputRow]:
 
 
 def fingerprint(session: Session, options: Mapping[str, object]) -> str:
-    """Of all that decides a tuning's result: files, masses of meshes, lines, options."""
+    """Return a hash of all that determines a tuning's result.
+
+    It covers the input files, the masses of meshes, the lines and the options.
+    """
     digest = hashlib.sha256()
-    for row in inputs(session):
+    for row in input_rows(session):
         digest.update(f"{row.file} {row.sha256}\n".encode())
     machine, model = session.model.machine, session.model
     for array in (machine.body_mass, model.drawn, session.campaign.freq_hz):

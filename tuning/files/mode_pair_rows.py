@@ -1,4 +1,4 @@
-"""Measured modes beside the model's, as drawn and as tuned, for tuned.json."""
+"""Rows of tuned.json about measured modes and their partners in the nominal and the tuned model."""
 
 from collections.abc import Sequence
 
@@ -6,29 +6,29 @@ import numpy as np
 
 from identification.words import ModalModel, Real
 from mbmodel import Model
-from tuning.files.schema import ModeRow, PairRow, PartnerRow
-from tuning.misfit.modal_misfit import MODAL_STAGES, ModalCost, Pairs
+from tuning.files.schema import ModelModeRow, ModePairRow, ModePartnerRow
+from tuning.misfit.modal_misfit import MODAL_STAGES, ModalCost, ModePairs
 
-_SAME = 1e-6  # relative difference of two frequencies of one mode
+_MAX_FREQUENCY_DIFFERENCE = 1e-6  # relative, between two values of one mode
 
 
 def pair_rows(
-    model: Model, measured: ModalModel, theta: Real, modes: dict[str, list[ModeRow]]
-) -> tuple[list[PairRow], list[ModeRow]]:
-    """Every measured mode with its partners, and the tuned model's modes that belong to none.
+    model: Model, measured: ModalModel, theta: Real, modes: dict[str, list[ModelModeRow]]
+) -> tuple[list[ModePairRow], list[ModelModeRow]]:
+    """Return a row for each measured mode, and the tuned model's unpaired modes.
 
     Args:
         model: machine and Parts.
         measured: modes inside the band.
-        theta: tuned; (n_parameter,).
-        modes: of the model in the band, ``as_drawn`` and ``tuned``.
+        theta: tuned parameters [SI]; (n_parameter,).
+        modes: modes of the model in the band, ``as_drawn`` and ``tuned``.
     """
     if not len(measured.poles):
         return [], modes["tuned"]
     cost = ModalCost(model, measured, MODAL_STAGES[-1])
     drawn, tuned = cost.pairs(model.drawn), cost.pairs(theta)
     rows = [
-        PairRow(
+        ModePairRow(
             frequency=float(measured.freq_hz[k]),
             frequency_sd=float(measured.freq_sd[k]),
             damping=float(measured.damping[k]),
@@ -38,32 +38,33 @@ def pair_rows(
         )
         for k in np.argsort(measured.freq_hz)
     ]
-    taken = {row.tuned.mode for row in rows if row.tuned is not None}
-    return rows, [row for k, row in enumerate(modes["tuned"], start=1) if k not in taken]
+    paired = {row.tuned.mode for row in rows if row.tuned is not None}
+    return rows, [row for k, row in enumerate(modes["tuned"], start=1) if k not in paired]
 
 
 def _partner(
-    measured: ModalModel, pairs: Pairs, number: int, modes: Sequence[ModeRow]
-) -> PartnerRow | None:
+    measured: ModalModel, pairs: ModePairs, number: int, modes: Sequence[ModelModeRow]
+) -> ModePartnerRow | None:
+    """Return the row of a measured mode's partner, None without one."""
     partner = int(pairs.partner[number])
     if partner < 0:
         return None
     frequency, damping = float(pairs.freq_hz[partner]), float(pairs.damping[partner])
-    known = float(measured.damping[number])
-    return PartnerRow(
+    measured_damping = float(measured.damping[number])
+    return ModePartnerRow(
         mode=_place(frequency, damping, modes),
         frequency=frequency,
         damping=damping,
         mac=float(pairs.mac[number]),
         frequency_error=frequency / float(measured.freq_hz[number]) - 1,
-        damping_error=damping / known - 1 if known > 0 else None,
+        damping_error=damping / measured_damping - 1 if measured_damping > 0 else None,
     )
 
 
-def _place(frequency: float, damping: float, modes: Sequence[ModeRow]) -> int | None:
-    """Which of the modes in the band this one is, counted from 1."""
+def _place(frequency: float, damping: float, modes: Sequence[ModelModeRow]) -> int | None:
+    """Return the position of a mode among those in the band, counted from 1, or None outside."""
     for place, row in enumerate(modes, start=1):
-        off = abs(row.frequency - frequency) + abs(row.damping - damping) * frequency
-        if off <= _SAME * frequency:
+        difference = abs(row.frequency - frequency) + abs(row.damping - damping) * frequency
+        if difference <= _MAX_FREQUENCY_DIFFERENCE * frequency:
             return place
     return None

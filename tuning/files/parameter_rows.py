@@ -1,32 +1,40 @@
-"""Rows of tuned.json about parameters, and whether they are to be trusted."""
+"""Rows of tuned.json about parameters and fit, and reasons not to trust them."""
 
 import numpy as np
 
 from identification.words import Real
-from tuning.assessment.parameter_confidence import PLAUSIBLE, UNSEEN, pulls
-from tuning.campaign_tuning import Tuned
+from tuning.assessment.parameter_confidence import (
+    PLAUSIBLE_PULL_SIGMA,
+    UNIDENTIFIABLE_SD,
+    rank_pulls,
+)
+from tuning.campaign_tuning import CampaignTuning
 from tuning.files.schema import FitRow, LevelGap, ParameterRow, StartRow
 from tuning.fitting.fitter import Fit
 
-# Of a model that the noise alone limits; lines that were held out cost a little more, what the
-# parameters have learnt from each value.
-_HIGHEST_EXCESS = 1.1
-_FEW = 5
-_FAR = 1.2  # a factor between two starts that is worth telling
+# Highest excess of a model without missing dynamics. On held-out lines it is slightly above 1, by
+# what the parameters take from each value.
+_MAX_TRUSTED_EXCESS = 1.1
+_MAX_NAMES_IN_SENTENCE = 5  # in one sentence or row
+_MIN_START_FACTOR = 1.2  # between parameters of two starts, to be reported
 
 
-def parameter_rows(tuned: Tuned) -> list[ParameterRow]:
-    """One row for each parameter that varied, as the tuned model has it."""
-    model, chosen, sure = tuned.session.model, tuned.model_fit, tuned.sure
-    varies, free = chosen.freedom, tuned.free
-    values, at_bound = chosen.theta, tuned.fit.at_bound
-    ends = None if sure is None else (*sure.interval(), sure.parameter_deviation(), sure.unknown)
-    asked = tuned.residuals[-1] == "log"  # modes alone say nothing of tolerances
+def parameter_rows(tuned: CampaignTuning) -> list[ParameterRow]:
+    """Return one row for each parameter that varied, with its value in the tuned model."""
+    model, model_fit, confidence = tuned.session.model, tuned.model_fit, tuned.confidence
+    parametrisation, unbounded = model_fit.parametrisation, tuned.unbounded_fit
+    values, at_bound = model_fit.theta, tuned.fit.at_bound
+    ends = (
+        None
+        if confidence is None
+        else (*confidence.interval(), confidence.parameter_deviation(), confidence.unidentifiable)
+    )
+    has_pulls = tuned.residuals[-1] == "log"  # modes alone say nothing about tolerances
     rows = []
     for k, (parameter, location) in enumerate(zip(model.parameters, model.locations, strict=True)):
-        if not varies.free[k]:
+        if not parametrisation.free[k]:
             continue
-        has_prior = bool(varies.has_prior[varies.member[k]])
+        has_prior = bool(parametrisation.has_prior[parametrisation.coordinate_of[k]])
         rows.append(
             ParameterRow(
                 name=parameter.name,
@@ -38,8 +46,10 @@ def parameter_rows(tuned: Tuned) -> list[ParameterRow]:
                 low=None if ends is None else _finite(ends[0][k]),
                 high=None if ends is None else _finite(ends[1][k]),
                 deviation=None if ends is None else float(ends[2][k]),
-                prior=float(varies.scale[k]) if has_prior else None,
-                pull=float(free.x[free.freedom.member[k]]) if has_prior and asked else None,
+                prior=float(parametrisation.scale[k]) if has_prior else None,
+                pull=float(unbounded.x[unbounded.parametrisation.coordinate_of[k]])
+                if has_prior and has_pulls
+                else None,
                 seen=ends is None or not ends[3][k],
             )
         )
@@ -47,73 +57,94 @@ def parameter_rows(tuned: Tuned) -> list[ParameterRow]:
 
 
 def _finite(value: float) -> float | None:
+    """Return a finite value, or None."""
     return float(value) if np.isfinite(value) else None
 
 
-def fit_row(tuned: Tuned, gap: LevelGap) -> FitRow:
-    """How the search went, and what speaks against its result."""
-    found = tuned.fit
+def fit_row(tuned: CampaignTuning, gap: LevelGap) -> FitRow:
+    """Return how the search ended, and the reasons not to trust its result.
+
+    Args:
+        tuned: the tuning.
+        gap: gap at the place where FRFs counted.
+    """
+    fit = tuned.fit
     doubts = _doubts(tuned, gap)
     return FitRow(
-        outcome=found.outcome,
-        converged=found.converged,
-        trusted=found.converged and not doubts,
+        outcome=fit.outcome,
+        converged=fit.converged,
+        trusted=fit.converged and not doubts,
         doubts=doubts,
-        advice=found.advice,
+        advice=fit.advice,
         algorithm=tuned.algorithm,
-        evaluations=found.evaluations,
-        cost=found.cost if np.isfinite(found.cost) else None,
-        chi_square=None if tuned.sure is None else tuned.sure.chi_square,
-        starts=len(found.costs),
-        agreeing_starts=found.agree,
-        ends=_starts(found) if len(found.costs) > 1 else [],
+        evaluations=fit.evaluations,
+        cost=fit.cost if np.isfinite(fit.cost) else None,
+        chi_square=None if tuned.confidence is None else tuned.confidence.chi_square,
+        starts=len(fit.start_costs),
+        agreeing_starts=fit.agreeing_starts,
+        ends=_starts(fit) if len(fit.start_costs) > 1 else [],
     )
 
 
-def _doubts(tuned: Tuned, gap: LevelGap) -> list[str]:
-    """Sentences, none if the result is to be trusted."""
-    found, free = tuned.fit, tuned.free
+def _doubts(tuned: CampaignTuning, gap: LevelGap) -> list[str]:
+    """Return reasons not to trust the result, one sentence each; none if it is to be trusted."""
+    fit, unbounded = tuned.fit, tuned.unbounded_fit
     doubts = []
     if tuned.interrupted:
         doubts.append("it was interrupted")
     excess = (gap.held_out or gap.tuned).excess
     values = len(tuned.session.campaign.freq_hz) * gap.channels
-    highest = _HIGHEST_EXCESS * np.sqrt(1 + 2 * found.freedom.size / max(values, 1))
+    highest = _MAX_TRUSTED_EXCESS * np.sqrt(1 + 2 * fit.parametrisation.size / max(values, 1))
     if excess is not None and excess > highest:
-        doubts.append(f"the model misses {excess:.3g} times the noise: something is not modelled")
-    strongest = pulls(free.freedom, free.x)[:_FEW]
-    far = [f"{name} by {abs(x):.1f}" for name, x in strongest if abs(x) > PLAUSIBLE]
-    if far:
-        doubts.append(f"tolerances are pulled by many standard deviations: {', '.join(far)}")
-    loose = found.freedom.reached(found.x) & found.freedom.is_stated
-    if tuned.sure is not None:  # what the data do not tell may lie anywhere, and is said elsewhere
-        loose &= tuned.sure.deviation <= UNSEEN
-    if loose.any():
-        names = [found.freedom.names[k] for k in np.flatnonzero(loose)]
-        doubts.append(f"at a bound: {', '.join(names[:_FEW])}")
-    if len(found.costs) > 1 and found.agree == 1:
-        doubts.append(f"only one of {len(found.costs)} starts ended there")
+        doubts.append(
+            f"the error is {excess:.3g} times the noise, so the model lacks some dynamics"
+        )
+    strongest = rank_pulls(unbounded.parametrisation, unbounded.x)[:_MAX_NAMES_IN_SENTENCE]
+    implausible = [
+        f"{name} by {abs(x):.1f}" for name, x in strongest if abs(x) > PLAUSIBLE_PULL_SIGMA
+    ]
+    if implausible:
+        doubts.append(
+            f"tolerances have implausible pulls [standard deviations]: {', '.join(implausible)}"
+        )
+    is_at_bound = (
+        fit.parametrisation.coordinates_at_bound(fit.x) & fit.parametrisation.has_user_bounds
+    )
+    if (
+        tuned.confidence is not None
+    ):  # unidentifiable parameters may lie anywhere; they are reported elsewhere
+        is_at_bound &= tuned.confidence.deviation <= UNIDENTIFIABLE_SD
+    if is_at_bound.any():
+        names = [fit.parametrisation.names[k] for k in np.flatnonzero(is_at_bound)]
+        doubts.append(f"at a bound: {', '.join(names[:_MAX_NAMES_IN_SENTENCE])}")
+    if len(fit.start_costs) > 1 and fit.agreeing_starts == 1:
+        doubts.append(f"only one of {len(fit.start_costs)} starts ended at this minimum")
     return doubts
 
 
-def _starts(found: Fit) -> list[StartRow]:
-    best = int(np.argmin(found.costs))
-    names = np.array([one.name for one in found.freedom.parameters])
-    varies = found.freedom
-    sizes = np.array([one.positive for one in varies.parameters], bool)
-    open_ones = sizes & varies.free & ~np.append(varies.has_prior, True)[varies.member]
+def _starts(fit: Fit) -> list[StartRow]:
+    """Return where each start ended, and its parameters that lie farthest from the best start."""
+    best = int(np.argmin(fit.start_costs))
+    names = np.array([parameter.name for parameter in fit.parametrisation.parameters])
+    parametrisation = fit.parametrisation
+    sizes = np.array([parameter.positive for parameter in parametrisation.parameters], bool)
+    free_sizes = (
+        sizes
+        & parametrisation.free
+        & ~np.append(parametrisation.has_prior, True)[parametrisation.coordinate_of]
+    )
     rows = []
-    for cost, theta in zip(found.costs, found.ends, strict=True):
-        factor: Real = theta[open_ones] / found.ends[best][open_ones]
-        order = np.argsort(-np.abs(np.log(factor)))[:_FEW]
+    for cost, theta in zip(fit.start_costs, fit.start_thetas, strict=True):
+        factor: Real = theta[free_sizes] / fit.start_thetas[best][free_sizes]
+        order = np.argsort(-np.abs(np.log(factor)))[:_MAX_NAMES_IN_SENTENCE]
         rows.append(
             StartRow(
                 cost=cost if np.isfinite(cost) else None,
-                agrees=bool(cost <= found.agreed),
+                agrees=bool(cost <= fit.agreement_cost),
                 farthest={
-                    str(names[open_ones][k]): float(factor[k])
+                    str(names[free_sizes][k]): float(factor[k])
                     for k in order
-                    if not 1 / _FAR < factor[k] < _FAR
+                    if not 1 / _MIN_START_FACTOR < factor[k] < _MIN_START_FACTOR
                 },
             )
         )

@@ -1,4 +1,4 @@
-"""What a tuning leaves behind: tuned.json, the tuned MJCF, the FRFs."""
+"""Output files of a tuning: tuned.json, the tuned MJCF, and the FRFs."""
 
 import os
 import tempfile
@@ -14,9 +14,9 @@ from pydantic import ValidationError
 
 from identification.words import Complex, InputError, Real
 from mbmodel import modes_of_matrices, write_mjcf
-from tuning.assessment.gap import Gap, block_shares
-from tuning.campaign_tuning import Comparison, Tuned
-from tuning.files.input_files import inputs
+from tuning.assessment.gap import Gap, block_error_shares
+from tuning.campaign_tuning import CampaignTuning, Comparison
+from tuning.files.input_files import input_rows
 from tuning.files.mode_pair_rows import pair_rows
 from tuning.files.parameter_rows import fit_row, parameter_rows
 from tuning.files.schema import (
@@ -24,26 +24,28 @@ from tuning.files.schema import (
     GapRow,
     GapTable,
     LevelGap,
-    ModeRow,
+    ModelModeRow,
     ShareRow,
-    TestRow,
     TunedFile,
+    TunedTestRow,
 )
 
 TUNED_JSON, TUNED_MJCF, FRF_NPZ = "tuned.json", "tuned.xml", "frf.npz"
 LEVELS = ("sensors", "bodies")
-_MOST = 100  # correlations that are written
+_MAX_CORRELATIONS = 100  # that are written
 
 
 @dataclass(frozen=True, eq=False)
-class Level:
-    """FRFs of one level, all tests side by side.
+class LevelFrfs:
+    """FRFs at the sensors or at the bodies, all tests side by side.
 
     Args:
-        outputs: labels of the channels; n_channel.
+        outputs: label of each channel; n_channel.
         tests: label of each channel's test; n_channel.
-        measured, as_drawn, tuned: (n_freq, n_channel).
-        noise: standard deviation of the measured values; (n_freq, n_channel).
+        measured: measured FRFs; (n_freq, n_channel).
+        as_drawn: FRFs of the nominal model; (n_freq, n_channel).
+        tuned: FRFs of the tuned model; (n_freq, n_channel).
+        noise: standard deviation of the measured FRFs; (n_freq, n_channel).
         deviation: standard deviation of the tuned model's magnitudes; None if interrupted.
     """
 
@@ -57,27 +59,41 @@ class Level:
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
-    """A tuning as read back from its folder."""
+class TuningResult:
+    """A tuning, as read from its folder.
+
+    Args:
+        summary: content of tuned.json.
+        freq_hz: lines; (n_freq,).
+        levels: FRFs at the ``sensors`` and at the ``bodies``.
+    """
 
     summary: TunedFile
     freq_hz: Real
-    levels: dict[str, Level]
+    levels: dict[str, LevelFrfs]
 
 
 def summarise_tuning(
-    tuned: Tuned, remaining: Sequence[ShareRow] = (), not_held: Sequence[str] = ()
+    tuned: CampaignTuning, remaining: Sequence[ShareRow] = (), not_held: Sequence[str] = ()
 ) -> TunedFile:
-    """The content of tuned.json."""
+    """Return the content of tuned.json.
+
+    Args:
+        tuned: the tuning.
+        remaining: share of each body in the residual gap, from the diagnosis.
+        not_held: parameters that MJCF cannot express.
+    """
     session = tuned.session
     model, campaign = session.model, session.campaign
     freq, theta = campaign.freq_hz, tuned.model_fit.theta
-    own = {"as_drawn": _modes(tuned, model.drawn), "tuned": _modes(tuned, theta)}
+    modes = {"as_drawn": _mode_rows(tuned, model.drawn), "tuned": _mode_rows(tuned, theta)}
     pairs, unpaired = (
-        ([], []) if tuned.measured is None else pair_rows(model, tuned.measured, theta, own)
+        ([], [])
+        if tuned.measured_modes is None
+        else pair_rows(model, tuned.measured_modes, theta, modes)
     )
     gap = GapTable(sensors=_level_gap(tuned.sensors), bodies=_level_gap(tuned.bodies))
-    sure = tuned.sure
+    confidence = tuned.confidence
     return TunedFile(
         campaign=campaign.name,
         model=model.machine.name,
@@ -86,9 +102,9 @@ def summarise_tuning(
         lines=len(freq),
         interrupted=tuned.interrupted,
         held_out_outcomes=list(tuned.held_out.outcomes) if tuned.held_out else [],
-        held_out_blocks=_blocks(tuned),
+        held_out_blocks=_block_rows(tuned),
         tests=[
-            TestRow(
+            TunedTestRow(
                 file=test.condition.test,
                 reference=str(test.condition.reference),
                 level=test.condition.level_n,
@@ -101,11 +117,13 @@ def summarise_tuning(
         fit=fit_row(tuned, gap.bodies if tuned.at == "bodies" else gap.sensors),
         gap=gap,
         parameters=parameter_rows(tuned),
-        correlations=[] if sure is None else list(sure.correlations()[:_MOST]),
-        unseen=[] if sure is None else list(sure.unseen()),
+        correlations=[]
+        if confidence is None
+        else list(confidence.correlations()[:_MAX_CORRELATIONS]),
+        unseen=[] if confidence is None else list(confidence.unidentifiable_directions()),
         information=list(tuned.gains),
-        inputs=inputs(session),
-        modes=own,
+        inputs=input_rows(session),
+        modes=modes,
         residuals=list(tuned.residuals),
         at=tuned.at,
         pairs=pairs,
@@ -116,6 +134,7 @@ def summarise_tuning(
 
 
 def _level_gap(comparison: Comparison) -> LevelGap:
+    """Return the gaps of one level."""
     drawn, tuned = comparison.gap(comparison.as_drawn), comparison.gap(comparison.bounded)
     held_out = comparison.held_out
     return LevelGap(
@@ -128,12 +147,13 @@ def _level_gap(comparison: Comparison) -> LevelGap:
     )
 
 
-def _blocks(tuned: Tuned) -> list[BlockRow]:
+def _block_rows(tuned: CampaignTuning) -> list[BlockRow]:
+    """Return the held-out blocks with their shares of the squared error."""
     sensors, held_out = tuned.sensors, tuned.held_out
     if held_out is None or sensors.held_out is None:
         return []
     freq = sensors.campaign.freq_hz
-    shares = block_shares(sensors.held_out, sensors.campaign, held_out.width)
+    shares = block_error_shares(sensors.held_out, sensors.campaign, held_out.width)
     return [
         BlockRow(
             low=float(freq[start]),
@@ -145,30 +165,40 @@ def _blocks(tuned: Tuned) -> list[BlockRow]:
 
 
 def _gap_row(gap: Gap) -> GapRow:
+    """Return the row of a gap."""
     return GapRow(error=gap.error, excess=gap.excess)
 
 
-def _modes(tuned: Tuned, theta: Real) -> list[ModeRow]:
-    found = modes_of_matrices(tuned.session.model.matrices(theta))
+def _mode_rows(tuned: CampaignTuning, theta: Real) -> list[ModelModeRow]:
+    """Return the modes of the model in the band."""
+    modes = modes_of_matrices(tuned.session.model.matrices(theta))
     lowest, highest = tuned.session.campaign.freq_hz[[0, -1]]
     return [
-        ModeRow(frequency=float(frequency), damping=float(damping))
-        for frequency, damping, pole in zip(found.freq_hz, found.damping, found.poles, strict=True)
+        ModelModeRow(frequency=float(frequency), damping=float(damping))
+        for frequency, damping, pole in zip(modes.freq_hz, modes.damping, modes.poles, strict=True)
         if pole.imag > 0 and lowest <= frequency <= highest
     ]
 
 
-def write_result(tuned: Tuned, folder: Path, remaining: Sequence[ShareRow] = ()) -> TunedFile:
+def write_result(
+    tuned: CampaignTuning, folder: Path, remaining: Sequence[ShareRow] = ()
+) -> TunedFile:
     """Write tuned.json, tuned.xml and frf.npz, each whole or not at all.
 
     Args:
-        tuned: what to write.
-        folder: made if it is not there; files of these names in it are replaced.
-        remaining: where the gap that remains shows, by the diagnosis.
+        tuned: the tuning.
+        folder: created if missing; files of these names in it are replaced.
+        remaining: share of each body in the residual gap, from the diagnosis.
+
+    Returns:
+        The content of tuned.json.
+
+    Raises:
+        InputError: the folder cannot be written.
     """
     model, theta = tuned.session.model, tuned.model_fit.theta
     edits = model.edits(theta)
-    with files_of(folder) as place:
+    with write_atomically(folder) as place:
         not_held = write_mjcf(model.machine.source, place / TUNED_MJCF, edits)
         np.savez_compressed(place / FRF_NPZ, allow_pickle=False, **_arrays(tuned))
         summary = summarise_tuning(tuned, remaining, [str(missing) for missing in not_held])
@@ -177,8 +207,15 @@ def write_result(tuned: Tuned, folder: Path, remaining: Sequence[ShareRow] = ())
 
 
 @contextmanager
-def files_of(folder: Path) -> Iterator[Path]:
-    """A temporary folder inside another, whose files move up when the block ends without error."""
+def write_atomically(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder whose files move to another folder once the block has succeeded.
+
+    Args:
+        folder: folder of the files; created if missing.
+
+    Raises:
+        InputError: the folder cannot be created or written, or a file's name is taken by a folder.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as name:
@@ -186,30 +223,33 @@ def files_of(folder: Path) -> Iterator[Path]:
             files = sorted(Path(name).iterdir())
             for file in files:
                 if (folder / file.name).is_dir():
-                    raise InputError(f"{folder / file.name} is a folder: name another")
+                    raise InputError(
+                        f"{folder / file.name} is a folder: name another output folder"
+                    )
             for file in files:
                 os.replace(file, folder / file.name)
     except OSError as error:
         raise InputError(
-            f"{folder} cannot be made or written ({error.strerror}): name another"
+            f"{folder} cannot be created or written ({error.strerror}): name another folder"
         ) from error
 
 
-def check_folder(folder: Path) -> None:
-    """Refuse a folder into which a result cannot be written, before the work is done.
+def check_output_folder(folder: Path) -> None:
+    """Check that a result can be written to a folder, before the work is done.
 
     Raises:
-        InputError: it cannot be made or written, or holds folders in the places of the files.
+        InputError: it cannot be created or written, or a file's name is taken by a folder.
     """
-    with files_of(folder) as place:
+    with write_atomically(folder) as place:
         for name in (TUNED_JSON, TUNED_MJCF, FRF_NPZ):
             if (folder / name).is_dir():
-                raise InputError(f"{folder / name} is a folder: name another")
+                raise InputError(f"{folder / name} is a folder: name another output folder")
         (place / ".probe").touch()
         (place / ".probe").unlink()
 
 
-def _arrays(tuned: Tuned) -> dict[str, np.ndarray]:
+def _arrays(tuned: CampaignTuning) -> dict[str, np.ndarray]:
+    """Return the arrays of frf.npz."""
     arrays: dict[str, np.ndarray] = {"freq_hz": tuned.session.campaign.freq_hz}
     for name in LEVELS:
         comparison: Comparison = getattr(tuned, name)
@@ -224,27 +264,31 @@ def _arrays(tuned: Tuned) -> dict[str, np.ndarray]:
                 for _ in test.estimate.frf.outputs
             ]
         )
-        arrays[f"{name}_measured"] = _beside([test.estimate.frf.values for test in tests])
-        arrays[f"{name}_as_drawn"] = _beside(comparison.as_drawn)
-        arrays[f"{name}_tuned"] = _beside(comparison.tuned)
+        arrays[f"{name}_measured"] = _stack_tests([test.estimate.frf.values for test in tests])
+        arrays[f"{name}_as_drawn"] = _stack_tests(comparison.as_drawn)
+        arrays[f"{name}_tuned"] = _stack_tests(comparison.tuned)
         if comparison.deviation is not None:
-            arrays[f"{name}_deviation"] = _beside(comparison.deviation).real.astype(np.float32)
+            arrays[f"{name}_deviation"] = _stack_tests(comparison.deviation).real.astype(np.float32)
         if comparison.held_out is not None:
-            arrays[f"{name}_held_out"] = _beside(comparison.held_out)
+            arrays[f"{name}_held_out"] = _stack_tests(comparison.held_out)
         noise = [np.sqrt(test.estimate.variance[:, :, 0]) for test in tests]
         arrays[f"{name}_noise"] = np.hstack(noise).astype(np.float32)
     return arrays
 
 
-def _beside(values: "Sequence[Complex] | Sequence[Real]") -> np.ndarray:
+def _stack_tests(values: "Sequence[Complex] | Sequence[Real]") -> np.ndarray:
+    """Stack the tests' FRFs side by side; (n_freq, n_channel)."""
     return np.hstack([value[:, :, 0] for value in values]).astype(np.complex64)
 
 
-def read_result(path: Path) -> Result:
-    """Read the folder of a tuning (or its tuned.json).
+def read_result(path: Path) -> TuningResult:
+    """Read the result of a tuning.
+
+    Args:
+        path: its folder, or its tuned.json.
 
     Raises:
-        InputError: files that are missing or not of this kind.
+        InputError: files that are missing or not of a tuning.
     """
     folder = path.parent if path.name == TUNED_JSON else path
     try:
@@ -254,7 +298,7 @@ def read_result(path: Path) -> Result:
             np.load(file, allow_pickle=False) as arrays,
         ):
             levels = {
-                name: Level(
+                name: LevelFrfs(
                     outputs=tuple(map(str, arrays[f"{name}_outputs"])),
                     tests=tuple(map(str, arrays[f"{name}_tests"])),
                     **{
@@ -265,10 +309,10 @@ def read_result(path: Path) -> Result:
                 )
                 for name in LEVELS
             }
-            return Result(summary, arrays["freq_hz"], levels)
+            return TuningResult(summary, arrays["freq_hz"], levels)
     except FileNotFoundError as error:
         raise InputError(
-            f"{error.filename} does not exist: name the folder that mbw tune wrote"
+            f"{error.filename} does not exist: name the output folder of mbw tune"
         ) from error
     except (
         ValidationError,

@@ -1,4 +1,4 @@
-"""tuned.json: its rows, checked on writing and on reading."""
+"""Schema of tuned.json: its rows, validated on writing and on reading."""
 
 from typing import Literal
 
@@ -6,8 +6,8 @@ from pydantic import BaseModel, ConfigDict
 
 from identification.words import Quantity
 
-Residual = Literal["modal", "log"]
-Place = Literal["sensors", "bodies"]
+ResidualKind = Literal["modal", "log"]
+FrfPlace = Literal["sensors", "bodies"]
 
 
 class _Row(BaseModel):
@@ -22,10 +22,10 @@ class GapRow(_Row):
 
 
 class LevelGap(_Row):
-    """The gap at the sensors or at the bodies.
+    """Gap at the sensors or at the bodies.
 
-    ``tuned`` is of the fit to all lines, on the lines that it saw; ``held_out`` predicts each line
-    by a fit that did not see it: the figure to quote.
+    ``tuned`` is the gap of the fit to all lines, on those lines. ``held_out`` predicts each line
+    by a fit that left it out: the figure to quote.
     """
 
     as_drawn: GapRow
@@ -37,7 +37,7 @@ class LevelGap(_Row):
 
 
 class GapTable(_Row):
-    """The gap at both levels."""
+    """Gaps at both levels."""
 
     sensors: LevelGap
     bodies: LevelGap
@@ -46,11 +46,11 @@ class GapTable(_Row):
 class ParameterRow(_Row):
     """One parameter that was tuned.
 
-    ``low`` and ``high`` are its 95 % interval, ``deviation`` one standard deviation (of sizes
-    relative); None if the tuning was interrupted. ``prior`` is the standard deviation that the
-    drawing states, None where it states none; ``pull`` by how many of them it was pulled in the fit
-    without bounds. ``at_bound`` is of the fit within bounds. ``seen`` is false where the data tell
-    nothing.
+    ``low`` and ``high`` are the ends of its 95 % interval, ``deviation`` is one standard deviation
+    (relative for sizes); they are None if the tuning was interrupted. ``prior`` is the standard
+    deviation of its tolerance, None without one. ``pull`` is its shift in units of ``prior`` in
+    the fit without bounds. ``at_bound`` refers to the fit within bounds. ``seen`` is false for a
+    parameter that the data do not determine.
     """
 
     name: str
@@ -68,7 +68,7 @@ class ParameterRow(_Row):
 
 
 class CorrelationRow(_Row):
-    """Two parameters that the data tell apart badly."""
+    """Two parameters that the data hardly distinguish."""
 
     first: str
     second: str
@@ -76,7 +76,7 @@ class CorrelationRow(_Row):
 
 
 class UnseenRow(_Row):
-    """A direction that the data cannot see."""
+    """A direction that the data do not determine."""
 
     parameters: list[str]
     deviation: float
@@ -84,11 +84,11 @@ class UnseenRow(_Row):
 
 
 class GainRow(_Row):
-    """What one further measurement would do for the parameter that is known worst.
+    """Effect of one further measurement on the most uncertain parameter.
 
-    ``what`` is a hammer point at a site, or a sensor beside it; ``before`` and ``after`` are the
-    parameter's standard deviation (of sizes relative), ``shrink`` the median over all stiffnesses
-    and dampings of after / before.
+    ``what`` is a hammer point at a site, or a sensor beside it. ``before`` and ``after`` are
+    standard deviations of ``parameter`` (relative for sizes). ``shrink`` is the median of
+    after / before over all stiffnesses and dampings.
     """
 
     what: str
@@ -100,9 +100,10 @@ class GainRow(_Row):
 
 
 class StartRow(_Row):
-    """Where one start ended, after the last stage that all went through.
+    """End of one start, after the last stage that all starts went through.
 
-    ``farthest`` names the parameters that lie farthest from the best start's, with the factor.
+    ``farthest`` names the parameters that lie farthest from those of the best start, with the
+    factor.
     """
 
     cost: float | None
@@ -118,9 +119,9 @@ class InputRow(_Row):
 
 
 class FitRow(_Row):
-    """How the search went, and whether its result is to be trusted: two questions.
+    """How the search ended, and whether its result is to be trusted: two questions.
 
-    ``chi_square`` is the mean squared misfit in units of the noise.
+    ``chi_square`` is the mean squared misfit in units of the noise's variance.
     """
 
     outcome: str
@@ -137,8 +138,8 @@ class FitRow(_Row):
     ends: list[StartRow] = []
 
 
-class TestRow(_Row):
-    """One test."""
+class TunedTestRow(_Row):
+    """One test of the campaign."""
 
     __test__ = False
 
@@ -150,18 +151,18 @@ class TestRow(_Row):
     channels: int
 
 
-class ModeRow(_Row):
+class ModelModeRow(_Row):
     """One mode of the model in the band."""
 
     frequency: float
     damping: float
 
 
-class PartnerRow(_Row):
-    """The model's mode that belongs to a measured one.
+class ModePartnerRow(_Row):
+    """Mode of the model that is paired with a measured one.
 
-    ``mode`` is its place in ``modes`` of the file, counted from 1; None outside the band. Errors
-    are relative to what was measured.
+    ``mode`` is its position in ``modes`` of the file, counted from 1, or None outside the band.
+    Errors are relative to the measured values.
     """
 
     mode: int | None
@@ -172,19 +173,19 @@ class PartnerRow(_Row):
     damping_error: float | None
 
 
-class PairRow(_Row):
-    """One measured mode, and its partners; None where the model has none."""
+class ModePairRow(_Row):
+    """One measured mode and its partners; None if the model has none."""
 
     frequency: float
     frequency_sd: float
     damping: float
     damping_sd: float
-    as_drawn: PartnerRow | None
-    tuned: PartnerRow | None
+    as_drawn: ModePartnerRow | None
+    tuned: ModePartnerRow | None
 
 
 class BlockRow(_Row):
-    """One held-out block of lines, and its part of the squared held-out error."""
+    """One held-out block of lines, and its share of the squared held-out error."""
 
     low: float
     high: float
@@ -192,7 +193,7 @@ class BlockRow(_Row):
 
 
 class ShareRow(_Row):
-    """One body's part of the gap that remains."""
+    """Share of one body in the residual gap."""
 
     body: str
     share: float
@@ -200,11 +201,11 @@ class ShareRow(_Row):
 
 
 class TunedFile(_Row):
-    """tuned.json.
+    """Content of tuned.json.
 
-    ``residuals`` are those that were minimised, in order, FRFs ``at`` sensors or bodies; ``pairs``
-    holds every measured mode and ``unpaired_modes`` the tuned model's modes in the band that belong
-    to none, where modes were measured.
+    ``residuals`` are the residuals that were minimised, in order, with FRFs ``at`` sensors or
+    bodies. If modes were measured, ``pairs`` holds each of them and ``unpaired_modes`` the tuned
+    model's modes in the band without a partner.
     """
 
     campaign: str
@@ -215,7 +216,7 @@ class TunedFile(_Row):
     interrupted: bool
     held_out_outcomes: list[str]
     held_out_blocks: list[BlockRow]
-    tests: list[TestRow]
+    tests: list[TunedTestRow]
     fit: FitRow
     gap: GapTable
     parameters: list[ParameterRow]
@@ -223,10 +224,10 @@ class TunedFile(_Row):
     unseen: list[UnseenRow] = []
     information: list[GainRow] = []
     inputs: list[InputRow] = []
-    modes: dict[str, list[ModeRow]]
-    residuals: list[Residual] = ["log"]
-    at: Place = "sensors"
-    pairs: list[PairRow] = []
-    unpaired_modes: list[ModeRow] = []
+    modes: dict[str, list[ModelModeRow]]
+    residuals: list[ResidualKind] = ["log"]
+    at: FrfPlace = "sensors"
+    pairs: list[ModePairRow] = []
+    unpaired_modes: list[ModelModeRow] = []
     remaining_gap: list[ShareRow]
     not_held_by_mjcf: list[str]

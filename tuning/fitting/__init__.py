@@ -1,1 +1,1 @@
-"""Fits in stages from several starts, with checkpoints."""
+"""Fits in stages from several starts, and their checkpoints."""

@@ -1,8 +1,8 @@
-"""What a tuning has finished, kept in a file, so that one that was killed goes on from there.
+"""Checkpoint of a tuning: finished steps in a file, from which an aborted tuning resumes.
 
-Every step (a stage of a start, a fold) begins where the one before it ended and counts
-evaluations, never time: steps that are recalled instead of made again leave all later ones the same
-bits. Numbers are written so that they read back exactly.
+A step (a stage of a start, or a fold) begins where the one before it ended and counts evaluations,
+never time. Resumed tunings therefore give bit-identical results. Numbers are written so that they
+read back exactly.
 """
 
 import json
@@ -17,16 +17,16 @@ import numpy as np
 from identification.words import InputError
 from tuning.solvers.nlopt_solver import Minimum
 
-CHECKPOINT = "tune.checkpoint.json"
+CHECKPOINT_FILE = "tune.checkpoint.json"
 
 
-class Journal:
+class Checkpoint:
     """Finished steps by name.
 
     Args:
-        file: where they are kept; nowhere if None.
-        fingerprint: of inputs and options: steps of others are not recalled.
-        resume: whether to recall what the file holds; else it is begun anew.
+        file: file that keeps them; None keeps them in memory only.
+        fingerprint: fingerprint of inputs and options; a file with another one is refused.
+        resume: whether to read the file; otherwise it is replaced.
 
     Raises:
         InputError: a file to resume that cannot be read, or that belongs to another tuning.
@@ -41,14 +41,14 @@ class Journal:
             self._steps = _read(file, fingerprint)
 
     def recall(self, step: str) -> Minimum | None:
-        """A finished step, or None."""
-        found = self._steps.get(step)
-        if found is None:
+        """Return a finished step, or None."""
+        record = self._steps.get(step)
+        if record is None:
             return None
-        return Minimum(**{**found, "x": np.array(found["x"])})
+        return Minimum(**{**record, "x": np.array(record["x"])})
 
     def keep(self, step: str, end: Minimum) -> None:
-        """Write a finished step down, whole or not at all; interrupted ones are not finished."""
+        """Write a finished step, whole or not at all; an interrupted step is not finished."""
         if end.outcome == "interrupted":
             return
         self._steps[step] = {
@@ -61,39 +61,40 @@ class Journal:
         if self._file is not None:
             _write(self._file, {"fingerprint": self._fingerprint, "steps": self._steps})
 
-    def step(self, name: str, make: Callable[[], Minimum]) -> Minimum:
-        """A finished step, or one that is made now and kept."""
-        found = self.recall(name)
-        if found is None:
-            found = make()
-            self.keep(name, found)
-        return found
+    def run_step(self, name: str, make: Callable[[], Minimum]) -> Minimum:
+        """Return a finished step, or make it now and keep it."""
+        end = self.recall(name)
+        if end is None:
+            end = make()
+            self.keep(name, end)
+        return end
 
     def close(self) -> None:
-        """Remove the file: the results are written."""
+        """Remove the file once the results are written."""
         if self._file is not None:
             self._file.unlink(missing_ok=True)
 
 
 def _read(file: Path, fingerprint: str) -> dict[str, dict[str, Any]]:
+    """Read the finished steps of a file; refuse another fingerprint."""
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
         steps: dict[str, dict[str, Any]] = content["steps"]
-        same = content["fingerprint"] == fingerprint
+        matches = content["fingerprint"] == fingerprint
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(
-            f"{file} cannot be read ({error}): remove it, or begin anew without --resume"
+            f"{file} cannot be read ({error}): remove it, or start again without --resume"
         ) from error
-    if not same:
+    if not matches:
         raise InputError(
-            f"{file} belongs to other inputs or options: repeat those, or begin anew without "
+            f"{file} belongs to other inputs or options: repeat those, or start again without "
             "--resume"
         )
     return steps
 
 
 def _write(file: Path, content: dict[str, Any]) -> None:
-    """Replace the file in one step, so that a reader finds the old one or the new one."""
+    """Replace the file in one operation, so that a reader finds either the old or the new one."""
     handle, name = tempfile.mkstemp(dir=file.parent, prefix=".checkpoint-")
     with os.fdopen(handle, "w", encoding="utf-8") as stream:
         json.dump(content, stream)

@@ -1,4 +1,4 @@
-"""Fit a model to a campaign in stages of falling allowance, from several starts."""
+"""Fit of a model to a campaign in stages of falling model-error floor, from several starts."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -10,28 +10,37 @@ from threadpoolctl import threadpool_limits
 
 from identification.words import Campaign, Mask, ModalModel, Real, UsageError
 from mbmodel import Model
-from tuning.fitting.checkpoint import Journal
-from tuning.fitting.stages import STAGES, Stage, thinned
-from tuning.misfit.misfit import Misfit, Sparse
+from tuning.fitting.checkpoint import Checkpoint
+from tuning.fitting.stages import STAGES, Stage, thin_lines
+from tuning.misfit.misfit import Misfit, SparseMisfit
 from tuning.misfit.modal_misfit import ModalCost, ModalStage
-from tuning.misfit.normal_equations import Arrow
-from tuning.parametrisation.parametrisation import Freedom
-from tuning.parametrisation.user_specification import freedom
+from tuning.misfit.normal_equations import ArrowMatrix
+from tuning.parametrisation.parametrisation import Parametrisation
+from tuning.parametrisation.user_specification import parametrise
 from tuning.solvers.gauss_newton import LARGEST_STEP, Box, gauss_newton
-from tuning.solvers.nlopt_solver import INTERRUPTED, Minimum, Outcome, minimise
+from tuning.solvers.nlopt_solver import INTERRUPTED_ADVICE, Minimum, Outcome, minimise
 
 GAUSS_NEWTON = "GAUSS_NEWTON"
-_AGREE = 0.02  # two starts agree if their costs differ by less
-_AGREE_MODES = 1e-3  # beside that, since the cost of modes can be as small as the modes are exact
-_FAR, _NEAR = 1e-3, 1e-7  # damping at the beginning of a stage
+_MAX_COST_DIFFERENCE = 0.02  # relative: starts that end within it agree
+# Absolute part of that for modes, whose cost vanishes if they are fitted exactly.
+_MAX_MODAL_COST_DIFFERENCE = 1e-3
+_START_DAMPING = 1e-3  # Levenberg-Marquardt damping at the start of a stage
+_FINAL_START_DAMPING = 1e-7  # of a stage without model-error floor, which starts near its minimum
 
 
-_Numbered = tuple[tuple[int, Stage | ModalStage], ...]
+_NumberedStages = tuple[tuple[int, Stage | ModalStage], ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Progress:
-    """Where a fit stands, for whoever shows it."""
+class FitProgress:
+    """Progress of a fit, for its display.
+
+    Args:
+        start: index of the start.
+        stage: index of the stage.
+        evaluation: number of evaluations of the stage.
+        cost: best cost so far.
+    """
 
     start: int
     stage: int
@@ -44,173 +53,196 @@ class Fit:
     """A tuned model.
 
     Args:
-        freedom: what was tuned.
-        x: its coordinates; (n_x,).
-        cost: of the last stage, in nats where FRFs were fitted.
-        evaluations: of all starts and stages.
+        parametrisation: parameters that varied.
+        x: their coordinates; (n_x,).
+        cost: cost of the last stage, in nats for FRFs.
+        evaluations: evaluations of all starts and stages.
         outcome: how the best start ended.
         advice: what to do about it; empty if nothing.
-        costs: of the last stage that every start went through, one a start.
-        agreed: the cost up to which a start agrees with the best of these: 2 % above it.
-        ends: theta of each start there; (n_start, n_parameter).
-        last: the stage that it ended with; None if that was one of modes.
+        start_costs: cost of each start after the last stage that every start went through.
+        agreement_cost: cost up to which a start agrees with the best one: 2 % above it.
+        start_thetas: theta of each start there; (n_start, n_parameter).
+        last_stage: last stage; None if it fitted modes.
     """
 
-    freedom: Freedom
+    parametrisation: Parametrisation
     x: Real
     cost: float
     evaluations: int
     outcome: Outcome
     advice: str
-    costs: tuple[float, ...]
-    agreed: float
-    ends: Real
-    last: Stage | None
+    start_costs: tuple[float, ...]
+    agreement_cost: float
+    start_thetas: Real
+    last_stage: Stage | None
 
     @property
     def theta(self) -> Real:
-        """Parameters in SI; (n_parameter,)."""
-        return self.freedom.theta(self.x)
+        """Parameters [SI]; (n_parameter,)."""
+        return self.parametrisation.theta(self.x)
 
     @property
-    def agree(self) -> int:
-        """How many starts agree with the best."""
-        return sum(cost <= self.agreed for cost in self.costs)
+    def agreeing_starts(self) -> int:
+        """Number of starts that agree with the best."""
+        return sum(cost <= self.agreement_cost for cost in self.start_costs)
 
     @property
     def converged(self) -> bool:
-        """Whether the search came to its end."""
+        """Whether the search converged."""
         return self.outcome == "converged"
 
     @property
     def at_bound(self) -> Mask:
-        """Which parameters ended at a bound; (n_parameter,)."""
-        return self.freedom.at_bound(self.x)
+        """Whether each parameter ended at a bound; (n_parameter,)."""
+        return self.parametrisation.parameters_at_bound(self.x)
 
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """What every start has in common."""
+    """What the fits from all starts have in common."""
 
     model: Model
     campaign: Campaign
-    freedom: Freedom
+    parametrisation: Parametrisation
     measured: ModalModel | None
     algorithm: str
     threads: int
-    journal: Journal
+    checkpoint: Checkpoint
 
     def run(
         self,
         begin: Minimum,
-        stages: _Numbered,
+        stages: _NumberedStages,
         name: str,
         report: Callable[[int, int, float], None] | None = None,
     ) -> Minimum:
-        """Go through some stages, each told by its number, from an end; steps are kept by name.
+        """Run some stages in turn, each from the end of the one before; finished steps are kept.
+
+        Args:
+            begin: start of the first stage.
+            stages: stages with their numbers.
+            name: name of the steps in the checkpoint.
+            report: called with the stage's number, its evaluations and the best value.
 
         Raises:
-            KeyboardInterrupt: before anything was found, here or by who came before.
+            KeyboardInterrupt: interrupted before any stage has ended.
         """
         end, evaluations = begin, 0
         for number, stage in stages:
 
-            def tell(count: int, value: float, at: int = number) -> None:
+            def report_stage(count: int, value: float, stage_number: int = number) -> None:
                 if report is not None:
-                    report(at, count, value)
+                    report(stage_number, count, value)
 
-            make, step = partial(self._stage, stage, end.x, tell), f"{name}, stage {number}"
+            run, step = (
+                partial(self._run_stage, stage, end.x, report_stage),
+                f"{name}, stage {number}",
+            )
             try:
-                end = self.journal.step(step, make)
-            except KeyboardInterrupt:  # while a stage is made ready, or its end is kept
-                end = self.journal.recall(step) or end
+                end = self.checkpoint.run_step(step, run)
+            except KeyboardInterrupt:  # while a stage is set up, or its end is written
+                end = self.checkpoint.recall(step) or end
                 if not np.isfinite(end.value):
                     raise
-                end = replace(end, evaluations=0, outcome="interrupted", advice=INTERRUPTED)
+                end = replace(end, evaluations=0, outcome="interrupted", advice=INTERRUPTED_ADVICE)
             evaluations += end.evaluations
             if end.outcome == "interrupted":
                 break
         return replace(end, evaluations=evaluations)
 
-    def _stage(
-        self, stage: Stage | ModalStage, x: Real, tell: Callable[[int, float], None]
+    def _run_stage(
+        self, stage: Stage | ModalStage, x: Real, report: Callable[[int, float], None]
     ) -> Minimum:
-        whole = self.freedom
-        varies = np.ones(whole.size, bool)
-        everything = isinstance(stage, Stage) and stage.everything
-        if not everything and not whole.has_prior.all():
-            varies = ~whole.has_prior
-        chosen = whole.only(varies, x)
+        """Run one stage from x, with the coordinates that it varies."""
+        whole = self.parametrisation
+        varied = np.ones(whole.size, bool)
+        tolerances_vary = isinstance(stage, Stage) and stage.tolerances_vary
+        if not tolerances_vary and not whole.has_prior.all():
+            varied = ~whole.has_prior
+        chosen = whole.restrict(varied, x)
         if isinstance(stage, ModalStage):
-            end = self._by_modes(stage, chosen, x[varies], tell)
+            end = self._fit_modes(stage, chosen, x[varied], report)
         else:
-            thin = thinned(self.campaign, stage.stride)
-            problem = stage.problem(self.model, thin, chosen, threads=self.threads)
-            if everything or self.algorithm == GAUSS_NEWTON:
-                end = descend(problem, chosen, x[varies], stage, report=tell)
+            thin = thin_lines(self.campaign, stage.stride)
+            problem = stage.build_problem(self.model, thin, chosen, threads=self.threads)
+            if tolerances_vary or self.algorithm == GAUSS_NEWTON:
+                end = minimise_stage(problem, chosen, x[varied], stage, report=report)
             else:
                 bounds = (chosen.lower, chosen.upper)
-                end = minimise(problem, x[varies], bounds, algorithm=self.algorithm, report=tell)
-        found = x.copy()
-        found[varies] = end.x
-        return replace(end, x=found)
+                end = minimise(problem, x[varied], bounds, algorithm=self.algorithm, report=report)
+        x_all = x.copy()
+        x_all[varied] = end.x
+        return replace(end, x=x_all)
 
-    def _by_modes(
-        self, stage: ModalStage, chosen: Freedom, x: Real, tell: Callable[[int, float], None]
+    def _fit_modes(
+        self,
+        stage: ModalStage,
+        chosen: Parametrisation,
+        x: Real,
+        report: Callable[[int, float], None],
     ) -> Minimum:
+        """Run one stage of the modal misfit from x."""
         if self.measured is None:
-            raise UsageError("a stage of modes needs measured modes: identify the campaign first")
+            raise UsageError(
+                "a stage of modes needs measured modes: identify the campaign's modes first"
+            )
         cost = ModalCost(self.model, self.measured, stage)
-        begun = cost.begin(chosen.theta(x))
+        search_cost = cost.start_at(chosen.theta(x))
 
         def objective(x: Real) -> tuple[float, Real]:
-            value, gradient = begun(chosen.theta(x))
-            return value, chosen.collected(gradient, x)
+            value, gradient = search_cost(chosen.theta(x))
+            return value, chosen.gradient_by_coordinates(gradient, x)
 
         algorithm = "LD_LBFGS" if self.algorithm == GAUSS_NEWTON else self.algorithm
-        end = minimise(objective, x, (chosen.lower, chosen.upper), algorithm=algorithm, report=tell)
+        end = minimise(
+            objective, x, (chosen.lower, chosen.upper), algorithm=algorithm, report=report
+        )
         if end.outcome == "interrupted":
             return end
-        # Without what ties it to its own start, all modes counted again.
+        # The cost of all modes, without the prior about the start of the search.
         return replace(end, value=cost.pairs(chosen.theta(end.x)).cost)
 
 
-def descend(
-    problem: Misfit | Sparse,
-    varies: Freedom,
+def minimise_stage(
+    problem: Misfit | SparseMisfit,
+    parametrisation: Parametrisation,
     x: Real,
     stage: Stage,
     *,
-    known: Arrow | None = None,
-    promise: float = 0.01,
+    initial_normal: ArrowMatrix | None = None,
+    min_gain_nats: float = 0.01,
     report: Callable[[int, float], None] | None = None,
 ) -> Minimum:
-    """Gauss-Newton with the bounds and priors of what varies.
+    """Minimise the misfit of a stage by the Gauss-Newton method, within bounds and with priors.
 
     Args:
-        problem: of this stage.
-        varies: its coordinates.
-        x: where to begin; (n_x,).
-        stage: how far to go.
-        known: normal equations near x, where somebody has them.
-        promise: it ends when the next step will promise less, in nats.
-        report: told about every evaluation.
+        problem: misfit of the stage.
+        parametrisation: coordinates that vary.
+        x: start; (n_x,).
+        stage: stage, which says when to end.
+        initial_normal: normal equations near x, if available.
+        min_gain_nats: the search ends when the next step is predicted to decrease J by less.
+        report: called with the number of evaluations and the best value.
     """
     return gauss_newton(
         problem,
         x,
         Box(
-            varies.lower,
-            varies.upper,
-            varies.has_prior.astype(float),
-            np.where(varies.is_logarithm & ~varies.has_prior, LARGEST_STEP / varies.scales, np.inf),
+            parametrisation.lower,
+            parametrisation.upper,
+            parametrisation.has_prior.astype(float),
+            np.where(
+                parametrisation.is_logarithmic & ~parametrisation.has_prior,
+                LARGEST_STEP / parametrisation.scales,
+                np.inf,
+            ),
         ),
-        known=known,
-        promise=promise,
-        damping=_FAR if stage.allowance > 0 else _NEAR,
+        initial_normal=initial_normal,
+        min_gain_nats=min_gain_nats,
+        damping=_START_DAMPING if stage.model_error_floor > 0 else _FINAL_START_DAMPING,
         tolerance=stage.tolerance,
         max_steps=stage.max_steps,
-        curved=stage.curved,
+        exact_curvature=stage.exact_curvature,
         report=report,
     )
 
@@ -219,103 +251,113 @@ def fit(  # noqa: PLR0913  # one for each option
     model: Model,
     campaign: Campaign,
     *,
-    varies: Freedom | None = None,
+    parametrisation: Parametrisation | None = None,
     starts: tuple[Real, ...] | None = None,
     stages: "tuple[Stage | ModalStage, ...]" = STAGES,
     measured: ModalModel | None = None,
     algorithm: str = GAUSS_NEWTON,
     jobs: int = 1,
-    report: Callable[[Progress], None] | None = None,
-    journal: Journal | None = None,
+    report: Callable[[FitProgress], None] | None = None,
+    checkpoint: Checkpoint | None = None,
     name: str = "fit",
 ) -> Fit:
-    """Tune a model so that it answers as the campaign measured.
+    """Fit a model's parameters to the FRFs or modes of a campaign (maximum a posteriori).
 
-    The first stages vary what the drawing does not know, from every start; the others, in which
-    tolerances vary too, go on from the best. Where no stage is of that kind, all stages are gone
-    through from every start.
+    The first stages vary the parameters without a prior, from every start. The other stages, in
+    which tolerances vary too, continue from the best start. If there are only stages of one kind,
+    every start goes through all of them.
 
     Args:
         model: machine and Parts.
-        campaign: the lines that count.
-        varies: coordinates; by default all that is not known exactly, tolerances of the campaign.
-        starts: thetas in SI; the drawing alone if None.
-        stages: in order, of FRFs or of modes.
+        campaign: tests on the lines that count.
+        parametrisation: coordinates; by default of all that is not known exactly, with the
+            campaign's tolerances.
+        starts: theta of each start [SI]; the nominal model alone if None.
+        stages: stages in order, of FRFs or of modes.
         measured: modes inside the band, for stages of modes.
-        algorithm: of NLopt, by name, for the first stages; Gauss-Newton by default and at the end.
-        jobs: processes for the starts, threads of a single one; the result does not depend on it.
-        report: told about every evaluation; with several processes, of the last stages alone.
-        journal: knows finished steps, which are not made again.
-        name: of this fit in the journal.
+        algorithm: name of an algorithm of NLopt for the first stages; the last stages always use
+            the Gauss-Newton method, the default.
+        jobs: processes for several starts, threads for one; the result does not depend on it.
+        report: called at every evaluation; with several processes, in the last stages alone.
+        checkpoint: finished steps, which are not repeated.
+        name: name of this fit in the checkpoint.
 
     Returns:
-        The best start's result; interrupted, the best point so far.
+        The result of the best start; if interrupted, the best point so far.
 
     Raises:
-        UsageError: a stage of modes without modes, an algorithm that NLopt does not have.
+        UsageError: a stage of modes without modes, or an algorithm that NLopt does not have.
     """
-    varies = freedom(model, campaign.tolerance) if varies is None else varies
-    journal = Journal() if journal is None else journal
-    search = _Search(model, campaign, varies, measured, algorithm, jobs, journal)
-    begins = [varies.coordinates(start) for start in starts or (model.drawn,)]
+    parametrisation = (
+        parametrise(model, campaign.tolerance) if parametrisation is None else parametrisation
+    )
+    checkpoint = Checkpoint() if checkpoint is None else checkpoint
+    search = _Search(model, campaign, parametrisation, measured, algorithm, jobs, checkpoint)
+    start_points = [parametrisation.coordinates(start) for start in starts or (model.drawn,)]
     numbered = tuple(enumerate(stages))
-    joint = [isinstance(stage, Stage) and stage.everything for stage in stages]
-    split = joint.index(True) if any(joint) and not joint[0] else len(stages)
-    ends = _from_all(search, begins, numbered[:split], name, report)
+    is_joint = [isinstance(stage, Stage) and stage.tolerances_vary for stage in stages]
+    n_separate = is_joint.index(True) if any(is_joint) and not is_joint[0] else len(stages)
+    ends = _fit_all_starts(search, start_points, numbered[:n_separate], name, report)
     best = int(np.argmin([end.value for end in ends]))
-    last = stages[split - 1] if split else None
-    slack = _AGREE_MODES if isinstance(last, ModalStage) else 0.0
-    end, others = ends[best], [end.evaluations for end in ends]
-    if split < len(stages) and ends[-1].outcome != "interrupted":
-        end = search.run(end, numbered[split:], f"{name}, best", _told(report, best))
-        others.append(end.evaluations)
+    last_separate = stages[n_separate - 1] if n_separate else None
+    margin = _MAX_MODAL_COST_DIFFERENCE if isinstance(last_separate, ModalStage) else 0.0
+    end, evaluations = ends[best], [end.evaluations for end in ends]
+    if n_separate < len(stages) and ends[-1].outcome != "interrupted":
+        end = search.run(end, numbered[n_separate:], f"{name}, best", _report_from(report, best))
+        evaluations.append(end.evaluations)
     elif ends[-1].outcome == "interrupted":
         end = replace(end, outcome="interrupted", advice=ends[-1].advice)
     return Fit(
-        freedom=varies,
+        parametrisation=parametrisation,
         x=end.x,
         cost=end.value,
-        evaluations=sum(others),
+        evaluations=sum(evaluations),
         outcome=end.outcome,
         advice=end.advice,
-        costs=tuple(one.value for one in ends),
-        agreed=ends[best].value * (1 + _AGREE) + slack,
-        ends=np.array([varies.theta(one.x) for one in ends]),
-        last=stages[-1] if stages and isinstance(stages[-1], Stage) else None,
+        start_costs=tuple(end_of_start.value for end_of_start in ends),
+        agreement_cost=ends[best].value * (1 + _MAX_COST_DIFFERENCE) + margin,
+        start_thetas=np.array([parametrisation.theta(end_of_start.x) for end_of_start in ends]),
+        last_stage=stages[-1] if stages and isinstance(stages[-1], Stage) else None,
     )
 
 
-def _told(
-    report: Callable[[Progress], None] | None, start: int
+def _report_from(
+    report: Callable[[FitProgress], None] | None, start: int
 ) -> Callable[[int, int, float], None] | None:
+    """Return a report function that adds the number of the start."""
     if report is None:
         return None
-    return lambda stage, count, value: report(Progress(start, stage, count, value))
+    return lambda stage, count, value: report(FitProgress(start, stage, count, value))
 
 
-def _begun(x: Real) -> Minimum:
-    """Where nothing is found yet."""
+def _start_point(x: Real) -> Minimum:
+    """Return the state of a search before its first evaluation."""
     return Minimum(x, np.inf, 0, "converged", "")
 
 
-def _from_all(
+def _fit_all_starts(
     search: _Search,
-    begins: list[Real],
-    stages: _Numbered,
+    start_points: list[Real],
+    stages: _NumberedStages,
     name: str,
-    report: Callable[[Progress], None] | None,
+    report: Callable[[FitProgress], None] | None,
 ) -> list[Minimum]:
-    """The first stages from every start; after an interrupt, those that were finished and it."""
-    if search.threads > 1 and len(begins) > 1:
-        return _side_by_side(search, begins, stages, name)
+    """Run the first stages from every start.
+
+    If interrupted, return the starts that ended and the interrupted one.
+    """
+    if search.threads > 1 and len(start_points) > 1:
+        return _fit_in_parallel(search, start_points, stages, name)
     ends: list[Minimum] = []
-    for number, x in enumerate(begins):
+    for number, x in enumerate(start_points):
         try:
-            end = search.run(_begun(x), stages, f"{name}, start {number}", _told(report, number))
+            end = search.run(
+                _start_point(x), stages, f"{name}, start {number}", _report_from(report, number)
+            )
         except KeyboardInterrupt:
             if not ends:
                 raise
-            end = Minimum(x, np.inf, 0, "interrupted", INTERRUPTED)
+            end = Minimum(x, np.inf, 0, "interrupted", INTERRUPTED_ADVICE)
         if end.outcome == "interrupted" and ends:
             end = replace(end, value=np.inf)
         ends.append(end)
@@ -324,51 +366,63 @@ def _from_all(
     return ends
 
 
-def _side_by_side(
+def _fit_in_parallel(
     search: _Search,
-    begins: list[Real],
-    stages: _Numbered,
+    start_points: list[Real],
+    stages: _NumberedStages,
     name: str,
 ) -> list[Minimum]:
-    """The first stages from every start, in processes; each start is a step of the journal."""
-    journal = search.journal
-    known = [journal.recall(f"{name}, start {number}") for number in range(len(begins))]
-    missing = [number for number, end in enumerate(known) if end is None]
-    work = (delayed(_alone)(search, begins[number], stages) for number in missing)
+    """Run the first stages from every start in processes; each start is one checkpoint step."""
+    checkpoint = search.checkpoint
+    ends = [checkpoint.recall(f"{name}, start {number}") for number in range(len(start_points))]
+    missing = [number for number, end in enumerate(ends) if end is None]
+    work = (delayed(_fit_one_start)(search, start_points[number], stages) for number in missing)
     try:
-        made = Parallel(n_jobs=search.threads, return_as="generator")(work)
-        for number, end in zip(missing, made, strict=True):
-            known[number] = end
-            journal.keep(f"{name}, start {number}", end)
+        results = Parallel(n_jobs=search.threads, return_as="generator")(work)
+        for number, end in zip(missing, results, strict=True):
+            ends[number] = end
+            checkpoint.keep(f"{name}, start {number}", end)
     except KeyboardInterrupt:
-        finished = [end for end in known if end is not None]
-        x = min(finished, key=lambda end: end.value).x if finished else begins[0]
-        return [*finished, Minimum(x, np.inf, 0, "interrupted", INTERRUPTED)]
-    return [end for end in known if end is not None]
+        finished = [end for end in ends if end is not None]
+        x = min(finished, key=lambda end: end.value).x if finished else start_points[0]
+        return [*finished, Minimum(x, np.inf, 0, "interrupted", INTERRUPTED_ADVICE)]
+    return [end for end in ends if end is not None]
 
 
-def _alone(search: _Search, x: Real, stages: _Numbered) -> Minimum:
+def _fit_one_start(search: _Search, x: Real, stages: _NumberedStages) -> Minimum:
+    """Run the first stages from one start in a process of its own."""
     with threadpool_limits(1):
-        return replace(search, threads=1, journal=Journal()).run(_begun(x), stages, "")
+        return replace(search, threads=1, checkpoint=Checkpoint()).run(_start_point(x), stages, "")
 
 
 def random_starts(
-    model: Model, count: int, seed: int, spread: float = 0.5, varies: Freedom | None = None
+    model: Model,
+    count: int,
+    seed: int,
+    spread: float = 0.5,
+    parametrisation: Parametrisation | None = None,
 ) -> tuple[Real, ...]:
-    """The drawing, and ``count - 1`` starts: sizes that it does not know times exp(N(0, spread)).
+    """Return the nominal parameters, and ``count - 1`` random starts.
+
+    A random start multiplies the sizes that vary without a prior by factors exp(N(0, spread)).
 
     Args:
         model: machine and Parts.
-        count: how many, the drawing among them.
-        seed: of the others.
-        spread: of the logarithms.
-        varies: what varies, and what of it has a prior; by default as the Parts say.
+        count: number of starts, the nominal one included.
+        seed: seed of the random starts.
+        spread: standard deviation of the logarithms.
+        parametrisation: parameters that vary and their priors; by default as the Parts say.
+
+    Returns:
+        theta of each start [SI]; (n_parameter,) each.
     """
     random = np.random.default_rng(seed)
-    free = np.array([one.positive and one.known == "free" for one in model.parameters], bool)
-    if varies is not None:
-        sizes = np.append(varies.is_logarithm & ~varies.has_prior, False)
-        free = sizes[varies.member]
+    free = np.array(
+        [parameter.positive and parameter.known == "free" for parameter in model.parameters], bool
+    )
+    if parametrisation is not None:
+        sizes = np.append(parametrisation.is_logarithmic & ~parametrisation.has_prior, False)
+        free = sizes[parametrisation.coordinate_of]
     normal = random.normal(0.0, spread, (max(count - 1, 0), int(free.sum())))
     factors = np.ones((len(normal), len(free)))
     factors[:, free] = np.exp(normal)

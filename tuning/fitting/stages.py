@@ -1,129 +1,161 @@
-"""The minimisations that a fit goes through, with falling allowance."""
+"""Stages of a fit: minimisations with a falling model-error floor (continuation)."""
 
 from dataclasses import dataclass
 
 from identification.words import Campaign, Integers, Mask, Real
 from mbmodel import Model
-from tuning.misfit.misfit import Misfit, Sparse
-from tuning.misfit.normal_equations import Arrow
-from tuning.parametrisation.parametrisation import Freedom
+from tuning.misfit.misfit import Misfit, SparseMisfit
+from tuning.misfit.normal_equations import ArrowMatrix
+from tuning.parametrisation.parametrisation import Parametrisation
 
-_FEWEST_LINES = 32
-_NORMAL_LINES = 128  # that normal equations come from at least
+_MIN_THINNED_LINES = 32  # that thinning leaves
+_MIN_NORMAL_LINES = 128  # from which normal equations come
 
 
 @dataclass(frozen=True)
 class Stage:
-    """One minimisation of the misfit of FRFs.
+    """One minimisation of the FRF misfit.
 
     Args:
-        allowance: relative error that the model may have anyway.
-        tolerance: it ends when a step promises less than this part of the cost.
-        stride: only every so manyth line counts.
+        model_error_floor: relative model error that the fit tolerates.
+        tolerance: the search ends when a step is predicted to gain less than this part of the cost.
+        stride: only every ``stride``-th line counts.
         logarithmic: whether the residual is the logarithm of the ratio.
-        everything: whether tolerances vary too, or only what has no prior.
+        tolerances_vary: whether tolerances vary too, or only parameters without a prior.
         at_bodies: whether differences count at the centres of mass instead of the channels.
-        max_steps: of Gauss-Newton, at which it stops wherever it is.
-        curved: whether steps that creep are made longer by the misfit's own curvature.
-        sparse: normal equations are those of every so manyth of its lines, of 128 at least.
+        max_steps: number of Gauss-Newton steps after which the stage ends.
+        exact_curvature: whether stalled steps are replaced by steps with the exact curvature.
+        normal_stride: normal equations come from every ``normal_stride``-th of the lines that
+            count, but from at least 128 lines.
     """
 
-    allowance: float
+    model_error_floor: float
     tolerance: float = 1e-3
     stride: int = 1
     logarithmic: bool = True
-    everything: bool = False
+    tolerances_vary: bool = False
     at_bodies: bool = False
     max_steps: int = 60
-    curved: bool = False
-    sparse: int = 1
+    exact_curvature: bool = False
+    normal_stride: int = 1
 
-    def misfit(
+    def build_misfit(
         self,
         model: Model,
         campaign: Campaign,
-        varies: Freedom,
+        parametrisation: Parametrisation,
         *,
         counted: Mask | None = None,
         threads: int = 1,
     ) -> Misfit:
-        """The misfit of this stage."""
+        """Return the misfit of this stage.
+
+        Args:
+            model: machine and Parts.
+            campaign: tests on the lines that count.
+            parametrisation: coordinates of the parameters.
+            counted: whether each line counts, all if None; (n_freq,).
+            threads: threads that form the normal equations.
+        """
         return Misfit(
             model,
             campaign,
-            varies,
-            allowance=self.allowance,
+            parametrisation,
+            model_error_floor=self.model_error_floor,
             logarithmic=self.logarithmic,
             at_bodies=self.at_bodies,
             counted=counted,
             threads=threads,
         )
 
-    def problem(
+    def build_problem(
         self,
         model: Model,
         campaign: Campaign,
-        varies: Freedom,
+        parametrisation: Parametrisation,
         *,
         counted: Mask | None = None,
         threads: int = 1,
-    ) -> Misfit | Sparse:
-        """The misfit of this stage, as it is minimised."""
-        whole = self.misfit(model, campaign, varies, counted=counted, threads=threads)
-        few, ratio = self._few(campaign)
-        if ratio == 1:
-            return whole
-        kept = None if counted is None else counted[few]
-        thin = self.misfit(model, campaign.lines(few), varies, counted=kept, threads=threads)
-        return Sparse(whole, thin, ratio)
-
-    def normals(
-        self,
-        model: Model,
-        campaign: Campaign,
-        varies: Freedom,
-        x: Real,
-        folds: Integers,
-        threads: int = 1,
-    ) -> list[Arrow]:
-        """Normal equations of all lines but one fold, for each fold, as it is minimised.
+    ) -> Misfit | SparseMisfit:
+        """Return the problem to minimise: the misfit, with normal equations of fewer lines.
 
         Args:
             model: machine and Parts.
-            campaign: its lines are those that count.
-            varies: coordinates of the parameters.
-            x: where; (n_x,).
-            folds: of each line, from 0; (n_freq,).
-            threads: that form them.
+            campaign: tests on the lines that count.
+            parametrisation: coordinates of the parameters.
+            counted: whether each line counts, all if None; (n_freq,).
+            threads: threads that form the normal equations.
         """
-        few, ratio = self._few(campaign)
-        problem = self.misfit(model, campaign.lines(few), varies, threads=threads)
-        return [normal * ratio for _, _, normal in problem.normals(x, folds[few])[1:]]
+        whole = self.build_misfit(
+            model, campaign, parametrisation, counted=counted, threads=threads
+        )
+        thin_span, ratio = self._thin_normal_lines(campaign)
+        if ratio == 1:
+            return whole
+        counted_thin = None if counted is None else counted[thin_span]
+        thin_misfit = self.build_misfit(
+            model,
+            campaign.select_lines(thin_span),
+            parametrisation,
+            counted=counted_thin,
+            threads=threads,
+        )
+        return SparseMisfit(whole, thin_misfit, ratio)
 
-    def _few(self, campaign: Campaign) -> tuple[slice, float]:
-        """Lines that normal equations come from, and how many times as many there are."""
+    def leave_out_normals(
+        self,
+        model: Model,
+        campaign: Campaign,
+        parametrisation: Parametrisation,
+        x: Real,
+        folds: Integers,
+        threads: int = 1,
+    ) -> list[ArrowMatrix]:
+        """Return the normal equations of all lines but one fold, for each fold.
+
+        Args:
+            model: machine and Parts.
+            campaign: tests on the lines that count.
+            parametrisation: coordinates of the parameters.
+            x: coordinates; (n_x,).
+            folds: fold of each line, from 0; (n_freq,).
+            threads: threads that form the normal equations.
+        """
+        thin_span, ratio = self._thin_normal_lines(campaign)
+        problem = self.build_misfit(
+            model, campaign.select_lines(thin_span), parametrisation, threads=threads
+        )
+        return [
+            normal * ratio
+            for _, _, normal in problem.quadratic_models_by_fold(x, folds[thin_span])[1:]
+        ]
+
+    def _thin_normal_lines(self, campaign: Campaign) -> tuple[slice, float]:
+        """Return the lines from which normal equations come, and the ratio of all lines to them."""
         n_freq = len(campaign.freq_hz)
-        few = counted_lines(n_freq, min(self.sparse, max(1, n_freq // _NORMAL_LINES)))
-        return few, n_freq / len(range(n_freq)[few])
+        thin_span = thinning_slice(
+            n_freq, min(self.normal_stride, max(1, n_freq // _MIN_NORMAL_LINES))
+        )
+        return thin_span, n_freq / len(range(n_freq)[thin_span])
 
 
 STAGES = (
     Stage(0.5, stride=8),
     Stage(0.2, stride=8),
-    Stage(0.1, stride=4, everything=True),
-    Stage(0.03, stride=4, logarithmic=False, everything=True),
-    Stage(0.0, stride=4, logarithmic=False, everything=True),
-    Stage(0.0, tolerance=1e-8, logarithmic=False, everything=True, sparse=4),
+    Stage(0.1, stride=4, tolerances_vary=True),
+    Stage(0.03, stride=4, logarithmic=False, tolerances_vary=True),
+    Stage(0.0, stride=4, logarithmic=False, tolerances_vary=True),
+    Stage(0.0, tolerance=1e-8, logarithmic=False, tolerances_vary=True, normal_stride=4),
 )
-LAST = STAGES[-1]
+LAST_STAGE = STAGES[-1]
 
 
-def thinned(campaign: Campaign, stride: int) -> Campaign:
-    """Every stride-th line, but no fewer than 32 of them as long as there are so many."""
-    return campaign.lines(counted_lines(len(campaign.freq_hz), stride))
+def thin_lines(campaign: Campaign, stride: int) -> Campaign:
+    """Return a campaign with every ``stride``-th line, but at least 32 lines if it has them."""
+    return campaign.select_lines(thinning_slice(len(campaign.freq_hz), stride))
 
 
-def counted_lines(n_freq: int, stride: int) -> slice:
-    """Which lines ``thinned`` keeps."""
-    stride = min(stride, max(1, n_freq // _FEWEST_LINES))
+def thinning_slice(n_freq: int, stride: int) -> slice:
+    """Return the slice of lines that ``thin_lines`` keeps."""
+    stride = min(stride, max(1, n_freq // _MIN_THINNED_LINES))
     return slice(stride // 2, None, stride)

@@ -1,1 +1,1 @@
-"""The misfit that tuning minimises, with its exact derivatives."""
+"""Misfit between model and measurement, its weights and its exact derivatives."""

@@ -1,4 +1,4 @@
-"""Weighted derivatives of many lines, run by run, and their sums over lines."""
+"""Weighted derivatives of many lines, chunk by chunk, and their sums over lines."""
 
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -8,53 +8,53 @@ from itertools import pairwise
 import numpy as np
 
 from identification.words import Complex, Integers, Real
-from mbmodel import Forward, Model
-from tuning.misfit.body_projection import View
-from tuning.misfit.normal_equations import Arrow
-from tuning.misfit.partition import Shares
-from tuning.parametrisation.parametrisation import Freedom
+from mbmodel import ForwardSensitivities, Model
+from tuning.misfit.body_projection import BodyProjection
+from tuning.misfit.normal_equations import ArrowMatrix
+from tuning.misfit.partition import CoordinatePartition
+from tuning.parametrisation.parametrisation import Parametrisation
 
-_CHUNK = 2**20  # numbers of the Jacobian that are held at once
+_MAX_JACOBIAN_VALUES = 2**20  # held in memory at once, 8 MB
 
 
 @dataclass(frozen=True, eq=False)
-class Probed:
-    """Normal equations, and how further coordinates bear on them.
+class ProbedEquations:
+    """Normal equations, and their coupling to further coordinates (probes).
 
     Args:
-        gradient: of J, priors and all; (n_x,).
+        gradient: gradient of J with its priors; (n_x,).
         normal: N of the data.
-        cross: N between what varies and the probes; (n_x, n_probe).
-        blocks: N of the probes, of each Part alone; (n_probe, n_probe).
-        slope: gradient by the probes; (n_probe,).
+        cross: N between the coordinates that vary and the probes; (n_x, n_probe).
+        blocks: N of the probes, zero between different Parts; (n_probe, n_probe).
+        slope: gradient of J by the probes; (n_probe,).
     """
 
     gradient: Real
-    normal: Arrow
+    normal: ArrowMatrix
     cross: Real
     blocks: Real
     slope: Real
 
 
 @dataclass(frozen=True, eq=False)
-class Freed:
-    """What forces of free spectra take from the normal equations, each alone.
+class FreeForceReduction:
+    """Reduction of the normal equations by forces whose spectra are free, one force at a time.
 
     Args:
-        normal: from N; (n_force, n_x, n_x).
-        gradient: from the gradient; (n_force, n_x).
-        value: from J; (n_force,).
-        chance: ln(1 + p |u|^2), what a force of any shape gains anyway; (n_force,).
+        normal: subtracted from N; (n_force, n_x, n_x).
+        gradient: subtracted from the gradient; (n_force, n_x).
+        value: subtracted from J; (n_force,).
+        expected_gain: ln(1 + p |u|^2), the gain of a force where nothing is missing; (n_force,).
     """
 
     normal: Real
     gradient: Real
     value: Real
-    chance: Real
+    expected_gain: Real
 
     @classmethod
-    def nothing(cls, forces: int, size: int) -> "Freed":
-        """To which to add."""
+    def zeros(cls, forces: int, size: int) -> "FreeForceReduction":
+        """Return zero sums for some forces and a number of coordinates."""
         return cls(
             np.zeros((forces, size, size)),
             np.zeros((forces, size)),
@@ -64,191 +64,238 @@ class Freed:
 
 
 @dataclass(frozen=True, eq=False)
-class Own:
-    """What a sensor's own coordinates move, its own rows alone.
+class SensorColumns:
+    """Derivatives by a sensor's own coordinates, which change its own rows alone.
 
     Args:
-        view: number of its body's view.
-        seen: what the view sees of it; (n_freq, n_in, 2, m, n_own).
-        weighted: all of it; (n_freq, n_in, 2, n_row, n_own).
-        aim: weighted residual of its rows; (n_freq, n_in, 2, n_row).
+        projection: index of its body's projection.
+        projected: derivatives in that projection; (n_freq, n_in, 2, m, n_own).
+        weighted: weighted derivatives of its rows; (n_freq, n_in, 2, n_row, n_own).
+        target: weighted residual of its rows; (n_freq, n_in, 2, n_row).
     """
 
-    view: int
-    seen: Real
+    projection: int
+    projected: Real
     weighted: Real
-    aim: Real
+    target: Real
 
 
 @dataclass(frozen=True, eq=False)
-class Runs:
-    """Sums over lines, run by run: the shared columns of all lines at once would fill memory.
+class WeightedJacobian:
+    """Weighted derivatives of one batch, summed over lines in chunks that fit into memory.
 
     Args:
-        plan: how coordinates divide.
+        partition: shared coordinates and blocks of sensors.
         forward: derivatives by the shared parameters, times d theta / dx.
-        views: what counts of the channels of each body.
-        own: of each sensor.
+        projections: projection of the channels of each body.
+        sensors: derivatives by each sensor's own coordinates.
     """
 
-    plan: Shares
-    forward: Forward
-    views: tuple[View, ...]
-    own: tuple[Own, ...] = ()
+    partition: CoordinatePartition
+    forward: ForwardSensitivities
+    projections: tuple[BodyProjection, ...]
+    sensors: tuple[SensorColumns, ...] = ()
 
     @property
-    def _numbers(self) -> int:
-        """How many the shared columns have on one line."""
-        n_in = self.views[0].aim.shape[1] if self.views else 1
-        return max(2 * n_in * self._seen * self.forward.count, 1)
+    def _values_per_line(self) -> int:
+        """Number of values of the shared columns on one line."""
+        n_in = self.projections[0].target.shape[1] if self.projections else 1
+        return max(2 * n_in * self._n_projected * self.forward.count, 1)
 
     @property
-    def _seen(self) -> int:
-        """How many numbers count, of all bodies."""
-        return self.views[-1].at.stop if self.views else 0
+    def _n_projected(self) -> int:
+        """Number of projected values per line and input, over all bodies."""
+        return self.projections[-1].span.stop if self.projections else 0
 
     def sums(self, groups: Integers, threads: int) -> list[tuple[Real, ...]]:
-        """S, its part of the gradient, C, O and their parts of it, for each group of lines.
+        """Return the sums of the normal equations for each group of lines.
 
-        The same bits with any number of threads.
+        Chunks are summed in order, so that the result does not depend on the number of threads.
+
+        Args:
+            groups: group of each line, from 0; (n_freq,).
+            threads: threads that form the chunks.
+
+        Returns:
+            Five sums for each group: S (n_s, n_s), the gradient by the shared coordinates (n_s,),
+            C (n_block, n_own, n_s), O (n_block, n_own, n_own), and the gradient by the blocks'
+            coordinates (n_block, n_own).
         """
-        spans = list(_spans(groups, max(1, _CHUNK // self._numbers)))
-        found: dict[int, tuple[Real, ...]] = {}
+        spans = list(_spans(groups, max(1, _MAX_JACOBIAN_VALUES // self._values_per_line)))
+        totals: dict[int, tuple[Real, ...]] = {}
         self.forward.prepare()
         with ThreadPoolExecutor(threads) as pool:
             for span, parts in zip(spans, pool.map(self._sum, spans), strict=True):
-                sums = found.setdefault(int(groups[span.start]), parts)
+                sums = totals.setdefault(int(groups[span.start]), parts)
                 if sums is not parts:
                     for total, part in zip(sums, parts, strict=True):
                         np.add(total, part, out=total)
-        return [found[group] for group in range(int(groups.max()) + 1)]
+        return [totals[group] for group in range(int(groups.max()) + 1)]
 
     def _sum(self, span: slice) -> tuple[Real, ...]:
+        """Return the sums over one chunk of lines."""
         columns = self._columns(span)
         flat = _flat(columns)
-        n_block, n_own = self.plan.own_at.shape
+        n_block, n_own = self.partition.block_coordinates.shape
         cross = np.zeros((n_block, n_own, columns.shape[-1]))
         blocks, slopes = np.zeros((n_block, n_own, n_own)), np.zeros((n_block, n_own))
-        of_views = [_flat(columns[..., view.at, :]) for view in self.views]
-        for number, one in enumerate(self.own):
-            part, count = _flat(one.weighted[span]), one.seen.shape[-1]
-            cross[number, :count] = _flat(one.seen[span]).T @ of_views[one.view]
+        by_body = [_flat(columns[..., projection.span, :]) for projection in self.projections]
+        for number, sensor in enumerate(self.sensors):
+            part, count = _flat(sensor.weighted[span]), sensor.projected.shape[-1]
+            cross[number, :count] = _flat(sensor.projected[span]).T @ by_body[sensor.projection]
             blocks[number, :count, :count] = part.T @ part
-            slopes[number, :count] = part.T @ one.aim[span].ravel()
-        return flat.T @ flat, flat.T @ self._aim(span), cross, blocks, slopes
+            slopes[number, :count] = part.T @ sensor.target[span].ravel()
+        return flat.T @ flat, flat.T @ self._target(span), cross, blocks, slopes
 
-    def probe(self, more: "Runs", blocks: list[slice], found: Probed) -> None:
-        """Add up what further columns, seen alike, have to do with these."""
-        n_freq = len(self.forward.lines.values)
-        step = max(1, _CHUNK // (self._numbers + more._numbers))  # of one kind
-        for span in _spans(np.zeros(n_freq, int), step):
-            columns, others = self._columns(span), more._columns(span)
-            flat = _flat(others)
-            found.slope[:] += flat.T @ self._aim(span)
-            found.cross[self.plan.shared_at] += _flat(columns).T @ flat
-            of_views = [_flat(others[..., view.at, :]) for view in self.views]
-            for one, at in zip(self.own, self.plan.own_at, strict=True):
-                found.cross[at[at >= 0]] += _flat(one.seen[span]).T @ of_views[one.view]
-            for block in blocks:
-                found.blocks[block, block] += flat[:, block].T @ flat[:, block]
-
-    def freed(self, forces: Real, power: float, found: Freed) -> None:
-        """Add up what forces of free spectra take.
+    def probe(self, probes: "WeightedJacobian", blocks: list[slice], sums: ProbedEquations) -> None:
+        """Add the coupling of further columns, of equal weights and projections.
 
         Args:
-            forces: at the joints' coordinates; (nv, n_force).
+            probes: derivatives by the probes.
+            blocks: coordinates of each Part among the probes.
+            sums: sums to which to add.
+        """
+        n_freq = len(self.forward.solution.values)
+        values_per_line = self._values_per_line + probes._values_per_line
+        step = max(1, _MAX_JACOBIAN_VALUES // values_per_line)
+        for span in _spans(np.zeros(n_freq, int), step):
+            columns, probe_columns = self._columns(span), probes._columns(span)
+            flat = _flat(probe_columns)
+            sums.slope[:] += flat.T @ self._target(span)
+            sums.cross[self.partition.shared_coordinates] += _flat(columns).T @ flat
+            by_body = [
+                _flat(probe_columns[..., projection.span, :]) for projection in self.projections
+            ]
+            for sensor, at in zip(self.sensors, self.partition.block_coordinates, strict=True):
+                sums.cross[at[at >= 0]] += (
+                    _flat(sensor.projected[span]).T @ by_body[sensor.projection]
+                )
+            for block in blocks:
+                sums.blocks[block, block] += flat[:, block].T @ flat[:, block]
+
+    def add_force_reduction(self, forces: Real, power: float, sums: FreeForceReduction) -> None:
+        """Add the reduction by forces whose spectra are free.
+
+        Each force has a Gaussian prior of variance p on each line; it is integrated out by the
+        Woodbury identity.
+
+        Args:
+            forces: generalised forces at the joints' coordinates; (nv, n_force).
             power: p |u|^2 of the median line.
-            found: sums.
+            sums: sums to which to add.
         """
         self.forward.prepare()
-        n_freq = len(self.forward.lines.values)
-        spans = list(_spans(np.zeros(n_freq, int), max(1, _CHUNK // self._numbers)))
-        answers = [self._answers(forces, span) for span in spans]
-        sizes = [(np.abs(answer) ** 2).sum(axis=2) for answer in answers]
+        n_freq = len(self.forward.solution.values)
+        spans = list(
+            _spans(np.zeros(n_freq, int), max(1, _MAX_JACOBIAN_VALUES // self._values_per_line))
+        )
+        responses = [self._force_responses(forces, span) for span in spans]
+        sizes = [(np.abs(response) ** 2).sum(axis=2) for response in responses]
         middle = np.median(np.concatenate(sizes), axis=(0, 1))
         variance = power / np.where(middle > 0, middle, 1.0)
-        for span, answer, size in zip(spans, answers, sizes, strict=True):
+        for span, response, size in zip(spans, responses, sizes, strict=True):
             root = np.sqrt(variance / (1 + variance * size))
-            shares = (root[:, :, None] * answer).conj().swapaxes(2, 3)
-            columns = self._everything(span)
-            aim = self._aim(span).reshape(*columns.shape[:2], 2, -1)
-            taken = shares @ columns  # (n_line, n_in, n_force, n_x)
-            pulled = (shares @ (aim[:, :, 0] + 1j * aim[:, :, 1])[..., None])[..., 0]
-            n_line, n_in, n_force, size_x = taken.shape
-            flat = taken.transpose(2, 0, 1, 3).reshape(n_force, n_line * n_in, size_x)
+            weights = (root[:, :, None] * response).conj().swapaxes(2, 3)
+            columns = self._all_columns(span)
+            target = self._target(span).reshape(*columns.shape[:2], 2, -1)
+            removed = weights @ columns  # (n_line, n_in, n_force, n_x)
+            force_targets = (weights @ (target[:, :, 0] + 1j * target[:, :, 1])[..., None])[..., 0]
+            n_line, n_in, n_force, size_x = removed.shape
+            flat = removed.transpose(2, 0, 1, 3).reshape(n_force, n_line * n_in, size_x)
             parts = np.concatenate([flat.real, flat.imag], axis=1)
-            own = pulled.transpose(2, 0, 1).reshape(len(found.value), -1)
-            pull = np.concatenate([own.real, own.imag], axis=1)
-            found.normal[:] += parts.swapaxes(1, 2) @ parts
-            found.gradient[:] += (pull[:, None] @ parts)[:, 0]
-            found.value[:] += 0.5 * (pull**2).sum(axis=1)
-            found.chance[:] += np.log1p(variance * size).sum(axis=(0, 1))
+            flat_targets = force_targets.transpose(2, 0, 1).reshape(len(sums.value), -1)
+            targets = np.concatenate([flat_targets.real, flat_targets.imag], axis=1)
+            sums.normal[:] += parts.swapaxes(1, 2) @ parts
+            sums.gradient[:] += (targets[:, None] @ parts)[:, 0]
+            sums.value[:] += 0.5 * (targets**2).sum(axis=1)
+            sums.expected_gain[:] += np.log1p(variance * size).sum(axis=(0, 1))
 
-    def _answers(self, forces: Real, span: slice) -> Complex:
-        """Weighted answers to unit forces at the joints; (n_line, n_in, m, n_force)."""
-        readers = self.forward.readers(span)
-        bare = (readers[:, :, 0] @ forces + 1j * (readers[:, :, 1] @ forces))[:, None]
+    def _force_responses(self, forces: Real, span: slice) -> Complex:
+        """Return weighted responses to unit forces at the joints; (n_line, n_in, m, n_force)."""
+        adjoints = self.forward.output_adjoints(span)
+        per_force = (adjoints[:, :, 0] @ forces + 1j * (adjoints[:, :, 1] @ forces))[:, None]
         return np.concatenate(
-            [view.matrix[span] @ bare[:, :, view.rows] for view in self.views], axis=2
+            [
+                projection.matrix[span] @ per_force[:, :, projection.rows]
+                for projection in self.projections
+            ],
+            axis=2,
         )
 
-    def _everything(self, span: slice) -> Complex:
-        """Weighted columns of all coordinates; (n_line, n_in, m, n_x)."""
+    def _all_columns(self, span: slice) -> Complex:
+        """Return weighted columns of all coordinates; (n_line, n_in, m, n_x)."""
         columns = self._columns(span)
-        plan = self.plan
-        size = len(plan.shared_at) + int((plan.own_at >= 0).sum())
-        found = np.zeros((*columns.shape[:2], columns.shape[3], size), complex)
-        found[..., plan.shared_at] = columns[:, :, 0] + 1j * columns[:, :, 1]
-        for one, at in zip(self.own, plan.own_at, strict=True):
-            seen = one.seen[span]
-            found[:, :, self.views[one.view].at, at[at >= 0]] = seen[:, :, 0] + 1j * seen[:, :, 1]
-        return found
+        partition = self.partition
+        size = len(partition.shared_coordinates) + int((partition.block_coordinates >= 0).sum())
+        all_columns = np.zeros((*columns.shape[:2], columns.shape[3], size), complex)
+        all_columns[..., partition.shared_coordinates] = columns[:, :, 0] + 1j * columns[:, :, 1]
+        for sensor, at in zip(self.sensors, partition.block_coordinates, strict=True):
+            projected = sensor.projected[span]
+            all_columns[:, :, self.projections[sensor.projection].span, at[at >= 0]] = (
+                projected[:, :, 0] + 1j * projected[:, :, 1]
+            )
+        return all_columns
 
-    def _aim(self, span: slice) -> Real:
-        """What the shared columns aim at, flat as they are."""
-        return np.concatenate([view.aim[span] for view in self.views], axis=-1).ravel()
+    def _target(self, span: slice) -> Real:
+        """Return the weighted residual that the shared columns fit, flattened like them."""
+        return np.concatenate(
+            [projection.target[span] for projection in self.projections], axis=-1
+        ).ravel()
 
     def _columns(self, span: slice) -> Real:
-        """Weighted columns of the shared coordinates; (n_line, n_in, 2, m, n_s)."""
+        """Return weighted columns of the shared coordinates; (n_line, n_in, 2, m, n_s)."""
         forward = self.forward
-        readers, pushes = forward.readers(span), forward.pushes(span)
-        n_line, n_in, _, nv, count = pushes.shape
-        bare = readers.reshape(n_line, 1, -1, 2 * nv)
-        read = np.empty((n_line, n_in, 2, self._seen, 2, nv))
-        for view in self.views:
-            seen = (view.matrix[span] @ bare[:, :, view.rows]).reshape(n_line, n_in, -1, 2, nv)
-            read[:, :, 0, view.at, 0] = read[:, :, 1, view.at, 1] = seen[..., 0, :]
-            read[:, :, 1, view.at, 0] = seen[..., 1, :]
-            np.negative(seen[..., 1, :], out=read[:, :, 0, view.at, 1])
+        adjoints, forces = forward.output_adjoints(span), forward.pseudo_forces(span)
+        n_line, n_in, _, nv, count = forces.shape
+        flat_adjoints = adjoints.reshape(n_line, 1, -1, 2 * nv)
+        projected_adjoints = np.empty((n_line, n_in, 2, self._n_projected, 2, nv))
+        for projection in self.projections:
+            projected = (projection.matrix[span] @ flat_adjoints[:, :, projection.rows]).reshape(
+                n_line, n_in, -1, 2, nv
+            )
+            projected_adjoints[:, :, 0, projection.span, 0] = projected_adjoints[
+                :, :, 1, projection.span, 1
+            ] = projected[..., 0, :]
+            projected_adjoints[:, :, 1, projection.span, 0] = projected[..., 1, :]
+            np.negative(projected[..., 1, :], out=projected_adjoints[:, :, 0, projection.span, 1])
         columns = (
-            read.reshape(n_line, n_in, -1, 2 * nv) @ pushes.reshape(n_line, n_in, 2 * nv, count)
-        ).reshape(n_line, n_in, 2, self._seen, count)
-        for share in forward.moves(span):
-            for view in self.views:
-                frame = (view.matrix[span] @ view.frame)[:, :, None]
-                columns[..., view.at, share.places] += frame @ share.values[..., view.body, :]
-        for share in forward.read_off(span):
-            for view in self.views:
-                seen = view.matrix[span][:, :, None] @ share.values[..., view.rows, :]
-                columns[..., view.at, share.places] += seen
-        return columns if self.plan.joined is None else np.asarray(columns @ self.plan.joined)
+            projected_adjoints.reshape(n_line, n_in, -1, 2 * nv)
+            @ forces.reshape(n_line, n_in, 2 * nv, count)
+        ).reshape(n_line, n_in, 2, self._n_projected, count)
+        for term in forward.kinematic_terms(span):
+            for projection in self.projections:
+                body_motion = (projection.matrix[span] @ projection.rigid_motion)[:, :, None]
+                columns[..., projection.span, term.indices] += (
+                    body_motion @ term.values[..., projection.body_columns, :]
+                )
+        for term in forward.readout_terms(span):
+            for projection in self.projections:
+                projected = (
+                    projection.matrix[span][:, :, None] @ term.values[..., projection.rows, :]
+                )
+                columns[..., projection.span, term.indices] += projected
+        return (
+            columns
+            if self.partition.tie_matrix is None
+            else np.asarray(columns @ self.partition.tie_matrix)
+        )
 
 
-def blocks_of(model: Model, probes: Freedom) -> list[slice]:
-    """Coordinates of each Part among the probes."""
-    counts = [int(mask.sum()) for mask in model.pieces(probes.free)]
+def probe_blocks(model: Model, probes: Parametrisation) -> list[slice]:
+    """Return the coordinates of each Part among the probes."""
+    counts = [int(mask.sum()) for mask in model.split_parameters(probes.free)]
     ends = np.cumsum([0, *(count for count in counts if count)])
     return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
-def _spans(groups: Integers, most: int) -> Iterator[slice]:
-    """Runs of lines of one group, of so many lines at most."""
+def _spans(groups: Integers, max_lines: int) -> Iterator[slice]:
+    """Yield chunks of lines, each of one group and of at most ``max_lines`` lines."""
     ends = [0, *(np.flatnonzero(np.diff(groups)) + 1), len(groups)]
     for first, last in pairwise(ends):
-        for start in range(int(first), int(last), most):
-            yield slice(start, min(start + most, int(last)))
+        for start in range(int(first), int(last), max_lines):
+            yield slice(start, min(start + max_lines, int(last)))
 
 
 def _flat(columns: Real) -> Real:
-    """(.., n) to (rows, n)."""
+    """Reshape (.., n) to (rows, n)."""
     return columns.reshape(int(np.prod(columns.shape[:-1])), columns.shape[-1])

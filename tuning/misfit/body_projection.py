@@ -1,13 +1,14 @@
-r"""What counts of the channels of one body: never more numbers than a body has motions.
+"""Projection of a body's weighted channels onto its six motions, without loss.
 
-What moves bodies moves the channels of one body by L q, L known and q six numbers, whatever else
-varies. With weights W = V^1/2 in a full matrix or one by one, and W L = Q R,
+Motion of bodies changes the channels of one body by L q, with L known and q six numbers for each
+line and input. With W the square root of the weights, diagonal or a full matrix, and the QR
+factorisation W L = Q R,
 
-    (W L q)' (W L p) = (Q' W L q)' (Q' W L p),    (W L q)' W r = (Q' W L q)' Q' W r,
+    (W L q)' (W L p) = (Q' W L q)' (Q' W L p),    (W L q)' W r = (Q' W L q)' Q' W r.
 
-so that Q' W, at most six rows for each line and input, counts as all channels do: nothing is lost,
-and a body of twelve channels costs half. Only where sensors themselves change in a way that all
-share do all channels count one by one.
+The at most six rows of Q' W thus give all products that the normal equations need, and a body with
+twelve channels costs half. All channels are kept only where shared coordinates change the sensors
+themselves.
 """
 
 from collections.abc import Sequence
@@ -16,70 +17,77 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.words import Complex, Integers, Mask, Real
-from tuning.misfit.reduction import Root
+from tuning.misfit.reduction import BodyWeightRoot
 
-_MOTIONS = 6
+_N_MOTIONS = 6  # translations and rotations of a body
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """The channels of one body.
+class BodyProjection:
+    """Projection of the channels of one body.
 
     Args:
-        rows: of the channels; (n_row,).
-        at: where it stands among all views' numbers; m of them.
-        matrix: Q' W, or W; (n_freq, n_in, m, n_row).
-        body: which columns of L are not zero: the body's.
-        frame: L there; (n_row, 6).
-        aim: Q' times the weighted residual; (n_freq, n_in, 2, m).
+        rows: rows of the channels; (n_row,).
+        span: position of its m values among those of all projections.
+        matrix: Q' W, or W if all channels are kept; (n_freq, n_in, m, n_row).
+        body_columns: columns of L that belong to the body.
+        rigid_motion: L in these columns; (n_row, 6).
+        target: Q' times the weighted residual; (n_freq, n_in, 2, m).
     """
 
     rows: Integers
-    at: slice
+    span: slice
     matrix: Real
-    body: slice
-    frame: Real
-    aim: Real
+    body_columns: slice
+    rigid_motion: Real
+    target: Real
 
 
-def views(
-    readout: Real, root: Real, aim: Complex, mixing: Sequence[Root], *, whole: bool
-) -> tuple[View, ...]:
-    """The channels of each body.
+def body_projections(
+    readout: Real,
+    root: Real,
+    target: Complex,
+    body_roots: Sequence[BodyWeightRoot],
+    *,
+    all_channels: bool,
+) -> tuple[BodyProjection, ...]:
+    """Return the projection of the channels of each body.
 
     Args:
         readout: L; (n_out, 6 n_body).
-        root: weights of channels one by one; (n_freq, n_out, n_in).
-        aim: weighted residual, the same shape.
-        mixing: what weighs channels of a body together beside ``root``.
-        whole: whether all channels count, one by one.
+        root: square roots of the weights of single channels; (n_freq, n_out, n_in).
+        target: weighted residual; (n_freq, n_out, n_in).
+        body_roots: weights that a body's channels have together, besides ``root``.
+        all_channels: whether all channels are kept.
     """
-    blocks: Mask = np.any(readout.reshape(len(readout), -1, _MOTIONS), axis=2)
+    blocks: Mask = np.any(readout.reshape(len(readout), -1, _N_MOTIONS), axis=2)
     body_of = np.where(blocks.any(axis=1), blocks.argmax(axis=1), -1)
-    found: list[View] = []
+    projections: list[BodyProjection] = []
     start = 0
     for body in np.unique(body_of):
         rows = np.flatnonzero(body_of == body)
-        span = slice(_MOTIONS * max(body, 0), _MOTIONS * max(body, 0) + _MOTIONS)
-        frame, matrix = readout[rows, span], _weights(rows, root, mixing)
-        aims = aim[:, rows].transpose(0, 2, 1)
-        if len(rows) > _MOTIONS and not whole:
-            across = np.linalg.qr(matrix @ frame)[0].swapaxes(2, 3)
-            matrix, aims = across @ matrix, (across @ aims[..., None])[..., 0]
+        columns = slice(_N_MOTIONS * max(body, 0), _N_MOTIONS * max(body, 0) + _N_MOTIONS)
+        rigid_motion, matrix = readout[rows, columns], _weights(rows, root, body_roots)
+        targets = target[:, rows].transpose(0, 2, 1)
+        if len(rows) > _N_MOTIONS and not all_channels:
+            basis = np.linalg.qr(matrix @ rigid_motion)[0].swapaxes(2, 3)
+            matrix, targets = basis @ matrix, (basis @ targets[..., None])[..., 0]
         end = start + matrix.shape[2]
-        parts = np.stack([aims.real, aims.imag], axis=2)
-        found.append(View(rows, slice(start, end), matrix, span, frame, parts))
+        parts = np.stack([targets.real, targets.imag], axis=2)
+        projections.append(
+            BodyProjection(rows, slice(start, end), matrix, columns, rigid_motion, parts)
+        )
         start = end
-    return tuple(found)
+    return tuple(projections)
 
 
-def _weights(rows: Integers, root: Real, mixing: Sequence[Root]) -> Real:
-    """W of some channels; (n_freq, n_in, n_row, n_row)."""
-    own = root[:, rows].transpose(0, 2, 1)
-    matrix: Real = own[..., None] * np.eye(len(rows))
-    for one in mixing:
-        here = np.isin(rows, one.rows)
-        if here.any():
-            chosen = np.ix_(here, here)
-            matrix[:, :, chosen[0], chosen[1]] = one.root @ matrix[:, :, chosen[0], chosen[1]]
+def _weights(rows: Integers, root: Real, body_roots: Sequence[BodyWeightRoot]) -> Real:
+    """Return W of some channels; (n_freq, n_in, n_row, n_row)."""
+    diagonal = root[:, rows].transpose(0, 2, 1)
+    matrix: Real = diagonal[..., None] * np.eye(len(rows))
+    for body in body_roots:
+        is_weighted = np.isin(rows, body.rows)
+        if is_weighted.any():
+            block = np.ix_(is_weighted, is_weighted)
+            matrix[:, :, block[0], block[1]] = body.root @ matrix[:, :, block[0], block[1]]
     return matrix

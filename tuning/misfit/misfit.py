@@ -1,21 +1,25 @@
-r"""What tuning minimises: minus the logarithm of the posterior density, with exact derivatives.
+"""Misfit that tuning minimises: minus the log posterior density, with exact derivatives.
 
     J(x) = sum |r|^2 / (var + a^2 |H_point|^2) + 1/2 sum x_prior^2
 
-over all measured values, var = E|error|^2 (real plus imaginary part), x in standard deviations
-where the drawing has a tolerance. The residual r is the difference H_model - H_measured, or at
-first the logarithm of the ratio,
+The first sum runs over all measured values, with var = E|error|^2 (real plus imaginary part); the
+second over the coordinates with a prior, in standard deviations. The minimum of J is the maximum a
+posteriori estimate. The residual r is the difference H_model - H_measured, or in the first stages
+the logarithm of the ratio,
 
     r = |H_measured| log(H_model / H_measured),
 
-the only one that found the same minimum from every start: of small errors it is the difference up
-to a phase. a is the allowance: an error that the model may have anyway, relative to |H_point|, the
-length of the measured vector of all directions at one point of one test. A sensor that is one
-degree off reads 1.7 % of the motion along its other axes, however little moves along its own. A
-large allowance makes all lines count alike, resonances and valleys; none leaves the noise to weigh
-them.
+the only residual that led to one minimum from every start. For small errors it equals the
+difference up to a phase.
 
-The normal equations take d r = g dH with g = 1, or |H_measured| / H_model of the logarithm:
+a is the model-error floor: the relative model error that the fit tolerates. It is relative to
+|H_point|, the length of the vector of all directions measured at one point of one test. A sensor
+with one degree of misalignment reads 1.7 % of the motion along its other axes, even if there is
+little motion along its own. With a large floor all lines count alike, resonances and valleys;
+without a floor the noise alone weights them. Stages lower it step by step (continuation).
+
+The normal equations are the Gauss-Newton approximation of the Hessian. They follow from
+d r = g dH, with g = 1, or g = |H_measured| / H_model for the logarithm:
 
     gradient = 2 Re sum w conj(g dH) r,   N = 2 Re sum w |g|^2 conj(dH) dH,   w = 1 / (var + ..).
 """
@@ -28,329 +32,414 @@ import numpy as np
 
 from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Linearised, Model
-from tuning.misfit.accumulation import Freed, Own, Probed, Runs, blocks_of
-from tuning.misfit.batch import batches
-from tuning.misfit.body_projection import View, views
-from tuning.misfit.normal_equations import Arrow, Quadratic
-from tuning.misfit.partition import shares
-from tuning.misfit.reduction import Root, roots, weighed
-from tuning.misfit.weights import Weighted, at_centres, weigh
-from tuning.parametrisation.parametrisation import Freedom
+from tuning.misfit.accumulation import (
+    FreeForceReduction,
+    ProbedEquations,
+    SensorColumns,
+    WeightedJacobian,
+    probe_blocks,
+)
+from tuning.misfit.batch import batch_tests
+from tuning.misfit.body_projection import BodyProjection, body_projections
+from tuning.misfit.normal_equations import ArrowMatrix, QuadraticModel
+from tuning.misfit.partition import partition_coordinates
+from tuning.misfit.reduction import BodyWeightRoot, apply_body_weights, body_weight_roots
+from tuning.misfit.weights import WeightedBatch, weight_at_bodies, weight_batch
+from tuning.parametrisation.parametrisation import Parametrisation
 
 
 @dataclass(frozen=True, eq=False)
-class _Side:
-    """What a linearised batch brings to the normal equations, summed over the tests of an input.
+class _BatchSums:
+    """Residuals and weights of a linearised batch, summed over the tests of each input.
 
     Args:
-        lines: the model at theta.
+        lines: model at theta.
         values: sum w |r|^2; (n_freq,).
         curvature: sum w |g|^2, 1/2 where bodies are weighted; (n_freq, n_out, n_in).
-        pull: sum w conj(g) r, complex; the same shape.
-        roots: of the weights of bodies, if these count.
+        weighted_residual: sum w conj(g) r, complex; (n_freq, n_out, n_in).
+        body_roots: square roots of the weights of bodies, if residuals count there.
     """
 
     lines: Linearised
     values: Real
     curvature: Real
-    pull: Complex
-    roots: tuple[Root, ...]
+    weighted_residual: Complex
+    body_roots: tuple[BodyWeightRoot, ...]
 
 
 class Misfit:
-    """J over a campaign as a function of x.
+    """J of a campaign as a function of x.
 
     Args:
         model: machine and Parts.
-        campaign: its lines are those that count.
-        freedom: coordinates of the parameters.
-        allowance: a, relative to the motion of each point.
+        campaign: tests on the lines that count.
+        parametrisation: coordinates of the parameters.
+        model_error_floor: a, relative to the motion of each point.
         logarithmic: whether r is the logarithm of the ratio.
-        at_bodies: whether the difference counts at the centres of mass, with the covariance of
-            their reduction.
-        counted: lines that count, all if None; (n_freq,).
-        threads: that form the normal equations; the result does not depend on it.
+        at_bodies: whether differences count at the centres of mass, with the covariance of their
+            reduction.
+        counted: whether each line counts, all if None; (n_freq,).
+        threads: threads that form the normal equations; the result does not depend on them.
+
+    Attributes:
+        values: number of measured values that count.
     """
 
     def __init__(
         self,
         model: Model,
         campaign: Campaign,
-        freedom: Freedom,
+        parametrisation: Parametrisation,
         *,
-        allowance: float,
+        model_error_floor: float,
         logarithmic: bool = False,
         at_bodies: bool = False,
         counted: Mask | None = None,
         threads: int = 1,
     ) -> None:
-        self.model, self.freedom = model, freedom
+        self.model, self.parametrisation = model, parametrisation
         self._logarithmic, self._threads = logarithmic, threads
         lines = np.ones(len(campaign.freq_hz), bool) if counted is None else counted
         self._terms = [
-            weigh(batch, allowance, logarithmic, lines) for batch in batches(model, campaign)
+            weight_batch(batch, model_error_floor, logarithmic, lines)
+            for batch in batch_tests(model, campaign)
         ]
         if at_bodies and not logarithmic:
-            self._terms = [at_centres(term, campaign.layout) for term in self._terms]
+            self._terms = [weight_at_bodies(term, campaign.layout) for term in self._terms]
         self.values = sum(term.values for term in self._terms)
-        self._plan = shares(model, freedom, apart=not at_bodies)
+        self._partition = partition_coordinates(
+            model, parametrisation, separate_channels=not at_bodies
+        )
 
     def prior(self, x: Real) -> float:
-        """1/2 sum x_prior^2."""
-        return 0.5 * float((x[self.freedom.has_prior] ** 2).sum())
+        """Return 1/2 sum x_prior^2 [nats]."""
+        return 0.5 * float((x[self.parametrisation.has_prior] ** 2).sum())
 
     def __call__(self, x: Real) -> tuple[float, Real]:
-        """J and dJ/dx, by the adjoint method; (n_x,)."""
-        theta = self.freedom.theta(x)
+        """Return J [nats] and dJ/dx, by the adjoint method; (n_x,)."""
+        theta = self.parametrisation.theta(x)
         total, gradient = self.prior(x), np.zeros(len(theta))
         for term in self._terms:
             lines = term.batch.evaluator.at(theta)
             values, weighted, _ = self._residual(term, lines)
             total += float(values.sum())
-            gradient += lines.gradient(2 * term.batch.spread(weighted), self.freedom.free)
-        return total, self.freedom.collected(gradient, x) + self._pulled(x)
+            gradient += lines.gradient(
+                2 * term.batch.sum_by_input(weighted), self.parametrisation.free
+            )
+        return total, self.parametrisation.gradient_by_coordinates(
+            gradient, x
+        ) + self._prior_gradient(x)
 
     def value(self, x: Real) -> float:
-        """J alone."""
-        theta = self.freedom.theta(x)
-        found = (self._residual(t, t.batch.evaluator.at(theta))[0].sum() for t in self._terms)
-        return self.prior(x) + float(sum(found))
+        """Return J [nats]."""
+        theta = self.parametrisation.theta(x)
+        data = (
+            self._residual(term, term.batch.evaluator.at(theta))[0].sum() for term in self._terms
+        )
+        return self.prior(x) + float(sum(data))
 
-    def squares(self, x: Real) -> Real:
-        """|r|^2 / (var + ..) of each value that counts; (n_value,).
+    def squared_residuals(self, x: Real) -> Real:
+        """Return |r|^2 / (var + ..) of each value that counts; (n_value,).
 
         Raises:
-            ValueError: differences count at the centres of mass, or by their logarithm.
+            ValueError: the misfit uses logarithms, or weights at the centres of mass.
         """
-        found = [(w * np.abs(off) ** 2)[w > 0] for w, off in self._differences(x)]
-        return np.concatenate(found)
+        by_batch = [
+            (weight * np.abs(difference) ** 2)[weight > 0]
+            for weight, difference in self._differences(x)
+        ]
+        return np.concatenate(by_batch)
 
-    def serial(self, x: Real, lags: Sequence[int], fitted: Mask) -> float | None:
-        """What is left that neighbouring lines share: the mean of Re conj(u) u' over the values.
+    def serial_covariance(self, x: Real, lags: Sequence[int], fitted: Mask) -> float | None:
+        """Return the covariance of residuals of neighbouring lines, one fitted and one held out.
 
-        u and u' are residuals over the noise, of lines so far apart, one of which the fit saw and
-        one not. Of noise alone whose lines are independent the mean is zero, however large that
-        is: what a fit follows of it has the opposite sign among lines that it saw, which share its
-        smooth error, and the same among those that it did not see, but of one of each none. Of an
-        error that is smooth along frequency it is the mean square. Beside a mode whose half-power
-        width is less than some eight lines the error turns within the lags, and hides.
+        It is the mean of Re conj(u) u' over the values. The residuals u and u', in units of their
+        standard deviation, belong to two lines that lie a lag apart, one of which the fit saw. If
+        lines are independent, noise alone gives a mean of zero, whatever its size. The part of
+        noise that a fit follows has a negative covariance among fitted lines and a positive one
+        among held-out lines, but none between the two. A model error that is smooth along
+        frequency gives its mean square. Beside a mode whose half-power width is less than some
+        eight lines, the error turns within the lags and is missed.
 
         Args:
-            x: where; (n_x,).
-            lags: in lines, which are evenly spaced.
-            fitted: lines that the fit saw; (n_freq,).
+            x: coordinates; (n_x,).
+            lags: distances [lines]; lines are evenly spaced.
+            fitted: whether the fit saw each line; (n_freq,).
 
         Returns:
-            The mean over the lags; None where no two such lines are so far apart.
+            The mean over all lags; None if no pair of lines has such a distance.
 
         Raises:
-            ValueError: as of ``squares``.
+            ValueError: the misfit uses logarithms, or weights at the centres of mass.
         """
         shared, count = 0.0, 0
-        for weight, off in self._differences(x):
-            left = np.sqrt(weight) * off
+        for weight, difference in self._differences(x):
+            residual = np.sqrt(weight) * difference
             for lag in lags:
-                one = np.flatnonzero(fitted[:-lag] != fitted[lag:])
-                shared += float(np.vdot(left[one], left[one + lag]).real)
-                count += int(((weight[one] > 0) & (weight[one + lag] > 0)).sum())
+                first = np.flatnonzero(fitted[:-lag] != fitted[lag:])
+                shared += float(np.vdot(residual[first], residual[first + lag]).real)
+                count += int(((weight[first] > 0) & (weight[first + lag] > 0)).sum())
         return shared / count if count else None
 
-    def normal(self, x: Real) -> Quadratic:
-        """J, dJ/dx, and the normal equations of the data alone, without the prior."""
-        return self.normals(x, None)[0]
+    def quadratic_model(self, x: Real) -> QuadraticModel:
+        """Return J, dJ/dx, and the normal equations of the data, without the prior."""
+        return self.quadratic_models_by_fold(x, None)[0]
 
-    def normals(self, x: Real, folds: Integers | None) -> list[Quadratic]:
-        """The same of all lines, then of all lines but one fold, for each fold.
+    def quadratic_models_by_fold(self, x: Real, folds: Integers | None) -> list[QuadraticModel]:
+        """Return quadratic models of all lines, then of all lines but one fold, for each fold.
 
         Args:
-            x: where; (n_x,).
-            folds: of each line, from 0; (n_freq,).
+            x: coordinates; (n_x,).
+            folds: fold of each line, from 0, or None for no folds; (n_freq,).
+
+        Raises:
+            ValueError: the campaign has no tests.
         """
-        theta = self.freedom.theta(x)
-        sums: list[Quadratic] = []
+        theta = self.parametrisation.theta(x)
+        sums: list[QuadraticModel] = []
         for term in self._terms:
             lines = term.batch.evaluator.at(theta)
             groups = np.zeros(len(lines.values), int) if folds is None else folds
-            found = self._quadratics(term, lines, x, groups)
-            sums = [_plus(*pair) for pair in zip(sums, found, strict=True)] if sums else found
+            of_groups = self._batch_quadratics(term, lines, x, groups)
+            sums = (
+                [_add(*pair) for pair in zip(sums, of_groups, strict=True)] if sums else of_groups
+            )
         if not sums:
-            raise ValueError("a campaign without tests has no normal equations")
-        value, gradient, normal = reduce(_plus, sums)
-        whole = value + self.prior(x), gradient + self._pulled(x), normal
-        return [whole] if folds is None else [whole, *(_minus(whole, fold) for fold in sums)]
+            raise ValueError("the campaign has no tests, and thus no normal equations")
+        value, gradient, normal = reduce(_add, sums)
+        whole = value + self.prior(x), gradient + self._prior_gradient(x), normal
+        return [whole] if folds is None else [whole, *(_subtract(whole, fold) for fold in sums)]
 
-    def probed(self, x: Real, probes: Freedom) -> Probed:
-        """How further coordinates bear on what varies; they are not asked about each other.
+    def probe_coordinates(self, x: Real, probes: Parametrisation) -> ProbedEquations:
+        """Return the normal equations with their coupling to further coordinates (probes).
+
+        Couplings between the probes of different Parts are left out.
 
         Args:
-            x: where; (n_x,).
-            probes: of the same model, with nothing that varies here.
+            x: coordinates; (n_x,).
+            probes: parametrisation of the same model, with nothing that varies here.
         """
-        theta = self.freedom.theta(x)
-        _, gradient, normal = self.normal(x)
+        theta = self.parametrisation.theta(x)
+        _, gradient, normal = self.quadratic_model(x)
         size = probes.size
-        found = Probed(
+        probed = ProbedEquations(
             gradient,
             normal,
-            np.zeros((self.freedom.size, size)),
+            np.zeros((self.parametrisation.size, size)),
             np.zeros((size, size)),
             np.zeros(size),
         )
-        plan = shares(self.model, probes, apart=False)
+        partition = partition_coordinates(self.model, probes, separate_channels=False)
         zero = np.zeros(size)
         for term in self._terms:
-            side = self._side(term, term.batch.evaluator.at(theta))
-            forward = side.lines.forward(plan.shared, probes.rates(zero))
-            runs = self._runs(side, x, whole=forward.reads)
-            runs.probe(Runs(plan, forward, runs.views), blocks_of(self.model, probes), found)
-        return found
+            sums = self._sum_batch(term, term.batch.evaluator.at(theta))
+            forward = sums.lines.sensitivities(partition.shared_parameters, probes.rates(zero))
+            jacobian = self._jacobian(sums, x, all_channels=forward.has_readout_terms)
+            jacobian.probe(
+                WeightedJacobian(partition, forward, jacobian.projections),
+                probe_blocks(self.model, probes),
+                probed,
+            )
+        return probed
 
-    def freed(self, x: Real, forces: Real, power: float, found: Freed) -> None:
-        """Add up what forces of free spectra take from the normal equations, each alone.
+    def add_force_reduction(
+        self, x: Real, forces: Real, power: float, reduction: FreeForceReduction
+    ) -> None:
+        """Add the reduction of the normal equations by forces of free spectra, one at a time.
 
         Args:
-            x: where; (n_x,).
-            forces: at the joints' coordinates; (nv, n_force).
-            power: variance of each, relative to the answer of the median line.
-            found: sums.
+            x: coordinates; (n_x,).
+            forces: generalised forces at the joints' coordinates; (nv, n_force).
+            power: variance of each force, relative to its response on the median line.
+            reduction: sums to which to add.
         """
-        theta = self.freedom.theta(x)
+        theta = self.parametrisation.theta(x)
         for term in self._terms:
-            side = self._side(term, term.batch.evaluator.at(theta))
-            self._runs(side, x).freed(forces, power, found)
+            sums = self._sum_batch(term, term.batch.evaluator.at(theta))
+            self._jacobian(sums, x).add_force_reduction(forces, power, reduction)
 
     def _differences(self, x: Real) -> Iterator[tuple[Real, Complex]]:
-        """Weights and differences of each batch; (n_freq, n_out, n_test)."""
-        if self._logarithmic or any(term.mixed is not None for term in self._terms):
-            raise ValueError("squares of values are those of differences at the channels")
-        theta = self.freedom.theta(x)
+        """Yield weights and differences of each batch; (n_freq, n_out, n_test)."""
+        if self._logarithmic or any(term.body_weights is not None for term in self._terms):
+            raise ValueError(
+                "squared residuals exist for differences at the channels only: "
+                "use a misfit without logarithm and without weights at bodies"
+            )
+        theta = self.parametrisation.theta(x)
         for term in self._terms:
             batch = term.batch
-            yield term.weight, batch.pick(batch.evaluator.at(theta).values) - batch.values
+            yield term.weight, batch.select_inputs(batch.evaluator.at(theta).values) - batch.values
 
-    def _pulled(self, x: Real) -> Real:
-        """Gradient of the prior."""
-        pulled: Real = np.where(self.freedom.has_prior, x, 0.0)
-        return pulled
+    def _prior_gradient(self, x: Real) -> Real:
+        """Return the gradient of the prior; (n_x,)."""
+        gradient: Real = np.where(self.parametrisation.has_prior, x, 0.0)
+        return gradient
 
-    def _residual(self, term: Weighted, lines: Linearised) -> tuple[Real, Complex, Real]:
-        """Sum w |r|^2 of each line; w conj(g) r and w |g|^2, (n_freq, n_out, n_test)."""
+    def _residual(self, term: WeightedBatch, lines: Linearised) -> tuple[Real, Complex, Real]:
+        """Return sum w |r|^2 of each line, w conj(g) r and w |g|^2.
+
+        Shapes are (n_freq,), (n_freq, n_out, n_test) and (n_freq, n_out, n_test).
+        """
         batch, weight = term.batch, term.weight
-        model = batch.pick(lines.values)
+        model = batch.select_inputs(lines.values)
         if not self._logarithmic:
-            off = model - batch.values
-            pull = weight * off if term.mixed is None else weighed(term.mixed, off)
-            return _power(off, pull), pull, weight
+            residual = model - batch.values
+            weighted = (
+                weight * residual
+                if term.body_weights is None
+                else apply_body_weights(term.body_weights, residual)
+            )
+            return _line_sums(residual, weighted), weighted, weight
         model = np.where(weight > 0, model, 1.0)
         product = model * np.where(weight > 0, batch.values, 1.0).conj()
-        off = np.log(np.abs(model)) - term.log_size + 1j * np.arctan2(product.imag, product.real)
+        residual = (
+            np.log(np.abs(model)) - term.log_size + 1j * np.arctan2(product.imag, product.real)
+        )
         power = weight * np.abs(batch.values) ** 2
-        pull = power * off / model.conj()
-        return _power(off, power * off), pull, power / np.abs(model) ** 2
+        weighted = power * residual / model.conj()
+        return _line_sums(residual, power * residual), weighted, power / np.abs(model) ** 2
 
-    def _quadratics(
-        self, term: Weighted, lines: Linearised, x: Real, groups: Integers
-    ) -> list[Quadratic]:
-        """J, gradient and normal equations of the data of one batch, for each group of lines."""
-        plan, freedom = self._plan, self.freedom
-        side = self._side(term, lines)
-        runs = self._runs(side, x)
-        found: list[Quadratic] = []
-        for group, sums in enumerate(runs.sums(groups, self._threads)):
-            shared, slope, cross, blocks, own_slopes = sums
-            gradient = np.zeros(freedom.size + 1)
-            gradient[plan.own_at] = own_slopes
-            gradient[plan.shared_at] = slope
-            arrow = Arrow(shared, cross, blocks, plan.shared_at, plan.own_at)
-            found.append((float(side.values[groups == group].sum()), gradient[:-1], arrow))
-        return found
+    def _batch_quadratics(
+        self, term: WeightedBatch, lines: Linearised, x: Real, groups: Integers
+    ) -> list[QuadraticModel]:
+        """Return the quadratic model of one batch's data for each group of lines."""
+        partition, parametrisation = self._partition, self.parametrisation
+        sums = self._sum_batch(term, lines)
+        jacobian = self._jacobian(sums, x)
+        quadratics: list[QuadraticModel] = []
+        for group, group_sums in enumerate(jacobian.sums(groups, self._threads)):
+            shared, slope, cross, blocks, block_slopes = group_sums
+            gradient = np.zeros(parametrisation.size + 1)
+            gradient[partition.block_coordinates] = block_slopes
+            gradient[partition.shared_coordinates] = slope
+            arrow = ArrowMatrix(
+                shared, cross, blocks, partition.shared_coordinates, partition.block_coordinates
+            )
+            quadratics.append((float(sums.values[groups == group].sum()), gradient[:-1], arrow))
+        return quadratics
 
-    def _side(self, term: Weighted, lines: Linearised) -> _Side:
-        spread = term.batch.spread
-        values, pull, curvature = self._residual(term, lines)
-        side = _Side(lines, values, spread(curvature.astype(complex)).real, spread(pull), ())
-        if term.mixed is not None:
-            n_in = side.pull.shape[2]
-            mixing = roots(term.mixed, term.batch.columns, n_in)
-            half = np.zeros(side.pull.shape)
-            for one in mixing:
-                half[:, one.rows] = 0.5
-            side = replace(side, curvature=half, roots=mixing)
-        return side
-
-    def _runs(self, side: _Side, x: Real, *, whole: bool = False) -> Runs:
-        """Weighted derivatives of one batch; whether all channels count one by one."""
-        plan, rates = self._plan, self.freedom.rates(x)
-        root = np.sqrt(2 * side.curvature)
-        aim = 2 * np.divide(
-            side.pull, root, out=np.zeros(root.shape, complex), where=side.curvature > 0
+    def _sum_batch(self, term: WeightedBatch, lines: Linearised) -> _BatchSums:
+        """Sum residuals and weights of a batch over the tests of each input."""
+        sum_by_input = term.batch.sum_by_input
+        values, weighted, curvature = self._residual(term, lines)
+        sums = _BatchSums(
+            lines, values, sum_by_input(curvature.astype(complex)).real, sum_by_input(weighted), ()
         )
-        for one in side.roots:
-            aim[:, one.rows] = np.einsum("ftij,fjt->fit", one.inverse, aim[:, one.rows])
-        forward = side.lines.forward(plan.shared, rates)
-        seen = views(side.lines.places.readout, root, aim, side.roots, whole=whole or forward.reads)
-        sensors = side.lines.forward(plan.of_sensors)
-        own = (
-            _own(rows, values, root, aim, seen)
-            for rows, values, _ in plan.own_columns(sensors, rates)
+        if term.body_weights is not None:
+            n_in = sums.weighted_residual.shape[2]
+            body_roots = body_weight_roots(term.body_weights, term.batch.columns, n_in)
+            half = np.zeros(sums.weighted_residual.shape)
+            for body in body_roots:
+                half[:, body.rows] = 0.5
+            sums = replace(sums, curvature=half, body_roots=body_roots)
+        return sums
+
+    def _jacobian(
+        self, sums: _BatchSums, x: Real, *, all_channels: bool = False
+    ) -> WeightedJacobian:
+        """Return the weighted derivatives of one batch.
+
+        Args:
+            sums: residuals and weights.
+            x: coordinates; (n_x,).
+            all_channels: whether channels stay apart instead of being projected onto their body's
+                motion.
+        """
+        partition, rates = self._partition, self.parametrisation.rates(x)
+        root = np.sqrt(2 * sums.curvature)
+        target = 2 * np.divide(
+            sums.weighted_residual,
+            root,
+            out=np.zeros(root.shape, complex),
+            where=sums.curvature > 0,
         )
-        return Runs(plan, forward, seen, tuple(own))
+        for body in sums.body_roots:
+            target[:, body.rows] = np.einsum("ftij,fjt->fit", body.inverse, target[:, body.rows])
+        forward = sums.lines.sensitivities(partition.shared_parameters, rates)
+        projections = body_projections(
+            sums.lines.ports.readout,
+            root,
+            target,
+            sums.body_roots,
+            all_channels=all_channels or forward.has_readout_terms,
+        )
+        sensor_slopes = sums.lines.sensitivities(partition.sensor_parameters)
+        sensors = (
+            _project_sensor(rows, values, root, target, projections)
+            for rows, values, _ in partition.sensor_columns(sensor_slopes, rates)
+        )
+        return WeightedJacobian(partition, forward, projections, tuple(sensors))
 
 
 @dataclass(frozen=True, eq=False)
-class Sparse:
-    """A misfit whose normal equations come from every so manyth of its lines.
+class SparseMisfit:
+    """Misfit whose normal equations come from evenly spaced lines only.
 
-    Bandwidths are wider than a line: lines that are left out look like those that count, and the
-    gradient, which is that of all lines, alone says where the end is.
+    Resonances are wider than a line, so that the lines left out resemble those that count. The
+    minimum does not move, because the gradient comes from all lines.
 
     Args:
-        whole: the misfit.
-        few: of the lines that count for N.
-        ratio: how many times as many there are.
+        whole: misfit of all lines.
+        thin: misfit of the lines from which N comes.
+        ratio: number of all lines over that of the thin misfit.
     """
 
     whole: Misfit
-    few: Misfit
+    thin: Misfit
     ratio: float
 
     def __call__(self, x: Real) -> tuple[float, Real]:
-        """J and dJ/dx."""
+        """Return J and dJ/dx of all lines."""
         return self.whole(x)
 
     def value(self, x: Real) -> float:
-        """J."""
+        """Return J of all lines."""
         return self.whole.value(x)
 
-    def normal(self, x: Real) -> Quadratic:
-        """J, dJ/dx, and the normal equations of few lines for all of them."""
-        return (*self.whole(x), self.few.normal(x)[2] * self.ratio)
+    def quadratic_model(self, x: Real) -> QuadraticModel:
+        """Return J and dJ/dx of all lines, and scaled normal equations of the thin lines."""
+        return (*self.whole(x), self.thin.quadratic_model(x)[2] * self.ratio)
 
 
-def _own(rows: Integers, values: Complex, root: Real, aim: Complex, seen: tuple[View, ...]) -> Own:
-    """What a sensor's own coordinates move, its derivatives (n_freq, n_row, n_in, n_own)."""
-    number = next(k for k, view in enumerate(seen) if np.isin(rows, view.rows).all())
-    view = seen[number]
-    bare = _split(values)
-    matrix = view.matrix[..., np.searchsorted(view.rows, rows)][:, :, None]
+def _project_sensor(
+    rows: Integers,
+    values: Complex,
+    root: Real,
+    target: Complex,
+    projections: tuple[BodyProjection, ...],
+) -> SensorColumns:
+    """Project a sensor's derivatives (n_freq, n_row, n_in, n_own) like the channels of its body."""
+    index = next(
+        k for k, projection in enumerate(projections) if np.isin(rows, projection.rows).all()
+    )
+    projection = projections[index]
+    slopes = _real_and_imaginary(values)
+    matrix = projection.matrix[..., np.searchsorted(projection.rows, rows)][:, :, None]
     weight = root[:, rows].transpose(0, 2, 1)[:, :, None, :, None]
-    return Own(number, matrix @ bare, weight * bare, _split(aim[:, rows, :, None])[..., 0])
+    return SensorColumns(
+        index,
+        matrix @ slopes,
+        weight * slopes,
+        _real_and_imaginary(target[:, rows, :, None])[..., 0],
+    )
 
 
-def _split(values: Complex) -> Real:
-    """Real and imaginary parts, (n_freq, n_row, n_in, n) to (n_freq, n_in, 2, n_row, n)."""
+def _real_and_imaginary(values: Complex) -> Real:
+    """Stack real and imaginary parts: (n_freq, n_row, n_in, n) to (n_freq, n_in, 2, n_row, n)."""
     return np.stack([values.real, values.imag]).transpose(1, 3, 0, 2, 4)
 
 
-def _plus(one: Quadratic, other: Quadratic) -> Quadratic:
-    return one[0] + other[0], one[1] + other[1], one[2] + other[2]
+def _add(first: QuadraticModel, second: QuadraticModel) -> QuadraticModel:
+    """Return the sum of two quadratic models."""
+    return first[0] + second[0], first[1] + second[1], first[2] + second[2]
 
 
-def _minus(one: Quadratic, other: Quadratic) -> Quadratic:
-    return one[0] - other[0], one[1] - other[1], one[2] - other[2]
+def _subtract(first: QuadraticModel, second: QuadraticModel) -> QuadraticModel:
+    """Return the difference of two quadratic models."""
+    return first[0] - second[0], first[1] - second[1], first[2] - second[2]
 
 
-def _power(one: Complex, other: Complex) -> Real:
-    """Real part of the sum of conj(one) other over each line; (n_freq,)."""
-    found: Real = np.einsum("fit,fit->f", one.conj(), other).real
-    return found
+def _line_sums(first: Complex, second: Complex) -> Real:
+    """Return Re sum conj(first) second over each line; (n_freq,)."""
+    sums: Real = np.einsum("fit,fit->f", first.conj(), second).real
+    return sums

@@ -1,23 +1,24 @@
-r"""The modal residual: frequencies, damping ratios and shapes of paired modes.
+"""Modal misfit: frequencies, damping ratios and shapes of paired modes.
 
     J = 1/N [sum_r c(r, q_r) + sum over unpaired e / 2 a^2]
     c(r, q) = 1/2 [log^2(w_q / w_r) / (sd_w^2 + a^2) + log^2(zeta_q / zeta_r) / (sd_z^2 + b^2)
                    + (1 - MAC(phi_r, y_q)) / a^2],     y_q = L T phi_q
 
-r runs over the N measured modes, q_r is the mode of the model that belongs to it, sd are relative
-standard deviations of what was measured, a and b allowances: errors that the model may have
-anyway. Poles s = w (-zeta + i sqrt(1 - zeta^2)), time convention exp(+i w t) (seed, eq. 3.4).
+r runs over the N measured modes, q_r is the model's mode that is paired with it. MAC is the modal
+assurance criterion (Allemang and Brown 1982), sd are relative standard deviations of the measured
+values, a and b model-error floors. Poles are s = w (-zeta + i sqrt(1 - zeta^2)), with time
+convention exp(+i w t) (seed, eq. 3.4).
 
-Modes are paired one to one with the least sum of c (Kuhn and Munkres). Which measured modes have a
-partner at all is decided where a search begins and kept within it; who the partner is follows
-from the least sum again at every theta, so that the cost stays continuous where modes of the
-model pass each other. Losing a mode costs what a pair at the edge of belonging costs: it never
-pays. A first stage in which damping hardly counts and every mode does finds the minimum from far
-off; with damping ratios counted from the beginning, searches end in other minima.
+Modes are paired one to one with the least sum of c (assignment problem, Kuhn 1955 and Munkres
+1957). A search decides at its start which measured modes have a partner at all. The partner itself
+is chosen anew at every theta, so that the cost stays continuous if two modes of the model change
+order. An unpaired mode costs as much as the worst admissible pair, so that losing a mode never
+pays. A first stage, in which damping hardly counts and every mode does, finds the minimum from far
+away; searches that count damping ratios from the start end in other minima.
 
-Modes tell little of some parameters. Within a search each size is therefore held, loosely, where
-the search began: log^2(theta / theta_0) / (2 N 3^2) is added, so that what no mode sees does not
-run to its bound.
+Modes say little about some parameters. Within a search each size therefore has a wide prior about
+its starting value, log^2(theta / theta_0) / (2 N 3^2). It keeps parameters on which no mode depends
+away from their bounds.
 """
 
 from copy import copy
@@ -39,23 +40,23 @@ from identification.words import (
 )
 from mbmodel import LinearisedModes, ModeEvaluator, Model
 
-_UNSEEN = 3.0  # standard deviation of a size's logarithm around where a search begins
-_STILL = 1e-10  # share of the largest motion below which a channel does not move
-_UNDAMPED = 1e-9  # measured ratio below which there is no logarithm to compare
+_START_PRIOR_SD = 3.0  # of a size's logarithm about the start of a search
+_MIN_SHAPE_RATIO = 1e-10  # of the largest motion: below it a channel does not move
+_MIN_DAMPING_RATIO = 1e-9  # a lower measured ratio has no usable logarithm
 
 
 @dataclass(frozen=True)
 class ModalStage:
-    """One minimisation of the modal residual.
+    """One minimisation of the modal misfit.
 
     Args:
-        allowance: a, relative error of frequencies and shapes that the model may have anyway.
-        damping: b, the same of damping ratios.
-        edge: e, twice the cost times a^2 beyond which two modes are no pair: 0.6 is a MAC of 0.4
-            at the same frequency, or frequencies a factor of 2.2 apart with the same shape.
+        model_error_floor: a, relative error of frequencies and shapes that the fit tolerates.
+        damping: b, relative error of damping ratios that the fit tolerates.
+        edge: e, twice the cost times a^2 beyond which two modes are no pair. At 0.6 this is a MAC
+            of 0.4 at equal frequencies, or a factor of 2.2 in frequency at equal shapes.
     """
 
-    allowance: float
+    model_error_floor: float
     damping: float
     edge: float = 0.6
 
@@ -64,13 +65,13 @@ MODAL_STAGES = (ModalStage(0.1, 5.0, 2.0), ModalStage(0.03, 0.15))
 
 
 @dataclass(frozen=True, eq=False)
-class Pairs(HasPoles):
-    """The modes of a model that belong to the measured ones.
+class ModePairs(HasPoles):
+    """Pairs of measured modes and modes of the model.
 
     Args:
-        partner: number of each measured mode's partner, -1 for none; (n_measured,).
-        mac: of the pairs, zero where there is none; (n_measured,).
-        poles: of the model's modes that oscillate, by rising frequency [rad/s]; (n_model,).
+        partner: index of each measured mode's partner, -1 for none; (n_measured,).
+        mac: MAC of each pair, zero without a partner; (n_measured,).
+        poles: poles of the model's modes that oscillate, by rising frequency [rad/s]; (n_model,).
         cost: J of these pairs.
     """
 
@@ -81,26 +82,26 @@ class Pairs(HasPoles):
 
 
 def modes_in_band(campaign: Campaign) -> ModalModel:
-    """Identify a campaign's modes inside the band, shapes at the channels that were measured.
+    """Identify a campaign's modes inside the band, with shapes at the measured channels.
 
-    Of a roving hammer the shapes are those at the points that were hit, by reciprocity.
+    For a roving hammer the shapes are those at the points that were hit, by reciprocity.
 
     Raises:
-        InputError: tests that cannot stand side by side, no cell with a known variance.
+        InputError: tests that cannot be combined, or no FRF with a known variance.
     """
-    model, found, measured = identify(campaign)
-    inside = np.arange(len(model.poles)) < found.inside.sum()
-    seen = np.asarray(measured.measured.any(axis=1), np.bool_)
-    return some_modes(model, inside, seen)
+    model, identified, measured = identify(campaign)
+    inside = np.arange(len(model.poles)) < identified.inside.sum()
+    was_measured = np.asarray(measured.measured.any(axis=1), np.bool_)
+    return select_modes(model, inside, was_measured)
 
 
-def some_modes(model: ModalModel, modes: Mask, outputs: Mask) -> ModalModel:
-    """The part of a modal model with some modes and outputs.
+def select_modes(model: ModalModel, modes: Mask, outputs: Mask) -> ModalModel:
+    """Return a modal model with some of its modes and outputs.
 
     Args:
-        model: the whole.
-        modes: which to keep; (n_mode,).
-        outputs: likewise; (n_out,).
+        model: modal model.
+        modes: whether each mode is kept; (n_mode,).
+        outputs: whether each output is kept; (n_out,).
     """
     rows = np.flatnonzero(outputs)
     return replace(
@@ -117,113 +118,129 @@ def some_modes(model: ModalModel, modes: Mask, outputs: Mask) -> ModalModel:
 
 
 class ModalCost:
-    """The cost J of modes as a function of theta, with its exact gradient.
+    """Cost J of modes as a function of theta, with its exact gradient.
 
-    Shapes are compared at channels that move in the model at all, translations alone where
-    rotations were measured beside them.
+    Shapes are compared at channels that move in the model. If translations and rotations were
+    measured, only translations count.
 
     Args:
         model: machine and Parts.
-        measured: the modes that count, all inside the band.
-        stage: allowances, and when modes are no pair.
+        measured: measured modes that count, all inside the band.
+        stage: model-error floors and the limit of pairing.
 
     Raises:
-        UsageError: no mode, an output that the machine does not have.
+        UsageError: no measured mode, or an output that the machine does not have.
     """
 
     def __init__(self, model: Model, measured: ModalModel, stage: ModalStage) -> None:
         if not len(measured.poles):
             raise UsageError("no mode was measured in the band: leave the modal residual out")
         everywhere = ModeEvaluator(model, measured.outputs)
-        moving = _moving(everywhere.at(model.drawn), measured)
+        moving = _moving_channels(everywhere.at(model.drawn), measured)
         self._evaluator = ModeEvaluator(model, [measured.outputs[k] for k in moving])
         self._measured, self._shapes = measured, measured.shapes[moving]
-        self._counts = np.ones(len(measured.poles), bool)
+        self._is_counted = np.ones(len(measured.poles), bool)
         self._sizes = np.array([parameter.positive for parameter in model.parameters], bool)
         self._start: Real | None = None
-        ratio = np.maximum(measured.damping, _UNDAMPED)
+        ratio = np.maximum(measured.damping, _MIN_DAMPING_RATIO)
         self._log_freq, self._log_damping = np.log(np.abs(measured.poles)), np.log(ratio)
-        self._by_freq = 1 / ((measured.freq_sd / measured.freq_hz) ** 2 + stage.allowance**2)
-        self._by_damping = 1 / ((measured.damping_sd / ratio) ** 2 + stage.damping**2)
-        self._by_damping[measured.damping <= _UNDAMPED] = 0.0
-        self._by_shape = 1 / stage.allowance**2
-        self._lost = 0.5 * stage.edge * self._by_shape
+        self._freq_weight = 1 / (
+            (measured.freq_sd / measured.freq_hz) ** 2 + stage.model_error_floor**2
+        )
+        self._damping_weight = 1 / ((measured.damping_sd / ratio) ** 2 + stage.damping**2)
+        self._damping_weight[measured.damping <= _MIN_DAMPING_RATIO] = 0.0
+        self._shape_weight = 1 / stage.model_error_floor**2
+        self._unpaired_cost = 0.5 * stage.edge * self._shape_weight
 
-    def begin(self, theta: Real) -> "ModalCost":
-        """The same cost, where modes without a partner at theta do not count any more."""
-        begun = copy(self)
-        begun._counts, begun._start = self.pairs(theta).partner >= 0, theta[self._sizes]
-        return begun
+    def start_at(self, theta: Real) -> "ModalCost":
+        """Return the cost of a search from theta: modes unpaired there no longer count."""
+        started = copy(self)
+        started._is_counted, started._start = self.pairs(theta).partner >= 0, theta[self._sizes]
+        return started
 
-    def pairs(self, theta: Real) -> Pairs:
-        """Who belongs to whom at theta."""
-        now = self._evaluator.at(theta)
-        chosen, cost, criterion = self._compare(now)
-        rows, columns = scipy.optimize.linear_sum_assignment(np.minimum(cost, self._lost))
-        belongs = cost[rows, columns] < self._lost
-        rows, columns = rows[belongs], columns[belongs]
-        partner, own = np.full(len(cost), -1), np.zeros(len(cost))
-        partner[rows], own[rows] = columns, criterion[rows, columns]
-        total = cost[rows, columns].sum() + (len(cost) - len(rows)) * self._lost
-        return Pairs(partner, own, now.found.poles[chosen], float(total) / len(cost))
+    def pairs(self, theta: Real) -> ModePairs:
+        """Pair measured modes and modes of the model at theta."""
+        linearised = self._evaluator.at(theta)
+        oscillating, cost, mac_matrix = self._compare(linearised)
+        rows, columns = scipy.optimize.linear_sum_assignment(np.minimum(cost, self._unpaired_cost))
+        is_pair = cost[rows, columns] < self._unpaired_cost
+        rows, columns = rows[is_pair], columns[is_pair]
+        partner, pair_mac = np.full(len(cost), -1), np.zeros(len(cost))
+        partner[rows], pair_mac[rows] = columns, mac_matrix[rows, columns]
+        total = cost[rows, columns].sum() + (len(cost) - len(rows)) * self._unpaired_cost
+        return ModePairs(
+            partner, pair_mac, linearised.modes.poles[oscillating], float(total) / len(cost)
+        )
 
     def __call__(self, theta: Real) -> tuple[float, Real]:
-        """J and dJ / dtheta in SI; (n_parameter,)."""
-        now = self._evaluator.at(theta)
-        chosen, cost, _ = self._compare(now)
-        counted = np.flatnonzero(self._counts)
+        """Return J and dJ / dtheta [1/SI]; (n_parameter,)."""
+        linearised = self._evaluator.at(theta)
+        oscillating, cost, _ = self._compare(linearised)
+        counted = np.flatnonzero(self._is_counted)
         rows, columns = scipy.optimize.linear_sum_assignment(cost[counted])
-        rows, partners = counted[rows], chosen[columns]
-        count = len(self._counts)
-        total = cost[rows, columns].sum() + (count - len(rows)) * self._lost
-        by_poles = self._pole_slopes(rows, now.found.poles[partners])
-        by_shapes = self._shape_slopes(rows, now.shapes[:, partners])
-        gradient = now.gradient(partners, by_poles, by_shapes)
+        rows, partners = counted[rows], oscillating[columns]
+        count = len(self._is_counted)
+        total = cost[rows, columns].sum() + (count - len(rows)) * self._unpaired_cost
+        pole_slopes = self._pole_slopes(rows, linearised.modes.poles[partners])
+        shape_slopes = self._shape_slopes(rows, linearised.shapes[:, partners])
+        gradient = linearised.gradient(partners, pole_slopes, shape_slopes)
         if self._start is not None:
-            factor = np.log(theta[self._sizes] / self._start) / _UNSEEN**2
-            total += 0.5 * _UNSEEN**2 * (factor**2).sum()
-            gradient[self._sizes] += factor / theta[self._sizes]
+            pull = np.log(theta[self._sizes] / self._start) / _START_PRIOR_SD**2
+            total += 0.5 * _START_PRIOR_SD**2 * (pull**2).sum()
+            gradient[self._sizes] += pull / theta[self._sizes]
         return float(total) / count, gradient / count
 
-    def _compare(self, now: LinearisedModes) -> tuple[Integers, Real, Real]:
-        """The model's modes that oscillate; c and MAC of each with each measured one."""
-        found = now.found
-        chosen = np.flatnonzero((found.poles.imag > 0) & (found.poles.real < 0))
-        criterion = mac(self._shapes, now.shapes[:, chosen])
-        ratio = np.log(np.abs(found.poles[chosen])) - self._log_freq[:, None]
-        losses = np.log(found.damping[chosen]) - self._log_damping[:, None]
-        squares = ratio**2 * self._by_freq[:, None] + losses**2 * self._by_damping[:, None]
-        cost: Real = 0.5 * (squares + (1 - criterion) * self._by_shape)
-        return chosen, cost, criterion
+    def _compare(self, linearised: LinearisedModes) -> tuple[Integers, Real, Real]:
+        """Compare each measured mode with each mode of the model that oscillates.
+
+        Returns:
+            Indices of the model's modes (n_model,), c and MAC (n_measured, n_model) each.
+        """
+        modes = linearised.modes
+        oscillating = np.flatnonzero((modes.poles.imag > 0) & (modes.poles.real < 0))
+        mac_matrix = mac(self._shapes, linearised.shapes[:, oscillating])
+        freq_log_ratio = np.log(np.abs(modes.poles[oscillating])) - self._log_freq[:, None]
+        damping_log_ratio = np.log(modes.damping[oscillating]) - self._log_damping[:, None]
+        squares = (
+            freq_log_ratio**2 * self._freq_weight[:, None]
+            + damping_log_ratio**2 * self._damping_weight[:, None]
+        )
+        cost: Real = 0.5 * (squares + (1 - mac_matrix) * self._shape_weight)
+        return oscillating, cost, mac_matrix
 
     def _pole_slopes(self, rows: Integers, poles: Complex) -> Complex:
-        """The h of dc = Re conj(h) ds; d log w = Re ds / s, d log zeta = Re (1 / Re s - 1 / s) ds.
+        """Return h of dc = Re conj(h) ds.
+
+        It follows from d log w = Re ds / s and d log zeta = Re (1 / Re s - 1 / s) ds.
 
         Args:
             rows: measured modes; (n,).
-            poles: of their partners; (n,).
+            poles: poles of their partners; (n,).
         """
-        ratio = np.log(np.abs(poles)) - self._log_freq[rows]
-        losses = np.log(-poles.real / np.abs(poles)) - self._log_damping[rows]
-        by_ratio, by_losses = ratio * self._by_freq[rows], losses * self._by_damping[rows]
-        slopes: Complex = by_ratio / poles + by_losses * (1 / poles.real - 1 / poles)
+        freq_log_ratio = np.log(np.abs(poles)) - self._log_freq[rows]
+        damping_log_ratio = np.log(-poles.real / np.abs(poles)) - self._log_damping[rows]
+        by_freq, by_damping = (
+            freq_log_ratio * self._freq_weight[rows],
+            damping_log_ratio * self._damping_weight[rows],
+        )
+        slopes: Complex = by_freq / poles + by_damping * (1 / poles.real - 1 / poles)
         return slopes.conj()
 
     def _shape_slopes(self, rows: Integers, shapes: Complex) -> Complex:
-        """The W of dc = Re conj(W) dy, for MAC = |m^H y|^2 / (m^H m y^H y); (n_out, n)."""
-        own = self._shapes[:, rows]
-        product = (own.conj() * shapes).sum(axis=0)
-        size, square = ((np.abs(part) ** 2).sum(axis=0) for part in (own, shapes))
-        seen = size * square > 0  # a mode that no channel sees has MAC 0 and no slope
-        whole = np.where(seen, size * square, 1.0)
-        share = np.abs(product) ** 2 / (whole * np.where(seen, square, 1.0))
-        slopes: Complex = (share * shapes - own * (product / whole)) * self._by_shape
+        """Return W of dc = Re conj(W) dy, for MAC = |m^H y|^2 / (m^H m y^H y); (n_out, n)."""
+        measured = self._shapes[:, rows]
+        product = (measured.conj() * shapes).sum(axis=0)
+        size, square = ((np.abs(shape) ** 2).sum(axis=0) for shape in (measured, shapes))
+        is_visible = size * square > 0  # a mode that no channel sees has MAC 0 and no slope
+        norm = np.where(is_visible, size * square, 1.0)
+        share = np.abs(product) ** 2 / (norm * np.where(is_visible, square, 1.0))
+        slopes: Complex = (share * shapes - measured * (product / norm)) * self._shape_weight
         return slopes
 
 
-def _moving(now: LinearisedModes, measured: ModalModel) -> Integers:
-    """Channels of one kind that move in the model at all, whatever its stiffness and damping."""
-    size = np.abs(now.shapes).max(axis=1, initial=0.0)
+def _moving_channels(linearised: LinearisedModes, measured: ModalModel) -> Integers:
+    """Return the channels of one kind that move in the model at any stiffness and damping."""
+    size = np.abs(linearised.shapes).max(axis=1, initial=0.0)
     rotation = np.array([dof.is_rotation for dof in measured.outputs], bool)
     kind = rotation if rotation.all() else ~rotation
-    return np.flatnonzero(kind & (size > _STILL * size[kind].max(initial=0.0)))
+    return np.flatnonzero(kind & (size > _MIN_SHAPE_RATIO * size[kind].max(initial=0.0)))

@@ -1,13 +1,14 @@
-r"""Normal equations of many sensors: dense in what all share, a block for each sensor.
+"""Normal equations of many sensors: dense in shared coordinates, one block for each sensor.
 
-A sensor's own parameters (gains, rotation, place) move its own rows alone. With shared s and
-blocks o_b the equations are an arrow,
+A sensor's own parameters (gains, rotation, position) change its own channels alone. With shared
+coordinates s and blocks o_b, the normal equations are bordered block-diagonal (an arrow matrix),
 
     [ S    C' ] [s]   [g_s]          S s + sum_b C_b' o_b = g_s
-    [ C    O  ] [o] = [g_o],         C_b s + O_b o_b = g_b,
+    [ C    O  ] [o] = [g_o],         C_b s + O_b o_b = g_b.
 
-so that the blocks are eliminated one by one (Schur complement): a machine with hundreds of sensors
-costs what its shared parameters do.
+The blocks are eliminated one by one, which leaves the Schur complement S - sum_b C_b' O_b^-1 C_b
+(Boyd and Vandenberghe, Convex Optimization, 2004, app. C.4). A machine with hundreds of sensors
+thus costs what its shared parameters cost.
 """
 
 from dataclasses import dataclass
@@ -19,103 +20,121 @@ from identification.words import Integers, Mask, Real
 
 
 @dataclass(frozen=True, eq=False)
-class Arrow:
-    """A symmetric matrix in the form above.
+class ArrowMatrix:
+    """Symmetric bordered block-diagonal (arrow) matrix.
 
     Args:
         shared: S; (n_s, n_s).
-        cross: C_b; (n_block, n_own, n_s), zero beyond a block's own.
-        own: O_b; (n_block, n_own, n_own), likewise.
-        shared_at: coordinate of each shared row; (n_s,).
-        own_at: coordinate of each row of a block, -1 where it has none; (n_block, n_own).
+        cross: C_b; (n_block, n_own, n_s), zero in rows that a block does not have.
+        blocks: O_b; (n_block, n_own, n_own), zero in rows and columns that a block does not have.
+        shared_coordinates: coordinate of each row of S; (n_s,).
+        block_coordinates: coordinate of each row of a block, -1 for a missing row;
+            (n_block, n_own).
     """
 
     shared: Real
     cross: Real
-    own: Real
-    shared_at: Integers
-    own_at: Integers
+    blocks: Real
+    shared_coordinates: Integers
+    block_coordinates: Integers
 
     @property
     def size(self) -> int:
-        """Rows of the whole matrix."""
-        return len(self.shared_at) + int((self.own_at >= 0).sum())
+        """Number of rows of the whole matrix."""
+        return len(self.shared_coordinates) + int((self.block_coordinates >= 0).sum())
 
     def diagonal(self) -> Real:
-        """(n,)."""
-        found = np.zeros(self.size + 1)
-        found[self.own_at] = np.diagonal(self.own, axis1=1, axis2=2)
-        found[self.shared_at] = np.diag(self.shared)
-        return found[:-1]
+        """Return the diagonal; (n,)."""
+        diagonal = np.zeros(self.size + 1)
+        diagonal[self.block_coordinates] = np.diagonal(self.blocks, axis1=1, axis2=2)
+        diagonal[self.shared_coordinates] = np.diag(self.shared)
+        return diagonal[:-1]
 
     def dense(self) -> Real:
-        """(n, n)."""
+        """Return the whole matrix; (n, n)."""
         n = self.size
-        whole = np.zeros((n + 1, n + 1))  # the last takes what a block does not have
-        whole[np.ix_(self.shared_at, self.shared_at)] = self.shared
-        for at, own, cross in zip(self.own_at, self.own, self.cross, strict=True):
-            whole[np.ix_(at, at)] = own
-            whole[np.ix_(at, self.shared_at)] = cross
-            whole[np.ix_(self.shared_at, at)] = cross.T
+        whole = np.zeros((n + 1, n + 1))  # the last row takes what a block does not have
+        whole[np.ix_(self.shared_coordinates, self.shared_coordinates)] = self.shared
+        for at, block, cross in zip(self.block_coordinates, self.blocks, self.cross, strict=True):
+            whole[np.ix_(at, at)] = block
+            whole[np.ix_(at, self.shared_coordinates)] = cross
+            whole[np.ix_(self.shared_coordinates, at)] = cross.T
         return whole[:n, :n]
 
-    def __add__(self, other: "Arrow") -> "Arrow":
-        """Sum with one of the same form."""
+    def __add__(self, matrix: "ArrowMatrix") -> "ArrowMatrix":
+        """Return the sum with a matrix of equal structure."""
         return self._like(
-            self.shared + other.shared, self.cross + other.cross, self.own + other.own
+            self.shared + matrix.shared, self.cross + matrix.cross, self.blocks + matrix.blocks
         )
 
-    def __sub__(self, other: "Arrow") -> "Arrow":
-        """Difference from one of the same form."""
+    def __sub__(self, matrix: "ArrowMatrix") -> "ArrowMatrix":
+        """Return the difference from a matrix of equal structure."""
         return self._like(
-            self.shared - other.shared, self.cross - other.cross, self.own - other.own
+            self.shared - matrix.shared, self.cross - matrix.cross, self.blocks - matrix.blocks
         )
 
-    def __mul__(self, factor: float) -> "Arrow":
-        """So many times as many data."""
-        return self._like(factor * self.shared, factor * self.cross, factor * self.own)
+    def __mul__(self, factor: float) -> "ArrowMatrix":
+        """Return the matrix times a factor, as for so many times as many data."""
+        return self._like(factor * self.shared, factor * self.cross, factor * self.blocks)
 
-    def _like(self, shared: Real, cross: Real, own: Real) -> "Arrow":
-        return Arrow(shared, cross, own, self.shared_at, self.own_at)
+    def _like(self, shared: Real, cross: Real, blocks: Real) -> "ArrowMatrix":
+        """Return a matrix of equal structure with other entries."""
+        return ArrowMatrix(shared, cross, blocks, self.shared_coordinates, self.block_coordinates)
 
-    def times(self, x: Real) -> Real:
-        """The matrix times a vector; (n,)."""
+    def multiply(self, x: Real) -> Real:
+        """Return the matrix times a vector; (n,)."""
         padded = np.append(x, 0.0)
-        own, shared = padded[self.own_at], padded[self.shared_at]
-        found = np.zeros(self.size + 1)
-        found[self.own_at] = np.einsum("bij,bj->bi", self.own, own) + self.cross @ shared
-        found[self.shared_at] = self.shared @ shared + np.einsum("bis,bi->s", self.cross, own)
-        return found[:-1]
+        of_blocks, of_shared = padded[self.block_coordinates], padded[self.shared_coordinates]
+        product = np.zeros(self.size + 1)
+        product[self.block_coordinates] = (
+            np.einsum("bij,bj->bi", self.blocks, of_blocks) + self.cross @ of_shared
+        )
+        product[self.shared_coordinates] = self.shared @ of_shared + np.einsum(
+            "bis,bi->s", self.cross, of_blocks
+        )
+        return product[:-1]
 
     def solve(self, right: Real, added: Real, free: Mask | None = None) -> Real:
-        """X of (A + diag(added)) x = right, zero where it is not free; (n,).
+        """Solve ``(A + diag(added)) x = right`` by Schur complement; x is zero where not free.
+
+        The reduced equations are scaled to a unit diagonal and solved by Cholesky factorisation.
+
+        Args:
+            right: right-hand side; (n,).
+            added: added to the diagonal; (n,).
+            free: whether each coordinate is free, all if None; (n,).
+
+        Returns:
+            x; (n,).
 
         Raises:
             numpy.linalg.LinAlgError: the matrix is not positive definite.
         """
         kept = np.append(np.ones(self.size, bool) if free is None else free, False)
-        more, wanted = np.append(added, 1.0), np.append(right, 0.0) * kept
-        at = self.own_at
+        extra, target = np.append(added, 1.0), np.append(right, 0.0) * kept
+        at = self.block_coordinates
         inside = kept[at][:, :, None] * kept[at][:, None, :]
         unit = np.eye(at.shape[1])
-        own = self.own * inside + unit * np.where(kept[at], more[at], 1.0)[:, None, :]
-        cross = self.cross * (kept[at][:, :, None] & kept[self.shared_at])
-        both = np.concatenate([cross, wanted[at][:, :, None]], axis=2)
-        solved = np.linalg.solve(own, both) if len(at) else both
-        chosen = kept[self.shared_at]
-        shared = self.shared * np.outer(chosen, chosen)
-        shared += np.diag(np.where(chosen, more[self.shared_at], 1.0))
+        blocks = self.blocks * inside + unit * np.where(kept[at], extra[at], 1.0)[:, None, :]
+        cross = self.cross * (kept[at][:, :, None] & kept[self.shared_coordinates])
+        both = np.concatenate([cross, target[at][:, :, None]], axis=2)
+        solved = np.linalg.solve(blocks, both) if len(at) else both
+        is_free = kept[self.shared_coordinates]
+        shared = self.shared * np.outer(is_free, is_free)
+        shared += np.diag(np.where(is_free, extra[self.shared_coordinates], 1.0))
         eliminated = np.einsum("bis,bit->st", cross, solved, optimize=True)
         reduced = shared - eliminated[:, :-1]
         scale = 1.0 / np.sqrt(np.maximum(np.diag(shared), np.finfo(float).tiny))
         factor = scipy.linalg.cho_factor(reduced * np.outer(scale, scale), check_finite=False)
-        aim = (wanted[self.shared_at] - eliminated[:, -1]) * scale
-        x_shared = scipy.linalg.cho_solve(factor, aim, check_finite=False) * scale
-        found = np.zeros(self.size + 1)
-        found[at] = (solved[:, :, -1] - solved[:, :, :-1] @ x_shared) * kept[at]
-        found[self.shared_at] = x_shared
-        x: Real = found[:-1] * kept[:-1]
+        reduced_target = (target[self.shared_coordinates] - eliminated[:, -1]) * scale
+        x_shared = scipy.linalg.cho_solve(factor, reduced_target, check_finite=False) * scale
+        solution = np.zeros(self.size + 1)
+        solution[at] = (solved[:, :, -1] - solved[:, :, :-1] @ x_shared) * kept[at]
+        solution[self.shared_coordinates] = x_shared
+        x: Real = solution[:-1] * kept[:-1]
         return x
 
 
-Quadratic = tuple[float, Real, Arrow]  # a cost, its gradient and its normal equations somewhere
+QuadraticModel = tuple[
+    float, Real, ArrowMatrix
+]  # J, its gradient and its normal equations at a point

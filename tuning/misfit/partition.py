@@ -1,4 +1,4 @@
-"""Which coordinates all channels share, and which belong to one sensor alone."""
+"""Partition of the coordinates: those that all channels share, and those of one sensor alone."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -6,100 +6,122 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.words import Complex, Integers, Mask, Real
-from mbmodel import Change, Forward, Model
-from tuning.parametrisation.parametrisation import Freedom
+from mbmodel import Change, ForwardSensitivities, Model
+from tuning.parametrisation.parametrisation import Parametrisation
 
 
 @dataclass(frozen=True, eq=False)
-class Shares:
-    """How the coordinates of a model divide.
+class CoordinatePartition:
+    """Partition of a model's coordinates for the arrow normal equations.
 
     Args:
-        shared: parameters whose columns are formed everywhere; (n_parameter,).
-        shared_at: their coordinates in that order, without doubles; (n_s,).
-        joined: which of them each shared parameter moves, None where each has its own;
+        shared_parameters: whether each parameter has columns in all channels; (n_parameter,).
+        shared_coordinates: their coordinates in that order, each once; (n_s,).
+        tie_matrix: 1 where a shared parameter has a coordinate, None if each has its own;
             (n_shared_parameter, n_s).
-        own: numbers of the Parts with coordinates of their own.
-        own_at: those coordinates; (n_block, n_own), -1 where a block has fewer.
-        of_sensors: parameters that belong to one sensor; (n_parameter,).
+        sensor_parts: indices of the Parts whose coordinates form a block each; n_block.
+        block_coordinates: coordinates of each block, -1 for missing ones; (n_block, n_own).
+        sensor_parameters: whether each parameter belongs to one sensor alone; (n_parameter,).
     """
 
-    shared: Mask
-    shared_at: Integers
-    joined: Real | None
-    own: tuple[int, ...]
-    own_at: Integers
-    of_sensors: Mask
+    shared_parameters: Mask
+    shared_coordinates: Integers
+    tie_matrix: Real | None
+    sensor_parts: tuple[int, ...]
+    block_coordinates: Integers
+    sensor_parameters: Mask
 
-    def gather(self, forward: Forward, span: slice) -> Complex:
-        """Derivatives by the shared coordinates; (n_line, n_out, n_in, n_s).
+    def shared_columns(self, forward: ForwardSensitivities, span: slice) -> Complex:
+        """Return derivatives by the shared coordinates; (n_line, n_out, n_in, n_s).
 
         Args:
             forward: derivatives by the shared parameters, times d theta / dx.
             span: lines.
         """
         columns = forward.columns(span)
-        return columns if self.joined is None else np.asarray(columns @ self.joined, complex)
+        return (
+            columns if self.tie_matrix is None else np.asarray(columns @ self.tie_matrix, complex)
+        )
 
-    def own_columns(
-        self, forward: Forward, rates: Real
+    def sensor_columns(
+        self, forward: ForwardSensitivities, rates: Real
     ) -> Iterator[tuple[Integers, Complex, Integers]]:
-        """Derivatives by each sensor's own coordinates.
+        """Yield derivatives by each sensor's own coordinates.
 
         Args:
             forward: derivatives by the parameters of sensors.
             rates: d theta / dx; (n_parameter,).
 
         Yields:
-            Rows that it touches, (n_freq, n_row, n_in, n_own), and those coordinates.
+            Rows that the sensor changes, derivatives (n_freq, n_row, n_in, n_own), and coordinates.
         """
-        model = forward.lines.model
-        pieces = zip(model.pieces(rates), model.pieces(self.of_sensors), strict=True)
-        rates_of = [rate[mask] for rate, mask in pieces]
-        for part, at in zip(self.own, self.own_at, strict=True):
-            rows, values = forward.rows(part)
-            yield rows, values * rates_of[part], at[at >= 0]
+        model = forward.solution.model
+        pieces = zip(
+            model.split_parameters(rates),
+            model.split_parameters(self.sensor_parameters),
+            strict=True,
+        )
+        rates_of_part = [rate[mask] for rate, mask in pieces]
+        for part, at in zip(self.sensor_parts, self.block_coordinates, strict=True):
+            rows, values = forward.sensor_rows(part)
+            yield rows, values * rates_of_part[part], at[at >= 0]
 
 
-def shares(model: Model, freedom: Freedom, *, apart: bool = True) -> Shares:
-    """Sensors whose coordinates are all their own, if they touch their own rows alone.
+def partition_coordinates(
+    model: Model, parametrisation: Parametrisation, *, separate_channels: bool = True
+) -> CoordinatePartition:
+    """Partition the coordinates into shared ones and a block for each sensor.
+
+    A sensor has a block if its coordinates change its own rows only.
 
     Args:
         model: machine and Parts.
-        freedom: coordinates of the parameters.
-        apart: whether rows count one by one; else sensors share those of their body.
+        parametrisation: coordinates of the parameters.
+        separate_channels: whether channels have weights of their own; if they are weighted
+            together with those of their body, there are no blocks.
     """
-    slopes = model.slopes(model.drawn, None, freedom.free)
-    frees, members = model.pieces(freedom.free), model.pieces(freedom.member)
-    shared = freedom.free.copy()
+    slopes = model.slopes(model.drawn, None, parametrisation.free)
+    free_of_parts, coordinates_of_parts = (
+        model.split_parameters(parametrisation.free),
+        model.split_parameters(parametrisation.coordinate_of),
+    )
+    shared = parametrisation.free.copy()
     spans = np.cumsum([0, *(len(part.parameters) for part in model.parts)])
-    own: list[int] = []
-    at: list[Integers] = []
-    for number, (changes, free, member) in enumerate(zip(slopes, frees, members, strict=True)):
-        mine = member[free]
-        alone = np.isin(freedom.member, mine).sum() == len(np.unique(mine)) == len(mine)
-        if apart and len(mine) and alone and _is_plain(changes):
-            own.append(number)
-            at.append(mine)
+    sensor_parts: list[int] = []
+    blocks: list[Integers] = []
+    for number, (changes, free, coordinates_of_part) in enumerate(
+        zip(slopes, free_of_parts, coordinates_of_parts, strict=True)
+    ):
+        coordinates = coordinates_of_part[free]
+        is_exclusive = (
+            np.isin(parametrisation.coordinate_of, coordinates).sum()
+            == len(np.unique(coordinates))
+            == len(coordinates)
+        )
+        if separate_channels and len(coordinates) and is_exclusive and _is_plain(changes):
+            sensor_parts.append(number)
+            blocks.append(coordinates)
             shared[spans[number] : spans[number + 1]] = False
-    own_at = np.full((len(at), max((len(mine) for mine in at), default=0)), -1)
-    for row, mine in zip(own_at, at, strict=True):
-        row[: len(mine)] = mine
-    moved = freedom.member[shared]
-    shared_at = np.array(list(dict.fromkeys(moved.tolist())), np.intp)
-    joined = (moved[:, None] == shared_at).astype(float)
-    return Shares(
+    block_coordinates = np.full(
+        (len(blocks), max((len(coordinates) for coordinates in blocks), default=0)), -1
+    )
+    for row, coordinates in zip(block_coordinates, blocks, strict=True):
+        row[: len(coordinates)] = coordinates
+    shared_members = parametrisation.coordinate_of[shared]
+    shared_coordinates = np.array(list(dict.fromkeys(shared_members.tolist())), np.intp)
+    tie_matrix = (shared_members[:, None] == shared_coordinates).astype(float)
+    return CoordinatePartition(
         shared,
-        shared_at,
-        None if len(joined) == len(shared_at) else joined,
-        tuple(own),
-        own_at,
-        freedom.free & ~shared,
+        shared_coordinates,
+        None if len(tie_matrix) == len(shared_coordinates) else tie_matrix,
+        tuple(sensor_parts),
+        block_coordinates,
+        parametrisation.free & ~shared,
     )
 
 
 def _is_plain(changes: tuple[Change, ...]) -> bool:
-    """Whether these are rows of one sensor, the same at all lines."""
+    """Return whether changes are those of one sensor's rows, equal at all lines."""
     if [change.slot for change in changes] != ["sensor"]:
         return False
     return changes[0].shape is None and not changes[0].core[:, 1:].any()

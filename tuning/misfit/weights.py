@@ -1,4 +1,4 @@
-"""Which measured values count in a misfit, and with which weight."""
+"""Weights of measured values in a misfit."""
 
 from dataclasses import dataclass, replace
 
@@ -6,77 +6,95 @@ import numpy as np
 
 from identification.words import Layout, Mask, Real
 from tuning.misfit.batch import Batch
-from tuning.misfit.reduction import Mixing, mixings
+from tuning.misfit.reduction import BodyWeight, body_weights
 
-_STILL = 1e-10
-_AUDIBLE = 25.0  # times the variance: the logarithm of a value near the noise leads astray
-# Linearity and noise of the force, relative to the motion of a point: no line is known better.
-FLOOR = 3e-4
+_MIN_MOTION_RATIO = 1e-10  # of the largest channel: below it a channel does not move
+_MIN_POWER_RATIO = 25.0  # of |H|^2 to its variance: the logarithm of noisier values is biased
+# Least relative error of any line: the force sensor's linearity and noise.
+FORCE_ERROR_FLOOR = 3e-4
 
 
 @dataclass(frozen=True, eq=False)
-class Weighted:
-    """One batch and its weights w (n_freq, n_out, n_test), or M of each body beside them."""
+class WeightedBatch:
+    """A batch of tests with its weights.
+
+    Args:
+        batch: measured values.
+        log_size: log |H_measured|, zero where that is zero; (n_freq, n_out, n_test).
+        weight: w of each value, zero where it does not count; (n_freq, n_out, n_test).
+        body_weights: M of each body if residuals count at the centres of mass, else None.
+    """
 
     batch: Batch
     log_size: Real
     weight: Real
-    mixed: tuple[Mixing, ...] | None = None
+    body_weights: tuple[BodyWeight, ...] | None = None
 
     @property
     def values(self) -> int:
-        """How many numbers count."""
-        if self.mixed is None:
+        """Number of values that count."""
+        if self.body_weights is None:
             return int((self.weight > 0).sum())
-        return sum(one.values for one in self.mixed)
+        return sum(body.values for body in self.body_weights)
 
 
-def weigh(batch: Batch, allowance: float, logarithmic: bool, counted: Mask) -> Weighted:
-    """Weights of differences, or of their logarithm, one by one.
+def weight_batch(
+    batch: Batch, model_error_floor: float, logarithmic: bool, counted: Mask
+) -> WeightedBatch:
+    """Weight the values of a batch by their variance and the model-error floor.
 
     Args:
-        batch: what was measured.
-        allowance: a, relative to the motion of each point.
-        logarithmic: whether values near the noise, and those that rest, count no more.
-        counted: lines that count; (n_freq,).
+        batch: measured values.
+        model_error_floor: a, relative to the motion of each point.
+        logarithmic: whether the residual is a logarithm; values near the noise and channels that do
+            not move have no weight then.
+        counted: whether each line counts; (n_freq,).
     """
     size = np.abs(batch.values)
-    resting = batch.evaluator.question.factor == 0  # 0 Hz, where the model's accelerance is zero
-    heard = (size > 0).any(axis=0)  # a silent channel is dead, not exactly zero
-    counts = batch.measured & heard & ~resting[:, None, None]
+    is_static = batch.evaluator.request.factor == 0  # 0 Hz, where the model's accelerance is zero
+    is_live = (size > 0).any(axis=0)  # a silent channel is dead: its FRF is not exactly zero
+    counts = batch.measured & is_live & ~is_static[:, None, None]
     if logarithmic:
-        counts = counts & (size**2 > _AUDIBLE * batch.variance) & _moving(batch)
-    point = _point_power(batch)
-    allowed = batch.variance + max(allowance, FLOOR) ** 2 * point
-    counts = counts & (allowed > 0) & counted[:, None, None]
-    weight = np.where(counts, 1.0 / np.where(counts, allowed, 1.0), 0.0)
-    return Weighted(batch, np.log(np.where(size > 0, size, 1.0)), weight)
+        counts = counts & (size**2 > _MIN_POWER_RATIO * batch.variance) & _is_moving(batch)
+    point_power = _point_power(batch)
+    total_variance = batch.variance + max(model_error_floor, FORCE_ERROR_FLOOR) ** 2 * point_power
+    counts = counts & (total_variance > 0) & counted[:, None, None]
+    weight = np.where(counts, 1.0 / np.where(counts, total_variance, 1.0), 0.0)
+    return WeightedBatch(batch, np.log(np.where(size > 0, size, 1.0)), weight)
 
 
-def at_centres(term: Weighted, layout: Layout) -> Weighted:
-    """Weights at the centres of mass; channels whose body they do not determine count no more."""
+def weight_at_bodies(term: WeightedBatch, layout: Layout) -> WeightedBatch:
+    """Weight a batch at the centres of mass.
+
+    Channels of a body whose motion they do not determine have no weight.
+
+    Args:
+        term: batch with a weight for each channel.
+        layout: bodies and points.
+    """
     counts = term.weight > 0
     variance = 1 / np.where(counts, term.weight, 1.0)
-    outputs = term.batch.evaluator.question.outputs
-    return replace(term, mixed=mixings(layout, outputs, variance, counts))
+    outputs = term.batch.evaluator.request.outputs
+    return replace(term, body_weights=body_weights(layout, outputs, variance, counts))
 
 
-def _moving(batch: Batch) -> Mask:
-    """Channels that move in the model at all; a zero has no logarithm; (n_out, n_test).
+def _is_moving(batch: Batch) -> Mask:
+    """Return whether each channel moves in the nominal model; (n_out, n_test).
 
-    Which those are lies in the geometry, not in stiffness and damping: what a rigid direction
-    lacks shows in the gap, but nothing that is tuned here can mend it.
+    A channel that does not move has no logarithm. Whether it moves depends on the geometry, not on
+    stiffness or damping. A measured motion along a rigid direction shows in the gap, but no
+    parameter that is tuned here can produce it.
     """
     evaluator = batch.evaluator
-    answer = np.abs(batch.pick(evaluator.at(evaluator.model.drawn).values)).max(axis=0)
-    moving: Mask = answer > _STILL * answer.max(initial=0.0)
-    return moving
+    largest = np.abs(batch.select_inputs(evaluator.at(evaluator.model.drawn).values)).max(axis=0)
+    is_moving: Mask = largest > _MIN_MOTION_RATIO * largest.max(initial=0.0)
+    return is_moving
 
 
 def _point_power(batch: Batch) -> Real:
-    """|H_point|^2 for each channel: the sum over the directions of its kind at its point."""
-    outputs = batch.evaluator.question.outputs
+    """Return |H_point|^2 of each channel: the sum over the directions of its kind at its point."""
+    outputs = batch.evaluator.request.outputs
     places = [(dof.point, dof.is_rotation) for dof in outputs]
-    same = np.array([[here == there for there in places] for here in places], float)
-    power: Real = np.einsum("ij,fjt->fit", same, np.abs(batch.values) ** 2)
+    at_point = np.array([[here == there for there in places] for here in places], float)
+    power: Real = np.einsum("ij,fjt->fit", at_point, np.abs(batch.values) ** 2)
     return power

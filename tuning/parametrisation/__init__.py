@@ -1,1 +1,1 @@
-"""Which parameters vary, in which coordinates, and what the user specifies of them."""
+"""Parameters that vary, their coordinates, and what the user specifies about them."""

@@ -1,13 +1,14 @@
-r"""Which parameters of a model vary, and as which coordinates x.
+"""Coordinates x in which the parameters theta of a model vary.
 
-A size (stiffness, mass, gain) is tuned by its logarithm, anything else along a line:
+A size (stiffness, mass, gain) varies by its logarithm, any other parameter linearly:
 
-    theta = drawn exp(scale x)    or    theta = drawn + scale x.
+    theta = nominal exp(scale x)    or    theta = nominal + scale x.
 
-A parameter that the drawing knows within a tolerance has that as its scale, so that x counts
-standard deviations, the prior is exp(-x^2 / 2), and x is the pull. It is kept within 2.5 of them:
-left unbounded, tolerances swallow a fault (a sensor turned by 20 degrees leaves no excess at all).
-What the drawing does not know has scale 1 and no prior, only bounds a factor of 100 away.
+A parameter with a tolerance has the tolerance's standard deviation as its scale. Its coordinate x
+then counts standard deviations, its prior is the normal density exp(-x^2 / 2), and x is called its
+pull. It is bounded to 2.5 standard deviations, because unbounded tolerances absorb a fault: those
+of a sensor that is turned by 20 degrees would leave no gap at all. A parameter that the nominal
+model does not know has scale 1, no prior, and bounds a factor of 100 away.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,25 +20,28 @@ import numpy as np
 from identification.words import Integers, Mask, Real
 from mbmodel import Parameter
 
-_NEAR = 1e-6
-BOUND = 2.5  # standard deviations within which a tolerance is kept
+# Bound of a tolerance [standard deviations of its prior]: a wider one would let it absorb a fault.
+TOLERANCE_BOUND_SIGMA = 2.5
+_BOUND_MARGIN = 1e-6  # distance in x below which a coordinate counts as at its bound
 
 
 @dataclass(frozen=True, eq=False)
-class Freedom:
+class Parametrisation:
     """Coordinates x of a model's parameters theta.
 
     Args:
-        parameters: of the model.
-        member: coordinate of each parameter, -1 where it is fixed; (n_parameter,).
-        scale: of each parameter; (n_parameter,).
-        fixed: value in SI of those without a coordinate, of the others the drawn one.
-        has_prior: which coordinates count standard deviations; (n_x,).
-        lower, upper: bounds of x; (n_x,).
+        parameters: parameters of the model; n_parameter.
+        coordinate_of: index of each parameter's coordinate, -1 for a fixed one; (n_parameter,).
+        scale: change of each parameter (of its logarithm, for a size) per unit of x;
+            (n_parameter,).
+        fixed: value of each parameter at x = 0 [SI]; fixed parameters keep it; (n_parameter,).
+        has_prior: whether each coordinate has a standard normal prior; (n_x,).
+        lower: lower bounds of x; (n_x,).
+        upper: upper bounds of x; (n_x,).
     """
 
     parameters: tuple[Parameter, ...]
-    member: Integers
+    coordinate_of: Integers
     scale: Real
     fixed: Real
     has_prior: Mask
@@ -46,115 +50,151 @@ class Freedom:
 
     @property
     def size(self) -> int:
-        """How many coordinates there are."""
+        """Number of coordinates."""
         return len(self.lower)
 
     @cached_property
     def free(self) -> Mask:
-        """Which parameters vary; (n_parameter,)."""
-        return self.member >= 0
+        """Whether each parameter varies; (n_parameter,)."""
+        return self.coordinate_of >= 0
 
     @cached_property
     def _logarithmic(self) -> Mask:
+        """Whether each parameter varies by its logarithm; (n_parameter,)."""
         return np.array([parameter.positive for parameter in self.parameters], bool)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Name of each coordinate: of its first parameter."""
-        first = [int(np.flatnonzero(self.member == k)[0]) for k in range(self.size)]
-        return tuple(self.parameters[place].name for place in first)
+        """Name of each coordinate: the name of its first parameter."""
+        first = [int(np.flatnonzero(self.coordinate_of == k)[0]) for k in range(self.size)]
+        return tuple(self.parameters[index].name for index in first)
 
-    def _moved(self, x: Real) -> Real:
-        """Scale x of each parameter, zero where it is fixed."""
-        moved: Real = np.where(self.free, self.scale * np.append(x, 0.0)[self.member], 0.0)
-        return moved
+    def _displacement(self, x: Real) -> Real:
+        """Return ``scale x`` of each parameter, zero for a fixed one; (n_parameter,)."""
+        displacement: Real = np.where(
+            self.free, self.scale * np.append(x, 0.0)[self.coordinate_of], 0.0
+        )
+        return displacement
 
     def theta(self, x: Real) -> Real:
-        """Parameters in SI; (n_parameter,)."""
-        moved, log = self._moved(x), self._logarithmic
-        theta: Real = np.where(log, self.fixed * np.exp(np.where(log, moved, 0.0)), self.fixed)
-        return theta + np.where(log, 0.0, moved)
+        """Return the parameters at x [SI]; (n_parameter,)."""
+        displacement, log = self._displacement(x), self._logarithmic
+        theta: Real = np.where(
+            log, self.fixed * np.exp(np.where(log, displacement, 0.0)), self.fixed
+        )
+        return theta + np.where(log, 0.0, displacement)
 
     def rates(self, x: Real) -> Real:
-        """D theta / dx of each parameter by its own coordinate; (n_parameter,)."""
+        """Return d theta / dx of each parameter by its own coordinate; (n_parameter,)."""
         rates: Real = self.scale * np.where(self._logarithmic, self.theta(x), 1.0) * self.free
         return rates
 
     def coordinates(self, theta: Real) -> Real:
-        """The x of a theta; of tied parameters the mean; (n_x,)."""
+        """Return the x of a theta; tied parameters give the mean of their values; (n_x,)."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            moved = np.where(self._logarithmic, np.log(theta / self.fixed), theta - self.fixed)
-        own = np.where(self.free, moved / self.scale, 0.0)[self.free]
-        total = np.bincount(self.member[self.free], own, self.size)
-        mean: Real = total / np.bincount(self.member[self.free], minlength=self.size)
+            displacement = np.where(
+                self._logarithmic, np.log(theta / self.fixed), theta - self.fixed
+            )
+        values = np.where(self.free, displacement / self.scale, 0.0)[self.free]
+        total = np.bincount(self.coordinate_of[self.free], values, self.size)
+        mean: Real = total / np.bincount(self.coordinate_of[self.free], minlength=self.size)
         return mean
 
-    def at_bound(self, x: Real) -> Mask:
-        """Which parameters are at a bound; (n_parameter,)."""
-        return np.append(self.reached(x), False)[self.member]
+    def parameters_at_bound(self, x: Real) -> Mask:
+        """Return whether each parameter is at a bound; (n_parameter,)."""
+        return np.append(self.coordinates_at_bound(x), False)[self.coordinate_of]
 
-    def reached(self, x: Real) -> Mask:
-        """Which coordinates are at a bound; (n_x,)."""
-        reached: Mask = (x <= self.lower + _NEAR) | (x >= self.upper - _NEAR)
-        return reached
+    def coordinates_at_bound(self, x: Real) -> Mask:
+        """Return whether each coordinate is at a bound; (n_x,)."""
+        at_bound: Mask = (x <= self.lower + _BOUND_MARGIN) | (x >= self.upper - _BOUND_MARGIN)
+        return at_bound
 
-    def collected(self, gradient: Real, x: Real) -> Real:
-        """Derivatives by x of those by theta; (n_parameter,) to (n_x,)."""
-        own = (gradient * self.rates(x))[self.free]
-        found = np.zeros(self.size)
-        np.add.at(found, self.member[self.free], own)
-        return found
+    def gradient_by_coordinates(self, gradient: Real, x: Real) -> Real:
+        """Return a gradient by x from one by theta (chain rule).
 
-    def only(self, chosen: Mask, x: Real) -> "Freedom":
-        """The same with some coordinates only, the others fixed where x has them."""
-        number = np.where(chosen, np.cumsum(chosen) - 1, -1)
+        Args:
+            gradient: derivatives by theta; (n_parameter,).
+            x: coordinates; (n_x,).
+
+        Returns:
+            Derivatives by x; (n_x,).
+        """
+        terms = (gradient * self.rates(x))[self.free]
+        total = np.zeros(self.size)
+        np.add.at(total, self.coordinate_of[self.free], terms)
+        return total
+
+    def restrict(self, kept: Mask, x: Real) -> "Parametrisation":
+        """Return a parametrisation of some coordinates; the others stay fixed at x.
+
+        Args:
+            kept: whether each coordinate stays; (n_x,).
+            x: coordinates; (n_x,).
+        """
+        number = np.where(kept, np.cumsum(kept) - 1, -1)
         return replace(
             self,
-            member=np.append(number, -1)[self.member],
-            fixed=self.theta(np.where(chosen, 0.0, x)),
-            has_prior=self.has_prior[chosen],
-            lower=self.lower[chosen],
-            upper=self.upper[chosen],
+            coordinate_of=np.append(number, -1)[self.coordinate_of],
+            fixed=self.theta(np.where(kept, 0.0, x)),
+            has_prior=self.has_prior[kept],
+            lower=self.lower[kept],
+            upper=self.upper[kept],
         )
 
-    def unbounded(self) -> "Freedom":
-        """The same, tolerances beyond 2.5 too: their pulls tell where a fault hides.
+    def lift_bounds(self) -> "Parametrisation":
+        """Return a parametrisation without the 2.5-sigma bounds of tolerances.
 
-        Bounds that a user gave stay.
+        The pulls of such a fit show where a fault hides. Bounds that a user gave stay.
         """
         return replace(
             self,
-            lower=np.where(self.has_prior & (self.lower == -BOUND), -np.inf, self.lower),
-            upper=np.where(self.has_prior & (self.upper == BOUND), np.inf, self.upper),
+            lower=np.where(
+                self.has_prior & (self.lower == -TOLERANCE_BOUND_SIGMA), -np.inf, self.lower
+            ),
+            upper=np.where(
+                self.has_prior & (self.upper == TOLERANCE_BOUND_SIGMA), np.inf, self.upper
+            ),
         )
 
-    def widened(self, chosen: Mask, bound: float) -> "Freedom":
-        """The same, some tolerances as far as another bound; the others, and users' bounds, stay.
+    def widen_bounds(self, chosen: Mask, bound: float) -> "Parametrisation":
+        """Return a parametrisation in which some tolerances have a wider bound.
+
+        Other tolerances keep their bounds, and so do coordinates with bounds from the user.
 
         Args:
-            chosen: coordinates; (n_x,).
-            bound: standard deviations.
+            chosen: whether each coordinate's bounds are widened; (n_x,).
+            bound: new bound [standard deviations].
         """
-        own = chosen & self.has_prior
+        widened = chosen & self.has_prior
         return replace(
             self,
-            lower=np.where(own & (self.lower == -BOUND), -bound, self.lower),
-            upper=np.where(own & (self.upper == BOUND), bound, self.upper),
+            lower=np.where(widened & (self.lower == -TOLERANCE_BOUND_SIGMA), -bound, self.lower),
+            upper=np.where(widened & (self.upper == TOLERANCE_BOUND_SIGMA), bound, self.upper),
         )
 
-    def narrowed(self, bound: float) -> "Freedom":
-        """The same, tolerances that were widened to a bound within their usual ones again."""
-        return replace(
-            self,
-            lower=np.where(self.has_prior & (self.lower == -bound), -BOUND, self.lower),
-            upper=np.where(self.has_prior & (self.upper == bound), BOUND, self.upper),
-        )
-
-    def released(self, names: Sequence[str]) -> "Freedom":
-        """The same, some tolerances without prior and bounds: what is off there may be any size.
+    def narrow_bounds(self, bound: float) -> "Parametrisation":
+        """Return a parametrisation in which widened tolerances have the 2.5-sigma bound again.
 
         Args:
-            names: of coordinates.
+            bound: bound to which they were widened [standard deviations].
+        """
+        return replace(
+            self,
+            lower=np.where(
+                self.has_prior & (self.lower == -bound), -TOLERANCE_BOUND_SIGMA, self.lower
+            ),
+            upper=np.where(
+                self.has_prior & (self.upper == bound), TOLERANCE_BOUND_SIGMA, self.upper
+            ),
+        )
+
+    def release_priors(self, names: Sequence[str]) -> "Parametrisation":
+        """Return a parametrisation in which some tolerances have neither prior nor bounds.
+
+        A fault behind such a tolerance may then have any size.
+
+        Args:
+            names: names of the coordinates.
         """
         chosen = np.isin(np.array(self.names), list(names))
         return replace(
@@ -164,71 +204,81 @@ class Freedom:
             upper=np.where(chosen, np.inf, self.upper),
         )
 
-    def linear(self, names: Sequence[str]) -> "Freedom":
-        """The same, some sizes varied by themselves instead of by their logarithm.
+    def vary_linearly(self, names: Sequence[str]) -> "Parametrisation":
+        """Return a parametrisation in which some sizes vary linearly instead of by their logarithm.
 
-        x, (exp(scale x) - 1) / scale before, moves them by as much near the drawing; so do their
-        bounds. What makes up for another parameter in a sum does so along a straight line then.
+        The new coordinate is (exp(scale x) - 1) / scale of the old one, so that both move the size
+        equally near the nominal model; bounds are converted. If a sum of two parameters is
+        constant, the misfit's valley is straight in these coordinates.
 
         Args:
-            names: of coordinates.
+            names: names of the coordinates.
         """
-        chosen = np.isin(np.array(self.names), list(names)) & self.is_logarithm
-        own = np.append(chosen, False)[self.member]
-        scales, sizes = self.scales, zip(self.parameters, own.tolist(), strict=True)
+        chosen = np.isin(np.array(self.names), list(names)) & self.is_logarithmic
+        is_chosen = np.append(chosen, False)[self.coordinate_of]
+        scales, pairs = self.scales, zip(self.parameters, is_chosen.tolist(), strict=True)
         lower, upper = self.lower.copy(), self.upper.copy()
         for ends in (lower, upper):
             ends[chosen] = np.expm1(scales[chosen] * ends[chosen]) / scales[chosen]
         return replace(
             self,
-            parameters=tuple(replace(p, positive=False) if one else p for p, one in sizes),
-            scale=np.where(own, self.scale * self.fixed, self.scale),
+            parameters=tuple(
+                replace(parameter, positive=False) if is_linear else parameter
+                for parameter, is_linear in pairs
+            ),
+            scale=np.where(is_chosen, self.scale * self.fixed, self.scale),
             lower=lower,
             upper=upper,
         )
 
-    def extended(self, whole: "Freedom") -> "Freedom":
-        """The coordinates there are, and after them those of parameters that a model has more.
+    def extend(self, whole: "Parametrisation") -> "Parametrisation":
+        """Return a parametrisation with the additional parameters of a larger model.
 
-        Whatever a user wished of the parameters there are holds in that model too.
+        The coordinates of this parametrisation come first and keep whatever a user specified; those
+        of the additional parameters follow.
 
         Args:
-            whole: of a model with all of these parameters by name, and others anywhere among them.
+            whole: parametrisation of a model that has all parameters of this one (by name) and
+                further ones in any order.
         """
-        place = {parameter.name: k for k, parameter in enumerate(self.parameters)}
-        old = np.array([place.get(parameter.name, -1) for parameter in whole.parameters], int)
-        more = old < 0
-        own = whole.free & more
-        new = whole.member[own]
+        index_of = {parameter.name: index for index, parameter in enumerate(self.parameters)}
+        old = np.array([index_of.get(parameter.name, -1) for parameter in whole.parameters], int)
+        is_new = old < 0
+        added = whole.free & is_new
+        coordinates = whole.coordinate_of[added]
         pairs = zip(old.tolist(), whole.parameters, strict=True)
-        return Freedom(
-            tuple(other if k < 0 else self.parameters[k] for k, other in pairs),
-            member=np.where(own, self.size + np.cumsum(own) - 1, np.append(self.member, -1)[old]),
-            scale=np.where(more, whole.scale, np.append(self.scale, 1.0)[old]),
-            fixed=np.where(more, whole.fixed, np.append(self.fixed, 0.0)[old]),
-            has_prior=np.append(self.has_prior, whole.has_prior[new]),
-            lower=np.append(self.lower, whole.lower[new]),
-            upper=np.append(self.upper, whole.upper[new]),
+        return Parametrisation(
+            tuple(parameter if index < 0 else self.parameters[index] for index, parameter in pairs),
+            coordinate_of=np.where(
+                added, self.size + np.cumsum(added) - 1, np.append(self.coordinate_of, -1)[old]
+            ),
+            scale=np.where(is_new, whole.scale, np.append(self.scale, 1.0)[old]),
+            fixed=np.where(is_new, whole.fixed, np.append(self.fixed, 0.0)[old]),
+            has_prior=np.append(self.has_prior, whole.has_prior[coordinates]),
+            lower=np.append(self.lower, whole.lower[coordinates]),
+            upper=np.append(self.upper, whole.upper[coordinates]),
         )
 
-    def following(self, ties: Mapping[str, str]) -> "Freedom":
-        """The same, some parameters with the value of others, fixed where those are.
+    def tie_parameters(self, ties: Mapping[str, str]) -> "Parametrisation":
+        """Return a parametrisation in which some parameters take the value of others.
+
+        A parameter that follows a fixed one is fixed too.
 
         Args:
-            ties: name of the other parameter, of the same unit, by name.
+            ties: name of the parameter to follow, of equal unit, by name of the follower.
         """
-        place = {parameter.name: k for k, parameter in enumerate(self.parameters)}
-        member, scale, fixed = self.member.copy(), self.scale.copy(), self.fixed.copy()
-        for name, other in ties.items():
-            own, leader = place[name], place[other]
-            member[own], scale[own] = member[leader], scale[leader]
-            fixed[own] = fixed[leader]
+        index_of = {parameter.name: k for k, parameter in enumerate(self.parameters)}
+        member, scale, fixed = self.coordinate_of.copy(), self.scale.copy(), self.fixed.copy()
+        for name, followed in ties.items():
+            follower, leader = index_of[name], index_of[followed]
+            member[follower], scale[follower] = member[leader], scale[leader]
+            fixed[follower] = fixed[leader]
         kept = np.unique(member[member >= 0])
         number = np.full(self.size + 1, -1)
         number[kept] = np.arange(len(kept))
         return replace(
             self,
-            member=number[member],
+            coordinate_of=number[member],
             scale=scale,
             fixed=fixed,
             has_prior=self.has_prior[kept],
@@ -237,22 +287,22 @@ class Freedom:
         )
 
     @cached_property
-    def is_logarithm(self) -> Mask:
-        """Which coordinates are logarithms of sizes; (n_x,)."""
-        found = np.zeros(self.size, bool)
-        found[self.member[self.free]] = self._logarithmic[self.free]
-        return found
+    def is_logarithmic(self) -> Mask:
+        """Whether each coordinate is the logarithm of a size; (n_x,)."""
+        logarithmic = np.zeros(self.size, bool)
+        logarithmic[self.coordinate_of[self.free]] = self._logarithmic[self.free]
+        return logarithmic
 
     @cached_property
     def scales(self) -> Real:
         """Scale of each coordinate; (n_x,)."""
-        found = np.ones(self.size)
-        found[self.member[self.free]] = self.scale[self.free]
-        return found
+        scales = np.ones(self.size)
+        scales[self.coordinate_of[self.free]] = self.scale[self.free]
+        return scales
 
     @property
-    def is_stated(self) -> Mask:
-        """Coordinates with bounds that are no default of tolerances; (n_x,)."""
-        usual = (self.lower == -BOUND) & (self.upper == BOUND)
-        stated: Mask = ~(self.has_prior & usual)
-        return stated
+    def has_user_bounds(self) -> Mask:
+        """Whether the bounds of each coordinate differ from the default of tolerances; (n_x,)."""
+        is_default = (self.lower == -TOLERANCE_BOUND_SIGMA) & (self.upper == TOLERANCE_BOUND_SIGMA)
+        has_user_bounds: Mask = ~(self.has_prior & is_default)
+        return has_user_bounds

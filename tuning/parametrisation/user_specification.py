@@ -1,4 +1,4 @@
-"""What varies: what the drawing does not know exactly, and what a user wishes of it."""
+"""Choice of the parameters that vary: tolerances by default, and what a user specifies."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -9,22 +9,25 @@ import numpy as np
 
 from identification.words import InputError, Mask, Real, Tolerance
 from mbmodel import Model, Parameter
-from tuning.parametrisation.parametrisation import BOUND, Freedom
+from tuning.parametrisation.parametrisation import TOLERANCE_BOUND_SIGMA, Parametrisation
 
-_RELATIVE = ("mass", "inertia", "sensor_gain")
-_RANGE = float(np.log(100.0))
+_RELATIVE_TOLERANCES = ("mass", "inertia", "sensor_gain")  # fractions of the nominal value
+_FREE_RANGE_LOG = float(np.log(100.0))  # bound of a size without a prior: a factor of 100
 
 
 @dataclass(frozen=True)
-class Wishes:
-    """What a user says of parameters, by name or pattern (``*``, ``?``): ``[tuning]``.
+class UserSpecification:
+    """User specification of parameters, from ``[tuning]`` of campaign.toml.
+
+    Parameters are given by name or by pattern (``*``, ``?``).
 
     Args:
-        free: tuned outright, without a prior.
-        fix: kept as drawn.
-        prior: one standard deviation about the drawing; relative of sizes, else in SI.
-        bounds: lowest and highest value in SI.
-        ties: groups that share one factor on their drawn values, or one displacement.
+        free: parameters that vary without a prior.
+        fix: parameters that keep their nominal value.
+        prior: standard deviation about the nominal value; relative for sizes, else in SI units.
+        bounds: lowest and highest value [SI].
+        ties: groups of parameters that share one factor on their nominal values (sizes) or one
+            displacement.
     """
 
     free: Sequence[str] = ()
@@ -34,70 +37,80 @@ class Wishes:
     ties: Sequence[Sequence[str]] = ()
 
 
-def freedom(model: Model, tolerance: Tolerance, wishes: Wishes | None = None) -> Freedom:
-    """What varies by default, and what a user wishes.
+def parametrise(
+    model: Model, tolerance: Tolerance, specification: UserSpecification | None = None
+) -> Parametrisation:
+    """Return the parametrisation of a model: its default, changed by what a user specifies.
 
     Args:
         model: machine and Parts.
-        tolerance: one standard deviation of what the drawings say; zero means exactly.
-        wishes: of a user.
+        tolerance: standard deviations of what the drawings state; zero means known exactly.
+        specification: what a user specifies.
 
     Raises:
-        InputError: a pattern that fits no parameter, wishes that contradict each other.
+        InputError: a pattern that fits no parameter, or entries that contradict each other.
     """
-    wishes = wishes or Wishes()
+    specification = specification or UserSpecification()
     names = [parameter.name for parameter in model.parameters]
-    spread = np.array([_spread(one, tolerance) for one in model.parameters])
-    for pattern, deviation in wishes.prior.items():
+    prior_sd = np.array([_prior_sd(parameter, tolerance) for parameter in model.parameters])
+    for pattern, deviation in specification.prior.items():
         if not deviation > 0:
             raise InputError(f"[tuning] prior of {pattern} is {deviation:g}: give more than 0")
-        spread[matching(pattern, names)] = deviation
-    free, fixed, given = (
-        _any(patterns, names) for patterns in (wishes.free, wishes.fix, list(wishes.prior))
+        prior_sd[match_pattern(pattern, names)] = deviation
+    free, fixed, with_prior = (
+        _match_any(patterns, names)
+        for patterns in (specification.free, specification.fix, list(specification.prior))
     )
-    both = free.astype(int) + fixed + given > 1
-    if both.any():
+    conflicting = free.astype(int) + fixed + with_prior > 1
+    if conflicting.any():
         raise InputError(
-            f"[tuning] {names[int(np.argmax(both))]} stands under two of free, fix and prior: "
-            "choose one"
+            f"[tuning] {names[int(np.argmax(conflicting))]} stands under two of free, fix and "
+            "prior: choose one"
         )
-    spread[free] = np.inf
-    spread[fixed] = 0.0
-    varies = spread > 0
-    known = np.isfinite(spread)
-    member = np.where(varies, np.cumsum(varies) - 1, -1)
-    lower, upper = _bounds(model, spread, wishes, names)
-    made = Freedom(
+    prior_sd[free] = np.inf
+    prior_sd[fixed] = 0.0
+    varied = prior_sd > 0
+    has_prior = np.isfinite(prior_sd)
+    member = np.where(varied, np.cumsum(varied) - 1, -1)
+    lower, upper = _bounds(model, prior_sd, specification, names)
+    parametrisation = Parametrisation(
         model.parameters,
-        member=member,
-        scale=np.where(varies & known, spread, 1.0),
+        coordinate_of=member,
+        scale=np.where(varied & has_prior, prior_sd, 1.0),
         fixed=model.drawn,
-        has_prior=known[varies],
-        lower=lower[varies],
-        upper=upper[varies],
+        has_prior=has_prior[varied],
+        lower=lower[varied],
+        upper=upper[varied],
     )
-    return _tied(made, wishes.ties, names)
+    return _tie(parametrisation, specification.ties, names)
 
 
-def _spread(parameter: Parameter, tolerance: Tolerance) -> float:
-    """Standard deviation of x's scale: infinite if free, zero if known exactly."""
+def _prior_sd(parameter: Parameter, tolerance: Tolerance) -> float:
+    """Return the standard deviation of a tolerance: infinite if free, zero if known exactly."""
     if parameter.known == "free":
         return np.inf
     if parameter.known == "exactly":
         return 0.0
     spread = float(getattr(tolerance, parameter.known))
-    relative = parameter.known in _RELATIVE and not parameter.positive
+    relative = parameter.known in _RELATIVE_TOLERANCES and not parameter.positive
     return spread * abs(parameter.drawn) if relative else spread
 
 
-def _bounds(model: Model, spread: Real, wishes: Wishes, names: list[str]) -> tuple[Real, Real]:
-    """Bounds of x for each parameter."""
+def _bounds(
+    model: Model, prior_sd: Real, specification: UserSpecification, names: list[str]
+) -> tuple[Real, Real]:
+    """Return lower and upper bounds of x for each parameter; (n_parameter,) each."""
     positive = np.array([parameter.positive for parameter in model.parameters], bool)
-    widest = np.where(np.isfinite(spread), BOUND, np.where(positive, _RANGE, np.inf))
+    widest = np.where(
+        np.isfinite(prior_sd), TOLERANCE_BOUND_SIGMA, np.where(positive, _FREE_RANGE_LOG, np.inf)
+    )
     lower, upper = -widest, widest.copy()
-    for pattern, (low, high) in wishes.bounds.items():
-        for place in matching(pattern, names):
-            drawn, scale = model.drawn[place], spread[place] if np.isfinite(spread[place]) else 1.0
+    for pattern, (low, high) in specification.bounds.items():
+        for place in match_pattern(pattern, names):
+            drawn, scale = (
+                model.drawn[place],
+                prior_sd[place] if np.isfinite(prior_sd[place]) else 1.0,
+            )
             if not low < high or (positive[place] and low <= 0) or not low <= drawn <= high:
                 raise InputError(
                     f"[tuning] bounds of {names[place]} are {low:g} .. {high:g}: give a lower and "
@@ -110,60 +123,63 @@ def _bounds(model: Model, spread: Real, wishes: Wishes, names: list[str]) -> tup
     return lower, upper
 
 
-def _tied(made: Freedom, ties: Sequence[Sequence[str]], names: list[str]) -> Freedom:
-    """Give the parameters of each tie one coordinate."""
-    member = made.member.copy()
+def _tie(
+    parametrisation: Parametrisation, ties: Sequence[Sequence[str]], names: list[str]
+) -> Parametrisation:
+    """Return a parametrisation in which the parameters of each tie share one coordinate."""
+    coordinate_of = parametrisation.coordinate_of.copy()
     for patterns in ties:
-        places = np.flatnonzero(_any(patterns, names))
-        found = sorted({int(member[place]) for place in places})
+        places = np.flatnonzero(_match_any(patterns, names))
+        coordinates = sorted({int(coordinate_of[place]) for place in places})
         kinds = {
             (
-                made.parameters[k].positive,
-                made.parameters[k].unit,
-                float(made.scale[k]),
-                bool(np.append(made.has_prior, False)[member[k]]),
+                parametrisation.parameters[k].positive,
+                parametrisation.parameters[k].unit,
+                float(parametrisation.scale[k]),
+                bool(np.append(parametrisation.has_prior, False)[coordinate_of[k]]),
             )
             for k in places
         }
-        if not found or found[0] < 0 or len(kinds) > 1:
+        if not coordinates or coordinates[0] < 0 or len(kinds) > 1:
             raise InputError(
                 f"[tuning] {', '.join(names[k] for k in places)} cannot be tied: name parameters "
                 "of one unit and one prior that vary"
             )
-        member[np.isin(member, found[1:])] = found[0]
-    kept = np.unique(member[member >= 0])
+        coordinate_of[np.isin(coordinate_of, coordinates[1:])] = coordinates[0]
+    kept = np.unique(coordinate_of[coordinate_of >= 0])
     lower, upper = (
-        np.array([combine(values[made.member[member == k]]) for k in kept])
-        for values, combine in ((made.lower, np.max), (made.upper, np.min))
+        np.array([combine(values[parametrisation.coordinate_of[coordinate_of == k]]) for k in kept])
+        for values, combine in ((parametrisation.lower, np.max), (parametrisation.upper, np.min))
     )
-    number = np.full(made.size + 1, -1)
+    number = np.full(parametrisation.size + 1, -1)
     number[kept] = np.arange(len(kept))
     return replace(
-        made,
-        member=number[member],
-        has_prior=made.has_prior[kept],
+        parametrisation,
+        coordinate_of=number[coordinate_of],
+        has_prior=parametrisation.has_prior[kept],
         lower=lower.reshape(-1),
         upper=upper.reshape(-1),
     )
 
 
-def _any(patterns: Sequence[str], names: list[str]) -> Mask:
+def _match_any(patterns: Sequence[str], names: list[str]) -> Mask:
+    """Return whether each name fits any of the patterns; (n_parameter,)."""
     chosen = np.zeros(len(names), bool)
     for pattern in patterns:
-        chosen[matching(pattern, names)] = True
+        chosen[match_pattern(pattern, names)] = True
     return chosen
 
 
-def matching(pattern: str, names: list[str]) -> list[int]:
-    """Numbers of the names that a pattern fits.
+def match_pattern(pattern: str, names: list[str]) -> list[int]:
+    """Return the indices of the names that a pattern fits.
 
     Raises:
-        InputError: none, with the nearest name.
+        InputError: the pattern fits no name; the message gives the nearest one.
     """
-    found = [k for k, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]
-    if not found:
+    indices = [k for k, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]
+    if not indices:
         near = get_close_matches(pattern, names, 1, 0.0)
         raise InputError(
             f"[tuning] {pattern!r} fits no parameter: did you mean {near[0] if near else 'none'}?"
         )
-    return found
+    return indices

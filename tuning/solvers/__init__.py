@@ -1,1 +1,1 @@
-"""Minimisers: our bounded Gauss-Newton method and NLopt."""
+"""Minimisers: a bounded Gauss-Newton method, and NLopt."""

@@ -1,26 +1,29 @@
-r"""Gauss-Newton between bounds, damped as by Levenberg and Marquardt.
+"""Gauss-Newton method within bounds, with Levenberg-Marquardt damping.
 
-Each step minimises the quadratic model inside the bounds,
+Each step minimises a quadratic model of J within the bounds,
 
     min_d  g'd + 1/2 d'(N + D + l diag(N + D)) d,    lower <= x + d <= upper,
 
-by an active set: what would cross a bound is put on it, what a bound holds back against the slope
-is let go. D is the prior's precision, l the damping, which falls by ten when a step does what its
-model promises and rises by ten when it does not (Nocedal and Wright 2006, ch. 10.3 and 16.5). As
-long as steps do what N promises to 3 %, N is kept and only the gradient computed anew, which
-costs a tenth of it: the end is as sharp, since the gradient alone says where it is.
+by an active-set method: a coordinate that would cross a bound is put on it, and one that the slope
+drives inwards is released. D is the precision of the prior, l the damping. The damping falls
+tenfold after a step that decreases J as predicted and rises tenfold after one that does not
+(Nocedal and Wright 2006, ch. 10.3 and 16.5).
 
-Where residuals are large N lacks their curvature, and each step goes too far by the same factor:
-errors shrink slowly, to and fro. A step of which a parabola through J, its slope and what was
-reached says that it should have been longer or shorter by 15 % is tried at that length too (ch.
-3.5), which costs one J.
+N is kept as long as steps decrease J as N predicts, to within 3 %. Only the gradient is then
+computed anew, at a tenth of the cost. The minimum is as accurate, since the gradient alone
+determines it.
 
-Where residuals turn while their size stays, N has a hundred times the curvature of J along the
-bottom of a valley, and each step goes a hundredth of the way, always as promised. There, on demand,
-conjugate gradients solve for the step with J's own curvature, which differences of its gradient
-tell, and with N as the preconditioner (Steihaug 1983; ch. 7.1): all but the few directions that N
-gets wrong are done in the first of their rounds. It goes no farther than a trust radius in units
-of the Gauss-Newton step, along directions without curvature as far as that.
+If residuals are large, N lacks their curvature, and every step is too long by one factor: errors
+alternate and fall slowly. A parabola through J, its slope and the value after the step then gives
+the best length; a length that differs by 15 % or more is tried too (ch. 3.5), at the cost of one J.
+
+If residuals rotate in the complex plane at constant size, N has a hundred times the curvature of J
+along the bottom of a valley. Each step then covers a hundredth of the way, always as predicted.
+In this case, if requested, the step is computed with the exact curvature of J, from differences of
+its gradient. The method is conjugate gradients with N as the preconditioner (truncated Newton
+method, Steihaug 1983; ch. 7.1). Most directions are solved in the first iteration, namely all but
+the few for which N is wrong. A trust radius in units of the Gauss-Newton step limits the step, also
+along directions of negative curvature.
 """
 
 from collections.abc import Callable
@@ -30,72 +33,73 @@ from typing import Protocol
 import numpy as np
 
 from identification.words import Mask, Real
-from tuning.misfit.normal_equations import Arrow, Quadratic
-from tuning.solvers.nlopt_solver import INTERRUPTED, Minimum, Outcome
+from tuning.misfit.normal_equations import ArrowMatrix, QuadraticModel
+from tuning.solvers.nlopt_solver import INTERRUPTED_ADVICE, Minimum, Outcome
 
-# Of a coordinate without a prior: a factor of 2 in stiffness. As a bound of each coordinate, not a
-# scale of the whole step, which one hardly visible damping would hold back.
+# Largest step of a coordinate without a prior: a factor of 2 in stiffness. It bounds each
+# coordinate on its own: scaling the whole step would let a barely visible damping hold it back.
 LARGEST_STEP = 0.7
-_KEPT = 0.03  # by which a step may miss its promise for the normal equations to be kept
-_LONGEST = 2.0  # of what N says, that a step may become
-_OFF = 0.15  # by which a step's best length must miss it for another to be tried
-_CREEPS = 0.5  # of what the step before promised: who promises more hardly comes nearer
-_SLIGHT = 0.03  # of what is enough, that a step may promise whose curvature is asked for
-_ROUNDS_OF_CG = 12
-_SOLVED = 0.01  # of the gradient, in the metric of the preconditioner, that they may leave
-_DIFFERENCE = 0.1  # of the Gauss-Newton step, over which gradients are compared
-_SHORTER = 3.0  # times, while a longer step does not help, and how often
-_TRIES = 3
-_STUCK = 1e9  # damping at which no step helps any more
-_ROUNDS = 200
-_FLAT = 1e-12  # of the largest diagonal: keeps directions that nothing sees where they are
+_MAX_PREDICTION_ERROR = 0.03  # of the predicted decrease: normal equations are kept up to here
+_MAX_STEP_FACTOR = 2.0  # by which a line search may lengthen the Gauss-Newton step
+_MIN_LENGTH_CHANGE = 0.15  # of a step: smaller corrections of its length are not tried
+_STALLED_RATIO = 0.5  # of the previous predicted decrease: a step that predicts more has stalled
+_MIN_CURVATURE_GAIN = 0.03  # of the stopping threshold: less predicted decrease is not worth CG
+_MAX_CG_ITERATIONS = 12
+_CG_TOLERANCE = 0.01  # of the squared initial residual in the preconditioner's metric
+_GRADIENT_DIFFERENCE_STEP = 0.1  # of the Gauss-Newton step: between gradients compared
+_RADIUS_FACTOR = 3.0  # by which the trust radius grows and shrinks
+_MAX_RADIUS_TRIES = 3
+_MAX_DAMPING = 1e9  # beyond it, no step lowers J
+_MAX_ACTIVE_SET_ITERATIONS = 200
+_MIN_DIAGONAL = 1e-12  # of the largest diagonal: fixes directions that the data do not depend on
 
 
 class Problem(Protocol):
-    """What is minimised."""
+    """Function to minimise, with its Gauss-Newton model."""
 
     def __call__(self, x: Real) -> tuple[float, Real]:
-        """J and its gradient."""
+        """Return J and its gradient."""
 
     def value(self, x: Real) -> float:
-        """J."""
+        """Return J."""
 
-    def normal(self, x: Real) -> Quadratic:
-        """J, its gradient, the normal equations without the prior."""
+    def quadratic_model(self, x: Real) -> QuadraticModel:
+        """Return J, its gradient, and the normal equations without the prior."""
 
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Where x may lie, and the precision of its prior.
+    """Bounds of x, and the precision of its prior.
 
     Args:
-        lower, upper: (n,).
-        precision: 1 where a prior counts, else 0; (n,).
-        farthest: how far one step may go; by default 0.7 where no prior counts; (n,).
+        lower: lower bounds; (n,).
+        upper: upper bounds; (n,).
+        precision: 1 for a coordinate with a prior, else 0; (n,).
+        max_step: largest step of each coordinate; if None, 0.7 without a prior; (n,).
     """
 
     lower: Real
     upper: Real
     precision: Real
-    farthest: Real | None = None
+    max_step: Real | None = None
 
     @property
-    def limit(self) -> Real:
-        """How far one step may go; (n,)."""
-        if self.farthest is not None:
-            return self.farthest
+    def step_limit(self) -> Real:
+        """Largest step of each coordinate; (n,)."""
+        if self.max_step is not None:
+            return self.max_step
         return np.where(self.precision == 0, LARGEST_STEP, np.inf)
 
 
 @dataclass
 class _State:
-    """Where a search stands."""
+    """Current state of a search."""
 
     x: Real
     damping: float = 1e-3
     evaluations: int = 0
-    creeping: bool = False
-    radius: float = 10.0  # of a step by J's own curvature, in Gauss-Newton steps
+    is_stalled: bool = False
+    radius: float = 10.0  # trust radius of steps by exact curvature [Gauss-Newton steps]
 
 
 def gauss_newton(  # noqa: PLR0913  # one for each option
@@ -103,245 +107,291 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
     start: Real,
     box: Box,
     *,
-    known: Arrow | None = None,
+    initial_normal: ArrowMatrix | None = None,
     damping: float = 1e-3,
-    promise: float = 0.01,
+    min_gain_nats: float = 0.01,
     tolerance: float = 1e-7,
     max_steps: int = 60,
-    curved: bool = False,
+    exact_curvature: bool = False,
     report: Callable[[int, float], None] | None = None,
 ) -> Minimum:
-    """Minimise a sum of squares.
+    """Minimise a sum of squares with priors within bounds.
 
     The stopping rules count steps, never time. A keyboard interrupt ends the search and keeps the
     best point.
 
     Args:
-        problem: with its normal equations.
-        start: (n,); clipped to the box.
+        problem: function with its normal equations.
+        start: start of the search, clipped to the bounds; (n,).
         box: bounds and prior.
-        known: normal equations near the start, or of fewer lines, where somebody has them: kept
-            as long as steps do what they promise.
-        damping: l at first; next to none where the start is near the end.
-        promise: it ends when the next step will promise less, in nats;
-        tolerance: or less than this part of J.
-        max_steps: at which to stop.
-        curved: whether steps that creep are made longer by J's own curvature.
-        report: told the evaluation's number and the best value so far.
+        initial_normal: normal equations near the start or of fewer lines, if available; they are
+            kept as long as steps decrease J as predicted.
+        damping: initial damping l; small if the start is close to the minimum.
+        min_gain_nats: the search ends when the next step is predicted to decrease J by less,
+        tolerance: or by less than this part of J.
+        max_steps: number of steps after which the search stops.
+        exact_curvature: whether stalled steps are replaced by steps with the exact curvature of J.
+        report: called with the number of evaluations and the best value so far.
     """
     state = _State(np.clip(start, box.lower, box.upper), damping)
-    value, before = np.inf, {True: 0.0, False: 0.0}  # promised last, with N fresh or kept
-    kept = known  # None where N is to be made anew
+    value, before = np.inf, {True: 0.0, False: 0.0}  # last prediction, by whether N was new
+    kept_normal = initial_normal  # None: N is to be formed at the next point
     try:
         for _ in range(max_steps):
-            fresh = kept is None
-            here = problem.normal(state.x) if kept is None else (*problem(state.x), kept)
+            is_new = kept_normal is None
+            here = (
+                problem.quadratic_model(state.x)
+                if kept_normal is None
+                else (*problem(state.x), kept_normal)
+            )
             state.evaluations += 1
-            old, gradient, normal = here
+            previous, gradient, normal = here
             if report is not None:
-                report(state.evaluations, old)
-            if not (np.isfinite(old) and np.isfinite(gradient).all()):
-                return _ended(state, old, "failed", "a value that is not finite")
-            enough = promise + tolerance * old
-            promised, value = _advance(problem, state, box, here, enough, patient=fresh)
-            # Steps that do what they promise shrink at a steady rate: the next of their kind will
-            # promise less than this by as much again.
-            state.creeping = curved and promised > _CREEPS * before[fresh] > 0
-            steady = before[fresh] > 0 and old - value > 0.5 * promised
-            rate = min(promised / before[fresh], 1.0) if steady else 1.0
-            if promised * rate < enough and not (state.creeping and old - value > enough):
-                return _ended(state, value, "converged", "")
-            before[fresh] = promised
-            if abs(old - value - promised) < _KEPT * promised + promise:
-                kept = normal
+                report(state.evaluations, previous)
+            if not (np.isfinite(previous) and np.isfinite(gradient).all()):
+                return _minimum(state, previous, "failed", "a value that is not finite")
+            min_decrease = min_gain_nats + tolerance * previous
+            predicted, value = _advance(
+                problem, state, box, here, min_decrease, retry_shorter=is_new
+            )
+            # The predicted decreases of good steps fall at a steady rate, which gives that of the
+            # next step.
+            state.is_stalled = exact_curvature and predicted > _STALLED_RATIO * before[is_new] > 0
+            is_steady = before[is_new] > 0 and previous - value > 0.5 * predicted
+            rate = min(predicted / before[is_new], 1.0) if is_steady else 1.0
+            if predicted * rate < min_decrease and not (
+                state.is_stalled and previous - value > min_decrease
+            ):
+                return _minimum(state, value, "converged", "")
+            before[is_new] = predicted
+            if (
+                abs(previous - value - predicted)
+                < _MAX_PREDICTION_ERROR * predicted + min_gain_nats
+            ):
+                kept_normal = normal
             else:
-                kept, before[False] = None, 0.0
+                kept_normal, before[False] = None, 0.0
     except KeyboardInterrupt:
-        return _ended(state, value, "interrupted", INTERRUPTED)
-    return _ended(state, value, "out of evaluations", "allow more evaluations")
+        return _minimum(state, value, "interrupted", INTERRUPTED_ADVICE)
+    return _minimum(state, value, "out of evaluations", "allow more evaluations")
 
 
 def _advance(
     problem: Problem,
     state: _State,
     box: Box,
-    here: Quadratic,
-    enough: float,
+    here: QuadraticModel,
+    min_decrease: float,
     *,
-    patient: bool,
+    retry_shorter: bool,
 ) -> tuple[float, float]:
-    """Take one step that helps; what it promised, in nats, zero if none helps, and the new J.
+    """Take one step that decreases J.
 
-    Without patience, for which N is too old, a step that does not help is not tried shorter.
+    Args:
+        problem: function to minimise.
+        state: state of the search, which is updated.
+        box: bounds and prior.
+        here: J, its gradient and N at the current point.
+        min_decrease: decrease of J below which the search ends [nats].
+        retry_shorter: whether a step that does not decrease J is repeated with more damping;
+            not if N is old.
+
+    Returns:
+        The predicted decrease [nats], zero if no step decreases J, and the new J.
     """
     value, gradient, normal = here
     diagonal = normal.diagonal() + box.precision
-    least = _FLAT * float(diagonal.max(initial=1.0))
-    limit = box.limit
-    while state.damping < _STUCK:
-        added = box.precision + state.damping * diagonal + least
+    min_diagonal = _MIN_DIAGONAL * float(diagonal.max(initial=1.0))
+    limit = box.step_limit
+    while state.damping < _MAX_DAMPING:
+        added = box.precision + state.damping * diagonal + min_diagonal
         lower = np.maximum(box.lower - state.x, -limit)
         upper = np.minimum(box.upper - state.x, limit)
         step = bounded_step(normal, gradient, added, (lower, upper))
-        pressed = normal.times(step) + box.precision * step
+        weighted_step = normal.multiply(step) + box.precision * step
         slope = float(gradient @ step)
-        promised = -slope - 0.5 * float(step @ pressed)
-        found = problem.value(state.x + step)
+        predicted = -slope - 0.5 * float(step @ weighted_step)
+        trial_value = problem.value(state.x + step)
         state.evaluations += 1
-        if np.isfinite(found) and value - found > 0.05 * promised > 0:
-            if value - found > 0.5 * promised:
+        if np.isfinite(trial_value) and value - trial_value > 0.05 * predicted > 0:
+            if value - trial_value > 0.5 * predicted:
                 state.damping = max(state.damping / 10, 1e-9)
-            if patient and state.creeping and promised > _SLIGHT * enough:
-                known = step, lower, upper
-                other, reached = _farther(problem, state, here, added, known, found)
-                if reached < found:
-                    state.x = np.clip(state.x + other, box.lower, box.upper)
-                    return promised, reached
-            length = _best_length(slope, found - value)
-            if abs(length - 1) > _OFF and promised > enough:
-                other = np.clip(length * step, lower, upper)
-                reached = problem.value(state.x + other)
+            if (
+                retry_shorter
+                and state.is_stalled
+                and predicted > _MIN_CURVATURE_GAIN * min_decrease
+            ):
+                newton_step = step, lower, upper
+                trial_step, new_value = _curvature_step(
+                    problem, state, here, added, newton_step, trial_value
+                )
+                if new_value < trial_value:
+                    state.x = np.clip(state.x + trial_step, box.lower, box.upper)
+                    return predicted, new_value
+            length = _best_length(slope, trial_value - value)
+            if abs(length - 1) > _MIN_LENGTH_CHANGE and predicted > min_decrease:
+                trial_step = np.clip(length * step, lower, upper)
+                new_value = problem.value(state.x + trial_step)
                 state.evaluations += 1
-                if reached < found:
-                    found, step = reached, other
+                if new_value < trial_value:
+                    trial_value, step = new_value, trial_step
             state.x = np.clip(state.x + step, box.lower, box.upper)
-            return promised, found
-        if promised < 1e-9 * abs(value):  # rounding decides
+            return predicted, trial_value
+        if predicted < 1e-9 * abs(value):  # below rounding errors of J
             return 0.0, value
-        if not patient:
-            return promised, value
+        if not retry_shorter:
+            return predicted, value
         state.damping *= 10
     state.damping = 1e-3
     return 0.0, value
 
 
-def _farther(
+def _curvature_step(
     problem: Problem,
     state: _State,
-    here: Quadratic,
+    here: QuadraticModel,
     added: Real,
-    known: tuple[Real, Real, Real],
-    least: float,
+    newton_step: tuple[Real, Real, Real],
+    newton_value: float,
 ) -> tuple[Real, float]:
-    """A step by J's own curvature, and J there; the one that is known if none is lower.
+    """Return a step with the exact curvature of J and the J it leads to.
+
+    If no such step is better than the Gauss-Newton step, that step is returned.
 
     Args:
-        problem: what is minimised.
-        state: where.
+        problem: function to minimise.
+        state: state of the search.
         here: J, its gradient and N.
-        added: to N's diagonal.
-        known: Gauss-Newton's step and its bounds.
-        least: J after that step.
+        added: added to N's diagonal; (n,).
+        newton_step: Gauss-Newton step and its bounds; (n,) each.
+        newton_value: J after that step.
     """
-    step, lower, upper = known
-    aim = _by_curvature(problem, state, here, added, known)
-    state.radius *= _SHORTER
-    for _ in range(_TRIES):
-        farther = np.clip(step + aim, lower, upper)
-        reached = problem.value(state.x + farther)
+    step, lower, upper = newton_step
+    correction = _solve_by_cg(problem, state, here, added, newton_step)
+    state.radius *= _RADIUS_FACTOR
+    for _ in range(_MAX_RADIUS_TRIES):
+        trial_step = np.clip(step + correction, lower, upper)
+        new_value = problem.value(state.x + trial_step)
         state.evaluations += 1
-        if reached < least:
-            return farther, reached
-        aim, state.radius = aim / _SHORTER, max(state.radius / _SHORTER, 1.0)
-    return step, least
+        if new_value < newton_value:
+            return trial_step, new_value
+        correction, state.radius = (
+            correction / _RADIUS_FACTOR,
+            max(state.radius / _RADIUS_FACTOR, 1.0),
+        )
+    return step, newton_value
 
 
-def _by_curvature(
+def _solve_by_cg(
     problem: Problem,
     state: _State,
-    here: Quadratic,
+    here: QuadraticModel,
     added: Real,
-    known: tuple[Real, Real, Real],
+    newton_step: tuple[Real, Real, Real],
 ) -> Real:
-    """What conjugate gradients add to Gauss-Newton's step; what it has put on bounds stays."""
+    """Return the correction of the Gauss-Newton step by preconditioned conjugate gradients.
+
+    Coordinates that the Gauss-Newton step has put on bounds stay there.
+    """
     _, slope, normal = here
-    step, lower, upper = known
+    step, lower, upper = newton_step
     free = (step > lower) & (step < upper)
 
-    def metric(one: Real, other: Real) -> float:
-        return float(one @ (normal.times(other) + added * other))
+    def metric(first: Real, second: Real) -> float:
+        return float(first @ (normal.multiply(second) + added * second))
 
     size = np.sqrt(metric(step, step))
 
-    def bent(way: Real) -> Real:
-        """J's second derivatives times a way."""
-        near = _DIFFERENCE * size / np.sqrt(metric(way, way))
+    def curvature_product(direction: Real) -> Real:
+        """Return the Hessian of J times a direction."""
+        distance = _GRADIENT_DIFFERENCE_STEP * size / np.sqrt(metric(direction, direction))
         state.evaluations += 1
-        changed: Real = np.where(free, problem(state.x + near * way)[1] - slope, 0.0) / near
-        return changed
+        product: Real = (
+            np.where(free, problem(state.x + distance * direction)[1] - slope, 0.0) / distance
+        )
+        return product
 
-    found: Real = np.zeros(len(step))
-    left = np.where(free, -slope, 0.0) - bent(step)
-    better = normal.solve(left, added, free)
-    way, power = better, float(left @ better)
-    enough = _SOLVED * power
-    for _ in range(_ROUNDS_OF_CG):
-        if not power > enough > 0:
+    solution: Real = np.zeros(len(step))
+    residual = np.where(free, -slope, 0.0) - curvature_product(step)
+    preconditioned = normal.solve(residual, added, free)
+    direction, power = preconditioned, float(residual @ preconditioned)
+    tolerance = _CG_TOLERANCE * power
+    for _ in range(_MAX_CG_ITERATIONS):
+        if not power > tolerance > 0:
             break
-        pressed = bent(way)
-        bend, length = float(way @ pressed), metric(way, way)
-        across, beyond = metric(found, way), metric(found, found) - (state.radius * size) ** 2
-        edge = float(np.sqrt(across**2 - length * beyond) - across) / length
-        if bend * edge <= power:
-            return found + edge * way
-        found = found + power / bend * way
-        left = left - power / bend * pressed
-        better = normal.solve(left, added, free)
-        power, before = float(left @ better), power
-        way = better + power / before * way
-    return found
+        product = curvature_product(direction)
+        curvature, direction_norm = float(direction @ product), metric(direction, direction)
+        projection, outside = (
+            metric(solution, direction),
+            metric(solution, solution) - (state.radius * size) ** 2,
+        )
+        to_boundary = (
+            float(np.sqrt(projection**2 - direction_norm * outside) - projection) / direction_norm
+        )
+        if curvature * to_boundary <= power:
+            return solution + to_boundary * direction
+        solution = solution + power / curvature * direction
+        residual = residual - power / curvature * product
+        preconditioned = normal.solve(residual, added, free)
+        power, previous = float(residual @ preconditioned), power
+        direction = preconditioned + power / previous * direction
+    return solution
 
 
 def _best_length(slope: float, change: float) -> float:
-    """Where a parabola has its minimum that begins with a slope and has changed so much at 1."""
-    bend = change - slope
-    return min(-slope / (2 * bend), _LONGEST) if bend > 0 else _LONGEST
+    """Return the minimum of a parabola from its slope at 0 and its change from 0 to 1."""
+    curvature = change - slope
+    return min(-slope / (2 * curvature), _MAX_STEP_FACTOR) if curvature > 0 else _MAX_STEP_FACTOR
 
 
-def bounded_step(normal: Arrow, gradient: Real, added: Real, bounds: tuple[Real, Real]) -> Real:
-    """The d that minimises g'd + d'(N + diag(added)) d / 2 between bounds; (n,).
+def bounded_step(
+    normal: ArrowMatrix, gradient: Real, added: Real, bounds: tuple[Real, Real]
+) -> Real:
+    """Return the d that minimises g'd + d'(N + diag(added)) d / 2 within bounds; (n,).
 
-    What would cross a bound is put on it, all at once as long as that lowers the cost, else only
-    the first on the way there: the cost never rises, so that no set of bounds comes twice.
+    Active-set method. All coordinates that would cross a bound are put on it together if this
+    lowers the cost; otherwise only the first one on the way is. The cost never rises, so that no
+    active set occurs twice.
 
     Args:
         normal: N.
         gradient: g; (n,).
-        added: to its diagonal; (n,).
-        bounds: lower (0 or less) and upper (0 or more) of d; (n,) each.
+        added: added to the diagonal of N; (n,).
+        bounds: lower (at most 0) and upper (at least 0) bounds of d; (n,) each.
     """
     lower, upper = bounds
 
     def cost(d: Real) -> float:
-        return float(gradient @ d + 0.5 * d @ (normal.times(d) + added * d))
+        return float(gradient @ d + 0.5 * d @ (normal.multiply(d) + added * d))
 
-    held: Mask = ((lower >= 0) & (gradient > 0)) | ((upper <= 0) & (gradient < 0))
+    is_active: Mask = ((lower >= 0) & (gradient > 0)) | ((upper <= 0) & (gradient < 0))
     step = np.zeros(len(gradient))
-    for _ in range(_ROUNDS):
-        fixed = np.where(held, step, 0.0)
-        right = -(gradient + normal.times(fixed))
-        aim = np.where(held, fixed, normal.solve(right, added, ~held))
-        beyond = ~held & ((aim < lower) | (aim > upper))
-        if beyond.any():
-            clipped = np.clip(aim, lower, upper)
+    for _ in range(_MAX_ACTIVE_SET_ITERATIONS):
+        fixed = np.where(is_active, step, 0.0)
+        right = -(gradient + normal.multiply(fixed))
+        target = np.where(is_active, fixed, normal.solve(right, added, ~is_active))
+        is_outside = ~is_active & ((target < lower) | (target > upper))
+        if is_outside.any():
+            clipped = np.clip(target, lower, upper)
             if cost(clipped) < cost(step):
-                step, held = clipped, held | beyond
+                step, is_active = clipped, is_active | is_outside
                 continue
-            ends = np.where(aim > upper, upper, lower)
-            way = np.where(beyond, aim - step, 1.0)
-            share = np.where(beyond, (ends - step) / way, np.inf)
+            bounds_hit = np.where(target > upper, upper, lower)
+            direction = np.where(is_outside, target - step, 1.0)
+            share = np.where(is_outside, (bounds_hit - step) / direction, np.inf)
             first = share <= share.min()
-            step = np.where(first, ends, step + share.min() * (aim - step))
-            held = held | first
+            step = np.where(first, bounds_hit, step + share.min() * (target - step))
+            is_active = is_active | first
             continue
-        step = aim
-        slope = gradient + normal.times(step) + added * step
-        inward = held & (((step <= lower) & (slope < 0)) | ((step >= upper) & (slope > 0)))
+        step = target
+        slope = gradient + normal.multiply(step) + added * step
+        inward = is_active & (((step <= lower) & (slope < 0)) | ((step >= upper) & (slope > 0)))
         if not inward.any():
             break
-        held = held & ~inward
+        is_active = is_active & ~inward
     return np.clip(step, lower, upper)
 
 
-def _ended(state: _State, value: float, outcome: Outcome, advice: str) -> Minimum:
+def _minimum(state: _State, value: float, outcome: Outcome, advice: str) -> Minimum:
+    """Return the result of a search that has ended."""
     return Minimum(state.x, value, state.evaluations, outcome, advice)

@@ -1,4 +1,4 @@
-"""NLopt, behind one function that keeps the best point whatever happens."""
+"""NLopt (Johnson) behind one function that keeps the best point however the search ends."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,20 +10,20 @@ import numpy as np
 from identification.words import Real, UsageError
 
 Outcome = Literal["converged", "out of evaluations", "interrupted", "failed"]
-INTERRUPTED = "the best parameters so far are kept"
+INTERRUPTED_ADVICE = "the best parameters so far are kept"
 Objective = Callable[[Real], tuple[float, Real]]
 
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """The best point that a solver saw.
+    """Best point that a solver evaluated.
 
     Args:
-        x: where; (n,).
-        value: the objective there.
-        evaluations: how many it took.
+        x: best point; (n,).
+        value: objective there.
+        evaluations: number of evaluations.
         outcome: how the search ended.
-        advice: what to do about it; empty if nothing.
+        advice: what to do about the outcome; empty if nothing.
     """
 
     x: Real
@@ -43,19 +43,19 @@ def minimise(
     max_evaluations: int = 400,
     report: Callable[[int, float], None] | None = None,
 ) -> Minimum:
-    """Minimise a smooth function with its gradient between bounds.
+    """Minimise a smooth function with its gradient within bounds.
 
     The stopping rules count evaluations, never time. A keyboard interrupt ends the search and
     keeps the best point. NLopt's ``RoundoffLimited`` counts as converged.
 
     Args:
-        objective: x to (value, gradient).
-        start: within the bounds; (n,).
-        bounds: lower and upper; (n,) each.
-        algorithm: a gradient-based algorithm of NLopt, by name.
-        tolerance: relative change of the value at which to stop.
-        max_evaluations: at which to stop.
-        report: told the evaluation's number and the best value so far.
+        objective: function from x to its value and gradient.
+        start: start of the search, clipped to the bounds; (n,).
+        bounds: lower and upper bounds; (n,) each.
+        algorithm: name of a gradient-based algorithm of NLopt.
+        tolerance: relative change of the value at which the search stops.
+        max_evaluations: number of evaluations at which the search stops.
+        report: called with the number of evaluations and the best value so far.
 
     Raises:
         UsageError: an algorithm that NLopt does not have or that uses no gradient.
@@ -72,7 +72,7 @@ def minimise(
         point = np.array(x)  # NLopt reuses its buffer
         try:
             value, slope = objective(point)
-            best.see(point, float(value))
+            best.update(point, float(value))
             if report is not None:
                 report(best.evaluations, best.value)
         except BaseException as error:
@@ -95,36 +95,37 @@ def minimise(
 
 @dataclass
 class _Best:
-    """What the callback has seen so far."""
+    """Best point of the evaluations so far."""
 
     x: Real
     value: float = np.inf
     evaluations: int = 0
     error: BaseException | None = None
 
-    def see(self, point: Real, value: float) -> None:
-        """Count an evaluation, and keep it if it is the best."""
+    def update(self, point: Real, value: float) -> None:
+        """Count an evaluation, and keep its point if it is the best."""
         self.evaluations += 1
         if value < self.value:
             self.x, self.value = point, value
 
 
 def _run(solver: nlopt.opt, start: Real, best: _Best) -> tuple[Outcome, str]:
-    problem = ""
+    """Run the solver; return the outcome and the advice."""
+    failure = ""
     try:
         solver.optimize(start)
     except (nlopt.RoundoffLimited, nlopt.ForcedStop):
         pass
     except (nlopt.exception, RuntimeError, ValueError) as error:
-        problem = str(error) if isinstance(error, ValueError) else "a value that is not finite"
+        failure = str(error) if isinstance(error, ValueError) else "a value that is not finite"
     except KeyboardInterrupt as error:  # between two evaluations
         best.error = error
     if isinstance(best.error, KeyboardInterrupt):
-        return "interrupted", INTERRUPTED
+        return "interrupted", INTERRUPTED_ADVICE
     if best.error is not None:
         raise best.error
-    if problem or not np.isfinite(best.value):
-        return "failed", f"the solver stopped ({problem}); try other starts or a narrower band"
+    if failure or not np.isfinite(best.value):
+        return "failed", f"the solver stopped ({failure}); try other starts or a narrower band"
     if solver.last_optimize_result() == nlopt.MAXEVAL_REACHED:
         return "out of evaluations", "allow more evaluations"
     return "converged", ""

@@ -1,4 +1,4 @@
-"""What ``mbw diagnose`` tells on the screen: why hypotheses fell, with any names, interrupted."""
+"""Terminal output of ``mbw diagnose``: reasons of rejection, unusual names, interruption."""
 
 from types import SimpleNamespace
 
@@ -42,11 +42,11 @@ def found(word, refits, *, scored=(), begun=(), pairs=(), present=()):
 
 def rows(diagnosis):
     """Words and why it fell, by row."""
-    first, *_, last = verb._tried(diagnosis).columns
+    first, *_, last = verb._hypothesis_table(diagnosis).columns
     return list(zip(first.cells, last.cells, strict=True))
 
 
-def test_the_winner_has_not_fallen_though_another_shape_of_it_scored_best():
+def test_the_best_hypothesis_is_not_rejected_though_another_shape_of_it_scored_best():
     place = "body:stage2"
     best, other = one("appendage", place, "shape1"), one("appendage", place, "shape0")
     worse, small = one("gyroscopic", place, "spin"), one("drift", "joint:stage1", "k")
@@ -58,11 +58,11 @@ def test_the_winner_has_not_fallen_though_another_shape_of_it_scored_best():
         (best.words, ""),
         (worse.words, "10 nats worse"),
         (far.words, "a first refit gained much less than the best"),
-        (small.words, "not refitted: its gain is small"),
+        (small.words, "not refitted: its score is small"),
     ]
 
 
-def test_neither_of_two_that_are_there_has_fallen_and_a_single_one_that_was_best_has():
+def test_of_two_present_causes_none_is_rejected_but_the_best_single_one_is():
     first, second = one("drift", "joint:a", "k"), one("mass_error", "body:b", "m")
     alone = one("appendage", "body:c", "s")
     refits = [refitted(alone, 120.0), refitted(first, 130.0), refitted(second, 140.0)]
@@ -74,11 +74,11 @@ def test_neither_of_two_that_are_there_has_fallen_and_a_single_one_that_was_best
 @pytest.mark.parametrize(
     ("word", "why"),
     [
-        ("none", "what it gains is within tolerances and noise"),
+        ("none", "its gain is within tolerances and noise"),
         ("unexplained", "it does not explain the gap"),
     ],
 )
-def test_where_nothing_is_there_the_best_has_fallen_too(word, why):
+def test_without_a_present_cause_the_best_hypothesis_is_rejected_too(word, why):
     best = one("drift", "joint:a", "k")
     assert rows(found(word, [refitted(best, 120.0)])) == [(best.words, why)]
 
@@ -88,7 +88,7 @@ def test_a_body_may_have_any_name(capsys, monkeypatch):
     scored = [best]
     verb._explain(found("explained", [refitted(best, 120.0)], scored=scored, present=(best,)))
     with SCREEN.progress() as progress:
-        verb._Teller(progress).tell(f"refitted: {best.words}")
+        verb._ProgressReporter(progress).show_step(f"refitted: {best.words}")
         SCREEN.console.print(progress.get_renderable())
     monkeypatch.setattr(SCREEN, "quiet", False)
     SCREEN.say(NAME)

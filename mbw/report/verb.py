@@ -1,4 +1,4 @@
-"""``mbw report``: a result as one self-contained HTML file."""
+"""``mbw report``: writing of a result's page as one self-contained HTML file."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,10 +7,10 @@ from pathlib import Path
 from identification.words import InputError
 from mbw.diagnose import files as diagnosed
 from mbw.diagnose.page import render as diagnosis_page
-from mbw.files import page_file, write_page
+from mbw.files import page_path, write_page
 from mbw.identify.files import MODES_JSON
 from mbw.identify.files import PAGE as MODES_PAGE
-from mbw.identify.verb import page_of as modes_page
+from mbw.identify.verb import render_result as modes_page
 from mbw.match import result as matched
 from mbw.match.page import render as match_page
 from mbw.messages import SCREEN
@@ -21,21 +21,21 @@ from tuning.files.result import TUNED_JSON
 
 @dataclass(frozen=True)
 class _Kind:
-    """What a verb leaves.
+    """Kind of result, by the verb that wrote it.
 
     Args:
-        files: any of them tells that it was there.
-        page: name of the page beside them.
-        text: the page of a folder, or of such a file.
+        files: names of files; any of them identifies the kind.
+        page: file name of the page.
+        render: function that returns the page of a folder, or of such a file.
     """
 
     files: tuple[str, ...]
     page: str
-    text: Callable[[Path], str]
+    render: Callable[[Path], str]
 
 
-# In a folder of several verbs the first counts.
-_KINDS = (
+# In a folder with results of several verbs the first kind counts.
+_RESULT_KINDS = (
     _Kind((TUNED_JSON,), "report.html", lambda path: tuning_page(read_result(path))),
     _Kind((MODES_JSON,), MODES_PAGE, modes_page),
     _Kind(
@@ -47,32 +47,37 @@ _KINDS = (
 )
 
 
+def run_options(result: Path, out: Path | None) -> None:
+    """Run the verb with the values of its options."""
+    run(result, out)
+
+
 def run(path: Path, out: Path | None) -> Path:
     """Write the page of a result.
 
     Args:
-        path: its folder, or its tuned.json, modes.json, verdict.json or match.json.
-        out: an .html file or a folder; the result's own folder if None.
+        path: folder of the result, or its tuned.json, modes.json, verdict.json or match.json.
+        out: an .html file or a folder; None for the folder of the result.
 
     Returns:
-        The file.
+        The path of the page.
 
     Raises:
-        InputError: the folder holds no result, or the file cannot be written.
+        InputError: the folder holds no result, or the page cannot be written.
     """
     kind = _kind(path)
-    target = page_file(path, out, kind.page)
-    write_page(kind.text(path), target)
+    target = page_path(path, out, kind.page)
+    write_page(kind.render(path), target)
     SCREEN.say(f"report in {target}")
     return target
 
 
 def _kind(path: Path) -> _Kind:
-    for kind in _KINDS:
+    for kind in _RESULT_KINDS:
         if any(
             (path / name).is_file() if path.is_dir() else path.name == name for name in kind.files
         ):
             return kind
     raise InputError(
-        f"{path} holds no result: name what mbw tune, identify, diagnose or match wrote"
+        f"{path} holds no result: name a folder that mbw tune, identify, diagnose or match wrote"
     )

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from small_machine import virtual_campaign
 
-from identification.words import Campaign, Dof, distinct
+from identification.words import Campaign, Dof, distinct_dofs
 from mbmodel import Model, hammer_parts
-from tuning import Misfit, Session, confidence, fit, freedom, with_tolerances
-from tuning.assessment.predicted_tests import channel_noise, foreseen
-from tuning.assessment.test_information import information
+from tuning import Misfit, Session, build_toleranced_model, estimate_confidence, fit, parametrise
+from tuning.assessment.further_tests import rank_further_tests
+from tuning.assessment.predicted_tests import mean_channel_variance, predict_tests
 
 
 @pytest.fixture(scope="module")
@@ -18,17 +18,17 @@ def one_direction(model, true_theta):
     """A test in x alone: what moves in y and z is badly seen."""
     whole = virtual_campaign(model, true_theta, lines=320)
     part = Campaign("x", whole.layout, whole.tests[:1])
-    everything = with_tolerances(model.machine, part)
-    varies = freedom(everything, part.tolerance)
-    return whole, Session(None, everything, part, varies)
+    everything = build_toleranced_model(model.machine, part)
+    parametrisation = parametrise(everything, part.tolerance)
+    return whole, Session(None, everything, part, parametrisation)
 
 
 @pytest.fixture(scope="module")
 def gained(one_direction):
     _, session = one_direction
-    found = fit(session.model, session.campaign, varies=session.freedom)
-    sure = confidence(session.model, session.campaign, found)
-    return found, sure, information(session, sure)
+    result = fit(session.model, session.campaign, parametrisation=session.parametrisation)
+    confidence = estimate_confidence(session.model, session.campaign, result)
+    return result, confidence, rank_further_tests(session, confidence)
 
 
 def test_every_point_that_was_not_hit_and_every_sensor_is_a_candidate(gained):
@@ -40,11 +40,11 @@ def test_every_point_that_was_not_hit_and_every_sensor_is_a_candidate(gained):
 
 
 def test_no_further_measurement_makes_anything_worse(gained):
-    _, sure, gains = gained
+    _, confidence, gains = gained
     for gain in gains:
         assert gain.after <= gain.before * (1 + 1e-9)
         assert gain.shrink <= 1 + 1e-9
-    worst = max(sure.deviation[~sure.freedom.has_prior])
+    worst = max(confidence.deviation[~confidence.parametrisation.has_prior])
     assert gains[0].before == pytest.approx(worst)
 
 
@@ -57,23 +57,25 @@ def test_the_most_telling_come_first(gained):
 def test_the_foreseen_interval_is_that_of_all_tests_together(one_direction, gained):
     # Both tests in one campaign, on all lines, instead of every eighth of the new one.
     _, session = one_direction
-    found, sure, gains = gained
+    result, confidence, gains = gained
     gain = next(gain for gain in gains if gain.what == "hammer")
     model, campaign = session.model, session.campaign
     directions = tuple(Dof.of(gain.place, axis) for axis in range(3))
-    outputs = distinct(dof for test in campaign.tests for dof in test.estimate.frf.outputs)
+    outputs = distinct_dofs(dof for test in campaign.tests for dof in test.estimate.frf.outputs)
     wider = Model(model.machine, (*model.parts, *hammer_parts(model.machine, directions)))
-    noise = channel_noise(campaign)
+    noise = mean_channel_variance(campaign)
     usual = np.mean(list(noise.values()), axis=0)
     noise = {dof: noise.get(dof.positive, usual) for dof in outputs}
-    theta = np.append(found.theta, wider.drawn[len(model.drawn) :])
-    new = foreseen(wider, theta, campaign, noise, directions).tests
+    theta = np.append(result.theta, wider.drawn[len(model.drawn) :])
+    new = predict_tests(wider, theta, campaign, noise, directions).tests
     both = replace(campaign, tests=(*campaign.tests, *new))
-    varies = freedom(wider, campaign.tolerance)
-    x = varies.coordinates(theta)
-    whole = Misfit(wider, both, varies, allowance=0.0).normal(x)[2].dense()
-    whole += np.diag(np.where(varies.has_prior, 1.0, np.log(100) ** -2))
-    place = varies.names.index(gain.parameter)
-    expected = np.sqrt(np.linalg.inv(whole)[place, place] * sure.widened)
+    parametrisation = parametrise(wider, campaign.tolerance)
+    x = parametrisation.coordinates(theta)
+    whole = (
+        Misfit(wider, both, parametrisation, model_error_floor=0.0).quadratic_model(x)[2].dense()
+    )
+    whole += np.diag(np.where(parametrisation.has_prior, 1.0, np.log(100) ** -2))
+    place = parametrisation.names.index(gain.parameter)
+    expected = np.sqrt(np.linalg.inv(whole)[place, place] * confidence.variance_inflation)
     assert gain.after == pytest.approx(expected, rel=0.1)
     assert gain.after < 0.9 * gain.before

@@ -1,0 +1,1 @@
+"""``mbw demo``: identification, tuning and diagnosis of the built-in station."""

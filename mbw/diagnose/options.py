@@ -1,0 +1,46 @@
+"""Options of ``mbw diagnose``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mbw.loader import run_verb
+from mbw.options import Band, CampaignFolder, Jobs, Json, Quiet, Seed
+
+app = typer.Typer(rich_markup_mode=None, add_completion=False)
+
+
+@app.command()
+def diagnose(  # one for each option
+    campaign: CampaignFolder,
+    *,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of the results; default: <campaign>-diagnosed."),
+    ] = None,
+    json: Json = None,
+    band: Band = None,
+    jobs: Jobs = 1,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Print the hypotheses that were tried and rejected.")
+    ] = False,
+    seed: Seed = 0,
+    quiet: Quiet = False,
+) -> None:
+    """Find effects that the model lacks, their places, and how far the gap shrinks with them.
+
+    The gap is the difference between the FRFs of the model and the measured ones. The diagnosis
+    draws no random numbers: every --seed gives the same verdict.
+    """
+    del seed
+    run_verb(
+        "mbw.diagnose.verb",
+        campaign,
+        out=out,
+        json=json,
+        band=band,
+        jobs=jobs,
+        explain=explain,
+        quiet=quiet,
+    )

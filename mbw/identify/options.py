@@ -1,0 +1,106 @@
+"""Options of ``mbw identify``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mbw.loader import run_verb
+from mbw.options import Band, CampaignFolder, Json, Pictures, Quiet
+
+app = typer.Typer(rich_markup_mode=None, add_completion=False)
+
+
+@app.command()
+def identify(  # noqa: PLR0913  # one for each option
+    campaign: CampaignFolder,
+    *,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of the results; default: <campaign>-modes."),
+    ] = None,
+    json: Json = None,
+    band: Band = None,
+    frequency_tolerance: Annotated[
+        float,
+        typer.Option(
+            min=0, metavar="RATIO", help="Largest relative difference of one mode's frequencies."
+        ),
+    ] = 0.01,
+    damping_tolerance: Annotated[
+        float,
+        typer.Option(
+            min=0, metavar="RATIO", help="Largest relative difference of one mode's damping ratios."
+        ),
+    ] = 0.3,
+    mac_tolerance: Annotated[
+        float,
+        typer.Option(min=0, max=1, metavar="MAC", help="Least MAC of one mode's participation."),
+    ] = 0.8,
+    persistence: Annotated[
+        float, typer.Option(min=0, max=1, help="Least share of model orders that hold a mode.")
+    ] = 0.3,
+    highest_damping: Annotated[
+        float,
+        typer.Option(
+            min=0, max=100, metavar="PERCENT", help="Highest damping ratio of a mode, in per cent."
+        ),
+    ] = 20.0,
+    collinearity: Annotated[
+        float,
+        typer.Option(min=0, max=1, metavar="MPC", help="Least modal phase collinearity of a mode."),
+    ] = 0.0,
+    phase_deviation: Annotated[
+        float,
+        typer.Option(min=0, metavar="DEGREES", help="Largest mean phase deviation of a mode."),
+    ] = 180.0,
+    add: Annotated[
+        list[float] | None,
+        typer.Option(metavar="HZ", help="Start a mode at this frequency; repeatable."),
+    ] = None,
+    drop: Annotated[
+        list[float] | None,
+        typer.Option(metavar="HZ", help="Leave out the mode at this frequency; repeatable."),
+    ] = None,
+    force: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="HZ,PERCENT",
+            help="Keep a mode of this frequency and damping ratio in per cent; repeatable.",
+        ),
+    ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Universal file of mode shapes to compare with; default: the nominal model.",
+        ),
+    ] = None,
+    full: Annotated[
+        bool, typer.Option("--full", help="Write the full matrix of synthesised FRFs.")
+    ] = False,
+    pictures: Pictures = True,
+    quiet: Quiet = False,
+) -> None:
+    """Identify the measured modal model: poles, damping, shapes, with standard deviations."""
+    run_verb(
+        "mbw.identify.verb",
+        campaign,
+        out=out,
+        json=json,
+        band=band,
+        frequency_tolerance=frequency_tolerance,
+        damping_tolerance=damping_tolerance,
+        mac_tolerance=mac_tolerance,
+        persistence=persistence,
+        highest_damping=highest_damping,
+        collinearity=collinearity,
+        phase_deviation=phase_deviation,
+        add=add or [],
+        drop=drop or [],
+        force=force or [],
+        against=against,
+        full=full,
+        pictures=pictures,
+        quiet=quiet,
+    )

@@ -1,0 +1,35 @@
+"""Loading of a verb's code when it runs, so that help and usage errors load no numpy or MuJoCo."""
+
+from dataclasses import dataclass
+from importlib import import_module
+
+
+@dataclass
+class Settings:
+    """Settings of the whole command.
+
+    Attributes:
+        debug: whether errors show a traceback.
+    """
+
+    debug: bool = False
+
+
+SETTINGS = Settings()
+
+
+def run_verb(module: str, *arguments: object, quiet: bool, **options: object) -> None:
+    """Run ``run_options`` of a module; turn its errors into one sentence and an exit code.
+
+    Args:
+        module: dotted name of the verb's module.
+        arguments: positional arguments of ``run_options``.
+        quiet: whether only errors are printed.
+        options: values of the verb's options.
+
+    Raises:
+        typer.Exit: the verb failed, was interrupted or did not converge.
+    """
+    messages = import_module("mbw.messages")
+    messages.SCREEN.quiet, messages.SCREEN.debug = quiet, SETTINGS.debug
+    messages.handle_errors(lambda: import_module(module).run_options(*arguments, **options))()

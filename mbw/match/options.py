@@ -1,0 +1,51 @@
+"""Options of ``mbw match``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mbw.loader import run_verb
+from mbw.options import Frequencies, Json, Mesh, Quiet
+
+app = typer.Typer(rich_markup_mode=None, add_completion=False)
+
+
+@app.command()
+def match(  # noqa: PLR0913  # one for each option
+    shapes: Mesh,
+    campaign: Annotated[Path, typer.Argument(help="Folder with a campaign.toml of impacts.")],
+    *,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of the results; default: <campaign>-matched."),
+    ] = None,
+    frequencies: Frequencies = None,
+    mass: Annotated[
+        float | None,
+        typer.Option(metavar="KG", help="Mass of the structure; the shapes must agree within 5 %."),
+    ] = None,
+    nearest: Annotated[
+        bool,
+        typer.Option("--nearest", help="Take shapes at the nearest node; default: interpolate."),
+    ] = False,
+    width: Annotated[
+        float,
+        typer.Option(min=0, metavar="HZ", help="Width of the sliding average of amplitudes [Hz]."),
+    ] = 0.3,
+    json: Json = None,
+    quiet: Quiet = False,
+) -> None:
+    """Match measured modes to finite-element modes (few sensors, force not measured)."""
+    run_verb(
+        "mbw.match.verb",
+        shapes,
+        campaign,
+        out=out,
+        frequencies=frequencies,
+        mass=mass,
+        nearest=nearest,
+        width=width,
+        json=json,
+        quiet=quiet,
+    )

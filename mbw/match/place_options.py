@@ -1,0 +1,55 @@
+"""Options of ``mbw place``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mbw.loader import run_verb
+from mbw.options import Frequencies, Mesh, Quiet
+
+app = typer.Typer(rich_markup_mode=None, add_completion=False)
+
+
+@app.command()
+def place(
+    shapes: Mesh,
+    *,
+    frequencies: Frequencies = None,
+    channels: Annotated[
+        int | None,
+        typer.Option(min=1, help="Number of channels; default: three for each mode."),
+    ] = None,
+    apart: Annotated[
+        float | None,
+        typer.Option(min=0, metavar="METRES", help="Least distance between two places [m]."),
+    ] = None,
+    check: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Assess this table site,x,y,z,axes or layout.toml instead."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="File of the table; default: stdout.")
+    ] = None,
+    band: Annotated[
+        tuple[float, float] | None,
+        typer.Option(
+            metavar="LOW HIGH", help="Band of the modes to distinguish [Hz]; default: all elastic."
+        ),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Propose places for a few sensors, and name the finite-element modes that they confuse."""
+    run_verb(
+        "mbw.match.place",
+        shapes,
+        frequencies=frequencies,
+        channels=channels,
+        apart=apart,
+        check=check,
+        out=out,
+        band=band,
+        quiet=quiet,
+    )

@@ -1,0 +1,71 @@
+"""Options of ``mbw predict``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mbw.loader import run_verb
+from mbw.options import Band, Json, Pictures, Quiet
+
+app = typer.Typer(rich_markup_mode=None, add_completion=False)
+
+
+@app.command()
+def predict(  # noqa: PLR0913  # one for each option
+    model: Annotated[Path, typer.Argument(help="MJCF of a machine.")],
+    *,
+    modes: Annotated[
+        bool, typer.Option("--modes", help="Print natural frequencies and damping ratios.")
+    ] = False,
+    frf: Annotated[bool, typer.Option("--frf", help="Write FRFs as CSV to stdout.")] = False,
+    inputs: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--input", metavar="LABEL", help="acc11:+tx, floor:+tx or a motor; repeatable."
+        ),
+    ] = None,
+    outputs: Annotated[
+        list[str] | None, typer.Option("--output", metavar="LABEL", help="hexapod:+rz; repeatable.")
+    ] = None,
+    quantity: Annotated[
+        str, typer.Option(help="receptance, mobility or accelerance.")
+    ] = "accelerance",
+    band: Band = None,
+    lines: Annotated[int, typer.Option(min=2, help="Number of frequency lines of the FRFs.")] = 801,
+    statespace: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write A, B, C, D and names as .npz or .mat."),
+    ] = None,
+    spin: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT=RATE", help="Hinge that spins at this constant rate [rad/s]; repeatable."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of the page; default: <model>-predicted."),
+    ] = None,
+    pictures: Pictures = True,
+    json: Json = None,
+    quiet: Quiet = False,
+) -> None:
+    """Print a model's modes, FRFs and state space, and show them in predict.html."""
+    run_verb(
+        "mbw.predict.verb",
+        model,
+        modes=modes,
+        frf=frf,
+        inputs=inputs or [],
+        outputs=outputs or [],
+        quantity=quantity,
+        band=band,
+        lines=lines,
+        statespace=statespace,
+        spin=spin or [],
+        out=out,
+        pictures=pictures,
+        json=json,
+        quiet=quiet,
+    )

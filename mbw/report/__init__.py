@@ -1,0 +1,1 @@
+"""``mbw report``: writing of a result's page."""
