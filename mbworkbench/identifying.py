@@ -1,0 +1,85 @@
+"""The measured modal model of a campaign."""
+
+from dataclasses import dataclass
+
+from identification.modal import identify as identify_campaign
+from identification.words import ModalModel, Real, shorten_names
+from mbworkbench.campaign import MeasuredCampaign, read_campaign
+from mbworkbench.labels import AnyPath
+from mbworkbench.sessions import select_band
+from mbworkbench.tables import html_table
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedModel:
+    """Modes that were identified in the band of a campaign.
+
+    Attributes:
+        campaign: name of the campaign.
+        band: lowest and highest frequency that was used [Hz].
+        model: poles, shapes, participation, residuals and standard deviations; the modes inside
+            the band come first.
+        count: number of modes inside the band.
+    """
+
+    campaign: str
+    band: tuple[float, float]
+    model: ModalModel
+    count: int
+
+    @property
+    def freq_hz(self) -> Real:
+        """Natural frequencies of the modes inside the band [Hz]; (count,)."""
+        return self.model.freq_hz[: self.count]
+
+    @property
+    def damping(self) -> Real:
+        """Damping ratios of the modes inside the band; (count,)."""
+        return self.model.damping[: self.count]
+
+    def __repr__(self) -> str:
+        """Return the number of modes and their frequencies in one line."""
+        listed = shorten_names([f"{value:.4g}" for value in self.freq_hz])
+        return (
+            f"{self.count} modes of {self.campaign} in {self.band[0]:g}..{self.band[1]:g} Hz: "
+            f"{listed} Hz"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return a table of the modes with standard deviations for a notebook."""
+        model = self.model
+        rows = [
+            (
+                number + 1,
+                float(model.freq_hz[number]),
+                float(model.freq_sd[number]),
+                100 * float(model.damping[number]),
+                100 * float(model.damping_sd[number]),
+            )
+            for number in range(self.count)
+        ]
+        header = ("mode", "frequency [Hz]", "sd [Hz]", "damping [%]", "sd [%]")
+        return html_table(f"Modes of {self.campaign}", header, rows)
+
+
+def identify(
+    campaign: MeasuredCampaign | AnyPath, band: tuple[float, float] | None = None
+) -> IdentifiedModel:
+    """Identify the modal model of a campaign.
+
+    Args:
+        campaign: from ``read_campaign``, or the path of its folder.
+        band: lowest and highest frequency [Hz]; the lines with coherence if None.
+
+    Raises:
+        InputError: the campaign cannot be used.
+        UsageError: the band holds no line.
+    """
+    if not isinstance(campaign, MeasuredCampaign):
+        campaign = read_campaign(campaign)
+    chosen = select_band(campaign, band)
+    model, identified, _ = identify_campaign(chosen)
+    freq = chosen.freq_hz
+    return IdentifiedModel(
+        campaign.name, (float(freq[0]), float(freq[-1])), model, int(identified.inside.sum())
+    )

@@ -1,0 +1,195 @@
+"""The nominal model of a machine, read from MJCF."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from identification.words import Frf, Quantity, Real, shorten_names
+from mbmodel import (
+    FrfRequest,
+    Machine,
+    Model,
+    Modes,
+    as_drawn,
+    linearise,
+    load_machine,
+    model_modes,
+    state_space,
+)
+from mbworkbench.labels import (
+    AnyLabel,
+    AnyPath,
+    as_path,
+    check_frequencies,
+    check_quantity,
+    parse_inputs,
+    parse_outputs,
+)
+from mbworkbench.tables import html_table
+
+if TYPE_CHECKING:
+    import control
+
+
+@dataclass(frozen=True, eq=False)
+class ModelModes:
+    """Modes of a model: natural frequencies and damping ratios, with their shapes.
+
+    Attributes:
+        modes: poles [rad/s] and shapes.
+    """
+
+    modes: Modes
+
+    @property
+    def freq_hz(self) -> Real:
+        """Natural frequencies [Hz]; (n_mode,)."""
+        return self.modes.freq_hz
+
+    @property
+    def damping(self) -> Real:
+        """Damping ratios; (n_mode,)."""
+        return self.modes.damping
+
+    def __repr__(self) -> str:
+        """Return the number of modes and their frequencies in one line."""
+        listed = shorten_names([f"{value:.4g}" for value in self.freq_hz])
+        return f"{len(self.freq_hz)} modes at {listed} Hz"
+
+    def _repr_html_(self) -> str:
+        """Return a table of the modes for a notebook."""
+        rows = [
+            (number, float(freq), 100 * float(damping))
+            for number, (freq, damping) in enumerate(
+                zip(self.freq_hz, self.damping, strict=True), start=1
+            )
+        ]
+        return html_table("Modes of the model", ("mode", "frequency [Hz]", "damping [%]"), rows)
+
+
+@dataclass(frozen=True, eq=False)
+class MachineModel:
+    """A multi-body model at its static equilibrium, with the nominal values of its MJCF.
+
+    Attributes:
+        machine: bodies, joints, points and the matrices of the equation of motion.
+    """
+
+    machine: Machine
+
+    @property
+    def nominal(self) -> Model:
+        """The model whose springs and dampers have their nominal values."""
+        return as_drawn(self.machine)
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies."""
+        return self.machine.layout.bodies
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Names of the sensor and hammer points."""
+        return self.machine.layout.points
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the joint coordinates."""
+        return self.machine.coordinates
+
+    def frf(
+        self,
+        outputs: AnyLabel | Sequence[AnyLabel],
+        inputs: AnyLabel | Sequence[AnyLabel],
+        freq_hz: Sequence[float] | Real,
+        quantity: Quantity = "accelerance",
+    ) -> Frf:
+        """Compute frequency response functions.
+
+        Args:
+            outputs: labels of motions, such as ``acc11:+tx`` or ``hexapod:+rz``.
+            inputs: labels of forces, ``floor:+tx`` for motions of the floor, or motors by name.
+            freq_hz: frequencies [Hz], increasing; (n_freq,).
+            quantity: receptance, mobility or accelerance.
+
+        Returns:
+            FRFs; ``frf["acc11:+tx", "acc11:+ty"]`` is the curve of one output and input.
+
+        Raises:
+            UsageError: a label that the machine does not have.
+        """
+        request = FrfRequest(
+            check_frequencies(freq_hz),
+            parse_outputs(outputs),
+            parse_inputs(self.machine, inputs),
+            check_quantity(quantity),
+        )
+        model = self.nominal
+        return linearise(model, model.drawn, request).frf()
+
+    def modes(self) -> ModelModes:
+        """Compute natural frequencies, damping ratios and mode shapes."""
+        model = self.nominal
+        return ModelModes(model_modes(model, model.drawn))
+
+    def state_space(
+        self,
+        outputs: AnyLabel | Sequence[AnyLabel],
+        inputs: AnyLabel | Sequence[AnyLabel],
+        quantity: Quantity = "receptance",
+    ) -> "control.StateSpace":
+        """Return the linear model as a state space of python-control with named signals.
+
+        Args:
+            outputs: labels of motions.
+            inputs: labels of forces or motions of the floor, or motors by name.
+            quantity: of the outputs: receptance, mobility or accelerance.
+
+        Raises:
+            UsageError: a label that the machine does not have.
+        """
+        model = self.nominal
+        request = FrfRequest(
+            np.array([1.0]),
+            parse_outputs(outputs),
+            parse_inputs(self.machine, inputs),
+            check_quantity(quantity),
+        )
+        return state_space(model, model.drawn, request)
+
+    def __repr__(self) -> str:
+        """Return a summary of at most ten lines."""
+        return "\n".join(
+            (
+                f"model {self.machine.name}: {len(self.bodies)} bodies, "
+                f"{len(self.coordinates)} coordinates, {len(self.points)} points",
+                f"  bodies: {shorten_names(self.bodies)}",
+                f"  coordinates: {shorten_names(self.coordinates)}",
+                f"  points: {shorten_names(self.points)}",
+            )
+        )
+
+    def _repr_html_(self) -> str:
+        """Return a table of the bodies for a notebook."""
+        layout = self.machine.layout
+        rows = [
+            (body, *(float(value) for value in centre), int(np.sum(layout.body_of == number)))
+            for number, (body, centre) in enumerate(zip(layout.bodies, layout.centres, strict=True))
+        ]
+        header = ("body", "x [m]", "y [m]", "z [m]", "points")
+        return html_table(repr(self).splitlines()[0], header, rows)
+
+
+def read_model(path: AnyPath, spin: Mapping[str, float] | None = None) -> MachineModel:
+    """Read a machine from MJCF and linearise it at its static equilibrium.
+
+    Args:
+        path: the MJCF.
+        spin: rates of hinges that turn steadily [rad/s], by name of the joint.
+
+    Raises:
+        InputError: the file cannot be read or the machine cannot be linearised.
+    """
+    return MachineModel(load_machine(as_path(path), spin))

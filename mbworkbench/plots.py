@@ -1,0 +1,207 @@
+"""Figures of results, by plotly."""
+
+from collections.abc import Iterator
+from functools import singledispatch
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from identification.words import Complex, Dof, Frf, FrfEstimate, Real, Test
+from mbworkbench.campaign import MeasuredCampaign
+from mbworkbench.diagnosing import DiagnosisResult
+from mbworkbench.identifying import IdentifiedModel
+from mbworkbench.model import ModelModes
+from mbworkbench.tuning_result import TunedModel
+
+MAX_CURVES = 12  # beyond this number of curves a legend is no longer read
+UNITS = {"receptance": "m/N", "mobility": "m/(N s)", "accelerance": "m/(N s²)"}
+COLOURS = {"measured": "#444444", "nominal": "#bbbbbb", "tuned": "#1f77b4"}
+PALETTE = ("#1f77b4", "#d95f02", "#1b9e77", "#7570b3", "#e7298a", "#66a61e")
+MAX_BAR_WIDTH = 0.5  # of the distance between two bars
+
+
+@singledispatch
+def plot(result: object) -> go.Figure:
+    """Return a plotly figure of a result.
+
+    FRFs are drawn with magnitude and phase; a campaign with its drive points and their coherence;
+    modes with frequency and damping; a tuned model beside the measurement at the drive points; a
+    diagnosis with its gap, places and causes.
+
+    Args:
+        result: ``Frf``, ``FrfEstimate``, or what ``read_campaign``, ``identify``, ``modes``,
+            ``tune`` or ``diagnose`` returned.
+
+    Raises:
+        TypeError: there is no figure of this type.
+    """
+    raise TypeError(
+        f"there is no figure of {type(result).__name__}: give an FRF, a campaign, modes, a tuned "
+        "model or a diagnosis"
+    )
+
+
+@plot.register
+def _(result: Frf) -> go.Figure:
+    figure = _bode(f"{result.quantity} [{UNITS[result.quantity]}]")
+    curves = [
+        (f"{output} / {source}", result.values[:, row, column])
+        for row, output in enumerate(result.outputs)
+        for column, source in enumerate(result.inputs)
+    ]
+    for number, (name, values) in enumerate(curves[:MAX_CURVES]):
+        colour = PALETTE[number % len(PALETTE)]
+        _add_curve(figure, result.freq_hz, values, name, colour=colour)
+    if len(curves) > MAX_CURVES:
+        figure.update_layout(title=f"the first {MAX_CURVES} of {len(curves)} FRFs; select others")
+    return figure
+
+
+@plot.register
+def _(result: FrfEstimate) -> go.Figure:
+    return plot(result.frf)
+
+
+@plot.register
+def _(result: MeasuredCampaign) -> go.Figure:
+    content = result.content
+    quantity = content.tests[0].estimate.frf.quantity
+    figure = _bode(f"{quantity} [{UNITS[quantity]}]", "coherence")
+    for number, (test, row) in enumerate(_drive_points(content.tests)):
+        colour = PALETTE[number % len(PALETTE)]
+        estimate, name = test.estimate, f"{test.condition.reference} ({test.condition.test})"
+        values = np.abs(estimate.frf.values[:, row, 0])
+        _add_line(figure, content.freq_hz, values, name, 1, colour)
+        if estimate.coherence is not None:
+            _add_line(figure, content.freq_hz, estimate.coherence[:, row, 0], name, 2, colour)
+    figure.update_layout(title=f"drive points of {result.name}")
+    return figure
+
+
+@plot.register
+def _(result: ModelModes) -> go.Figure:
+    return _mode_map(result.freq_hz, result.damping, "modes of the model")
+
+
+@plot.register
+def _(result: IdentifiedModel) -> go.Figure:
+    return _mode_map(
+        result.freq_hz,
+        result.damping,
+        f"modes of {result.campaign}",
+        error_x={"array": 2 * result.model.freq_sd[: result.count]},
+        error_y={"array": 200 * result.model.damping_sd[: result.count]},
+    )
+
+
+@plot.register
+def _(result: TunedModel) -> go.Figure:
+    comparison = result.tuning.sensors
+    tests = comparison.campaign.tests
+    quantity = tests[0].estimate.frf.quantity
+    figure = _bode(f"{quantity} [{UNITS[quantity]}]")
+    for number, (test, row) in enumerate(_drive_points(tests)):
+        index = next(k for k, candidate in enumerate(tests) if candidate is test)
+        curves = {
+            "measured": test.estimate.frf.values,
+            "nominal": comparison.as_drawn[index],
+            "tuned": comparison.tuned[index],
+        }
+        for name, values in curves.items():
+            _add_curve(
+                figure,
+                comparison.campaign.freq_hz,
+                values[:, row, 0],
+                f"{test.condition.reference} {name}",
+                colour=COLOURS[name],
+                visible=True if number == 0 else "legendonly",
+            )
+    figure.update_layout(title=f"drive points of {comparison.campaign.name}")
+    return figure
+
+
+@plot.register
+def _(result: DiagnosisResult) -> go.Figure:
+    verdict = result.verdict
+    figure = make_subplots(
+        cols=3, subplot_titles=("excess: gap / noise", "where [%]", "which cause [%]")
+    )
+    gap = verdict.gap
+    steps = {"nominal": gap.as_drawn, "re-tuned": gap.retuned, "with the cause": gap.after}
+    shown = {name: step.excess for name, step in steps.items() if step.excess is not None}
+    figure.add_bar(x=list(shown), y=list(shown.values()), row=1, col=1)
+    figure.add_hline(y=1.0, line_dash="dot", row=1, col=1)  # a perfect model
+    figure.update_yaxes(type="log", row=1, col=1)
+    where = [place for place in verdict.where if place.share is not None]
+    figure.add_bar(
+        x=[place.location for place in where],
+        y=[100 * (place.share or 0.0) for place in where],
+        row=1,
+        col=2,
+    )
+    figure.add_bar(
+        x=[f"{cause.effect}@{cause.location}" for cause in verdict.causes],
+        y=[100 * cause.probability for cause in verdict.causes],
+        row=1,
+        col=3,
+    )
+    figure.update_traces(marker_color=PALETTE[0], width=MAX_BAR_WIDTH, selector={"type": "bar"})
+    figure.update_layout(title=f"{result.campaign}: {verdict.verdict}", showlegend=False)
+    return figure
+
+
+def _bode(upper: str, lower: str = "phase [degrees]") -> go.Figure:
+    figure = make_subplots(rows=2, shared_xaxes=True, row_heights=[0.65, 0.35])
+    figure.update_yaxes(title_text=upper, type="log", exponentformat="power", row=1, col=1)
+    figure.update_yaxes(title_text=lower, row=2, col=1)
+    figure.update_xaxes(title_text="frequency [Hz]", row=2, col=1)
+    return figure
+
+
+def _add_curve(
+    figure: go.Figure,
+    freq_hz: Real,
+    values: Complex,
+    name: str,
+    *,
+    colour: str | None = None,
+    visible: bool | str = True,
+) -> None:
+    style = {"color": colour} if colour else {}
+    common = {"x": freq_hz, "name": name, "line": style, "visible": visible, "legendgroup": name}
+    figure.add_scatter(y=np.abs(values), row=1, col=1, **common)
+    figure.add_scatter(y=np.angle(values, deg=True), row=2, col=1, showlegend=False, **common)
+
+
+def _add_line(  # one argument for each property of a line
+    figure: go.Figure, freq_hz: Real, values: Real, name: str, row: int, colour: str
+) -> None:
+    figure.add_scatter(
+        x=freq_hz,
+        y=values,
+        name=name,
+        line={"color": colour},
+        legendgroup=name,
+        showlegend=row == 1,
+        row=row,
+        col=1,
+    )
+
+
+def _mode_map(freq_hz: Real, damping: Real, title: str, **errors: dict[str, Real]) -> go.Figure:
+    numbers = [str(number) for number in range(1, len(freq_hz) + 1)]
+    figure = go.Figure()
+    figure.add_scatter(x=freq_hz, y=100 * damping, text=numbers, mode="markers+text", **errors)
+    figure.update_traces(textposition="top center")
+    figure.update_layout(title=title, xaxis_title="frequency [Hz]", yaxis_title="damping ratio [%]")
+    return figure
+
+
+def _drive_points(tests: tuple[Test, ...]) -> Iterator[tuple[Test, int]]:
+    """Yield each test that measured where it was hit, with the row of that channel."""
+    for test in tests:
+        reference = test.condition.reference
+        for row, output in enumerate(test.estimate.frf.outputs):
+            if isinstance(reference, Dof) and output.positive == reference.positive:
+                yield test, row

@@ -1,0 +1,47 @@
+"""A campaign and its model, opened together for tuning and diagnosis."""
+
+from identification import band_lines
+from identification.words import Campaign, UsageError
+from mbworkbench.campaign import MeasuredCampaign
+from mbworkbench.labels import AnyPath, as_path
+from mbworkbench.model import MachineModel
+from tuning import Session, open_session
+
+
+def select_band(campaign: MeasuredCampaign, band: tuple[float, float] | None) -> Campaign:
+    """Return the tests of a campaign on the lines of a band.
+
+    Args:
+        campaign: all lines.
+        band: lowest and highest frequency [Hz]; the lines with coherence if None.
+
+    Raises:
+        UsageError: the band holds no line.
+    """
+    content = campaign.content
+    return content.select_lines(band_lines(content, band, campaign.source))
+
+
+def open_together(
+    campaign: MeasuredCampaign | AnyPath,
+    model: MachineModel | None,
+    band: tuple[float, float] | None,
+) -> Session:
+    """Open a campaign with the model that it names, or with another one.
+
+    Args:
+        campaign: from ``read_campaign``, or the path of its folder; its files are read anew.
+        model: the nominal model; the one that ``campaign.toml`` names if None.
+        band: lowest and highest frequency [Hz]; the lines with coherence if None.
+
+    Raises:
+        InputError: campaign or model cannot be used.
+        UsageError: campaign and model are exchanged, or the band holds no line.
+    """
+    if isinstance(campaign, MachineModel) or isinstance(model, MeasuredCampaign):
+        raise UsageError(
+            "campaign and model are exchanged: call tune(model, campaign) or "
+            "diagnose(campaign, model)"
+        )
+    source = campaign.source if isinstance(campaign, MeasuredCampaign) else as_path(campaign)
+    return open_session(source, band, None if model is None else model.machine)

@@ -1,0 +1,104 @@
+"""A model tuned to a campaign."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from mbworkbench.campaign import MeasuredCampaign
+from mbworkbench.labels import AnyPath, as_path
+from mbworkbench.model import MachineModel
+from mbworkbench.sessions import open_together
+from mbworkbench.tables import cell_text, html_table
+from tuning import CampaignTuning, TunedFile, write_result
+from tuning import tune as tune_session
+from tuning.files.result import summarise_tuning
+from tuning.files.schema import LevelGap, ParameterRow
+
+
+@dataclass(frozen=True, eq=False)
+class TunedModel:
+    """A tuned model: its parameters with intervals, and the gap that remains.
+
+    Attributes:
+        tuning: fits, held-out fits and predictions.
+        summary: the content of ``tuned.json``.
+    """
+
+    tuning: CampaignTuning
+    summary: TunedFile
+
+    @property
+    def parameters(self) -> tuple[ParameterRow, ...]:
+        """Every parameter: nominal value, tuned value, 95 % interval and pull."""
+        return tuple(self.summary.parameters)
+
+    @property
+    def gap(self) -> LevelGap:
+        """The gap at the sensors: nominal model, tuned model, held-out lines and noise."""
+        return self.summary.gap.sensors
+
+    def write(self, folder: AnyPath) -> Path:
+        """Write ``tuned.json``, the tuned MJCF and the FRFs, as ``mbw tune`` does.
+
+        Args:
+            folder: where they go; it is made where it does not exist.
+
+        Raises:
+            InputError: the folder cannot be written.
+        """
+        target = as_path(folder)
+        write_result(self.tuning, target)
+        return target
+
+    def __repr__(self) -> str:
+        """Return the gap and the number of parameters in a few lines."""
+        gap = self.gap
+        steps = {"nominal": gap.as_drawn, "tuned": gap.tuned, "held out": gap.held_out}
+        return "\n".join(
+            (
+                f"{self.summary.campaign}: {len(self.parameters)} parameters tuned, "
+                f"{'interrupted' if self.summary.interrupted else self.summary.fit.outcome}",
+                *(
+                    f"  {name}: error {cell_text(step.error)}, excess {cell_text(step.excess)}"
+                    for name, step in steps.items()
+                    if step is not None
+                ),
+                f"  noise: {cell_text(gap.noise)}",
+            )
+        )
+
+    def _repr_html_(self) -> str:
+        """Return a table of the parameters for a notebook."""
+        header = ("parameter", "unit", "nominal", "tuned", "low", "high", "pull")
+        rows = [
+            (row.name, row.unit, row.drawn, row.tuned, row.low, row.high, row.pull)
+            for row in self.parameters
+        ]
+        return html_table(repr(self).splitlines()[0], header, rows)
+
+
+def tune(
+    model: MachineModel | None,
+    campaign: MeasuredCampaign | AnyPath,
+    *,
+    band: tuple[float, float] | None = None,
+    starts: int = 1,
+    seed: int = 0,
+    jobs: int = 1,
+) -> TunedModel:
+    """Tune stiffness, damping and tolerances of a model to a campaign.
+
+    Args:
+        model: the nominal model; the one that ``campaign.toml`` names if None.
+        campaign: from ``read_campaign``, or the path of its folder.
+        band: lowest and highest frequency [Hz]; the lines with coherence if None.
+        starts: number of starts: the nominal model, then random ones.
+        seed: seed of the random starts.
+        jobs: number of processes for the starts, and of threads for the held-out fits.
+
+    Raises:
+        InputError: campaign or model cannot be used.
+        UsageError: campaign and model are exchanged, or the band holds no line.
+    """
+    session = open_together(campaign, model, band)
+    tuning = tune_session(session, starts=starts, seed=seed, jobs=jobs)
+    return TunedModel(tuning, summarise_tuning(tuning))

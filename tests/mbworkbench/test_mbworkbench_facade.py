@@ -1,0 +1,170 @@
+"""The public face: paths and labels as text, short summaries, tables and figures."""
+
+import ast
+import re
+from pathlib import Path
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+import mbworkbench as mb
+from identification.words import Dof
+from mbmodel import FrfRequest, as_drawn, linearise, load_machine
+
+ROOT = Path(__file__).resolve().parents[2]
+CAMPAIGN = ROOT / "assets" / "two_bodies"
+FREQ_HZ = np.linspace(1.0, 200.0, 50)
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return mb.read_campaign(str(CAMPAIGN))
+
+
+@pytest.fixture(scope="module")
+def model():
+    return mb.read_model(CAMPAIGN / "model.xml")
+
+
+@pytest.fixture(scope="module")
+def tuned(model, campaign):
+    return mb.tune(model, campaign, band=(20.0, 120.0))
+
+
+@pytest.fixture(scope="module")
+def result(campaign):
+    return mb.diagnose(campaign)
+
+
+@pytest.fixture(scope="module")
+def every_result(campaign, model, tuned, result):
+    return {
+        "campaign": campaign,
+        "test": campaign.content.tests[0].estimate,
+        "model": model,
+        "modes": model.modes(),
+        "frf": model.frf(["acc5:+tx", "acc1:+ty"], "acc5:+tx", FREQ_HZ),
+        "identified": mb.identify(campaign),
+        "tuned": tuned,
+        "result": result,
+    }
+
+
+def test_some_25_names_are_exported_and_documented():
+    assert 20 <= len(mb.__all__) <= 30
+    for name in set(mb.__all__) - {"__version__"}:
+        assert len(getattr(mb, name).__doc__) > 20
+    assert re.fullmatch(r"\d+\.\d+\.\d+", mb.__version__)
+
+
+def test_frfs_are_those_of_the_model_with_the_signs_of_the_labels(model):
+    frf = model.frf(["acc1:+ty", "acc5:-tx"], ["acc5:+tx"], list(FREQ_HZ), "mobility")
+    drawn = as_drawn(load_machine(CAMPAIGN / "model.xml"))
+    outputs = (Dof("acc1", "+ty"), Dof("acc5", "-tx"))
+    request = FrfRequest(FREQ_HZ, outputs, (Dof("acc5", "+tx"),), "mobility")
+    expected = linearise(drawn, drawn.drawn, request).frf()
+    np.testing.assert_array_equal(frf.values, expected.values)
+    np.testing.assert_array_equal(frf["acc5:+tx", "acc5:-tx"], frf["acc5:-tx", "acc5:+tx"])
+    np.testing.assert_array_equal(frf["acc5:+x", "acc5:+x"], -frf.values[:, 1, 0])
+
+
+def test_a_state_space_has_named_signals(model):
+    system = model.state_space("acc1:+ty", "acc5:+tx")
+    assert system.input_labels == ["acc5:+tx"]
+    assert system.output_labels == ["acc1:+ty"]
+    assert system.nstates == 2 * len(model.coordinates)
+
+
+@pytest.mark.parametrize(
+    ("labels", "freq_hz", "quantity", "said"),
+    [
+        (("acc99:+tx", "acc5:+tx"), FREQ_HZ, "accelerance", "acc99"),
+        (("acc1", "acc5:+tx"), FREQ_HZ, "accelerance", "'acc1' is not a label"),
+        (("acc1:+tx", "acc5:+tx"), FREQ_HZ[::-1], "accelerance", "strictly increasing"),
+        (("acc1:+tx", "acc5:+tx"), [1.0, np.nan], "accelerance", "finite"),
+        (("acc1:+tx", "acc5:+tx"), [-1.0, 1.0], "accelerance", "not negative"),
+        (("acc1:+tx", "acc5:+tx"), FREQ_HZ, "acceleration", "'acceleration'"),
+    ],
+)
+def test_a_request_without_sense_is_refused_in_one_sentence(model, labels, freq_hz, quantity, said):
+    with pytest.raises(mb.UsageError, match=said):
+        model.frf(*labels, freq_hz, quantity)
+
+
+def test_a_file_that_is_none_is_named():
+    with pytest.raises(mb.InputError, match="no_such"):
+        mb.read_model("no_such.xml")
+    with pytest.raises(mb.InputError, match="no_such"):
+        mb.read_campaign("no_such")
+
+
+def test_identified_modes_lie_in_the_band_and_their_number_is_said(campaign):
+    modes = mb.identify(campaign, band=(20.0, 70.0))
+    assert ((modes.freq_hz > 20) & (modes.freq_hz < 70)).all()
+    assert len(modes.freq_hz) == len(modes.damping) == modes.count > 2
+    assert f"{modes.count} modes of two_bodies" in repr(modes)
+
+
+def test_a_tuned_model_has_parameters_and_a_gap_and_can_be_written(tuned, tmp_path):
+    assert tuned.gap.tuned.error < 0.2 * tuned.gap.as_drawn.error
+    assert {"table_tx.stiffness", "stage.mass"} <= {row.name for row in tuned.parameters}
+    folder = tuned.write(tmp_path / "tuned")
+    assert {"tuned.json", "tuned.xml"} <= {path.name for path in folder.iterdir()}
+
+
+def test_a_diagnosis_names_the_cause_and_can_be_written(result, tmp_path):
+    assert result.verdict.verdict == "explained"
+    assert "appendage at body:stage" in repr(result)
+    file = result.write(tmp_path / "verdict.json")
+    assert '"verdict": "explained"' in file.read_text()
+
+
+def test_another_model_may_be_given(campaign, model):
+    tuned = mb.tune(None, campaign, band=(20.0, 60.0))
+    again = mb.tune(model, str(CAMPAIGN), band=(20.0, 60.0))
+    assert tuned.summary.gap == again.summary.gap
+
+
+def test_exchanged_arguments_are_refused_in_one_sentence(campaign, model):
+    with pytest.raises(mb.UsageError, match=r"call tune\(model, campaign\)"):
+        mb.tune(campaign, model)
+    with pytest.raises(mb.UsageError, match=r"diagnose\(campaign, model\)"):
+        mb.diagnose(model, campaign)
+
+
+def test_every_summary_is_short_and_every_table_is_html(every_result):
+    for name, value in every_result.items():
+        lines = repr(value).splitlines()
+        assert 1 <= len(lines) <= 10, name
+        assert max(map(len, lines)) <= 160, name
+        if name not in ("test", "frf"):
+            table = value._repr_html_()
+            assert table.startswith("<table>"), name
+            assert table.count("<tr>") > 1, name
+
+
+def test_everything_but_a_model_has_a_figure(every_result):
+    for name, value in every_result.items():
+        if name != "model":
+            figure = mb.plot(value)
+            assert isinstance(figure, go.Figure), name
+            assert len(figure.data) > 0, name
+    with pytest.raises(TypeError, match="there is no figure of MachineModel"):
+        mb.plot(every_result["model"])
+
+
+def test_a_figure_of_an_frf_shows_its_magnitude_and_phase(every_result):
+    frf = every_result["frf"]
+    first = mb.plot(frf).data[:2]
+    np.testing.assert_allclose(first[0].y, np.abs(frf.values[:, 0, 0]))
+    np.testing.assert_allclose(first[1].y, np.degrees(np.angle(frf.values[:, 0, 0])))
+
+
+def test_the_facade_computes_nothing():
+    # Only figures and tables turn numbers: no file solves, decomposes or optimises.
+    for path in (ROOT / "mbworkbench").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Attribute):
+                assert node.attr not in ("linalg", "fft", "random", "optimize"), path
+            assert not isinstance(node, ast.While | ast.MatMult), path
