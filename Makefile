@@ -6,12 +6,12 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 OUT ?= mbw-demo
 SEALED ?= ../shared/campaigns/sealed
 
-.PHONY: demo test check bench same sealed station gondola demo-campaign clean
+.PHONY: demo test check docs figures bench same sealed station gondola demo-campaign two-bodies clean
 
 demo: $(VENV)/.installed
 	$(BIN)/mbw demo --out $(OUT)
 
-test: check
+test: check docs
 	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 check: $(VENV)/.installed-test
@@ -19,6 +19,14 @@ check: $(VENV)/.installed-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest tests/test_imports.py
+
+# Builds the pages into build/site; a warning is an error, and nothing is loaded from a network.
+docs: $(VENV)/.installed-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+# Writes what is generated in README and docs: figures of the benches, options of the command.
+figures: $(VENV)/.installed-test
+	$(BIN)/python -m tests.docs
 
 bench: $(VENV)/.installed-bench
 	$(BIN)/python -m tests.bench $(ONLY)
@@ -45,6 +53,10 @@ gondola: $(VENV)/.installed
 demo-campaign: $(VENV)/.installed
 	$(BIN)/python -m truth assets/microstation/station.xml assets/demo --seed 20261121 --node 11 --effect appendage --ratio 4 --overwrite
 
+# Remakes the tutorial's campaign of two bodies, byte for byte, from its seed.
+two-bodies: $(VENV)/.installed
+	$(BIN)/python -m truth assets/two_bodies.xml assets/two_bodies --seed 20261126 --node 5 --effect appendage --place body:stage --ratio 8 --overwrite
+
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(PIP) --editable .
@@ -54,10 +66,14 @@ $(VENV)/.installed-test: $(VENV)/.installed
 	$(PIP) --editable '.[test]'
 	touch $@
 
+$(VENV)/.installed-docs: $(VENV)/.installed
+	$(PIP) --editable '.[docs]'
+	touch $@
+
 # pyFBS without what it depends on (Qt, VTK, Ansys): the bench needs its LSCF alone.
 $(VENV)/.installed-bench: $(VENV)/.installed-test
 	$(PIP) --no-deps pyFBS==1.0.7
 	touch $@
 
 clean:
-	rm -rf $(VENV) dist
+	rm -rf $(VENV) dist build

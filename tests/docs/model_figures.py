@@ -1,0 +1,71 @@
+"""Figures of the benches of the model: FRFs and their gradient."""
+
+from tests.docs.formats import significant, table
+from tests.docs.results import bench_rows
+
+FRF_ROWS = {
+    "FRFs, ours": "FRFs, this project",
+    "FRFs and gradient, ours": "FRFs and gradient, this project",
+    "the same by 73 evaluations of python-control with slycot": (
+        "FRFs and gradient by 73 evaluations of python-control with slycot"
+    ),
+}
+
+
+def frf_table() -> str:
+    """Speed and error of FRFs and gradient on the station."""
+    rows = [
+        (
+            FRF_ROWS.get(row["work"], row["work"]),
+            significant(row["ms"]),
+            significant(row["times ours"]),
+            "" if row["worst error"] == "" else f"{row['worst error']:.1e}",
+        )
+        for row in bench_rows("frf")
+    ]
+    return table(("Work", "Time [ms]", "Time / this project's", "Largest error"), rows)
+
+
+def frf_ratio(work: str) -> str:
+    """Return how many times longer some work takes than this project's."""
+    ratios = {row["work"]: row["times ours"] for row in bench_rows("frf")}
+    return significant(ratios[work], 2)
+
+
+def frf_gradient_ms() -> str:
+    """Milliseconds for the FRFs and the gradient of the station."""
+    times = {row["work"]: row["ms"] for row in bench_rows("frf")}
+    return significant(times["FRFs and gradient, ours"], 2)
+
+
+def frf_error() -> str:
+    """Largest error of this project's FRFs against 40 digits."""
+    return f"{bench_rows('frf')[0]['worst error']:.1e}"
+
+
+def large_table() -> str:
+    """Speed and memory of FRFs and gradient on a machine of 60 bodies."""
+    rows = [
+        (
+            row["work"].replace(", ours", ", this project"),
+            significant(row["s"]),
+            significant(row["times ours"]),
+            row["peak memory"],
+        )
+        for row in bench_rows("large")
+    ]
+    return table(("Work", "Time [s]", "Time / this project's", "Peak memory"), rows)
+
+
+FIGURES = {
+    "frf-table": frf_table,
+    "frf-times-control": lambda: frf_ratio("FRFs, python-control"),
+    "frf-times-slycot": lambda: frf_ratio("FRFs, python-control with slycot"),
+    "frf-gradient-times-slycot": lambda: frf_ratio(
+        "the same by 73 evaluations of python-control with slycot"
+    ),
+    "frf-gradient-ms": frf_gradient_ms,
+    "frf-error": frf_error,
+    "large-table": large_table,
+    "large-seconds": lambda: significant(bench_rows("large")[0]["s"], 2),
+}

@@ -1,0 +1,68 @@
+"""Figures of the benches of the withheld truth: strength of effects, draws, and leaks."""
+
+from tests.docs.formats import code_span, fixed, significant, table
+from tests.docs.results import bench_rows
+
+LEAKS = {
+    "whether something is missing": "Whether something is missing",
+    "kind of place": "Kind of place",
+    "planted: one hit more in 2 of 5 where nothing is missing": (
+        "Planted leak: one hit more in two fifths of the campaigns that lack nothing"
+    ),
+    "planted: one hit more in 5 of 5 where nothing is missing": (
+        "Planted leak: one hit more in all campaigns that lack nothing"
+    ),
+}
+
+
+def survival_table() -> str:
+    """Survival ratio after a full refit, by effect and wanted ratio."""
+    rows = [row for row in bench_rows("survival") if row["wanted"] != ""]
+    ratios = sorted({row["wanted"] for row in rows})
+    found = {(row["effect"], row["wanted"]): row["full refit"] for row in rows}
+    effects = dict.fromkeys(row["effect"] for row in rows)
+    return table(
+        ("Effect", *(f"Wanted {ratio:g}" for ratio in ratios)),
+        [
+            (code_span(name), *(significant(found[name, ratio], 2) for ratio in ratios))
+            for name in effects
+        ],
+    )
+
+
+def truth_table() -> str:
+    """Time and discarded draws of a withheld case, by effect."""
+    rows = [
+        (
+            code_span(row["effect"]) if row["effect"] != "all" else "All",
+            row["n"],
+            fixed(row["s a case"], 2),
+            row["discarded"],
+            fixed(row["discarded %"], 1),
+        )
+        for row in bench_rows("truth")
+    ]
+    return table(("Effect", "Cases", "Time per case [s]", "Discarded draws", "Discarded [%]"), rows)
+
+
+def leaks_table() -> str:
+    """Balanced accuracy of boosted trees that see everything but the FRFs."""
+    rows = [
+        (
+            LEAKS[row["told"]],
+            fixed(row["balanced accuracy %"], 1),
+            f"{row['from']:.1f} to {row['to']:.1f}",
+            fixed(row["chance %"], 1),
+            row["n"],
+        )
+        for row in bench_rows("leaks")
+    ]
+    header = ("Question", "Balanced accuracy [%]", "95 % interval", "Chance [%]", "Campaigns")
+    return table(header, rows)
+
+
+FIGURES = {
+    "survival-table": survival_table,
+    "truth-table": truth_table,
+    "leaks-table": leaks_table,
+}
