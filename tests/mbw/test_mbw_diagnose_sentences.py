@@ -101,8 +101,8 @@ def test_what_levels_could_show_is_untested_for_one_reason_or_another():
     verdict = SimpleNamespace(not_testable=["friction", "hardening", "drift"])
     once, drift = untested_sentences(verdict, 1)
     assert once == (
-        "Not tested, so not excluded: friction and a spring that hardens; only hits of several "
-        "levels can reveal this."
+        "Not tested, so not excluded: friction and a spring that hardens; hits of several "
+        "levels show that a joint is nonlinear, not by which law."
     )
     several, same = untested_sentences(verdict, 3)
     assert "hardens; this catalogue has no such effect: compare the hits of each" in several
