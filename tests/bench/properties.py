@@ -13,7 +13,7 @@ PROFILE = "full"
 def run() -> list[dict[str, object]]:
     """Run every test that hypothesis drives; return how many passed and failed."""
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-n", "2", "-m", "hypothesis", "-q", "tests"],
+        [sys.executable, "-m", "pytest", "-n", "2", "-m", "hypothesis", "tests"],
         cwd=ROOT,
         env={**os.environ, "HYPOTHESIS_PROFILE": PROFILE},
         stdout=subprocess.PIPE,
@@ -23,4 +23,6 @@ def run() -> list[dict[str, object]]:
     counts = dict.fromkeys(("passed", "failed", "error"), 0)
     for number, word in re.findall(r"(\d+) (passed|failed|error)", done.stdout.splitlines()[-1]):
         counts[word] = int(number)
+    if not counts["passed"]:
+        raise RuntimeError(f"no property test ran: {done.stdout[-2000:]}")
     return [{"examples": 200, **counts}]

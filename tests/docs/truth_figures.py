@@ -1,4 +1,4 @@
-"""Figures of the benches of the withheld truth: strength of effects, draws, and leaks."""
+"""Figures of the benches of the withheld truth, and of the property tests."""
 
 from tests.docs.formats import code_span, fixed, significant, table
 from tests.docs.results import bench_rows
@@ -45,6 +45,13 @@ def truth_table() -> str:
     return table(("Effect", "Cases", "Time per case [s]", "Discarded draws", "Discarded [%]"), rows)
 
 
+def properties_passed() -> str:
+    """Property tests that pass with many examples each."""
+    (row,) = bench_rows("properties")
+    total = row["passed"] + row["failed"] + row["error"]
+    return f"{row['passed']} of {total} with {row['examples']} examples each"
+
+
 def leaks_table() -> str:
     """Balanced accuracy of boosted trees that see everything but the FRFs."""
     rows = [
@@ -65,4 +72,5 @@ FIGURES = {
     "survival-table": survival_table,
     "truth-table": truth_table,
     "leaks-table": leaks_table,
+    "properties-passed": properties_passed,
 }
