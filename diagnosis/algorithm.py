@@ -69,6 +69,11 @@ class Diagnosis:
     after: HeldOutGap | None
     known: Known | None = None
 
+    def __repr__(self) -> str:
+        """Return campaign, verdict and causes in one line."""
+        causes = ", ".join("@".join(key[:2]) for key in self.judged.present) or "no cause"
+        return f"diagnosis of {self.session.campaign.name}: {self.judged.word}, {causes}"
+
 
 def diagnose(
     session: Session, *, jobs: int = 1, tell: Callable[[str], None] | None = None

@@ -15,6 +15,7 @@ from identification.words import (
     frozen_array,
     is_hammer_point,
     node_number,
+    shorten_names,
 )
 from mbmodel.linearisation.drawing import Drawing, read_drawing
 from mbmodel.linearisation.equilibrium import (
@@ -131,6 +132,15 @@ class Machine:
             object.__setattr__(
                 self, name, frozen_array(getattr(self, name), np.float64, shape, name)
             )
+
+    def __repr__(self) -> str:
+        """Return the names of bodies, coordinates and points in a few lines."""
+        return (
+            f"machine {self.name}: {len(self.layout.bodies)} bodies, "
+            f"{len(self.coordinates)} coordinates, {len(self.layout.points)} points\n"
+            f"  bodies: {shorten_names(self.layout.bodies)}\n"
+            f"  coordinates: {shorten_names(self.coordinates)}"
+        )
 
     @property
     def mass(self) -> Real:

@@ -32,6 +32,7 @@ from mbworkbench.campaign import MeasuredCampaign, read_campaign
 from mbworkbench.diagnosing import DiagnosisResult, diagnose
 from mbworkbench.identifying import IdentifiedModel, identify
 from mbworkbench.model import MachineModel, ModelModes, read_model
+from mbworkbench.parameters import ParameterTable
 from mbworkbench.plots import plot
 from mbworkbench.tuning_result import TunedModel, tune
 
@@ -51,6 +52,7 @@ __all__ = [
     "MeasuredCampaign",
     "ModalModel",
     "ModelModes",
+    "ParameterTable",
     "Tolerance",
     "TunedModel",
     "UsageError",

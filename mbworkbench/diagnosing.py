@@ -6,7 +6,7 @@ from pathlib import Path
 from diagnosis import Diagnosis, Verdict, verdict_of
 from diagnosis import diagnose as diagnose_session
 from mbworkbench.campaign import MeasuredCampaign
-from mbworkbench.labels import AnyPath, as_path
+from mbworkbench.labels import AnyPath, as_path, check_count
 from mbworkbench.model import MachineModel
 from mbworkbench.sessions import open_together
 from mbworkbench.tables import cell_text, html_table
@@ -94,8 +94,10 @@ def diagnose(
 
     Raises:
         InputError: campaign or model cannot be used.
-        UsageError: campaign and model are exchanged, or the band holds too few lines.
+        UsageError: arguments are exchanged or out of their range, or the band holds too few
+            lines.
     """
+    check_count("jobs", jobs)
     session = open_together(campaign, model, band)
     diagnosis = diagnose_session(session, jobs=jobs)
     return DiagnosisResult(session.campaign.name, verdict_of(diagnosis), diagnosis)

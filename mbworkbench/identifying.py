@@ -72,8 +72,8 @@ def identify(
         band: lowest and highest frequency [Hz]; the lines with coherence if None.
 
     Raises:
-        InputError: the campaign cannot be used.
-        UsageError: the band holds no line.
+        InputError: the campaign cannot be used, or the band holds no line.
+        UsageError: the lower frequency of the band does not come first.
     """
     if not isinstance(campaign, MeasuredCampaign):
         campaign = read_campaign(campaign)

@@ -1,12 +1,12 @@
 """Paths, labels, frequencies and quantities as users write them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
-from identification.words import DERIVATIVE_ORDER, Dof, Input, Quantity, Real, UsageError
+from identification.words import DERIVATIVE_ORDER, Dof, Input, Motor, Quantity, Real, UsageError
 from mbmodel import Machine, parse_input
 
 AnyPath = str | PathLike[str]
@@ -18,7 +18,7 @@ def as_path(path: AnyPath) -> Path:
     return Path(path).expanduser()
 
 
-def parse_outputs(labels: AnyLabel | Sequence[AnyLabel]) -> tuple[Dof, ...]:
+def parse_outputs(labels: AnyLabel | Iterable[AnyLabel]) -> tuple[Dof, ...]:
     """Return outputs as degrees of freedom.
 
     Args:
@@ -32,7 +32,7 @@ def parse_outputs(labels: AnyLabel | Sequence[AnyLabel]) -> tuple[Dof, ...]:
     )
 
 
-def parse_inputs(machine: Machine, labels: AnyLabel | Sequence[AnyLabel]) -> tuple[Input, ...]:
+def parse_inputs(machine: Machine, labels: AnyLabel | Iterable[AnyLabel]) -> tuple[Input, ...]:
     """Return inputs as degrees of freedom or motors.
 
     Args:
@@ -57,7 +57,10 @@ def check_frequencies(freq_hz: Sequence[float] | Real) -> Real:
     Raises:
         UsageError: a frequency is NaN, infinite or negative, or they do not increase.
     """
-    lines = np.asarray(freq_hz, np.float64)
+    try:
+        lines = np.asarray(freq_hz, np.float64)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"freq_hz: {error}; give frequencies [Hz] as numbers") from error
     if lines.ndim != 1 or not lines.size or not np.isfinite(lines).all():
         raise UsageError("freq_hz: give finite frequencies [Hz] in one dimension, at least one")
     if lines[0] < 0 or not (np.diff(lines) > 0).all():
@@ -77,7 +80,39 @@ def check_quantity(quantity: str) -> Quantity:
     raise UsageError(f"{quantity!r} is no quantity: write one of {', '.join(DERIVATIVE_ORDER)}")
 
 
-def _as_tuple(labels: AnyLabel | Sequence[AnyLabel]) -> tuple[AnyLabel, ...]:
-    if isinstance(labels, str) or not isinstance(labels, Sequence):
-        return (labels,)
-    return tuple(labels)
+def check_band(band: tuple[float, float] | None) -> tuple[float, float] | None:
+    """Return a band after checking it.
+
+    Args:
+        band: lowest and highest frequency [Hz]; None for the lines with coherence.
+
+    Raises:
+        UsageError: it is no pair of numbers, or the lower frequency does not come first.
+    """
+    if band is None:
+        return None
+    values = np.asarray(band, np.float64)
+    if values.shape != (2,) or not values[0] < values[1]:
+        raise UsageError(f"band {band}: give two frequencies [Hz], the lower one first")
+    return float(values[0]), float(values[1])
+
+
+def check_count(name: str, value: int) -> int:
+    """Return a number of starts or processes after checking it.
+
+    Raises:
+        UsageError: it is below 1.
+    """
+    if value < 1:
+        raise UsageError(f"{name} is {value}: give 1 or more")
+    return value
+
+
+def _as_tuple(labels: AnyLabel | Iterable[AnyLabel]) -> tuple[AnyLabel, ...]:
+    chosen = (labels,) if isinstance(labels, str | Dof | Motor) else tuple(labels)
+    if not chosen:
+        raise UsageError("give at least one label, such as acc11:+tx")
+    texts = [str(label) for label in chosen]
+    if len(set(texts)) < len(texts):
+        raise UsageError(f"a label appears twice: {', '.join(texts)}")
+    return chosen

@@ -1,6 +1,6 @@
 """The nominal model of a machine, read from MJCF."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -101,8 +101,8 @@ class MachineModel:
 
     def frf(
         self,
-        outputs: AnyLabel | Sequence[AnyLabel],
-        inputs: AnyLabel | Sequence[AnyLabel],
+        outputs: AnyLabel | Iterable[AnyLabel],
+        inputs: AnyLabel | Iterable[AnyLabel],
         freq_hz: Sequence[float] | Real,
         quantity: Quantity = "accelerance",
     ) -> Frf:
@@ -136,8 +136,8 @@ class MachineModel:
 
     def state_space(
         self,
-        outputs: AnyLabel | Sequence[AnyLabel],
-        inputs: AnyLabel | Sequence[AnyLabel],
+        outputs: AnyLabel | Iterable[AnyLabel],
+        inputs: AnyLabel | Iterable[AnyLabel],
         quantity: Quantity = "receptance",
     ) -> "control.StateSpace":
         """Return the linear model as a state space of python-control with named signals.

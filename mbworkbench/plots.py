@@ -44,7 +44,7 @@ def plot(result: object) -> go.Figure:
 
 @plot.register
 def _(result: Frf) -> go.Figure:
-    figure = _bode(f"{result.quantity} [{UNITS[result.quantity]}]")
+    figure = _bode(_axis_title(result))
     curves = [
         (f"{output} / {source}", result.values[:, row, column])
         for row, output in enumerate(result.outputs)
@@ -66,8 +66,7 @@ def _(result: FrfEstimate) -> go.Figure:
 @plot.register
 def _(result: MeasuredCampaign) -> go.Figure:
     content = result.content
-    quantity = content.tests[0].estimate.frf.quantity
-    figure = _bode(f"{quantity} [{UNITS[quantity]}]", "coherence")
+    figure = _bode(_axis_title(content.tests[0].estimate.frf), "coherence")
     for number, (test, row) in enumerate(_drive_points(content.tests)):
         colour = PALETTE[number % len(PALETTE)]
         estimate, name = test.estimate, f"{test.condition.reference} ({test.condition.test})"
@@ -75,7 +74,10 @@ def _(result: MeasuredCampaign) -> go.Figure:
         _add_line(figure, content.freq_hz, values, name, 1, colour)
         if estimate.coherence is not None:
             _add_line(figure, content.freq_hz, estimate.coherence[:, row, 0], name, 2, colour)
-    figure.update_layout(title=f"drive points of {result.name}")
+    title = f"drive points of {result.name}"
+    if not figure.data:
+        title = f"{result.name} has no drive point: no channel measured where the hammer hit"
+    figure.update_layout(title=title)
     return figure
 
 
@@ -99,8 +101,7 @@ def _(result: IdentifiedModel) -> go.Figure:
 def _(result: TunedModel) -> go.Figure:
     comparison = result.tuning.sensors
     tests = comparison.campaign.tests
-    quantity = tests[0].estimate.frf.quantity
-    figure = _bode(f"{quantity} [{UNITS[quantity]}]")
+    figure = _bode(_axis_title(tests[0].estimate.frf))
     for number, (test, row) in enumerate(_drive_points(tests)):
         index = next(k for k, candidate in enumerate(tests) if candidate is test)
         curves = {
@@ -149,6 +150,13 @@ def _(result: DiagnosisResult) -> go.Figure:
     figure.update_traces(marker_color=PALETTE[0], width=MAX_BAR_WIDTH, selector={"type": "bar"})
     figure.update_layout(title=f"{result.campaign}: {verdict.verdict}", showlegend=False)
     return figure
+
+
+def _axis_title(frf: Frf) -> str:
+    """Return the quantity with its unit; rotations, moments and motors have units of their own."""
+    labels = (*frf.outputs, *frf.inputs)
+    is_plain = all(isinstance(label, Dof) and not label.is_rotation for label in labels)
+    return f"{frf.quantity} [{UNITS[frf.quantity] if is_plain else 'SI units'}]"
 
 
 def _bode(upper: str, lower: str = "phase [degrees]") -> go.Figure:

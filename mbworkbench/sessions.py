@@ -3,7 +3,7 @@
 from identification import band_lines
 from identification.words import Campaign, UsageError
 from mbworkbench.campaign import MeasuredCampaign
-from mbworkbench.labels import AnyPath, as_path
+from mbworkbench.labels import AnyPath, as_path, check_band
 from mbworkbench.model import MachineModel
 from tuning import Session, open_session
 
@@ -16,10 +16,11 @@ def select_band(campaign: MeasuredCampaign, band: tuple[float, float] | None) ->
         band: lowest and highest frequency [Hz]; the lines with coherence if None.
 
     Raises:
-        UsageError: the band holds no line.
+        InputError: the band holds no line.
+        UsageError: the lower frequency does not come first.
     """
     content = campaign.content
-    return content.select_lines(band_lines(content, band, campaign.source))
+    return content.select_lines(band_lines(content, check_band(band), campaign.source))
 
 
 def open_together(
@@ -35,13 +36,16 @@ def open_together(
         band: lowest and highest frequency [Hz]; the lines with coherence if None.
 
     Raises:
-        InputError: campaign or model cannot be used.
-        UsageError: campaign and model are exchanged, or the band holds no line.
+        InputError: campaign or model cannot be used, or the band holds no line.
+        UsageError: campaign and model are exchanged, or the lower frequency of the band does not
+            come first.
     """
     if isinstance(campaign, MachineModel) or isinstance(model, MeasuredCampaign):
         raise UsageError(
             "campaign and model are exchanged: call tune(model, campaign) or "
             "diagnose(campaign, model)"
         )
+    if not isinstance(model, MachineModel | None):
+        raise UsageError(f"{model!r} is no model: give what read_model returned, or None")
     source = campaign.source if isinstance(campaign, MeasuredCampaign) else as_path(campaign)
-    return open_session(source, band, None if model is None else model.machine)
+    return open_session(source, check_band(band), None if model is None else model.machine)

@@ -4,14 +4,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mbworkbench.campaign import MeasuredCampaign
-from mbworkbench.labels import AnyPath, as_path
+from mbworkbench.labels import AnyPath, as_path, check_count
 from mbworkbench.model import MachineModel
+from mbworkbench.parameters import ParameterTable
 from mbworkbench.sessions import open_together
-from mbworkbench.tables import cell_text, html_table
+from mbworkbench.tables import cell_text
 from tuning import CampaignTuning, TunedFile, write_result
 from tuning import tune as tune_session
 from tuning.files.result import summarise_tuning
-from tuning.files.schema import LevelGap, ParameterRow
+from tuning.files.schema import LevelGap
+
+MAX_DOUBTS = 3  # doubts that the summary lists
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,9 +30,9 @@ class TunedModel:
     summary: TunedFile
 
     @property
-    def parameters(self) -> tuple[ParameterRow, ...]:
+    def parameters(self) -> ParameterTable:
         """Every parameter: nominal value, tuned value, 95 % interval and pull."""
-        return tuple(self.summary.parameters)
+        return ParameterTable(tuple(self.summary.parameters))
 
     @property
     def gap(self) -> LevelGap:
@@ -63,17 +66,13 @@ class TunedModel:
                     if step is not None
                 ),
                 f"  noise: {cell_text(gap.noise)}",
+                *(f"  doubt: {doubt}" for doubt in self.summary.fit.doubts[:MAX_DOUBTS]),
             )
         )
 
     def _repr_html_(self) -> str:
         """Return a table of the parameters for a notebook."""
-        header = ("parameter", "unit", "nominal", "tuned", "low", "high", "pull")
-        rows = [
-            (row.name, row.unit, row.drawn, row.tuned, row.low, row.high, row.pull)
-            for row in self.parameters
-        ]
-        return html_table(repr(self).splitlines()[0], header, rows)
+        return self.parameters._repr_html_()
 
 
 def tune(
@@ -97,8 +96,10 @@ def tune(
 
     Raises:
         InputError: campaign or model cannot be used.
-        UsageError: campaign and model are exchanged, or the band holds no line.
+        UsageError: arguments are exchanged or out of their range.
     """
+    check_count("starts", starts)
+    check_count("jobs", jobs)
     session = open_together(campaign, model, band)
     tuning = tune_session(session, starts=starts, seed=seed, jobs=jobs)
     return TunedModel(tuning, summarise_tuning(tuning))

@@ -97,6 +97,13 @@ class CampaignTuning:
     at: FrfPlace = "sensors"
     gains: tuple[GainRow, ...] = ()
 
+    def __repr__(self) -> str:
+        """Return campaign, machine, outcome and number of parameters in one line."""
+        return (
+            f"tuning of {self.session.model.machine.name} to {self.session.campaign.name}: "
+            f"{self.fit.outcome}, {self.fit.parametrisation.size} parameters"
+        )
+
     @property
     def model_fit(self) -> Fit:
         """Fit whose parameters are reported: the unbounded one, unless that hides a fault."""

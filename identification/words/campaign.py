@@ -10,6 +10,7 @@ from identification.words.dof import Dof, distinct_dofs
 from identification.words.frf import FrfEstimate
 from identification.words.hits import HitEstimate
 from identification.words.layout import Layout
+from identification.words.names import shorten_names
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,9 @@ class Condition:
     setup: str | None = None
 
     def __post_init__(self) -> None:
-        """Check the level and the spindle speed."""
+        """Check the reference, the level and the spindle speed."""
+        if not isinstance(self.reference, Dof):
+            raise ValueError(f"reference is {self.reference!r}, expected a Dof")
         if self.level_n is not None and not (np.isfinite(self.level_n) and self.level_n > 0):
             raise ValueError(f"level is {self.level_n} N, expected more than 0")
         if not np.isfinite(self.spindle_speed):
@@ -59,6 +62,10 @@ class Test:
     condition: Condition
     estimate: FrfEstimate
     hits: HitEstimate | None = None
+
+    def __repr__(self) -> str:
+        """Return file, reference and estimate in a few lines."""
+        return f"test {self.condition.test} at {self.condition.reference}: {self.estimate!r}"
 
     def __post_init__(self) -> None:
         """Check that the input is the reference."""
@@ -134,6 +141,15 @@ class Campaign:
                 raise ValueError(
                     f"{test.condition.test} holds {frf.quantity}, not {first.quantity}"
                 )
+
+    def __repr__(self) -> str:
+        """Return tests, channels, lines and quantity in a few lines."""
+        freq = self.freq_hz
+        return (
+            f"campaign {self.name}: {len(self.tests)} tests, {len(self.outputs)} channels, "
+            f"{len(freq)} lines {freq[0]:g}..{freq[-1]:g} Hz, "
+            f"{self.tests[0].estimate.frf.quantity}\n  hit at {shorten_names(self.inputs)}"
+        )
 
     @property
     def freq_hz(self) -> Real:

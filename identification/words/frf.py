@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, Self
+from typing import Literal, Self, get_args
 
 import numpy as np
 
 from identification.words._arrays import Complex, Mask, Real, frozen_array
 from identification.words.dof import Dof
 from identification.words.errors import UsageError
-from identification.words.motor import Input
+from identification.words.motor import Input, Motor
 from identification.words.names import shorten_names
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
@@ -51,6 +51,8 @@ class Frf:
             ("input", self.inputs),
         )
         for side, dofs in sides:
+            if wrong := [dof for dof in dofs if not isinstance(dof, Dof | Motor)]:
+                raise ValueError(f"an {side} is {wrong[0]!r}, expected a Dof or a Motor")
             if len({dof.positive for dof in dofs}) < len(dofs):
                 raise ValueError(f"an {side} appears twice: {', '.join(map(str, dofs))}")
         if self.quantity not in DERIVATIVE_ORDER:
@@ -83,6 +85,11 @@ class Frf:
         Raises:
             UsageError: the FRFs do not have one of the labels.
         """
+        if not isinstance(labels, tuple) or len(labels) != 2:
+            raise UsageError(
+                f"{labels!r} does not name one FRF: write frf[output, input], such as "
+                'frf["acc1:+tx", "acc11:+ty"]'
+            )
         output, source = labels
         row, row_sign = _position(self.outputs, output, "outputs")
         column, column_sign = _position(self.inputs, source, "inputs")
@@ -123,6 +130,8 @@ class Frf:
 
 def _position(available: Sequence[Input], label: str | Input, side: str) -> tuple[int, int]:
     """Return the position of a label and its sign relative to the available one."""
+    if not isinstance(label, str | Dof | Motor):
+        raise UsageError(f"{label!r} is not a label: write text such as acc11:+tx, or a Dof")
     if isinstance(label, str):
         names = {str(dof): dof for dof in available}
         label = names[label] if label in names else Dof.parse(label)
@@ -185,8 +194,15 @@ class FrfEstimate:
             if (coherence < 0).any() or (coherence > 1).any():
                 raise ValueError("coherence is outside 0..1")
             object.__setattr__(self, "coherence", coherence)
-        if self.averages is not None and self.averages < 1:
-            raise ValueError(f"averages is {self.averages}, expected at least 1")
+        if self.variance_source not in get_args(VarianceSource):
+            raise ValueError(
+                f"variance_source is {self.variance_source!r}, expected one of "
+                f"{', '.join(get_args(VarianceSource))}"
+            )
+        if self.averages is not None and not (
+            isinstance(self.averages, int | np.integer) and self.averages >= 1
+        ):
+            raise ValueError(f"averages is {self.averages!r}, expected a whole number from 1")
         if not 0 <= self.window_tau < np.inf:
             raise ValueError(f"window_tau is {self.window_tau} s, expected 0 or more")
 

@@ -14,6 +14,7 @@ from identification.words.names import shorten_names
 
 _NODE_SUFFIX = re.compile(r"(\d+)$")
 _HAMMER_POINT = re.compile(r"hit\d+$")
+_AXIS_LENGTH_ERROR = 1e-6  # of a unit axis: rounding of what a file states
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +56,9 @@ class Layout:
         duplicates = sorted({name for name in names if names.count(name) > 1})
         if duplicates:
             raise ValueError(f"{', '.join(duplicates)} names more than one body or point")
+        lengths = np.linalg.norm(checked["axes"], axis=1)
+        if (np.abs(lengths - 1.0) > _AXIS_LENGTH_ERROR).any():
+            raise ValueError("axes must be unit vectors, as columns")
         if not np.isin(checked["body_of"], np.arange(n_body)).all():
             raise ValueError("body_of holds an index that no body has")
         for name, value in checked.items():

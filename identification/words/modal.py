@@ -129,6 +129,9 @@ class ModalModel(HasPoles):
             ("damping_sd", np.float64, (m,)),
         ):
             object.__setattr__(self, name, frozen_array(getattr(self, name), kind, shape, name))
+        for name in ("freq_sd", "damping_sd"):
+            if (getattr(self, name) < 0).any():
+                raise ValueError(f"{name} is negative: a standard deviation is 0 or more")
         object.__setattr__(self, "outputs", tuple(self.outputs))
         object.__setattr__(self, "inputs", tuple(self.inputs))
 

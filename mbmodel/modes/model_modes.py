@@ -7,7 +7,15 @@ import numpy as np
 import scipy.linalg
 from scipy.sparse.csgraph import connected_components
 
-from identification.words import DIRECTIONS, Complex, Dof, HasPoles, Mask, Real
+from identification.words import (
+    DIRECTIONS,
+    Complex,
+    Dof,
+    HasPoles,
+    Mask,
+    Real,
+    shorten_names,
+)
 from mbmodel.frf.ports import apply_point_changes, find_ports
 from mbmodel.model import Assembly, Matrices, Model
 from mbmodel.spatial import transport
@@ -34,6 +42,11 @@ class Modes(HasPoles):
     poles: Complex
     shapes: Complex
     names: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        """Return the natural frequencies in one line."""
+        listed = shorten_names([f"{value:.4g}" for value in self.freq_hz])
+        return f"{len(self.poles)} modes at {listed} Hz"
 
     @property
     def oscillates(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Band, Json, Pictures, Quiet
+from mbw.options import Json, Pictures, Quiet
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -31,7 +31,10 @@ def predict(  # noqa: PLR0913  # one for each option
     quantity: Annotated[
         str, typer.Option(help="receptance, mobility or accelerance.")
     ] = "accelerance",
-    band: Band = None,
+    band: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="LOW HIGH", help="Frequency band [Hz]; default: 0 to 200 Hz."),
+    ] = None,
     lines: Annotated[int, typer.Option(min=2, help="Number of frequency lines of the FRFs.")] = 801,
     statespace: Annotated[
         Path | None,

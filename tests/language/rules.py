@@ -18,7 +18,7 @@ IRREGULAR = {
     *("begun", "bent", "bound", "built", "cut", "drawn", "dealt", "foreseen", "foretold", "found"),
     *("given", "held", "hit", "hung", "kept", "known", "laid", "left", "made", "met", "put"),
     *("read_out", "seen", "set", "shown", "split", "spoken", "spun", "stuck", "struck", "swung"),
-    *("taken", "told", "thought", "torn", "won", "written"),
+    *("taken", "told", "thought", "torn", "won", "written", "chosen", "sought", "lost"),
 }
 VERBS_IN_ED = {"need", "feed", "embed", "proceed", "seed", "speed", "exceed"}
 FORBIDDEN_FILES = {
@@ -26,6 +26,8 @@ FORBIDDEN_FILES = {
     *("still", "crossed", "foreseen", "stated", "lead"),
 }
 LONGEST_SENTENCE = 35
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+DEFINITIONS = (*FUNCTIONS, ast.ClassDef)
 
 
 @dataclass(frozen=True)
@@ -66,11 +68,16 @@ def check_tree(path: str, tree: ast.Module) -> list[Violation]:
     if Path(path).stem in FORBIDDEN_FILES:
         violations.append(Violation("file name", path, Path(path).stem))
     names = {name for node in ast.walk(tree) for name in _bound_names(node)}
-    violations += [Violation("pronoun", path, name) for name in sorted(names & PRONOUNS)]
+    names |= {node.name for node in ast.walk(tree) if isinstance(node, DEFINITIONS)}
+    pronouns = sorted(name for name in names if name.lstrip("_") in PRONOUNS)
+    violations += [Violation("pronoun", path, name) for name in pronouns]
     for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef) and is_participle(node.name) and not _is_value(node):
+        if isinstance(node, FUNCTIONS) and is_participle(node.name) and not _is_value(node):
             violations.append(Violation("participle", path, node.name))
-        if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.Module):
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Lambda):
+            lambdas = [name for name in _bound_names(node) if is_participle(name)]
+            violations += [Violation("participle", path, name) for name in lambdas]
+        if isinstance(node, (*DEFINITIONS, ast.Module)):
             text = ast.get_docstring(node) or ""
             if re.match(r"(the same|likewise|as before)\b", text, re.IGNORECASE):
                 name = getattr(node, "name", "module")
@@ -83,7 +90,7 @@ def check_together(trees: Mapping[Path, ast.Module]) -> list[Violation]:
     constants, classes = defaultdict(set), defaultdict(set)
     for path, tree in trees.items():
         where = str(path.relative_to(ROOT))
-        for node in tree.body:
+        for node in (*tree.body, *_conditional_body(tree)):
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 classes[node.name].add(where)
             if isinstance(node, ast.Assign | ast.AnnAssign):
@@ -157,6 +164,13 @@ def excepted(violation: Violation, exceptions: Sequence[Mapping[str, str]]) -> b
     )
 
 
+def _conditional_body(tree: ast.Module) -> Iterator[ast.stmt]:
+    """Yield the statements of a module that stand under ``if``, ``try`` or ``with``."""
+    for node in tree.body:
+        if isinstance(node, ast.If | ast.Try | ast.With):
+            yield from (part for part in ast.walk(node) if isinstance(part, ast.stmt))
+
+
 def _bound_names(node: ast.AST) -> Iterator[str]:
     """Yield the names that a node binds: variables, arguments and fields."""
     if isinstance(node, ast.Assign | ast.AnnAssign):
@@ -165,11 +179,17 @@ def _bound_names(node: ast.AST) -> Iterator[str]:
             yield from (part.id for part in ast.walk(target) if isinstance(part, ast.Name))
     elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
         yield node.id
+    elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+        yield node.attr
     elif isinstance(node, ast.arg):
         yield node.arg
+    elif isinstance(node, ast.alias):
+        yield node.asname or ""
+    elif isinstance(node, ast.ExceptHandler | ast.MatchAs | ast.MatchStar):
+        yield node.name or ""
 
 
-def _is_value(node: ast.FunctionDef) -> bool:
+def _is_value(node: ast.FunctionDef | ast.AsyncFunctionDef) -> bool:
     """Whether a function is read as a value: a property, or a test's fixture."""
     names = {
         part.id

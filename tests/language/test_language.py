@@ -78,6 +78,40 @@ class Row:
     }
 
 
+@pytest.mark.parametrize(
+    "source",
+    [
+        "import numpy as found",
+        "from numpy import array as one",
+        "try: pass\nexcept OSError as other: pass",
+        "match 1:\n    case int() as other: pass",
+        "match []:\n    case [*others]: pass",
+        "self.own = 1",
+        "_found = 1",
+        "def own(): pass",
+        "async def f(one): pass",
+        "class one: pass",
+        "(lambda one: one)",
+        "[one for one in ()]",
+        "if (found := 1): pass",
+        "asked = lambda: 1",
+        "async def chosen(): pass",
+    ],
+)
+def test_no_way_to_bind_a_refused_name_slips_through(source):
+    assert check_tree("mbmodel/frf/solver.py", ast.parse(source))
+
+
+def test_a_private_constant_under_a_condition_counts():
+    first = ast.parse("if True:\n    _LEAST = 1\n")
+    trees = {ROOT / "a.py": first, ROOT / "b.py": ast.parse("_LEAST, _MOST = 1, 2\n")}
+    assert {v.name for v in check_together(trees)} == {"_LEAST"}
+
+
+def test_no_module_of_the_truth_bears_the_name_of_an_exported_function():
+    assert check_exports("truth") == []
+
+
 def test_one_name_in_two_files_is_found():
     first = ast.parse("_LEAST = 1\nclass Level: ...\n")
     second = ast.parse("_LEAST: int = 2\nclass Level: ...\n")

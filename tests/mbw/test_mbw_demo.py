@@ -88,6 +88,30 @@ def test_the_demo_finds_what_is_hidden_and_grades_it_by_the_answer(demo):
     assert verdict["gap"]["closed"] > 0.95
 
 
+def test_readmes_excerpt_is_what_the_demo_writes(demo):
+    folder, _ = demo
+    verdict = json.loads((folder / "diagnosis" / "verdict.json").read_text(encoding="utf-8"))
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    excerpt = json.loads(re.search(r"```json\n(.*?)```", readme, re.DOTALL)[1])
+    leaves = list(_leaves(excerpt))
+    assert len(leaves) > 15
+    for keys, shown in leaves:
+        value = verdict
+        for key in keys:
+            value = value[key]
+        # Shortened to three digits; the last digits depend on the machine.
+        assert value == (pytest.approx(shown, rel=0.01) if isinstance(shown, float) else shown)
+
+
+def _leaves(value, keys=()):
+    """Yield the keys and the value of every entry that is no container."""
+    if isinstance(value, dict | list):
+        for key in value if isinstance(value, dict) else range(len(value)):
+            yield from _leaves(value[key], (*keys, key))
+    else:
+        yield keys, value
+
+
 def test_a_wrong_verdict_is_graded_as_wrong():
     answer = tomllib.loads((ROOT / "assets" / "demo" / "answer.toml").read_text("utf-8"))
     none = {"error": None, "excess": None}

@@ -85,6 +85,9 @@ def test_a_state_space_has_named_signals(model):
         (("acc1:+tx", "acc5:+tx"), [1.0, np.nan], "accelerance", "finite"),
         (("acc1:+tx", "acc5:+tx"), [-1.0, 1.0], "accelerance", "not negative"),
         (("acc1:+tx", "acc5:+tx"), FREQ_HZ, "acceleration", "'acceleration'"),
+        (("acc1:+tx", "acc5:+tx"), "abc", "accelerance", "frequencies .* as numbers"),
+        ((["acc1:+tx", "acc1:+tx"], "acc5:+tx"), FREQ_HZ, "accelerance", "appears twice"),
+        (([], "acc5:+tx"), FREQ_HZ, "accelerance", "at least one label"),
     ],
 )
 def test_a_request_without_sense_is_refused_in_one_sentence(model, labels, freq_hz, quantity, said):
@@ -131,6 +134,62 @@ def test_exchanged_arguments_are_refused_in_one_sentence(campaign, model):
         mb.tune(campaign, model)
     with pytest.raises(mb.UsageError, match=r"diagnose\(campaign, model\)"):
         mb.diagnose(model, campaign)
+
+
+@pytest.mark.parametrize("band", [(200.0, 10.0), (np.nan, 10.0), (10.0,)])
+def test_a_band_without_sense_is_refused(campaign, band):
+    with pytest.raises(mb.UsageError, match="lower one first"):
+        mb.identify(campaign, band=band)
+
+
+def test_counts_and_models_without_sense_are_refused(campaign):
+    with pytest.raises(mb.UsageError, match="jobs is 0"):
+        mb.diagnose(campaign, jobs=0)
+    with pytest.raises(mb.UsageError, match="starts is 0"):
+        mb.tune(None, campaign, starts=0)
+    with pytest.raises(mb.UsageError, match="is no model: give what read_model returned"):
+        mb.tune("model.xml", campaign)
+
+
+def test_labels_may_come_from_any_collection(model):
+    frf = model.frf(np.array(["acc1:+tx", "acc5:+tx"]), (k for k in ["acc5:+tx"]), FREQ_HZ)
+    assert frf.values.shape == (len(FREQ_HZ), 2, 1)
+    for wrong in ("acc1:+tx", (0, 0)):
+        with pytest.raises(mb.UsageError, match=r"write frf\[output, input\]|is not a label"):
+            frf[wrong]
+
+
+def test_a_parameter_is_found_by_its_name(tuned):
+    row = tuned.parameters["table_tx.stiffness"]
+    assert row == next(r for r in tuned.parameters if r.name == "table_tx.stiffness")
+    assert len(tuned.parameters[:3]) == 3
+    with pytest.raises(mb.UsageError, match=r"'no\.such' is no parameter"):
+        tuned.parameters["no.such"]
+
+
+def test_doubts_of_a_fit_stand_in_its_summary(model, campaign):
+    tuned = mb.tune(model, campaign)
+    assert tuned.summary.fit.doubts
+    assert f"doubt: {tuned.summary.fit.doubts[0]}" in repr(tuned)
+
+
+def test_what_results_hold_has_short_summaries_too(every_result):
+    inner = {
+        "campaign": every_result["campaign"].content,
+        "test": every_result["campaign"].content.tests[0],
+        "machine": every_result["model"].machine,
+        "modes": every_result["modes"].modes,
+        "modal model": every_result["identified"].model,
+        "tuning": every_result["tuned"].tuning,
+        "fit": every_result["tuned"].tuning.fit,
+        "tuned.json": every_result["tuned"].summary,
+        "parameters": every_result["tuned"].parameters,
+        "diagnosis": every_result["result"].diagnosis,
+    }
+    for name, value in inner.items():
+        lines = repr(value).splitlines()
+        assert 1 <= len(lines) <= 10, name
+        assert max(map(len, lines)) <= 160, name
 
 
 def test_every_summary_is_short_and_every_table_is_html(every_result):

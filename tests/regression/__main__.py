@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tests.regression.results import compare_files, show_difference
+from tests.regression.results import changed_numbers, compare_files, show_difference
 from tests.regression.versions import (
     ROOT,
     Version,
@@ -28,7 +28,8 @@ WORK = ROOT / ".same"
 OPEN_CAMPAIGNS = ROOT.parent / "shared" / "campaigns" / "open"
 SLOWER = 1.05  # largest ratio of times that counts as equal
 FRF_ROUNDS = 3
-VERBS = ("identify", "tune", "diagnose")
+VERBS = {"identify": "modes.json", "tune": "tuned.json", "diagnose": "verdict.json"}
+CODES = "exit_codes.json"
 STATION = "assets/microstation/station.xml"
 DRAWN = {
     "inerter": (STATION, "--seed", "424201", "--node", "11", "--effect", "inerter"),
@@ -55,8 +56,11 @@ def main() -> int:
     """Compare the working tree with a commit; return 0 if both compute the same."""
     parser = argparse.ArgumentParser(prog="make same", description=__doc__)
     parser.add_argument("base", help="commit to compare with")
-    parser.add_argument("--only", nargs="*", help="names of campaigns; default: all")
+    parser.add_argument("--only", nargs="*", help="names of campaigns, or frf; default: all")
     chosen = parser.parse_args()
+    names = {*DRAWN, "demo", "frf", *(path.name for path in OPEN_CAMPAIGNS.glob("*"))}
+    if unknown := sorted(set(chosen.only or []) - names):
+        parser.error(f"no campaign {', '.join(unknown)}; there are {', '.join(sorted(names))}")
     base, now = check_out(chosen.base, WORK), working_tree(WORK)
     effects = install_effects(base.root / "assets" / "inerter_effect", WORK / "effects")
     faults = list(_draw(base, now))
@@ -64,7 +68,7 @@ def main() -> int:
         for version in (base, now):
             _run(version, work, effects, keep=version is base)
         faults += _compare(base.results / work.name, now.results / work.name, work.name)
-    if not chosen.only:
+    if not chosen.only or "frf" in chosen.only:
         faults += _frf_times(base, now)
     for fault in faults:
         print(f"DIFFERS  {fault}")
@@ -95,15 +99,20 @@ def _draw(base: Version, now: Version) -> Iterator[str]:
                 code = version.python("-m", "truth", model, folder, *options)
                 if code:
                     yield f"drawing {name} ended with exit code {code}"
-        files = sorted(path.name for path in folders[0].iterdir() if path.is_file())
-        same, _, _ = filecmp.cmpfiles(*folders, files, shallow=False)
-        yield from (f"drawn {name}/{file}" for file in sorted(set(files) - set(same)))
+        files = {
+            str(path.relative_to(folder))
+            for folder in folders
+            for path in folder.rglob("*")
+            if path.is_file()
+        }
+        same, _, _ = filecmp.cmpfiles(*folders, sorted(files), shallow=False)
+        yield from (f"drawn {name}/{file}" for file in sorted(files - set(same)))
 
 
 def _run(version: Version, work: Work, effects: Path, *, keep: bool) -> None:
     """Identify, tune and diagnose one campaign; exit codes go beside the results."""
     folder = version.results / work.name
-    done = folder / "exit_codes.json"
+    done = folder / CODES
     if keep and done.is_file():
         return
     shutil.rmtree(folder, ignore_errors=True)
@@ -123,13 +132,20 @@ def _compare(before: Path, after: Path, name: str) -> Iterator[str]:
         for folder in (before, after)
     ]
     yield from (f"{name}/{file} is missing on one side" for file in sorted(names[0] ^ names[1]))
+    codes = json.loads((before / CODES).read_text(encoding="utf-8"))
+    for verb, file in VERBS.items():
+        # A verb may end with another code, such as 4 for not converged; its file must be there.
+        if f"{verb}/{file}" not in names[0]:
+            yield f"{name}: {verb} of BASE ended with exit code {codes[verb]} and no {file}"
     for file in sorted(names[0] & names[1]):
         for difference in compare_files(before / file, after / file):
             text = f"{name}/{file} {show_difference(difference)}"
-            if difference.is_sentence:
-                print(text)
-            else:
+            if not difference.is_sentence:
                 yield text
+            elif any(changed_numbers(difference)):
+                yield f"numbers in a sentence: {text}"
+            else:
+                print(text)
     print(f"{name}: {len(names[0] & names[1])} JSON files compared", flush=True)
 
 
@@ -150,7 +166,9 @@ def _frf_times(base: Version, now: Version) -> Iterator[str]:
             for row in json.loads(path.read_text(encoding="utf-8")):
                 if "ours" in row["work"]:
                     times[row["work"]] = min(row["ms"], times.get(row["work"], row["ms"]))
-    for (work, before), after in zip(best[0].items(), best[1].values(), strict=True):
+    yield from (f"{work} is timed on one side only" for work in best[0].keys() ^ best[1].keys())
+    for work in best[0].keys() & best[1].keys():
+        before, after = best[0][work], best[1][work]
         print(f"{work}: {before:.2f} ms before, {after:.2f} ms now, {after / before:.3f}")
         if after / before > SLOWER:
             yield f"{work} takes {after / before:.3f} of the time before"

@@ -2,7 +2,8 @@
 
 import difflib
 import json
-import math
+import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,7 +59,21 @@ def compare_values(before: object, after: object, place: str = "") -> Iterator[D
         for index, pair in enumerate(zip(before, after, strict=False)):
             yield from compare_values(*pair, f"{place}.{index}".lstrip("."))
     elif not _equal(before, after):
-        yield _difference(place, before, after, _is_sentence(before) and _is_sentence(after))
+        is_sentence = _is_sentence(before) and _is_sentence(after)
+        yield _difference(place, before, after, is_sentence)
+
+
+def changed_numbers(difference: Difference) -> tuple[list[str], list[str]]:
+    """Return the numbers that a changed sentence lost and gained.
+
+    Args:
+        difference: of two sentences.
+    """
+    before, after = (
+        Counter(re.findall(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?", text))
+        for text in (difference.before, difference.after)
+    )
+    return sorted((before - after).elements()), sorted((after - before).elements())
 
 
 def show_difference(difference: Difference) -> str:
@@ -72,8 +87,8 @@ def show_difference(difference: Difference) -> str:
 def _equal(before: object, after: object) -> bool:
     if type(before) is not type(after):
         return False
-    if isinstance(before, float) and isinstance(after, float) and math.isnan(before):
-        return math.isnan(after)
+    if isinstance(before, float):
+        return repr(before) == repr(after)  # the sign of zero and NaN included
     return before == after
 
 

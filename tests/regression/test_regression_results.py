@@ -2,7 +2,12 @@ import json
 
 import pytest
 
-from tests.regression.results import compare_files, compare_values, show_difference
+from tests.regression.results import (
+    changed_numbers,
+    compare_files,
+    compare_values,
+    show_difference,
+)
 
 VALUE = {"causes": [{"effect": "drift", "mass": 1.5, "said": "a joint drifts"}], "closed": None}
 
@@ -25,6 +30,18 @@ def test_a_number_a_type_a_name_or_a_key_that_changes_is_found(changes):
     differences = list(compare_values(VALUE, changed(**changes)))
     assert differences
     assert not any(difference.is_sentence for difference in differences)
+
+
+def test_the_sign_of_zero_is_a_difference():
+    assert list(compare_values({"a": 0.0}, {"a": -0.0}))
+
+
+def test_numbers_of_a_changed_sentence_are_told():
+    before = {"said": "take off 17 kg of hose 3 at 1.5e-3 m"}
+    (difference,) = compare_values(before, {"said": "remove 18 kg of hose 3, 1.5e-3 m long"})
+    assert changed_numbers(difference) == (["17"], ["18"])
+    (difference,) = compare_values(before, {"said": "remove 17 kg of hose 3, 1.5e-3 m long"})
+    assert changed_numbers(difference) == ([], [])
 
 
 def test_a_list_that_grows_is_found():

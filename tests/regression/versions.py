@@ -1,9 +1,11 @@
 """Two versions of the project beside each other, run with the same installed dependencies."""
 
+import hashlib
 import os
 import subprocess
 import sys
 from dataclasses import dataclass
+from importlib.metadata import distributions
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -59,7 +61,7 @@ def check_out(commit: str, work: Path) -> Version:
     if not (tree / "pyproject.toml").is_file():
         _git("worktree", "prune")
         _git("worktree", "add", "--detach", str(tree), name)
-    return Version(tree, _made(folder / "results"))
+    return Version(tree, _made(folder / f"results-{_dependencies()}"))
 
 
 def working_tree(work: Path) -> Version:
@@ -82,6 +84,12 @@ def install_effects(source: Path, folder: Path) -> Path:
     code = (source / "inerter_effect.py").read_text(encoding="utf-8")
     (folder / "inerter_effect.py").write_text(code, encoding="utf-8")
     return folder
+
+
+def _dependencies() -> str:
+    """Return a hash of the versions of all installed packages: other versions, other results."""
+    installed = sorted(f"{item.name}=={item.version}" for item in distributions())
+    return hashlib.sha256("\n".join(installed).encode()).hexdigest()[:8]
 
 
 def _git(*arguments: str) -> str:

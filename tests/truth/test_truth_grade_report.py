@@ -14,7 +14,7 @@ from truth.errors import TruthError
 from truth.grade import RATES, Case, grade, tables, to_json
 from truth.grade.__main__ import app, cases_in
 from truth.grade.rates import wilson
-from truth.grade.tables import aligned, rate_text
+from truth.grade.text_tables import aligned, rate_text
 
 ROW = {
     "effect": "appendage",

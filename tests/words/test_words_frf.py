@@ -285,7 +285,7 @@ def test_keeping_the_quantity_at_0_hz_is_allowed():
         ({"coherence": spoilt(np.ones((5, 4, 3)), 1.0001)}, r"coherence is outside 0\.\.1"),
         ({"coherence": spoilt(np.ones((5, 4, 3)), -0.1)}, r"coherence is outside 0\.\.1"),
         ({"coherence": spoilt(np.ones((5, 4, 3)), np.nan)}, "coherence is not finite"),
-        ({"averages": 0}, "averages is 0, expected at least 1"),
+        ({"averages": 0}, "averages is 0, expected a whole number from 1"),
         ({"averages": -3}, "averages is -3"),
         ({"window_tau": -0.1}, "window_tau is -0.1 s"),
         ({"window_tau": np.nan}, "window_tau is nan s"),
@@ -319,3 +319,24 @@ def test_changing_a_copy_validates_again():
 
 def test_directions_are_the_six_of_a_solid_body():
     assert DIRECTIONS == ("tx", "ty", "tz", "rx", "ry", "rz")
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"variance_source": "guess"}, "variance_source is 'guess'"),
+        ({"averages": np.nan}, "whole number"),
+        ({"averages": 2.5}, "whole number"),
+        ({"averages": 0}, "whole number"),
+    ],
+)
+def test_an_estimate_without_sense_is_refused_when_built(changes, said):
+    frf = Frf([1.0], [[[1.0]]], (Dof("a", "+tx"),), (Dof("a", "+tx"),), "accelerance")
+    arguments = {"variance": [[[1.0]]], "variance_source": "coherence", "measured": [[True]]}
+    with pytest.raises(ValueError, match=said):
+        FrfEstimate(frf, **{**arguments, **changes})
+
+
+def test_labels_that_are_no_labels_are_refused_when_built():
+    with pytest.raises(ValueError, match="expected a Dof or a Motor"):
+        Frf([1.0], [[[1.0]]], ("a:+tx",), (Dof("a", "+tx"),), "accelerance")

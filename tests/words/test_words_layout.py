@@ -224,3 +224,8 @@ def test_a_layout_without_points_is_one():
     bare = Layout(("a",), np.zeros((1, 3)), (), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3, 3)))
     assert bare.sensor_at_node(1) is None
     assert len(bare.body_dofs()) == 6
+
+
+def test_axes_that_are_no_unit_vectors_are_refused_when_built():
+    with pytest.raises(ValueError, match="unit vectors"):
+        Layout(("b",), [[0, 0, 0]], ("p",), [0], [[0, 0, 0]], [2 * np.eye(3)])

@@ -23,6 +23,6 @@ from truth.grade.cases import Case
 from truth.grade.marks import MEANS, RATES
 from truth.grade.report import Report, grade, to_json
 from truth.grade.scores import nearest_ratio
-from truth.grade.tables import tables
+from truth.grade.text_tables import tables
 
 __all__ = ["MEANS", "RATES", "Case", "Report", "grade", "nearest_ratio", "tables", "to_json"]

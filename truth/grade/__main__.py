@@ -11,7 +11,7 @@ import typer
 
 from truth.grade.cases import Case
 from truth.grade.report import grade, to_json
-from truth.grade.tables import tables
+from truth.grade.text_tables import tables
 
 BAD_INPUT = 3
 

@@ -231,3 +231,10 @@ class TunedFile(_Row):
     unpaired_modes: list[ModelModeRow] = []
     remaining_gap: list[ShareRow]
     not_held_by_mjcf: list[str]
+
+    def __repr__(self) -> str:
+        """Return campaign, model, number of parameters and outcome in one line."""
+        return (
+            f"tuned.json of {self.campaign}: model {self.model}, {len(self.parameters)} "
+            f"parameters, {self.fit.outcome}"
+        )

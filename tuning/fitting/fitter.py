@@ -76,6 +76,10 @@ class Fit:
     start_thetas: Real
     last_stage: Stage | None
 
+    def __repr__(self) -> str:
+        """Return outcome, number of parameters and cost in one line."""
+        return f"fit: {self.outcome}, {self.parametrisation.size} parameters, cost {self.cost:.6g}"
+
     @property
     def theta(self) -> Real:
         """Parameters [SI]; (n_parameter,)."""
