@@ -1,4 +1,4 @@
-"""The fit without any effect, whose end says whether anything is missing: it must be the best one.
+"""Fits of the null model, without any effect; ``inference.posterior`` decides from their gap.
 
 Springs, dampers and tolerances have other minima than the one that a start at the drawing leads to,
 and a gap that only such a minimum leaves is none.

@@ -1,4 +1,7 @@
-"""Tuning of a campaign: fit, held-out fits, intervals, and the gap at the sensors and bodies."""
+"""Tuning of a campaign: fit, held-out fits, intervals and predictions at sensors and bodies.
+
+The gap of these predictions is computed by ``tuning.assessment.gap`` (``Comparison.gap``).
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-r"""From evidence to probabilities: none, unexplained, each cause, several; and to places.
+r"""Posterior: decides whether nothing, one cause, several or something unexplained is missing.
 
 What is left of the gap decides. With e the gap's mean square over the noise of the refit without
 any effect (``evidence.Gapped``) and e1 that of the best refit with one, both without bounds of

@@ -1,4 +1,4 @@
-r"""FRF estimators H1, H2 and Hv from averaged spectra, with their coherence and variance.
+r"""FRF estimators H1, H2 and Hv from averaged spectra, their coherence, and their variance formula.
 
 With X_h and F_h the spectra of hit h of n, G_ff = mean |F|^2, G_xx = mean |X|^2 and
 G_xf = mean X conj(F) (Bendat and Piersol 2010, ch. 6; Ewins 2000, ch. 3.5):

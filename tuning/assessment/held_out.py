@@ -1,7 +1,8 @@
 """Held-out lines: K-fold cross-validation with blocks as wide as resonances.
 
 Neighbouring lines within a resonance predict each other. Folds therefore consist of contiguous
-blocks (Roberts et al. 2017, Ecography 40), which are assigned to five folds in turn.
+blocks (Roberts et al. 2017, Ecography 40), which are assigned to five folds in turn. The gap of
+these predictions is computed by ``tuning.assessment.gap``.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Coordinates x in which the parameters theta of a model vary.
+"""Coordinates x in which the parameters theta vary, and their bounds (tolerances: 2.5 sigma).
 
 A size (stiffness, mass, gain) varies by its logarithm, any other parameter linearly:
 
