@@ -117,7 +117,7 @@ def _read_records(file: Path, entry: TestSettings, arrays: _Arrays | None) -> tu
     """Read the time records of a file, with points named as in the file."""
     if arrays is not None:
         return read_array_records(file, arrays, **array_description(file, entry))
-    refuse_array_description(file, entry)
+    refuse_array_description(file, entry, records=True)
     return read_uff_records(file, entry.quantity)
 
 

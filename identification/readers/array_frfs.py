@@ -8,12 +8,10 @@ import scipy.io
 
 from identification.readers.frf_table import FrfTable
 from identification.readers.matlab73 import read_matlab73
+from identification.readers.units import unit_factor
 from identification.words import Complex, Dof, InputError, Quantity, Real, UsageError
 
 _CHANNEL_RANGE = re.compile(r"nodes\s+(?P<nodes>[\d\s.,]+?),?\s+(?P<axes>[xyz]+)")
-_STANDARD_GRAVITY = 9.80665  # m/s^2 in one g
-_SI_MOTION_UNITS = {"receptance": "m", "mobility": "m/s", "accelerance": "m/s^2"}
-_LENGTH_PREFIXES = {"": 1.0, "m": 1e-3, "u": 1e-6, "n": 1e-9}
 
 
 def read_arrays(
@@ -199,27 +197,3 @@ def _parse(path: Path, text: str) -> Dof:
         return Dof.parse(text)
     except UsageError as error:
         raise InputError(f"{path}: {error}") from error
-
-
-def unit_factor(path: Path, quantity: Quantity, unit: str | None) -> float:
-    """Return the factor that converts FRFs from a unit to SI.
-
-    Args:
-        path: the file, for messages.
-        quantity: quantity of the FRFs.
-        unit: unit such as ``g/N``; None for SI.
-
-    Raises:
-        InputError: the unit does not belong to the quantity.
-    """
-    motion = _SI_MOTION_UNITS[quantity]
-    if unit is None:
-        return 1.0
-    units = {f"{prefix}{motion}/N": factor for prefix, factor in _LENGTH_PREFIXES.items()}
-    if quantity == "accelerance":
-        units["g/N"] = _STANDARD_GRAVITY
-    if unit not in units:
-        raise InputError(
-            f"{path}: unit {unit!r} is not a unit of {quantity}: write one of {', '.join(units)}"
-        )
-    return units[unit]

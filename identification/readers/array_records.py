@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.readers.array_frfs import parse_channels, unit_factor
+from identification.readers.array_frfs import parse_channels
+from identification.readers.units import unit_factor
 from identification.words import InputError, Quantity, Real, Records
 
 # Names of variables.

@@ -166,7 +166,7 @@ def _read_table(file: Path, entry: TestSettings) -> FrfTable:
     if not is_universal(file):
         raise InputError(f"{file} is of an unknown kind: give a .uff, .unv, .mat or .npz file")
     refuse_array_description(file, entry)
-    return read_uff(file, entry.quantity)
+    return read_uff(file, entry.quantity, entry.unit)
 
 
 def _on_sites(file: Path, table: FrfTable, layout: Layout) -> FrfTable:

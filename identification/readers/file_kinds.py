@@ -9,7 +9,8 @@ from identification.words import InputError, Quantity
 _ARRAY_SUFFIXES = (".mat", ".npz")
 _UNIVERSAL_SUFFIXES = (".uff", ".unv", ".uf", ".bunv")
 # Keys that describe an array file; a universal file holds this information itself.
-_DESCRIPTION_KEYS = ("channels", "references", "unit")
+_DESCRIPTION_KEYS = ("channels", "references")
+_RECORD_DESCRIPTION_KEYS = (*_DESCRIPTION_KEYS, "unit")
 
 
 class ArrayDescription(TypedDict):
@@ -51,12 +52,17 @@ def array_description(file: Path, entry: TestSettings) -> ArrayDescription:
     }
 
 
-def refuse_array_description(file: Path, entry: TestSettings) -> None:
-    """Refuse a ``[[test]]`` that describes a universal file, which describes itself.
+def refuse_array_description(file: Path, entry: TestSettings, *, records: bool = False) -> None:
+    """Refuse a ``[[test]]`` that names the channels of a universal file, which names them itself.
+
+    Args:
+        file: the universal file.
+        entry: its ``[[test]]``.
+        records: whether the file holds time records, whose unit cannot be stated.
 
     Raises:
         InputError: a key describes the file.
     """
-    for key in _DESCRIPTION_KEYS:
+    for key in _RECORD_DESCRIPTION_KEYS if records else _DESCRIPTION_KEYS:
         if getattr(entry, key) is not None:
             raise InputError(f"{file} itself holds its {key}: remove {key} from its [[test]]")

@@ -23,7 +23,7 @@ _BYTES_PER_VALUE = {2: 4, 4: 8, 5: 8, 6: 16}  # on an evenly spaced axis, by ord
 _IEEE_FORMAT = 2  # floating-point format of binary data
 _HEADER_LINES_58B = 11  # after the line with the number of the dataset
 _NODE_DATASETS = (15, 2411)
-_UNITS_DATASET = 164
+UNITS_DATASET = 164
 _FUNCTION_DATASET = 58
 _FUNCTION_TYPE_LINE = 7  # line of a dataset 58 with the function type; the mark is line 0
 
@@ -157,7 +157,7 @@ def unit_factors(path: Path, records: list[tuple[int, Record]]) -> dict[int, tup
     factors = {
         number: (float(record["length"]), float(record["force"]))
         for number, record in records
-        if record.get("type") == _UNITS_DATASET
+        if record.get("type") == UNITS_DATASET
     }
     for number, pair in factors.items():
         if not all(np.isfinite(factor) and factor > 0 for factor in pair):

@@ -7,12 +7,14 @@ import numpy as np
 
 from identification.readers.frf_table import FrfTable
 from identification.readers.uff_datasets import (
+    UNITS_DATASET,
     Record,
     read_records,
     refuse_malformed,
     response_and_reference,
     unit_factors,
 )
+from identification.readers.uff_units import UnitConverter
 from identification.words import Dof, InputError, Quantity
 
 FRF_TYPE, _COHERENCE_TYPE = 4, 6  # function types
@@ -22,7 +24,7 @@ _TINY_NORM = 1e-300  # avoids a division by zero
 QUANTITY_OF_ORDINATE: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
 
 
-def read_uff(path: Path, quantity: Quantity | None = None) -> FrfTable:
+def read_uff(path: Path, quantity: Quantity | None = None, unit: str | None = None) -> FrfTable:
     """Read the FRFs and coherences of a universal file.
 
     If several records have one response and reference, the one with the best coherence is used.
@@ -30,7 +32,9 @@ def read_uff(path: Path, quantity: Quantity | None = None) -> FrfTable:
 
     Args:
         path: the file.
-        quantity: quantity that campaign.toml gives; needed if the ordinate type is 0 (unknown).
+        quantity: quantity that campaign.toml states, which overrides the file; needed if the
+            ordinate type is 0 (unknown).
+        unit: unit that campaign.toml states, such as ``g/N``, which overrides the file.
 
     Raises:
         InputError: the file is missing or holds no FRF; or a record is truncated or malformed, has
@@ -38,6 +42,8 @@ def read_uff(path: Path, quantity: Quantity | None = None) -> FrfTable:
     """
     records = read_records(path)
     factors = unit_factors(path, records)
+    has_units = any(record.get("type") == UNITS_DATASET for _, record in records)
+    converter = UnitConverter(path, unit, has_units)
     functions = [
         (number, record)
         for number, record in records
@@ -60,10 +66,11 @@ def read_uff(path: Path, quantity: Quantity | None = None) -> FrfTable:
         if record["func_type"] == _COHERENCE_TYPE:
             cell.coherences.append(np.clip(np.real(record["data"]), 0.0, 1.0))
             continue
-        kinds.add(_quantity(path, number, record, quantity))
+        kind = _quantity(path, number, record, quantity, converter.remarks)
+        kinds.add(kind)
         sign = responses[response.positive][1] * response.sign
         sign *= references[reference.positive][1] * reference.sign
-        factor = sign * _to_si(factors[number], response, reference)
+        factor = sign * converter.factor(record, kind, factors[number], response, reference)
         cell.frfs.append((number, factor * np.asarray(record["data"], complex)))
     if len(kinds) > 1:
         raise InputError(f"{path} mixes {' and '.join(sorted(kinds))}: give one file for each")
@@ -86,7 +93,7 @@ def read_uff(path: Path, quantity: Quantity | None = None) -> FrfTable:
         responses=tuple(Dof.of(d.point, d.axis, sign) for d, (_, sign) in responses.items()),
         references=tuple(Dof.of(d.point, d.axis, sign) for d, (_, sign) in references.items()),
         quantity=kinds.pop(),
-        remarks=tuple(remarks),
+        remarks=(*converter.remarks, *remarks),
     )
 
 
@@ -119,14 +126,6 @@ class _Cell:
             f"{path.name}: records {numbers} hold one response and reference ({self.dofs}) and "
             f"{how}: record {number} is used, {why}"
         ]
-
-
-def _to_si(factors: tuple[float, float], response: Dof, reference: Dof) -> float:
-    """Return the factor that converts an FRF to SI units, given those of length and force."""
-    length, force = factors
-    numerator = 1.0 if response.is_rotation else length
-    denominator = force * length if reference.is_rotation else force
-    return denominator / numerator
 
 
 def _common_axis(path: Path, functions: list[tuple[int, Record]]) -> np.ndarray:
@@ -169,8 +168,14 @@ def _labels(
     return responses, references
 
 
-def _quantity(path: Path, number: int, record: Record, expected: Quantity | None) -> Quantity:
-    """Return the quantity of an FRF, which must not contradict campaign.toml."""
+def _quantity(
+    path: Path,
+    number: int,
+    record: Record,
+    expected: Quantity | None,
+    remarks: dict[str, None],
+) -> Quantity:
+    """Return the quantity of an FRF; the stated one overrides the file, with a remark."""
     kind = int(record["ordinate_spec_data_type"])
     if int(record["orddenom_spec_data_type"]) in QUANTITY_OF_ORDINATE:
         raise InputError(
@@ -179,10 +184,11 @@ def _quantity(path: Path, number: int, record: Record, expected: Quantity | None
         )
     quantity = QUANTITY_OF_ORDINATE.get(kind) or (expected if kind in (0, 1) else None)
     if quantity and expected and quantity != expected:
-        raise InputError(
-            f"{path}, record {number} is {quantity}, but campaign.toml says {expected}: "
-            "correct one of them"
+        remarks.setdefault(
+            f'{path.name}: quantity = "{expected}" of campaign.toml overrides {quantity}, which '
+            "the file names"
         )
+        return expected
     if quantity is None:
         raise InputError(
             f"{path}, record {number}: ordinate type {kind} is none of displacement (8), "

@@ -54,6 +54,8 @@ class Function:
     float_format: int = 2
     tail: bytes = b"\n"  # between binary data and end mark
     title: bytes = b"NONE"
+    motion_unit: str = "NONE"  # labels of ordinate and its denominator
+    force_unit: str = "NONE"
 
     def content(self) -> bytes:
         """The dataset, marks included."""
@@ -79,8 +81,13 @@ class Function:
             f" {'NONE':10}{self.ref[0]:10d}{self.ref[1]:4d}",
             f"{ordinate_type:10d}{count:10d}{int(self.even):10d}{start:13.5E}{step:13.5E}{0:13.5E}",
         ]
-        for kind, label in ((18, "Frequency"), (self.ordinate, "NONE"), (13, "Force"), (0, "NONE")):
-            lines.append(f"{kind:10d}{0:5d}{0:5d}{0:5d} {label:20} {'NONE':20}")
+        for kind, label, unit in (
+            (18, "Frequency", "NONE"),
+            (self.ordinate, "NONE", self.motion_unit),
+            (13, "Force", self.force_unit),
+            (0, "NONE", "NONE"),
+        ):
+            lines.append(f"{kind:10d}{0:5d}{0:5d}{0:5d} {label:20} {unit:20}")
         return [line.encode() for line in lines]
 
     def _columns(self) -> np.ndarray:

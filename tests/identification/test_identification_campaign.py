@@ -114,17 +114,17 @@ def test_arrays_without_labels_are_refused(refusal, key):
     assert "b.npz does not name its channels: add" in message
 
 
-@pytest.mark.parametrize(
-    "line", ['channels = "nodes 1..2, x"', 'references = ["11:x"]', 'unit = "g/N"']
-)
+@pytest.mark.parametrize("line", ['channels = "nodes 1..2, x"', 'references = ["11:x"]'])
 def test_labels_for_a_universal_file_are_refused(refusal, line):
     message = refusal(TEST + line + "\n")
     assert f"remove {line.split()[0]}" in message
 
 
-def test_a_stated_quantity_that_contradicts_the_file_is_refused(refusal):
+def test_a_stated_quantity_overrides_the_file_with_a_remark(read):
     # The records say acceleration.
-    assert "receptance" in refusal(TEST + 'quantity = "receptance"\n')
+    campaign = read(TEST + 'quantity = "receptance"\n')
+    assert campaign.tests[0].estimate.frf.quantity == "receptance"
+    assert any('quantity = "receptance" of campaign.toml overrides' in r for r in campaign.remarks)
 
 
 def test_a_point_whose_name_is_a_superscript_is_refused(refusal):

@@ -1,0 +1,103 @@
+"""SI factors of the FRFs of a universal file: from its labels, dataset 164 or campaign.toml.
+
+What campaign.toml states counts first. Else a label ``g`` counts, which dataset 164 cannot express;
+else dataset 164; else the labels. A factor that the file does not show plainly gives a remark.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from identification.readers.uff_datasets import Record
+from identification.readers.units import (
+    force_label_factor,
+    is_gravity_label,
+    motion_label_factor,
+    unit_factor,
+)
+from identification.words import Dof, Quantity
+
+_FACTOR_ROUNDING = 1e-6  # relative: factors that differ by less are equal
+
+
+@dataclass
+class UnitConverter:
+    """Conversion of the FRFs of one file to SI units, with remarks on what was decided.
+
+    Attributes:
+        path: the file.
+        unit: unit that campaign.toml states, such as ``g/N``; None if it states none.
+        has_units_dataset: whether the file has a dataset 164.
+        remarks: sentences on decisions, each once.
+    """
+
+    path: Path
+    unit: str | None
+    has_units_dataset: bool
+    remarks: dict[str, None] = field(default_factory=dict)
+
+    def factor(
+        self,
+        record: Record,
+        quantity: Quantity,
+        scales: tuple[float, float],
+        response: Dof,
+        reference: Dof,
+    ) -> float:
+        """Return the factor that converts one FRF to SI units.
+
+        Args:
+            record: content of the dataset 58.
+            quantity: quantity of the FRF.
+            scales: units of length and force per SI unit, by dataset 164; 1 without it.
+            response: response of the FRF.
+            reference: reference of the FRF.
+
+        Raises:
+            InputError: the stated unit does not belong to the quantity.
+        """
+        length, force = scales
+        motion_si = 1.0 if response.is_rotation else 1.0 / length
+        if not response.is_rotation:
+            label = str(record.get("ordinate_axis_units_lab", ""))
+            motion_si = self._decide(
+                motion_si,
+                motion_label_factor(label, quantity),
+                label,
+                prefers_label=is_gravity_label(label, quantity),
+            )
+        force_si = 1.0 / (force * length) if reference.is_rotation else 1.0 / force
+        if not reference.is_rotation:
+            label = str(record.get("orddenom_axis_units_lab", ""))
+            force_si = self._decide(force_si, force_label_factor(label), label)
+        factor = motion_si / force_si
+        if self.unit is None or response.is_rotation or reference.is_rotation:
+            return factor
+        stated = unit_factor(self.path, quantity, self.unit)
+        if abs(stated / factor - 1.0) > _FACTOR_ROUNDING:
+            self._remark(
+                f'unit = "{self.unit}" of campaign.toml overrides the units that the file names'
+            )
+        return stated
+
+    def _decide(
+        self, by_dataset: float, by_label: float | None, label: str, *, prefers_label: bool = False
+    ) -> float:
+        """Return the SI factor of a motion or force, by its label or by dataset 164."""
+        if by_label is None or abs(by_label / by_dataset - 1.0) < _FACTOR_ROUNDING:
+            return by_dataset
+        if prefers_label or not self.has_units_dataset:
+            if self.unit is None:
+                self._remark(
+                    f"values are labelled {label.strip()} and converted to SI units; state unit "
+                    "in [[test]] if the label is wrong"
+                )
+            return by_label
+        if self.unit is None:
+            self._remark(
+                f"the label {label.strip()} contradicts dataset 164, which counts; state unit in "
+                "[[test]] if the label is right"
+            )
+        return by_dataset
+
+    def _remark(self, text: str) -> None:
+        self.remarks.setdefault(f"{self.path.name}: {text}")
