@@ -98,77 +98,81 @@ def diagnose(
     changing = find_overstated_noise(session.campaign)
     session = replace(session, campaign=remove_overstated_noise(session.campaign, changing))
     gate = sensor_gate(session.campaign)
-    session, held = release_session(replace(session, campaign=gate.alive))
-    scene, early = fit_with_floor(session, gate, held, jobs, say)
-    made = proven_hypotheses(gate, session)
-    shaped = None
-    if any(one.effect == BENDS and one.is_held for one in made):
-        shaped = refit_bending(scene, gate, session, say)
-        if shaped is None:
+    session, directions = release_session(replace(session, campaign=gate.alive))
+    scene, early = fit_with_floor(session, gate, directions, jobs, say)
+    faults = proven_hypotheses(gate, session)
+    bending = None
+    if any(fault.effect == BENDS and fault.is_held for fault in faults):
+        bending = refit_bending(scene, gate, session, say)
+        if bending is None:
             gate = gate.solid()
-            scene, early = fit_with_floor(session, gate, held, jobs, say)
-        made = proven_hypotheses(gate, session, 1.0 if shaped is None else shaped[1])
+            scene, early = fit_with_floor(session, gate, directions, jobs, say)
+        faults = proven_hypotheses(gate, session, 1.0 if bending is None else bending[1])
     clean = scene.session
-    scene, first, nothing = refit_by_more_lines(*refit_null_model(scene, say))
+    scene, first, null_refit = refit_by_more_lines(*refit_null_model(scene, say))
     usual, outlier = scene, calibrated().outlier
-    if not nothing.is_noise:
-        scene, nothing = with_outliers(scene, nothing, outlier)
-    found = Search()
-    # A body that bends drives all others in ways that no Part holds: what it leaves tells nothing.
-    if not nothing.is_noise and not gate.flexible:
-        taken = {one.location for one in made}
-        proposed = [one for effect in catalogue().values() for one in effect(scene)]
-        possible = [one for one in proposed if one.location not in taken]
-        found = searched(scene, (early, first, nothing), possible, say)
-        nothing = from_where_others_ended(scene, first, nothing, found)
+    if not null_refit.is_noise:
+        scene, null_refit = with_outliers(scene, null_refit, outlier)
+    search = Search()
+    # A flexible body drives all others in ways that no Part holds, so its residual tells nothing.
+    if not null_refit.is_noise and not gate.flexible:
+        locations = {fault.location for fault in faults}
+        proposals = (hypothesis for effect in catalogue().values() for hypothesis in effect(scene))
+        candidates = [
+            hypothesis for hypothesis in proposals if hypothesis.location not in locations
+        ]
+        search = searched(scene, (early, first, null_refit), candidates, say)
+        null_refit = from_where_others_ended(scene, first, null_refit, search)
 
     def read(tried: Search) -> Evidence:
-        return gathered(scene, gate, made, nothing, tried, len(changing))
+        return gathered(scene, gate, faults, null_refit, tried, len(changing))
 
-    found, evidence, judged = judge_rivals(scene, found, read, say)
-    present = present_hypotheses(judged, made, found)
+    search, evidence, posterior = judge_rivals(scene, search, read, say)
+    present = present_hypotheses(posterior, faults, search)
     say("the gap on held-out lines")
-    # Where a body bends the fit without it has wandered.
-    begin = early.theta if gate.flexible else nothing.fit.theta
-    base = replace(usual, theta=begin)
-    # Of a large gap 5 % do not matter; what is nearly nothing is told by the third digit, and lines
-    # that were left out beside a sharp mode cost that much.
+    # With a flexible body, the fit without its mode has moved away from the machine.
+    theta = early.theta if gate.flexible else null_refit.fit.theta
+    base = replace(usual, theta=theta)
+    # An error of 5 % is negligible in a large gap; where next to nothing remains, the third digit
+    # counts, and lines that were left out beside a sharp mode cost that much.
     exact = not present
-    proven = clean.campaign is not session.campaign
-    tried = (nothing, *found.refits, *found.pairs)
-    before = {} if proven else {one.hypothesis: one for one in tried}
-    if shaped is not None and gate.undoubted is gate.alive and len(made) == 1:
-        before[made[0]] = shaped[0]
-    is_held = bool(present) and all(one.is_held for one in present)
-    one = join_present(present, found) if is_held else None
-    known = {None, one} & before.keys()
-    before = {key: within_bounds(usual, before[key], outlier) for key in known}
-    retuned, after, worth = levels(base, one, session, before, exact=exact)
+    is_corrected = clean.campaign is not session.campaign
+    refits = (null_refit, *search.refits, *search.pairs)
+    known_refits = {} if is_corrected else {refit.hypothesis: refit for refit in refits}
+    if bending is not None and gate.undoubted is gate.alive and len(faults) == 1:
+        known_refits[faults[0]] = bending[0]
+    is_held = bool(present) and all(cause.is_held for cause in present)
+    cause = join_present(present, search) if is_held else None
+    known_refits = {
+        hypothesis: within_bounds(usual, known_refits[hypothesis], outlier)
+        for hypothesis in {None, cause} & known_refits.keys()
+    }
+    retuned, after, intervals = levels(base, cause, session, known_refits, exact=exact)
     drawn = predict(session.model, session.model.drawn, session.campaign)
     return Diagnosis(
         session=session,
         gate=gate,
         base=base,
-        nothing=nothing,
-        search=found,
+        nothing=null_refit,
+        search=search,
         evidence=evidence,
-        judged=judged,
+        judged=posterior,
         present=present,
-        twins=find_confounded(scene, first.fit, evidence, judged, found),
+        twins=find_confounded(scene, first.fit, evidence, posterior, search),
         as_drawn=summarise_gaps(channel_gaps(drawn, session.campaign)),
         retuned=retuned,
         after=after,
-        known=worth,
+        known=intervals,
     )
 
 
-def level_of(found: Diagnosis, one: Hypothesis, jobs: int = 1) -> HeldOutGap:
-    """The gap with a hypothesis, whether it was among the best or not.
+def level_of(diagnosis: Diagnosis, hypothesis: Hypothesis, jobs: int = 1) -> HeldOutGap:
+    """Return the gap with a hypothesis, whether it was among the best or not.
 
     Args:
-        found: the diagnosis.
-        one: the hypothesis.
-        jobs: processes and threads.
+        diagnosis: the diagnosis.
+        hypothesis: the hypothesis that is added.
+        jobs: number of processes and threads.
     """
-    base = replace(found.base, jobs=jobs)
-    return level(base, begun(base, one, found.session), found.retuned.width)
+    base = replace(diagnosis.base, jobs=jobs)
+    return level(base, begun(base, hypothesis, diagnosis.session), diagnosis.retuned.width)

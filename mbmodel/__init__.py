@@ -19,7 +19,8 @@ from mbmodel.frf.ports import parse_input
 from mbmodel.frf.request import FrfRequest
 from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
 from mbmodel.linearisation.springs import Spring
-from mbmodel.machine import Machine, load_machine, parent_bodies
+from mbmodel.machine import Machine, parent_bodies
+from mbmodel.machine_loading import load_machine
 from mbmodel.meshes.compile import mesh_files
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf, write_mjcf
 from mbmodel.model import Matrices, Model, as_drawn

@@ -8,7 +8,8 @@ from small_machine import virtual_campaign
 
 from tuning import STAGES, fit, fit_held_out, parametrise
 from tuning.fitting.stages import LAST_STAGE
-from tuning.misfit.misfit import Misfit, SparseMisfit
+from tuning.misfit.misfit import Misfit
+from tuning.misfit.sparse_misfit import SparseMisfit
 
 WHOLE = replace(LAST_STAGE, normal_stride=1)
 

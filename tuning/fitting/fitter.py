@@ -12,9 +12,10 @@ from identification.words import Campaign, Mask, ModalModel, Real, UsageError
 from mbmodel import Model
 from tuning.fitting.checkpoint import Checkpoint
 from tuning.fitting.stages import STAGES, Stage, thin_lines
-from tuning.misfit.misfit import Misfit, SparseMisfit
+from tuning.misfit.misfit import Misfit
 from tuning.misfit.modal_misfit import ModalCost, ModalStage
 from tuning.misfit.normal_equations import ArrowMatrix
+from tuning.misfit.sparse_misfit import SparseMisfit
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import parametrise
 from tuning.solvers.gauss_newton import LARGEST_STEP, Box, gauss_newton

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 from identification.words import Campaign, Integers, Mask, Real
 from mbmodel import Model
-from tuning.misfit.misfit import Misfit, SparseMisfit
+from tuning.misfit.misfit import Misfit
 from tuning.misfit.normal_equations import ArrowMatrix
+from tuning.misfit.sparse_misfit import SparseMisfit
 from tuning.parametrisation.parametrisation import Parametrisation
 
 _MIN_THINNED_LINES = 32  # that thinning leaves

@@ -1,0 +1,223 @@
+"""Loading of a machine from MJCF, linearised at its static equilibrium."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from identification.words import (
+    InputError,
+    Layout,
+    Real,
+    is_hammer_point,
+    node_number,
+)
+from mbmodel.linearisation.drawing import read_drawing
+from mbmodel.linearisation.equilibrium import (
+    find_equilibrium,
+    remaining_stiffness_and_damping,
+    tendon_jacobian,
+)
+from mbmodel.linearisation.motors import actuator_gains
+from mbmodel.linearisation.remarks import equilibrium_remarks
+from mbmodel.linearisation.spin import spin_remarks, spin_velocity
+from mbmodel.linearisation.springs import find_springs
+from mbmodel.machine import Axle, Machine
+from mbmodel.mjcf.read import body_name, compile_mjcf, coordinate_names, joint_name
+from mbmodel.spatial import spatial_inertia
+
+
+def load_machine(path: Path, spin: Mapping[str, float] | None = None) -> Machine:
+    """Read an MJCF, find its static equilibrium, and linearise the machine there.
+
+    Bodies without a joint between them count as one stage. Sites on bodies that cannot move are
+    left out.
+
+    Args:
+        path: the MJCF.
+        spin: rates of the hinges that turn steadily [rad/s], by name; their angle is frozen.
+
+    Raises:
+        InputError: what cannot be read or linearised, with the element and a remedy.
+        ConvergenceError: no static equilibrium.
+        UsageError: a spinning joint that is no hinge of the machine.
+    """
+    model = compile_mjcf(path)
+    if not model.nv:
+        raise InputError(f"{path}: no body has a joint: give at least one body a joint")
+    equilibrium = find_equilibrium(model, path)
+    data = equilibrium.data
+    stages = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
+    masses, centres = zip(*(_rigid_body(model, data, stage) for stage in stages), strict=True)
+    names = {body_name(model, stage): stage for stage in stages}
+    velocity = spin_velocity(model, spin or {})
+    stiffness, damping = remaining_stiffness_and_damping(model, data, velocity)
+    jacobian, inertia = _jacobian(model, data, stages, centres), _block_diagonal(masses)
+    return Machine(
+        name=_model_name(model, path),
+        source=path,
+        layout=_layout(model, data, stages, np.array(centres), path),
+        coordinates=coordinate_names(model),
+        jacobian=jacobian,
+        body_mass=inertia,
+        armature=_armature(model, data),
+        springs=find_springs(model, data, path, stages, centres),
+        remaining_stiffness=stiffness,
+        remaining_damping=damping,
+        gravity=_gravity(model),
+        weight_fraction=_weight_fraction(model, path, stages),
+        precedence=_precedence(model),
+        axles=_axles(model, data),
+        motors=actuator_gains(model, data, stages, centres, jacobian),
+        drawing=read_drawing(model, data, names, centres),
+        spinning=bool(velocity.any()),
+        remarks=(*equilibrium_remarks(model, equilibrium), *spin_remarks(model, data, spin or {})),
+    )
+
+
+def _gravity(model: mujoco.MjModel) -> Real:
+    """Return the acceleration of gravity, zero if it is switched off [m/s^2]; (3,)."""
+    off = bool(model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    gravity: Real = np.zeros(3) if off else model.opt.gravity.copy()
+    return gravity
+
+
+def _precedence(model: mujoco.MjModel) -> Real:
+    """Return N of the geometric stiffness of gravity; (nv, nv).
+
+    The later of two coordinates is turned by the earlier. The rotations of one ball or free joint
+    act at once: to second order each turns the other by half. Coordinates on different branches
+    move no common body, so their entries do not matter.
+    """
+    precedence = np.triu(np.ones((model.nv, model.nv)), 1) + 0.5 * np.eye(model.nv)
+    for joint in range(model.njnt):
+        dofs = np.flatnonzero(model.dof_jntid == joint)[-3:]
+        if len(dofs) == 3:
+            precedence[np.ix_(dofs, dofs)] = 0.5
+    return precedence
+
+
+def _weight_fraction(model: mujoco.MjModel, path: Path, stages: list[int]) -> Real:
+    """Return 1 - gravcomp of each stage, six times each; (6 n_body,).
+
+    Raises:
+        InputError: welded bodies with different ``gravcomp``, or ``gravcomp`` by actuators.
+    """
+    shares = []
+    for stage in stages:
+        members = np.flatnonzero(model.body_weldid == stage)
+        compensated = model.body_gravcomp[members[model.body_mass[members] > 0]]
+        if np.ptp(compensated) > 0:
+            raise InputError(
+                f"{path}: body {body_name(model, stage)!r} and those welded to it differ in "
+                "gravcomp: give all of them one value"
+            )
+        shares.append(1.0 - float(compensated[0]))
+    if model.jnt_actgravcomp.any() and model.body_gravcomp.any():
+        joint = joint_name(model, int(np.flatnonzero(model.jnt_actgravcomp)[0]))
+        raise InputError(
+            f'{path}: joint {joint!r} has actuatorgravcomp="true", which is not handled: remove it'
+        )
+    return np.repeat(shares, 6)
+
+
+def _axles(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Axle, ...]:
+    """Return the slides and hinges, in the order of the joints."""
+    kinds = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+    return tuple(
+        Axle(
+            joint=joint_name(model, joint),
+            coordinate=int(model.jnt_dofadr[joint]),
+            stage=body_name(model, model.body_weldid[model.jnt_bodyid[joint]]),
+            turns=mujoco.mjtJoint(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_HINGE,
+            anchor=data.xanchor[joint].copy(),
+            axis=data.xaxis[joint].copy(),
+        )
+        for joint in range(model.njnt)
+        if mujoco.mjtJoint(model.jnt_type[joint]) in kinds
+    )
+
+
+def _model_name(model: mujoco.MjModel, path: Path) -> str:
+    """Return the name of the MJCF's model, or of its file if it has none."""
+    name = model.names.split(b"\0", 1)[0].decode()
+    return path.stem if name in ("", "MuJoCo Model") else name
+
+
+def _rigid_body(model: mujoco.MjModel, data: mujoco.MjData, stage: int) -> tuple[Real, Real]:
+    """Return mass matrix and centre of mass of all bodies of a stage together."""
+    members = np.flatnonzero(model.body_weldid == stage)
+    masses = model.body_mass[members]
+    centre = masses @ data.xipos[members] / masses.sum()
+    total = np.zeros((6, 6))
+    for body in members:
+        axes = data.ximat[body].reshape(3, 3)
+        inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
+        total += spatial_inertia(model.body_mass[body], data.xipos[body] - centre, inertia)
+    total[:3, 3:] = total[3:, :3] = 0.0  # rounding: the reference is the centre of mass
+    return total, centre
+
+
+def _block_diagonal(blocks: tuple[Real, ...]) -> Real:
+    """Return a matrix with the 6 x 6 blocks on its diagonal."""
+    matrix = np.zeros((6 * len(blocks), 6 * len(blocks)))
+    for k, block in enumerate(blocks):
+        matrix[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] = block
+    return matrix
+
+
+def _jacobian(
+    model: mujoco.MjModel, data: mujoco.MjData, stages: list[int], centres: tuple[Real, ...]
+) -> Real:
+    """Return T at the pose at rest; (6 n_body, nv)."""
+    jacobian = np.zeros((6 * len(stages), model.nv))
+    for k, (stage, centre) in enumerate(zip(stages, centres, strict=True)):
+        block = jacobian[6 * k : 6 * k + 6]
+        mujoco.mj_jac(model, data, block[:3], block[3:], centre, stage)
+    return jacobian
+
+
+def _layout(
+    model: mujoco.MjModel, data: mujoco.MjData, stages: list[int], centres: Real, path: Path
+) -> Layout:
+    """Return bodies and named sites on moving bodies, in world axes."""
+    sites = [
+        s
+        for s in range(model.nsite)
+        if model.site(s).name and model.body_weldid[model.site_bodyid[s]] in stages
+    ]
+    names = [model.site(s).name for s in sites]
+    _refuse_shared_nodes(path, names)
+    try:
+        return Layout(
+            bodies=tuple(body_name(model, stage) for stage in stages),
+            centres=centres,
+            points=tuple(names),
+            body_of=np.array(
+                [stages.index(model.body_weldid[model.site_bodyid[s]]) for s in sites], np.intp
+            ),
+            positions=data.site_xpos[sites].reshape(-1, 3),
+            axes=data.site_xmat[sites].reshape(-1, 3, 3),
+        )
+    except ValueError as error:
+        raise InputError(f"{path}: {error}: rename one of them") from error
+
+
+def _refuse_shared_nodes(path: Path, names: list[str]) -> None:
+    """Raise InputError if two sensors, or two hammer points, have the same node number."""
+    site_of_node: dict[tuple[int, bool], str] = {}
+    for name in names:
+        if (node := node_number(name)) is not None:
+            first = site_of_node.setdefault((node, is_hammer_point(name)), name)
+            if first != name:
+                raise InputError(
+                    f"{path}: sites {first!r} and {name!r} both end in node {node}: renumber one"
+                )
+
+
+def _armature(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
+    """Return the rotor inertia of joints and tendons; (nv, nv)."""
+    rows = tendon_jacobian(model, data)
+    armature: Real = np.diag(model.dof_armature) + rows.T @ (model.tendon_armature[:, None] * rows)
+    return armature
