@@ -6,6 +6,7 @@ from pathlib import Path
 import typer
 
 from identification.words import InputError
+from identification.words.file_access import write_text
 from tuning import write_atomically
 
 
@@ -27,11 +28,8 @@ def write_page(text: str, target: Path) -> None:
     Raises:
         InputError: the page cannot be written.
     """
-    try:
-        with write_atomically(target.parent) as place:
-            (place / target.name).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{target} cannot be written ({error.strerror}): name another") from error
+    with write_atomically(target.parent) as place:
+        (place / target.name).write_text(text, encoding="utf-8")
 
 
 def check_output_folder(folder: Path, names: Iterable[str]) -> None:
@@ -80,7 +78,4 @@ def write_json(text: str, target: Path) -> None:
     if str(target) == "-":
         typer.echo(text)
         return
-    try:
-        target.write_text(text + "\n", encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{target} cannot be written ({error.strerror}): name another") from error
+    write_text(target, text + "\n")

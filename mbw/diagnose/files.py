@@ -1,15 +1,12 @@
 """Files of ``mbw diagnose``: writing three JSON files, arrays and an MJCF; reading them back."""
 
-import zlib
 from pathlib import Path
-from typing import Any, TypeVar
-from zipfile import BadZipFile
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
 
 from diagnosis import Diagnosis, Verdict
 from diagnosis.inference.evidence import Evidence
+from identification.readers.result_files import read_result_arrays, read_result_json
 from identification.words import InputError
 from mbmodel import NotInMjcf, write_mjcf
 from mbw.diagnose.machine_rows import restore_machine
@@ -20,8 +17,7 @@ VERDICT, EVIDENCE = "verdict.json", "evidence.json"
 SHOWN, ARRAYS, PAGE = "diagnosis.json", "diagnosis.npz", "report.html"
 AUGMENTED = "augmented.xml"
 NAMES = (VERDICT, EVIDENCE, SHOWN, ARRAYS, AUGMENTED, PAGE)
-
-Row = TypeVar("Row", bound=BaseModel)
+_VERB = "mbw diagnose"
 
 
 def write_files(result: StoredDiagnosis, folder: Path) -> None:
@@ -50,39 +46,18 @@ def read_result(path: Path) -> StoredDiagnosis:
         InputError: a file is missing, broken or of another version.
     """
     folder = path if path.is_dir() else path.parent
-    verdict = _read_row(folder / VERDICT, Verdict)
-    evidence = _read_row(folder / EVIDENCE, Evidence)
-    shown = _read_row(folder / SHOWN, ShownFile)
-    result = StoredDiagnosis(verdict, evidence, shown, _arrays(folder / ARRAYS))
+    verdict = read_result_json(folder / VERDICT, Verdict, _VERB)
+    evidence = read_result_json(folder / EVIDENCE, Evidence, _VERB)
+    shown = read_result_json(folder / SHOWN, ShownFile, _VERB)
+    result = StoredDiagnosis(verdict, evidence, shown, read_result_arrays(folder / ARRAYS, _VERB))
     try:
         _check(result)
-    except (ValueError, KeyError, AttributeError) as error:
+    except (ValueError, KeyError, AttributeError, TypeError, OverflowError) as error:
         raise InputError(
             f"{folder}: {VERDICT}, {SHOWN} and {ARRAYS} do not belong together: run mbw diagnose "
             "again"
         ) from error
     return result
-
-
-def _read_row(path: Path, kind: type[Row]) -> Row:
-    try:
-        return kind.model_validate_json(path.read_bytes())
-    except (ValidationError, OSError) as error:
-        raise _reading_error(path) from error
-
-
-def _arrays(path: Path) -> dict[str, Any]:
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
-    except (OSError, EOFError, ValueError, AttributeError, BadZipFile, zlib.error) as error:
-        raise _reading_error(path) from error
-
-
-def _reading_error(path: Path) -> InputError:
-    if not path.exists():
-        return InputError(f"{path} does not exist: name a folder that mbw diagnose wrote")
-    return InputError(f"{path} is broken or of another version: run mbw diagnose again")
 
 
 def _check(result: StoredDiagnosis) -> None:

@@ -5,12 +5,12 @@ from collections.abc import Iterable, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any, cast
-from zipfile import BadZipFile
 
 import numpy as np
 import scipy.io
 
 from identification.modal import ScaledModes, full_matrix_model
+from identification.readers.result_files import read_result_arrays, read_result_json
 from identification.readers.uff_modes_write import NodeShapes, node_shapes, write_uff_modes
 from identification.words import Dof, InputError, Layout, ModalModel, Quantity
 from mbw.identify.result import IdentificationResult
@@ -95,10 +95,9 @@ def read_result(path: Path) -> IdentificationResult:
         InputError: the folder holds no result, or one of another version.
     """
     folder = path if path.is_dir() else path.parent
+    summary = read_result_json(folder / MODES_JSON, IdentifiedModesFile, "mbw identify")
+    arrays = read_result_arrays(folder / MODES_NPZ, "mbw identify")
     try:
-        summary = IdentifiedModesFile.model_validate_json((folder / MODES_JSON).read_text("utf-8"))
-        with np.load(folder / MODES_NPZ, allow_pickle=False) as file:
-            arrays: dict[str, Any] = {name: file[name] for name in file.files}
         layout = Layout(
             tuple(arrays["layout_bodies"].tolist()),
             arrays["layout_centres"],
@@ -108,7 +107,7 @@ def read_result(path: Path) -> IdentificationResult:
             arrays["layout_axes"],
         )
         _ = arrays["as_solid"]  # the newest array: a file without it is of an older version
-    except (OSError, EOFError, BadZipFile, KeyError, ValueError) as error:
+    except (KeyError, ValueError, TypeError) as error:
         raise InputError(
             f"{folder} holds no result of this version of mbw identify: identify the campaign again"
         ) from error

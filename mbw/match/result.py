@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
-from pydantic import ValidationError
 
 from identification.impacts import ImpactCampaign, ImpactSpectra
 from identification.matching import (
@@ -18,8 +16,9 @@ from identification.matching import (
     estimate_by_hand,
     match_by_ratios,
 )
+from identification.readers.result_files import read_result_arrays, read_result_json
 from identification.shapes import RigidModes, Shapes, distinguish_modes
-from identification.words import InputError, Integers
+from identification.words import Integers
 from mbw.match.schema import HandRow, MatchFile, MatchRow
 
 MATCH_JSON, MATCH_NPZ, PAGE = "match.json", "match.npz", "match.html"
@@ -196,15 +195,5 @@ def read_result(path: Path) -> MatchResult:
         InputError: a file is missing, broken or of another version.
     """
     folder = path if path.is_dir() else path.parent
-    file = folder / MATCH_JSON
-    try:
-        summary = MatchFile.model_validate_json(file.read_text("utf-8"))
-        with np.load(folder / MATCH_NPZ, allow_pickle=False) as kept:
-            arrays = dict(kept)
-    except OSError as error:
-        raise InputError(
-            f"{error.filename or folder} cannot be read: run mbw match again"
-        ) from error
-    except (ValidationError, ValueError, BadZipFile) as error:
-        raise InputError(f"{file} is not of this version: run mbw match again") from error
-    return MatchResult(summary, arrays)
+    summary = read_result_json(folder / MATCH_JSON, MatchFile, "mbw match")
+    return MatchResult(summary, read_result_arrays(folder / MATCH_NPZ, "mbw match"))

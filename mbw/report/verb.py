@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from identification.words import InputError
+from identification.words import InputError, WorkbenchError
 from mbw.diagnose import files as diagnosed
 from mbw.diagnose.page import render as diagnosis_page
 from mbw.files import page_path, write_page
@@ -24,11 +24,13 @@ class _Kind:
     """Kind of result, by the verb that wrote it.
 
     Args:
+        verb: verb that wrote it.
         files: names of files; any of them identifies the kind.
         page: file name of the page.
         render: function that returns the page of a folder, or of such a file.
     """
 
+    verb: str
     files: tuple[str, ...]
     page: str
     render: Callable[[Path], str]
@@ -36,14 +38,20 @@ class _Kind:
 
 # In a folder with results of several verbs the first kind counts.
 _RESULT_KINDS = (
-    _Kind((TUNED_JSON,), "report.html", lambda path: tuning_page(read_result(path))),
-    _Kind((MODES_JSON,), MODES_PAGE, modes_page),
+    _Kind("tune", (TUNED_JSON,), "report.html", lambda path: tuning_page(read_result(path))),
+    _Kind("identify", (MODES_JSON,), MODES_PAGE, modes_page),
     _Kind(
+        "diagnose",
         (diagnosed.VERDICT, diagnosed.SHOWN),
         diagnosed.PAGE,
         lambda path: diagnosis_page(diagnosed.read_result(path)),
     ),
-    _Kind((matched.MATCH_JSON,), matched.PAGE, lambda path: match_page(matched.read_result(path))),
+    _Kind(
+        "match",
+        (matched.MATCH_JSON,),
+        matched.PAGE,
+        lambda path: match_page(matched.read_result(path)),
+    ),
 )
 
 
@@ -67,9 +75,26 @@ def run(path: Path, out: Path | None) -> Path:
     """
     kind = _kind(path)
     target = page_path(path, out, kind.page)
-    write_page(kind.render(path), target)
+    write_page(_render(kind, path), target)
     SCREEN.say(f"report in {target}")
     return target
+
+
+def _render(kind: _Kind, path: Path) -> str:
+    """Return the page of a result, which may have been altered since the verb wrote it.
+
+    Raises:
+        InputError: the files of the result contradict each other or themselves.
+    """
+    try:
+        return kind.render(path)
+    except (WorkbenchError, KeyboardInterrupt):
+        raise
+    except Exception as error:  # whatever an altered number or name leads to
+        raise InputError(
+            f"{path} contradicts itself ({type(error).__name__}: {error}): it was altered or is of "
+            f"another version, so run mbw {kind.verb} again"
+        ) from error
 
 
 def _kind(path: Path) -> _Kind:

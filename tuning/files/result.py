@@ -2,16 +2,14 @@
 
 import os
 import tempfile
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
-from pydantic import ValidationError
 
+from identification.readers.result_files import read_result_arrays, read_result_json
 from identification.words import Complex, InputError, Real
 from mbmodel import modes_of_matrices, write_mjcf
 from tuning.assessment.gap import Gap, block_error_shares
@@ -291,36 +289,21 @@ def read_result(path: Path) -> TuningResult:
         InputError: files that are missing or not of a tuning.
     """
     folder = path.parent if path.name == TUNED_JSON else path
+    summary = read_result_json(folder / TUNED_JSON, TunedFile, "mbw tune")
+    arrays = read_result_arrays(folder / FRF_NPZ, "mbw tune")
     try:
-        summary = TunedFile.model_validate_json((folder / TUNED_JSON).read_bytes())
-        with (
-            (folder / FRF_NPZ).open("rb") as file,
-            np.load(file, allow_pickle=False) as arrays,
-        ):
-            levels = {
-                name: LevelFrfs(
-                    outputs=tuple(map(str, arrays[f"{name}_outputs"])),
-                    tests=tuple(map(str, arrays[f"{name}_tests"])),
-                    **{
-                        key: arrays[f"{name}_{key}"]
-                        for key in ("measured", "as_drawn", "tuned", "noise", "deviation")
-                        if f"{name}_{key}" in arrays
-                    },
-                )
-                for name in LEVELS
-            }
-            return TuningResult(summary, arrays["freq_hz"], levels)
-    except FileNotFoundError as error:
-        raise InputError(
-            f"{error.filename} does not exist: name the output folder of mbw tune"
-        ) from error
-    except (
-        ValidationError,
-        ValueError,
-        KeyError,
-        OSError,
-        EOFError,
-        BadZipFile,
-        zlib.error,
-    ) as error:
+        levels = {
+            name: LevelFrfs(
+                outputs=tuple(map(str, arrays[f"{name}_outputs"])),
+                tests=tuple(map(str, arrays[f"{name}_tests"])),
+                **{
+                    key: arrays[f"{name}_{key}"]
+                    for key in ("measured", "as_drawn", "tuned", "noise", "deviation")
+                    if f"{name}_{key}" in arrays
+                },
+            )
+            for name in LEVELS
+        }
+        return TuningResult(summary, arrays["freq_hz"], levels)
+    except (KeyError, TypeError) as error:
         raise InputError(f"{folder} holds no tuning ({error}): run mbw tune again") from error

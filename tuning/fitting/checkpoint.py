@@ -2,12 +2,12 @@
 
 A step (a stage of a start, or a fold) begins where the one before it ended and counts evaluations,
 never time. Resumed tunings therefore give bit-identical results. Numbers are written so that they
-read back exactly.
+read back exactly. A checksum over the whole content tells whether a file was altered.
 """
 
+import hashlib
 import json
 import os
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 
 from identification.words import InputError
+from identification.words.file_access import read_bytes, write_text
 from tuning.solvers.nlopt_solver import Minimum
 
 CHECKPOINT_FILE = "tune.checkpoint.json"
+_CHECKSUM = "sha256"  # key of the checksum over all other keys
 
 
 class Checkpoint:
@@ -29,7 +31,8 @@ class Checkpoint:
         resume: whether to read the file; otherwise it is replaced.
 
     Raises:
-        InputError: a file to resume that cannot be read, or that belongs to another tuning.
+        InputError: a file to resume that cannot be read, that was altered, or that belongs to
+            another tuning.
     """
 
     def __init__(
@@ -37,7 +40,7 @@ class Checkpoint:
     ) -> None:
         self._file, self._fingerprint = file, fingerprint
         self._steps: dict[str, dict[str, Any]] = {}
-        if resume and file is not None and file.is_file():
+        if resume and file is not None and os.path.lexists(file):
             self._steps = _read(file, fingerprint)
 
     def recall(self, step: str) -> Minimum | None:
@@ -59,7 +62,9 @@ class Checkpoint:
             "advice": end.advice,
         }
         if self._file is not None:
-            _write(self._file, {"fingerprint": self._fingerprint, "steps": self._steps})
+            content = {"fingerprint": self._fingerprint, "steps": self._steps}
+            text = json.dumps({**content, _CHECKSUM: _checksum(content)})
+            write_text(self._file, text)
 
     def run_step(self, name: str, make: Callable[[], Minimum]) -> Minimum:
         """Return a finished step, or make it now and keep it."""
@@ -76,28 +81,31 @@ class Checkpoint:
 
 
 def _read(file: Path, fingerprint: str) -> dict[str, dict[str, Any]]:
-    """Read the finished steps of a file; refuse another fingerprint."""
+    """Read the finished steps of a file; refuse another fingerprint and altered content."""
+    remedy = "remove it, or start again without --resume"
+    content = read_bytes(file, remedy)
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-        steps: dict[str, dict[str, Any]] = content["steps"]
-        matches = content["fingerprint"] == fingerprint
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            f"{file} cannot be read ({error}): remove it, or start again without --resume"
-        ) from error
-    if not matches:
+        stored = json.loads(content)
+        steps: dict[str, dict[str, Any]] = stored["steps"]
+        belongs, is_whole = stored["fingerprint"] == fingerprint, _is_whole(stored)
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(f"{file} cannot be read ({error}): {remedy}") from error
+    if not belongs:
         raise InputError(
             f"{file} belongs to other inputs or options: repeat those, or start again without "
             "--resume"
         )
+    if not is_whole:
+        raise InputError(f"{file} was altered since it was written: {remedy}")
     return steps
 
 
-def _write(file: Path, content: dict[str, Any]) -> None:
-    """Replace the file in one operation, so that a reader finds either the old or the new one."""
-    handle, name = tempfile.mkstemp(dir=file.parent, prefix=".checkpoint-")
-    with os.fdopen(handle, "w", encoding="utf-8") as stream:
-        json.dump(content, stream)
-        stream.flush()
-        os.fsync(stream.fileno())
-    Path(name).replace(file)
+def _is_whole(stored: dict[str, Any]) -> bool:
+    """Return whether the checksum of a file is that of its content."""
+    content = {name: value for name, value in stored.items() if name != _CHECKSUM}
+    return bool(stored.get(_CHECKSUM) == _checksum(content))
+
+
+def _checksum(content: dict[str, Any]) -> str:
+    """Return the SHA-256 of content as JSON; numbers read back exactly, so their text is one."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

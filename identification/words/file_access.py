@@ -1,0 +1,111 @@
+"""Reading and writing of whole files: whatever cannot be done becomes one sentence.
+
+A name in a campaign.toml or on the command line may be anything: a folder, a device that never
+ends, a pipe that nobody writes, a link in a loop, or a text with a NUL character.
+"""
+
+import os
+import stat
+from pathlib import Path
+
+from identification.words.errors import InputError
+
+_MAX_NAME_CHARACTERS = 60  # of a temporary file's name: file systems allow 255 bytes
+
+
+def check_file(path: Path, remedy: str) -> None:
+    """Refuse a path that is no regular file.
+
+    Args:
+        path: the path, of which links are followed.
+        remedy: what to do about a file that is missing, for the message.
+
+    Raises:
+        InputError: nothing is there, or a folder, a device or a pipe.
+    """
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError) as error:
+        raise InputError(f"{path} does not exist: {remedy}") from error
+    except (OSError, ValueError) as error:  # ValueError: a NUL character
+        raise InputError(f"{path} cannot be read ({describe_reason(error)}): {remedy}") from error
+    if not stat.S_ISREG(mode):
+        kind = "a folder" if stat.S_ISDIR(mode) else "a device or a pipe"
+        raise InputError(f"{path} is {kind} and no file: {remedy}")
+
+
+def read_bytes(path: Path, remedy: str) -> bytes:
+    """Return the content of a regular file.
+
+    Args:
+        path: the file.
+        remedy: what to do about a file that is missing, for the message.
+
+    Raises:
+        InputError: the file is missing, is no regular file, or may not be read.
+    """
+    check_file(path, remedy)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({describe_reason(error)}): {remedy}") from error
+
+
+def read_text(path: Path, remedy: str) -> str:
+    """Return the content of a text file in UTF-8, without a byte-order mark.
+
+    Args:
+        path: the file.
+        remedy: what to do about a file that is missing, for the message.
+
+    Raises:
+        InputError: the file is missing, is no regular file, may not be read, or is not UTF-8.
+    """
+    content = read_bytes(path, remedy)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InputError(
+            f"{path} is not UTF-8 text, at line {line}: save it with this encoding"
+        ) from error
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole or not at all; a file of that name is replaced.
+
+    Devices and pipes are written as they are: they cannot be replaced.
+
+    Args:
+        path: the file, in a folder that exists.
+        text: its content.
+
+    Raises:
+        InputError: the file cannot be written, for example because the disk is full.
+    """
+    try:
+        target = Path(os.path.realpath(path))
+        if target.exists() and not target.is_file():
+            target.write_text(text, encoding="utf-8")
+            return
+        new = target.with_name(f".{target.name[:_MAX_NAME_CHARACTERS]}.{os.getpid()}.new")
+        try:
+            with new.open("w", encoding="utf-8") as stream:
+                stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())
+            new.replace(target)
+        finally:
+            new.unlink(missing_ok=True)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{path} cannot be written ({describe_reason(error)}): name another"
+        ) from error
+
+
+def describe_reason(error: OSError | ValueError) -> str:
+    """Return the reason of the operating system in its words."""
+    if isinstance(error, OSError) and error.errno is not None:
+        return os.strerror(error.errno)
+    return str(error)
