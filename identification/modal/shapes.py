@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.modal.close_modes import separate_close_modes
 from identification.modal.indicators import mac
 from identification.solid import reconstruct, reduce_to_bodies
 from identification.words import (
@@ -61,13 +62,15 @@ def scale_shapes(model: ModalModel, layout: Layout | None = None) -> ScaledModes
     """Scale every shape in size and phase, such that its largest entry has a positive real part.
 
     If no input is an output too, the shape at the impact point is that of the hammered body's rigid
-    motion, along the direction of the force.
+    motion, along the direction of the force. Modes whose poles lie within each other's uncertainty
+    have the shapes that their common residue matrix gives (``close_modes``).
 
     Args:
         model: any scaling.
         layout: bodies and points, if known.
     """
-    driven, participation = _drive_point_shapes(model, layout)
+    separated = separate_close_modes(model, *_drive_point_shapes(model, layout))
+    model, (driven, participation) = separated, _drive_point_shapes(separated, layout)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = drive_point_scale(driven, participation)
     has_scale_factor = len(driven) > 0 and bool((np.isfinite(scale) & (scale != 0)).all())
