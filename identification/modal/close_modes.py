@@ -22,7 +22,7 @@ from identification.words import Complex, ModalModel, Real
 
 # Distance of two poles over the sum of their half-power half-widths, at most: R_k beyond R_1 are
 # then below 4 % of R_1, and R_0 is exact anyway.
-_MAX_POLE_DISTANCE = 0.2
+_MAX_CLOSE_POLE_DISTANCE = 0.2
 # The relative error of the residues of two close poles is about the standard deviation of their
 # distance over the distance. A tenth of one per cent leaves room for errors of the model, which
 # the standard deviations do not include.
@@ -32,7 +32,7 @@ _MAX_RESIDUE_ERROR = 0.001
 _MIN_RESIDUE_OVER_ERROR = 3.0
 _MIN_RELATIVE_RESIDUE = 1e-9
 # Standard deviation of a pole whose distance from another counts as known exactly, relative to it.
-_ROUNDING = 1e-9
+_POLE_ROUNDING = 1e-9
 
 
 def group_close_poles(model: ModalModel) -> tuple[tuple[int, ...], ...]:
@@ -46,10 +46,10 @@ def group_close_poles(model: ModalModel) -> tuple[tuple[int, ...], ...]:
     """
     poles = model.poles
     sd = 2 * np.pi * np.hypot(model.freq_sd, model.freq_hz * model.damping_sd)
-    sd = np.maximum(sd, _ROUNDING * np.abs(poles))
+    sd = np.maximum(sd, _POLE_ROUNDING * np.abs(poles))
     distance = np.abs(poles[:, None] - poles)
     half_width = np.abs(poles.real)
-    is_close = distance < _MAX_POLE_DISTANCE * (half_width[:, None] + half_width)
+    is_close = distance < _MAX_CLOSE_POLE_DISTANCE * (half_width[:, None] + half_width)
     is_close &= _MAX_RESIDUE_ERROR * distance < sd[:, None] + sd
     groups: list[tuple[int, ...]] = []
     free = set(range(len(poles)))
