@@ -22,7 +22,7 @@ ONLY_BEHIND = {
     "nlopt": {"tuning/solvers/nlopt_solver.py"},
     "pyuff": {"identification/readers/uff_datasets.py"},
     "meshio": {"mbmodel/meshes/files.py", "identification/shapes/fe_file.py"},
-    "h5py": {"identification/readers/matlab73.py"},
+    "h5py": {"identification/readers/matlab73_child.py"},
     "plotly": {"mbw/page/html.py", "mbworkbench/plots.py"},
     "typer": {"mbw", "truth"},
     "rich": {"mbw"},

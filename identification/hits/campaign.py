@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.hits.hit_frfs import estimate_hit_frfs
 from identification.hits.settings import HitSettings
-from identification.readers.array_frfs import load_arrays
+from identification.readers.array_files import load_arrays
 from identification.readers.array_records import holds_time_records, read_array_records
 from identification.readers.campaign_toml import CampaignSettings, SensorSettings, TestSettings
 from identification.readers.file_kinds import (

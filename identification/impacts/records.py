@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
 
+from identification.readers.array_files import load_arrays
 from identification.words import Dof, InputError, Real
 
 _CHANNEL_PATTERN = re.compile(r"(.+)_([-+]?)([xyz])$")
@@ -99,14 +99,7 @@ def impact_record(source: str, channels_by_name: Mapping[str, tuple[Any, Any]]) 
 
 def _from_arrays(path: Path) -> dict[str, tuple[Any, Any]]:
     """Read stamps and values from .npz or .mat."""
-    try:
-        if path.suffix.lower() == ".mat":
-            arrays = scipy.io.loadmat(path)
-        else:
-            with np.load(path) as file:
-                arrays = {name: file[name] for name in file.files}
-    except Exception as error:
-        raise InputError(f"{path} cannot be read as .npz or .mat. Write it again.") from error
+    arrays = load_arrays(path)
     names = [key.removeprefix("time_") for key in arrays if key.startswith("time_")]
     values = [key.removeprefix("value_") for key in arrays if key.startswith("value_")]
     unpaired = sorted(set(names) ^ set(values))

@@ -4,14 +4,15 @@ import re
 from pathlib import Path
 
 import numpy as np
-import scipy.io
 
+from identification.readers.array_files import load_arrays
 from identification.readers.frf_table import FrfTable
-from identification.readers.matlab73 import read_matlab73
 from identification.readers.units import unit_factor
 from identification.words import Complex, Dof, InputError, Quantity, Real, UsageError
 
-_CHANNEL_RANGE = re.compile(r"nodes\s+(?P<nodes>[\d\s.,]+?),?\s+(?P<axes>[xyz]+)")
+_NODE_RANGE = re.compile(r"(?P<first>[0-9]{1,10})(\.\.(?P<last>[0-9]{1,10}))?")
+_MAX_CHANNELS = 100_000  # of a campaign: a range beyond it is a slip of the pen
+_MAX_QUOTED_LETTERS = 40  # of a wrong text in a message
 
 
 def read_arrays(
@@ -76,37 +77,6 @@ def read_arrays(
     )
 
 
-def load_arrays(path: Path) -> dict[str, np.ndarray]:
-    """Read all variables of a .mat file (any version) or .npz file.
-
-    Raises:
-        InputError: the file is missing or unreadable.
-    """
-    if not path.is_file():
-        raise InputError(f"{path} does not exist: name the file of the test")
-    try:
-        if path.suffix.lower() == ".mat":
-            content = scipy.io.loadmat(path)
-        else:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-                content = dict(archive)
-    except NotImplementedError:  # scipy does not read version 7.3, which is HDF5
-        content = _load_matlab73(path)
-    except Exception as error:  # on corrupt bytes the readers raise errors of many types
-        raise InputError(f"{path} cannot be read ({error}): save it again") from error
-    return {name: value for name, value in content.items() if not name.startswith("__")}
-
-
-def _load_matlab73(path: Path) -> dict[str, np.ndarray]:
-    """Read a MATLAB 7.3 file and report failures as ``InputError``."""
-    try:
-        return read_matlab73(path)
-    except Exception as error:
-        raise InputError(
-            f"{path} is MATLAB v7.3 and cannot be read ({error}): save it again"
-        ) from error
-
-
 def _refuse_non_numbers(path: Path, arrays: dict[str, np.ndarray], names: tuple[str, ...]) -> None:
     """Refuse arrays without numbers, and complex frequencies."""
     for name in names:
@@ -156,18 +126,7 @@ def parse_channels(path: Path, channels: str | list[str]) -> tuple[Dof, ...]:
         InputError: the text is neither, there is no channel, or a channel appears twice.
     """
     if isinstance(channels, str):
-        match = _CHANNEL_RANGE.fullmatch(channels.strip())
-        if match is None:
-            raise InputError(
-                f'{path}: channels = "{channels}" is not a range of channels: write '
-                '"nodes 1..23, xyz" or a list of labels'
-            )
-        dofs = tuple(
-            Dof(str(node), f"+t{axis}")
-            for item in match["nodes"].replace(",", " ").split()
-            for node in _node_range(path, item)
-            for axis in match["axes"]
-        )
+        dofs = _expand_range(path, channels)
     else:
         dofs = tuple(_parse(path, text) for text in channels)
     return _refuse_duplicates(path, "channels", dofs)
@@ -180,12 +139,33 @@ def _refuse_duplicates(path: Path, key: str, dofs: tuple[Dof, ...]) -> tuple[Dof
     return dofs
 
 
+def _expand_range(path: Path, text: str) -> tuple[Dof, ...]:
+    """Return the channels of ``"nodes 1..4 7, xyz"``, node by node."""
+    first, *items = text.replace(",", " ").split() or [""]
+    axes = items.pop() if items else ""
+    if first != "nodes" or not items or not set(axes) <= set("xyz"):
+        raise InputError(
+            f'{path}: channels = "{text[:_MAX_QUOTED_LETTERS]}" is not a range of channels: write '
+            '"nodes 1..23, xyz" or a list of labels'
+        )
+    ranges = [_node_range(path, item) for item in items]
+    count = len(axes) * sum(map(len, ranges))
+    if count > _MAX_CHANNELS:
+        raise InputError(
+            f"{path}: channels name {count} degrees of freedom, more than {_MAX_CHANNELS}: correct "
+            "the range of nodes"
+        )
+    return tuple(Dof(str(node), f"+t{axis}") for nodes in ranges for node in nodes for axis in axes)
+
+
 def _node_range(path: Path, text: str) -> range:
     """Return the nodes of ``7`` or ``1..23``."""
-    ends = text.split("..")
-    if not 1 <= len(ends) <= 2 or not all(end.isdecimal() for end in ends):
-        raise InputError(f"{path}: {text!r} is not a range of nodes: write 1..23")
-    nodes = range(int(ends[0]), int(ends[-1]) + 1)
+    match = _NODE_RANGE.fullmatch(text)
+    if match is None:
+        raise InputError(
+            f"{path}: {text[:_MAX_QUOTED_LETTERS]!r} is not a range of nodes: write 1..23"
+        )
+    nodes = range(int(match["first"]), int(match["last"] or match["first"]) + 1)
     if not nodes:
         raise InputError(f"{path}: the range {text!r} is empty: write the lower node first")
     return nodes

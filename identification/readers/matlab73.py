@@ -2,30 +2,17 @@
 
 from pathlib import Path
 
-import h5py
 import numpy as np
 
-_COMPLEX_FIELDS = ("real", "imag")
+from identification.readers.child_process import read_in_child
+
+_SCRIPT = Path(__file__).with_name("matlab73_child.py")
 
 
 def read_matlab73(path: Path) -> dict[str, np.ndarray]:
-    """Read the numeric variables by name, with the order of axes of MATLAB.
-
-    HDF5 stores the axes in reversed order, and complex numbers as pairs named real and imag.
+    """Read the numeric variables by name, in a process of its own.
 
     Raises:
-        OSError: the file is not HDF5, or it is damaged.
+        ValueError: the file is damaged, or refers to other files.
     """
-    variables = {}
-    with h5py.File(path, "r") as file:
-        for name, item in file.items():
-            if isinstance(item, h5py.Dataset):
-                values = item[()]
-                if (
-                    getattr(values, "dtype", None) is not None
-                    and values.dtype.names == _COMPLEX_FIELDS
-                ):
-                    values = values["real"] + 1j * values["imag"]
-                if isinstance(values, np.ndarray) and values.dtype.kind in "fiuc":
-                    variables[name] = values.T
-    return variables
+    return read_in_child(_SCRIPT, path)

@@ -1,0 +1,45 @@
+"""Variables of MATLAB and numpy files, whatever bytes the files hold."""
+
+from pathlib import Path
+
+import numpy as np
+
+from identification.readers.matlab5 import read_matlab5
+from identification.readers.matlab73 import read_matlab73
+from identification.readers.numpy_archive import read_archive
+from identification.words import InputError
+
+# Version and order of bytes of MATLAB 7.3, at their place in the header before HDF5.
+_HEADERS_OF_VERSION_73, _VERSION_PLACE = (b"\x00\x02IM", b"\x02\x00MI"), slice(124, 128)
+
+
+def load_arrays(path: Path) -> dict[str, np.ndarray]:
+    """Read all variables of a .mat file (any version) or .npz file.
+
+    Every size that a file announces is checked before memory is allocated for it. HDF5 files are
+    read in a process of their own.
+
+    Raises:
+        InputError: the file is missing or unreadable.
+    """
+    if not path.is_file():
+        raise InputError(f"{path} does not exist: name the file of the test")
+    version, read = "", read_archive
+    try:
+        if path.suffix.lower() == ".mat":
+            read = read_matlab5
+            if _is_version_73(path):
+                version, read = "is MATLAB v7.3 and ", read_matlab73
+        content = read(path)
+    except Exception as error:  # on corrupt bytes the readers raise errors of many types
+        reason = " ".join(str(error).split()).replace("\0", "")
+        raise InputError(
+            f"{path} {version}cannot be read ({reason or type(error).__name__}): save it again"
+        ) from error
+    return {name: value for name, value in content.items() if name and not name.startswith("__")}
+
+
+def _is_version_73(path: Path) -> bool:
+    """Return whether a file has the header of MATLAB 7.3."""
+    with path.open("rb") as file:
+        return file.read(_VERSION_PLACE.stop)[_VERSION_PLACE] in _HEADERS_OF_VERSION_73
