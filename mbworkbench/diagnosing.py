@@ -49,7 +49,7 @@ class DiagnosisResult:
                 *(
                     f"  {name}: error {cell_text(step.error)}, excess {cell_text(step.excess)}"
                     for name, step in steps.items()
-                    if step.error is not None
+                    if step.excess is not None
                 ),
                 *(
                     f"  {100 * cause.probability:.0f} % {cause.effect} at {cause.location} "

@@ -6,12 +6,13 @@ from pathlib import Path
 import numpy as np
 
 from identification import band_lines, correct_layout, read_campaign, read_settings
-from identification.words import Campaign, InputError, distinct_dofs
+from identification.words import Campaign, Dof, InputError, Motor
 from mbmodel import (
     HammerPart,
     Machine,
     Model,
     Part,
+    SensorPart,
     as_drawn,
     body_parts,
     hammer_parts,
@@ -91,16 +92,33 @@ def build_toleranced_model(machine: Machine, campaign: Campaign) -> Model:
         campaign: tests, which say which sensors are read and where the hammer hits.
     """
     read_points = {dof.point for test in campaign.tests for dof in test.estimate.frf.outputs}
-    hit = distinct_dofs(test.condition.reference.positive for test in campaign.tests)
     return Model(
         machine,
         (
             *spring_parts(machine),
             *body_parts(machine),
             *joint_parts(machine),
-            *(part for part in sensor_parts(machine) if part.point.name in read_points),
-            *hammer_parts(machine, tuple(dof for dof in hit if dof.point in machine.layout.points)),
+            *(
+                part
+                for part in sensor_parts(machine, campaign.outputs)
+                if part.point.name in read_points
+            ),
+            *hammer_parts(machine, _forces_at_points(machine, campaign)),
         ),
+    )
+
+
+def _forces_at_points(machine: Machine, campaign: Campaign) -> tuple[Dof, ...]:
+    """Return the forces at points that the tests apply, whose place and direction can be off.
+
+    A torque is the same wherever it acts on a solid body, and a motor acts as the model says.
+    """
+    return tuple(
+        reference
+        for reference in campaign.inputs
+        if isinstance(reference, Dof)
+        and not reference.is_rotation
+        and reference.point in machine.layout.points
     )
 
 
@@ -112,11 +130,17 @@ def rebuild_for_machine(model: Model, machine: Machine) -> Model:
         machine: machine that contains everything of the model's machine.
     """
     hit = tuple(part.dof for part in model.parts if isinstance(part, HammerPart))
+    turning = (
+        Dof.of(part.point.name, 3 + axis)
+        for part in model.parts
+        if isinstance(part, SensorPart)
+        for axis in part.rotations
+    )
     parts: tuple[Part, ...] = (
         *spring_parts(machine),
         *body_parts(machine),
         *joint_parts(machine),
-        *sensor_parts(machine),
+        *sensor_parts(machine, turning),
         *hammer_parts(machine, hit),
     )
     by_parameters = {part.parameters: part for part in parts}
@@ -147,7 +171,19 @@ def open_campaign(
         machine = load_machine(source.parent / str(settings.model))
     machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
     campaign = read_campaign(source, settings, machine.layout)
+    _refuse_unknown_motors(source, machine, campaign)
     chosen = campaign.select_lines(band_lines(campaign, band, source))
     if not any(np.abs(test.estimate.frf.values).any() for test in chosen.tests):
         raise InputError(f"{source}: all FRFs are zero in the band: check the export")
     return source, machine, chosen
+
+
+def _refuse_unknown_motors(source: Path, machine: Machine, campaign: Campaign) -> None:
+    """Raise InputError for a reference without a colon that is no motor of the model."""
+    for reference in campaign.inputs:
+        if isinstance(reference, Motor) and reference.name not in machine.motors:
+            names = ", ".join(machine.motors) or "none"
+            raise InputError(
+                f"{source}: reference {reference.name!r} is no motor of the model (it has "
+                f"{names}): write a motor's name, or a label such as acc11:+x"
+            )

@@ -26,7 +26,7 @@ from diagnosis.null_model import with_outliers
 from diagnosis.refits.parallel import Call, side_by_side
 from diagnosis.refits.refitting import SOME, Refit, fitted, further, held_out, paced, plenty
 from diagnosis.search.ladder import Search
-from identification.words import Campaign, Real
+from identification.words import Campaign, Dof, Real
 from tuning import HeldOutFits, Misfit, thin_lines
 
 _RIVAL, _RIVALS = 0.05, 6  # probability of a cause that is worth a comparison, and how many are
@@ -125,7 +125,9 @@ def _parts(campaign: Campaign) -> list[tuple[int, ...]]:
     """Places of tests that are left out together: a direction, or if there is one alone a test."""
     along: dict[str, list[int]] = {}
     for place, test in enumerate(campaign.tests):
-        along.setdefault(test.condition.reference.direction[1:], []).append(place)
+        reference = test.condition.reference
+        key = reference.direction[1:] if isinstance(reference, Dof) else reference.name
+        along.setdefault(key, []).append(place)
     groups = list(along.values()) if len(along) > 1 else [[k] for k in range(len(campaign.tests))]
     return [tuple(group) for group in groups] if len(groups) > 1 else []
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from diagnosis.corrections import Reading, channels_of, divided, doubted, exchanged, masked
 from diagnosis.effects.flexible_body import bent
-from diagnosis.effects.points import three
+from diagnosis.effects.points import gains_of, three
 from diagnosis.effects.sensor_polarity import turned
 from diagnosis.hypothesis import Hypothesis, Value, released
 from diagnosis.inference.evidence import BENDS, Key
@@ -190,7 +190,7 @@ def hypothesis_of(
     if fault.effect in RELEASED:
         tolerance, stated = RELEASED[fault.effect]
         prefix = f"{site}.{tolerance}_"
-        names = three(prefix) if fault.dof is None else (f"{prefix}{fault.dof[1:]}",)
+        names = three(prefix) if fault.dof is None else (dict(gains_of(site))[fault.dof],)
         one = released(fault.effect, fault.location, fault.dof, names, stated)
         values = np.ravel(fault.parameters[stated]).tolist()
         return replace(one, begin=dict(zip(names, values, strict=True)))

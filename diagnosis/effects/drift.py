@@ -6,7 +6,7 @@ to all tests. A test is one reference of one file, a set-up all tests of that na
 
 from collections.abc import Iterator, Mapping
 
-from diagnosis.effects.points import hits, jointed, springs_of
+from diagnosis.effects.points import jointed, references, springs_of
 from diagnosis.effects.spring_laws import Law, constant
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Condition
@@ -17,8 +17,8 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     machine = scene.model.machine
     conditions = [test.condition for test in scene.session.campaign.tests]
     setups = sorted({one.setup for one in conditions if one.setup is not None})
-    references = [str(dof) for dof in hits(scene)]
-    whens = [*(references if len(references) > 1 else ()), *(setups if len(setups) > 1 else ())]
+    labels = [str(reference) for reference in references(scene)]
+    whens = [*(labels if len(labels) > 1 else ()), *(setups if len(setups) > 1 else ())]
     for stage in jointed(machine):
         springs, place = springs_of(machine, stage), f"joint:{stage}"
         for when in whens:

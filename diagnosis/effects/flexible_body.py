@@ -12,7 +12,7 @@ import numpy as np
 
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification import Fault, estimate_bending_shape
-from identification.words import Campaign
+from identification.words import Campaign, Dof
 from mbmodel import BendingMode, Machine, add_bending_mode
 from tuning import Session
 
@@ -54,7 +54,9 @@ def bent(
     layout = machine.layout
     sites = dict.fromkeys(dof.point for dof in session.campaign.outputs)
     read = tuple(site for site in sites if layout.body_name(site) == body)
-    points = dict.fromkeys(test.condition.reference.point for test in session.campaign.tests)
+    points = dict.fromkeys(
+        reference.point for reference in session.campaign.inputs if isinstance(reference, Dof)
+    )
     known = {*layout.points, *layout.bodies}
     hit = tuple(p for p in points if p in known and layout.body_name(p) == body)
     part = BendingMode(machine, body, times * seen.frequency, read, hit)

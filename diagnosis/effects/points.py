@@ -3,7 +3,7 @@
 from itertools import groupby
 
 from diagnosis.hypothesis import Scene
-from identification.words import Dof, distinct_dofs, is_hammer_point, node_number
+from identification.words import DIRECTIONS, Dof, Input, is_hammer_point, node_number
 from mbmodel import Machine, parent_bodies
 
 
@@ -21,14 +21,28 @@ def sensors(scene: Scene) -> list[str]:
     ]
 
 
+def references(scene: Scene) -> tuple[Input, ...]:
+    """Return the forces and torques at points and the motors that drove the tests."""
+    return scene.session.campaign.inputs
+
+
 def hits(scene: Scene) -> tuple[Dof, ...]:
-    """Points and directions that were hit."""
-    return distinct_dofs(test.condition.reference.positive for test in scene.session.campaign.tests)
+    """Return the points and directions that forces hit: neither torques nor motors."""
+    return tuple(
+        reference
+        for reference in references(scene)
+        if isinstance(reference, Dof) and not reference.is_rotation
+    )
 
 
 def three(prefix: str) -> tuple[str, ...]:
     """Names of a vector in world axes."""
     return tuple(f"{prefix}{axis}" for axis in "xyz")
+
+
+def gains_of(site: str) -> list[tuple[str, str]]:
+    """Return the directions of a sensor's channels with the names of their gains."""
+    return [(d, f"{site}.gain_{d[1:] if d[0] == 't' else d}") for d in DIRECTIONS]
 
 
 def jointed(machine: Machine) -> list[str]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from diagnosis.effects.points import names_of, sensors
+from diagnosis.effects.points import gains_of, names_of, sensors
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
 from identification import FAULT_PHRASES
 
@@ -11,10 +11,9 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each channel whose gain has a tolerance."""
     known = names_of(scene)
     for site in sensors(scene):
-        for axis in "xyz":
-            name = f"{site}.gain_{axis}"
+        for direction, name in gains_of(site):
             if name in known:
-                yield released("sensor_gain", f"sensor:{site}", f"t{axis}", (name,), "gain")
+                yield released("sensor_gain", f"sensor:{site}", direction, (name,), "gain")
 
 
 EFFECT = Effect(

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from diagnosis.corrections import channels_of, divided
-from diagnosis.effects.points import names_of, sensors
+from diagnosis.effects.points import gains_of, names_of, sensors
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from identification import FAULT_PHRASES
 from identification.words import Complex, Real
@@ -25,11 +25,14 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each channel."""
     known = names_of(scene)
     for site in sensors(scene):
-        for axis in "xyz":
-            gain, place, dof = f"{site}.gain_{axis}", f"sensor:{site}", f"t{axis}"
+        for direction, gain in gains_of(site):
             if gain in known:
-                correct = partial(divided, concerned=channels_of(place, dof), reading=turned)
-                yield Hypothesis("sensor_polarity", place, dof, scored=(gain,), correct=correct)
+                place = f"sensor:{site}"
+                concerned = channels_of(place, direction)
+                correct = partial(divided, concerned=concerned, reading=turned)
+                yield Hypothesis(
+                    "sensor_polarity", place, direction, scored=(gain,), correct=correct
+                )
 
 
 EFFECT = Effect(

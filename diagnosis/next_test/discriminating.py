@@ -31,8 +31,8 @@ from diagnosis.refits.refitting import Refit
 from identification.words import (
     Campaign,
     Dof,
+    Input,
     Real,
-    distinct_dofs,
     node_number,
 )
 from mbmodel import (
@@ -73,7 +73,7 @@ class Experiment:
     """
 
     words: str
-    inputs: tuple[Dof, ...]
+    inputs: tuple[Input, ...]
     parts: Callable[[Machine], tuple[Part, ...]] = lambda _: ()
     undone: Key | None = None
 
@@ -142,7 +142,7 @@ def _by_effort(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[list[Exp
     """Further hits; then causes that can be taken out of the machine; then known masses."""
     machine = rivals[0].session.model.machine
     layout = machine.layout
-    made = distinct_dofs(test.condition.reference.positive for test in campaign.tests)
+    made = campaign.inputs
     hits = []
     for point in (one for one in layout.points if node_number(one) is not None):
         inputs = tuple(dof for dof in (Dof.of(point, axis) for axis in range(3)) if dof not in made)

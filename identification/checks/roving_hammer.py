@@ -4,17 +4,25 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.words import Campaign, Complex, Dof, Frf, FrfEstimate, Real, Test
+from identification.words import Campaign, Complex, Dof, Frf, FrfEstimate, Motor, Real, Test
 
 
 def is_roving_hammer(campaign: Campaign) -> bool:
-    """Return whether the hammer roved: there are more references than channels."""
-    return len(campaign.inputs) > len(campaign.outputs)
+    """Return whether the hammer roved: there are more references than channels.
+
+    Motors are not counted: a control signal has no reciprocal channel.
+    """
+    return len(_hit_points(campaign)) > len(campaign.outputs)
 
 
 def shape_points(campaign: Campaign) -> tuple[Dof, ...]:
     """Return the degrees of freedom of shapes: channels, or references of a roving hammer."""
-    return campaign.inputs if is_roving_hammer(campaign) else campaign.outputs
+    return _hit_points(campaign) if is_roving_hammer(campaign) else campaign.outputs
+
+
+def _hit_points(campaign: Campaign) -> tuple[Dof, ...]:
+    """Return the references that are forces or torques at points."""
+    return tuple(reference for reference in campaign.inputs if isinstance(reference, Dof))
 
 
 def exchange_hits_and_channels(campaign: Campaign) -> Campaign:
@@ -22,13 +30,16 @@ def exchange_hits_and_channels(campaign: Campaign) -> Campaign:
 
     The result holds the motion of all points that were hit, per force at each sensor. Checks such
     as that of solid bodies need many channels for each reference. If a point was hit in several
-    tests, the first one counts.
+    tests, the first one counts. Tests with a motor as reference are left out.
     """
     cells: dict[Dof, list[_Cell]] = {}
     for test in campaign.tests:
+        reference = test.condition.reference
+        if isinstance(reference, Motor):
+            continue
         for row, dof in enumerate(test.estimate.frf.outputs):
             if test.estimate.measured[row, 0]:
-                cells.setdefault(dof.positive, []).append(_Cell.of(test, row))
+                cells.setdefault(dof.positive, []).append(_Cell.of(test, row, reference))
     tests = tuple(_test(sensor, sensor_cells) for sensor, sensor_cells in cells.items())
     return replace(campaign, tests=tests)
 
@@ -38,26 +49,27 @@ class _Cell:
     """One FRF of a test, with the sensor along its positive axis."""
 
     test: Test
+    hit: Dof
     values: Complex
     variance: Real
     coherence: Real | None
 
     @classmethod
-    def of(cls, test: Test, row: int) -> "_Cell":
+    def of(cls, test: Test, row: int, hit: Dof) -> "_Cell":
         """Take the FRF of one channel from a test."""
         estimate = test.estimate
         coherence = None if estimate.coherence is None else estimate.coherence[:, row, 0]
         sign = estimate.frf.outputs[row].sign
         values = sign * estimate.frf.values[:, row, 0]
-        return cls(test, values, estimate.variance[:, row, 0], coherence)
+        return cls(test, hit, values, estimate.variance[:, row, 0], coherence)
 
 
 def _test(sensor: Dof, cells: list[_Cell]) -> Test:
     """Build the test with the sensor as reference and the points that were hit as channels."""
-    by_point = {cell.test.condition.reference.positive: cell for cell in reversed(cells)}
-    kept = [cell for cell in cells if by_point[cell.test.condition.reference.positive] is cell]
+    by_point = {cell.hit.positive: cell for cell in reversed(cells)}
+    kept = [cell for cell in cells if by_point[cell.hit.positive] is cell]
     first = kept[0].test.estimate
-    hits = tuple(cell.test.condition.reference for cell in kept)
+    hits = tuple(cell.hit for cell in kept)
     known = [cell.coherence for cell in kept if cell.coherence is not None]
     has_coherence = len(known) == len(kept)
     estimate = FrfEstimate(

@@ -28,7 +28,7 @@ from scipy.optimize import minimize_scalar
 
 from identification.modal import ModeCriteria, frac, lscf
 from identification.modal.pole_clusters import cluster_poles
-from identification.words import Campaign, Complex, Dof, Mask, Real, Test
+from identification.words import Campaign, Complex, Dof, Input, Mask, Real, Test
 
 _MAX_SHIFT = 0.05  # largest relative shift of frequencies that is searched
 _N_SHIFT = 101  # shifts on the grid that starts the search
@@ -62,7 +62,7 @@ class SetupCheck:
     """
 
     names: tuple[str, str]
-    reference: Dof
+    reference: Input
     shared: tuple[Dof, ...]
     frac: Real
     scale: Real

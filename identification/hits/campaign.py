@@ -67,7 +67,12 @@ def tests_from_records(
     remarks: list[str] = []
     for entry, hits in zip(entries, estimates, strict=True):
         condition = Condition(
-            entry.file, hits.reference, entry.level, entry.spindle_speed, entry.setup
+            entry.file,
+            hits.reference,
+            entry.level,
+            entry.spindle_speed,
+            entry.setup,
+            entry.hammer,
         )
         tests.setdefault(entry.file, []).append(Test(condition, hits.estimate, hits))
         remarks += [*hits.remarks, *_hit_count_remarks(entry, hits)]

@@ -17,7 +17,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import DERIVATIVE_ORDER, Campaign, Dof, Layout, Real, Test, node_number
+from identification.words import (
+    DERIVATIVE_ORDER,
+    Campaign,
+    Dof,
+    Layout,
+    Motor,
+    Real,
+    Test,
+    node_number,
+)
 
 _MIN_POWER_TO_VARIANCE = 25.0  # |H|^2 over its variance
 _MIN_SIGN_SHARE = 0.5  # power share beyond which the sign is clear
@@ -77,8 +86,11 @@ def drive_point_signs(campaign: Campaign) -> tuple[DrivePoint, ...]:
     """
     points = []
     for test in campaign.tests:
+        reference = test.condition.reference
+        if isinstance(reference, Motor):  # a control signal has neither place nor direction
+            continue
         for row, output in enumerate(test.estimate.frf.outputs):
-            cosine = _cosine(campaign.layout, output, test.condition.reference)
+            cosine = _cosine(campaign.layout, output, reference)
             if (
                 cosine is None
                 or abs(cosine) < _MIN_AXIS_COSINE
@@ -90,7 +102,6 @@ def drive_point_signs(campaign: Campaign) -> tuple[DrivePoint, ...]:
                 share *= float(np.sign(cosine))
                 is_wrong = share < _MIN_SIGN_SHARE
                 stand_in = _find_stand_in(campaign, test, output) if is_wrong else None
-                reference = test.condition.reference
                 points.append(DrivePoint(test.condition.test, output, reference, share, stand_in))
     return tuple(points)
 

@@ -14,6 +14,7 @@ from identification.words import (
     Campaign,
     Complex,
     Dof,
+    Input,
     InputError,
     Mask,
     ModalModel,
@@ -48,7 +49,7 @@ class MeasuredFrfs:
     variance: Real
     measured: Mask
     outputs: tuple[Dof, ...]
-    inputs: tuple[Dof, ...]
+    inputs: tuple[Input, ...]
     order: int
     decay: float
 
@@ -58,13 +59,17 @@ class MeasuredFrfs:
         return np.asarray(self.decay + 2j * np.pi * self.freq_hz, np.complex128)
 
     def transpose(self) -> "MeasuredFrfs":
-        """Return the FRFs with inputs and outputs exchanged, by reciprocity H_oi = H_io."""
+        """Return the FRFs with inputs and outputs exchanged, by reciprocity H_oi = H_io.
+
+        Motors have no reciprocal channel and are left out.
+        """
+        kept = [column for column, dof in enumerate(self.inputs) if isinstance(dof, Dof)]
         return replace(
             self,
-            values=self.values.transpose(0, 2, 1),
-            variance=self.variance.transpose(0, 2, 1),
-            measured=self.measured.T,
-            outputs=self.inputs,
+            values=self.values[:, :, kept].transpose(0, 2, 1),
+            variance=self.variance[:, :, kept].transpose(0, 2, 1),
+            measured=self.measured[:, kept].T,
+            outputs=tuple(dof for dof in self.inputs if isinstance(dof, Dof)),
             inputs=self.outputs,
         )
 

@@ -2,17 +2,19 @@
 
 import re
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from identification.readers.array_files import load_arrays
 from identification.readers.frf_table import FrfTable
 from identification.readers.units import unit_factor
-from identification.words import Complex, Dof, InputError, Quantity, Real, UsageError
+from identification.words import Complex, Dof, Input, InputError, Motor, Quantity, Real, UsageError
 
 _NODE_RANGE = re.compile(r"(?P<first>[0-9]{1,10})(\.\.(?P<last>[0-9]{1,10}))?")
 _MAX_CHANNELS = 100_000  # of a campaign: a range beyond it is a slip of the pen
 _MAX_QUOTED_LETTERS = 40  # of a wrong text in a message
+_Label = TypeVar("_Label", Dof, Input)
 
 
 def read_arrays(
@@ -32,7 +34,7 @@ def read_arrays(
     Args:
         path: the file.
         channels: ``"nodes 1..23, xyz"`` or a list of labels.
-        references: labels of the references.
+        references: labels of the references, or names of motors.
         quantity: quantity of the FRFs.
         unit: unit such as ``m/s^2/N``, ``g/N``, ``mm/s^2/N``; None for SI.
 
@@ -41,7 +43,7 @@ def read_arrays(
     """
     responses = parse_channels(path, channels)
     inputs = _refuse_duplicates(
-        path, "references", tuple(_parse(path, text) for text in references)
+        path, "references", tuple(_parse_reference(path, text) for text in references)
     )
     names = ("FRFs", "COHs", "freqs") if path.suffix.lower() == ".mat" else (
         "frf", "coherence", "freq_hz")  # fmt: skip
@@ -107,7 +109,7 @@ def _refuse_nan(
     name: str,
     array: Complex | Real,
     responses: tuple[Dof, ...],
-    inputs: tuple[Dof, ...],
+    inputs: tuple[Input, ...],
 ) -> None:
     """Refuse an array with NaN or infinity; name its line and its channel."""
     bad = np.argwhere(~np.isfinite(array))
@@ -132,7 +134,7 @@ def parse_channels(path: Path, channels: str | list[str]) -> tuple[Dof, ...]:
     return _refuse_duplicates(path, "channels", dofs)
 
 
-def _refuse_duplicates(path: Path, key: str, dofs: tuple[Dof, ...]) -> tuple[Dof, ...]:
+def _refuse_duplicates(path: Path, key: str, dofs: tuple[_Label, ...]) -> tuple[_Label, ...]:
     """Return the degrees of freedom unless there is none or one appears twice."""
     if not dofs or len({dof.positive for dof in dofs}) < len(dofs):
         raise InputError(f"{path}: {key} are empty or name a degree of freedom twice: correct them")
@@ -177,3 +179,11 @@ def _parse(path: Path, text: str) -> Dof:
         return Dof.parse(text)
     except UsageError as error:
         raise InputError(f"{path}: {error}") from error
+
+
+def _parse_reference(path: Path, text: str) -> Input:
+    """Parse a label, or the name of a motor, which has no colon and is no number."""
+    name = text.strip()
+    if name and ":" not in name and not name.isdecimal():
+        return Motor(name)
+    return _parse(path, text)

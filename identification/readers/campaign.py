@@ -29,9 +29,11 @@ from identification.words import (
     Dof,
     Frf,
     FrfEstimate,
+    Input,
     InputError,
     Layout,
     Mask,
+    Motor,
     Real,
     Test,
     Tolerance,
@@ -171,8 +173,24 @@ def _read_table(file: Path, entry: TestSettings) -> FrfTable:
 
 def _on_sites(file: Path, table: FrfTable, layout: Layout) -> FrfTable:
     """Return the table with the sites of the layout instead of node numbers."""
-    responses, references = _name_sites(layout, file, table.responses, table.references)
+    points = tuple(dof for dof in table.references if isinstance(dof, Dof))
+    responses, located = _name_sites(layout, file, table.responses, points)
+    site_of = dict(zip(points, located, strict=True))
+    references = tuple(
+        site_of[dof] if isinstance(dof, Dof) else _refuse_point(file, layout, dof)
+        for dof in table.references
+    )
     return replace(table, responses=responses, references=references)
+
+
+def _refuse_point(file: Path, layout: Layout, motor: Motor) -> Motor:
+    """Return a motor, unless its name is that of a point or body, whose direction is missing."""
+    if motor.name in (*layout.points, *layout.bodies):
+        raise InputError(
+            f"{file}: reference {motor.name!r} names a point or body without a direction: write "
+            f"{motor.name}:+x"
+        )
+    return motor
 
 
 def _name_sites(
@@ -202,7 +220,7 @@ def _name_sites(
     return responses, references
 
 
-def _test(entry: TestSettings, table: FrfTable, reference: Dof, rows: Mask) -> Test:
+def _test(entry: TestSettings, table: FrfTable, reference: Input, rows: Mask) -> Test:
     """Build the test of one reference from a column of the table of a file."""
     column = [table.references.index(reference)]
     outputs = tuple(dof for dof, keep in zip(table.responses, rows, strict=True) if keep)
@@ -219,7 +237,9 @@ def _test(entry: TestSettings, table: FrfTable, reference: Dof, rows: Mask) -> T
         averages=entry.averages,
         window_tau=entry.window_tau,
     )
-    condition = Condition(entry.file, reference, entry.level, entry.spindle_speed, entry.setup)
+    condition = Condition(
+        entry.file, reference, entry.level, entry.spindle_speed, entry.setup, entry.hammer
+    )
     return Test(condition, estimate)
 
 

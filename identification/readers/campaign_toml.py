@@ -37,6 +37,7 @@ class TestSettings(_Strict):
     level: float | None = Field(default=None, gt=0)
     spindle_speed: float = 0.0
     setup: str | None = None
+    hammer: str | None = Field(default=None, min_length=1)
     window_tau: float = Field(default=0.0, ge=0)
     channels: str | list[str] | None = None
     references: list[str] | None = None

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from identification.words import Complex, Dof, Mask, Quantity, Real
+from identification.words import Complex, Dof, Input, Mask, Quantity, Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -14,7 +14,8 @@ class FrfTable:
         values: FRFs, zero in cells that were not measured; (n_freq, n_out, n_in).
         coherence: coherence, NaN in cells without it, or None; (n_freq, n_out, n_in).
         measured: which cells were measured; (n_out, n_in).
-        responses, references: degrees of freedom such as ``11:+tx``.
+        responses: degrees of freedom such as ``11:+tx``.
+        references: degrees of freedom, or motors by their names.
         quantity: receptance, mobility or accelerance.
         remarks: sentences on the file, for example that it holds a record twice.
     """
@@ -24,6 +25,6 @@ class FrfTable:
     coherence: Real | None
     measured: Mask
     responses: tuple[Dof, ...]
-    references: tuple[Dof, ...]
+    references: tuple[Input, ...]
     quantity: Quantity
     remarks: tuple[str, ...] = ()

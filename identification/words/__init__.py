@@ -1,7 +1,7 @@
 """Shared data types of the workbench: labelled, validated on building and read-only."""
 
 from identification.words._arrays import Complex, Integers, Mask, Real, frozen_array
-from identification.words.campaign import Campaign, Condition, Test, Tolerance
+from identification.words.campaign import DEFAULT_HAMMER, Campaign, Condition, Test, Tolerance
 from identification.words.dof import DIRECTIONS, Dof, distinct_dofs
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
 from identification.words.frf import DERIVATIVE_ORDER, Frf, FrfEstimate, Quantity, VarianceSource
@@ -14,6 +14,7 @@ from identification.words.poles import HasPoles
 from identification.words.records import Records
 
 __all__ = [
+    "DEFAULT_HAMMER",
     "DERIVATIVE_ORDER",
     "DIRECTIONS",
     "Campaign",

@@ -10,7 +10,10 @@ from identification.words.dof import Dof, distinct_dofs
 from identification.words.frf import FrfEstimate
 from identification.words.hits import HitEstimate
 from identification.words.layout import Layout
+from identification.words.motor import Input, Motor
 from identification.words.names import shorten_names
+
+DEFAULT_HAMMER = "default"  # name of the hammer of all tests that do not name theirs
 
 
 @dataclass(frozen=True)
@@ -19,29 +22,41 @@ class Condition:
 
     Args:
         test: name of the file, as campaign.toml gives it.
-        reference: degree of freedom at which the hammer hit.
+        reference: degree of freedom at which the hammer hit, or motor that drove the machine.
         level_n: peak force [N], or None if it was not recorded.
         spindle_speed: spindle speed [rad/s].
         setup: name of the roving set-up, or None.
+        hammer: name of the hammer or drive that gave the force, or None if no name was stated.
 
     Raises:
         ValueError: the level is not positive, or a value is not finite.
     """
 
     test: str
-    reference: Dof
+    reference: Input
     level_n: float | None = None
     spindle_speed: float = 0.0
     setup: str | None = None
+    hammer: str | None = None
 
     def __post_init__(self) -> None:
         """Check the reference, the level and the spindle speed."""
-        if not isinstance(self.reference, Dof):
-            raise ValueError(f"reference is {self.reference!r}, expected a Dof")
+        if not isinstance(self.reference, Dof | Motor):
+            raise ValueError(f"reference is {self.reference!r}, expected a Dof or a Motor")
         if self.level_n is not None and not (np.isfinite(self.level_n) and self.level_n > 0):
             raise ValueError(f"level is {self.level_n} N, expected more than 0")
         if not np.isfinite(self.spindle_speed):
             raise ValueError(f"spindle speed is {self.spindle_speed} rad/s, expected a number")
+
+    @property
+    def instrument(self) -> str:
+        """Name of the hammer or drive whose force channel this test shares with others.
+
+        Tests share one hammer unless they name theirs, and each motor is an instrument of its own.
+        """
+        if self.hammer is not None:
+            return self.hammer
+        return self.reference.name if isinstance(self.reference, Motor) else DEFAULT_HAMMER
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +177,7 @@ class Campaign:
         return distinct_dofs(dof for test in self.tests for dof in test.estimate.frf.outputs)
 
     @property
-    def inputs(self) -> tuple[Dof, ...]:
+    def inputs(self) -> tuple[Input, ...]:
         """References of all tests, each once, with positive sign."""
         return distinct_dofs(test.condition.reference for test in self.tests)
 

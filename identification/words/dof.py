@@ -3,12 +3,12 @@
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self, TypeVar
 
 from identification.words.errors import UsageError
 
 DIRECTIONS = ("tx", "ty", "tz", "rx", "ry", "rz")
-_LABEL = re.compile(r"(?P<point>.+):(?P<sign>[+-]?)(?P<axis>[tr]?[xyz])")
+_LABEL_PATTERN = re.compile(r"(?P<point>.+):(?P<sign>[+-]?)(?P<axis>[tr]?[xyz])")
 
 
 @dataclass(frozen=True, order=True)
@@ -50,7 +50,7 @@ class Dof:
         Raises:
             UsageError: the text is not such a label.
         """
-        match = _LABEL.fullmatch(text.strip())
+        match = _LABEL_PATTERN.fullmatch(text.strip())
         if match is None or ":" in match["point"]:
             raise UsageError(
                 f"{text!r} is not a label: write <point>:<sign><direction>, such as acc11:+tx"
@@ -90,6 +90,17 @@ class Dof:
         return f"{self.point}:{self.direction}"
 
 
-def distinct_dofs(dofs: Iterable[Dof]) -> tuple[Dof, ...]:
-    """Return each degree of freedom once, with positive sign, in the order of first appearance."""
+class _Signed(Protocol):
+    """A label with a sign: a degree of freedom, or a motor, whose sign is always plus."""
+
+    @property
+    def positive(self) -> Self:
+        """Label along the positive axis."""
+
+
+_Label = TypeVar("_Label", bound=_Signed)
+
+
+def distinct_dofs(dofs: Iterable[_Label]) -> tuple[_Label, ...]:
+    """Return each label once, with positive sign, in the order of first appearance."""
     return tuple(dict.fromkeys(dof.positive for dof in dofs))

@@ -6,6 +6,7 @@ centre. The column of a hammer direction is its transpose: both are [a_k, r x a_
 axes, a row becomes g_k [R a_k, (r + offset) x R a_k].
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -59,15 +60,20 @@ class _Point:
 
 @dataclass(frozen=True, eq=False)
 class SensorPart:
-    """Gains of a triaxial accelerometer's channels, its rotation and its displacement.
+    """Gains of a sensor's channels, its rotation and its displacement.
+
+    A channel that reads a rotation has a gain, and turns with the sensor's axes. It reads the same
+    wherever it sits on a solid body, so the displacement does not change it.
 
     Args:
         point: the site in the machine.
         drawn_site: the site in the MJCF.
+        rotations: axes 0..2 about which a channel reads a rotation.
     """
 
     point: _Point
     drawn_site: DrawnElement
+    rotations: tuple[int, ...] = ()
 
     @property
     def location(self) -> str:
@@ -76,35 +82,46 @@ class SensorPart:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Three gains, the rotation vector, the displacement."""
+        """Gains of translations and rotations, the rotation vector, the displacement."""
         name = self.point.name
+        axes = (*AXIS_NAMES, *(f"r{AXIS_NAMES[axis]}" for axis in self.rotations))
         return (
-            *(
-                Parameter(f"{name}.gain_{axis}", 1.0, "1", known="sensor_gain")
-                for axis in AXIS_NAMES
-            ),
+            *(Parameter(f"{name}.gain_{axis}", 1.0, "1", known="sensor_gain") for axis in axes),
             *_pose_parameters(name, "sensor_angle", "sensor_position"),
         )
 
     def changes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
         """Return the rows at theta minus those of the drawing."""
         del context
+        gains, rotation, offset = self._unpack(theta)
         core = np.zeros((3, 6, 6))
-        core[0] = _gains(theta) * self.point.rows(theta[6:], rotation_matrix(theta[3:6]))
+        core[0] = gains * self.point.rows(offset, rotation_matrix(rotation))
         core[0] -= self.point.rows(np.zeros(3), np.eye(3))
         return (self._change(core),)
 
     def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
         """Return the derivatives of the rows."""
         del context
-        turn, offset = rotation_matrix(theta[3:6]), theta[6:]
+        gains, rotation, offset = self._unpack(theta)
+        turn = rotation_matrix(rotation)
         rows = self.point.rows(offset, turn)
-        core = np.zeros((9, 3, 6, 6))
-        for k in range(3):
-            core[k, 0, k] = rows[k]
-        core[3:6, 0] = _gains(theta) * self.point.rotation_slopes(offset, theta[3:6])
-        core[6:, 0] = _gains(theta) * self.point.offset_slopes(turn)
+        core = np.zeros((len(theta), 3, 6, 6))
+        for k, row in enumerate(self._gain_rows):
+            core[k, 0, row] = rows[row]
+        core[-6:-3, 0] = gains * self.point.rotation_slopes(offset, rotation)
+        core[-3:, 0] = gains * self.point.offset_slopes(turn)
         return (self._change(core),)
+
+    @property
+    def _gain_rows(self) -> tuple[int, ...]:
+        """Row of the point, 0..5, of each gain."""
+        return (0, 1, 2, *(3 + axis for axis in self.rotations))
+
+    def _unpack(self, theta: Real) -> tuple[Real, Real, Real]:
+        """Return factors of the point's six rows (6, 1), rotation vector (3,), offset (3,)."""
+        gains = np.ones((6, 1))
+        gains[list(self._gain_rows), 0] = theta[:-6]
+        return gains, theta[-6:-3], theta[-3:]
 
     def _change(self, core: Real) -> Change:
         """Return a change of the sensor's rows."""
@@ -112,15 +129,15 @@ class SensorPart:
 
     def write(self, theta: Real) -> tuple[Edit | NotInMjcf, ...]:
         """Return place and axes of the site; an MJCF has no gains."""
-        name = self.point.name
         gains = tuple(
-            NotInMjcf(f"{name}.gain_{axis}", "an MJCF site has no gain")
-            for axis, gain in zip(AXIS_NAMES, theta[:3], strict=True)
+            NotInMjcf(parameter.name, "an MJCF site has no gain")
+            for parameter, gain in zip(self.parameters, theta[:-6], strict=False)
             if gain != 1
         )
-        if not theta[3:].any():
+        rotation, offset = self._unpack(theta)[1:]
+        if not theta[-6:].any():
             return gains
-        return (_site_edit(self.drawn_site, theta[6:], rotation_matrix(theta[3:6])), *gains)
+        return (_site_edit(self.drawn_site, offset, rotation_matrix(rotation)), *gains)
 
 
 def _pose_parameters(
@@ -132,11 +149,6 @@ def _pose_parameters(
         for kind, unit, known in (("rotation", "rad", angle), ("position", "m", position))
         for axis in AXIS_NAMES
     )
-
-
-def _gains(theta: Real) -> Real:
-    """Return factors of the six rows of a point; (6, 1)."""
-    return np.concatenate([theta[:3], np.ones(3)])[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,17 +227,27 @@ def _site_edit(drawn_site: DrawnElement, offset: Real, turn: Real) -> Edit:
     )
 
 
-def sensor_parts(machine: Machine) -> tuple[SensorPart, ...]:
-    """Return one Part for each accelerometer."""
+def sensor_parts(machine: Machine, channels: Iterable[Dof] = ()) -> tuple[SensorPart, ...]:
+    """Return one Part for each sensor.
+
+    Args:
+        machine: with the sensors.
+        channels: channels that are read; those of rotations get a gain too.
+    """
+    turning = {(dof.point, dof.axis - 3) for dof in channels if dof.is_rotation}
     return tuple(
-        SensorPart(_point(machine.layout, name), machine.drawing.sites[name])
+        SensorPart(
+            _point(machine.layout, name),
+            machine.drawing.sites[name],
+            tuple(axis for axis in range(3) if (name, axis) in turning),
+        )
         for name in machine.layout.points
         if node_number(name) is not None and not is_hammer_point(name)
     )
 
 
 def hammer_parts(machine: Machine, directions: tuple[Dof, ...]) -> tuple[HammerPart, ...]:
-    """Return one Part for each direction hit.
+    """Return one Part for each direction hit by a force.
 
     Args:
         machine: with the points that are hit.

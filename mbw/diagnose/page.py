@@ -20,7 +20,7 @@ from mbw.page.html import (
     read_fragment,
     warning_boxes,
 )
-from mbw.page.numbers import UNITS, format_percent
+from mbw.page.numbers import format_percent, frf_unit
 from mbw.page.picture import picture_data
 
 _MAX_PLACE_BARS = 12  # locations of the bar chart
@@ -137,14 +137,14 @@ def _channels(result: StoredDiagnosis) -> list[dict[str, object]]:
         for name in ("retuned_excess", "after_excess", "retuned_error", "after_error")
     }
     numbers["noise"] = _numbers(arrays["channel_noise"])
-    units = UNITS[result.shown.quantity]
     channels: list[dict[str, object]] = []
+    tests = result.shown.tests
     for k, row in enumerate(result.shown.channels):
         dof = Dof.parse(row.output)
         channels.append(
             {
                 **row.model_dump(),
-                "unit": units[dof.is_rotation],
+                "unit": frf_unit(result.shown.quantity, row.output, tests[row.test].reference),
                 "out": (dof.point, dof.direction[1:]) in removed or (dof.point, None) in removed,
                 **{name: values[k] for name, values in numbers.items()},
             }

@@ -30,6 +30,7 @@ from mbw.diagnose.sentences import (
     untested_sentences,
 )
 from mbw.files import check_json_target, check_output_folder, write_json
+from mbw.gap_text import describe_gap
 from mbw.messages import SCREEN, allow_one_interrupt
 from mbw.remarks import describe_not_in_mjcf
 from tuning import open_session, write_atomically
@@ -135,7 +136,7 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
     )
     for name, at in steps:
         if at.excess is not None:
-            SCREEN.say(f"  {name}: error {at.error:.3g}, excess {at.excess:.3g}")
+            SCREEN.say(f"  {name}: {describe_gap(at.error, at.excess)}")
     if gap.closed is not None:
         SCREEN.say(f"  {closed_words(gap.closed, gap.interval.closed)}")
     for row in verdict.causes[:_MAX_LISTED_CAUSES]:

@@ -1,4 +1,5 @@
 // Measured and synthesised FRFs, coherence, rigid-body reconstruction, errors, MAC and COMAC.
+const UNITS = DATA.units;
 const INPUTS = DATA.inputs, LINES = FREQ.length, MODEL = DATA.model;
 const MEASURED = floats(DATA.frf.measured), NOISE = floats(DATA.frf.noise), IS_MEASURED = integers(DATA.frf.is_measured);
 const COHERENCE = floats(DATA.frf.coherence), HAS_COHERENCE = integers(DATA.frf.has_coherence);
@@ -69,7 +70,7 @@ function frf() {
   Plotly.react("frf", data, {...PLOT, height: COHERENCE.length ? 660 : 540, margin: {l: 76, r: 12, t: 54, b: 44}, shapes: marks(),
     xaxis: {title: {text: "frequency / Hz", standoff: 4}, gridcolor: GRID, zeroline: false, ticks: "outside", anchor: COHERENCE.length ? "y3" : "y2"},
     ...(COHERENCE.length ? {yaxis3: third} : {}),
-    ...bodeAxes(sizes, DATA.quantity + " / (" + DATA.unit + ")", [top, middle]),
+    ...bodeAxes(sizes, DATA.quantity + " / (" + UNITS.motion[out] + "/" + (choice.hit ? UNITS.force : UNITS.output_as_force)[choice.row] + ")", [top, middle]),
     legend: {orientation: "h", x: 0, y: 1.01, xanchor: "left", yanchor: "bottom", uirevision: "kept"}}, CONFIG);
   byId("frf-remark").textContent = remark(choice, cell, there);
   byId("out").value = out; byId("inp").value = state.inp;

@@ -15,6 +15,7 @@ from identification.words import (
     FrfEstimate,
     Layout,
     Mask,
+    Motor,
     Real,
 )
 
@@ -58,6 +59,8 @@ def _coherence(campaign: Campaign, measured: MeasuredFrfs) -> tuple[Real, Mask]:
     has_coherence = np.zeros(values.shape[1:], bool)
     for test in campaign.tests:
         estimate, reference = test.estimate, test.condition.reference.positive
+        if roved and isinstance(reference, Motor):  # left out: it has no reciprocal channel
+            continue
         for row, dof in enumerate(estimate.frf.outputs):
             ends = (reference, dof.positive) if roved else (dof.positive, reference)
             cell = outputs.index(ends[0]), inputs.index(ends[1])

@@ -109,6 +109,12 @@ function values(text, axis, name) {
     yaxis: axis, name: name + " " + (k + 1), showlegend: false, line: {color: SHADES[k], width: 1.3}, hovertemplate: "%{x:.5g} Hz: %{y:.3g}<extra>" + name + " " + (k + 1) + "</extra>"}));
 }
 
+// The unit of the singular values, squared; FRFs of several kinds have none in common.
+function cmifUnit() {
+  const motions = new Set(UNITS.motion), forces = new Set(UNITS.force);
+  return motions.size === 1 && forces.size === 1 ? "(" + [...motions][0] + "/" + [...forces][0] + ")²" : "mixed units²";
+}
+
 function indicators() {
   const singular = values(DATA.indicators.cmif, "y2", "CMIF"), dips = values(DATA.indicators.mmif, "y3", "MMIF");
   const positive = singular.map(t => Array.from(t.y).map(v => v > 0 ? v : null));
@@ -116,7 +122,7 @@ function indicators() {
   Plotly.newPlot("indicators", [...diagram(), ...singular, ...dips], {...PLOT, height: 700, margin: {l: 76, r: 12, t: 52, b: 44}, hovermode: "closest",
     xaxis: {title: {text: "frequency / Hz", standoff: 4}, range: [FREQ[0], FREQ[FREQ.length - 1]], gridcolor: GRID, zeroline: false, ticks: "outside", anchor: "y3"},
     yaxis: {...y, domain: [0.6, 1], title: {text: "model order"}, rangemode: "tozero"},
-    yaxis2: {...y, domain: [0.24, 0.56], type: "log", exponentformat: "power", ...logAxis(positive), title: {text: "CMIF / (" + DATA.unit + ")²"}},
+    yaxis2: {...y, domain: [0.24, 0.56], type: "log", exponentformat: "power", ...logAxis(positive), title: {text: "CMIF / " + cmifUnit()}},
     yaxis3: {...y, domain: [0, 0.2], range: [-0.03, 1.03], title: {text: "MMIF"}},
     legend: {orientation: "h", x: 0, y: 1.01, xanchor: "left", yanchor: "bottom"}}, CONFIG).then(place => {
     place.on("plotly_click", event => choose(nearest(event.points[0].x)));

@@ -15,7 +15,7 @@ from mbw.identify.remarks import lead, list_remarks
 from mbw.identify.result import IdentificationResult
 from mbw.identify.solid import solid_data
 from mbw.page.html import fill_template, pack_complex, pack_integers, pack_real, warning_boxes
-from mbw.page.numbers import UNITS
+from mbw.page.numbers import force_unit, motion_unit
 from mbw.page.picture import picture_data
 
 
@@ -61,7 +61,11 @@ def _data(result: IdentificationResult, geometry: MachineGeometry | None) -> dic
         "inputs": summary.inputs,
         "bodies": [result.layout.body_name(Dof.parse(label).point) for label in summary.outputs],
         "quantity": summary.quantity,
-        "unit": UNITS[summary.quantity][0],
+        "units": {
+            "motion": [motion_unit(summary.quantity, label) for label in summary.outputs],
+            "force": [force_unit(label) for label in summary.inputs],
+            "output_as_force": [force_unit(label) for label in summary.outputs],
+        },
         "scaled": summary.normalisation == UNIT_MASS,
         "model": {
             "order": DERIVATIVE_ORDER[cast(Quantity, summary.quantity)],

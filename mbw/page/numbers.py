@@ -2,12 +2,49 @@
 
 import math
 
-UNITS = {  # units of FRFs with the motion along and about an axis
-    "accelerance": ("m/s²/N", "rad/s²/N"),
-    "mobility": ("m/s/N", "rad/s/N"),
-    "receptance": ("m/N", "rad/N"),
+MOTION_UNITS = {  # along and about an axis
+    "accelerance": ("m/s²", "rad/s²"),
+    "mobility": ("m/s", "rad/s"),
+    "receptance": ("m", "rad"),
 }
 _DISPLAY_UNITS = {"m": ("mm", 1e3), "rad": ("°", math.degrees(1.0))}  # name, factor from SI
+
+
+def motion_unit(quantity: str, output: str) -> str:
+    """Return the unit of the motion at an output.
+
+    Args:
+        quantity: quantity of the FRF.
+        output: label such as ``acc1:+rz``.
+    """
+    return MOTION_UNITS[quantity][_is_rotation(output)]
+
+
+def force_unit(reference: str) -> str:
+    """Return the unit of what drives a test: a force, a torque, or the control of a motor.
+
+    Args:
+        reference: label such as ``acc1:+rz``, or name of a motor, which has no colon.
+    """
+    if ":" not in reference:
+        return "control"
+    return "(N m)" if _is_rotation(reference) else "N"
+
+
+def frf_unit(quantity: str, output: str, reference: str) -> str:
+    """Return the unit of an FRF, such as ``rad/s²/(N m)``.
+
+    Args:
+        quantity: quantity of the FRF.
+        output: label of its output.
+        reference: label of its input, or name of a motor.
+    """
+    return f"{motion_unit(quantity, output)}/{force_unit(reference)}"
+
+
+def _is_rotation(label: str) -> bool:
+    """Return whether a label ``point:direction`` means a rotation or torque."""
+    return label.rpartition(":")[2].lstrip("+-").startswith("r")
 
 
 def format_four_digits(value: float) -> str:

@@ -8,13 +8,9 @@ import numpy as np
 from identification.words import Complex, Dof, Input, Motor, Quantity, Real, UsageError
 from mbmodel import Evaluator, FrfRequest, Model, Modes
 from mbmodel.frf.ports import is_floor
+from mbw.page.numbers import MOTION_UNITS
 from mbw.site_kinds import hammer_sites
 
-_MOTION_UNITS = {  # along and about an axis
-    "accelerance": ("m/s²", "rad/s²"),
-    "mobility": ("m/s", "rad/s"),
-    "receptance": ("m", "rad"),
-}
 _MAX_CURVES = 300  # FRFs that the page shows; more would make it slow
 _MAX_DRIVE_POINTS = 12  # points of which the page shows the drive-point FRFs
 _MAX_MOTION_BYTES = 300 * 2**20  # memory of the motions that one evaluation holds
@@ -139,9 +135,9 @@ def _with_lines_at_poles(freq: Real, modes: Modes) -> Real:
 
 
 def _unit(model: Model, quantity: Quantity, out: Dof, inp: Input) -> str:
-    motion = _MOTION_UNITS[quantity][out.is_rotation]
+    motion = MOTION_UNITS[quantity][out.is_rotation]
     if isinstance(inp, Motor):
         return f"{motion} per unit of control"
     if is_floor(model.machine, inp):
-        return f"{motion} per {_MOTION_UNITS['accelerance'][inp.is_rotation]}"
+        return f"{motion} per {MOTION_UNITS['accelerance'][inp.is_rotation]}"
     return f"{motion} per {'N m' if inp.is_rotation else 'N'}"

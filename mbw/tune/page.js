@@ -44,18 +44,20 @@ function draw() {
     height: 60 + 175 * rows.length, margin: {l: 62, r: 12, t: 48, b: 44}, showlegend: false, font: FONT,
     paper_bgcolor: "white", plot_bgcolor: "white", annotations: []
   };
+  const channelOf = (direction, reference) => chosen.find(x => x.direction === direction && x.reference === reference);
+  const unitOf = (direction, reference) => channelOf(direction, reference)?.unit ?? "";
   rows.forEach((direction, r) => columns.forEach((reference, c) => {
-    const channel = chosen.find(x => x.direction === direction && x.reference === reference);
+    const channel = channelOf(direction, reference), unit = unitOf(direction, reference);
     const n = r * columns.length + c + 1, tag = n === 1 ? "" : String(n);
     const last = r === rows.length - 1;
     layout["xaxis" + tag] = {showgrid: true, gridcolor: "#eef1f5", ticks: "outside", showticklabels: last,
       matches: n === 1 ? undefined : "x", title: last ? {text: "Hz", standoff: 4} : undefined, zeroline: false};
     layout["yaxis" + tag] = {type: state.view === "phase" ? "linear" : "log", gridcolor: "#eef1f5", zeroline: false,
-      exponentformat: "power", title: c === 0 ? {text: direction + (state.view === "phase" ? " / °" :
-      direction[0] === "r" ? " / " + DATA.unit_rotation : " / " + DATA.unit), standoff: 4, font: {size: 11}} : undefined};
+      exponentformat: "power", title: c === 0 || unit !== unitOf(direction, columns[0]) ?
+      {text: direction + " / " + (state.view === "phase" ? "°" : unit), standoff: 4, font: {size: 11}} : undefined};
     if (state.view !== "phase" && channel) Object.assign(layout["yaxis" + tag], decades(channel.i));
     if (state.view === "phase") Object.assign(layout["yaxis" + tag], {range: [-190, 190], tickvals: [-180, -90, 0, 90, 180]});
-    if (r === 0) layout.annotations.push({text: "hit " + reference, xref: "x" + tag + " domain", yref: "y" + tag + " domain",
+    if (r === 0) layout.annotations.push({text: (reference.includes(":") ? "hit " : "drive ") + reference, xref: "x" + tag + " domain", yref: "y" + tag + " domain",
       x: 0.5, y: 1.02, yanchor: "bottom", showarrow: false, font: {size: 12}});
     if (!channel) return;
     const add = (name, y, color, width, dash) => traces.push({x: FREQ, y, name, mode: "lines",

@@ -5,8 +5,9 @@ from html import escape
 import numpy as np
 
 from identification.words import Dof
+from mbw.gap_text import describe_gap
 from mbw.page.html import fill_template, pack_complex, pack_real, warning_boxes
-from mbw.page.numbers import UNITS, format_percent
+from mbw.page.numbers import format_percent, frf_unit
 from mbw.remarks import describe_not_in_mjcf, list_limits
 from mbw.tune.convergence import badges, identifiability_section, starts_section
 from mbw.tune.mode_pairs import pairs_section
@@ -55,7 +56,10 @@ def render(result: TuningResult) -> str:
 def _lead(summary: TunedFile) -> str:
     gap = summary.gap.sensors
     if gap.as_drawn.error is None or gap.tuned.error is None:
-        return "No channel has little enough noise to state an error."
+        return (
+            f"Nominal model: {describe_gap(gap.as_drawn.error, gap.as_drawn.excess)}. "
+            f"Tuned model: {describe_gap(gap.tuned.error, gap.tuned.excess)}."
+        )
     text = (
         "As drawn, the nominal model is off by "
         f"{format_percent(gap.as_drawn.error)} of the measured FRFs; "
@@ -146,7 +150,6 @@ def _data(result: TuningResult) -> dict[str, object]:
     level, summary = result.levels["bodies"], result.summary
     outputs = [Dof.parse(label) for label in level.outputs]
     places = [test.split(" in ", 1) for test in level.tests]
-    unit, unit_rotation = UNITS[summary.quantity]
     return {
         "freq": pack_real(result.freq_hz),
         "measured": _pack_channels(level, "measured"),
@@ -160,13 +163,12 @@ def _data(result: TuningResult) -> dict[str, object]:
                 "direction": dof.direction[1:],
                 "reference": place[0],
                 "file": place[1],
+                "unit": frf_unit(summary.quantity, str(dof), place[0]),
             }
             for dof, place in zip(outputs, places, strict=True)
         ],
         "bodies": list(dict.fromkeys(dof.point for dof in outputs)),
         "files": list(dict.fromkeys(place[1] for place in places)),
-        "unit": unit,
-        "unit_rotation": unit_rotation,
         "gap": _gap_bars(summary),
         "pulls": pull_points(summary),
         "where": [

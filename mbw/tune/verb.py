@@ -9,6 +9,7 @@ from rich.progress import Progress, TaskID
 from diagnosis import residual_shares
 from mbw.band import check_band
 from mbw.files import check_json_target, write_json
+from mbw.gap_text import describe_gap, number_text
 from mbw.messages import INTERRUPTED, NOT_CONVERGED, SCREEN, allow_one_interrupt
 from mbw.remarks import list_remarks
 from mbw.tune.modes import measured_modes, parse_residuals
@@ -218,8 +219,9 @@ def _say(summary: TunedFile, folder: Path) -> None:
     if gap.held_out is not None:
         rows.append(("tuned, on held-out frequency lines", gap.held_out))
     for name, row in rows:
-        SCREEN.say(f"  {name}: error {_number(row.error)}, excess {_number(row.excess)}")
-    SCREEN.say(f"  noise: {_number(gap.noise)}")
+        SCREEN.say(f"  {name}: {describe_gap(row.error, row.excess)}")
+    if gap.noise is not None:
+        SCREEN.say(f"  noise: {number_text(gap.noise)}")
     if summary.pairs:
         paired = sum(row.tuned is not None for row in summary.pairs)
         SCREEN.say(f"  {paired} of {len(summary.pairs)} measured modes match a mode of the model")
@@ -242,10 +244,6 @@ def _agreement(summary: TunedFile) -> str:
     if fit.starts == 1:
         return ""
     return f"; {fit.agreeing_starts} of {fit.starts} starts within 2 % of the best cost"
-
-
-def _number(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.3g}"
 
 
 def _exit_unless_converged(tuned: CampaignTuning) -> None:

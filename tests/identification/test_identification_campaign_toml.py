@@ -56,6 +56,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         level = 150.0
         spindle_speed = 3.5
         setup = "b"
+        hammer = "small"
         window_tau = 0.25
         channels = "nodes 1..23, xyz"
         references = ["11:+x", "11:+y"]
@@ -103,6 +104,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         "file": "b.mat",
         "averages": 7,
         "level": 150.0,
+        "hammer": "small",
         "spindle_speed": 3.5,
         "setup": "b",
         "window_tau": 0.25,

@@ -93,7 +93,7 @@ def _candidates(
     each sensor.
     """
     campaign, model = thin_lines(session.campaign, _LINE_STRIDE), session.model
-    hit = {test.condition.reference.point for test in campaign.tests}
+    hit = {reference.point for reference in campaign.inputs if isinstance(reference, Dof)}
     outputs = distinct_dofs(
         dof.positive for test in campaign.tests for dof in test.estimate.frf.outputs
     )
@@ -109,7 +109,7 @@ def _candidates(
             extended,
             predict_tests(extended, theta, campaign, channel_noise, directions),
         )
-    references = distinct_dofs(test.condition.reference.positive for test in campaign.tests)
+    references = campaign.inputs
     for place in read:
         machine = replace(model.machine, layout=_add_point(model, place))
         bare = Model(machine, model.parts)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from identification import smooth_variance
-from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Real, Test
+from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Input, Real, Test
 from mbmodel import Evaluator, FrfRequest, Model
 
 
@@ -15,7 +15,7 @@ def predict_tests(
     theta: Real,
     campaign: Campaign,
     variances: Mapping[Dof, Real],
-    inputs: tuple[Dof, ...],
+    inputs: tuple[Input, ...],
 ) -> Campaign:
     """Return a campaign of one predicted test for each hit.
 
