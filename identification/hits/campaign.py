@@ -93,11 +93,10 @@ def _read(
                     "[[test]]"
                 )
         return
-    if entry.window_tau or entry.time_sign == "-":
-        key = "window_tau" if entry.window_tau else "time_sign"
+    if entry.time_sign == "-":
         raise InputError(
-            f"{file} holds time records, but {key} is for FRFs: remove {key} from its [[test]]"
-            + (", or set exponential_tau" if entry.window_tau else "")
+            f"{file} holds time records, but time_sign is for FRFs: remove time_sign from its "
+            "[[test]]"
         )
     ignored = {(site, axis) for site, sensor in corrections.items() for axis in sensor.ignore}
     for records in _read_records(file, entry, arrays):
@@ -133,6 +132,7 @@ def _hit_settings(entry: TestSettings) -> HitSettings:
         pretrigger_s=entry.pretrigger_s,
         force_window_s=entry.force_window_s,
         exponential_tau=entry.exponential_tau,
+        window_tau=entry.window_tau,
         estimator=entry.estimator or "H1",
         reject=entry.reject is not False,
     )

@@ -11,6 +11,7 @@ from identification.hits.blocks import Blocks, cut_blocks
 from identification.hits.densities import hit_densities, noise_densities, noise_powers
 from identification.hits.detection import Blow, find_blows
 from identification.hits.estimators import AveragedSpectra, average_spectra, estimate_frf
+from identification.hits.recorded_window import combine_windows, detect_recorded_window
 from identification.hits.rejection import reject_hits
 from identification.hits.remarks import hit_remarks
 from identification.hits.settings import HitSettings
@@ -52,7 +53,8 @@ def estimate_hit_frfs(
     value (real plus imaginary part) is |H|^2 (1 - g2) / (g2 (n - 1)). A single hit has no
     coherence, which would be 1, and its variance comes from differences along frequency. Errors of
     neighbouring lines are independent, except that an exponential window correlates them over
-    1 / (pi tau) Hz.
+    1 / (pi tau) Hz. A window that the analyser has applied to force and motion already, with the
+    time constant ``window_tau`` of the settings, multiplies with that of this function.
 
     Args:
         records: records of each reference; a reference may appear several times.
@@ -91,6 +93,8 @@ class _UsableHits:
         left_out: rejected hits.
         residual_response: amplitude at the end of the blocks over the largest amplitude.
         noise: spectral densities before the hits, or None.
+        recorded_tau: time constant of the exponential window that the records seem to carry
+            [s]; None for none.
     """
 
     blocks: Blocks
@@ -98,6 +102,7 @@ class _UsableHits:
     left_out: tuple[HitRejection, ...]
     residual_response: float
     noise: SpectralDensities | None
+    recorded_tau: float | None
 
 
 def _select_hits(
@@ -117,9 +122,10 @@ def _select_hits(
             "pretrigger_s or reject = false"
         )
     window = force_windows(blocks, settings.force_window_s)
+    recorded_tau = detect_recorded_window(blocks)
     blocks = replace(blocks, force=blocks.force * window)
     noise = noise_densities(records, blows, plan.block)
-    return _UsableHits(blocks, window, left_out, residual_response(blocks), noise)
+    return _UsableHits(blocks, window, left_out, residual_response(blocks), noise, recorded_tau)
 
 
 def _spectra(blocks: Blocks, force_window_s: float | None) -> tuple[Complex, Complex]:
@@ -133,7 +139,7 @@ def _estimate(hits: _UsableHits, settings: HitSettings, tau: float) -> HitEstima
     """Estimate the FRFs of one reference from its usable hits."""
     blocks = hits.blocks
     records, plan = blocks.records, blocks.plan
-    decay = exponential_windows(blocks, tau)
+    decay, total = exponential_windows(blocks, tau), combine_windows(tau, settings.window_tau)
     force = scipy.fft.rfft(blocks.force * decay)
     motion = np.moveaxis(scipy.fft.rfft(blocks.motion * decay[:, None, :]), 1, 2)
     averages = average_spectra(force, motion)
@@ -147,7 +153,14 @@ def _estimate(hits: _UsableHits, settings: HitSettings, tau: float) -> HitEstima
     estimate = HitEstimate(
         test=records.test,
         reference=records.reference,
-        estimate=_with_variance(records, freq, values, averages, tau, loss=_difference_loss(decay)),
+        estimate=_with_variance(
+            records,
+            freq,
+            values,
+            averages,
+            total,
+            loss=_difference_loss(exponential_windows(blocks, total)),
+        ),
         estimator=settings.estimator,
         kept=tuple(
             Hit(b.main.record + 1, b.number, b.onset / records.rate_hz, b.main.height)
@@ -162,7 +175,8 @@ def _estimate(hits: _UsableHits, settings: HitSettings, tau: float) -> HitEstima
         densities=hit_densities(blocks),
         noise=hits.noise,
     )
-    return replace(estimate, remarks=hit_remarks(estimate))
+    recorded_tau = None if settings.window_tau else hits.recorded_tau
+    return replace(estimate, remarks=hit_remarks(estimate, tau, recorded_tau))
 
 
 def _with_variance(

@@ -8,8 +8,17 @@ _MIN_KEPT_HITS = 2.0
 _MAX_RESIDUAL_RESPONSE = 0.01
 
 
-def hit_remarks(hits: HitEstimate) -> tuple[str, ...]:
-    """Return sentences on rejected hits, too few hits, single hits and exponential windows."""
+def hit_remarks(
+    hits: HitEstimate, tau: float, recorded_tau: float | None = None
+) -> tuple[str, ...]:
+    """Return sentences on rejected hits, too few hits, single hits and exponential windows.
+
+    Args:
+        hits: FRFs and the hits from which they were estimated.
+        tau: time constant of the exponential window that was applied to the records [s].
+        recorded_tau: time constant of a window that the records seem to carry, although no key
+            states it [s].
+    """
     test = f"{hits.test}, hammer at {hits.reference}"
     kept, total = len(hits.kept), len(hits.kept) + len(hits.rejected)
     remarks = []
@@ -23,7 +32,12 @@ def hit_remarks(hits: HitEstimate) -> tuple[str, ...]:
             f"{test}: a single hit has no coherence: the variance comes from differences along "
             "frequency, which is less certain"
         )
-    tau = hits.estimate.window_tau
+    if recorded_tau is not None:
+        remarks.append(
+            f"{test}: the noise of the force falls in the block like exp(-t / {recorded_tau:.2g} "
+            "s): the analyser seems to have applied an exponential window; state its time constant "
+            "as window_tau in the [[test]], or damping is too large by 1/(tau omega)"
+        )
     if tau > 0:
         remarks.append(
             f"{test}: {100 * hits.residual_response:.2g} % of the response was left at the end "

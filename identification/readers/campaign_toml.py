@@ -25,7 +25,8 @@ class TestSettings(_Strict):
     Files of time records have optional keys, in seconds. ``block_s`` is the length of the block
     of a hit, and ``pretrigger_s`` its part before the hit. The force is kept for
     ``force_window_s`` (0: all of it). ``exponential_tau`` is the time constant of the exponential
-    window on force and responses (0: none). ``estimator`` is H1 by default; ``reject = false``
+    window on force and responses (0: none); ``window_tau`` that of a window which the records
+    carry already. ``estimator`` is H1 by default; ``reject = false``
     keeps bad hits. Block, pre-trigger and exponential window of one file hold for all files of
     the campaign.
     """

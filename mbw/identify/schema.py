@@ -166,7 +166,8 @@ class HitsRow(BaseModel):
         rate: sampling rate [Hz].
         block, pretrigger: length of each hit's block, and of its part before the hit [s].
         force_window: length of the longest force window [s].
-        exponential_tau: time constant of the exponential window [s]; 0 for none.
+        exponential_tau: time constant of the exponential windows of analyser and software together
+            [s]; 0 for none.
         added_damping: damping ratio that this window adds to each of ``modes``; it is subtracted
             from the result; zeros without a window.
         left: share of the response that remains at the end of the blocks.

@@ -184,7 +184,6 @@ def test_the_keys_of_records_are_obeyed(read, records):
 @pytest.mark.parametrize(
     ("key", "text"),
     [
-        ("window_tau = 0.5", "window_tau is for FRFs: remove window_tau from its [[test]], or"),
         ('time_sign = "-"', "time_sign is for FRFs"),
         ('channels = ["1:+x"]', "itself holds its channels"),
         ('unit = "g/N"', "itself holds its unit"),
