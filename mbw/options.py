@@ -1,9 +1,23 @@
-"""Options that several verbs share; needs typer alone, so that help and usage errors are quick."""
+"""Options that several verbs share; needs typer alone, so that help and usage errors are quick.
+
+Every verb has ``--out``, ``--json``, ``--jobs``, ``--quiet`` and ``--overwrite``; a verb that
+reads frequencies has ``--band``, and one that draws random numbers has ``--seed``.
+"""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+
+
+def out_option(default: str) -> Any:
+    """Return the option ``--out`` of a folder.
+
+    Args:
+        default: folder without the option, as the help states it.
+    """
+    return typer.Option(metavar="DIR", help=f"Folder of the results; default: {default}.")
+
 
 Band = Annotated[
     tuple[float, float] | None,
@@ -17,7 +31,15 @@ Json = Annotated[
 ]
 CampaignFolder = Annotated[Path, typer.Argument(help="Folder with a campaign.toml.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors only.")]
+Overwrite = Annotated[
+    bool,
+    typer.Option("--overwrite", help="Replace files that another campaign or model has made."),
+]
 Jobs = Annotated[int, typer.Option(min=1, help="Number of processes.")]
+SingleJob = Annotated[
+    int,
+    typer.Option("--jobs", min=1, help="Number of processes; this verb is quick and works in one."),
+]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")]
 Pictures = Annotated[
     bool, typer.Option("--pictures/--no-pictures", help="Write the page with pictures.")

@@ -9,7 +9,6 @@ from tuning.files.input_files import fingerprint
 from tuning.files.result import (
     LevelFrfs,
     TuningResult,
-    check_output_folder,
     read_result,
     write_atomically,
     write_result,
@@ -58,7 +57,6 @@ __all__ = [
     "block_width",
     "build_toleranced_model",
     "channel_gaps",
-    "check_output_folder",
     "estimate_confidence",
     "fingerprint",
     "fit",

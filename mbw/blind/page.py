@@ -1,35 +1,65 @@
 """Page of a blind test: success rates and baselines, reliability, confusion matrix, all cases."""
 
 import json
+from collections.abc import Mapping
 from html import escape
+from pathlib import Path
+from typing import Any
 
+from identification.words.file_access import read_bytes
+from mbw.output_folder import source_of
 from mbw.page.html import fill_template, warning_boxes
-from truth.grade import Report, tables, to_json
+
+GRADES, TABLES, PAGE = "grades.json", "grades.txt", "blind.html"
 
 
-def render(report: Report, title: str, failed: list[str]) -> str:
+def render(grades: Mapping[str, Any], tables: str, title: str, failed: list[str]) -> str:
     """Return the HTML page of a blind test.
 
     Args:
-        report: grades of the verdicts.
-        title: title of the page.
+        grades: content of grades.json.
+        tables: content of grades.txt.
+        title: name of the model.
         failed: sentences on cases that could not be run.
     """
-    data = json.loads(to_json(report)) | {"tables": tables(report)}
-    both = report.verdicts.all.rates["both"] if report.verdicts else None
-    lead = f"The diagnosis was scored on {len(report.lines)} campaigns with withheld answers."
-    if both is not None and both.n:
+    both = grades["verdicts"]["all"]["rates"]["both"] if grades["verdicts"] else None
+    lead = f"The diagnosis was scored on {len(grades['lines'])} campaigns with withheld answers."
+    if both is not None and both["n"]:
         lead += (
-            f" Effect and place were right in {both.hits:g} of {both.n} cases (95 % interval "
-            f"{both.low:.0%} to {both.high:.0%})."
+            f" Effect and place were right in {both['hits']:g} of {both['n']} cases (95 % interval "
+            f"{both['low']:.0%} to {both['high']:.0%})."
         )
-    reasons = [f"case {name}: {reason}" for name, reason in report.failed.items()]
+    reasons = [f"case {name}: {reason}" for name, reason in grades["failed"].items()]
     return fill_template(
         "blind/template.html",
-        data,
+        {**grades, "tables": tables},
         scripts=["blind/page.js"],
-        title=escape(title),
+        title=escape(f"Blind test: {title}"),
         subtitle="the hash of each answer was published before the verdict",
         lead=escape(lead),
         warnings=warning_boxes([*failed, *reasons]),
     )
+
+
+def render_folder(path: Path) -> str:
+    """Return the page of a blind test's folder, or of its grades.json.
+
+    Raises:
+        InputError: the grades are missing or no text.
+        Exception: of many types: the grades were altered.
+    """
+    folder = path if path.is_dir() else path.parent
+    source = source_of(folder, GRADES)
+    title = folder.absolute().name.removesuffix("-blind") if source is None else source.stem
+    remedy = "run mbw blind again"
+    grades = json.loads(read_bytes(folder / GRADES, remedy))
+    tables = read_bytes(folder / TABLES, remedy).decode("utf-8")
+    return render(grades, tables, title, _failed_cases(folder))
+
+
+def _failed_cases(folder: Path) -> list[str]:
+    """Return a sentence on each case that ended in an exception, with its last line."""
+    return [
+        f"case {file.parent.name} could not be run: {file.read_text('utf-8').split(chr(10))[-2]}"
+        for file in sorted(folder.glob("cases/*/failed.txt"))
+    ]

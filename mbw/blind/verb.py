@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import shutil
 import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,16 +15,16 @@ from joblib import Parallel, delayed
 from diagnosis import catalogue
 from identification.words import InputError, WorkbenchError
 from mbw.band import check_band
-from mbw.blind.case import TREES, BlindCase, CaseOutcome, run_case
-from mbw.blind.page import render
-from mbw.files import check_json_target, write_json
+from mbw.blind.case import HASHES, TREES, BlindCase, CaseOutcome, run_case
+from mbw.blind.page import GRADES, PAGE, TABLES, render
+from mbw.files import write_json
 from mbw.messages import SCREEN
+from mbw.output_folder import RECORD, OutputFolder, ResultOptions
 from truth import TruthError, read_station
-from truth.grade import Case, grade, tables, to_json
-from tuning import write_atomically
+from truth.grade import Case, Report, grade, tables, to_json
 
 REQUEST_JSON = "asked.json"
-GRADES, TABLES, PAGE = "grades.json", "grades.txt", "blind.html"
+_CASE_FILES = ("cases", "sealed", HASHES)  # what an interrupted test continues from
 
 
 @dataclass(frozen=True)
@@ -35,8 +36,7 @@ class BlindOptions:
         cases: number of cases.
         seed: seed of the whole test; it determines all answers.
         jobs: number of cases that run at once.
-        out: folder of the test; None for <model>-blind.
-        json: further JSON file of the grades, or ``-`` for stdout; None for none.
+        outputs: where the test and its grades are written.
         band: band of the verdicts [Hz]; None for the frequency lines with coherence.
     """
 
@@ -44,8 +44,7 @@ class BlindOptions:
     cases: int
     seed: int
     jobs: int
-    out: Path | None
-    json: Path | None = None
+    outputs: ResultOptions
     band: tuple[float, float] | None = None
 
 
@@ -58,10 +57,11 @@ def run_options(  # one for each option
     jobs: int,
     band: tuple[float, float] | None,
     json: Path | None,
+    overwrite: bool,
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.blind.options`` describes them."""
     check_band(band)
-    run(BlindOptions(model, cases, seed, jobs, out, json, band))
+    run(BlindOptions(model, cases, seed, jobs, ResultOptions(out, json, overwrite), band))
 
 
 def run(options: BlindOptions) -> Path:
@@ -74,11 +74,25 @@ def run(options: BlindOptions) -> Path:
         InputError: the model cannot be read, or the folder holds another test.
         WorkbenchError: no case could be drawn.
     """
-    out = (options.out or Path(f"{Path(options.model).stem}-blind")).absolute()
-    if options.json is not None:
-        check_json_target(options.json)
     catalogue()  # refuses an invalid effect of another package before anything is drawn
-    _prepare(options, out)
+    request = _request(options)
+    with options.outputs.open("blind", Path(options.model), "blind", ()) as output:
+        out = output.path.absolute()
+        _prepare(request, out, overwrite=options.outputs.overwrite)
+        drawn, failed = _run(options, out)
+        report = _grade(options, output, drawn, failed)
+    if options.outputs.json is not None:
+        write_json(to_json(report), options.outputs.json)
+    if not (SCREEN.quiet or options.outputs.has_json_on_stdout):
+        typer.echo(tables(report).rstrip())
+    SCREEN.say(_describe_discarded_draws(drawn))
+    SCREEN.say(f"grades in {out / GRADES}")
+    SCREEN.say(f"pictures in {(out / PAGE).as_uri()}")
+    return out
+
+
+def _run(options: BlindOptions, out: Path) -> tuple[list[BlindCase], list[str]]:
+    """Run all cases; return those that were drawn, and sentences on those that failed."""
     model = options.model if options.model == TREES else str(Path(options.model).absolute())
     cases = [
         BlindCase(model, options.seed, number, out, options.band) for number in range(options.cases)
@@ -89,21 +103,20 @@ def run(options: BlindOptions) -> Path:
     drawn = [case for case in cases if case.sealed.is_file()]
     if not drawn:
         raise WorkbenchError(f"none of {len(cases)} cases could be drawn: {failed[0].error}")
+    return drawn, [f"could not be run: {outcome.error}" for outcome in failed]
+
+
+def _grade(
+    options: BlindOptions, output: OutputFolder, drawn: list[BlindCase], failed: list[str]
+) -> Report:
+    """Grade the cases, and write the grades with their page."""
     report = grade([_graded_case(case) for case in drawn])
-    title = f"Blind test: {Path(options.model).stem}"
-    page = render(report, title, [f"could not be run: {outcome.error}" for outcome in failed])
-    with write_atomically(out) as place:
+    page = render(json.loads(to_json(report)), tables(report), Path(options.model).stem, failed)
+    with output.write() as place:
         (place / GRADES).write_text(to_json(report) + "\n", encoding="utf-8")
         (place / TABLES).write_text(tables(report), encoding="utf-8")
         (place / PAGE).write_text(page, encoding="utf-8")
-    if options.json is not None:
-        write_json(to_json(report), options.json)
-    if not SCREEN.quiet and str(options.json) != "-":
-        typer.echo(tables(report).rstrip())
-    SCREEN.say(_describe_discarded_draws(drawn))
-    SCREEN.say(f"grades in {out / GRADES}")
-    SCREEN.say(f"pictures in {(out / PAGE).as_uri()}")
-    return out
+    return report
 
 
 def _describe_discarded_draws(cases: list[BlindCase]) -> str:
@@ -143,31 +156,43 @@ def _run_cases(cases: list[BlindCase], jobs: int) -> Iterator[CaseOutcome]:
             yield outcome
 
 
-def _prepare(options: BlindOptions, out: Path) -> None:
-    """Write the options into a new folder, or check that an existing folder has the same ones."""
+def _request(options: BlindOptions) -> dict[str, object]:
+    """Return what determines the cases of a test.
+
+    Raises:
+        InputError: the model cannot be read.
+    """
     band = None if options.band is None else list(options.band)
-    request = {"model": _fingerprint(options.model), "seed": options.seed, "band": band}
+    return {"model": _fingerprint(options.model), "seed": options.seed, "band": band}
+
+
+def _prepare(request: dict[str, object], out: Path, *, overwrite: bool) -> None:
+    """Write the request into a new folder, or check that an existing folder has the same one."""
     note = out / REQUEST_JSON
-    if note.is_file():
-        try:
-            stored = json.loads(note.read_text("utf-8"))
-        except ValueError:  # its writing was interrupted: no case was drawn yet
-            stored = request
-        if stored != request:
-            raise InputError(
-                f"{out} holds a blind test of another model, seed or band: name another folder "
-                "with --out"
-            )
+    if note.is_file() and not _is_of_another_test(note, request):
         return
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(
-            f"{out} exists and is not the folder of a blind test: name another one with --out"
-        )
+    if any(path.name != RECORD for path in out.iterdir()):
+        if not overwrite:
+            what = "exists and is not the folder of a blind test"
+            if note.is_file():
+                what = "holds a blind test of another model, seed or band"
+            raise InputError(
+                f"{out} {what}: name another folder with --out, or start anew with --overwrite"
+            )
+        for name in _CASE_FILES:
+            path = out / name
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
     try:
-        out.mkdir(parents=True, exist_ok=True)
         note.write_text(json.dumps(request) + "\n", encoding="utf-8")
     except OSError as error:
         raise InputError(f"{out} cannot be written ({error.strerror}): name another") from error
+
+
+def _is_of_another_test(note: Path, request: dict[str, object]) -> bool:
+    try:
+        return bool(json.loads(note.read_text("utf-8")) != request)
+    except (OSError, ValueError, RecursionError):  # its writing was interrupted: no case exists yet
+        return False
 
 
 def _fingerprint(model: str) -> str:

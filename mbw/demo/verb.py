@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,44 +11,69 @@ import numpy as np
 from diagnosis import Verdict
 from identification.modal import ModeChoices, ModeCriteria
 from mbw.assets import asset_path
+from mbw.band import check_band
 from mbw.diagnose import verb as diagnose
 from mbw.diagnose.files import PAGE, VERDICT
+from mbw.files import check_json_target
 from mbw.identify import verb as identify
 from mbw.identify.files import PAGE as MODES_PAGE
 from mbw.messages import SCREEN
-from mbw.report import verb as report
+from mbw.output_folder import ResultOptions
 from mbw.tune import verb as tune
+from mbw.tune.page import PAGE as TUNED_PAGE
 
 
-def run(out: Path, jobs: int) -> None:
+def run_options(
+    *,
+    out: Path,
+    json: Path | None,
+    band: tuple[float, float] | None,
+    jobs: int,
+    seed: int,
+    overwrite: bool,
+) -> None:
+    """Run the verb with the values of its options, as ``mbw.demo.options`` describes them."""
+    check_band(band)
+    run(ResultOptions(out, json, overwrite), out, band=band, jobs=jobs, seed=seed)
+
+
+def run(
+    outputs: ResultOptions,
+    out: Path,
+    *,
+    band: tuple[float, float] | None = None,
+    jobs: int = 1,
+    seed: int = 0,
+) -> None:
     """Identify, tune and diagnose, write the pages, and grade the diagnosis by the answer.
 
     Args:
+        outputs: where the verdict is written as JSON, and whether files are replaced.
         out: folder of the results.
+        band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
         jobs: number of processes.
+        seed: seed of the random starts.
     """
     campaign = asset_path("demo")
+    if outputs.json is not None:
+        check_json_target(outputs.json)
+    without_json = replace(outputs, json=None)
     SCREEN.say("1. identification of the measured modes")
-    targets = identify.IdentifyOutputs(out / "modes", json=None, pictures=True, full=False)
     choices = identify.IdentifyChoices(ModeCriteria(), ModeChoices(), against=None)
-    modes = identify.run(campaign, targets, choices, None)
+    modes = identify.run(campaign, replace(without_json, out=out / "modes"), choices, band)
     SCREEN.say("\n2. tuning of stiffness, damping and tolerances")
-    tuned = report.run(tune.run(campaign, out=out, jobs=jobs), None)
+    tuned = tune.run(campaign, without_json, band=band, jobs=jobs, seed=seed)
     SCREEN.say("\n3. diagnosis of the effect that the model lacks")
-    diagnosis = diagnose.run(campaign, out=out / "diagnosis", jobs=jobs)
+    diagnosed = replace(outputs, out=out / "diagnosis")
+    diagnosis = diagnose.run(campaign, diagnosed, band=band, jobs=jobs)
     verdict = Verdict.model_validate_json((diagnosis / VERDICT).read_text(encoding="utf-8"))
     answer = tomllib.loads((campaign / "answer.toml").read_text(encoding="utf-8"))
     SCREEN.say("\n4. grading by the answer, which no step has read so far")
     for line in grade_verdict(verdict, answer):
         SCREEN.say(f"  {line}")
     SCREEN.say("")
-    for page in (modes / MODES_PAGE, tuned, diagnosis / PAGE):
+    for page in (modes / MODES_PAGE, tuned / TUNED_PAGE, diagnosis / PAGE):
         SCREEN.say(f"open {page.resolve().as_uri()}")
-
-
-def run_options(out: Path, jobs: int) -> None:
-    """Run the verb with the values of its options."""
-    run(out, jobs)
 
 
 def grade_verdict(verdict: Verdict, answer: Mapping[str, Any]) -> list[str]:

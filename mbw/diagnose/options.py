@@ -6,19 +6,16 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Band, CampaignFolder, Jobs, Json, Quiet, Seed
+from mbw.options import Band, CampaignFolder, Jobs, Json, Overwrite, Quiet, Seed, out_option
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
 
 @app.command()
-def diagnose(  # one for each option
+def diagnose(  # noqa: PLR0913  # one for each option
     campaign: CampaignFolder,
     *,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder of the results; default: <campaign>-diagnosed."),
-    ] = None,
+    out: Annotated[Path | None, out_option("<campaign>-diagnosed beside it")] = None,
     json: Json = None,
     band: Band = None,
     jobs: Jobs = 1,
@@ -27,6 +24,7 @@ def diagnose(  # one for each option
     ] = False,
     seed: Seed = 0,
     quiet: Quiet = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Find effects that the model lacks, their places, and how far the gap shrinks with them.
 
@@ -42,5 +40,6 @@ def diagnose(  # one for each option
         band=band,
         jobs=jobs,
         explain=explain,
+        overwrite=overwrite,
         quiet=quiet,
     )

@@ -29,11 +29,12 @@ from mbw.diagnose.sentences import (
     serial_correlation_sentences,
     untested_sentences,
 )
-from mbw.files import check_json_target, check_output_folder, write_json
+from mbw.files import write_json
 from mbw.gap_text import describe_gap
 from mbw.messages import SCREEN, allow_one_interrupt
+from mbw.output_folder import ResultOptions
 from mbw.remarks import describe_not_in_mjcf
-from tuning import open_session, write_atomically
+from tuning import Session, open_session
 
 _MAX_LISTED_CAUSES = 8  # causes that the terminal lists; twice as many hypotheses with --explain
 
@@ -46,17 +47,18 @@ def run_options(  # one for each option
     band: tuple[float, float] | None,
     jobs: int,
     explain: bool,
+    overwrite: bool,
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.diagnose.options`` describes them."""
     check_band(band)
-    run(campaign, out=out, json=json, band=band, jobs=jobs, explain=explain)
+    outputs = ResultOptions(out, json, overwrite)
+    run(campaign, outputs, band=band, jobs=jobs, explain=explain)
 
 
-def run(  # one for each option
+def run(
     campaign: Path,
+    outputs: ResultOptions,
     *,
-    out: Path | None,
-    json: Path | None = None,
     band: tuple[float, float] | None = None,
     jobs: int = 1,
     explain: bool = False,
@@ -65,8 +67,7 @@ def run(  # one for each option
 
     Args:
         campaign: folder of the campaign.
-        out: folder of the result; None for <campaign>-diagnosed.
-        json: further JSON file, or ``-`` for stdout; None for none.
+        outputs: where the result is written.
         band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
         jobs: number of processes; the verdict does not depend on it.
         explain: whether to print the hypotheses that were tested and rejected.
@@ -76,10 +77,28 @@ def run(  # one for each option
     """
     session = open_session(campaign, band)
     check_others(session)
-    folder = out or Path(f"{session.campaign.name}-diagnosed")
-    check_output_folder(folder, NAMES)
-    if json is not None:
-        check_json_target(json)
+    with outputs.open("diagnose", session.source, "diagnosed", NAMES) as output:
+        diagnosis = _diagnose(session, jobs)
+        with output.write() as place:
+            result = collect_result(diagnosis, write_augmented(diagnosis, place / AUGMENTED))
+            write_files(result, place)
+            (place / PAGE).write_text(render(result), encoding="utf-8")
+    if outputs.json is not None:
+        write_json(result.verdict.model_dump_json(indent=1), outputs.json)
+    if explain and not SCREEN.quiet:
+        _explain(diagnosis)
+    _say(result.verdict, diagnosis)
+    SCREEN.say(f"verdict in {output.path / VERDICT}")
+    effect = " with the effect" if diagnosis.after else ""
+    SCREEN.say(f"tuned model{effect} in {output.path / AUGMENTED}")
+    if missing := describe_not_in_mjcf(result.shown.not_held_by_mjcf, SHOWN):
+        SCREEN.say(f"  {missing}")
+    SCREEN.say(f"report in {(output.path / PAGE).absolute().as_uri()}")
+    return output.path
+
+
+def _diagnose(session: Session, jobs: int) -> Diagnosis:
+    """Diagnose with a progress bar, and print the remarks on the data."""
     for text in session.campaign.remarks:
         SCREEN.say(text)
     with SCREEN.progress() as progress, allow_one_interrupt() as ignore_interrupts:
@@ -87,22 +106,7 @@ def run(  # one for each option
         ignore_interrupts()
     for text in diagnosis.session.campaign.remarks[len(session.campaign.remarks) :]:
         SCREEN.say(text)
-    with write_atomically(folder) as place:
-        result = collect_result(diagnosis, write_augmented(diagnosis, place / AUGMENTED))
-        write_files(result, place)
-        (place / PAGE).write_text(render(result), encoding="utf-8")
-    if json is not None:
-        write_json(result.verdict.model_dump_json(indent=1), json)
-    if explain:
-        _explain(diagnosis)
-    _say(result.verdict, diagnosis)
-    SCREEN.say(f"verdict in {folder / VERDICT}")
-    effect = " with the effect" if diagnosis.after else ""
-    SCREEN.say(f"tuned model{effect} in {folder / AUGMENTED}")
-    if missing := describe_not_in_mjcf(result.shown.not_held_by_mjcf, SHOWN):
-        SCREEN.say(f"  {missing}")
-    SCREEN.say(f"report in {(folder / PAGE).absolute().as_uri()}")
-    return folder
+    return diagnosis
 
 
 class _ProgressReporter:

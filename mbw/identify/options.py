@@ -6,7 +6,16 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Band, CampaignFolder, Json, Pictures, Quiet
+from mbw.options import (
+    Band,
+    CampaignFolder,
+    Json,
+    Overwrite,
+    Pictures,
+    Quiet,
+    SingleJob,
+    out_option,
+)
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -15,10 +24,7 @@ app = typer.Typer(rich_markup_mode=None, add_completion=False)
 def identify(  # noqa: PLR0913  # one for each option
     campaign: CampaignFolder,
     *,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder of the results; default: <campaign>-modes."),
-    ] = None,
+    out: Annotated[Path | None, out_option("<campaign>-modes beside it")] = None,
     json: Json = None,
     band: Band = None,
     frequency_tolerance: Annotated[
@@ -80,9 +86,12 @@ def identify(  # noqa: PLR0913  # one for each option
         bool, typer.Option("--full", help="Write the full matrix of synthesised FRFs.")
     ] = False,
     pictures: Pictures = True,
+    jobs: SingleJob = 1,
     quiet: Quiet = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Identify the measured modal model: poles, damping, shapes, with standard deviations."""
+    del jobs
     run_verb(
         "mbw.identify.verb",
         campaign,
@@ -102,5 +111,6 @@ def identify(  # noqa: PLR0913  # one for each option
         against=against,
         full=full,
         pictures=pictures,
+        overwrite=overwrite,
         quiet=quiet,
     )

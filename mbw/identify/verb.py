@@ -25,7 +25,7 @@ from identification.modal import ModeChoices, ModeCriteria, identify
 from identification.words import Campaign, UsageError, WorkbenchError
 from mbmodel import Machine, load_machine, machine_geometry
 from mbw.band import check_band
-from mbw.files import check_json_target, check_output_folder, write_json
+from mbw.files import write_json
 from mbw.identify.files import (
     NAMES,
     PAGE,
@@ -44,24 +44,8 @@ from mbw.identify.remarks import list_remarks
 from mbw.identify.result import IdentificationResult, MeasurementChecks, collect_result
 from mbw.identify.schema import IdentifiedModesFile
 from mbw.messages import SCREEN
-from tuning import open_campaign, write_atomically
-
-
-@dataclass(frozen=True)
-class IdentifyOutputs:
-    """Output files of an identification.
-
-    Args:
-        out: folder of the result; None for <campaign>-modes.
-        json: further JSON file, or ``-`` for stdout; None for none.
-        pictures: whether to write the page.
-        full: whether to write the FRFs between all outputs.
-    """
-
-    out: Path | None
-    json: Path | None
-    pictures: bool
-    full: bool
+from mbw.output_folder import ResultOptions
+from tuning import open_campaign
 
 
 @dataclass(frozen=True)
@@ -72,11 +56,13 @@ class IdentifyChoices:
         tolerances: criteria of the stabilisation diagram.
         modes: modes to add, to drop, to force.
         against: universal file with reference shapes; None for the nominal model.
+        full: whether to write the FRFs between all outputs.
     """
 
     tolerances: ModeCriteria
     modes: ModeChoices
     against: Path | None
+    full: bool = False
 
 
 def run_options(  # noqa: PLR0913  # one for each option
@@ -98,6 +84,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     against: Path | None,
     full: bool,
     pictures: bool,
+    overwrite: bool,
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.identify.options`` describes them.
 
@@ -114,13 +101,13 @@ def run_options(  # noqa: PLR0913  # one for each option
         phase_deviation=math.radians(phase_deviation),
     )
     modes = ModeChoices(add=tuple(add), drop=tuple(drop), force=parse_forced_modes(force))
-    outputs = IdentifyOutputs(out, json, pictures, full)
-    run(campaign, outputs, IdentifyChoices(tolerances, modes, against), band)
+    outputs = ResultOptions(out, json, overwrite, pictures)
+    run(campaign, outputs, IdentifyChoices(tolerances, modes, against, full), band)
 
 
 def run(
     campaign: Path,
-    targets: IdentifyOutputs,
+    outputs: ResultOptions,
     choices: IdentifyChoices,
     band: tuple[float, float] | None,
 ) -> Path:
@@ -128,51 +115,48 @@ def run(
 
     Args:
         campaign: folder of the campaign.
-        targets: output files.
+        outputs: where the result is written.
         choices: choices of the user.
         band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
 
     Returns:
         The folder of the result.
     """
-    machine, band_campaign = _open_campaign(campaign, band)
-    folder = targets.out or Path(f"{band_campaign.name}-modes")
-    check_output_folder(folder, NAMES)
-    if targets.json is not None:
-        check_json_target(targets.json)
-    reference = _reference_modes(choices.against, machine, band_campaign)
-    with SCREEN.console.status("poles, shapes, refinement") if not SCREEN.quiet else nullcontext():
-        identified = identify(band_campaign, choices.tolerances, choices.modes)
-        is_roving = is_roving_hammer(band_campaign)
-        solid = check_bodies(
-            exchange_hits_and_channels(band_campaign) if is_roving else band_campaign
-        )
-        checks = MeasurementChecks(solid, compare_setups(band_campaign))
-    source = "" if machine is None else str(machine.source.absolute())
-    result = collect_result(
-        band_campaign,
-        identified,
-        choices.tolerances,
-        reference=reference,
-        source=source,
-        checks=checks,
-    )
-    with write_atomically(folder) as place:
-        write_files(result, place)
-        if targets.full:
-            write_full_matrix(result, place)
-        if targets.pictures:
-            geometry = None if machine is None else machine_geometry(machine)
-            (place / PAGE).write_text(render(result, geometry), encoding="utf-8")
-    if targets.json is not None:
-        write_json(result.summary.model_dump_json(indent=1), targets.json)
-    if targets.json is None or str(targets.json) != "-":
+    source, machine, band_campaign = _open_campaign(campaign, band)
+    with outputs.open("identify", source, "modes", NAMES) as output:
+        result = _identify(machine, band_campaign, choices)
+        with output.write() as place:
+            write_files(result, place)
+            if choices.full:
+                write_full_matrix(result, place)
+            if outputs.pictures:
+                geometry = None if machine is None else machine_geometry(machine)
+                (place / PAGE).write_text(render(result, geometry), encoding="utf-8")
+    if outputs.json is not None:
+        write_json(result.summary.model_dump_json(indent=1), outputs.json)
+    if not (outputs.has_json_on_stdout or SCREEN.quiet):
         _print(result.summary)
     _say(result)
-    SCREEN.say(f"modal model in {folder}")
-    if targets.pictures:
-        SCREEN.say(f"pictures in {(folder / PAGE).absolute().as_uri()}")
-    return folder
+    SCREEN.say(f"modal model in {output.path}")
+    if outputs.pictures:
+        SCREEN.say(f"pictures in {(output.path / PAGE).absolute().as_uri()}")
+    return output.path
+
+
+def _identify(
+    machine: Machine | None, campaign: Campaign, choices: IdentifyChoices
+) -> IdentificationResult:
+    """Identify the modes and check the channels of each body."""
+    reference = _reference_modes(choices.against, machine, campaign)
+    with SCREEN.console.status("poles, shapes, refinement") if not SCREEN.quiet else nullcontext():
+        identified = identify(campaign, choices.tolerances, choices.modes)
+        is_roving = is_roving_hammer(campaign)
+        solid = check_bodies(exchange_hits_and_channels(campaign) if is_roving else campaign)
+        checks = MeasurementChecks(solid, compare_setups(campaign))
+    source = "" if machine is None else str(machine.source.absolute())
+    return collect_result(
+        campaign, identified, choices.tolerances, reference=reference, source=source, checks=checks
+    )
 
 
 def _reference_modes(
@@ -189,15 +173,15 @@ def _reference_modes(
 
 def _open_campaign(
     campaign: Path, band: tuple[float, float] | None
-) -> tuple[Machine | None, Campaign]:
-    """Return the machine of a campaign, None if it names none, and its tests in the band."""
+) -> tuple[Path, Machine | None, Campaign]:
+    """Return campaign.toml, the machine, None if it names none, and the tests in the band."""
     source, settings = read_settings(campaign)
     if settings.layout is None:
         _, machine, band_campaign = open_campaign(campaign, band)
-        return machine, band_campaign
+        return source, machine, band_campaign
     layout = correct_layout(source, settings, read_layout(source.parent / settings.layout))
     all_lines = read_campaign(source, settings, layout)
-    return None, all_lines.select_lines(band_lines(all_lines, band, source))
+    return source, None, all_lines.select_lines(band_lines(all_lines, band, source))
 
 
 def render_result(path: Path) -> str:

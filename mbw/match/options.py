@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Frequencies, Json, Mesh, Quiet
+from mbw.options import Band, Frequencies, Json, Mesh, Overwrite, Quiet, SingleJob, out_option
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -16,10 +16,7 @@ def match(  # noqa: PLR0913  # one for each option
     shapes: Mesh,
     campaign: Annotated[Path, typer.Argument(help="Folder with a campaign.toml of impacts.")],
     *,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder of the results; default: <campaign>-matched."),
-    ] = None,
+    out: Annotated[Path | None, out_option("<campaign>-matched beside it")] = None,
     frequencies: Frequencies = None,
     mass: Annotated[
         float | None,
@@ -33,10 +30,14 @@ def match(  # noqa: PLR0913  # one for each option
         float,
         typer.Option(min=0, metavar="HZ", help="Width of the sliding average of amplitudes [Hz]."),
     ] = 0.3,
+    band: Band = None,
     json: Json = None,
+    jobs: SingleJob = 1,
     quiet: Quiet = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Match measured modes to finite-element modes (few sensors, force not measured)."""
+    del jobs
     run_verb(
         "mbw.match.verb",
         shapes,
@@ -46,6 +47,8 @@ def match(  # noqa: PLR0913  # one for each option
         mass=mass,
         nearest=nearest,
         width=width,
+        band=band,
         json=json,
+        overwrite=overwrite,
         quiet=quiet,
     )

@@ -2,9 +2,11 @@
 
 import csv
 import io
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import typer
@@ -22,9 +24,12 @@ from identification.shapes import (
 )
 from identification.words import Dof, InputError, Integers, Layout
 from mbw.band import check_band
+from mbw.files import check_json_target, write_json
 from mbw.match.verb import SimulatedShapes
 from mbw.messages import SCREEN
+from mbw.output_folder import OutputRequest, ResultOptions, open_output_folder
 
+SITES_TABLE = "sites.csv"
 _MIN_CANDIDATE_DISTANCE = 0.05  # between candidate places, over the diagonal of the mesh
 _MAX_PAIR_CHANNELS = 3  # channels that are listed for a confused pair
 _MIN_MODE_MOTION = 0.1  # at all channels, over the largest motion; below, a mode is weak there
@@ -45,7 +50,7 @@ class PlacementRequest:
     apart: float | None
 
 
-def run_options(  # one for each option
+def run_options(  # noqa: PLR0913  # one for each option
     shapes: Path,
     *,
     frequencies: Path | None,
@@ -53,15 +58,22 @@ def run_options(  # one for each option
     apart: float | None,
     check: Path | None,
     out: Path | None,
+    json: Path | None,
     band: tuple[float, float] | None,
+    overwrite: bool,
 ) -> None:
     """Run the verb with the values of its options; see ``mbw.match.place_options``."""
     check_band(band)
-    run(SimulatedShapes(shapes, frequencies), PlacementRequest(channels, band, apart), check, out)
+    request = PlacementRequest(channels, band, apart)
+    outputs = ResultOptions(out, json, overwrite)
+    run(SimulatedShapes(shapes, frequencies), request, check, outputs)
 
 
 def run(
-    simulated: SimulatedShapes, request: PlacementRequest, check: Path | None, out: Path | None
+    simulated: SimulatedShapes,
+    request: PlacementRequest,
+    check: Path | None,
+    outputs: ResultOptions,
 ) -> None:
     """Propose places and directions, or assess given ones; print which modes they confuse.
 
@@ -69,12 +81,14 @@ def run(
         simulated: simulated shapes.
         request: request for places.
         check: table of sites, or layout, to assess instead; None for a proposal.
-        out: file of the proposal; None for stdout.
+        outputs: where the table is written: a folder, a .csv file, or stdout for None.
 
     Raises:
         InputError: a file cannot be used, or no elastic mode lies in the band.
         UsageError: there are too few channels for the modes.
     """
+    if outputs.json is not None:
+        check_json_target(outputs.json)
     every_shape = read_shapes(simulated.path, simulated.frequencies)
     frequencies = every_shape.frequencies
     is_elastic = rigid_modes(every_shape).supported
@@ -89,12 +103,25 @@ def run(
         layout, dofs = _read_channels(check)
     else:
         layout, dofs = propose_channels(shapes, request)
-        text = format_sites_table(layout, dofs)
-        if out is None:
+        _write_table(format_sites_table(layout, dofs), simulated.path, outputs)
+    assessment = _assess(shapes, chosen + 1, layout, dofs)
+    if outputs.json is not None:
+        write_json(json.dumps(assessment, indent=1, allow_nan=False), outputs.json)
+    _say(assessment)
+
+
+def _write_table(text: str, source: Path, outputs: ResultOptions) -> None:
+    """Write the table to its file, or to stdout unless that holds the JSON."""
+    out = outputs.out
+    if out is None:
+        if not outputs.has_json_on_stdout:
             typer.echo(text, nl=False)
-        else:
-            _write(text, out)
-    _say(shapes, chosen + 1, layout, dofs)
+        return
+    target = out if out.suffix == ".csv" else out / SITES_TABLE
+    request = OutputRequest("place", source, target.parent, (target.name,), outputs.overwrite)
+    with open_output_folder(request) as output, output.write() as place:
+        (place / target.name).write_text(text, encoding="utf-8")
+    SCREEN.say(f"places in {target}")
 
 
 def propose_channels(shapes: Shapes, request: PlacementRequest) -> tuple[Layout, tuple[Dof, ...]]:
@@ -151,39 +178,62 @@ def _read_channels(path: Path) -> tuple[Layout, tuple[Dof, ...]]:
     return layout, tuple(Dof.of(site, axis) for site in layout.points for axis in range(3))
 
 
-def _write(text: str, out: Path) -> None:
-    try:
-        out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{out} cannot be written ({error.strerror}): name another") from error
-    SCREEN.say(f"places in {out}")
-
-
-def _say(shapes: Shapes, numbers: Integers, layout: Layout, dofs: Sequence[Dof]) -> None:
-    """Print which modes the channels confuse, and which pair is most similar."""
+def _assess(
+    shapes: Shapes, numbers: Integers, layout: Layout, dofs: Sequence[Dof]
+) -> dict[str, Any]:
+    """Return the channels, the modes, and the pairs of modes that the channels confuse."""
     at_channels = shapes_at_channels(shapes, layout, dofs)
     similarity = distinguish_modes(at_channels)
-    modes = ", ".join(f"{n} ({f:.2f} Hz)" for n, f in zip(numbers, shapes.frequencies, strict=True))
-    SCREEN.say(f"{len(dofs)} channels at {len(layout.points)} sites for the modes {modes}")
     off_diagonal = similarity.mac - np.eye(len(at_channels))
-    if len(at_channels) > 1:
-        first, second = divmod(int(off_diagonal.argmax()), len(off_diagonal))
+    first, second = divmod(int(off_diagonal.argmax()), len(off_diagonal))
+    largest = np.linalg.norm(shapes.vectors, axis=2).max(axis=1)
+    motion = np.linalg.norm(at_channels, axis=1) / largest
+    return {
+        "channels": [str(dof) for dof in dofs],
+        "sites": {
+            site: [float(x) for x in place]
+            for site, place in zip(layout.points, layout.positions, strict=True)
+        },
+        "modes": [
+            {"mode": int(number), "frequency": float(frequency), "motion": float(size)}
+            for number, frequency, size in zip(numbers, shapes.frequencies, motion, strict=True)
+        ],
+        "most_similar": {
+            "modes": [int(numbers[first]), int(numbers[second])],
+            "mac": float(off_diagonal[first, second]),
+        }
+        if len(at_channels) > 1
+        else None,
+        "confused": [
+            {
+                "modes": [int(numbers[first]), int(numbers[second])],
+                "differ_most_at": [str(dofs[k]) for k in channels[:_MAX_PAIR_CHANNELS]],
+            }
+            for (first, second), channels in zip(
+                similarity.confused, similarity.channels, strict=True
+            )
+        ],
+    }
+
+
+def _say(assessment: dict[str, Any]) -> None:
+    """Print which modes the channels confuse, and which pair is most similar."""
+    modes = ", ".join(f"{row['mode']} ({row['frequency']:.2f} Hz)" for row in assessment["modes"])
+    channels, sites = len(assessment["channels"]), len(assessment["sites"])
+    SCREEN.say(f"{channels} channels at {sites} sites for the modes {modes}")
+    if similar := assessment["most_similar"]:
+        first, second = similar["modes"]
         SCREEN.say(
-            f"most similar at these channels: modes {numbers[first]} and {numbers[second]}, "
-            f"MAC {off_diagonal[first, second]:.2f}"
+            f"most similar at these channels: modes {first} and {second}, MAC {similar['mac']:.2f}"
         )
-    for (first, second), channels in zip(similarity.confused, similarity.channels, strict=True):
-        best = ", ".join(str(dofs[k]) for k in channels[:_MAX_PAIR_CHANNELS])
-        SCREEN.say(
-            f"modes {numbers[first]} and {numbers[second]} are confused; they differ most at {best}"
-        )
-    if not similarity.confused:
+    for row in assessment["confused"]:
+        (first, second), best = row["modes"], ", ".join(row["differ_most_at"])
+        SCREEN.say(f"modes {first} and {second} are confused; they differ most at {best}")
+    if not assessment["confused"]:
         SCREEN.say("no two modes are confused (MAC above 0.8)")
-    motion = np.linalg.norm(at_channels, axis=1) / np.linalg.norm(shapes.vectors, axis=2).max(
-        axis=1
-    )
-    for number, size in zip(numbers, motion, strict=True):
-        if size < _MIN_MODE_MOTION:
+    for row in assessment["modes"]:
+        if row["motion"] < _MIN_MODE_MOTION:
             SCREEN.say(
-                f"mode {number} hardly moves at these channels: {size:.2g} of its largest motion"
+                f"mode {row['mode']} hardly moves at these channels: {row['motion']:.2g} of its "
+                "largest motion"
             )

@@ -6,13 +6,13 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Frequencies, Mesh, Quiet
+from mbw.options import Frequencies, Json, Mesh, Overwrite, Quiet, SingleJob
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
 
 @app.command()
-def place(
+def place(  # noqa: PLR0913  # one for each option
     shapes: Mesh,
     *,
     frequencies: Frequencies = None,
@@ -31,17 +31,24 @@ def place(
         ),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="File of the table; default: stdout.")
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of sites.csv, or a .csv file; default: the table on stdout."
+        ),
     ] = None,
+    json: Json = None,
     band: Annotated[
         tuple[float, float] | None,
         typer.Option(
             metavar="LOW HIGH", help="Band of the modes to distinguish [Hz]; default: all elastic."
         ),
     ] = None,
+    jobs: SingleJob = 1,
     quiet: Quiet = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Propose places for a few sensors, and name the finite-element modes that they confuse."""
+    del jobs
     run_verb(
         "mbw.match.place",
         shapes,
@@ -50,6 +57,8 @@ def place(
         apart=apart,
         check=check,
         out=out,
+        json=json,
         band=band,
+        overwrite=overwrite,
         quiet=quiet,
     )

@@ -1,7 +1,7 @@
 """``mbw match``: match of measured modes with finite-element modes (few sensors, unknown force)."""
 
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +11,13 @@ from identification.impacts import read_impacts
 from identification.matching import match_modes
 from identification.shapes import RigidModes, ShapeSampling, check_mass, read_shapes, rigid_modes
 from identification.words import InputError
-from mbw.files import check_json_target, check_output_folder, write_json
+from mbw.band import check_band
+from mbw.files import write_json
 from mbw.match.page import render
 from mbw.match.result import NAMES, PAGE, collect_result, write_result
 from mbw.match.schema import MatchFile
 from mbw.messages import SCREEN
-from tuning import write_atomically
+from mbw.output_folder import ResultOptions
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class SimulatedShapes:
 _MASS_TOLERANCE = 0.05  # relative difference to a stated mass
 
 
-def run_options(  # one for each option
+def run_options(  # noqa: PLR0913  # one for each option
     shapes: Path,
     campaign: Path,
     *,
@@ -48,24 +49,32 @@ def run_options(  # one for each option
     mass: float | None,
     nearest: bool,
     width: float,
+    band: tuple[float, float] | None,
     json: Path | None,
+    overwrite: bool,
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.match.options`` describes them."""
+    check_band(band)
     sampling: ShapeSampling = "nearest" if nearest else "interpolated"
-    run(SimulatedShapes(shapes, frequencies, mass, sampling), campaign, out, json, width)
+    outputs = ResultOptions(out, json, overwrite)
+    run(SimulatedShapes(shapes, frequencies, mass, sampling), campaign, outputs, width, band)
 
 
 def run(
-    simulated: SimulatedShapes, folder: Path, out: Path | None, json: Path | None, width_hz: float
+    simulated: SimulatedShapes,
+    folder: Path,
+    outputs: ResultOptions,
+    width_hz: float,
+    band: tuple[float, float] | None = None,
 ) -> Path:
     """Match the modes, print a table, write the result and its page.
 
     Args:
         simulated: simulated shapes.
         folder: folder of the campaign.
-        out: folder of the result; None for <campaign>-matched.
-        json: further JSON file, or ``-`` for stdout; None for none.
+        outputs: where the result is written.
         width_hz: width of the sliding average of amplitudes [Hz].
+        band: lowest and highest frequency [Hz]; None for the band that campaign.toml states.
 
     Returns:
         The folder of the result.
@@ -74,12 +83,34 @@ def run(
         InputError: a file cannot be used, the shapes have another mass, or no mode is elastic.
     """
     campaign = read_impacts(folder)
-    target = out or Path(f"{campaign.path.parent.absolute().name}-matched")
-    check_output_folder(target, NAMES)
-    if json is not None:
-        check_json_target(json)
-    shapes = read_shapes(simulated.path, simulated.frequencies)
-    rigid = rigid_modes(shapes)
+    campaign = campaign if band is None else replace(campaign, band=band)
+    with outputs.open("match", campaign.path, "matched", NAMES) as output:
+        shapes = read_shapes(simulated.path, simulated.frequencies)
+        rigid = rigid_modes(shapes)
+        _check_shapes(simulated, rigid)
+        with SCREEN.console.status("clocks, spectra, modes") if not SCREEN.quiet else nullcontext():
+            matched = match_modes(
+                shapes.select(rigid.supported),
+                campaign.layout,
+                campaign.spectra(),
+                simulated.sampling,
+            )
+            result = collect_result(shapes, rigid, campaign, matched, width_hz)
+        with output.write() as place:
+            write_result(result, place)
+            (place / PAGE).write_text(render(result), encoding="utf-8")
+    if outputs.json is not None:
+        write_json(result.summary.model_dump_json(indent=1), outputs.json)
+    if not (outputs.has_json_on_stdout or SCREEN.quiet):
+        _print(result.summary)
+    _say(result.summary, rigid)
+    SCREEN.say(f"match in {output.path}")
+    SCREEN.say(f"pictures in {(output.path / PAGE).absolute().as_uri()}")
+    return output.path
+
+
+def _check_shapes(simulated: SimulatedShapes, rigid: RigidModes) -> None:
+    """Refuse shapes of another mass than the stated one, and shapes without an elastic mode."""
     if simulated.mass is not None:
         if not 0 < simulated.mass < np.inf:
             raise InputError(
@@ -90,22 +121,6 @@ def run(
         raise InputError(
             f"{simulated.path} has rigid modes alone: give a mesh with elastic modes too"
         )
-    with SCREEN.console.status("clocks, spectra, modes") if not SCREEN.quiet else nullcontext():
-        matched = match_modes(
-            shapes.select(rigid.supported), campaign.layout, campaign.spectra(), simulated.sampling
-        )
-        result = collect_result(shapes, rigid, campaign, matched, width_hz)
-    with write_atomically(target) as place:
-        write_result(result, place)
-        (place / PAGE).write_text(render(result), encoding="utf-8")
-    if json is not None:
-        write_json(result.summary.model_dump_json(indent=1), json)
-    if json is None or str(json) != "-":
-        _print(result.summary)
-    _say(result.summary, rigid)
-    SCREEN.say(f"match in {target}")
-    SCREEN.say(f"pictures in {(target / PAGE).absolute().as_uri()}")
-    return target
 
 
 def _print(result: MatchFile) -> None:

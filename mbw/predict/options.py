@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Json, Pictures, Quiet
+from mbw.options import Json, Overwrite, Pictures, Quiet, SingleJob, out_option
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -46,15 +46,15 @@ def predict(  # noqa: PLR0913  # one for each option
             metavar="JOINT=RATE", help="Hinge that spins at this constant rate [rad/s]; repeatable."
         ),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder of the page; default: <model>-predicted."),
-    ] = None,
+    out: Annotated[Path | None, out_option("<model>-predicted beside it")] = None,
     pictures: Pictures = True,
     json: Json = None,
+    jobs: SingleJob = 1,
     quiet: Quiet = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Print a model's modes, FRFs and state space, and show them in predict.html."""
+    del jobs
     run_verb(
         "mbw.predict.verb",
         model,
@@ -70,5 +70,6 @@ def predict(  # noqa: PLR0913  # one for each option
         out=out,
         pictures=pictures,
         json=json,
+        overwrite=overwrite,
         quiet=quiet,
     )

@@ -1,16 +1,19 @@
 """Page of ``mbw predict``: animated modes, energy shares, Bode plot."""
 
 from html import escape
+from pathlib import Path
 
 import numpy as np
 
 from identification.words import Real
+from identification.words.file_access import read_bytes
 from mbmodel.geometry.surfaces import MachineGeometry
 from mbw.page.html import fill_template, pack_complex, pack_real, warning_boxes
 from mbw.page.picture import picture_data
 from mbw.predict.curves import Curves
 from mbw.predict.prediction import Prediction, largest_shares
 
+PAGE = "predict.html"
 _MAX_ENERGY_MODES = 60  # columns of the energy table
 _MIN_SHOWN_SHARE = 0.001  # largest share of a row of the energy table; rows below are left out
 
@@ -42,6 +45,16 @@ def render(
         warnings=warning_boxes(prediction.remarks),
         scripts=["page/picture.js", "page/modes.js", "page/bode.js", "predict/page.js"],
     )
+
+
+def read_page(path: Path) -> str:
+    """Return the page in a folder that ``mbw predict`` wrote; it is the whole result.
+
+    Raises:
+        InputError: the page cannot be read.
+    """
+    file = path / PAGE if path.is_dir() else path
+    return read_bytes(file, "run mbw predict again").decode("utf-8")
 
 
 def _count(number: int, singular: str, plural: str = "") -> str:

@@ -4,6 +4,7 @@ import csv
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -32,14 +33,14 @@ from mbmodel import (
     state_space,
 )
 from mbmodel.geometry.surfaces import machine_geometry
-from mbw.files import check_json_target, write_json, write_page
+from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
+from mbw.output_folder import OutputFolder, ResultOptions
 from mbw.predict.curves import Curves, drive_points, requested_curves
-from mbw.predict.page import render
+from mbw.predict.page import PAGE, render
 from mbw.predict.prediction import Prediction, modes_file, predict, table
 from mbw.site_kinds import hammer_sites, sensor_sites
 
-PAGE = "predict.html"
 _DEFAULT_BAND_HZ = (0.0, 200.0)
 _MIN_SHOWN_FREQUENCY = 0.1  # of the default band's upper limit; a mode above it is shown well
 _MAX_BAND_MODES = 12  # modes that a band above or below the default one includes
@@ -69,27 +70,23 @@ class PredictOutputs:
     """Outputs of a prediction.
 
     Args:
-        modes: whether the table of modes is printed; it is also printed without ``frf`` and
-            ``statespace``.
+        modes: whether the table of modes is asked for.
         frf: whether FRFs are written as CSV to stdout.
         statespace: file of the state space, .npz or .mat; None for none.
-        json: JSON file of the modes, ``-`` for stdout; None for none.
-        pictures: whether the page is written.
-        out: folder of the page; None for ``<model>-predicted``.
+        options: where page and JSON are written.
     """
 
     modes: bool
     frf: bool
     statespace: Path | None
-    json: Path | None
-    pictures: bool
-    out: Path | None
+    options: ResultOptions
 
     @property
     def table(self) -> bool:
-        """Whether the table of modes is printed."""
+        """Whether the table of modes is printed: if asked for, or if no other data are."""
         has_data = self.frf or self.statespace is not None
-        return (self.modes or not has_data) and str(self.json) != "-"
+        is_wanted = self.modes or not (has_data or SCREEN.quiet)
+        return is_wanted and not self.options.has_json_on_stdout
 
 
 def run_options(  # noqa: PLR0913  # one for each option
@@ -107,10 +104,12 @@ def run_options(  # noqa: PLR0913  # one for each option
     out: Path | None,
     pictures: bool,
     json: Path | None,
+    overwrite: bool,
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.predict.options`` describes them."""
     request = PredictRequest(tuple(inputs), tuple(outputs), quantity, band, lines)
-    run(model, request, PredictOutputs(modes, frf, statespace, json, pictures, out), spin)
+    options = ResultOptions(out, json, overwrite, pictures)
+    run(model, request, PredictOutputs(modes, frf, statespace, options), spin)
 
 
 def run(
@@ -132,34 +131,47 @@ def run(
     rates = _rates(spin)
     model = as_drawn(load_machine(path, rates))
     frf_request = _frf_request(model.machine, request, targets)
-    prediction = predict(model)
-    for remark in prediction.remarks:
-        SCREEN.say(remark)
-    if targets.json is not None and str(targets.json) != "-":
-        write_json(modes_file(prediction).model_dump_json(indent=1), targets.json)
-    if targets.statespace is not None and frf_request is not None:
-        _write_state_space(model, frf_request, targets.statespace)
-    page = _write_page(path, prediction, request, frf_request, targets, rates)
-    if str(targets.json) == "-":
+    options = targets.options
+    with _open_output(path, options) as output:
+        prediction = predict(model)
+        for remark in prediction.remarks:
+            SCREEN.say(remark)
+        if options.json is not None and not options.has_json_on_stdout:
+            write_json(modes_file(prediction).model_dump_json(indent=1), options.json)
+        if targets.statespace is not None and frf_request is not None:
+            _write_state_space(model, frf_request, targets.statespace)
+        if output is not None:
+            with output.write() as place:
+                text = _page(prediction, request, frf_request, rates)
+                (place / PAGE).write_text(text, encoding="utf-8")
+    if options.has_json_on_stdout:
         typer.echo(modes_file(prediction).model_dump_json(indent=1))
     if targets.table:
         typer.echo("\n".join(table(prediction)))
     if targets.frf and frf_request is not None:
         _print_frf(model, frf_request)
-    if page is not None:
-        SCREEN.say(f"pictures: open {page.resolve().as_uri()}")
+    if output is not None:
+        SCREEN.say(f"pictures: open {(output.path / PAGE).resolve().as_uri()}")
+
+
+def _open_output(path: Path, options: ResultOptions) -> AbstractContextManager[OutputFolder | None]:
+    """Return the folder of the page; None if no page shall be written."""
+    if not options.pictures:
+        return nullcontext()
+    return options.open("predict", path, "predicted", (PAGE,))
 
 
 def _check(targets: PredictOutputs) -> None:
     """Refuse unusable targets before the computation starts."""
     if targets.statespace is not None and targets.statespace.suffix not in (".npz", ".mat"):
         raise UsageError(f"{targets.statespace}: the state space is written as .npz or .mat")
-    if targets.json is not None:
-        check_json_target(targets.json)
-        if str(targets.json) == "-" and targets.frf:
+    json, out = targets.options.json, targets.options.out
+    if json is not None:
+        check_json_target(json)
+        if str(json) == "-" and targets.frf:
             raise UsageError("--json - and --frf both go to stdout: name a file for the JSON")
-    if targets.out is not None and targets.out.is_file():
-        raise UsageError(f"--out {targets.out} is a file: name a folder for the pictures")
+    if out is not None and out.is_file():
+        raise UsageError(f"--out {out} is a file: name a folder for the pictures")
 
 
 def _rates(texts: Sequence[str]) -> dict[str, float]:
@@ -248,22 +260,15 @@ def _write_state_space(model: Model, request: FrfRequest, target: Path) -> None:
         raise InputError(f"{target} cannot be written ({error.strerror}): name another") from error
 
 
-def _write_page(
-    path: Path,
+def _page(
     prediction: Prediction,
     request: PredictRequest,
     frf_request: FrfRequest | None,
-    targets: PredictOutputs,
     rates: Mapping[str, float],
-) -> Path | None:
-    """Write the page and return its path; None if no page shall be written."""
-    if not targets.pictures:
-        return None
-    target = (targets.out or Path(f"{path.stem}-predicted")) / PAGE
+) -> str:
     spins = ", ".join(f"{joint} spins at {rate:g} rad/s" for joint, rate in rates.items())
     curves = _curves(prediction, request, frf_request)
-    write_page(render(prediction, machine_geometry(prediction.machine), curves, spins), target)
-    return target
+    return render(prediction, machine_geometry(prediction.machine), curves, spins)
 
 
 def _curves(

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Quiet
+from mbw.options import Json, Overwrite, Quiet, SingleJob
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -14,13 +14,20 @@ app = typer.Typer(rich_markup_mode=None, add_completion=False)
 @app.command()
 def report(
     result: Annotated[
-        Path, typer.Argument(help="Folder that mbw tune, identify, diagnose or match wrote.")
+        Path, typer.Argument(help="Folder that another verb wrote, or the result file in it.")
     ],
+    *,
     out: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder or .html file; default: beside the result."),
+        typer.Option(
+            metavar="DIR", help="Folder or .html file; default: the folder of the result."
+        ),
     ] = None,
+    json: Json = None,
+    jobs: SingleJob = 1,
     quiet: Quiet = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Write the page of a result as one self-contained HTML file."""
-    run_verb("mbw.report.verb", result, out, quiet=quiet)
+    del jobs
+    run_verb("mbw.report.verb", result, out=out, json=json, overwrite=overwrite, quiet=quiet)

@@ -4,17 +4,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from identification.words import InputError, WorkbenchError
+from identification.words import InputError, UsageError, WorkbenchError
+from mbw.blind import page as graded
 from mbw.diagnose import files as diagnosed
 from mbw.diagnose.page import render as diagnosis_page
-from mbw.files import page_path, write_page
+from mbw.files import check_json_target, page_path, write_json
 from mbw.identify.files import MODES_JSON
 from mbw.identify.files import PAGE as MODES_PAGE
 from mbw.identify.verb import render_result as modes_page
 from mbw.match import result as matched
 from mbw.match.page import render as match_page
 from mbw.messages import SCREEN
-from mbw.tune.page import render as tuning_page
+from mbw.output_folder import OutputRequest, open_output_folder, source_of
+from mbw.predict import page as predicted
+from mbw.tune import page as tuned
 from tuning import read_result
 from tuning.files.result import TUNED_JSON
 
@@ -24,8 +27,8 @@ class _Kind:
     """Kind of result, by the verb that wrote it.
 
     Args:
-        verb: verb that wrote it.
-        files: names of files; any of them identifies the kind.
+        verb: name of the verb.
+        files: names of files; any of them identifies the kind, and the first is the result.
         page: file name of the page.
         render: function that returns the page of a folder, or of such a file.
     """
@@ -38,7 +41,7 @@ class _Kind:
 
 # In a folder with results of several verbs the first kind counts.
 _RESULT_KINDS = (
-    _Kind("tune", (TUNED_JSON,), "report.html", lambda path: tuning_page(read_result(path))),
+    _Kind("tune", (TUNED_JSON,), tuned.PAGE, lambda path: tuned.render(read_result(path))),
     _Kind("identify", (MODES_JSON,), MODES_PAGE, modes_page),
     _Kind(
         "diagnose",
@@ -52,20 +55,27 @@ _RESULT_KINDS = (
         matched.PAGE,
         lambda path: match_page(matched.read_result(path)),
     ),
+    _Kind("blind", (graded.GRADES,), graded.PAGE, graded.render_folder),
+    _Kind("predict", (predicted.PAGE,), predicted.PAGE, predicted.read_page),
 )
 
 
-def run_options(result: Path, out: Path | None) -> None:
-    """Run the verb with the values of its options."""
-    run(result, out)
+def run_options(result: Path, *, out: Path | None, json: Path | None, overwrite: bool) -> None:
+    """Run the verb with the values of its options, as ``mbw.report.options`` describes them."""
+    if json is not None:
+        check_json_target(json)
+    run(result, out, overwrite=overwrite)
+    if json is not None:
+        write_json(_read_json(result), json)
 
 
-def run(path: Path, out: Path | None) -> Path:
+def run(path: Path, out: Path | None, *, overwrite: bool = False) -> Path:
     """Write the page of a result.
 
     Args:
-        path: folder of the result, or its tuned.json, modes.json, verdict.json or match.json.
+        path: folder of the result, or its JSON file in it.
         out: an .html file or a folder; None for the folder of the result.
+        overwrite: whether a page of another campaign or model may be replaced.
 
     Returns:
         The path of the page.
@@ -74,8 +84,17 @@ def run(path: Path, out: Path | None) -> Path:
         InputError: the folder holds no result, or the page cannot be written.
     """
     kind = _kind(path)
+    folder = path if path.is_dir() else path.parent
     target = page_path(path, out, kind.page)
-    write_page(_render(kind, path), target)
+    text = _render(kind, path)
+    source = source_of(folder, kind.files[0])
+    # A result without a record was copied or made by an earlier version: its page may be renewed.
+    is_own = source is None and target.parent.resolve() == folder.resolve()
+    request = OutputRequest(
+        kind.verb, source or folder, target.parent, (target.name,), overwrite, adopts=is_own
+    )
+    with open_output_folder(request) as output, output.write() as place:
+        (place / target.name).write_text(text, encoding="utf-8")
     SCREEN.say(f"report in {target}")
     return target
 
@@ -97,6 +116,21 @@ def _render(kind: _Kind, path: Path) -> str:
         ) from error
 
 
+def _read_json(path: Path) -> str:
+    """Return the JSON of a result.
+
+    Raises:
+        UsageError: a result of ``mbw predict`` is a page alone.
+    """
+    kind = _kind(path)
+    if kind.verb == "predict":
+        raise UsageError(
+            f"{path} holds a page and no JSON: mbw predict MODEL --json FILE writes it"
+        )
+    folder = path if path.is_dir() else path.parent
+    return (folder / kind.files[0]).read_text(encoding="utf-8").rstrip()
+
+
 def _kind(path: Path) -> _Kind:
     for kind in _RESULT_KINDS:
         if any(
@@ -104,5 +138,6 @@ def _kind(path: Path) -> _Kind:
         ):
             return kind
     raise InputError(
-        f"{path} holds no result: name a folder that mbw tune, identify, diagnose or match wrote"
+        f"{path} holds no result: name a folder that mbw tune, identify, diagnose, match, blind or "
+        "predict wrote"
     )

@@ -6,7 +6,17 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Band, CampaignFolder, Jobs, Json, Quiet, Seed
+from mbw.options import (
+    Band,
+    CampaignFolder,
+    Jobs,
+    Json,
+    Overwrite,
+    Pictures,
+    Quiet,
+    Seed,
+    out_option,
+)
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -15,10 +25,7 @@ app = typer.Typer(rich_markup_mode=None, add_completion=False)
 def tune(  # noqa: PLR0913  # one for each option
     campaign: CampaignFolder,
     *,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder of the results; default: <campaign>-tuned."),
-    ] = None,
+    out: Annotated[Path | None, out_option("<campaign>-tuned beside it")] = None,
     json: Json = None,
     band: Band = None,
     starts: Annotated[
@@ -62,7 +69,9 @@ def tune(  # noqa: PLR0913  # one for each option
             help="Rank further hammer points and sensors by the intervals that they would give.",
         ),
     ] = False,
+    pictures: Pictures = True,
     quiet: Quiet = False,
+    overwrite: Overwrite = False,
 ) -> None:
     """Tune a model to a campaign; state parameters with intervals and the remaining gap.
 
@@ -83,5 +92,7 @@ def tune(  # noqa: PLR0913  # one for each option
         at_bodies=at_bodies,
         resume=resume,
         information=information,
+        pictures=pictures,
+        overwrite=overwrite,
         quiet=quiet,
     )

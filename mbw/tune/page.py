@@ -16,6 +16,7 @@ from mbw.tune.pulls import pull_points, pulls_note, pulls_table
 from tuning import LevelFrfs, TunedFile, TuningResult
 from tuning.files.result import TUNED_JSON
 
+PAGE = "report.html"
 _SERIES_COLOURS = {
     "as drawn": "#d9822b",
     "tuned": "#1f6fb8",

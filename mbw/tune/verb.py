@@ -8,11 +8,13 @@ from rich.progress import Progress, TaskID
 
 from diagnosis import residual_shares
 from mbw.band import check_band
-from mbw.files import check_json_target, write_json
+from mbw.files import write_json
 from mbw.gap_text import describe_gap, number_text
 from mbw.messages import INTERRUPTED, NOT_CONVERGED, SCREEN, allow_one_interrupt
+from mbw.output_folder import OutputFolder, ResultOptions
 from mbw.remarks import list_remarks
 from mbw.tune.modes import measured_modes, parse_residuals
+from mbw.tune.page import PAGE, render
 from tuning import (
     CHECKPOINT_FILE,
     GAUSS_NEWTON,
@@ -24,16 +26,18 @@ from tuning import (
     ProgressCallbacks,
     ResidualKind,
     TunedFile,
-    check_output_folder,
     fingerprint,
     open_session,
+    read_result,
     select_stages,
     tune,
     write_result,
 )
 from tuning.assessment.held_out import N_FOLDS
+from tuning.files.result import FRF_NPZ, TUNED_JSON, TUNED_MJCF
 from tuning.files.schema import ShareRow
 
+NAMES = (TUNED_JSON, TUNED_MJCF, FRF_NPZ, PAGE)
 _MAX_FURTHER_POINTS = 5  # further hammer points and sensors that the terminal lists
 
 
@@ -72,14 +76,15 @@ def run_options(  # noqa: PLR0913  # one for each option
     at_bodies: bool,
     resume: bool,
     information: bool,
+    pictures: bool,
+    overwrite: bool,
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.tune.options`` describes them."""
     check_band(band)
     place: FrfPlace = "bodies" if at_bodies else "sensors"
     run(
         campaign,
-        out=out,
-        json=json,
+        ResultOptions(out, json, overwrite, pictures),
         band=band,
         starts=starts,
         seed=seed,
@@ -92,9 +97,8 @@ def run_options(  # noqa: PLR0913  # one for each option
 
 def run(  # noqa: PLR0913  # one for each option
     campaign: Path,
+    outputs: ResultOptions,
     *,
-    out: Path | None,
-    json: Path | None = None,
     band: tuple[float, float] | None = None,
     starts: int = 1,
     seed: int = 0,
@@ -107,8 +111,7 @@ def run(  # noqa: PLR0913  # one for each option
 
     Args:
         campaign: folder of the campaign.
-        out: folder of the result; None for <campaign>-tuned.
-        json: further JSON file, or ``-`` for stdout; None for none.
+        outputs: where the result is written.
         band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
         starts: number of starts: the nominal model, then random ones.
         seed: seed of the random starts.
@@ -125,46 +128,59 @@ def run(  # noqa: PLR0913  # one for each option
     """
     session = open_session(campaign, band)
     freq = session.campaign.freq_hz
-    folder = out or Path(f"{session.campaign.name}-tuned")
     SCREEN.say(
         f"{session.campaign.name}: {len(session.campaign.tests)} tests, {len(freq)} frequency "
         f"lines {freq[0]:g}..{freq[-1]:g} Hz, {_parameter_counts(session.parametrisation)}"
     )
-    check_output_folder(folder)
-    if json is not None:
-        check_json_target(json)
-    options = {"starts": starts, "seed": seed, "search": search}
+    with outputs.open("tune", session.source, "tuned", NAMES) as output:
+        options = {"starts": starts, "seed": seed, "search": search}
+        checkpoint = _open_checkpoint(output.path, fingerprint(session, options), resume=resume)
+        measured = measured_modes(session.campaign, search.residuals, search.modes)
+        for text in session.campaign.remarks:
+            SCREEN.say(text)
+        with SCREEN.progress() as progress, allow_one_interrupt() as ignore_interrupts:
+            bar = _ProgressBar(progress, starts, len(select_stages(search.residuals)))
+            tuned = tune(
+                session,
+                residuals=search.residuals,
+                measured=measured,
+                algorithm=search.algorithm,
+                at=search.at,
+                starts=starts,
+                seed=seed,
+                jobs=jobs,
+                inform=inform,
+                callbacks=ProgressCallbacks(bar.show_evaluation, bar.show_fold),
+                checkpoint=checkpoint,
+            )
+            ignore_interrupts()
+            summary = _write(tuned, output, outputs)
+        _say(summary, output.path)
+        if outputs.pictures:
+            SCREEN.say(f"pictures in {(output.path / PAGE).absolute().as_uri()}")
+        if not tuned.interrupted:
+            checkpoint.close()
+    _exit_unless_converged(tuned)
+    return output.path
+
+
+def _open_checkpoint(folder: Path, key: str, *, resume: bool) -> Checkpoint:
+    """Open the checkpoint of a run; say so where an interrupted run is not continued."""
     file = folder / CHECKPOINT_FILE
     if file.is_file() and not resume:
         SCREEN.say(f"{file} of an interrupted run is not used: --resume would continue from it")
-    checkpoint = Checkpoint(file, fingerprint(session, options), resume=resume)
-    measured = measured_modes(session.campaign, search.residuals, search.modes)
-    for text in session.campaign.remarks:
-        SCREEN.say(text)
-    with SCREEN.progress() as progress, allow_one_interrupt() as ignore_interrupts:
-        bar = _ProgressBar(progress, starts, len(select_stages(search.residuals)))
-        tuned = tune(
-            session,
-            residuals=search.residuals,
-            measured=measured,
-            algorithm=search.algorithm,
-            at=search.at,
-            starts=starts,
-            seed=seed,
-            jobs=jobs,
-            inform=inform,
-            callbacks=ProgressCallbacks(bar.show_evaluation, bar.show_fold),
-            checkpoint=checkpoint,
-        )
-        ignore_interrupts()
-        summary = write_result(tuned, folder, _remaining_gap(tuned))
-        if json is not None:
-            write_json(summary.model_dump_json(indent=1), json)
-    _say(summary, folder)
-    if not tuned.interrupted:
-        checkpoint.close()
-    _exit_unless_converged(tuned)
-    return folder
+    return Checkpoint(file, key, resume=resume)
+
+
+def _write(tuned: CampaignTuning, output: OutputFolder, outputs: ResultOptions) -> TunedFile:
+    """Write the result, its page and the further JSON file; return the content of tuned.json."""
+    with output.write() as place:
+        summary = write_result(tuned, place, _remaining_gap(tuned))
+        if outputs.pictures:
+            (place / PAGE).write_text(render(read_result(place)), encoding="utf-8")
+    if outputs.json is not None:
+        write_json(summary.model_dump_json(indent=1), outputs.json)
+    return summary
 
 
 def _parameter_counts(parametrisation: Parametrisation) -> str:

@@ -271,7 +271,7 @@ def test_without_a_drive_point_the_full_matrix_is_refused(undriven, tmp_path):
     result = mbw("identify", undriven, "--out", tmp_path / "out", "--full")
     assert result.exit_code == 2
     assert "without a drive point modes have no scale" in result.stderr
-    assert list((tmp_path / "out").iterdir()) == []
+    assert not (tmp_path / "out").exists()
 
 
 def test_shapes_and_their_scaling_alone_answer_like_the_measurement(content):

@@ -222,7 +222,11 @@ def test_a_page_replaces_the_one_before_and_nothing_else(drawing, tmp_path):
     (place / "notes.txt").write_text("mine")
     mbw("predict", drawing)
     assert (place / "predict.html").stat().st_size > 100_000
-    assert sorted(path.name for path in place.iterdir()) == ["notes.txt", "predict.html"]
+    assert sorted(path.name for path in place.iterdir()) == [
+        ".mbw.json",
+        "notes.txt",
+        "predict.html",
+    ]
     assert (place / "notes.txt").read_text() == "mine"
 
 

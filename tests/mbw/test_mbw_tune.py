@@ -131,9 +131,19 @@ def test_the_inputs_are_named_with_their_hashes(folder, tuned):
         assert hashlib.sha256((folder / file).read_bytes()).hexdigest() == digest
 
 
-def test_the_folder_holds_three_files_and_no_traces(tuned):
+def test_the_folder_holds_four_files_with_their_record_and_no_traces(tuned):
     out, _ = tuned
-    assert sorted(path.name for path in out.iterdir()) == ["frf.npz", "tuned.json", "tuned.xml"]
+    names = [".mbw.json", "frf.npz", "report.html", "tuned.json", "tuned.xml"]
+    assert sorted(path.name for path in out.iterdir()) == names
+    assert "pictures in file://" in tuned[1].stderr
+
+
+def test_without_pictures_no_page_is_written_and_an_old_one_goes(tuned, folder):
+    out, _ = tuned
+    assert mbw("tune", folder, "--out", out, "--no-pictures", "-q").exit_code == 0
+    assert not (out / "report.html").exists()
+    assert mbw("tune", folder, "--out", out, "-q").exit_code == 0
+    assert (out / "report.html").is_file()
 
 
 def test_an_interrupt_writes_the_best_so_far_and_exits_130(folder, tmp_path, monkeypatch):

@@ -232,20 +232,6 @@ def write_atomically(folder: Path) -> Iterator[Path]:
         ) from error
 
 
-def check_output_folder(folder: Path) -> None:
-    """Check that a result can be written to a folder, before the work is done.
-
-    Raises:
-        InputError: it cannot be created or written, or a file's name is taken by a folder.
-    """
-    with write_atomically(folder) as place:
-        for name in (TUNED_JSON, TUNED_MJCF, FRF_NPZ):
-            if (folder / name).is_dir():
-                raise InputError(f"{folder / name} is a folder: name another output folder")
-        (place / ".probe").touch()
-        (place / ".probe").unlink()
-
-
 def _arrays(tuned: CampaignTuning) -> dict[str, np.ndarray]:
     """Return the arrays of frf.npz."""
     arrays: dict[str, np.ndarray] = {"freq_hz": tuned.session.campaign.freq_hz}

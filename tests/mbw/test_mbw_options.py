@@ -1,0 +1,107 @@
+"""Options of the verbs: the common ones are everywhere, and messages name only those that exist."""
+
+import ast
+import json
+import re
+from pathlib import Path
+
+import pytest
+import typer
+from campaign_folder import write_folder
+from small_machine import MJCF
+from typer.testing import CliRunner
+
+from mbw.command import VERBS, app
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGES = ("identification", "mbmodel", "tuning", "diagnosis", "mbw", "mbworkbench")
+COMMON = {"--out", "--json", "--jobs", "--quiet", "--overwrite"}
+SHAPES = ROOT / "assets" / "gondola" / "shapes.vtu"
+WITHOUT_BAND = {"report"}
+WITH_SEED = {"demo", "tune", "diagnose", "blind"}
+
+
+def options(verb):
+    group = typer.main.get_command(app)
+    context = group.make_context("mbw", [], resilient_parsing=True)
+    return {
+        name
+        for parameter in group.get_command(context, verb).params
+        for name in (*parameter.opts, *parameter.secondary_opts)
+        if name.startswith("--")
+    }
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_takes_the_common_options(verb):
+    known = options(verb)
+    assert known >= COMMON
+    assert ("--band" in known) == (verb not in WITHOUT_BAND)
+    assert ("--seed" in known) == (verb in WITH_SEED)
+
+
+def option_words():
+    """File and line of every option that a text of the packages names, docstrings too."""
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+                if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    for word in re.findall(r"(?<![\w-])--[a-z][a-z-]*", node.value):
+                        yield f"{path.relative_to(ROOT)}:{node.lineno}", word
+
+
+def test_texts_name_only_options_that_a_verb_has():
+    known = {"--debug", "--version", "--help"}.union(*(options(verb) for verb in VERBS))
+    named = list(option_words())
+    assert len(named) > 40
+    assert [(place, word) for place, word in named if word not in known] == []
+
+
+def test_a_verb_named_beside_an_option_has_it():
+    """Texts such as ``mbw tune CAMPAIGN --resume``: the option belongs to that verb."""
+    pattern = re.compile(r"\bmbw (\w+)((?:\s+(?:[A-Z]+\b|<\w+>|--[a-z-]+))+)")
+    pages = [*(ROOT / "docs").rglob("*.md"), *(ROOT / "mbw").rglob("*.py"), ROOT / "README.md"]
+    checked = 0
+    for page in pages:
+        for verb, words in pattern.findall(page.read_text("utf-8")):
+            for word in re.findall(r"--[a-z-]+", words) if verb in VERBS else ():
+                checked += 1
+                assert word in options(verb) | {"--help"}, f"{page}: mbw {verb} {word}"
+    assert checked > 3
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory):
+    place = tmp_path_factory.mktemp("sources")
+    model = place / "pair.xml"
+    model.write_text(MJCF, encoding="utf-8")
+    return {"identify": write_folder(place / "campaign"), "predict": model, "place": SHAPES}
+
+
+@pytest.mark.parametrize("verb", ["identify", "predict", "place"])
+def test_quiet_with_json_on_stdout_prints_json_alone(sources, verb, tmp_path):
+    out = tmp_path / "out"
+    words = [verb, str(sources[verb]), "--quiet", "--json", "-", "--out", str(out), "--overwrite"]
+    for arguments in (words, [*words, "--jobs", "2", "--band", "10", "90"]):
+        done = CliRunner().invoke(app, arguments)
+        assert (done.exit_code, done.stderr) == (0, "")
+        assert json.loads(done.stdout)
+    assert any(out.iterdir())
+    silent = CliRunner().invoke(app, [verb, str(sources[verb]), "-q", "--out", str(out)])
+    assert (silent.exit_code, silent.output) == (0, "")
+
+
+def test_a_report_hands_out_the_json_of_its_result(sources, tmp_path):
+    out = str(tmp_path / "out")
+    assert CliRunner().invoke(app, ["identify", str(sources["identify"]), "--out", out, "-q"])
+    done = CliRunner().invoke(app, ["report", out, "--json", "-", "-q"])
+    assert done.exit_code == 0
+    assert json.loads(done.stdout) == json.loads((tmp_path / "out" / "modes.json").read_text())
+    assert CliRunner().invoke(app, ["report", out, "--seed", "1"]).exit_code == 2
+
+
+def test_places_go_into_a_folder_or_a_file(tmp_path):
+    words = ["place", str(SHAPES), "--band", "15", "95", "--channels", "12", "-q", "--out"]
+    assert CliRunner().invoke(app, [*words, str(tmp_path / "folder")]).exit_code == 0
+    assert CliRunner().invoke(app, [*words, str(tmp_path / "mine.csv")]).exit_code == 0
+    assert (tmp_path / "folder" / "sites.csv").read_bytes() == (tmp_path / "mine.csv").read_bytes()
