@@ -21,8 +21,8 @@ from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
 from mbmodel.linearisation.springs import Spring
 from mbmodel.machine import Machine, parent_bodies
 from mbmodel.machine_loading import load_machine
-from mbmodel.meshes.compile import mesh_files
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf, write_mjcf
+from mbmodel.mjcf.read import mjcf_files
 from mbmodel.model import Matrices, Model, as_drawn
 from mbmodel.modes.energy_shares import EnergyShares, energy_shares
 from mbmodel.modes.model_modes import Modes, model_modes, modes_of_matrices, shapes_at
@@ -82,7 +82,7 @@ __all__ = [
     "link_elements",
     "load_machine",
     "machine_geometry",
-    "mesh_files",
+    "mjcf_files",
     "model_modes",
     "modes_of_matrices",
     "parent_bodies",

@@ -79,6 +79,7 @@ class Machine:
         motors: forces of each actuator per unit of its control, by name.
         drawing: elements of the MJCF in their bodies' frames.
         spinning: whether a hinge turns steadily.
+        keyframe: name of the keyframe that gives the pose and the controls; empty for the drawing.
         remarks: sentences for the user on this linearisation.
 
     Raises:
@@ -102,6 +103,7 @@ class Machine:
     motors: Mapping[str, ActuatorGain]
     drawing: Drawing
     spinning: bool = False
+    keyframe: str = ""
     remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -6,13 +6,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from identification.words import (
-    InputError,
-    Layout,
-    Real,
-    is_hammer_point,
-    node_number,
-)
+from identification.words import InputError, Real
+from mbmodel.linearisation.check import check_linear_model
 from mbmodel.linearisation.drawing import read_drawing
 from mbmodel.linearisation.equilibrium import (
     find_equilibrium,
@@ -20,15 +15,21 @@ from mbmodel.linearisation.equilibrium import (
     tendon_jacobian,
 )
 from mbmodel.linearisation.motors import actuator_gains
+from mbmodel.linearisation.points import machine_layout
 from mbmodel.linearisation.remarks import equilibrium_remarks
 from mbmodel.linearisation.spin import spin_remarks, spin_velocity
 from mbmodel.linearisation.springs import find_springs
 from mbmodel.machine import Axle, Machine
-from mbmodel.mjcf.read import body_name, compile_mjcf, coordinate_names, joint_name
+from mbmodel.mjcf.keyframes import choose_keyframe, keyframe_remarks, pose_data
+from mbmodel.mjcf.names import body_name, coordinate_names, joint_name
+from mbmodel.mjcf.read import compile_with_remarks
+from mbmodel.mjcf.stages import stage_bodies, stage_members, stage_of
 from mbmodel.spatial import spatial_inertia
 
 
-def load_machine(path: Path, spin: Mapping[str, float] | None = None) -> Machine:
+def load_machine(
+    path: Path, spin: Mapping[str, float] | None = None, key: str | None = None
+) -> Machine:
     """Read an MJCF, find its static equilibrium, and linearise the machine there.
 
     Bodies without a joint between them count as one stage. Sites on bodies that cannot move are
@@ -37,27 +38,32 @@ def load_machine(path: Path, spin: Mapping[str, float] | None = None) -> Machine
     Args:
         path: the MJCF.
         spin: rates of the hinges that turn steadily [rad/s], by name; their angle is frozen.
+        key: name of the keyframe that gives the pose and the controls, empty for none; by default
+            the keyframe ``home`` if there is one, else none.
 
     Raises:
         InputError: what cannot be read or linearised, with the element and a remedy.
         ConvergenceError: no static equilibrium.
         UsageError: a spinning joint that is no hinge of the machine.
     """
-    model = compile_mjcf(path)
+    model, compiler_remarks = compile_with_remarks(path)
     if not model.nv:
         raise InputError(f"{path}: no body has a joint: give at least one body a joint")
-    equilibrium = find_equilibrium(model, path)
+    keyframe = choose_keyframe(model, path, key)
+    equilibrium = find_equilibrium(model, path, pose_data(model, keyframe))
     data = equilibrium.data
-    stages = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
+    stages = stage_bodies(model)
     masses, centres = zip(*(_rigid_body(model, data, stage) for stage in stages), strict=True)
     names = {body_name(model, stage): stage for stage in stages}
     velocity = spin_velocity(model, spin or {})
     stiffness, damping = remaining_stiffness_and_damping(model, data, velocity)
     jacobian, inertia = _jacobian(model, data, stages, centres), _block_diagonal(masses)
-    return Machine(
+    layout, layout_remarks = machine_layout(model, data, stages, np.array(centres), path)
+    motors, motor_remarks = actuator_gains(model, data, path, stages, centres, jacobian)
+    machine = Machine(
         name=_model_name(model, path),
         source=path,
-        layout=_layout(model, data, stages, np.array(centres), path),
+        layout=layout,
         coordinates=coordinate_names(model),
         jacobian=jacobian,
         body_mass=inertia,
@@ -69,11 +75,21 @@ def load_machine(path: Path, spin: Mapping[str, float] | None = None) -> Machine
         weight_fraction=_weight_fraction(model, path, stages),
         precedence=_precedence(model),
         axles=_axles(model, data),
-        motors=actuator_gains(model, data, stages, centres, jacobian),
+        motors=motors,
         drawing=read_drawing(model, data, names, centres),
         spinning=bool(velocity.any()),
-        remarks=(*equilibrium_remarks(model, equilibrium), *spin_remarks(model, data, spin or {})),
+        keyframe=keyframe,
+        remarks=(
+            *compiler_remarks,
+            *keyframe_remarks(model, keyframe),
+            *equilibrium_remarks(model, equilibrium, keyframe),
+            *spin_remarks(model, data, spin or {}),
+            *layout_remarks,
+            *motor_remarks,
+        ),
     )
+    check_linear_model(model, data, machine, path, velocity)
+    return machine
 
 
 def _gravity(model: mujoco.MjModel) -> Real:
@@ -106,7 +122,7 @@ def _weight_fraction(model: mujoco.MjModel, path: Path, stages: list[int]) -> Re
     """
     shares = []
     for stage in stages:
-        members = np.flatnonzero(model.body_weldid == stage)
+        members = stage_members(model, stage)
         compensated = model.body_gravcomp[members[model.body_mass[members] > 0]]
         if np.ptp(compensated) > 0:
             raise InputError(
@@ -129,7 +145,7 @@ def _axles(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Axle, ...]:
         Axle(
             joint=joint_name(model, joint),
             coordinate=int(model.jnt_dofadr[joint]),
-            stage=body_name(model, model.body_weldid[model.jnt_bodyid[joint]]),
+            stage=body_name(model, stage_of(model, model.jnt_bodyid[joint])),
             turns=mujoco.mjtJoint(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_HINGE,
             anchor=data.xanchor[joint].copy(),
             axis=data.xaxis[joint].copy(),
@@ -147,7 +163,7 @@ def _model_name(model: mujoco.MjModel, path: Path) -> str:
 
 def _rigid_body(model: mujoco.MjModel, data: mujoco.MjData, stage: int) -> tuple[Real, Real]:
     """Return mass matrix and centre of mass of all bodies of a stage together."""
-    members = np.flatnonzero(model.body_weldid == stage)
+    members = stage_members(model, stage)
     masses = model.body_mass[members]
     centre = masses @ data.xipos[members] / masses.sum()
     total = np.zeros((6, 6))
@@ -176,44 +192,6 @@ def _jacobian(
         block = jacobian[6 * k : 6 * k + 6]
         mujoco.mj_jac(model, data, block[:3], block[3:], centre, stage)
     return jacobian
-
-
-def _layout(
-    model: mujoco.MjModel, data: mujoco.MjData, stages: list[int], centres: Real, path: Path
-) -> Layout:
-    """Return bodies and named sites on moving bodies, in world axes."""
-    sites = [
-        s
-        for s in range(model.nsite)
-        if model.site(s).name and model.body_weldid[model.site_bodyid[s]] in stages
-    ]
-    names = [model.site(s).name for s in sites]
-    _refuse_shared_nodes(path, names)
-    try:
-        return Layout(
-            bodies=tuple(body_name(model, stage) for stage in stages),
-            centres=centres,
-            points=tuple(names),
-            body_of=np.array(
-                [stages.index(model.body_weldid[model.site_bodyid[s]]) for s in sites], np.intp
-            ),
-            positions=data.site_xpos[sites].reshape(-1, 3),
-            axes=data.site_xmat[sites].reshape(-1, 3, 3),
-        )
-    except ValueError as error:
-        raise InputError(f"{path}: {error}: rename one of them") from error
-
-
-def _refuse_shared_nodes(path: Path, names: list[str]) -> None:
-    """Raise InputError if two sensors, or two hammer points, have the same node number."""
-    site_of_node: dict[tuple[int, bool], str] = {}
-    for name in names:
-        if (node := node_number(name)) is not None:
-            first = site_of_node.setdefault((node, is_hammer_point(name)), name)
-            if first != name:
-                raise InputError(
-                    f"{path}: sites {first!r} and {name!r} both end in node {node}: renumber one"
-                )
 
 
 def _armature(model: mujoco.MjModel, data: mujoco.MjData) -> Real:

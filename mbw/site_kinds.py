@@ -1,15 +1,18 @@
 """Division of a machine's sites into accelerometers and hammer points."""
 
-from identification.words import Layout, is_hammer_point, node_number
+from identification.words import Layout, is_hammer_point
 
 
 def sensor_sites(layout: Layout) -> list[str]:
-    """Return the accelerometers: sites with a node number that are not hammer points.
+    """Return the accelerometers.
 
-    Without such a site, return all sites that are not hammer points.
+    Without any, return all sites that are neither hammer points nor ends of tendons.
     """
-    points = [name for name in layout.points if not is_hammer_point(name)]
-    return [name for name in points if node_number(name) is not None] or points
+    return list(layout.sensors) or [
+        name
+        for name in layout.points
+        if not is_hammer_point(name) and name not in layout.without_sensor
+    ]
 
 
 def hammer_sites(layout: Layout) -> list[str]:

@@ -33,7 +33,7 @@ from identification.words import (
     Dof,
     Input,
     Real,
-    node_number,
+    is_hammer_point,
 )
 from mbmodel import (
     AddedPart,
@@ -144,7 +144,7 @@ def _by_effort(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[list[Exp
     layout = machine.layout
     made = campaign.inputs
     hits = []
-    for point in (one for one in layout.points if node_number(one) is not None):
+    for point in (one for one in layout.points if one in layout.sensors or is_hammer_point(one)):
         inputs = tuple(dof for dof in (Dof.of(point, axis) for axis in range(3)) if dof not in made)
         if inputs:
             axes = " and ".join(dof.direction[2:] for dof in inputs)

@@ -29,6 +29,8 @@ class Layout:
         positions: positions of the points [m]; (n_point, 3).
         axes: unit axes of the points as columns, in world axes; (n_point, 3, 3). A flipped
             sensor channel has a flipped column, so the axes need not be right-handed.
+        without_sensor: names of points that carry no sensor although they end in a number, such
+            as the ends of tendons.
 
     Raises:
         ValueError: a shape or name contradicts this description.
@@ -40,6 +42,7 @@ class Layout:
     body_of: Integers
     positions: Real
     axes: Real
+    without_sensor: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
@@ -116,11 +119,20 @@ class Layout:
         """
         return self.bodies[self._place(point)[0]]
 
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Points that carry an accelerometer: their names end in its node's number."""
+        return tuple(
+            name
+            for name in self.points
+            if node_number(name) is not None
+            and not is_hammer_point(name)
+            and name not in self.without_sensor
+        )
+
     def sensor_at_node(self, node: int) -> str | None:
         """Return the first sensor point whose name ends in this node number, or None."""
-        names = [
-            name for name in self.points if node_number(name) == node and not is_hammer_point(name)
-        ]
+        names = [name for name in self.sensors if node_number(name) == node]
         return names[0] if names else None
 
     def hammer_at_node(self, node: int) -> str | None:

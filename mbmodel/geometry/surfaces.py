@@ -9,7 +9,9 @@ from identification.words import Integers, Real, frozen_array
 from mbmodel.geometry.primitives import box, capsule, cylinder
 from mbmodel.linearisation.equilibrium import find_equilibrium
 from mbmodel.machine import Machine
+from mbmodel.mjcf.keyframes import choose_keyframe, pose_data
 from mbmodel.mjcf.read import compile_mjcf
+from mbmodel.mjcf.stages import stage_bodies, stage_numbers
 from mbmodel.mjcf.tendons import is_fixed_tendon, tendon_branches
 
 _SHOWN_GROUPS = 3  # groups 0 to 2, as in MuJoCo's viewer
@@ -95,22 +97,23 @@ def machine_geometry(machine: Machine) -> MachineGeometry:
         InputError: the MJCF has changed since the machine was read.
     """
     model = compile_mjcf(machine.source)
-    data = find_equilibrium(model, machine.source).data
-    moving = [b for b in range(1, model.nbody) if model.body_weldid[b] == b]
+    start = pose_data(model, choose_keyframe(model, machine.source, machine.keyframe))
+    data = find_equilibrium(model, machine.source, start).data
+    moving = stage_bodies(model)
     names: dict[int, str | None] = {0: None}
     names.update(zip(moving, machine.layout.bodies, strict=True))
-    stage_of = [names[int(weld)] for weld in model.body_weldid]
-    shown = [_surface(model, data, geom, stage_of) for geom in range(model.ngeom)]
+    stage_names = [names[number] for number in stage_numbers(model).tolist()]
+    shown = [_surface(model, data, geom, stage_names) for geom in range(model.ngeom)]
     surfaces = [surface for surface in shown if surface is not None]
     with_geom = {surface.stage for surface in surfaces}
     boxed = tuple(name for name in machine.layout.bodies if name not in with_geom)
     return MachineGeometry(
-        (*surfaces, *_boxes(machine, boxed)), tuple(_lines(model, data, stage_of)), boxed
+        (*surfaces, *_boxes(machine, boxed)), tuple(_lines(model, data, stage_names)), boxed
     )
 
 
 def _surface(
-    model: mujoco.MjModel, data: mujoco.MjData, geom: int, stage_of: list[str | None]
+    model: mujoco.MjModel, data: mujoco.MjData, geom: int, stage_names: list[str | None]
 ) -> Surface | None:
     """Return the surface of a geom, or None if it is not shown."""
     colour = _colour(model, geom)
@@ -122,7 +125,7 @@ def _surface(
     points, triangles = triangulated
     axes = data.geom_xmat[geom].reshape(3, 3)
     return Surface(
-        stage_of[model.geom_bodyid[geom]],
+        stage_names[model.geom_bodyid[geom]],
         points @ axes.T + data.geom_xpos[geom],
         triangles,
         sharp_edges(points, triangles),
@@ -243,7 +246,7 @@ def _boxes(machine: Machine, stages: tuple[str, ...]) -> list[Surface]:
 
 
 def _lines(
-    model: mujoco.MjModel, data: mujoco.MjData, stage_of: list[str | None]
+    model: mujoco.MjModel, data: mujoco.MjData, stage_names: list[str | None]
 ) -> list[TendonLine]:
     """Return the visible branches of spatial tendons."""
     lines = []
@@ -257,7 +260,7 @@ def _lines(
                 TendonLine(
                     model.tendon(tendon).name or f"tendon{tendon}",
                     np.array(points),
-                    tuple(stage_of[body] for body in bodies),
+                    tuple(stage_names[body] for body in bodies),
                     None if colour == _DEFAULT_COLOUR else colour,
                 )
             )

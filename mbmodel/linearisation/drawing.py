@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from identification.words import Real
-from mbmodel.mjcf.read import joint_name
+from mbmodel.mjcf.names import joint_name
 from mbmodel.spatial import spatial_inertia
 
 

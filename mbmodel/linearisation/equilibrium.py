@@ -1,18 +1,21 @@
 """Static equilibrium, and the stiffness and damping there beyond linear springs and gravity."""
 
+import copy
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import mujoco
 import numpy as np
 import scipy.linalg
 
 from identification.words import ConvergenceError, InputError, Real
-from mbmodel.mjcf.read import active_constraint, joint_name
+from mbmodel.mjcf.names import joint_name
+from mbmodel.mjcf.refusals import active_constraint
 
 # Step of central differences [m, rad, or their rates]: the forces are smooth, so that errors of
 # truncation and of rounding are both small.
-_FORCE_DIFFERENCE_STEP = 1e-6
+FORCE_DIFFERENCE_STEP = 1e-6
 _MAX_NEWTON_STEPS = 200  # far more than Newton's method needs: it stops at rest
 _MAX_STEP_HALVINGS = 30  # a step of 1e-9 of the first that does no work is given up
 _MAX_STEP = 0.3  # m or rad: beyond it the linear prediction of forces means nothing
@@ -24,7 +27,7 @@ class Equilibrium:
 
     Args:
         data: after ``mj_forward`` at the static equilibrium.
-        displacement: of each joint coordinate from the drawing [m, rad]; (nv,).
+        displacement: of each joint coordinate from the pose at the start [m, rad]; (nv,).
         stable: whether no small displacement meets a force that drives it on.
     """
 
@@ -33,19 +36,20 @@ class Equilibrium:
     stable: bool
 
 
-def find_equilibrium(model: mujoco.MjModel, path: Path) -> Equilibrium:
-    """Find the static equilibrium, downhill from the drawing.
+def find_equilibrium(model: mujoco.MjModel, path: Path, start: mujoco.MjData) -> Equilibrium:
+    """Find the static equilibrium, downhill from a pose: the drawing or a keyframe.
 
     At rest the passive and actuator forces balance the bias: r(q) = qfrc_passive + qfrc_actuator
     - qfrc_bias = 0, with r' by central differences. Newton's step is taken in the modes of
     (-r', M) with the absolute value of each stiffness, so that a pendulum drawn upright falls
     instead of climbing. A step is no longer than ``_MAX_STEP`` and is halved until the forces do
-    work along it. Directions without stiffness and force stay. A drawing that is already at rest
+    work along it. Directions without stiffness and force stay. A pose that is already at rest
     stays, stable or not.
 
     Args:
         model: the compiled model.
         path: of the MJCF, for messages.
+        start: the pose, at rest, with the controls that stay.
 
     Returns:
         The machine at rest.
@@ -54,9 +58,9 @@ def find_equilibrium(model: mujoco.MjModel, path: Path) -> Equilibrium:
         InputError: a contact or limit is active there.
         ConvergenceError: forces that no displacement balances, such as those of a free fall.
     """
-    data = mujoco.MjData(model)
+    data = copy.copy(start)
     mujoco.mj_forward(model, data)
-    scale = _force_scale(model, data)
+    scale = force_scale(model, data)
     for _ in range(_MAX_NEWTON_STEPS):
         residual = _net_force(model, data).copy()
         if np.abs(residual).max(initial=0.0) <= 1e-11 * scale:
@@ -76,7 +80,7 @@ def find_equilibrium(model: mujoco.MjModel, path: Path) -> Equilibrium:
             "unbalanced: give it stiffness, turn gravity off, or draw the machine nearer to rest"
         )
     displacement = np.zeros(model.nv)
-    mujoco.mj_differentiatePos(model, displacement, 1.0, model.qpos0, data.qpos)
+    mujoco.mj_differentiatePos(model, displacement, 1.0, start.qpos, data.qpos)
     return Equilibrium(data, displacement, _is_stable(model, data))
 
 
@@ -151,7 +155,7 @@ def _net_force(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
     return force
 
 
-def _force_scale(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+def force_scale(model: mujoco.MjModel, data: mujoco.MjData) -> float:
     """Return the size of the forces that have to balance: the largest of weight, tension, net."""
     weight = float(model.body_mass.sum() * np.linalg.norm(model.opt.gravity))
     tension = np.abs(model.tendon_stiffness * tendon_elongation(model, data))
@@ -162,21 +166,38 @@ def _force_scale(model: mujoco.MjModel, data: mujoco.MjData) -> float:
 
 def _force_slope(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
     """Return the derivative of the force by the displacement; (nv, nv)."""
-    return _force_differences(model, data, along="position")
+    return -force_slopes(model, data, along="position")[0]
 
 
-def _force_differences(
-    model: mujoco.MjModel, data: mujoco.MjData, along: str, velocity: Real | None = None
-) -> Real:
-    """Return central differences of the force, column j along coordinate j; (nv, nv)."""
-    probe = mujoco.MjData(model)
-    slope = np.empty((model.nv, model.nv))
+def force_slopes(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    along: Literal["position", "velocity"],
+    velocity: Real | None = None,
+    step: float = FORCE_DIFFERENCE_STEP,
+) -> tuple[Real, Real]:
+    """Return minus the central differences of the force, and how far they differ between sides.
+
+    Args:
+        model: the compiled model.
+        data: at static equilibrium.
+        along: ``position`` for the stiffness, ``velocity`` for the damping.
+        velocity: of the joint coordinates in steady motion; None at rest; (nv,).
+        step: of the differences [m, rad, or their rates].
+
+    Returns:
+        Stiffness or damping, column j along coordinate j, and the slope to one side minus that to
+        the other, which is of the size of the step where the force is smooth; (nv, nv) each.
+    """
+    probe = copy.copy(data)
+    slope, kink = np.empty((model.nv, model.nv)), np.empty((model.nv, model.nv))
     steady = np.zeros(model.nv) if velocity is None else velocity
+    middle = None
     for column in range(model.nv):
         forces = []
-        for sign in (1.0, -1.0):
+        for sign in (1.0, -1.0) if middle is not None else (1.0, -1.0, 0.0):
             direction = np.zeros(model.nv)
-            direction[column] = sign * _FORCE_DIFFERENCE_STEP
+            direction[column] = sign * step
             probe.qpos[:], probe.qvel[:] = data.qpos, steady
             if along == "position":
                 mujoco.mj_integratePos(model, probe.qpos, direction, 1.0)
@@ -186,8 +207,10 @@ def _force_differences(
             mujoco.mj_fwdVelocity(model, probe)
             mujoco.mj_fwdActuation(model, probe)
             forces.append(_net_force(model, probe).copy())
-        slope[:, column] = (forces[0] - forces[1]) / (2 * _FORCE_DIFFERENCE_STEP)
-    return slope
+        middle = forces.pop() if middle is None else middle
+        slope[:, column] = -(forces[0] - forces[1]) / (2 * step)
+        kink[:, column] = (forces[0] - 2 * middle + forces[1]) / step
+    return slope, kink
 
 
 def remaining_stiffness_and_damping(
@@ -215,9 +238,9 @@ def remaining_stiffness_and_damping(
         for name in zeroed:
             getattr(model, name)[:] = 0.0
         model.opt.gravity[:] = 0.0
-        stiffness = -_force_differences(model, data, along="position", velocity=velocity)
+        stiffness, _ = force_slopes(model, data, along="position", velocity=velocity)
         stiffness = stiffness if velocity.any() else symmetrise_rotations(model, stiffness)
-        damping = -_force_differences(model, data, along="velocity", velocity=velocity)
+        damping, _ = force_slopes(model, data, along="velocity", velocity=velocity)
     finally:
         model.opt.gravity[:] = gravity
         for name, value in original.items():
@@ -245,16 +268,16 @@ def tendon_curvature(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
     curvature = np.zeros((model.ntendon, model.nv, model.nv))
     if not np.any(tendon_elongation(model, data)):
         return curvature
-    probe = mujoco.MjData(model)
+    probe = copy.copy(data)
     for column in range(model.nv):
         for sign in (1.0, -1.0):
             direction = np.zeros(model.nv)
-            direction[column] = sign * _FORCE_DIFFERENCE_STEP
+            direction[column] = sign * FORCE_DIFFERENCE_STEP
             probe.qpos[:] = data.qpos
             mujoco.mj_integratePos(model, probe.qpos, direction, 1.0)
             mujoco.mj_fwdPosition(model, probe)
             curvature[:, :, column] += (
-                sign * tendon_jacobian(model, probe) / (2 * _FORCE_DIFFERENCE_STEP)
+                sign * tendon_jacobian(model, probe) / (2 * FORCE_DIFFERENCE_STEP)
             )
     return symmetrise_rotations(model, curvature)
 

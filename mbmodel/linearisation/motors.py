@@ -1,13 +1,24 @@
 """Forces of a machine's actuators per unit of their controls."""
 
+import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from identification.words import Real
+from identification.words import InputError, Real
+from mbmodel.mjcf.names import actuator_name
+from mbmodel.mjcf.stages import stage_of
 from mbmodel.mjcf.tendons import tendon_body_jacobian
+
+# Limits of forces, which are lifted where the force per control is computed.
+_FORCE_LIMITS = ("actuator_forcelimited", "jnt_actfrclimited", "tendon_actfrclimited")
+# Of the control, so small that a limit of the force which is not reached stays so [1].
+_SMALL_CONTROL = 1e-6
+# Relative to the largest force: a control that changes the force by less has no effect.
+_MAX_GAIN_ERROR = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,54 +35,108 @@ class ActuatorGain:
     body: Real
 
 
-def actuator_gains(
+def actuator_gains(  # one argument for each thing known of the machine at rest
     model: mujoco.MjModel,
     data: mujoco.MjData,
+    path: Path,
     stages: list[int],
     centres: tuple[Real, ...],
     jacobian: Real,
-) -> dict[str, ActuatorGain]:
-    """Return the gain of each actuator by name.
+) -> tuple[dict[str, ActuatorGain], tuple[str, ...]]:
+    """Return the gain of each actuator by name, and remarks on actuators without effect.
 
     Forces are linear in the control, so the generalised force is the difference of two controls.
     An actuator at a site without reference exerts a wrench along its gear, one at a spatial tendon
-    the tendon's pull. These act at bodies, so that they follow when joints move.
+    the tendon's pull. These act at bodies, so that they follow when joints move. An actuator with
+    several controls is as many inputs, ``<name>.0``, ``<name>.1`` and so on. One without controls
+    is none: its stiffness and damping belong to the machine.
 
     Args:
         model: the compiled model.
         data: at static equilibrium.
+        path: of the MJCF, for messages.
         stages: MJCF body number of each stage.
         centres: centre of mass of each stage [m]; (3,) each.
         jacobian: T; (6 n_body, nv).
+
+    Raises:
+        InputError: an actuator whose force is at a limit at rest.
     """
     pulls = tendon_body_jacobian(model, data, stages, centres)
-    gains = {}
-    for actuator in range(model.nu):
-        joint, body = _force_per_control(model, data, actuator), np.zeros(len(jacobian))
+    gains: dict[str, ActuatorGain] = {}
+    idle = []
+    for actuator in range(model.nactuator):
+        name, count = actuator_name(model, actuator), int(model.actuator_ctrlnum[actuator])
         wrench = _wrench_at_bodies(model, data, actuator, pulls, stages, centres)
-        if wrench is not None and (row := jacobian.T @ wrench).any():
-            body = wrench * (joint @ row) / (row @ row)
-            joint = joint - jacobian.T @ body
-        name = model.actuator(actuator).name or f"actuator{actuator}"
-        gains[name] = ActuatorGain(joint, body)
-    return gains
+        for k in range(count):
+            joint = _force_per_control(model, data, int(model.actuator_ctrladr[actuator]) + k)
+            if joint is None:
+                raise InputError(
+                    f"{path}: actuator {name!r} is at a limit of its force at rest, where it has "
+                    "no linear model: widen forcerange or actuatorfrcrange"
+                )
+            if not joint.any():
+                idle.append(name)
+                continue
+            port = name if count == 1 else f"{name}.{k}"
+            gains[port] = _split_gain(joint, wrench, jacobian)
+    return gains, _idle_remarks(idle)
 
 
-def _force_per_control(model: mujoco.MjModel, data: mujoco.MjData, actuator: int) -> Real:
-    """Return the generalised force per unit of an actuator's control; (nv,)."""
-    probe = mujoco.MjData(model)
-    probe.qpos[:] = data.qpos
+def _idle_remarks(idle: list[str]) -> tuple[str, ...]:
+    """Return a remark that names actuators whose controls exert no force."""
+    if not idle:
+        return ()
+    names = ", ".join(repr(name) for name in dict.fromkeys(idle))
+    return (
+        f"the controls of {names} exert no force at rest, by a flag, a group that is switched off, "
+        "or geometry: they are no inputs",
+    )
+
+
+def _split_gain(joint: Real, wrench: Real | None, jacobian: Real) -> ActuatorGain:
+    """Return a generalised force as a wrench at bodies, if it has one, and the rest at joints."""
+    if wrench is None or not (row := jacobian.T @ wrench).any():
+        return ActuatorGain(joint, np.zeros(len(jacobian)))
+    body = wrench * (joint @ row) / (row @ row)
+    return ActuatorGain(joint - jacobian.T @ body, body)
+
+
+def _force_per_control(model: mujoco.MjModel, data: mujoco.MjData, control: int) -> Real | None:
+    """Return the generalised force per unit of a control, or None at a limit of force; (nv,)."""
+    original = {name: getattr(model, name).copy() for name in _FORCE_LIMITS}
     flags = model.opt.disableflags
-    forces = []
     try:
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
-        for control in (1.0, 0.0):
-            probe.ctrl[:] = data.ctrl
-            probe.ctrl[actuator] += control
-            mujoco.mj_forward(model, probe)
-            forces.append(probe.qfrc_actuator.copy())
+        limited = [
+            _control_difference(model, data, control, change) / change
+            for change in (_SMALL_CONTROL, -_SMALL_CONTROL)
+        ]
+        for name in _FORCE_LIMITS:
+            getattr(model, name)[:] = 0
+        force = _control_difference(model, data, control, 1.0)
     finally:
         model.opt.disableflags = flags
+        for name, value in original.items():
+            getattr(model, name)[:] = value
+    scale = max(np.abs(force).max(), np.abs(data.qfrc_actuator).max(), 1e-300)
+    rounding = _MAX_GAIN_ERROR * scale
+    is_at_limit = any(np.abs(slope - force).max() > rounding for slope in limited)
+    return None if is_at_limit else force
+
+
+def _control_difference(
+    model: mujoco.MjModel, data: mujoco.MjData, control: int, change: float
+) -> Real:
+    """Return the change of the generalised force with a change of one control; (nv,)."""
+    probe = copy.copy(data)
+    forces = []
+    for amount in (change, 0.0):
+        probe.ctrl[control] = data.ctrl[control] + amount
+        mujoco.mj_fwdPosition(model, probe)
+        mujoco.mj_fwdVelocity(model, probe)
+        mujoco.mj_fwdActuation(model, probe)
+        forces.append(probe.qfrc_actuator.copy())
     difference: Real = forces[0] - forces[1]
     return difference
 
@@ -98,8 +163,10 @@ def _wrench_at_bodies(
     target, reference = model.actuator_trnid[actuator]
     if kind == mujoco.mjtTrn.mjTRN_TENDON:
         return pulls.get(int(target))
-    stage = model.body_weldid[model.site_bodyid[target]] if target >= 0 else 0
-    if kind != mujoco.mjtTrn.mjTRN_SITE or reference >= 0 or stage not in stages:
+    if kind != mujoco.mjtTrn.mjTRN_SITE or reference >= 0:
+        return None
+    stage = stage_of(model, model.site_bodyid[target])
+    if stage not in stages:
         return None
     number = stages.index(stage)
     axes = data.site_xmat[target].reshape(3, 3)

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from identification.words import Real, UsageError
-from mbmodel.mjcf.read import joint_name
+from mbmodel.mjcf.names import joint_name
 from mbmodel.spatial import spatial_inertia, split_inertia
 
 # Relative to the inertia about the axis: below it a rotor counts as axisymmetric.

@@ -9,7 +9,8 @@ import numpy as np
 
 from identification.words import InputError, Real
 from mbmodel.linearisation.equilibrium import tendon_curvature, tendon_elongation, tendon_jacobian
-from mbmodel.mjcf.read import body_name, coordinate_names
+from mbmodel.mjcf.names import body_name, coordinate_names, tendon_name
+from mbmodel.mjcf.stages import stage_of
 from mbmodel.mjcf.tendons import tendon_body_jacobian
 
 
@@ -77,7 +78,7 @@ def _joint_springs(model: mujoco.MjModel) -> tuple[Spring, ...]:
         kind = mujoco.mjtJoint(model.jnt_type[joint])
         single = kind in (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
         translating_free = kind == mujoco.mjtJoint.mjJNT_FREE and dof - model.jnt_dofadr[joint] < 3
-        stage = model.body_weldid[model.dof_bodyid[dof]]
+        stage = stage_of(model, model.dof_bodyid[dof])
         springs.append(
             Spring(
                 name=names[dof],
@@ -102,7 +103,7 @@ def _tendon_springs(
     length, curvature = tendon_elongation(model, data), tendon_curvature(model, data)
     springs = []
     for tendon in range(model.ntendon):
-        name = model.tendon(tendon).name or f"tendon{tendon}"
+        name = tendon_name(model, tendon)
         springs.append(
             Spring(
                 name=name,

@@ -40,8 +40,7 @@ def compile_with_meshes(path: Path) -> mujoco.MjModel:
         ValueError: what MuJoCo refuses.
     """
     spec = mujoco.MjSpec.from_file(str(path))
-    if not spec.meshes:
-        return mujoco.MjModel.from_xml_path(str(path))
+    spec.compiler.discardvisual = False  # the pictures show what it discards
     users = [geom for geom in spec.geoms if geom.meshname]
     with_mass = {geom.meshname for geom in users if _gives_mass(spec, geom)}
     as_primitive = {geom.meshname for geom in users if geom.type != mujoco.mjtGeom.mjGEOM_MESH}
@@ -64,14 +63,6 @@ def compile_with_meshes(path: Path) -> mujoco.MjModel:
     model = spec.compile()
     _check_compiled(path, model, unchecked)
     return model
-
-
-def mesh_files(path: Path) -> tuple[Path, ...]:
-    """Return the paths of the mesh files that an MJCF names and that exist."""
-    spec = mujoco.MjSpec.from_file(str(path))
-    named = ((mesh, Path(mesh.file).name if spec.strippath else mesh.file) for mesh in spec.meshes)
-    files = {path.parent / mesh.compiler.meshdir / name for mesh, name in named if name}
-    return tuple(sorted(file for file in files if file.is_file()))
 
 
 def _gives_mass(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:

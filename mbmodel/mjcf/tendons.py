@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 from identification.words import Real
+from mbmodel.mjcf.stages import stage_of
 
 _WRAP_PULLEY = -2  # MuJoCo's mark in ``wrap_obj`` for a pulley
 
@@ -60,7 +61,7 @@ def _pull(
             along = points[k + 1] - points[k]
             along /= np.linalg.norm(along) * divisor
             for place, sign in ((k, -1.0), (k + 1, 1.0)):
-                stage = model.body_weldid[bodies[place]]
+                stage = stage_of(model, bodies[place])
                 if stage in stages:
                     number = stages.index(stage)
                     row[number, :3] += sign * along

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identification.words import Dof, Layout, Real, UsageError, is_hammer_point, node_number
+from identification.words import Dof, Layout, Real, UsageError, is_hammer_point
 from mbmodel.linearisation.drawing import DrawnElement
 from mbmodel.machine import Machine
 from mbmodel.mjcf.edit import Edit, NotInMjcf
@@ -241,8 +241,7 @@ def sensor_parts(machine: Machine, channels: Iterable[Dof] = ()) -> tuple[Sensor
             machine.drawing.sites[name],
             tuple(axis for axis in range(3) if (name, axis) in turning),
         )
-        for name in machine.layout.points
-        if node_number(name) is not None and not is_hammer_point(name)
+        for name in machine.layout.sensors
     )
 
 

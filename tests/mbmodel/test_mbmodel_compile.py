@@ -2,7 +2,6 @@
 
 import itertools
 import struct
-from pathlib import Path
 
 import meshio
 import mujoco
@@ -12,7 +11,7 @@ from mesh_examples import BOX_TETRAHEDRA, box, l_shape, l_solid, obj_text, stl_t
 from scipy.spatial.transform import Rotation
 
 from identification.words import InputError
-from mbmodel import load_machine, mesh_files
+from mbmodel import load_machine
 from mbmodel.meshes.mass_properties import read_mass_properties
 from mbmodel.mjcf.read import compile_mjcf
 
@@ -271,13 +270,3 @@ def test_every_turn_of_the_faces_triangles_is_the_same_shape(tmp_path):
     turned = [np.roll(t, k) for t, k in zip(triangles[::-1], itertools.cycle(range(3)))]
     write_stl(tmp_path / "shape.stl", points, np.array(turned))
     agree(load(tmp_path), place_and_turn(*l_solid(DENSITY)))
-
-
-def test_files_of_meshes_are_named(tmp_path):
-    station = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"
-    files = mesh_files(station)
-    assert len(files) == 6
-    assert all(file.is_file() and file.parent.name == "meshes" for file in files)
-    plain = tmp_path / "plain.xml"
-    plain.write_text('<mujoco><worldbody><geom size="1"/></worldbody></mujoco>')
-    assert mesh_files(plain) == ()

@@ -75,10 +75,11 @@ def machine_text(seed, *, first="slide", gravity="1.1 -0.7 -9.6", tendons=True):
     return whole.replace("</mujoco>", f"<tendon>{ropes}</tendon></mujoco>") if tendons else whole
 
 
-def accelerations(path, qpos, velocity=None):
+def accelerations(path, qpos, velocity=None, controls=()):
     """Slopes of MuJoCo's qacc by position and velocity at a pose, fourth-order differences."""
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
+    data.ctrl[: len(controls)] = controls
     steady = np.zeros(model.nv) if velocity is None else velocity
 
     def at(move, rate):
@@ -102,7 +103,7 @@ def accelerations(path, qpos, velocity=None):
 def assert_linear_model_is_mujocos(path, *, within=1e-6):
     machine = load_machine(path)
     model = mujoco.MjModel.from_xml_path(str(path))
-    rest = find_equilibrium(model, path)
+    rest = find_equilibrium(model, path, mujoco.MjData(model))
     matrices = as_drawn(machine).matrices(as_drawn(machine).drawn)
     by_position, by_velocity = accelerations(path, rest.data.qpos)
     for matrix, reference in (

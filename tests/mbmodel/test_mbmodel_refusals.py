@@ -75,14 +75,17 @@ REFUSED = {
         ["limit of tendon 't'", "widen"],
     ),
     "two sites with one node": (
-        GOOD.replace("<site", '<site name="top1"/><site', 1),
-        ["'top1'", "'acc1'", "node 1", "renumber"],
+        GOOD.replace("acc1", "low1").replace("<site", '<site name="top1"/><site', 1),
+        ["'top1'", "'low1'", "node 1", "renumber"],
     ),
     "two sites with one node, written otherwise": (
         GOOD.replace("<site", '<site name="acc01"/><site', 1),
         ["'acc01'", "'acc1'", "node 1"],
     ),
-    "a site named like a body": (GOOD.replace("acc1", "a"), ["a names more than one", "rename"]),
+    "a sensor named like a body": (
+        GOOD.replace('"acc1"', '"a1"').replace('"a"', '"a1"'),
+        ["body 'a1' and site 'a1'", "rename"],
+    ),
     "ball with stiffness": (
         mjcf('<body name="a"><joint name="b" type="ball" stiffness="3"/><geom size="1"/></body>'),
         ["joint 'b'", "ball", "three hinges"],
@@ -137,7 +140,7 @@ def test_a_missing_file_is_named(tmp_path):
 
 
 def test_a_folder_is_no_machine(tmp_path):
-    with pytest.raises(InputError, match="give the path of an MJCF file"):
+    with pytest.raises(InputError, match="is a folder: give the path of an MJCF file"):
         load_machine(tmp_path)
 
 

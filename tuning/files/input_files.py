@@ -5,7 +5,7 @@ import json
 import os
 from collections.abc import Mapping
 
-from mbmodel import mesh_files
+from mbmodel import mjcf_files
 from tuning.files.schema import InputRow
 from tuning.session import Session
 
@@ -13,8 +13,7 @@ from tuning.session import Session
 def input_rows(session: Session) -> list[InputRow]:
     """Return every file that was read, relative to campaign.toml, with its SHA-256."""
     folder = session.source.parent
-    files = {session.source, session.model.machine.source}
-    files |= set(mesh_files(session.model.machine.source))
+    files = {session.source, *mjcf_files(session.model.machine.source)}
     files |= {folder / test.condition.test for test in session.campaign.tests}
     return [
         InputRow(

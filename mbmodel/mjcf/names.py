@@ -1,0 +1,47 @@
+"""Names of a compiled MJCF's elements, with substitutes for those that the file does not name."""
+
+import mujoco
+
+
+def joint_name(model: mujoco.MjModel, joint: int) -> str:
+    """Return the name of a joint; ``<body>_joint<k>`` for the k-th joint of a body if unnamed."""
+    if name := model.joint(joint).name:
+        return str(name)
+    body = model.jnt_bodyid[joint]
+    owner = model.body(body).name or f"body{body}"
+    return f"{owner}_joint{joint - model.body_jntadr[body]}"
+
+
+def body_name(model: mujoco.MjModel, body: int) -> str:
+    """Return the name of a body; ``body<number>`` if unnamed."""
+    return str(model.body(body).name) or f"body{body}"
+
+
+def tendon_name(model: mujoco.MjModel, tendon: int) -> str:
+    """Return the name of a tendon; ``tendon<number>`` if unnamed."""
+    return str(model.tendon(tendon).name) or f"tendon{tendon}"
+
+
+def actuator_name(model: mujoco.MjModel, actuator: int) -> str:
+    """Return the name of an actuator; ``actuator<number>`` if unnamed."""
+    name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, actuator)
+    return name or f"actuator{actuator}"
+
+
+def coordinate_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Return the names of the joint coordinates: the joint's name, numbered if it has several."""
+    names = [joint_name(model, joint) for joint in model.dof_jntid]
+    count = {name: names.count(name) for name in names}
+    start = {name: names.index(name) for name in names}
+    return tuple(
+        name if count[name] == 1 else f"{name}.{k - start[name]}" for k, name in enumerate(names)
+    )
+
+
+def geom_name(model: mujoco.MjModel, geom: int) -> str:
+    """Return the name of a geom with its body, or of its body if it has none."""
+    if geom < 0:
+        return "a flexible body"
+    body = model.body(model.geom_bodyid[geom]).name
+    name = model.geom(geom).name
+    return f"geom {name!r} of body {body!r}" if name else f"a geom of body {body!r}"

@@ -1,0 +1,142 @@
+"""Refusal of what has no linear model: constraints that act, states of actuators, lost springs."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from identification.words import InputError
+from mbmodel.mjcf.names import actuator_name, geom_name, joint_name, tendon_name
+from mbmodel.mjcf.tendons import is_fixed_tendon
+
+_DISABLE = mujoco.mjtDisableBit
+_JOINT = mujoco.mjtJoint
+
+
+def refuse_unlinearisable(path: Path, model: mujoco.MjModel) -> None:
+    """Refuse springs, friction, actuators and constraints that have no linear model.
+
+    What a flag of the file switches off is off, and is no reason to refuse it.
+
+    Args:
+        path: of the MJCF, for messages.
+        model: the compiled model.
+
+    Raises:
+        InputError: with the name of the element and a remedy.
+    """
+    _refuse_flags(path, model)
+    for joint in range(model.njnt):
+        _check_joint(path, model, joint)
+    for tendon in range(model.ntendon):
+        _check_tendon(path, model, tendon)
+    for actuator in range(model.nactuator):
+        _check_actuator(path, model, actuator)
+    active = np.flatnonzero(model.eq_active0)
+    if active.size and is_enabled(model, _DISABLE.mjDSBL_EQUALITY):
+        name = model.equality(active[0]).name or f"number {active[0]}"
+        raise InputError(
+            f"{path}: equality constraint {name!r} closes a loop, which is not handled: replace it "
+            "by a joint or a stiff tendon"
+        )
+
+
+def is_enabled(model: mujoco.MjModel, constraint: mujoco.mjtDisableBit) -> bool:
+    """Return whether a kind of constraint acts: neither its flag nor that of all switches it off.
+
+    Args:
+        model: the compiled model.
+        constraint: the flag of its kind.
+    """
+    return not model.opt.disableflags & (constraint | _DISABLE.mjDSBL_CONSTRAINT)
+
+
+def _refuse_flags(path: Path, model: mujoco.MjModel) -> None:
+    """Refuse an MJCF that switches all springs or all dampers off."""
+    for word, flag in (("spring", _DISABLE.mjDSBL_SPRING), ("damper", _DISABLE.mjDSBL_DAMPER)):
+        if model.opt.disableflags & flag:
+            raise InputError(
+                f'{path}: <flag {word}="disable"/> takes every {word} out of the machine: remove it'
+            )
+
+
+def _check_joint(path: Path, model: mujoco.MjModel, joint: int) -> None:
+    """Refuse negative coefficients, springs that turn a ball, and friction."""
+    element = f"joint {joint_name(model, joint)!r}"
+    start, end = model.jnt_dofadr[joint], _end_of_dofs(model, joint)
+    _refuse_negative(path, element, "stiffness", model.jnt_stiffness[joint])
+    for value in model.dof_damping[start:end]:
+        _refuse_negative(path, element, "damping", value)
+    kind = _JOINT(model.jnt_type[joint])
+    has_stiffness = model.jnt_stiffness[joint] or model.jnt_stiffnesspoly[joint].any()
+    if kind == _JOINT.mjJNT_BALL and has_stiffness:
+        raise InputError(f"{path}: {element} is a ball with stiffness: write it as three hinges")
+    if kind == _JOINT.mjJNT_FREE and has_stiffness:
+        raise InputError(
+            f"{path}: {element} is free and has stiffness: write it as three slides and three "
+            "hinges"
+        )
+    friction = model.dof_frictionloss[start:end]
+    if (friction > 0).any() and is_enabled(model, _DISABLE.mjDSBL_FRICTIONLOSS):
+        raise InputError(
+            f"{path}: {element} has frictionloss, which has no linear model: remove it"
+        )
+
+
+def _end_of_dofs(model: mujoco.MjModel, joint: int) -> int:
+    """Return the number behind the last coordinate of a joint."""
+    return int(model.jnt_dofadr[joint + 1]) if joint + 1 < model.njnt else int(model.nv)
+
+
+def _check_tendon(path: Path, model: mujoco.MjModel, tendon: int) -> None:
+    """Refuse negative coefficients of a tendon that couples no joints, and friction."""
+    element = f"tendon {tendon_name(model, tendon)!r}"
+    if not (is_fixed_tendon(model, tendon) and model.tendon_num[tendon] > 1):
+        _refuse_negative(path, element, "stiffness", model.tendon_stiffness[tendon])
+        _refuse_negative(path, element, "damping", model.tendon_damping[tendon])
+    if model.tendon_frictionloss[tendon] > 0 and is_enabled(model, _DISABLE.mjDSBL_FRICTIONLOSS):
+        raise InputError(
+            f"{path}: {element} has frictionloss, which has no linear model: remove it"
+        )
+
+
+def _check_actuator(path: Path, model: mujoco.MjModel, actuator: int) -> None:
+    """Refuse actuators with a state, a delay or an armature."""
+    element = f"actuator {actuator_name(model, actuator)!r}"
+    if model.actuator_actnum[actuator] or model.actuator_delay[actuator] > 0:
+        raise InputError(
+            f"{path}: {element} has a state or a delay, which the linear model does not hold: "
+            "remove it"
+        )
+    if model.actuator_armature[actuator]:
+        raise InputError(f"{path}: {element} has armature: give it to its joint")
+
+
+def _refuse_negative(path: Path, element: str, what: str, value: float) -> None:
+    """Raise InputError unless a value is finite and at least 0."""
+    if not (np.isfinite(value) and value >= 0):
+        raise InputError(f"{path}: {element} has {what} {value:g}: give a number of 0 or more")
+
+
+def active_constraint(model: mujoco.MjModel, data: mujoco.MjData) -> str | None:
+    """Return a message about a contact or limit that acts in a state, or None if none acts.
+
+    Args:
+        model: the compiled model.
+        data: after ``mj_forward`` at the state to check.
+    """
+    for contact in data.contact:
+        if not contact.exclude:
+            names = [geom_name(model, geom) for geom in contact.geom]
+            return (
+                f'contact between {names[0]} and {names[1]} is on: set contype="0" '
+                'conaffinity="0" on one of them, or add an <exclude>'
+            )
+    if not data.nefc:
+        return None
+    kind, number = mujoco.mjtConstraint(data.efc_type[0]), int(data.efc_id[0])
+    if kind == mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT:
+        return f"the limit of joint {joint_name(model, number)!r} is reached: widen its range"
+    if kind == mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON:
+        return f"the limit of tendon {tendon_name(model, number)!r} is reached: widen its range"
+    return f"constraint {kind.name} number {number} is active: remove it"
