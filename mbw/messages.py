@@ -5,7 +5,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from types import FrameType
 from typing import ParamSpec, TypeVar
 
@@ -20,6 +20,7 @@ from rich.progress import (
 )
 
 from identification.words import WorkbenchError
+from mbw.progress_log import ProgressLog, log_status
 
 INTERNAL_ERROR, NOT_CONVERGED, INTERRUPTED = 1, 4, 130
 
@@ -52,7 +53,12 @@ class Screen:
         self.console.print(f"mbw: {' '.join(text.split())}")
 
     def progress(self) -> Progress:
-        """Return a progress bar with a description, a count and the elapsed time."""
+        """Return a progress bar with a description, a count and the elapsed time.
+
+        Where stderr is no terminal, plain lines take its place.
+        """
+        if not (self.quiet or self.console.is_terminal):
+            return ProgressLog(self.say)
         return Progress(
             TextColumn("{task.description}", markup=False),
             BarColumn(bar_width=30),
@@ -62,6 +68,14 @@ class Screen:
             disable=self.quiet,
             transient=True,
         )
+
+    def status(self, text: str) -> AbstractContextManager[object]:
+        """Show what is being computed, while a block runs."""
+        if self.quiet:
+            return nullcontext()
+        if self.console.is_terminal:
+            return self.console.status(text)
+        return log_status(self.say, text)
 
 
 SCREEN = Screen()

@@ -13,7 +13,7 @@ def list_remarks(summary: TunedFile) -> list[str]:
     """Return one sentence for each finding that limits the result, as the terminal shows them."""
     sentences = []
     if summary.fit.doubts:
-        sentences.append(f"Not to be trusted: {'; '.join(summary.fit.doubts)}.")
+        sentences.append(f"Doubts: {'; '.join(summary.fit.doubts)}.")
     if summary.unseen:
         sentences.append(f"{_join_first([row.sentence for row in summary.unseen], '; ')}.")
     if at_bound := sum(row.at_bound and row.prior is not None for row in summary.parameters):

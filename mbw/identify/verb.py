@@ -1,7 +1,6 @@
 """``mbw identify``: identification of a campaign's modal model."""
 
 import math
-from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -148,7 +147,7 @@ def _identify(
 ) -> IdentificationResult:
     """Identify the modes and check the channels of each body."""
     reference = _reference_modes(choices.against, machine, campaign)
-    with SCREEN.console.status("poles, shapes, refinement") if not SCREEN.quiet else nullcontext():
+    with SCREEN.status("poles, shapes, refinement"):
         identified = identify(campaign, choices.tolerances, choices.modes)
         is_roving = is_roving_hammer(campaign)
         solid = check_bodies(exchange_hits_and_channels(campaign) if is_roving else campaign)

@@ -1,6 +1,5 @@
 """``mbw match``: match of measured modes with finite-element modes (few sensors, unknown force)."""
 
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -88,7 +87,7 @@ def run(
         shapes = read_shapes(simulated.path, simulated.frequencies)
         rigid = rigid_modes(shapes)
         _check_shapes(simulated, rigid)
-        with SCREEN.console.status("clocks, spectra, modes") if not SCREEN.quiet else nullcontext():
+        with SCREEN.status("clocks, spectra, modes"):
             matched = match_modes(
                 shapes.select(rigid.supported),
                 campaign.layout,

@@ -10,16 +10,19 @@ _MAX_CORRELATION_ROWS = 10  # rows of the table of correlated parameters
 
 
 def badges(summary: TunedFile) -> str:
-    """Return HTML of two badges, "converged" and "to be trusted", and of the doubts."""
+    """Return HTML of a badge on the end of the search, green without doubts, and of the doubts."""
     fit = summary.fit
     doubts = list(fit.doubts)
     if not fit.converged and not summary.interrupted:
         doubts.insert(0, f"the search ended early ({fit.outcome}): {fit.advice}")
-    pills = badge("converged" if fit.converged else "not converged", fit.converged)
-    if fit.trusted or doubts:
-        pills += badge("to be trusted" if fit.trusted else "not to be trusted", fit.trusted)
+    if not fit.converged:
+        pills = badge("not converged", good=False)
+    else:
+        pills = badge("converged", good=True if fit.trusted else None)
     if not doubts:
-        return f'<p class="badges">{pills}</p>'
+        next_step = "Next: mbw diagnose seeks what the model lacks." if fit.trusted else ""
+        return f'<p class="badges">{pills} {next_step}</p>'
+    pills += badge("1 doubt" if len(doubts) == 1 else f"{len(doubts)} doubts", good=False)
     listed = "".join(f"<li>{escape(text)}</li>" for text in doubts)
     return f'<p class="badges">{pills}</p><ul class="doubts">{listed}</ul>'
 

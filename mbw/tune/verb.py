@@ -1,5 +1,6 @@
 """``mbw tune``: tuning of a model to a campaign, with the gap that remains."""
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -156,6 +157,9 @@ def run(  # noqa: PLR0913  # one for each option
             ignore_interrupts()
             summary = _write(tuned, output, outputs)
         _say(summary, output.path)
+        if summary.fit.trusted:
+            place = shlex.quote(str(session.source.parent))
+            SCREEN.say(f"next: mbw diagnose {place} seeks what the model lacks")
         if outputs.pictures:
             SCREEN.say(f"pictures in {(output.path / PAGE).absolute().as_uri()}")
         if not tuned.interrupted:
@@ -229,8 +233,7 @@ class _ProgressBar:
 
 def _say(summary: TunedFile, folder: Path) -> None:
     gap, fit = summary.gap.sensors, summary.fit
-    trust = ", to be trusted" if fit.trusted else ""
-    SCREEN.say(f"{fit.outcome} after {fit.evaluations} evaluations{trust}{_agreement(summary)}")
+    SCREEN.say(f"{fit.outcome} after {fit.evaluations} evaluations{_agreement(summary)}")
     rows = [("as drawn (nominal model)", gap.as_drawn), ("tuned", gap.tuned)]
     if gap.held_out is not None:
         rows.append(("tuned, on held-out frequency lines", gap.held_out))

@@ -48,7 +48,7 @@ def test_a_result_without_faults_has_nothing_to_remark(summary):
 
 def test_every_doubt_is_said(summary):
     (text, *_) = list_remarks(doubted(summary, "it was interrupted", "at a bound: k"))
-    assert text == "Not to be trusted: it was interrupted; at a bound: k."
+    assert text == "Doubts: it was interrupted; at a bound: k."
 
 
 @pytest.mark.parametrize("count", [1, 6])

@@ -55,14 +55,13 @@ def row_of(html, name):
     return found
 
 
-def test_converged_and_to_be_trusted_are_two_badges(summary):
-    both = badges(fitted(summary, converged=True, trusted=True, doubts=[]))
-    assert re.findall(r'class="badge (\w+)">([\w ]+)<', both) == [
-        ("good", "converged"), ("good", "to be trusted"),
-    ]  # fmt: skip
+def test_converged_is_green_only_without_doubts(summary):
+    sure = badges(fitted(summary, converged=True, trusted=True, doubts=[]))
+    assert re.findall(r'class="badge (\w+)">([\w ]+)<', sure) == [("good", "converged")]
+    assert "mbw diagnose" in sure
     one = badges(fitted(summary, converged=True, trusted=False, doubts=["k < 0", "b"]))
     assert re.findall(r'class="badge (\w+)">([\w ]+)<', one) == [
-        ("good", "converged"), ("trouble", "not to be trusted"),
+        ("plain", "converged"), ("trouble", "2 doubts"),
     ]  # fmt: skip
     assert "<li>k &lt; 0</li><li>b</li>" in one
     neither = badges(

@@ -115,12 +115,14 @@ def test_what_varies_and_what_the_mjcf_lacks_is_said_in_few_words(tuned):
     assert len([name for name in names if ".gain_" in name]) == 3 * 6
 
 
-def test_that_it_converged_and_is_to_be_trusted_are_two_words(tuned):
+def test_tune_leads_to_the_diagnosis_and_judges_no_further(folder, tuned):
     _, result = tuned
     fit = json.loads(result.stdout)["fit"]
-    (line,) = [text for text in result.stderr.splitlines() if text.startswith("converged")]
-    assert ("to be trusted" in line) == fit["trusted"] == (not fit["doubts"])
-    assert ("Not to be trusted" in result.stderr) == bool(fit["doubts"])
+    assert fit["trusted"] == (not fit["doubts"])
+    assert ("Doubts:" in result.stderr) == bool(fit["doubts"])
+    assert result.stderr.count(f"mbw diagnose {folder}") == 1
+    assert "trusted" not in result.stderr
+    assert "lacks some" not in result.stderr
 
 
 def test_the_inputs_are_named_with_their_hashes(folder, tuned):

@@ -1,6 +1,7 @@
 """What a fit is worth: covariance, what the data cannot tell, faults by their pulls."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from tuning import (
     predict,
 )
 from tuning.assessment.frf_bands import frf_deviations, magnitude_deviations
-from tuning.assessment.parameter_confidence import rank_pulls
+from tuning.assessment.parameter_confidence import ParameterConfidence, rank_pulls
 from tuning.misfit.batch import batch_tests
 
 FREQ = np.linspace(3.0, 90.0, 120)
@@ -185,3 +186,36 @@ def test_the_magnitude_of_a_prediction_scatters_as_its_band_says(model, true_the
     assert np.median(ratio) == pytest.approx(1.0, abs=0.05)
     assert np.quantile(ratio, [0.05, 0.95]) == pytest.approx([1.0, 1.0], abs=0.2)
     assert true_theta.shape == result.theta.shape
+
+
+def directions_of(information, sizes):
+    """Directions of parameters without priors, from the normal equations of the data."""
+    count = len(sizes)
+    parametrisation = SimpleNamespace(
+        is_logarithmic=np.ones(count, bool),
+        has_prior=np.zeros(count, bool),
+        names=[f"k{number}" for number in range(count)],
+        coordinate_of=np.arange(count),
+        theta=lambda _: np.asarray(sizes, float),
+    )
+    normal = SimpleNamespace(dense=lambda: np.asarray(information, float))
+    confidence = ParameterConfidence(parametrisation, np.zeros(count), normal, 1.0)
+    return {row.sentence for row in confidence.unidentifiable_directions()}
+
+
+def test_of_one_pair_a_product_and_a_ratio_are_not_said_at_once():
+    pair = np.array([[1.0, 1.0], [1.0, 1.0]])
+    assert directions_of(1e4 * pair, (1e6, 3e3)) == {"k0 and k1 are determined only as a product"}
+    neither = {"k0 is not determined by the data", "k1 is not determined by the data"}
+    assert directions_of(0.1 * pair, (1e6, 3e3)) == neither
+
+
+def test_a_parameter_alone_is_kept_apart_from_a_combination():
+    rows = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])  # k0 + k1 well seen, k2 hardly
+    seen = rows.T @ np.diag([1e4, 0.01]) @ rows
+    assert directions_of(seen, (1e6, 3e3, 5e2)) == {
+        "k0 and k1 are determined only as a product", "k2 is not determined by the data",
+    }  # fmt: skip
+    together = 1e4 * np.ones((3, 3))
+    (sentence,) = directions_of(together, (1e6, 3e3, 5e2))
+    assert sentence.endswith("are determined in combination only")

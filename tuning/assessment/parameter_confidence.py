@@ -22,7 +22,7 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.words import Campaign, Mask, Real
+from identification.words import Campaign, Integers, Mask, Real
 from mbmodel import Model
 from tuning.files.schema import CorrelationRow, UnseenRow
 from tuning.fitting.fitter import Fit
@@ -129,29 +129,50 @@ class ParameterConfidence:
 
     def unidentifiable_directions(self) -> tuple[UnseenRow, ...]:
         """Return directions that the data do not determine, the most uncertain first."""
-        return tuple(self._iterate_directions())
+        free = np.flatnonzero(~self.parametrisation.has_prior)
+        return tuple(sorted(self._directions(free), key=lambda row: -row.deviation))
 
-    def _iterate_directions(self) -> Iterator[UnseenRow]:
-        """Yield the unidentifiable directions among coordinates without a prior."""
-        parametrisation = self.parametrisation
-        free = np.flatnonzero(~parametrisation.has_prior)
-        if not free.size:
+    def _directions(self, coordinates: Integers) -> Iterator[UnseenRow]:
+        """Yield the unidentifiable directions among some coordinates.
+
+        Directions that share coordinates span a space in which every basis is arbitrary: of two
+        parameters it may be a product and a ratio, though neither parameter is determined. So a
+        coordinate whose axis lies in that space is stated alone, and the others are sought again.
+        """
+        if not coordinates.size:
             return
-        values, vectors = np.linalg.eigh(self._data_covariance[np.ix_(free, free)])
+        values, vectors = np.linalg.eigh(self._data_covariance[np.ix_(coordinates, coordinates)])
+        order = np.argsort(-values, kind="stable")[: int((values > UNIDENTIFIABLE_SD**2).sum())]
+        values, vectors = values[order], vectors[:, order]
+        is_member = np.abs(vectors) > _MIN_DIRECTION_SHARE * np.abs(vectors).max(axis=0)
+        for together in _join_overlapping(is_member):
+            members = np.flatnonzero(is_member[:, together].any(axis=1))
+            if len(together) == 1:
+                yield self._row(
+                    coordinates[members], values[together[0]], vectors[members, together[0]]
+                )
+                continue
+            inside = (vectors[members][:, together] ** 2).sum(axis=1)
+            alone = members[inside > _MIN_SUM_COSINE**2]
+            for k in coordinates[alone]:
+                yield self._row(np.array([k]), self._data_covariance[k, k], np.ones(1))
+            rest = np.setdiff1d(members, alone)
+            if alone.size:
+                yield from self._directions(coordinates[rest])
+            else:  # several combinations of at least three parameters
+                yield self._row(coordinates[rest], values[together[0]], inside)
+
+    def _row(self, coordinates: Integers, variance: float, vector: Real) -> UnseenRow:
+        """Return the row of one direction, its largest entry first."""
+        parametrisation = self.parametrisation
+        order = np.argsort(-np.abs(vector), kind="stable")
+        names = tuple(parametrisation.names[k] for k in coordinates[order])
         theta = parametrisation.theta(self.x)
-        parameter_of = {
-            int(k): int(np.flatnonzero(parametrisation.coordinate_of == k)[0]) for k in free
-        }
-        for value, vector in sorted(zip(values, vectors.T, strict=True), key=lambda pair: -pair[0]):
-            if value <= UNIDENTIFIABLE_SD**2:
-                break
-            members = np.flatnonzero(np.abs(vector) > _MIN_DIRECTION_SHARE * np.abs(vector).max())
-            members = members[np.argsort(-np.abs(vector[members]), kind="stable")]
-            names = tuple(parametrisation.names[free[k]] for k in members)
-            sizes = np.array([theta[parameter_of[int(free[k])]] for k in members])
-            sentence = _describe_direction(names, vector[members], sizes)
-            deviation = float(np.sqrt(value))
-            yield UnseenRow(parameters=list(names), deviation=deviation, sentence=sentence)
+        first = [int(np.flatnonzero(parametrisation.coordinate_of == k)[0]) for k in coordinates]
+        sentence = _describe_direction(names, vector[order], theta[first][order])
+        return UnseenRow(
+            parameters=list(names), deviation=float(np.sqrt(variance)), sentence=sentence
+        )
 
 
 def estimate_confidence(
@@ -171,6 +192,22 @@ def estimate_confidence(
     value, _, normal = problem.quadratic_model(fit.x)
     data = value - problem.prior(fit.x)
     return ParameterConfidence(fit.parametrisation, fit.x, normal, data / max(problem.values, 1))
+
+
+def _join_overlapping(is_member: Mask) -> list[list[int]]:
+    """Return groups of directions that share a coordinate, also by way of a third direction.
+
+    Args:
+        is_member: whether a coordinate takes part in a direction; (n_coordinate, n_direction).
+    """
+    groups: list[tuple[Mask, list[int]]] = []
+    for direction, members in enumerate(is_member.T):
+        touching = [group for group in groups if (group[0] & members).any()]
+        joined = [direction, *(k for _, numbers in touching for k in numbers)]
+        union = np.logical_or.reduce([members, *(mask for mask, _ in touching)])
+        groups = [group for group in groups if not (group[0] & members).any()]
+        groups.append((union, sorted(joined)))
+    return [numbers for _, numbers in groups]
 
 
 def rank_pulls(parametrisation: Parametrisation, x: Real) -> list[tuple[str, float]]:

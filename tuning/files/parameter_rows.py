@@ -1,5 +1,7 @@
 """Rows of tuned.json about parameters and fit, and reasons not to trust them."""
 
+import shlex
+
 import numpy as np
 
 from identification.words import Real
@@ -92,12 +94,13 @@ def _doubts(tuned: CampaignTuning, gap: LevelGap) -> list[str]:
     doubts = []
     if tuned.interrupted:
         doubts.append("it was interrupted")
+    campaign_folder = tuned.session.source.parent
     excess = (gap.held_out or gap.tuned).excess
     values = len(tuned.session.campaign.freq_hz) * gap.channels
     highest = _MAX_TRUSTED_EXCESS * np.sqrt(1 + 2 * fit.parametrisation.size / max(values, 1))
     if excess is not None and excess > highest:
         doubts.append(
-            f"the error is {excess:.3g} times the noise, so the model lacks some dynamics"
+            f"something may be missing: run mbw diagnose {shlex.quote(str(campaign_folder))}"
         )
     strongest = rank_pulls(unbounded.parametrisation, unbounded.x)[:_MAX_NAMES_IN_SENTENCE]
     implausible = [

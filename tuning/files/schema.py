@@ -119,7 +119,7 @@ class InputRow(_Row):
 
 
 class FitRow(_Row):
-    """How the search ended, and whether its result is to be trusted: two questions.
+    """How the search ended, and whether there are doubts about its result: two questions.
 
     ``chi_square`` is the mean squared misfit in units of the noise's variance.
     """
