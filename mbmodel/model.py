@@ -1,8 +1,8 @@
 """A model: a machine with its Parts, assembled to an equation of motion at given parameters."""
 
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import TypeVar
@@ -84,6 +84,20 @@ def frequency_dependent_core(change: Change, laplace: Complex) -> Complex:
     return core
 
 
+def input_factor(changes: Sequence[Change], laplace: Complex) -> Complex:
+    """Return the factor 1 + sum of changes by which one Part multiplies all inputs; (n_freq,).
+
+    Args:
+        changes: the Part's changes of the inputs.
+        laplace: s [rad/s]; (n_freq,).
+    """
+    factor: Complex = np.ones(len(laplace), np.complex128)
+    for change in changes:
+        core = change.left @ frequency_dependent_core(change, laplace) @ change.right.T
+        factor = factor + core[:, 0, 0]
+    return factor
+
+
 @dataclass(frozen=True, eq=False)
 class Assembly:
     """All factors of the equation of motion at one theta.
@@ -95,6 +109,7 @@ class Assembly:
         body_changes: what Parts add to Zb.
         point_changes: what Parts add at sensors and hammer.
         frequency_dependent: what Parts add to Zb and Zj that is no polynomial in s.
+        input_changes: what each Part changes in the factor of the inputs, by the Part's number.
     """
 
     machine: Machine
@@ -103,6 +118,7 @@ class Assembly:
     body_changes: tuple[Change, ...]
     point_changes: tuple[Change, ...]
     frequency_dependent: tuple[FrequencyDependentTerm, ...] = ()
+    input_changes: Mapping[int, tuple[Change, ...]] = field(default_factory=dict)
 
     @cached_property
     def body(self) -> Real:
@@ -226,9 +242,12 @@ class Model:
         context = PartContext(machine, condition)
         by_slot: dict[str, list[Change]] = {"joint": [], "body": [], "path": [], "point": []}
         frequency_dependent: list[Change] = []
-        for part, values in zip(self.parts, self.split_parameters(theta), strict=True):
-            for change in part.changes(values, context):
-                if change.shape is not None:
+        input_changes: dict[int, list[Change]] = {}
+        for number, values in enumerate(self.split_parameters(theta)):
+            for change in self.parts[number].changes(values, context):
+                if change.slot == "input":
+                    input_changes.setdefault(number, []).append(change)
+                elif change.shape is not None:
                     frequency_dependent += [change] if change.core.any() else []
                 else:
                     by_slot[change.slot if change.slot in by_slot else "point"].append(change)
@@ -243,6 +262,7 @@ class Model:
             tuple(by_slot["body"]),
             tuple(by_slot["point"]),
             tuple(_frequency_dependent_term(change, jacobian) for change in frequency_dependent),
+            {number: tuple(changes) for number, changes in input_changes.items()},
         )
 
     def _kinematics_and_coefficients(

@@ -250,6 +250,7 @@ def _unfit(change: Change, lead: tuple[int, ...], machine: Machine, laplace: Com
         "path": (bodies, joints),
         "sensor": (6, bodies),
         "hammer": (6, bodies),
+        "input": (1, 1),
     }
     is_known = change.slot not in ("sensor", "hammer") or change.point in machine.layout.points
     if change.slot not in sizes or not is_known:

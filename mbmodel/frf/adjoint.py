@@ -74,7 +74,10 @@ def _has_irregular_slopes(solution: FrfSolution, slopes: tuple[Change, ...]) -> 
         term.change.slot == "body" for term in solution.assembly.frequency_dependent
     )
     return any(
-        change.shape is not None or (has_body_terms and change.slot == "path") for change in slopes
+        change.shape is not None
+        or change.slot == "input"
+        or (has_body_terms and change.slot == "path")
+        for change in slopes
     )
 
 
@@ -179,7 +182,7 @@ def _motion_sums(solution: FrfSolution, adjoint: Complex) -> Real:
 
 def _drive_sums(solution: FrfSolution, adjoint: Complex) -> Real:
     """Return Re sum a s^q over lines; (nv, n_in)."""
-    total: Real = (adjoint @ solution.request.factor).real
+    total: Real = (adjoint @ solution.factor).real
     return total
 
 

@@ -13,6 +13,7 @@ a = b + U s^(q-2) their absolute motion, e the inputs' unit forces s^q:
     body     g = -T' left core right' b,  of a for masses
     path     d = left core right' x,      g = -T' Zb d + right core' left' (P s^q - Zb b or Mb a)
     hammer   g = T' right core' left' (directions of the inputs) e
+    input    g = core / c_p F e,          c = core / c_p L U s^(q-2) for floor motion
     sensor   c = (directions of the outputs) left core right' a
 
 The matrices of all parameters with one k, f and v stand side by side, so that one real product
@@ -31,12 +32,12 @@ from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.ports import direction_selection
 from mbmodel.frf.solution import FrfSolution
 from mbmodel.linearisation.gravity import gravity_slope
-from mbmodel.model import frequency_dependent_core
+from mbmodel.model import frequency_dependent_core, input_factor
 from mbmodel.parts import Change
 
 Slopes = Sequence[tuple[Change, ...]]
 _Target = Literal["force", "motion", "readout"]
-_Source = Literal["joints", "relative", "absolute", "body_loads", "inputs"]
+_Source = Literal["joints", "relative", "absolute", "body_loads", "inputs", "floor"]
 _Shape = Callable[[Complex], Complex] | None
 _Key = tuple[_Target, _Source, int, _Shape]  # the integer is the power of s
 
@@ -199,7 +200,7 @@ class ForwardSensitivities:
     def _body_loads(self) -> Complex:
         """Forces P s^q - Zb (...) of each body on its joint; (6 n_body, n_in, n_freq)."""
         solution = self.solution
-        total: Complex = solution.ports.force[:, :, None] * solution.request.factor
+        total: Complex = solution.ports.force[:, :, None] * solution.factor
         for power in np.flatnonzero(solution.assembly.body.any(axis=(1, 2))):
             motion = self._absolute if power == _INERTIA_POWER else self._relative
             total -= (
@@ -221,9 +222,10 @@ class ForwardSensitivities:
         """Return the source v; (m, n_in, n_line)."""
         if source == "joints":
             return self.solution.motion[..., span]
-        if source == "inputs":
-            n_in = self.solution.values.shape[2]
-            return np.eye(n_in)[:, :, None] * self.solution.request.factor[span]
+        if source in ("inputs", "floor"):
+            n_in, solution = self.solution.values.shape[2], self.solution
+            factor = solution.factor if source == "inputs" else solution.floor_factor
+            return np.eye(n_in)[:, :, None] * factor[span]
         motions = {
             "relative": self._relative,
             "absolute": self._absolute,
@@ -257,20 +259,31 @@ class ForwardSensitivities:
         """Parameters grouped by target, source, power of s and shape."""
         terms: dict[_Key, list[tuple[Integers, Real]]] = {}
         start = 0
-        for mask, changes in zip(self._chosen, self._slopes, strict=True):
+        for number, (mask, changes) in enumerate(zip(self._chosen, self._slopes, strict=True)):
             indices = np.arange(start, start + int(mask.sum()))
             start += len(indices)
             for change in changes if len(indices) else ():
                 core = change.core[mask] * self._rates[indices][:, None, None, None]
-                for key, matrices in self._term_matrices(change, core):
+                for key, matrices in self._term_matrices(number, change, core):
                     active = matrices.any(axis=(1, 2))
                     if active.any():
                         terms.setdefault(key, []).append((indices[active], matrices[active]))
         return {key: _stack_parameters(of_key) for key, of_key in terms.items()}
 
-    def _term_matrices(self, change: Change, core: Real) -> Iterator[tuple[_Key, Real]]:
-        """Yield the matrices K of one slope with their keys; (n_parameter, n, m)."""
+    def _term_matrices(
+        self, number: int, change: Change, core: Real
+    ) -> Iterator[tuple[_Key, Real]]:
+        """Yield the matrices K of one slope with their keys; (n_parameter, n, m).
+
+        Args:
+            number: number of the Part.
+            change: slope of the Part.
+            core: its core for the chosen parameters; (n_parameter, 3, r, t).
+        """
         solution, shape = self.solution, change.shape
+        if change.slot == "input":
+            yield from self._input_terms(number, change, core)
+            return
         left, right, to_joints = change.left, change.right.T, solution.assembly.jacobian.T
         for power in map(int, np.flatnonzero(core.any(axis=(0, 2, 3)))):
             slope, slope_transposed = core[:, power], core[:, power].swapaxes(1, 2)
@@ -296,6 +309,23 @@ class ForwardSensitivities:
                 yield ("readout", "absolute", power, shape), readout @ slope @ right
         if change.slot in ("body", "path"):
             yield from self._gravity_terms(change, core)
+
+    def _input_terms(self, number: int, change: Change, core: Real) -> Iterator[tuple[_Key, Real]]:
+        """Yield the terms of a factor c_p of the inputs: dH = H dc_p / c_p."""
+        solution = self.solution
+        changes = solution.assembly.input_changes.get(number, ())
+
+        def relative(laplace: Complex) -> Complex:
+            """Return f(s) / c_p(s)."""
+            numerator = 1.0 if change.shape is None else change.shape(laplace)
+            return np.asarray(numerator / input_factor(changes, laplace), np.complex128)
+
+        floor_motion = solution.ports.readout @ solution.ports.floor
+        for power in map(int, np.flatnonzero(core.any(axis=(0, 2, 3)))):
+            scalars = change.left @ core[:, power] @ change.right.T
+            yield ("force", "inputs", power, relative), scalars * solution.drive
+            if solution.ports.has_floor:
+                yield ("readout", "floor", power, relative), scalars * floor_motion
 
     def _inertia_terms(
         self, motion: Real, power: int, shape: _Shape

@@ -3,6 +3,8 @@
     H(s) = s^q [G Z(s)^-1 F + L U / s^2],   Z(s) = s^2 M + s C + K,   G = L T
     F = T' (P - Mb U) + motors
 
+times a factor c(s) of the inputs, the gain of the force channel,
+
 with s = i w, time convention exp(+i w t); q = 0, 1, 2 for receptance, mobility, accelerance; L the
 rows of the outputs, P the forces of the inputs at the bodies, T the bodies' Jacobian. An
 acceleration of the floor as input moves the bodies along by U / s^2. The joints, which move
@@ -16,12 +18,12 @@ from identification.words import Complex, Condition, Frf, Mask, Real, UsageError
 from mbmodel.frf.adjoint import gradient
 from mbmodel.frf.forward_sensitivities import ForwardSensitivities
 from mbmodel.frf.modal_form import ModalForm, modal_form
-from mbmodel.frf.ports import Ports, apply_point_changes, find_ports
+from mbmodel.frf.ports import apply_point_changes, find_ports
 from mbmodel.frf.request import FrfRequest
-from mbmodel.frf.solution import FrfSolution
+from mbmodel.frf.solution import FrfSolution, generalised_force, input_drive_factor
 from mbmodel.frf.solver import Solver
 from mbmodel.frf.woodbury import WoodburySolver
-from mbmodel.model import Assembly, Model
+from mbmodel.model import Model
 
 # Difference of the modal form from elimination, relative to each coordinate's peak.
 _MAX_MODAL_ERROR = 1e-10
@@ -121,16 +123,17 @@ class Evaluator:
         ports = apply_point_changes(
             self.ports, assembly.point_changes, request.outputs, request.inputs
         )
-        drive = self._generalised_force(assembly, ports)
+        drive = generalised_force(assembly, ports)[:, :, None]
+        factor = input_drive_factor(assembly, request)
         form = None if self.is_direct else modal_form(assembly.matrices)
         solver = Solver(assembly.matrices, request.laplace, form)
-        motion = solver.solve(drive, factor=request.factor)
-        if form is not None and not self._modal_form_agrees(solver, form, drive, motion):
+        motion = solver.solve(drive, factor=factor)
+        if form is not None and not self._modal_form_agrees(solver, form, drive, motion, factor):
             solver = Solver(assembly.matrices, request.laplace, None)
-            motion = solver.solve(drive, factor=request.factor)
+            motion = solver.solve(drive, factor=factor)
         if assembly.frequency_dependent:
             woodbury = WoodburySolver(solver, assembly.frequency_dependent)
-            motion = woodbury.solve(drive, factor=request.factor)
+            motion = woodbury.solve(drive, factor=factor)
             return Linearised(
                 self.model, theta, request, self.condition, assembly, ports, woodbury, motion
             )
@@ -138,24 +141,15 @@ class Evaluator:
             self.model, theta, request, self.condition, assembly, ports, solver, motion
         )
 
-    @staticmethod
-    def _generalised_force(assembly: Assembly, ports: Ports) -> Real:
-        """Return F; (nv, n_in, 1)."""
-        force = ports.force
-        if ports.has_floor:
-            force = force - assembly.body[2] @ ports.floor
-        drive: Real = assembly.jacobian.T @ force + ports.motor
-        return drive[:, :, None]
-
     def _modal_form_agrees(
-        self, solver: Solver, form: ModalForm, drive: Real, motion: Complex
+        self, solver: Solver, form: ModalForm, drive: Real, motion: Complex, factor: Complex
     ) -> bool:
         """Return whether the modal form is well conditioned and agrees with elimination."""
         if form.condition > _MAX_EIGENVALUE_CONDITION:
             return False
         lines = self._critical_lines(form)
-        factor = self.request.factor[lines]
-        error = np.abs(motion[..., lines] - solver.solve_directly(drive, lines) * factor)
+        direct = solver.solve_directly(drive, lines) * factor[lines]
+        error = np.abs(motion[..., lines] - direct)
         peak = np.abs(motion.view(np.float64)).max(axis=(1, 2), keepdims=True)
         return bool((error <= self._agreement * peak).all())
 

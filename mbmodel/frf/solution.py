@@ -3,13 +3,15 @@
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+
 from identification.words import Complex, Condition, Real
 from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.ports import Ports
 from mbmodel.frf.request import FrfRequest
 from mbmodel.frf.solver import Solver
 from mbmodel.frf.woodbury import WoodburySolver
-from mbmodel.model import Assembly, Model
+from mbmodel.model import Assembly, Model, input_factor
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +26,8 @@ class FrfSolution:
         assembly: the equation at theta.
         ports: L, P, U at theta.
         solver: of Z x = f.
-        motion: x = s^q Z^-1 F, of the joint coordinates; (nv, n_in, n_freq).
+        motion: x = s^q c Z^-1 F of the joint coordinates, with c the factor of the inputs;
+            (nv, n_in, n_freq).
     """
 
     model: Model
@@ -52,6 +55,42 @@ class FrfSolution:
         return values.transpose(2, 0, 1)
 
     @cached_property
+    def factor(self) -> Complex:
+        """Factor s^q c of the inputs; (n_freq,)."""
+        return input_drive_factor(self.assembly, self.request)
+
+    @cached_property
     def floor_factor(self) -> Complex:
-        """Factor s^(q - 2): motion of the floor per acceleration of it; (n_freq,)."""
-        return self.request.laplace ** (self.request.order - 2)
+        """Factor s^(q - 2) c: motion of the floor per acceleration of it; (n_freq,)."""
+        return self.request.laplace ** (self.request.order - 2) * _gain_factor(
+            self.assembly, self.request
+        )
+
+    @cached_property
+    def drive(self) -> Real:
+        """F; (nv, n_in)."""
+        return generalised_force(self.assembly, self.ports)
+
+
+def generalised_force(assembly: Assembly, ports: Ports) -> Real:
+    """Return F = T' (P - Mb U) + motors; (nv, n_in)."""
+    force = ports.force
+    if ports.has_floor:
+        force = force - assembly.body[2] @ ports.floor
+    drive: Real = assembly.jacobian.T @ force + ports.motor
+    return drive
+
+
+def input_drive_factor(assembly: Assembly, request: FrfRequest) -> Complex:
+    """Return s^q c, with c the product of the Parts' factors of the inputs; (n_freq,)."""
+    if not assembly.input_changes:
+        return request.factor
+    return request.factor * _gain_factor(assembly, request)
+
+
+def _gain_factor(assembly: Assembly, request: FrfRequest) -> Complex:
+    """Return c; (n_freq,)."""
+    factor: Complex = np.ones(len(request.laplace), np.complex128)
+    for changes in assembly.input_changes.values():
+        factor = factor * input_factor(changes, request.laplace)
+    return factor

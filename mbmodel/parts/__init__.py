@@ -2,6 +2,7 @@
 
 from mbmodel.parts.added import AddedPart
 from mbmodel.parts.bodies import BodyPart, body_parts
+from mbmodel.parts.hammer_gain import HammerGainPart, hammer_gain_parts
 from mbmodel.parts.joints import JointPart, joint_parts
 from mbmodel.parts.part import (
     Change,
@@ -20,6 +21,7 @@ __all__ = [
     "BodyPart",
     "Change",
     "ConditionalPart",
+    "HammerGainPart",
     "HammerPart",
     "JointPart",
     "Parameter",
@@ -30,6 +32,7 @@ __all__ = [
     "SpringPart",
     "ToleranceKind",
     "body_parts",
+    "hammer_gain_parts",
     "hammer_parts",
     "joint_parts",
     "sensor_parts",

@@ -3,7 +3,7 @@
     H(s) = s^q L T Z(s)^-1 T' P,   Z(s) = T' Zb(s) T + Zj(s),   s = i w, convention exp(+i w t)
 
 Everything that can be tuned, tolerated or added to a machine is a Part. It adds
-left core(s) right' in one of five slots:
+left core(s) right' in one of six slots:
 
     slot     adds to                 left x right                     powers of s
     body     Zb, bodies              6 n_body x 6 n_body              0, 1, 2
@@ -11,6 +11,9 @@ left core(s) right' in one of five slots:
     path     T, kinematics           6 n_body x nv                    0
     sensor   L, rows of a point      6 directions of it x 6 n_body    0
     hammer   P', rows of a point     6 directions of it x 6 n_body    0
+    input    factor of H, from 1     1 x 1, all inputs of a test      0, 1, 2
+
+Factors of inputs of several Parts multiply.
 """
 
 from collections.abc import Callable
@@ -23,13 +26,14 @@ from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
 
 AXIS_NAMES = "xyz"  # ends of parameter names
 
-Slot = Literal["body", "joint", "path", "sensor", "hammer"]
+Slot = Literal["body", "joint", "path", "sensor", "hammer", "input"]
 
-# How well the nominal model (the drawing) knows a number: not at all (``free``), exactly, or within
-# one of the tolerances of campaigns.
+# How well the nominal model (the drawing) knows a number: not at all (``free``), exactly, but for a
+# gain that a campaign calls unknown, or within one of the tolerances of campaigns.
 ToleranceKind = Literal[
     "free",
     "exactly",
+    "unknown_gain",
     "mass",
     "inertia",
     "com",
@@ -51,8 +55,9 @@ class Parameter:
         drawn: value in the nominal model.
         unit: SI unit.
         positive: whether it is a size, tuned by its logarithm.
-        known: kind of its prior: ``free`` for none, ``exactly`` for a fixed value, else the name
-            of the campaign's tolerance that is its standard deviation.
+        known: kind of its prior: ``free`` for none, ``exactly`` for a fixed value,
+            ``unknown_gain`` for a wide one, else the name of the campaign's tolerance that is its
+            standard deviation.
     """
 
     name: str
@@ -74,7 +79,7 @@ class Change:
             the Part's parameters.
         point: the sensor or hammer point, in those slots.
         shape: f(s), a factor that is no polynomial, with ``f(conj s) = conj f(s)``. Only finite
-            changes of bodies and joints may have one.
+            changes of bodies, joints and inputs may have one.
     """
 
     slot: Slot

@@ -6,7 +6,7 @@ centre. The column of a hammer direction is its transpose: both are [a_k, r x a_
 axes, a row becomes g_k [R a_k, (r + offset) x R a_k].
 """
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -69,11 +69,13 @@ class SensorPart:
         point: the site in the machine.
         drawn_site: the site in the MJCF.
         rotations: axes 0..2 about which a channel reads a rotation.
+        gain_known: kind of the gains' prior.
     """
 
     point: _Point
     drawn_site: DrawnElement
     rotations: tuple[int, ...] = ()
+    gain_known: ToleranceKind = "sensor_gain"
 
     @property
     def location(self) -> str:
@@ -86,7 +88,7 @@ class SensorPart:
         name = self.point.name
         axes = (*AXIS_NAMES, *(f"r{AXIS_NAMES[axis]}" for axis in self.rotations))
         return (
-            *(Parameter(f"{name}.gain_{axis}", 1.0, "1", known="sensor_gain") for axis in axes),
+            *(Parameter(f"{name}.gain_{axis}", 1.0, "1", known=self.gain_known) for axis in axes),
             *_pose_parameters(name, "sensor_angle", "sensor_position"),
         )
 
@@ -227,12 +229,15 @@ def _site_edit(drawn_site: DrawnElement, offset: Real, turn: Real) -> Edit:
     )
 
 
-def sensor_parts(machine: Machine, channels: Iterable[Dof] = ()) -> tuple[SensorPart, ...]:
+def sensor_parts(
+    machine: Machine, channels: Iterable[Dof] = (), unknown: Collection[str] = ()
+) -> tuple[SensorPart, ...]:
     """Return one Part for each sensor.
 
     Args:
         machine: with the sensors.
         channels: channels that are read; those of rotations get a gain too.
+        unknown: sensors whose gains are unknown.
     """
     turning = {(dof.point, dof.axis - 3) for dof in channels if dof.is_rotation}
     return tuple(
@@ -240,6 +245,7 @@ def sensor_parts(machine: Machine, channels: Iterable[Dof] = ()) -> tuple[Sensor
             _point(machine.layout, name),
             machine.drawing.sites[name],
             tuple(axis for axis in range(3) if (name, axis) in turning),
+            "unknown_gain" if name in unknown else "sensor_gain",
         )
         for name in machine.layout.sensors
     )
