@@ -6,6 +6,12 @@ verb is loaded by ``mbw.loader`` once its options are read.
 
 import os
 import sys
+
+from mbw.interrupts import end_on_interrupt, ignore_interrupts
+
+end_on_interrupt()  # before all that takes time to load
+
+# ruff: noqa: E402
 from dataclasses import dataclass
 from difflib import get_close_matches
 from importlib import import_module
@@ -16,6 +22,7 @@ import typer
 from typer.core import TyperGroup
 
 from mbw.loader import SETTINGS
+from mbw.streams import print_help_failure, replace_closed_streams
 
 
 @dataclass(frozen=True)
@@ -119,4 +126,14 @@ def main() -> None:
     if "--debug" in arguments:  # may stand anywhere
         arguments.remove("--debug")
         arguments.insert(0, "--debug")
-    app(arguments, prog_name="mbw")
+    replace_closed_streams()
+    try:
+        app(arguments, prog_name="mbw")
+    except OSError as error:
+        sys.exit(print_help_failure(error))
+    except SystemExit as error:  # of typer, which makes code 1 of a reader that has gone
+        if isinstance(error.__context__, BrokenPipeError):
+            sys.exit(print_help_failure(error.__context__))
+        raise
+    finally:
+        ignore_interrupts()

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from importlib import import_module
 
+from mbw.interrupts import raise_on_interrupt
+
 
 @dataclass
 class Settings:
@@ -32,4 +34,10 @@ def run_verb(module: str, *arguments: object, quiet: bool, **options: object) ->
     """
     messages = import_module("mbw.messages")
     messages.SCREEN.quiet, messages.SCREEN.debug = quiet, SETTINGS.debug
-    messages.handle_errors(lambda: import_module(module).run_options(*arguments, **options))()
+
+    def run() -> None:
+        code = import_module(module)
+        raise_on_interrupt()
+        code.run_options(*arguments, **options)
+
+    messages.handle_errors(run)()

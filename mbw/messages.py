@@ -4,8 +4,9 @@ import functools
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from types import FrameType
 from typing import ParamSpec, TypeVar
 
@@ -19,13 +20,24 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
-from identification.words import WorkbenchError
+from identification.words import InputError, WorkbenchError
+from mbw.interrupts import INTERRUPTED
 from mbw.progress_log import ProgressLog, log_status
+from mbw.streams import drop_output
 
-INTERNAL_ERROR, NOT_CONVERGED, INTERRUPTED = 1, 4, 130
+INTERNAL_ERROR, NOT_CONVERGED = 1, 4
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+
+class _MessageConsole(Console):
+    """Console on stderr that falls silent once nobody reads it: the work goes on."""
+
+    def on_broken_pipe(self) -> None:
+        """Drop this and all further messages."""
+        self.quiet = True
+        drop_output(2)
 
 
 class Screen:
@@ -39,18 +51,23 @@ class Screen:
     def __init__(self, *, quiet: bool = False, debug: bool = False) -> None:
         self.quiet, self.debug = quiet, debug
         # Users choose the names of bodies and sites: [b] and :x: are text there, in tables too.
-        self.console = Console(
+        self.console = _MessageConsole(
             stderr=True, soft_wrap=True, highlight=False, markup=False, emoji=False
         )
 
     def say(self, text: str) -> None:
         """Print a message, unless ``quiet`` is set."""
         if not self.quiet:
-            self.console.print(text)
+            self._print(text)
 
     def error(self, text: str) -> None:
         """Print an error as one line, even if ``quiet`` is set."""
-        self.console.print(f"mbw: {' '.join(text.split())}")
+        self._print(f"mbw: {' '.join(text.split())}")
+
+    def _print(self, text: str) -> None:
+        """Print a line unless stderr cannot be written, for example to a full disk."""
+        with suppress(OSError):
+            self.console.print(text)
 
     def progress(self) -> Progress:
         """Return a progress bar with a description, a count and the elapsed time.
@@ -119,27 +136,39 @@ def handle_errors(verb: Callable[P, R]) -> Callable[P, R]:
     @functools.wraps(verb)
     def run(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
-            return verb(*args, **kwargs)
+            result = verb(*args, **kwargs)
+            sys.stdout.flush()
+            return result
         except (typer.Exit, typer.BadParameter):
             raise
-        except KeyboardInterrupt:
-            SCREEN.error("interrupted")
-            raise typer.Exit(INTERRUPTED) from None
-        except WorkbenchError as error:
-            if SCREEN.debug:
-                raise
-            SCREEN.error(str(error))
-            raise typer.Exit(error.exit_code) from error
-        except BrokenPipeError:
-            sys.stderr.close()
+        except BrokenPipeError:  # the reader of stdout has what it wanted
+            drop_output()
             raise typer.Exit(0) from None
-        except Exception as error:
-            if SCREEN.debug:
+        except (KeyboardInterrupt, Exception) as error:
+            sentence, code = _describe_end(error)
+            if SCREEN.debug and code == INTERNAL_ERROR:
                 raise
-            SCREEN.error(
-                f"internal error, {type(error).__name__}: {error}; run again with --debug and "
-                "report it"
-            )
-            raise typer.Exit(INTERNAL_ERROR) from error
+            if SCREEN.debug:
+                traceback.print_exception(error, file=SCREEN.console.file)
+            if isinstance(error, OSError):
+                drop_output()
+            SCREEN.error(sentence)
+            raise typer.Exit(code) from error
 
     return run
+
+
+def _describe_end(error: BaseException) -> tuple[str, int]:
+    """Return the sentence and the exit code of an exception."""
+    if isinstance(error, KeyboardInterrupt):
+        return "interrupted", INTERRUPTED
+    if isinstance(error, WorkbenchError):
+        return str(error), error.exit_code
+    if isinstance(error, OSError):  # of the disk and its rights, for example a full disk
+        return (
+            f"{error.filename or 'a file or stdout'} cannot be read or written "
+            f"({error.strerror or error}): correct its name, its rights or the space on its disk"
+        ), InputError.exit_code
+    return (
+        f"internal error, {type(error).__name__}: {error}; run again with --debug and report it"
+    ), INTERNAL_ERROR

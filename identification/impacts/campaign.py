@@ -13,30 +13,27 @@ from functools import cached_property
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from identification.impacts.common_clock import SynchronisedImpact, synchronise
 from identification.impacts.records import ImpactRecord, read_impact
 from identification.impacts.spectra import ImpactSpectra, impact_spectra
-from identification.readers.campaign_toml import find_campaign_file, load_toml, read_toml
+from identification.readers.campaign_toml import find_campaign_file
 from identification.readers.layout import read_layout
+from identification.readers.toml_files import FileName, TomlTable, load_toml, read_toml
 from identification.words import InputError, Layout
 
 
-class _StrictModel(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+class _Impact(TomlTable):
+    file: FileName
 
 
-class _Impact(_StrictModel):
-    file: str
-
-
-class _ImpactCampaignFile(_StrictModel):
+class _ImpactCampaignFile(TomlTable):
     """Content of the campaign.toml."""
 
-    layout: str
+    layout: FileName
     band: Annotated[list[float], Field(min_length=2, max_length=2)]
-    ignore: list[str] = []
+    ignore: list[str] = Field(default_factory=list)
     impact: list[_Impact] = Field(min_length=1)
 
 

@@ -5,7 +5,7 @@ A file holds, for every channel, its stamps [s] and its accelerations [m/s2]: ``
 ``acc1_x,0.00079,-0.013``. ``acc1_x`` is site and axis; ``acc1_-x`` reads in the opposite direction.
 """
 
-import csv
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +15,9 @@ from typing import Any
 import numpy as np
 
 from identification.readers.array_files import load_arrays
-from identification.words import Dof, InputError, Real
+from identification.readers.csv_tables import read_csv_rows
+from identification.words import MAX_INPUT_MAGNITUDE, Dof, InputError, Real
+from identification.words.file_access import check_file
 
 _CHANNEL_PATTERN = re.compile(r"(.+)_([-+]?)([xyz])$")
 _MIN_SAMPLES = 16  # samples of a channel, for a spline of fifth order
@@ -63,8 +65,9 @@ def read_impact(path: Path) -> ImpactRecord:
     Raises:
         InputError: no such file, a channel without stamps, or a clock that runs backwards.
     """
-    if not path.is_file():
+    if not os.path.exists(path):
         raise InputError(f"{path} is not there. Give a record as .npz, .mat or .csv.")
+    check_file(path, "give a record as .npz, .mat or .csv")
     channels = _from_csv(path) if path.suffix.lower() == ".csv" else _from_arrays(path)
     return impact_record(str(path), channels)
 
@@ -86,7 +89,7 @@ def impact_record(source: str, channels_by_name: Mapping[str, tuple[Any, Any]]) 
         )
     channels = tuple(
         _check_channel(
-            source, name, np.asarray(time, float).ravel(), np.asarray(value, float).ravel()
+            source, name, _real_numbers(source, name, time), _real_numbers(source, name, value)
         )
         for name, (time, value) in channels_by_name.items()
     )
@@ -114,33 +117,45 @@ def _from_arrays(path: Path) -> dict[str, tuple[Any, Any]]:
 def _from_csv(path: Path) -> dict[str, tuple[Any, Any]]:
     """Read stamps and values from rows of channel, time and value."""
     rows: dict[str, tuple[list[float], list[float]]] = {}
-    with path.open(encoding="utf-8", newline="") as file:
-        for number, row in enumerate(csv.reader(file), start=1):
-            if number == 1 and row[:1] == ["channel"]:
-                continue
-            try:
-                name, time, value = row
-                channel = rows.setdefault(name.strip(), ([], []))
-                channel[0].append(float(time))
-                channel[1].append(float(value))
-            except ValueError as error:
-                raise InputError(
-                    f"{path}, row {number}: {','.join(row)!r} is not channel,time,value."
-                ) from error
+    table = read_csv_rows(path, "give rows of channel,time,value")
+    for number, row in enumerate(table, start=1):
+        if number == 1 and row[:1] == ["channel"]:
+            continue
+        try:
+            name, time, value = row
+            channel = rows.setdefault(name.strip(), ([], []))
+            channel[0].append(float(time))
+            channel[1].append(float(value))
+        except ValueError as error:
+            raise InputError(
+                f"{path}, row {number}: {','.join(row)!r} is not channel,time,value."
+            ) from error
     return dict(rows)
+
+
+def _real_numbers(source: str, name: str, values: Any) -> Real:
+    """Return stamps or values as real numbers; (n,)."""
+    array = np.asarray(values).ravel()
+    if array.dtype.kind not in "fiu":
+        raise InputError(f"{source}: {name} holds no real numbers. Save its samples as numbers.")
+    return array.astype(np.float64)
 
 
 def _check_channel(source: str, name: str, time: Real, value: Real) -> StampedChannel:
     """Check one channel and return it with its degree of freedom."""
     match = _CHANNEL_PATTERN.match(name)
-    if match is None:
+    if match is None or ":" in match[1]:
         raise InputError(f"{source}: {name!r} names no axis. Call it by site and axis, as acc1_x.")
     if len(time) != len(value):
         raise InputError(f"{source}: {name} has {len(time)} stamps for {len(value)} values.")
     if len(time) < _MIN_SAMPLES:
         raise InputError(f"{source}: {name} has {len(time)} samples; {_MIN_SAMPLES} are the least.")
-    if not (np.isfinite(time).all() and np.isfinite(value).all()):
-        raise InputError(f"{source}: {name} holds values that are no numbers. Leave these out.")
+    is_sane = [np.abs(numbers).max() <= MAX_INPUT_MAGNITUDE for numbers in (time, value)]
+    if not all(is_sane):  # NaN is not below the limit either
+        raise InputError(
+            f"{source}: {name} holds values that are no numbers or beyond "
+            f"{MAX_INPUT_MAGNITUDE:g}. Leave these out."
+        )
     back = np.flatnonzero(np.diff(time) <= 0)
     if len(back):
         k = int(back[0])
@@ -150,4 +165,4 @@ def _check_channel(source: str, name: str, time: Real, value: Real) -> StampedCh
             "where it was reset."
         )
     site, sign, axis = match.groups()
-    return StampedChannel(Dof.parse(f"{site}:{sign or '+'}t{axis}"), time, value)
+    return StampedChannel(Dof(site, f"{sign or '+'}t{axis}"), time, value)

@@ -8,6 +8,7 @@ from identification.readers.matlab5 import read_matlab5
 from identification.readers.matlab73 import read_matlab73
 from identification.readers.numpy_archive import read_archive
 from identification.words import InputError
+from identification.words.file_access import check_file
 
 # Version and order of bytes of MATLAB 7.3, at their place in the header before HDF5.
 _HEADERS_OF_VERSION_73, _VERSION_PLACE = (b"\x00\x02IM", b"\x02\x00MI"), slice(124, 128)
@@ -22,8 +23,7 @@ def load_arrays(path: Path) -> dict[str, np.ndarray]:
     Raises:
         InputError: the file is missing or unreadable.
     """
-    if not path.is_file():
-        raise InputError(f"{path} does not exist: name the file of the test")
+    check_file(path, "name the file of the test")
     version, read = "", read_archive
     try:
         if path.suffix.lower() == ".mat":

@@ -224,12 +224,15 @@ def _test(entry: TestSettings, table: FrfTable, reference: Input, rows: Mask) ->
     """Build the test of one reference from a column of the table of a file."""
     column = [table.references.index(reference)]
     outputs = tuple(dof for dof, keep in zip(table.responses, rows, strict=True) if keep)
-    values = table.values[:, rows][:, :, column]
+    frf = Frf(
+        table.freq_hz, table.values[:, rows][:, :, column], outputs, (reference,), table.quantity
+    )
+    values = frf.values
     coherence = None if table.coherence is None else table.coherence[:, rows][:, :, column]
     coherence = _complete_coherence(values, coherence, entry.averages)
     variance, source = _variance(values, coherence, entry.averages)
     estimate = FrfEstimate(
-        frf=Frf(table.freq_hz, values, outputs, (reference,), table.quantity),
+        frf=frf,
         variance=variance,
         variance_source=source,
         measured=np.ones((len(outputs), 1), bool),

@@ -1,25 +1,20 @@
 """Reader of campaign.toml, which checks every key before any other file is read."""
 
-import tomllib
+import os
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
+from identification.readers.toml_files import FileName, TomlTable, load_toml, read_toml
 from identification.words import Estimator, InputError, Quantity
+from identification.words.file_access import check_file
 
 _MAX_TURN_RAD = 6.3  # just above a full turn: larger values are degrees by mistake
 _MIN_WINDOW_TAU_S = 1e-4  # s: shorter time constants are no exponential windows of hits
-TomlModel = TypeVar("TomlModel", bound=BaseModel)
 
 
-class _Strict(BaseModel):
-    """Model that refuses unknown keys, NaN, infinity and values of another type."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
-
-
-class TestSettings(_Strict):
+class TestSettings(TomlTable):
     """Settings of one ``[[test]]``: a file and its conditions.
 
     Files of time records have optional keys, in seconds. ``block_s`` is the length of the block
@@ -33,7 +28,7 @@ class TestSettings(_Strict):
 
     __test__ = False
 
-    file: str = Field(min_length=1)
+    file: FileName
     averages: int | None = Field(default=None, ge=1, le=1_000_000)
     level: float | None = Field(default=None, gt=0)
     spindle_speed: float = 0.0
@@ -53,18 +48,18 @@ class TestSettings(_Strict):
     reject: bool | None = None
 
 
-class SensorSettings(_Strict):
+class SensorSettings(TomlTable):
     """Settings of one ``[sensor.<site>]``: corrections that leave the MJCF as it is."""
 
-    flip: list[Literal["x", "y", "z"]] = []
+    flip: list[Literal["x", "y", "z"]] = Field(default_factory=list)
     turn: list[Annotated[float, Field(ge=-_MAX_TURN_RAD, le=_MAX_TURN_RAD)]] = Field(
         default=[0.0, 0.0, 0.0], min_length=3, max_length=3
     )
-    ignore: list[Literal["x", "y", "z"]] = []
+    ignore: list[Literal["x", "y", "z"]] = Field(default_factory=list)
     body: str | None = None
 
 
-class ToleranceSettings(_Strict):
+class ToleranceSettings(TomlTable):
     """Settings of ``[tolerance]``: standard deviations of the real machine about its drawings."""
 
     mass: float = Field(default=0.02, ge=0)
@@ -78,7 +73,7 @@ class ToleranceSettings(_Strict):
     hammer_position: float = Field(default=0.003, ge=0)
 
 
-class TuningSettings(_Strict):
+class TuningSettings(TomlTable):
     """Settings of ``[tuning]``: which parameters vary, by name or pattern (``*``, ``?``).
 
     Parameters in ``free`` have no prior, those in ``fix`` stay as drawn. ``prior`` gives the
@@ -87,20 +82,22 @@ class TuningSettings(_Strict):
     their drawn values.
     """
 
-    free: list[str] = []
-    fix: list[str] = []
-    prior: dict[str, Annotated[float, Field(gt=0)]] = {}
-    bounds: dict[str, Annotated[list[float], Field(min_length=2, max_length=2)]] = {}
-    tie: list[Annotated[list[str], Field(min_length=1)]] = []
+    free: list[str] = Field(default_factory=list)
+    fix: list[str] = Field(default_factory=list)
+    prior: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
+    bounds: dict[str, Annotated[list[float], Field(min_length=2, max_length=2)]] = Field(
+        default_factory=dict
+    )
+    tie: list[Annotated[list[str], Field(min_length=1)]] = Field(default_factory=list)
 
 
-class CampaignSettings(_Strict):
+class CampaignSettings(TomlTable):
     """Content of campaign.toml."""
 
-    model: str | None = Field(default=None, min_length=1)
-    layout: str | None = None
+    model: FileName | None = None
+    layout: FileName | None = None
     test: list[TestSettings] = Field(min_length=1)
-    sensor: dict[str, SensorSettings] = {}
+    sensor: dict[str, SensorSettings] = Field(default_factory=dict)
     tolerance: ToleranceSettings = ToleranceSettings()
     tuning: TuningSettings = TuningSettings()
 
@@ -122,7 +119,7 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
             "for FRFs write [[test]] blocks with files of force and response"
         )
     settings = read_toml(path, CampaignSettings)
-    files = [(path.parent / test.file).resolve() for test in settings.test]
+    files = [os.path.realpath(path.parent / test.file) for test in settings.test]
     for test, file in zip(settings.test, files, strict=True):
         if files.count(file) > 1:
             raise InputError(f"{path}: {test.file} appears in two [[test]] blocks: remove one")
@@ -146,44 +143,5 @@ def find_campaign_file(folder: Path) -> Path:
         InputError: the file is missing.
     """
     path = folder if folder.suffix == ".toml" else folder / "campaign.toml"
-    if not path.is_file():
-        raise InputError(f"{path} does not exist: a campaign is a folder with a campaign.toml")
+    check_file(path, "a campaign is a folder with a campaign.toml")
     return path
-
-
-def read_toml(path: Path, model: type[TomlModel]) -> TomlModel:
-    """Read a TOML file and check every key against a model.
-
-    Raises:
-        InputError: the file is not UTF-8, its syntax is wrong (with the line), or a key is unknown
-            or has a wrong value.
-    """
-    try:
-        return model.model_validate(load_toml(path))
-    except ValidationError as error:
-        raise InputError(f"{path}: {_describe_first_error(error)}") from error
-
-
-def load_toml(path: Path) -> dict[str, object]:
-    """Read a TOML file without checking its keys.
-
-    Raises:
-        InputError: the file is not UTF-8, or its syntax is wrong (with the line).
-    """
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not UTF-8 text: save it with this encoding") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: TOML syntax: {error}; correct that line") from error
-
-
-def _describe_first_error(error: ValidationError) -> str:
-    """Return a sentence on the first error of a TOML file."""
-    fault = error.errors()[0]
-    where = ".".join(str(step + 1) if isinstance(step, int) else step for step in fault["loc"])
-    if fault["type"] == "extra_forbidden":
-        return f"unknown key {where}: correct its spelling or remove it"
-    if fault["type"] == "missing":
-        return f"key {where} is missing: add it"
-    return f"{where} = {fault['input']!r}: {fault['msg']}"

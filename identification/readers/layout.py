@@ -4,44 +4,39 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 from scipy.spatial.transform import Rotation
 
-from identification.readers.campaign_toml import read_toml
 from identification.readers.file_kinds import is_universal
 from identification.readers.sites_table import read_sites
+from identification.readers.toml_files import TomlTable, read_toml
 from identification.readers.uff_datasets import read_nodes, read_records
 from identification.words import InputError, Layout
+from identification.words.file_access import check_file
 
 _DEFAULT_BODY = "structure"  # name of the body if the layout names none
 
 Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
-class _Strict(BaseModel):
-    """Model that refuses unknown keys, NaN and infinity."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-class _Body(_Strict):
+class _Body(TomlTable):
     """``[body.<name>]``: a solid body; its centre is by default the mean of its sites."""
 
     centre: Vector3 | None = None
 
 
-class _Site(_Strict):
+class _Site(TomlTable):
     """``[site.<name>]``: a sensor or hammer point; ``turn`` is a rotation vector [rad]."""
 
     position: Vector3
     body: str | None = None
-    turn: Vector3 = [0.0, 0.0, 0.0]
+    turn: Vector3 = Field(default_factory=lambda: [0.0, 0.0, 0.0])
 
 
-class _LayoutFile(_Strict):
+class _LayoutFile(TomlTable):
     """Content of a layout.toml."""
 
-    body: dict[str, _Body] = {}
+    body: dict[str, _Body] = Field(default_factory=dict)
     site: dict[str, _Site] = Field(min_length=1)
 
 
@@ -56,10 +51,7 @@ def read_layout(path: Path) -> Layout:
     Raises:
         InputError: the file is missing, a key is unknown, or a site names an unknown body.
     """
-    if not path.is_file():
-        raise InputError(
-            f"{path} does not exist: name the layout, a .toml, a .csv or a universal file"
-        )
+    check_file(path, "name the layout, a .toml, a .csv or a universal file")
     if path.suffix == ".csv":
         return read_sites(path)[0]
     return _from_nodes(path) if is_universal(path) else _from_toml(path)

@@ -1,12 +1,19 @@
 """Table of sensor sites: columns site,x,y,z,axes with positions [m] and measured axes."""
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from identification.words import Dof, InputError, Layout, Real, UsageError
+from identification.readers.csv_tables import read_csv_rows
+from identification.words import (
+    MAX_INPUT_MAGNITUDE,
+    Dof,
+    InputError,
+    Layout,
+    Real,
+    UsageError,
+)
 
 SITES_HEADER = ("site", "x", "y", "z", "axes")
 
@@ -33,13 +40,7 @@ def read_sites(path: Path) -> tuple[Layout, tuple[Dof, ...]]:
         InputError: the file is missing, its columns differ, a row is invalid, or a site is there
             twice.
     """
-    try:
-        text = path.read_text("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{path} cannot be read as text: give a table {','.join(SITES_HEADER)}"
-        ) from error
-    rows = list(csv.reader(text.splitlines()))
+    rows = read_csv_rows(path, f"give a table {','.join(SITES_HEADER)}")
     if not rows or tuple(rows[0]) != SITES_HEADER:
         raise InputError(f"{path}: the first row must be {','.join(SITES_HEADER)}; correct it")
     names, places, dofs = [], [], []
@@ -47,7 +48,8 @@ def read_sites(path: Path) -> tuple[Layout, tuple[Dof, ...]]:
         try:
             site, *numbers, axes = row
             place = [float(x) for x in numbers]
-            if len(place) != 3 or not np.isfinite(place).all() or not set(axes) <= set("xyz"):
+            is_near = len(place) == 3 and np.abs(place).max() <= MAX_INPUT_MAGNITUDE  # false: NaN
+            if not is_near or not set(axes) <= set("xyz"):
                 raise ValueError(row)
             measured = [Dof.parse(f"{site}:+t{axis}") for axis in dict.fromkeys(axes)]
         except (ValueError, UsageError) as error:

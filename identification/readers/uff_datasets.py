@@ -15,6 +15,7 @@ import numpy as np
 import pyuff
 
 from identification.words import Dof, InputError, Real
+from identification.words.file_access import read_bytes
 
 # A line of -1 begins and ends each dataset.
 _DATASET_MARK = re.compile(rb"(?m)^[ ]{4}-1[ ]*(\r?\n|\r?\Z)")
@@ -36,9 +37,8 @@ def read_records(path: Path) -> list[tuple[int, Record]]:
     Raises:
         InputError: the file is missing, truncated or malformed.
     """
-    if not path.is_file():
-        raise InputError(f"{path} does not exist: name the UFF file of the test")
-    blocks = list(_locate_blocks(path, path.read_bytes()))
+    content = read_bytes(path, "name the UFF file of the test")
+    blocks = list(_locate_blocks(path, content))
     if not blocks:
         raise InputError(f"{path} holds no dataset between lines of -1: name a universal file")
     file = pyuff.UFF(str(path))
@@ -64,9 +64,7 @@ def function_types(path: Path) -> set[int]:
     Raises:
         InputError: the file is missing or truncated.
     """
-    if not path.is_file():
-        raise InputError(f"{path} does not exist: name the UFF file of the test")
-    content = path.read_bytes()
+    content = read_bytes(path, "name the UFF file of the test")
     types = set()
     for block in _locate_blocks(path, content):
         if block.kind == _FUNCTION_DATASET:

@@ -8,6 +8,7 @@ names.
 
 import contextlib
 import io
+import os
 import re
 from pathlib import Path
 
@@ -15,7 +16,8 @@ import meshio
 import numpy as np
 
 from identification.shapes.fe_shapes import Shapes
-from identification.words import InputError, Integers, Real
+from identification.words import MAX_INPUT_MAGNITUDE, InputError, Integers, Real
+from identification.words.file_access import check_file, read_text
 
 _NUMBER_PATTERN = r"(?<![\d.,])([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)"
 _HERTZ_PATTERN = re.compile(r"\bHz\b", re.IGNORECASE)
@@ -85,8 +87,9 @@ def read_shapes(path: Path, frequencies: Path | None = None) -> Shapes:
                 f"{path} ({names[0]} .. {names[-1]}). Give one a row, in their order."
             )
     vectors = np.array([data[name][:, :3] for name in names])
-    if not np.isfinite(vectors).all():
-        bad = names[int(np.flatnonzero(~np.isfinite(vectors).all(axis=(1, 2)))[0])]
+    is_number = np.abs(vectors) <= MAX_INPUT_MAGNITUDE  # false for NaN
+    if not is_number.all():
+        bad = names[int(np.flatnonzero(~is_number.all(axis=(1, 2)))[0])]
         raise InputError(f"{path}: {bad} holds values that are no numbers. Write the mode again.")
     _check_frequencies(str(frequencies or path), values)
     order = np.argsort(values, kind="stable")
@@ -95,8 +98,9 @@ def read_shapes(path: Path, frequencies: Path | None = None) -> Shapes:
 
 def _read_mesh(path: Path) -> meshio.Mesh:
     """Read a mesh through meshio, which prints errors and ends the program."""
-    if not path.is_file():
+    if not os.path.exists(path):
         raise InputError(f"{path} is not there. Give a mesh file with shapes as point data.")
+    check_file(path, "give a mesh file with shapes as point data")
     try:
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             return _read_series(path) if _is_series(path) else meshio.read(path)
@@ -163,12 +167,7 @@ def _read_frequency_table(path: Path) -> Real:
 
     Rows without a number and # comments are skipped.
     """
-    try:
-        text = path.read_text("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{path} cannot be read as text. Give a file with a frequency in each row."
-        ) from error
+    text = read_text(path, "give a file with a frequency in each row")
     rows: list[list[float]] = []
     for number, line in enumerate(text.splitlines(), start=1):
         text_cells = line.partition("#")[0]
@@ -206,9 +205,10 @@ def _parse_number(cell: str) -> float | None:
 
 def _check_frequencies(source: str, values: Real) -> None:
     """Refuse frequencies that cannot be those of modes."""
-    if not np.isfinite(values).all():
+    is_number = np.abs(values) <= MAX_INPUT_MAGNITUDE  # false for NaN
+    if not is_number.all():
         raise InputError(
-            f"{source}: the frequency of shape {int(np.argmin(np.isfinite(values))) + 1} is no "
+            f"{source}: the frequency of shape {int(np.argmin(is_number)) + 1} is no "
             "number. Give one for each shape."
         )
     if len(values) > 2 and np.ptp(values) == 0:

@@ -1,6 +1,13 @@
 """Shared data types of the workbench: labelled, validated on building and read-only."""
 
-from identification.words._arrays import Complex, Integers, Mask, Real, frozen_array
+from identification.words._arrays import (
+    MAX_INPUT_MAGNITUDE,
+    Complex,
+    Integers,
+    Mask,
+    Real,
+    frozen_array,
+)
 from identification.words.campaign import DEFAULT_HAMMER, Campaign, Condition, Test, Tolerance
 from identification.words.dof import DIRECTIONS, Dof, distinct_dofs
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
@@ -17,6 +24,7 @@ __all__ = [
     "DEFAULT_HAMMER",
     "DERIVATIVE_ORDER",
     "DIRECTIONS",
+    "MAX_INPUT_MAGNITUDE",
     "Campaign",
     "Complex",
     "Condition",

@@ -9,10 +9,17 @@ Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 Integers = NDArray[np.intp]
+# Limit of forces, motions, frequencies, lengths and FRFs that a file states, in SI units: those of
+# machines are smaller, and squares and ratios of numbers below it stay finite.
+MAX_INPUT_MAGNITUDE = 1e30
 
 
 def frozen_array(
-    value: ArrayLike, dtype: type[np.generic], shape: tuple[int | None, ...], name: str
+    value: ArrayLike,
+    dtype: type[np.generic],
+    shape: tuple[int | None, ...],
+    name: str,
+    limit: float = np.inf,
 ) -> NDArray[Any]:
     """Return a read-only copy of an array after checking its shape and finiteness.
 
@@ -21,9 +28,10 @@ def frozen_array(
         dtype: numpy type of the copy.
         shape: expected shape; ``None`` for any length.
         name: name of the array in messages.
+        limit: largest magnitude of a value.
 
     Raises:
-        ValueError: the shape differs, or a value is NaN or infinite.
+        ValueError: the shape differs, or a value is NaN, infinite or beyond the limit.
     """
     array = np.array(value, dtype=dtype, copy=True)
     fits = array.ndim == len(shape) and all(
@@ -35,5 +43,8 @@ def frozen_array(
     if np.issubdtype(array.dtype, np.inexact) and not np.isfinite(array).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise ValueError(f"{name} is not finite at index {where}")
+    if np.isfinite(limit) and (beyond := np.argwhere(np.abs(array) > limit)).size:
+        where = tuple(int(i) for i in beyond[0])
+        raise ValueError(f"{name} is {np.abs(array[where]):g} at index {where}, beyond {limit:g}")
     array.flags.writeable = False
     return array

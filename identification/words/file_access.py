@@ -31,7 +31,7 @@ def check_file(path: Path, remedy: str) -> None:
         raise InputError(f"{path} cannot be read ({describe_reason(error)}): {remedy}") from error
     if not stat.S_ISREG(mode):
         kind = "a folder" if stat.S_ISDIR(mode) else "a device or a pipe"
-        raise InputError(f"{path} is {kind} and no file: {remedy}")
+        raise InputError(f"{path} is {kind}, a file of this name does not exist: {remedy}")
 
 
 def read_bytes(path: Path, remedy: str) -> bytes:
@@ -67,7 +67,8 @@ def read_text(path: Path, remedy: str) -> str:
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise InputError(
-            f"{path} is not UTF-8 text, at line {line}: save it with this encoding"
+            f"{path} cannot be read as text: line {line} is not UTF-8 text, so save it with this "
+            "encoding"
         ) from error
     return text.replace("\r\n", "\n").replace("\r", "\n")
 

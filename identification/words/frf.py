@@ -6,7 +6,7 @@ from typing import Literal, Self, get_args
 
 import numpy as np
 
-from identification.words._arrays import Complex, Mask, Real, frozen_array
+from identification.words._arrays import MAX_INPUT_MAGNITUDE, Complex, Mask, Real, frozen_array
 from identification.words.dof import Dof
 from identification.words.errors import UsageError
 from identification.words.motor import Input, Motor
@@ -41,11 +41,11 @@ class Frf:
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
-        freq = frozen_array(self.freq_hz, np.float64, (None,), "freq_hz")
+        freq = frozen_array(self.freq_hz, np.float64, (None,), "freq_hz", MAX_INPUT_MAGNITUDE)
         if freq.size == 0 or freq[0] < 0 or not (np.diff(freq) > 0).all():
             raise ValueError("freq_hz must be non-empty, not negative and strictly increasing")
         shape = (freq.size, len(self.outputs), len(self.inputs))
-        values = frozen_array(self.values, np.complex128, shape, "values")
+        values = frozen_array(self.values, np.complex128, shape, "values", MAX_INPUT_MAGNITUDE)
         sides: tuple[tuple[str, Sequence[Input]], ...] = (
             ("output", self.outputs),
             ("input", self.inputs),

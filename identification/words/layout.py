@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from identification.words._arrays import Integers, Real, frozen_array
+from identification.words._arrays import MAX_INPUT_MAGNITUDE, Integers, Real, frozen_array
 from identification.words.dof import Dof
 from identification.words.errors import UsageError
 from identification.words.names import shorten_names
@@ -48,9 +48,13 @@ class Layout:
         """Validate and freeze."""
         n_body, n_point = len(self.bodies), len(self.points)
         checked: dict[str, Any] = {
-            "centres": frozen_array(self.centres, np.float64, (n_body, 3), "centres"),
+            "centres": frozen_array(
+                self.centres, np.float64, (n_body, 3), "centres", MAX_INPUT_MAGNITUDE
+            ),
             "body_of": frozen_array(self.body_of, np.intp, (n_point,), "body_of"),
-            "positions": frozen_array(self.positions, np.float64, (n_point, 3), "positions"),
+            "positions": frozen_array(
+                self.positions, np.float64, (n_point, 3), "positions", MAX_INPUT_MAGNITUDE
+            ),
             "axes": frozen_array(self.axes, np.float64, (n_point, 3, 3), "axes"),
             "bodies": tuple(self.bodies),
             "points": tuple(self.points),

@@ -5,7 +5,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from identification.words._arrays import Mask, Real, frozen_array
+from identification.words._arrays import MAX_INPUT_MAGNITUDE, Mask, Real, frozen_array
 from identification.words.dof import Dof
 from identification.words.frf import DERIVATIVE_ORDER, Quantity
 
@@ -45,14 +45,14 @@ class Records:
         """Validate and freeze."""
         if not (np.isfinite(self.rate_hz) and self.rate_hz > 0):
             raise ValueError(f"the sampling rate is {self.rate_hz} Hz, expected more than 0")
-        force = frozen_array(self.force, np.float64, (None, None), "force")
+        force = frozen_array(self.force, np.float64, (None, None), "force", MAX_INPUT_MAGNITUDE)
         if not force.size:
             raise ValueError("the force has no samples")
         n_record, n_sample = force.shape
         shape = (n_record, len(self.outputs), n_sample)
         checked: dict[str, Any] = {
             "force": force,
-            "motion": frozen_array(self.motion, np.float64, shape, "motion"),
+            "motion": frozen_array(self.motion, np.float64, shape, "motion", MAX_INPUT_MAGNITUDE),
             "outputs": tuple(self.outputs),
         }
         if not self.outputs:

@@ -11,6 +11,7 @@ import meshio
 import numpy as np
 
 from identification.words import InputError, Integers, Real, frozen_array
+from identification.words.file_access import check_file
 
 _MESHIO_FORMATS = {".stl": "stl", ".obj": "obj", ".msh": "gmsh", ".vtu": "vtu"}
 # First words of a gmsh file.
@@ -114,8 +115,7 @@ def _read(path: Path) -> meshio.Mesh:
         raise InputError(
             f"{path}: this kind of file is not read as a mesh: give .stl, .obj, .msh or .vtu"
         )
-    if not path.is_file():
-        raise InputError(f"{path} does not exist: give the path of a mesh file")
+    check_file(path, "give the path of a mesh file")
     printed = io.StringIO()
     try:
         with warnings.catch_warnings(), redirect_stdout(printed), redirect_stderr(printed):

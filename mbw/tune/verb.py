@@ -11,7 +11,8 @@ from diagnosis import residual_shares
 from mbw.band import check_band
 from mbw.files import write_json
 from mbw.gap_text import describe_gap, number_text
-from mbw.messages import INTERRUPTED, NOT_CONVERGED, SCREEN, allow_one_interrupt
+from mbw.interrupts import INTERRUPTED
+from mbw.messages import NOT_CONVERGED, SCREEN, allow_one_interrupt
 from mbw.output_folder import OutputFolder, ResultOptions
 from mbw.remarks import list_remarks
 from mbw.tune.modes import measured_modes, parse_residuals

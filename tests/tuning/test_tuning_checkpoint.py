@@ -91,7 +91,9 @@ def test_a_folder_or_a_pipe_is_no_checkpoint(tmp_path):
     (tmp_path / "folder").mkdir()
     os.mkfifo(tmp_path / "pipe")
     for name in ("folder", "pipe"):
-        with pytest.raises(InputError, match=f"{name} is a .* and no file: remove it"):
+        with pytest.raises(
+            InputError, match=f"{name} is a .*, a file of this name does not exist: remove it"
+        ):
             resumed(tmp_path / name)
 
 

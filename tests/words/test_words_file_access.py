@@ -14,12 +14,15 @@ from identification.words.file_access import check_file, read_bytes, read_text, 
     [
         ("missing", "missing does not exist: name it"),
         ("file/inside", "inside does not exist: name it"),
-        ("folder", "folder is a folder and no file: name it"),
-        ("pipe", "pipe is a device or a pipe and no file: name it"),
+        ("folder", "folder is a folder, a file of this name does not exist: name it"),
+        ("pipe", "pipe is a device or a pipe, a file of this name does not exist: name it"),
         ("loop", "loop cannot be read .Too many levels of symbolic links.: name it"),
         ("a\0b", "cannot be read .embedded null byte.: name it"),
         ("n" * 300, "cannot be read .File name too long.: name it"),
-        ("/dev/zero", "/dev/zero is a device or a pipe and no file: name it"),
+        (
+            "/dev/zero",
+            "/dev/zero is a device or a pipe, a file of this name does not exist: name it",
+        ),
     ],
 )
 def test_what_is_no_file_is_refused(tmp_path, name, sentence):
@@ -47,7 +50,9 @@ def test_text_of_another_encoding_is_refused_with_its_line(tmp_path):
     (tmp_path / "file").write_bytes(b"\xef\xbb\xbffirst\r\nsecond\r")
     assert read_text(tmp_path / "file", "name it") == "first\nsecond\n"
     (tmp_path / "file").write_bytes(b"first\nsecond \xe9\n")
-    with pytest.raises(InputError, match="is not UTF-8 text, at line 2: save it"):
+    with pytest.raises(
+        InputError, match="cannot be read as text: line 2 is not UTF-8 text, so save it"
+    ):
         read_text(tmp_path / "file", "name it")
 
 

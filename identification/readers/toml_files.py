@@ -1,0 +1,92 @@
+"""TOML files under a schema: whatever is wrong becomes one sentence that names the key."""
+
+import math
+import tomllib
+from pathlib import Path
+from typing import Annotated, TypeVar
+from unicodedata import category
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+
+from identification.words import MAX_INPUT_MAGNITUDE, InputError
+from identification.words.file_access import read_text
+
+_MAX_INTEGER = 2**63 - 1  # TOML 1.0: integers have 64 bits
+TomlModel = TypeVar("TomlModel", bound=BaseModel)
+
+
+class TomlTable(BaseModel):
+    """Table that refuses unknown keys, NaN, infinity and values of another type."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, strict=True)
+
+
+def _check_file_name(name: str) -> str:
+    """Return the name of a file unless it holds a control character, such as NUL or a new line."""
+    if any(category(character) == "Cc" for character in name):
+        raise ValueError("a file's name holds no control characters: correct it")
+    return name
+
+
+FileName = Annotated[str, Field(min_length=1), AfterValidator(_check_file_name)]
+
+
+def read_toml(path: Path, model: type[TomlModel]) -> TomlModel:
+    """Read a TOML file and check every key against a model.
+
+    Raises:
+        InputError: the file is missing or not UTF-8, its syntax is wrong (with the line), or a key
+            is unknown or has a wrong value.
+    """
+    try:
+        return model.model_validate(load_toml(path))
+    except ValidationError as error:
+        raise InputError(f"{path}: {_describe_first_error(error)}") from error
+
+
+def load_toml(path: Path) -> dict[str, object]:
+    """Read a TOML file without checking its keys.
+
+    Raises:
+        InputError: the file is missing or not UTF-8, its syntax is wrong (with the line), it is
+            nested too deeply, or a number is larger than any of a machine.
+    """
+    text = read_text(path, "name a TOML file")
+    try:
+        content = tomllib.loads(text)
+        _refuse_extreme_numbers(path, content, ())
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: TOML syntax: {error}; correct that line") from error
+    except RecursionError as error:
+        raise InputError(f"{path} is nested too deeply: write plain tables and lists") from error
+    except ValueError as error:  # Python reads integers of at most 4300 digits
+        raise InputError(f"{path}: {error}: give a shorter number") from error
+    return content
+
+
+def _refuse_extreme_numbers(path: Path, value: object, keys: tuple[str, ...]) -> None:
+    """Refuse integers beyond 64 bits and numbers beyond any of a machine; name the key."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            _refuse_extreme_numbers(path, item, (*keys, key))
+    elif isinstance(value, list):
+        for number, item in enumerate(value, start=1):
+            _refuse_extreme_numbers(path, item, (*keys, str(number)))
+    elif isinstance(value, int) and abs(value) > _MAX_INTEGER:
+        raise InputError(f"{path}: {'.'.join(keys)} is an integer of more than 64 bits: correct it")
+    elif isinstance(value, float) and math.isfinite(value) and abs(value) > MAX_INPUT_MAGNITUDE:
+        raise InputError(
+            f"{path}: {'.'.join(keys)} = {value:g} is larger than any quantity of a machine: "
+            f"give at most {MAX_INPUT_MAGNITUDE:g}, in SI units"
+        )
+
+
+def _describe_first_error(error: ValidationError) -> str:
+    """Return a sentence on the first error of a TOML file."""
+    fault = error.errors(include_url=False)[0]
+    where = ".".join(str(step + 1) if isinstance(step, int) else step for step in fault["loc"])
+    if fault["type"] == "extra_forbidden":
+        return f"unknown key {where}: correct its spelling or remove it"
+    if fault["type"] == "missing":
+        return f"key {where} is missing: add it"
+    return f"{where} = {fault['input']!r}: {fault['msg'].removeprefix('Value error, ')}"
