@@ -4,7 +4,7 @@ from identification.solid.bending_shapes import BendingShape, estimate_bending_s
 from identification.solid.body_check import BodyCheck, Fault, check_bodies
 from identification.solid.reduction import body_inverse, reconstruct, reduce_to_bodies
 from identification.solid.sensor_faults import delay_response, mount_response
-from identification.solid.sentences import FAULT_PHRASES
+from identification.solid.sentences import FAULT_PHRASES, exchange_phrase
 
 __all__ = [
     "FAULT_PHRASES",
@@ -15,6 +15,7 @@ __all__ = [
     "check_bodies",
     "delay_response",
     "estimate_bending_shape",
+    "exchange_phrase",
     "mount_response",
     "reconstruct",
     "reduce_to_bodies",

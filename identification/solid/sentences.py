@@ -68,9 +68,26 @@ def fault_phrase(effect: str, location: str, dof: str | None) -> str:
     """Return a fault in words: ``acc3 tx has a wrong gain``."""
     if effect == "flexible_body":
         return "the residual has a common shape: the body is flexible"
+    if effect == "sensor_swap":
+        return exchange_phrase(location, dof)
     place = location.split(":", 1)[1].replace("+", " and ")
     concerned = f" {dof.replace('+', ' and ')}" if dof else ""
     return f"{place}{concerned}: {FAULT_PHRASES[effect]}"
+
+
+def exchange_phrase(location: str, dof: str | None) -> str:
+    """Return exchanged sensors, or exchanged channels of one sensor, in words.
+
+    Args:
+        location: ``sensor:acc1``, or ``sensor:acc1+acc2`` for two sensors.
+        dof: exchanged directions, such as ``tx+ty``; None for all of two sensors.
+    """
+    place = location.split(":", 1)[1].replace("+", " and ")
+    if dof is None:
+        return f"sensors {place} are exchanged"
+    if "+" in dof:
+        return f"channels {dof.replace('+', ' and ')} of {place} are exchanged"
+    return f"channels {dof} of {place} are exchanged"
 
 
 def confounded_phrase(first: str, second: str, redundant: int) -> str:

@@ -7,7 +7,7 @@ from diagnosis.inference.evidence import Evidence
 from diagnosis.labels import direction, named
 from diagnosis.verdict.build import NONLINEAR
 from diagnosis.verdict.schema import CauseRow, Verdict
-from identification import FAULT_PHRASES
+from identification import FAULT_PHRASES, exchange_phrase
 from mbw.diagnose.effect_parameters import (
     interval_words,
     parameter_words,
@@ -197,6 +197,9 @@ def sensor_check_sentences(shown: ShownFile) -> list[str]:
     """Return sentences on sensors that the data checks removed, and on flexible bodies."""
     sentences = []
     for fault in shown.taken_out:
+        if fault.effect == "sensor_swap":
+            sentences.append(swap_sentence(fault.location, fault.dof))
+            continue
         channels = "channel" if fault.dof is not None and "+" not in fault.dof else "channels"
         towards = direction(fault.dof)
         towards = f" {towards}" if towards else ""
@@ -211,6 +214,14 @@ def sensor_check_sentences(shown: ShownFile) -> list[str]:
             "from the motion of a solid."
         )
     return sentences
+
+
+def swap_sentence(location: str, dof: str | None) -> str:
+    """Return a sentence on exchanged sensors, or exchanged channels of one sensor."""
+    return (
+        f"{capitalise(exchange_phrase(location, dof))}, as the redundant channels of the body "
+        "prove: exchange their cables or their labels. The search left these channels out."
+    )
 
 
 def format_probability(probability: float) -> str:

@@ -27,6 +27,7 @@ from mbw.diagnose.sentences import (
     confounded_sentences,
     noise_sentences,
     serial_correlation_sentences,
+    swap_sentence,
     untested_sentences,
 )
 from mbw.files import write_json
@@ -164,6 +165,9 @@ def _say_more(verdict: Verdict, diagnosis: Diagnosis) -> None:
         SCREEN.say(f"  {text}")
     for check in diagnosis.gate.flexible:
         SCREEN.say(f"  {check.sentence}")
+    for fault in diagnosis.gate.faults:
+        if fault.effect == "sensor_swap":
+            SCREEN.say(f"  {swap_sentence(fault.location, fault.dof)}")
     for place in diagnosis.gate.unknown:
         SCREEN.say(f"  {place} has an unknown fault and was left out")
     evidence = diagnosis.evidence

@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from identification import exchange_phrase
 from identification.modal import UNIT_MASS
 from mbw.identify.result import IdentificationResult
-from mbw.identify.schema import IdentifiedModeRow
+from mbw.identify.schema import IdentifiedModeRow, IdentifiedModesFile
 
 _MIN_LOOKALIKE_MAC = 0.9  # of two measured shapes that the sensors may not distinguish
 _MAX_LOOKALIKE_SHIFT = 0.05  # relative difference of their frequencies
@@ -111,19 +112,47 @@ def list_remarks(result: IdentificationResult) -> list[str]:
             f"{', '.join(summary.undetermined_bodies)}: the picture shows these bodies at rest and "
             "moves their sensors only."
         )
-    reversed_channels = [
-        label
-        for label, value, is_known in zip(
-            summary.outputs, result.arrays["comac_solid"], result.arrays["is_solid"], strict=True
-        )
-        if is_known and value < 0
-    ]
-    if reversed_channels:
+    return [*sentences, *_exchanged_channels(summary), *_reversed_channels(result)]
+
+
+def _exchanged_channels(summary: IdentifiedModesFile) -> list[str]:
+    """Return a sentence on each pair of exchanged sensors or channels."""
+    swaps = {
+        (fault.location, fault.dof): fault.probability
+        for row in summary.solid
+        for fault in row.faults
+        if fault.effect == "sensor_swap"
+    }
+    sentences = []
+    for (location, dof), probability in swaps.items():
+        phrase = exchange_phrase(location, dof)
         sentences.append(
-            f"{', '.join(reversed_channels)} move against their body: check the polarity of these "
-            "channels."
+            f"{phrase[0].upper()}{phrase[1:]} ({_percent(probability)}): exchange their cables or "
+            "their labels."
         )
     return sentences
+
+
+def _reversed_channels(result: IdentificationResult) -> list[str]:
+    """Return a sentence on channels that move against their body and are not exchanged."""
+    exchanged = {
+        site
+        for row in result.summary.solid
+        for fault in row.faults
+        if fault.effect == "sensor_swap"
+        for site in fault.location.partition(":")[2].split("+")
+    }
+    arrays, outputs = result.arrays, result.summary.outputs
+    channels = [
+        label
+        for label, value, is_known in zip(
+            outputs, arrays["comac_solid"], arrays["is_solid"], strict=True
+        )
+        if is_known and value < 0 and label.partition(":")[0] not in exchanged
+    ]
+    if not channels:
+        return []
+    return [f"{', '.join(channels)} move against their body: check the polarity of these channels."]
 
 
 def _mode_numbers(result: IdentificationResult, rows: list[IdentifiedModeRow]) -> str:
