@@ -48,6 +48,13 @@ def generate(  # noqa: PLR0913  # one parameter for each option of the command
     averages: Annotated[int, typer.Option(min=2, help="Hits per direction.")] = 10,
     level: Annotated[float, typer.Option(help="Peak force of the hits [N].")] = 200.0,
     node: Annotated[int | None, typer.Option(help="Measuring point where the hammer hits.")] = None,
+    dirt: Annotated[
+        float,
+        typer.Option(
+            metavar="PER_CENT",
+            help="Motion that small imperfections leave of a re-tuned machine, such as 15.",
+        ),
+    ] = 0.0,
     rigid: Annotated[int, typer.Option(min=0, help="Directions that are made rigid.")] = 0,
     answer: Annotated[
         Path | None, typer.Option(help="Where the answer is sealed; else in the folder.")
@@ -69,7 +76,7 @@ def generate(  # noqa: PLR0913  # one parameter for each option of the command
         )
         if place is not None and not wanted:
             raise TruthError(f"{place!r}: the effect none has no place; leave it out")
-        plan = Plan(seed, Cause(wanted, mistuned=mistuned), protocol, rigid=rigid)
+        plan = Plan(seed, Cause(wanted, mistuned=mistuned), protocol, rigid=rigid, dirt=dirt)
         with threadpool_limits(1):  # more threads round otherwise: the bytes would be others
             campaign = draw_campaign(station, plan)
         typer.echo(f"sha256 of answer.toml: {campaign.answer_hash}", err=True)

@@ -95,6 +95,29 @@ def answer_toml(  # what is found, and how it was drawn
     return "\n".join(lines) + "\n"
 
 
+def dirt_toml(items: tuple[Answer, ...], per_cent: float, scale: float) -> str:
+    """Return what an answer says of the background of small imperfections; empty without one.
+
+    Args:
+        items: the imperfections, as the effects of the catalogue that are nearest to them.
+        per_cent: part of the motion that they leave of a re-tuned machine.
+        scale: their size over that of a good machine.
+    """
+    if not items:
+        return ""
+    lines = ["", "[dirt]", f"per_cent = {float(per_cent)!r}", f"scale = {float(scale)!r}"]
+    for item in items:
+        lines += ["", "[[dirt.item]]", f"effect = {_quoted(item.effect)}"]
+        lines += [f"location = {_quoted(item.location)}"]
+        lines += [f"dof = {_quoted(item.dof)}"] if item.dof else []
+    return "\n".join(lines) + "\n"
+
+
+def _quoted(text: str) -> str:
+    """Return a TOML string; a JSON string is one, whatever characters a body's name has."""
+    return json.dumps(text, ensure_ascii=False)
+
+
 def _one_answer(answer: Answer, ratio: float | None, table: str) -> list[str]:
     lines = []
     for key in ("effect", "location", "dof", "kind"):

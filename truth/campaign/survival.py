@@ -11,7 +11,8 @@ standard deviation. What remains of r, against the noise as the excess of a camp
     ratio^2 = mean over channels of  sum_f |r - J x|^2 / sum_f sd^2,
 
 the survival ratio sqrt(e1^2 - e0^2) / e0 of the excess e1 with the effect and e0 without it, since
-about the truth e0 = 1. J is in ``slopes``.
+about the truth e0 = 1. Beside a background of small imperfections e0 is larger, the refit weighs
+values by noise and background together, and the ratio is over e0. J is in ``frf_sensitivities``.
 
 That is the first step of a refit. Where stiffness and damping can follow an effect far (losses, a
 bypass, a delay), further steps hide much more of it: ``retuned`` takes them, each with J about the
@@ -49,6 +50,7 @@ _LOGARITHMIC = 0.1  # above it the logarithm of the ratio is fitted
 _FARTHEST = 1.0  # logarithm of a stiffness or damping in one of them
 _CAUTION = 1e-3  # of J^T J's diagonal, added to it
 _BOLDER, _WARIER = 0.2, 10.0  # times that after a step that helps, or does not
+_STEPS = 4  # of a refit that tolerates an error of the model
 _LITTLE = 0.01  # of the cost: who gains less has arrived
 BOUND = 2.5  # standard deviations within which a tolerance is kept
 _LINES = 120  # lines of the refit
@@ -56,6 +58,19 @@ _LOWEST_HZ = 5.0  # below, the building's noise drowns a hammer test
 _ROUNDS = 30
 _COARSE_HZ = 4096.0  # samples per second of nonlinear joints, when only a size is looked for
 _RIDGE = 1e-13  # of the diagonal: a joint that no sensor sees
+
+
+@dataclass(frozen=True, eq=False)
+class Remainder:
+    """What a refit leaves of a machine without effects.
+
+    Args:
+        noise: sd of each value by noise alone; (n_line, n_out, n_in).
+        excess: e0: 1 where nothing but noise is left, more beside a background.
+    """
+
+    noise: Real
+    excess: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +89,7 @@ class Refit:
         normal: J^T J with the prior.
         bounded: which parameters are tolerances; (n_parameter,).
         tolerance: standard deviations of the priors.
+        without: what is left without effects, over which the ratio is.
     """
 
     machine: Machine
@@ -87,6 +103,14 @@ class Refit:
     normal: Real
     bounded: Mask
     tolerance: Tolerance
+    without: Remainder
+
+    @property
+    def noise_share(self) -> Real:
+        """Norm of the noise over that of the FRF, for each channel; (n_out, n_in)."""
+        base = (np.abs(self._base()) ** 2).sum(axis=0)
+        share: Real = np.sqrt((self.without.noise**2).sum(axis=0) / base)
+        return share
 
     def ratio(self, machine: Machine) -> float:
         """Return the survival ratio of the effects of a machine, to first order."""
@@ -108,6 +132,26 @@ class Refit:
             if left < least:
                 break
         return left
+
+    def motion_left(self, machine: Machine, allowance: float) -> Real:
+        """Return the relative motion of each channel that a refit leaves of a machine's effects.
+
+        The refit tolerates a relative error, as one that knows its model to be inexact does.
+
+        Args:
+            machine: with its effects.
+            allowance: relative error that the refit tolerates.
+
+        Returns:
+            Norm over the lines of what is left, over that of the FRF; (n_out, n_in).
+        """
+        goal = self._base() + self.change(machine)
+        moved, left = np.zeros(int((~self.bounded).sum())), goal - self._base()
+        for step, tries in ((_LOGARITHMIC, _STEPS), (allowance, _STEPS)):
+            moved, left = self._descended(goal, moved, step, tries)
+        power = (np.abs(left) ** 2).sum(axis=0) / (np.abs(goal) ** 2).sum(axis=0)
+        relative: Real = np.sqrt(power) * self.used[:, None]
+        return relative
 
     def _descended(
         self, goal: Complex, moved: Real, allowance: float, tries: int
@@ -160,6 +204,7 @@ class Refit:
             protocol=self.protocol,
             takes=self.takes,
             tolerance=self.tolerance,
+            without=self.without,
         )
 
     def _with_joints(self, known: Known) -> "Refit":
@@ -190,8 +235,8 @@ class Refit:
         return known.on(Occasion(node=self.protocol.nodes[0]))[1]
 
     def _left(self, left: Complex) -> float:
-        power = (np.abs(left) ** 2).sum(axis=0) / (self.deviation**2).sum(axis=0)
-        return float(np.sqrt(power[self.used].mean()))
+        power = (np.abs(left) ** 2).sum(axis=0) / (self.without.noise**2).sum(axis=0)
+        return float(np.sqrt(power[self.used].mean())) / self.without.excess
 
     def change(self, machine: Machine) -> Complex:
         """What the effects change in the FRFs, as the hammer test would find; like deviation."""
@@ -274,6 +319,7 @@ def refit_of(
     protocol: Protocol,
     takes: tuple[Take, ...],
     tolerance: Tolerance,
+    background: Real | None = None,
 ) -> Refit:
     """Linearise a machine without effects at a part of its lines.
 
@@ -282,16 +328,30 @@ def refit_of(
         protocol: how it is tested.
         takes: the files of one level.
         tolerance: standard deviations of the priors.
+        background: relative motion of each channel that small imperfections leave, which counts
+            beside the noise; (n_out, n_in).
     """
     plain = replace(machine, effects=())
     lines = _chosen(protocol)
     known = Known(plain, lines)
     base = known.on(Occasion(node=protocol.nodes[0]))[1]
-    deviation = _deviation(base, lines, protocol, takes[0].level)
+    noise = _deviation(base, lines, protocol, takes[0].level)
+    deviation, excess = noise, 1.0
     points = [(sensor.node, axis) for _, sensor in plain.station.sensors() for axis in (1, 2, 3)]
     used = np.array([point != protocol.dead for point in points])
+    if background is not None:
+        deviation = np.hypot(noise, background * np.abs(base))
+        power = background**2 * (np.abs(base) ** 2).sum(axis=0) / (noise**2).sum(axis=0)
+        excess = float(np.sqrt(1 + power[used].mean()))
     return _linearised(
-        plain, known, deviation, used, protocol=protocol, takes=takes, tolerance=tolerance
+        plain,
+        known,
+        deviation,
+        used,
+        protocol=protocol,
+        takes=takes,
+        tolerance=tolerance,
+        without=Remainder(noise, excess),
     )
 
 
@@ -312,6 +372,7 @@ def _linearised(
     protocol: Protocol,
     takes: tuple[Take, ...],
     tolerance: Tolerance,
+    without: Remainder,
 ) -> Refit:
     slopes = jacobian(machine, known.freq_hz, tolerance, used[:, None] / deviation)
     shared, own = slopes.shared, slopes.own
@@ -329,6 +390,7 @@ def _linearised(
         normal,
         bounded,
         tolerance,
+        without,
     )
 
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
 
+from truth.background.draw import Background, draw_background
+from truth.background.sizing import size_background
 from truth.campaign.cause import Cause, Draws, draw_effects
 from truth.campaign.draw import (
     NO_TOLERANCE,
@@ -18,20 +20,27 @@ from truth.campaign.draw import (
     draw_true,
     stream,
 )
-from truth.campaign.file_formats import MESH_FOLDER, answer_toml, campaign_toml, model_xml
+from truth.campaign.file_formats import (
+    MESH_FOLDER,
+    answer_toml,
+    campaign_toml,
+    dirt_toml,
+    model_xml,
+)
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import Protocol, Take, occasions, takes
 from truth.campaign.survival import Refit, refit_of
 from truth.campaign.tolerance_answer import stated
 from truth.campaign.uff import uff_bytes
-from truth.effects import Scene
+from truth.effects import NONLINEAR, Scene
 from truth.errors import TruthError
 from truth.machine.machine_on_test import Machine
-from truth.machine.station import Hammer, Station
+from truth.machine.station import Hammer, Real, Station
 
 _TOLERANCE = Tolerance()
 _PROTOCOL = Protocol()
 _NOTHING = Cause()
+_MOST_DIRT = 60.0  # per cent: more is another machine
 
 
 @dataclass(frozen=True)
@@ -46,6 +55,7 @@ class Plan:
         rigid: directions in which the machine, and its drawing, are made rigid.
         sized_by: the test whose refit the sizes of effects are chosen for; this one if None. The
             same seed then has the same machine and effects whatever else is measured.
+        dirt: part of the motion that small imperfections leave of a re-tuned machine, in per cent.
     """
 
     seed: int
@@ -54,6 +64,12 @@ class Plan:
     tolerance: Tolerance = _TOLERANCE
     rigid: int = 0
     sized_by: Protocol | None = None
+    dirt: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check that the background can be made."""
+        if not 0 <= self.dirt <= _MOST_DIRT:
+            raise TruthError(f"dirt {self.dirt}: give 0 to {_MOST_DIRT:g} per cent of the motion")
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +108,11 @@ def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
     at_work = NO_TOLERANCE if plan.cause.mistuned else plan.tolerance
     true = draw_mistuned(basis, seed) if plan.cause.mistuned else draw_true(basis, at_work, seed)
     files, machine, scene = _tested(drawing, true, plan)
-    draws = _effects(drawing, true, replace(plan, protocol=plan.sized_by or plan.protocol))
-    machine = replace(machine, effects=tuple(one.effect for one in draws.drawn))
+    sizing = replace(plan, protocol=plan.sized_by or plan.protocol)
+    background = _background(drawing, true, sizing)
+    draws = _effects(drawing, true, sizing, background)
+    effects = tuple(one.effect for one in draws.drawn)
+    machine = replace(machine, effects=(*background.effects, *effects))
     tests = hammer_tests(machine, plan.protocol, files, seed)
     contents = {
         "model.xml": model_xml(drawing).encode("utf-8"),
@@ -106,16 +125,26 @@ def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
     salt = stream(seed, "salt").bytes(16).hex()
     whole = machine.prepared(scene.occasions[0])
     answers = tuple(stated(one.effect.answer(), drawing, true, whole) for one in draws.drawn)
-    answer = answer_toml(answers, draws, plan.cause, plan.protocol, nominal.name, salt).encode(
-        "utf-8"
-    )
+    small = tuple(one.answer() for one in background.effects)
+    text = answer_toml(answers, draws, plan.cause, plan.protocol, nominal.name, salt)
+    answer = (text + dirt_toml(small, plan.dirt, background.scale)).encode("utf-8")
     return Campaign(MappingProxyType(contents), answer, draws.discarded)
 
 
-def _effects(drawing: Station, true: Station, plan: Plan) -> Draws:
-    """The effects, as strong as the refit of a plan's test leaves them."""
+def _background(drawing: Station, true: Station, plan: Plan) -> Background:
+    """Return the small imperfections, scaled to the wanted part of the motion; none without."""
+    if plan.dirt == 0:
+        return Background()
+    files, machine, _ = _tested(drawing, true, plan)
+    linear = not any(wanted.effect in NONLINEAR for wanted in plan.cause.wanted)
+    drawn = draw_background(true, plan.protocol.freq_hz[-1], plan.seed, has_losses=linear)
+    return size_background(drawn, _refit(machine, plan, files, None), plan.dirt / 100)
+
+
+def _effects(drawing: Station, true: Station, plan: Plan, background: Background) -> Draws:
+    """Return the effects, as strong as the refit of a plan's test leaves them."""
     files, machine, scene = _tested(drawing, true, plan)
-    refit = partial(_refit, machine, plan, files)
+    refit = partial(_refit, machine, plan, files, background.left)
     return draw_effects(machine, scene, plan.cause, refit, plan.seed)
 
 
@@ -127,11 +156,11 @@ def _tested(drawing: Station, true: Station, plan: Plan) -> tuple[tuple[Take, ..
     return files, machine, Scene(true, occasions(plan.protocol, files))
 
 
-def _refit(machine: Machine, plan: Plan, files: tuple[Take, ...]) -> Refit:
-    """A refit of the files of the middle level."""
+def _refit(machine: Machine, plan: Plan, files: tuple[Take, ...], background: Real | None) -> Refit:
+    """Return a refit of the files of the middle level, with what a background leaves beside it."""
     level = sorted(plan.protocol.levels)[len(plan.protocol.levels) // 2]
     own = tuple(take for take in files if take.level == level)
-    return refit_of(machine, plan.protocol, own, plan.tolerance)
+    return refit_of(machine, plan.protocol, own, plan.tolerance, background)
 
 
 def _hammers(

@@ -57,5 +57,16 @@ CATALOGUE: Mapping[str, Draw] = MappingProxyType(
         "drift": draw_drift,
     }
 )
+NONLINEAR = frozenset({"friction", "backlash", "hardening"})  # they need the time domain
 
-__all__ = ["CATALOGUE", "Always", "Answer", "Draw", "Effect", "Scene", "Sized", "Unsized"]
+__all__ = [
+    "CATALOGUE",
+    "NONLINEAR",
+    "Always",
+    "Answer",
+    "Draw",
+    "Effect",
+    "Scene",
+    "Sized",
+    "Unsized",
+]

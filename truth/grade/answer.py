@@ -41,12 +41,15 @@ class Truth:
         mistuned: nothing is wrong but stiffness and damping.
         machine: its name; empty if it is not stated.
         tags: how the case was drawn and tested, as far as it is stated.
+        background: small imperfections that the machine has beside its causes, each by effect and
+            location.
     """
 
     causes: tuple[TrueCause, ...] = ()
     mistuned: bool = False
     machine: str = ""
     tags: tuple[str, ...] = ()
+    background: tuple[tuple[str, str], ...] = ()
 
     @property
     def effect(self) -> str:
@@ -98,7 +101,18 @@ def read_answer(path: Path) -> Truth:
         causes = (_cause(given),)
     drawn = table(given.get("drawn", {}), "drawn")
     machine = text(drawn.get("machine", ""), "drawn.machine")
-    return Truth(causes, drawn.get("mistuned") is True, machine, _tags(drawn))
+    dirt = table(given.get("dirt", {}), "dirt")
+    return Truth(causes, drawn.get("mistuned") is True, machine, _tags(drawn), _background(dirt))
+
+
+def _background(dirt: Mapping[str, object]) -> tuple[tuple[str, str], ...]:
+    """Return effect and location of every small imperfection that is stated."""
+    found = []
+    for item in items(dirt.get("item", []), "dirt.item"):
+        row = table(item, "dirt.item", "effect", "location")
+        effect = text(row["effect"], "dirt.item.effect")
+        found.append((effect, checked(effect, text(row["location"], "dirt.item.location"))))
+    return tuple(found)
 
 
 def _cause(value: object) -> TrueCause:

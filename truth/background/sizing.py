@@ -1,0 +1,58 @@
+"""Scale a background so that it leaves a given part of the motion of a re-tuned machine."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from truth.background.draw import Background
+from truth.campaign.survival import Refit
+from truth.errors import TruthError
+from truth.machine.station import Real
+
+_CLOSE = 0.05  # relative difference from the wanted part at which the search ends
+_NOTHING = 1e-9  # relative motion below which there is rounding alone
+_TURNS = 8  # refits at most
+_LARGEST_STEP = 4.0  # factor on the scale in one turn
+_MAX_NOISE = 0.3  # relative noise from which a channel does not count, as in a verdict's error
+
+
+def size_background(background: Background, refit: Refit, wanted: float) -> Background:
+    """Return the background at the scale at which a refit leaves the wanted part of the motion.
+
+    What is left is ``sqrt(mean e_c^2)`` over the channels whose noise is at most 0.3 of their
+    motion, with e_c the norm of the residual over that of the FRF. It grows nearly in proportion to
+    the scale, so that a few steps of proportion find it.
+
+    Args:
+        background: items at any scale.
+        refit: linearised refit of the machine without effects.
+        wanted: relative motion, such as 0.15.
+
+    Raises:
+        TruthError: the machine has nothing that the background could change.
+    """
+    best, best_off = background, np.inf
+    for _ in range(_TURNS):
+        left = refit.motion_left(replace(refit.machine, effects=background.effects), wanted)
+        error = mean_error(left, refit)
+        if error < _NOTHING:
+            raise TruthError(f"{refit.machine.station.name}: its background changes no channel")
+        off = abs(float(np.log(error / wanted)))
+        if off < best_off:
+            best, best_off = replace(background, left=left), off
+        if off <= _CLOSE:
+            break
+        factor = float(np.clip(wanted / error, 1 / _LARGEST_STEP, _LARGEST_STEP))
+        background = background.scaled(factor)
+    return best
+
+
+def mean_error(left: Real, refit: Refit) -> float:
+    """Return the root mean square of the relative errors of the channels that count.
+
+    Args:
+        left: relative error of each channel; (n_out, n_in).
+        refit: refit of the machine, which knows the noise of each channel.
+    """
+    counted = (refit.noise_share <= _MAX_NOISE) & refit.used[:, None]
+    return float(np.sqrt(np.mean(left[counted] ** 2)))
