@@ -38,7 +38,7 @@ def campaigns(nominal):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("truth.campaign.virtual_test.hammer_tests", silent)
-        patch.setattr("truth.campaign.virtual_test._refit", lambda machine, plan, files: None)
+        patch.setattr("truth.campaign.virtual_test._refit", lambda *_: None)
         machines = draw_tree(2, 3), nominal
         return [drawn(number, machines) for number in range(CASES)]
 
