@@ -1,6 +1,6 @@
 """Measurements: readers, FRFs from hits, their noise, checks of solid bodies, modal models."""
 
-from identification.band import band_lines
+from identification.band import band_lines, select_band
 from identification.checks.channels import duplicate_channels, noise_only_channels
 from identification.noise.line_independence import lines_are_independent
 from identification.noise.repeatability import (
@@ -54,5 +54,6 @@ __all__ = [
     "reconstruct",
     "reduce_to_bodies",
     "remove_overstated_noise",
+    "select_band",
     "smooth_variance",
 ]

@@ -1,6 +1,6 @@
 """A campaign and its model, opened together for tuning and diagnosis."""
 
-from identification import band_lines
+from identification import select_band as select_campaign_band
 from identification.words import Campaign, UsageError
 from mbworkbench.campaign import MeasuredCampaign
 from mbworkbench.labels import AnyPath, as_path, check_band
@@ -20,7 +20,7 @@ def select_band(campaign: MeasuredCampaign, band: tuple[float, float] | None) ->
         UsageError: the lower frequency does not come first.
     """
     content = campaign.content
-    return content.select_lines(band_lines(content, check_band(band), campaign.source))
+    return select_campaign_band(content, check_band(band), campaign.source)
 
 
 def open_together(

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification import band_lines, correct_layout, read_campaign, read_settings
+from identification import correct_layout, read_campaign, read_settings, select_band
 from identification.words import Campaign, Dof, InputError, Motor
 from mbmodel import (
     HammerPart,
@@ -172,7 +172,7 @@ def open_campaign(
     machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
     campaign = read_campaign(source, settings, machine.layout)
     _refuse_unknown_motors(source, machine, campaign)
-    chosen = campaign.select_lines(band_lines(campaign, band, source))
+    chosen = select_band(campaign, band, source)
     if not any(np.abs(test.estimate.frf.values).any() for test in chosen.tests):
         raise InputError(f"{source}: all FRFs are zero in the band: check the export")
     return source, machine, chosen

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from identification.checks.roving_hammer import is_roving_hammer
 from identification.modal.mode_selection import IdentifiedModes, identify_modes
@@ -25,6 +26,9 @@ from identification.words import (
 _N_NOISE_BANDS = 8
 # Variance of a cell in one sub-band over its mean above which that sub-band sets its weight.
 _LOCAL_NOISE_RATIO = 2.0
+# Variance of a line over the median of its neighbours, at least, and the number of lines of that
+# median: with few channels, a coherence near 1 by chance must not give a line all the weight.
+_MIN_LINE_VARIANCE_RATIO, _LINE_MEDIAN_LINES = 0.25, 31
 # Spread of the line spacing over its mean; files round frequencies to some seven digits.
 _MAX_SPACING_UNEVENNESS = 1e-6
 
@@ -88,6 +92,10 @@ class MeasuredFrfs:
         mean = np.where(measured, self.variance.mean(axis=0), 1.0)
         relative = np.where(measured, self.variance / mean, np.nan)
         line_variance = np.nanmedian(relative.reshape(len(self.freq_hz), -1), axis=1)
+        power = np.where(measured, np.abs(self.values) ** 2 / mean, np.nan)
+        line_variance = _limit_line_weights(
+            line_variance, np.nanmedian(power.reshape(len(self.freq_hz), -1), axis=1)
+        )
         # A cell that is far noisier in one sub-band is weighted by the noise of that sub-band,
         # which would otherwise be fitted as modes.
         bands = np.stack(
@@ -112,6 +120,26 @@ class MeasuredFrfs:
             cell_weights,
             correlated_lines,
         )
+
+
+def _limit_line_weights(variance: Real, power: Real) -> Real:
+    """Raise the variance of lines that claim to be far better than their neighbours.
+
+    The least that a line may have is a share of the median of its neighbours, of the variance or of
+    its ratio to the power, whichever is smaller: resonances have a small ratio, and the variance
+    falls with the power towards 0 Hz.
+
+    Args:
+        variance: variance of each line; (n_freq,).
+        power: squared magnitude of the FRFs, in the same unit; (n_freq,).
+    """
+    width = min(_LINE_MEDIAN_LINES, len(variance))
+    inner = np.clip(np.arange(len(variance)), width // 2, len(variance) - 1 - width // 2)
+    safe = np.maximum(power, 1e-300)
+    usual = median_filter(variance, width, mode="nearest")[inner]
+    usual_ratio = median_filter(variance / safe, width, mode="nearest")[inner]
+    least = _MIN_LINE_VARIANCE_RATIO * np.minimum(usual, usual_ratio * safe)
+    return np.asarray(np.maximum(variance, least), np.float64)
 
 
 def combine_tests(campaign: Campaign) -> MeasuredFrfs:

@@ -120,9 +120,14 @@ def _write_csv(path: Path, rows: Iterable[Sequence[object]]) -> None:
 
 
 def _mode_rows(result: IdentificationResult) -> Iterable[Sequence[object]]:
+    """Yield one row for each mode; estimates by hand have columns of their own."""
     lists = {"shape_real", "shape_imaginary", "real_shape"}
-    lists |= {"body_shape_real", "body_shape_imaginary"}
-    rows = [row.model_dump(exclude=lists) for row in result.summary.modes]
+    lists |= {"body_shape_real", "body_shape_imaginary", "by_hand"}
+    rows = [
+        row.model_dump(exclude=lists)
+        | {f"by_hand_{name}": value for name, value in row.by_hand.model_dump().items()}
+        for row in result.summary.modes
+    ]
     yield ["mode", *(rows[0] if rows else [])]
     for number, row in enumerate(rows, start=1):
         yield [number, *("" if value is None else value for value in row.values())]

@@ -19,10 +19,7 @@ def lead(result: IdentificationResult) -> str:
     """Return sentences on the modes, on their synthesis error and on the reference modes."""
     summary = result.summary
     if not summary.modes:
-        return (
-            f"No mode was identified in {summary.band[0]:g}..{summary.band[1]:g} Hz: widen --band, "
-            "or add a mode by --add."
-        )
+        return _no_modes_sentence(summary)
     freq = [row.frequency for row in summary.modes]
     damping = [100 * row.damping for row in summary.modes]
     text = (
@@ -50,6 +47,14 @@ def lead(result: IdentificationResult) -> str:
     return text
 
 
+def _no_modes_sentence(summary: IdentifiedModesFile) -> str:
+    """Say that no mode was found, and what to do."""
+    return (
+        f"No mode was identified in {summary.band[0]:g}..{summary.band[1]:g} Hz: look for peaks of "
+        "the CMIF on the page, widen --band or move it to them, or add a mode by --add."
+    )
+
+
 def _reference_name(compared_with: str) -> str:
     """Return the name of the reference modes; explain the term "as drawn"."""
     if compared_with.endswith(" as drawn"):
@@ -70,6 +75,8 @@ def list_remarks(result: IdentificationResult) -> list[str]:
     """Return one sentence for each finding that limits the modal model."""
     summary = result.summary
     sentences = [text.rstrip(".") + "." for text in summary.remarks]
+    if not summary.modes:
+        sentences.insert(0, _no_modes_sentence(summary))
     if summary.roved:
         sentences.append(
             "The hammer roved: by reciprocity, the points that were hit are listed here as "

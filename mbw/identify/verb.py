@@ -7,12 +7,12 @@ from pathlib import Path
 import typer
 
 from identification import (
-    band_lines,
     check_bodies,
     correct_layout,
     read_campaign,
     read_layout,
     read_settings,
+    select_band,
 )
 from identification.checks.roving_hammer import (
     exchange_hits_and_channels,
@@ -180,7 +180,7 @@ def _open_campaign(
         return source, machine, band_campaign
     layout = correct_layout(source, settings, read_layout(source.parent / settings.layout))
     all_lines = read_campaign(source, settings, layout)
-    return source, None, all_lines.select_lines(band_lines(all_lines, band, source))
+    return source, None, select_band(all_lines, band, source)
 
 
 def render_result(path: Path) -> str:

@@ -75,6 +75,11 @@ def test_the_tables_are_what_the_json_says(out, content):
     with (out / "modes.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [float(row["frequency"]) for row in rows] == [r["frequency"] for r in content["modes"]]
+    for row, mode in zip(rows, content["modes"], strict=True):
+        assert not any(value.startswith(("{", "[")) for value in row.values())
+        for name, value in mode["by_hand"].items():
+            text = row[f"by_hand_{name}"]
+            assert text == value if isinstance(value, str) else float(text or 0) == (value or 0)
     with (out / "shapes.csv").open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     labels = content["outputs"] + content["body_directions"]
@@ -222,6 +227,19 @@ def test_options_that_make_no_sense_are_refused_in_a_sentence(folder, tmp_path, 
     assert result.exit_code == 2
     assert words in result.stderr
     assert not list((tmp_path / "out").glob("modes*"))
+
+
+def test_a_band_without_modes_is_said_in_a_sentence_with_what_to_do(folder, content, tmp_path):
+    gaps = np.diff([mode["frequency"] for mode in content["modes"]])
+    k = int(np.argmax(gaps))
+    low, high = (content["modes"][n]["frequency"] for n in (k, k + 1))
+    band = low + 0.25 * (high - low), high - 0.25 * (high - low)
+    result = mbw("identify", folder, "--band", *band, "--out", tmp_path / "none", "--no-pictures")
+    assert result.exit_code == 0, result.stderr
+    assert json.loads((tmp_path / "none" / "modes.json").read_text("utf-8"))["modes"] == []
+    words = " ".join(result.stderr.split())
+    assert "No mode was identified in" in words
+    assert "widen --band" in words
 
 
 def test_stricter_tolerances_find_fewer_orders(folder, content, tmp_path):
