@@ -31,6 +31,8 @@ _LOCAL_NOISE_RATIO = 2.0
 _MIN_LINE_VARIANCE_RATIO, _LINE_MEDIAN_LINES = 0.25, 31
 # Spread of the line spacing over its mean; files round frequencies to some seven digits.
 _MAX_SPACING_UNEVENNESS = 1e-6
+# Gaps between lines, where lines were left out, over the number of lines, at most.
+_MAX_GAP_SHARE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +40,7 @@ class MeasuredFrfs:
     """FRFs of all tests of a campaign, combined in one array.
 
     Args:
-        freq_hz: frequency lines above 0 Hz [Hz]; (n_freq,).
+        freq_hz: frequency lines above 0 Hz on an even axis, perhaps with gaps [Hz]; (n_freq,).
         values: FRFs, zero where not measured; (n_freq, n_out, n_in).
         variance: E|error|^2 of the FRFs; (n_freq, n_out, n_in).
         measured: whether the FRF of an output and an input was measured; (n_out, n_in).
@@ -110,7 +112,7 @@ class MeasuredFrfs:
         )
         correlated_lines = 1.0
         if self.decay:
-            decay_per_line = self.decay / float(self.freq_hz[1] - self.freq_hz[0])
+            decay_per_line = self.decay / float(np.diff(self.freq_hz).min())
             correlated_lines = decay_per_line / np.tanh(decay_per_line)
         return WeightedFrfs(
             self.laplace,
@@ -142,6 +144,21 @@ def _limit_line_weights(variance: Real, power: Real) -> Real:
     return np.asarray(np.maximum(variance, least), np.float64)
 
 
+def _is_even_with_gaps(spacing: Real) -> bool:
+    """Return whether lines are evenly spaced but for a few gaps of whole lines.
+
+    The sums of LSCF and of the refinement run over any lines of one even axis.
+
+    Args:
+        spacing: distances of neighbouring lines [Hz]; (n_freq - 1,).
+    """
+    step = float(np.median(spacing))
+    steps = np.round(spacing / step)
+    allowed = _MAX_SPACING_UNEVENNESS * spacing.mean() * np.maximum(steps, 1)
+    is_even = np.abs(spacing - steps * step) <= allowed
+    return bool((is_even & (steps >= 1)).all() and (steps > 1).mean() <= _MAX_GAP_SHARE)
+
+
 def combine_tests(campaign: Campaign) -> MeasuredFrfs:
     """Combine the tests of a campaign in one array of FRFs.
 
@@ -170,7 +187,7 @@ def combine_tests(campaign: Campaign) -> MeasuredFrfs:
             f"{campaign.name}: {len(freq)} lines above 0 Hz are too few for modes: widen the band "
             "to 16 or more"
         )
-    if np.ptp(spacing) > _MAX_SPACING_UNEVENNESS * spacing.mean():
+    if not _is_even_with_gaps(spacing):
         raise InputError(
             f"{campaign.name}: lines are unevenly spaced, from {spacing.min():g} to "
             f"{spacing.max():g} Hz: export FRFs on one even axis"

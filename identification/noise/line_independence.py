@@ -54,7 +54,7 @@ def _window_decay(estimate: FrfEstimate) -> float:
     freq_hz = estimate.frf.freq_hz
     if not estimate.window_tau or len(freq_hz) < 2:
         return 0.0
-    return float(1 / ((freq_hz[1] - freq_hz[0]) * estimate.window_tau))
+    return float(1 / (np.diff(freq_hz).min() * estimate.window_tau))
 
 
 def _log_ratio(means: Real) -> float | None:

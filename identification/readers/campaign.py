@@ -21,6 +21,7 @@ from identification.readers.file_kinds import (
     refuse_array_description,
 )
 from identification.readers.frf_table import FrfTable
+from identification.readers.ignored_lines import leave_out_lines
 from identification.readers.uff_frfs import read_uff
 from identification.words import (
     Campaign,
@@ -74,6 +75,12 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
             f"{path}: {error}: tests of one campaign need one frequency axis and one quantity"
             + ("; block_s sets the axis of time records" if raw else "")
         ) from error
+    ranges = [
+        *settings.ignore_hz,
+        *(limits for entry in settings.test for limits in entry.ignore_hz),
+    ]
+    campaign = leave_out_lines(path, campaign, ranges)
+    remarks += campaign.remarks
     signs = [point.remark for point in drive_point_signs(campaign)]
     remarks += [*channel_remarks(campaign), *(sign for sign in signs if sign)]
     return replace(campaign, remarks=tuple(remarks))

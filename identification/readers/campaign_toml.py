@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from identification.readers.ignored_lines import FrequencyRange
 from identification.readers.toml_files import FileName, TomlTable, load_toml, read_toml
 from identification.words import Estimator, InputError, Quantity
 from identification.words.file_access import check_file
@@ -46,6 +47,7 @@ class TestSettings(TomlTable):
     exponential_tau: float | None = Field(default=None, ge=0)
     estimator: Estimator | None = None
     reject: bool | None = None
+    ignore_hz: list[FrequencyRange] = Field(default_factory=list)
 
 
 class SensorSettings(TomlTable):
@@ -92,12 +94,13 @@ class TuningSettings(TomlTable):
 
 
 class CampaignSettings(TomlTable):
-    """Content of campaign.toml."""
+    """Content of campaign.toml; ``ignore_hz`` leaves out lines, here or in one ``[[test]]``."""
 
     model: FileName | None = None
     layout: FileName | None = None
     test: list[TestSettings] = Field(min_length=1)
     sensor: dict[str, SensorSettings] = Field(default_factory=dict)
+    ignore_hz: list[FrequencyRange] = Field(default_factory=list)
     tolerance: ToleranceSettings = ToleranceSettings()
     tuning: TuningSettings = TuningSettings()
 

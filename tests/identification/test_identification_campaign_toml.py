@@ -69,6 +69,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         exponential_tau = 0.75
         estimator = "Hv"
         reject = false
+        ignore_hz = [[49.5, 50.5]]
         [[test]]
         file = "c.npz"
         channels = ["1:+x"]
@@ -119,6 +120,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         "exponential_tau": 0.75,
         "estimator": "Hv",
         "reject": False,
+        "ignore_hz": [[49.5, 50.5]],
     }
     assert (second.channels, second.level, second.window_tau) == (["1:+x"], 200.0, 0.0)
     assert settings.sensor["acc7"].model_dump() == {

@@ -53,8 +53,7 @@ def test_different_windows_are_refused(model, true_theta):
 
 def test_uneven_lines_are_refused(model, true_theta):
     campaign = virtual_campaign(model, true_theta)
-    keep = np.ones(len(campaign.freq_hz), bool)
-    keep[7] = False
+    keep = np.arange(len(campaign.freq_hz)) % 4 < 3
     with pytest.raises(InputError, match="unevenly spaced"):
         combine_tests(campaign.select_lines(keep))
 
