@@ -27,6 +27,7 @@ from mbmodel.model import Matrices, Model, as_drawn
 from mbmodel.modes.energy_shares import EnergyShares, energy_shares
 from mbmodel.modes.model_modes import Modes, model_modes, modes_of_matrices, shapes_at
 from mbmodel.modes.sensitivities import LinearisedModes, ModeEvaluator
+from mbmodel.mujoco_log import silence_mujoco_log
 from mbmodel.parts import (
     AddedPart,
     Change,
@@ -45,6 +46,8 @@ from mbmodel.parts import (
     spring_parts,
 )
 from mbmodel.spatial import rotation_matrix, transport
+
+silence_mujoco_log()
 
 __all__ = [
     "AddedPart",

@@ -21,6 +21,8 @@ from identification.impacts.common_clock import SynchronisedImpact
 from identification.words import Complex, Dof, InputError, Real
 
 _MIN_SAMPLES_BEFORE = 32  # samples before the impact from which the noise can be estimated
+_MIN_SAMPLES_AFTER = 32  # samples after the impact, for a filter of fourth order
+_MIN_BAND_SHARE = 1e-6  # of its end, at which a band may begin: below, the filter has no digits
 _DECAYED_ENERGY = 1.5  # energy over that before the impact, below which the response has decayed
 
 
@@ -74,6 +76,17 @@ def impact_spectra(
         raise InputError(
             f"the band ends at {band[1]:g} Hz, above half of the {lowest_rate:.4g} samples a "
             "second. Lower its end."
+        )
+    shortest = min(impacts, key=lambda impact: int(impact.after.shape[1]))
+    if shortest.after.shape[1] < _MIN_SAMPLES_AFTER:
+        raise InputError(
+            f"{shortest.source}: only {shortest.after.shape[1]} samples lie after the impact: "
+            "record for longer"
+        )
+    if band[0] < _MIN_BAND_SHARE * band[1]:
+        raise InputError(
+            f"the band begins at {band[0]:g} Hz, too near to zero for its end at {band[1]:g} Hz. "
+            "Raise its start."
         )
     length = min(
         max(_audible_duration(impact, band) for impact in impacts),

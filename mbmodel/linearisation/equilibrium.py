@@ -18,6 +18,9 @@ from mbmodel.mjcf.refusals import active_constraint
 FORCE_DIFFERENCE_STEP = 1e-6
 _MAX_NEWTON_STEPS = 200  # far more than Newton's method needs: it stops at rest
 _MAX_STEP_HALVINGS = 30  # a step of 1e-9 of the first that does no work is given up
+# Share of the mass that joints move one by one, below which a combination of them has none: the
+# factorisation of the mass matrix loses all digits at 1e-16.
+_MIN_MASS_SHARE = 1e-13
 _MAX_STEP = 0.3  # m or rad: beyond it the linear prediction of forces means nothing
 
 
@@ -60,6 +63,7 @@ def find_equilibrium(model: mujoco.MjModel, path: Path, start: mujoco.MjData) ->
     """
     data = copy.copy(start)
     mujoco.mj_forward(model, data)
+    _refuse_singular_mass(model, data, path)
     scale = force_scale(model, data)
     for _ in range(_MAX_NEWTON_STEPS):
         residual = _net_force(model, data).copy()
@@ -82,6 +86,29 @@ def find_equilibrium(model: mujoco.MjModel, path: Path, start: mujoco.MjData) ->
     displacement = np.zeros(model.nv)
     mujoco.mj_differentiatePos(model, displacement, 1.0, start.qpos, data.qpos)
     return Equilibrium(data, displacement, _is_stable(model, data))
+
+
+def _refuse_singular_mass(model: mujoco.MjModel, data: mujoco.MjData, path: Path) -> None:
+    """Refuse a machine with a motion that moves next to no mass, beside what each joint moves.
+
+    The mass matrix is scaled to a diagonal of ones, so that units do not count. Its smallest
+    eigenvalue is the mass of the lightest combination of joints.
+    """
+    mass = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    scale = np.sqrt(np.diag(mass))
+    if np.isfinite(mass).all() and scale.min(initial=1.0) > 0:
+        values, vectors = scipy.linalg.eigh(mass / np.outer(scale, scale))
+        if values.min(initial=1.0) > _MIN_MASS_SHARE:
+            return
+        place = int(np.argmax(np.abs(vectors[:, 0])))
+    else:
+        place = int(np.argmin(np.where(np.isfinite(scale), scale, -1.0)))
+    joint = joint_name(model, model.dof_jntid[place])
+    raise InputError(
+        f"{path}: joint {joint!r} moves together with others without moving any mass: two joints "
+        "have nearly one axis, or a length, mass or inertia is out of scale; correct it"
+    )
 
 
 def _tangent_modes(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Real, Real]:

@@ -1,0 +1,12 @@
+"""Mutated settings, tables, models and results give one sentence or a result, quickly."""
+
+import pytest
+
+from tests.helpers.fuzz_files import FILE_TARGETS
+from tests.helpers.fuzzing import find_faults
+from tests.helpers.mutations import MUTATIONS
+
+
+@pytest.mark.parametrize("target", FILE_TARGETS, ids=lambda target: target.name)
+def test_a_mutated_file_is_read_or_refused(target, tmp_path):
+    assert find_faults(target, tmp_path, range(MUTATIONS)) == {}
