@@ -1,25 +1,49 @@
-"""Units of motion and force, as universal files label them and campaign.toml states them."""
+"""Units of motion, force and frequency, as files label them and campaign.toml states them.
+
+A unit of FRFs is a motion over a force, such as ``g/N``, ``(mm/s)/N`` or ``in/s^2/lbf``. One table
+of motions and one of forces serve labels of universal files and the key ``unit``.
+"""
 
 from pathlib import Path
+
+import numpy as np
 
 from identification.words import InputError, Quantity
 
 STANDARD_GRAVITY = 9.80665  # m/s^2 in one g
-_SI_MOTION_UNITS: dict[Quantity, str] = {
-    "receptance": "m",
-    "mobility": "m/s",
-    "accelerance": "m/s^2",
+_POUND_FORCE = 4.4482216152605  # N in one lbf
+SI_UNITS: dict[Quantity, str] = {
+    "receptance": "m/N",
+    "mobility": "m/s/N",
+    "accelerance": "m/s^2/N",
 }
-_LENGTH_PREFIXES = {"": 1.0, "m": 1e-3, "u": 1e-6, "n": 1e-9}
+_TIMES: dict[Quantity, str] = {"receptance": "", "mobility": "/s", "accelerance": "/s^2"}
 _LENGTHS_M = {
-    **{f"{prefix}m": factor for prefix, factor in _LENGTH_PREFIXES.items()},
-    **{"cm": 1e-2, "in": 0.0254, "inch": 0.0254, "ft": 0.3048},
+    **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "micron": 1e-6, "nm": 1e-9},
+    **{"in": 0.0254, "inch": 0.0254, "mil": 2.54e-5, "ft": 0.3048},
+}
+_GRAVITIES = {
+    **dict.fromkeys(("g", "gn", "g's", "gs", "g_n", "g0"), STANDARD_GRAVITY),
+    **{"mg": 1e-3 * STANDARD_GRAVITY, "ug": 1e-6 * STANDARD_GRAVITY, "gal": 1e-2},
 }
 _FORCES_N = {
-    **{"N": 1.0, "mN": 1e-3, "kN": 1e3, "MN": 1e6, "Newton": 1.0, "newton": 1.0},
-    **{"lbf": 4.4482216152605, "lb": 4.4482216152605, "kgf": STANDARD_GRAVITY},
+    **{"N": 1.0, "mN": 1e-3, "daN": 10.0, "kN": 1e3, "MN": 1e6, "Newton": 1.0, "newton": 1.0},
+    **{"n": 1.0, "kn": 1e3, "NEWTON": 1.0, "dyn": 1e-5},
+    **dict.fromkeys(("lbf", "lb", "lbs", "LBF", "LB"), _POUND_FORCE),
+    **{"kip": 1e3 * _POUND_FORCE, "kgf": STANDARD_GRAVITY, "kp": STANDARD_GRAVITY},
 }
-_SPELLINGS = (("²", "^2"), ("**", "^"), ("sec", "s"), ("s2", "s^2"), ("µ", "u"), ("μ", "u"))
+_SPELLINGS = (
+    ("²", "^2"),
+    ("**", "^"),
+    ("sec", "s"),
+    ("s/s", "s^2"),
+    ("s2", "s^2"),
+    ("µ", "u"),
+    ("μ", "u"),
+)
+# Units that exporters use, for messages and for the search of a wrong one.
+_COMMON_LENGTHS, _COMMON_FORCES = ("m", "mm", "in"), ("N", "lbf", "kN")
+FREQUENCY_UNITS_HZ = {"Hz": 1.0, "rad/s": 1 / (2 * np.pi), "rpm": 1 / 60, "kHz": 1e3}
 
 
 def motion_label_factor(label: str, quantity: Quantity) -> float | None:
@@ -29,14 +53,12 @@ def motion_label_factor(label: str, quantity: Quantity) -> float | None:
         label: unit of the motion, such as ``g`` or ``mm/s^2``.
         quantity: quantity of the FRF that has this motion.
     """
-    text = _plain_label(label)
-    if quantity == "accelerance" and text.lower() in ("g", "gn", "g's", "gs"):
-        return STANDARD_GRAVITY
-    time = _SI_MOTION_UNITS[quantity].removeprefix("m")
-    for unit, factor in _LENGTHS_M.items():
-        if text.lower() == f"{unit}{time}":
-            return factor
-    return None
+    text = _plain_label(label).lower()
+    if quantity == "accelerance" and text in _GRAVITIES:
+        return _GRAVITIES[text]
+    time = _TIMES[quantity]
+    length = text.removesuffix(time)
+    return _LENGTHS_M.get(length) if text.endswith(time) else None
 
 
 def force_label_factor(label: str) -> float | None:
@@ -47,6 +69,37 @@ def force_label_factor(label: str) -> float | None:
 def is_gravity_label(label: str, quantity: Quantity) -> bool:
     """Return whether a label gives an acceleration in units of standard gravity."""
     return motion_label_factor(label, quantity) == STANDARD_GRAVITY
+
+
+def frequency_label_factor(label: str) -> float | None:
+    """Return the factor that converts a labelled frequency to hertz; None for an unknown label."""
+    text = _plain_label(label).lower()
+    return {name.lower(): factor for name, factor in FREQUENCY_UNITS_HZ.items()}.get(text)
+
+
+def parse_frf_unit(unit: str, quantity: Quantity) -> float | None:
+    """Return the factor that converts FRFs in a unit to SI; None if it is no unit of the quantity.
+
+    Args:
+        unit: motion over force, such as ``g/N``, ``(m/s)/N`` or ``in/s^2/lbf``.
+        quantity: quantity of the FRFs.
+    """
+    motion_text, slash, force_text = unit.rpartition("/")
+    motion, force = motion_label_factor(motion_text, quantity), force_label_factor(force_text)
+    return motion / force if slash and motion and force else None
+
+
+def quantity_of_unit(unit: str) -> Quantity | None:
+    """Return the quantity to which a unit of FRFs belongs, or None for an unknown unit."""
+    return next((name for name in SI_UNITS if parse_frf_unit(unit, name) is not None), None)
+
+
+def common_frf_units(quantity: Quantity) -> dict[str, float]:
+    """Return the units that exporters use for a quantity, each with its factor to SI."""
+    motions = [f"{length}{_TIMES[quantity]}" for length in _COMMON_LENGTHS]
+    motions += ["g"] if quantity == "accelerance" else []
+    units = [f"{motion}/{force}" for force in _COMMON_FORCES for motion in motions]
+    return {unit: parse_frf_unit(unit, quantity) or 1.0 for unit in units}
 
 
 def unit_factor(path: Path, quantity: Quantity, unit: str | None) -> float:
@@ -60,23 +113,22 @@ def unit_factor(path: Path, quantity: Quantity, unit: str | None) -> float:
     Raises:
         InputError: the unit does not belong to the quantity.
     """
-    motion = _SI_MOTION_UNITS[quantity]
     if unit is None:
         return 1.0
-    units = {f"{prefix}{motion}/N": factor for prefix, factor in _LENGTH_PREFIXES.items()}
-    if quantity == "accelerance":
-        units["g/N"] = STANDARD_GRAVITY
-    if unit not in units:
-        raise InputError(
-            f"{path}: unit {unit!r} is not a unit of {quantity}: write one of {', '.join(units)}"
-        )
-    return units[unit]
+    factor = parse_frf_unit(unit, quantity)
+    if factor is not None:
+        return factor
+    belongs = quantity_of_unit(unit)
+    remedy = f'set quantity = "{belongs}", or ' if belongs else ""
+    raise InputError(
+        f"{path}: unit {unit!r} is not a unit of {quantity}: {remedy}write a motion over a force "
+        f"such as {', '.join(common_frf_units(quantity))}"
+    )
 
 
 def _plain_label(label: str) -> str:
     """Return a label without brackets and spaces, in one spelling."""
-    text = label.strip().strip("[]()").replace(" ", "")
+    text = label.replace(" ", "").strip("[]()").replace(")", "").replace("(", "")
     for spelling, plain in _SPELLINGS:
-        if plain not in text:
-            text = text.replace(spelling, plain)
+        text = text.replace(spelling, plain)
     return text

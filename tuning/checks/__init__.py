@@ -1,0 +1,1 @@
+"""Checks of the measurement against the nominal model, before any fit."""

@@ -1,0 +1,242 @@
+"""Check of the measurement against the nominal model: wrong units, quantity, frequency axis.
+
+Level curves of both are compared (``tuning.checks.level_curves``). A small shift along ln w stands
+for wrong stiffness, which is ordinary. For each possible fault of the export, the loss is
+
+    min over shifts of the median over bins of |measured - nominal - what the fault adds|
+
+On random machines with stiffness off by up to 3, masses by 20 % and a missing effect, the loss
+without a fault is at most 0.6 (a factor of 1.9). A loss far above, which one fault removes, is that
+fault. For frequency axes the correlation of the curves without their trends must agree too.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.words import Campaign, Quantity, Real
+from mbmodel import Model
+from tuning.checks.export_faults import ExportFault, StatedExport, list_faults
+from tuning.checks.level_curves import (
+    LevelCurve,
+    level_curve,
+    predict_on_lines,
+    select_file,
+    strong_cells,
+)
+
+
+@dataclass(frozen=True)
+class _Limits:
+    """Constants of the comparison; losses and levels are natural logarithms of a factor."""
+
+    # ln of frequency: stiffness off by up to a factor of 3.3.
+    max_shift: float = 0.6
+    shift_step: float = 0.05
+    # Losses of right data reach 0.6; a factor of 2.7 beyond the nominal model's scatter is none.
+    max_explained_loss: float = 0.6
+    min_refused_loss: float = 1.0
+    min_remark_loss: float = 0.8
+    min_loss_gain: float = 0.69  # a factor of 2 in level, by which a fault must improve
+    # A wrong frequency unit hardly changes levels where the curves are flat. Its evidence is the ln
+    # of the ratio of losses plus twice the rise of the correlation: at most -0.4 for 114 right
+    # files, and above 0.5 for every wrong one whose nominal model is right.
+    min_refused_axis_evidence: float = 0.5
+    min_remark_axis_evidence: float = 0.15
+    correlation_weight: float = 2.0
+    min_loss: float = 0.02  # a smaller loss is as good as none
+    max_tie: float = 0.35  # losses within this of the best: faults that cannot be told apart
+    nominal_step: float = 0.01  # of ln f, between the nominal model's lines
+    min_bins: int = 12
+    max_reasons: int = 2  # that a sentence names
+
+
+_LIMITS = _Limits()
+
+
+@dataclass(frozen=True)
+class ExportFinding:
+    """What the comparison of one file with the nominal model shows.
+
+    Args:
+        file: name of the file, as campaign.toml gives it.
+        factor: measured over nominal FRFs, in the median.
+        faults: most likely faults, best first; empty where none explains the difference.
+        is_certain: whether the file cannot be right as it was read.
+    """
+
+    file: str
+    factor: float
+    faults: tuple[ExportFault, ...]
+    is_certain: bool
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong, why, and the key that corrects it."""
+        named = self.faults[: _LIMITS.max_reasons]
+        if not named:
+            return (
+                f"{self.file}: measured FRFs are {_times(self.factor)} the nominal model's over "
+                "the whole band: check unit and quantity in [[test]], and the masses of the model"
+            )
+        reasons = ", or ".join(fault.reason for fault in named)
+        remedies = ", or ".join(dict.fromkeys(fault.remedy for fault in named))
+        is_level = all(fault.axis == 1.0 and fault.order == 0 for fault in named)
+        masses = ", or correct the masses of the model" if is_level else ""
+        level = f"are {_times(self.factor)} the nominal model's" if is_level else "fit the model"
+        likely = "" if self.is_certain else " rather"
+        return (
+            f"{self.file}: measured FRFs {level}{likely} as if {reasons}: set {remedies} in its "
+            f"[[test]]{masses}"
+        )
+
+
+def _times(factor: float) -> str:
+    """Return a factor as text."""
+    return f"{factor:.2g} times" if factor >= 1 else f"1/{1 / factor:.2g} of"
+
+
+def compare_with_model(
+    model: Model, campaign: Campaign, stated: dict[str, StatedExport]
+) -> list[ExportFinding]:
+    """Compare each file's FRFs with the nominal model's, before any fit.
+
+    Args:
+        model: nominal model.
+        campaign: tests in the band.
+        stated: how each file was read, by its name.
+
+    Returns:
+        One finding for each file that differs by more than wrong stiffness explains.
+    """
+    files = dict.fromkeys(test.condition.test for test in campaign.tests)
+    findings = (
+        _compare_file(model, select_file(campaign, file), stated[file])
+        for file in files
+        if file in stated
+    )
+    return [finding for finding in findings if finding is not None]
+
+
+@dataclass(frozen=True)
+class _Agreement:
+    """Agreement of the curves under one fault.
+
+    Args:
+        loss: median absolute difference at the best shift.
+        correlation: largest correlation over shifts, without linear trends.
+        offset: median difference at the best shift.
+        log_span: ln of the last over the first measured frequency.
+    """
+
+    loss: float
+    correlation: float
+    offset: float
+    log_span: float
+
+
+def _compare_file(model: Model, campaign: Campaign, stated: StatedExport) -> ExportFinding | None:
+    """Compare one file with the nominal model; None if it may be right."""
+    if not campaign.tests:
+        return None
+    faults = list_faults(stated)
+    axes = dict.fromkeys([1.0, *(fault.axis for fault in faults)])
+    curves = {axis: _curves(model, campaign, axis) for axis in axes}
+    if curves[1.0] is None:
+        return None
+    null = _agreement(*curves[1.0], ExportFault("", ""), stated.quantity)
+    if null is None:
+        return None
+    rows = []
+    for fault in faults:
+        pair = curves[fault.axis]
+        agreement = _agreement(*pair, fault, stated.quantity) if pair is not None else None
+        if agreement is not None and agreement.loss <= _LIMITS.max_explained_loss:
+            rows.append((fault, agreement))
+    certain = [row for row in rows if _is_certain(row[0], null, row[1])]
+    likely = certain or [
+        row for row in rows if _axis_evidence(*row, null) > _LIMITS.min_remark_axis_evidence
+    ]
+    if not likely and null.loss < _LIMITS.min_remark_loss:
+        return None
+    named = _closest_faults(likely)
+    factor = float(np.exp(null.offset))
+    return ExportFinding(campaign.tests[0].condition.test, factor, named, bool(certain))
+
+
+def _closest_faults(rows: list[tuple[ExportFault, _Agreement]]) -> tuple[ExportFault, ...]:
+    """Return the faults whose losses cannot be told from the smallest, in their order."""
+    best = min((agreement.loss for _, agreement in rows), default=0.0)
+    close = [row for row in rows if row[1].loss <= best + _LIMITS.max_tie]
+    return tuple(fault for fault, _ in sorted(close, key=lambda row: row[1].loss))
+
+
+def _is_certain(fault: ExportFault, null: _Agreement, agreement: _Agreement) -> bool:
+    """Return whether a fault explains the file, and the file cannot be right without it."""
+    gain = null.loss - agreement.loss
+    if null.loss >= _LIMITS.min_refused_loss and gain >= _LIMITS.min_loss_gain:
+        return True
+    return _axis_evidence(fault, agreement, null) > _LIMITS.min_refused_axis_evidence
+
+
+def _axis_evidence(fault: ExportFault, agreement: _Agreement, null: _Agreement) -> float:
+    """Return the evidence for a wrong frequency unit; minus infinity for another fault.
+
+    A band that spans less than the ratio of the units shows too little of the curve.
+    """
+    if fault.axis == 1.0 or null.log_span < abs(np.log(fault.axis)):
+        return -np.inf
+    losses = np.maximum([null.loss, agreement.loss], _LIMITS.min_loss)
+    rise = agreement.correlation - null.correlation
+    return float(np.log(losses[0] / losses[1]) + _LIMITS.correlation_weight * rise)
+
+
+def _curves(
+    model: Model, campaign: Campaign, axis: float
+) -> tuple[LevelCurve, LevelCurve] | None:
+    """Return the measured curve and the nominal one at the frequencies over ``axis``."""
+    freq = campaign.freq_hz[campaign.freq_hz > 0]
+    if len(freq) < _LIMITS.min_bins:
+        return None
+    near = predict_on_lines(model, campaign, freq / axis)
+    cells = tuple(
+        a & b for a, b in zip(strong_cells(campaign), strong_cells(near), strict=True)
+    )
+    low, high = np.log(freq[[0, -1]] / axis)
+    span = _LIMITS.max_shift + 2 * _LIMITS.nominal_step
+    grid = np.exp(np.arange(low - span, high + span, _LIMITS.nominal_step))
+    measured = level_curve(campaign, cells)
+    nominal = level_curve(predict_on_lines(model, campaign, grid), cells)
+    return None if measured is None or nominal is None else (measured, nominal)
+
+
+def _agreement(
+    measured: LevelCurve, nominal: LevelCurve, fault: ExportFault, quantity: Quantity
+) -> _Agreement | None:
+    """Return how well the curves agree under a fault, at the best shifts."""
+    expected = measured.level - fault.level_change(measured.log_freq, quantity)
+    true_log_freq = measured.log_freq - np.log(fault.axis)
+    shifts = np.arange(-_LIMITS.max_shift, _LIMITS.max_shift + 1e-9, _LIMITS.shift_step)
+    loss, correlation, offset = np.inf, -1.0, 0.0
+    for shift in shifts:
+        level = nominal.at(true_log_freq - shift)
+        known = np.isfinite(level)
+        if known.sum() < _LIMITS.min_bins:
+            continue
+        difference = expected[known] - level[known]
+        if (size := float(np.median(np.abs(difference)))) < loss:
+            loss, offset = size, float(np.median(difference))
+        correlation = max(
+            correlation, _correlation(measured.log_freq[known], expected[known], level[known])
+        )
+    span = float(measured.log_freq[-1] - measured.log_freq[0])
+    return _Agreement(loss, correlation, offset, span) if np.isfinite(loss) else None
+
+
+def _correlation(x: Real, first: Real, second: Real) -> float:
+    """Return the correlation of two curves without their linear trends."""
+    trend = np.stack([np.ones_like(x), x - x.mean()], axis=1)
+    both = np.stack([first, second], axis=1)
+    rest = both - trend @ np.linalg.lstsq(trend, both, rcond=None)[0]
+    sizes = np.linalg.norm(rest, axis=0)
+    return float(rest[:, 0] @ rest[:, 1] / max(sizes.prod(), 1e-300))

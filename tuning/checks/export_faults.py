@@ -1,0 +1,134 @@
+"""Faults of exported FRFs that a common factor, slope or frequency ratio against the model shows.
+
+A fault has three numbers: the file's values as read over the true ones, the derivative order of the
+true quantity minus that of the stated one, ``n``, and the file's frequencies ``f`` as read over the
+true ones, ``axis``. With the stated quantity of order q, the values as read times (i w)^(2 - q)
+have the level
+
+    ln A(f / axis) + ln factor + n ln(2 pi f) + (2 - q - n) ln axis
+
+where ln A is the level of the true accelerances.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.readers.units import FREQUENCY_UNITS_HZ, SI_UNITS, common_frf_units
+from identification.words import DERIVATIVE_ORDER, Quantity, Real
+
+_MIN_LOG_FACTOR = np.log(2)  # ln of the smallest common factor that is a fault
+_MILLIMETRE = 1e-3  # m
+
+
+@dataclass(frozen=True)
+class StatedExport:
+    """Quantity and units with which a file was read.
+
+    Args:
+        quantity: quantity of the FRFs.
+        unit: unit that campaign.toml states, or None.
+        factor: factor of this unit to SI; 1 for None.
+        frequency_unit: unit of the frequencies.
+    """
+
+    quantity: Quantity
+    unit: str | None = None
+    factor: float = 1.0
+    frequency_unit: str = "Hz"
+
+
+@dataclass(frozen=True)
+class ExportFault:
+    """A wrong unit, quantity or frequency unit of one file, and the key that corrects it.
+
+    Args:
+        reason: what the file holds instead, as a clause.
+        remedy: keys of campaign.toml with their values.
+        log_factor: ln of the values as read over the true ones.
+        order: order of the true quantity minus that of the stated one.
+        axis: frequencies as read over the true ones.
+    """
+
+    reason: str
+    remedy: str
+    log_factor: float = 0.0
+    order: int = 0
+    axis: float = 1.0
+
+    def level_change(self, log_freq: Real, quantity: Quantity) -> Real:
+        """Return what the fault adds to the level at frequencies as read.
+
+        Args:
+            log_freq: ln of the frequencies [ln Hz]; (n_bin,).
+            quantity: stated quantity.
+        """
+        power = 2 - DERIVATIVE_ORDER[quantity] - self.order
+        constant = self.log_factor + power * np.log(self.axis)
+        change: Real = constant + self.order * (np.log(2 * np.pi) + log_freq)
+        return change
+
+
+def list_faults(stated: StatedExport) -> list[ExportFault]:
+    """Return the faults that a file may have, given how it was read."""
+    return [*_unit_faults(stated), *_quantity_faults(stated), *_axis_faults(stated)]
+
+
+def _unit_faults(stated: StatedExport) -> list[ExportFault]:
+    """Return the faults of the unit: other units of the file, or SI values read in another unit."""
+    read_as = stated.unit or SI_UNITS[stated.quantity]
+    units = common_frf_units(stated.quantity)
+    si_unit = SI_UNITS[stated.quantity]
+    faults = [
+        ExportFault(
+            f"values in {unit} were read as {read_as}",
+            f'unit = "{unit}"',
+            float(np.log(stated.factor / factor)),
+        )
+        for unit, factor in units.items()
+    ]
+    if stated.unit is None:  # labels of the file may have converted values that are SI already
+        faults += [
+            ExportFault(
+                f"values in {si_unit} were labelled {unit}",
+                f'unit = "{si_unit}"',
+                float(np.log(factor)),
+            )
+            for unit, factor in units.items()
+            if unit.endswith("/N") or unit.startswith(si_unit.removesuffix("/N"))
+        ]
+    return [fault for fault in faults if abs(fault.log_factor) >= _MIN_LOG_FACTOR]
+
+
+def _quantity_faults(stated: StatedExport) -> list[ExportFault]:
+    """Return the faults of the quantity, in SI units and in millimetres."""
+    faults = []
+    for quantity, order in DERIVATIVE_ORDER.items():
+        if quantity == stated.quantity:
+            continue
+        si_unit = SI_UNITS[quantity]
+        for unit, factor in ((si_unit, 1.0), (f"m{si_unit}", _MILLIMETRE)):
+            needs_unit = stated.unit is not None or factor != 1.0
+            faults.append(
+                ExportFault(
+                    f"{quantity} was read as {stated.quantity}",
+                    f'quantity = "{quantity}"' + (f' and unit = "{unit}"' if needs_unit else ""),
+                    float(np.log(stated.factor / factor)),
+                    order - DERIVATIVE_ORDER[stated.quantity],
+                )
+            )
+    return faults
+
+
+def _axis_faults(stated: StatedExport) -> list[ExportFault]:
+    """Return the faults of the frequency unit."""
+    read_hz = FREQUENCY_UNITS_HZ[stated.frequency_unit]
+    return [
+        ExportFault(
+            f"frequencies in {unit} were read as {stated.frequency_unit}",
+            f'frequency_unit = "{unit}"',
+            axis=read_hz / hertz,
+        )
+        for unit, hertz in FREQUENCY_UNITS_HZ.items()
+        if unit != stated.frequency_unit
+    ]
