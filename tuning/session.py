@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from identification import correct_layout, read_campaign, read_settings, select_band
+from identification.readers.file_kinds import is_universal
+from identification.readers.units import unit_factor
 from identification.words import Campaign, Dof, InputError, Motor
 from mbmodel import (
     HammerPart,
@@ -21,6 +23,8 @@ from mbmodel import (
     sensor_parts,
     spring_parts,
 )
+from tuning.checks.data_against_model import compare_with_model
+from tuning.checks.export_faults import StatedExport
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
 
@@ -62,11 +66,39 @@ def open_session(
             "add them to the model"
         )
     model = build_toleranced_model(machine, campaign)
+    campaign = _refuse_wrong_exports(source, model, campaign)
     try:
         parametrisation = parametrise(model, campaign.tolerance, _read_specification(path))
     except InputError as error:
         raise InputError(f"{source}: {error}") from error
     return Session(source, model, campaign, parametrisation)
+
+
+def _refuse_wrong_exports(source: Path, model: Model, campaign: Campaign) -> Campaign:
+    """Return the campaign with remarks on files that differ from the nominal model as a whole.
+
+    Raises:
+        InputError: a wrong unit, quantity or frequency unit is certain.
+    """
+    stated = {
+        entry.file: StatedExport(
+            campaign.tests[0].estimate.frf.quantity,
+            entry.unit,
+            unit_factor(
+                source.parent / entry.file, campaign.tests[0].estimate.frf.quantity, entry.unit
+            ),
+            entry.frequency_unit,
+            has_labels=is_universal(Path(entry.file)),
+        )
+        for entry in read_settings(source)[1].test
+    }
+    findings = compare_with_model(model, campaign, stated)
+    for finding in findings:
+        if finding.is_certain:
+            raise InputError(f"{source}: {finding.sentence}")
+    return replace(
+        campaign, remarks=(*campaign.remarks, *(finding.sentence for finding in findings))
+    )
 
 
 def _read_specification(path: Path) -> UserSpecification:

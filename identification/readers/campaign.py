@@ -23,6 +23,7 @@ from identification.readers.file_kinds import (
 from identification.readers.frf_table import FrfTable
 from identification.readers.ignored_lines import leave_out_lines
 from identification.readers.uff_frfs import read_uff
+from identification.readers.units import frequency_factor
 from identification.words import (
     Campaign,
     Complex,
@@ -171,11 +172,13 @@ def _tests_of_table(
 def _read_table(file: Path, entry: TestSettings) -> FrfTable:
     """Read the FRFs of one file, with points named as in the file."""
     if is_arrays(file):
-        return read_arrays(file, **array_description(file, entry))
+        table = read_arrays(file, **array_description(file, entry))
+        hertz, _ = frequency_factor(file, entry.frequency_unit)
+        return replace(table, freq_hz=hertz * table.freq_hz)
     if not is_universal(file):
         raise InputError(f"{file} is of an unknown kind: give a .uff, .unv, .mat or .npz file")
     refuse_array_description(file, entry)
-    return read_uff(file, entry.quantity, entry.unit)
+    return read_uff(file, entry.quantity, entry.unit, entry.frequency_unit)
 
 
 def _on_sites(file: Path, table: FrfTable, layout: Layout) -> FrfTable:

@@ -41,6 +41,7 @@ class TestSettings(TomlTable):
     quantity: Quantity | None = None
     unit: str | None = None
     time_sign: Literal["+", "-"] = "+"
+    frequency_unit: Literal["Hz", "rad/s", "rpm", "kHz"] | None = None
     block_s: float | None = Field(default=None, gt=0)
     pretrigger_s: float | None = Field(default=None, ge=0)
     force_window_s: float | None = Field(default=None, ge=0)

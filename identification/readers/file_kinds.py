@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TypedDict
 
 from identification.readers.campaign_toml import TestSettings
+from identification.readers.units import quantity_of_unit
 from identification.words import InputError, Quantity
 
 _ARRAY_SUFFIXES = (".mat", ".npz")
@@ -35,7 +36,7 @@ def is_universal(file: Path) -> bool:
 def array_description(file: Path, entry: TestSettings) -> ArrayDescription:
     """Return the description of an array file from its ``[[test]]``.
 
-    The quantity is accelerance by default.
+    Without a stated quantity, the unit says it; without both it is accelerance.
 
     Raises:
         InputError: channels or references are missing.
@@ -47,7 +48,7 @@ def array_description(file: Path, entry: TestSettings) -> ArrayDescription:
     return {
         "channels": entry.channels,
         "references": entry.references,
-        "quantity": entry.quantity or "accelerance",
+        "quantity": entry.quantity or quantity_of_unit(entry.unit or "") or "accelerance",
         "unit": entry.unit,
     }
 

@@ -15,6 +15,7 @@ from identification.readers.uff_datasets import (
     unit_factors,
 )
 from identification.readers.uff_units import UnitConverter
+from identification.readers.units import frequency_factor
 from identification.words import Dof, InputError, Quantity
 
 FRF_TYPE, _COHERENCE_TYPE = 4, 6  # function types
@@ -24,7 +25,12 @@ _TINY_NORM = 1e-300  # avoids a division by zero
 QUANTITY_OF_ORDINATE: dict[int, Quantity] = {8: "receptance", 11: "mobility", 12: "accelerance"}
 
 
-def read_uff(path: Path, quantity: Quantity | None = None, unit: str | None = None) -> FrfTable:
+def read_uff(
+    path: Path,
+    quantity: Quantity | None = None,
+    unit: str | None = None,
+    frequency_unit: str | None = None,
+) -> FrfTable:
     """Read the FRFs and coherences of a universal file.
 
     If several records have one response and reference, the one with the best coherence is used.
@@ -35,6 +41,7 @@ def read_uff(path: Path, quantity: Quantity | None = None, unit: str | None = No
         quantity: quantity that campaign.toml states, which overrides the file; needed if the
             ordinate type is 0 (unknown).
         unit: unit that campaign.toml states, such as ``g/N``, which overrides the file.
+        frequency_unit: unit of the frequencies that campaign.toml states, which overrides the file.
 
     Raises:
         InputError: the file is missing or holds no FRF; or a record is truncated or malformed, has
@@ -52,7 +59,9 @@ def read_uff(path: Path, quantity: Quantity | None = None, unit: str | None = No
     frfs = [item for item in functions if item[1]["func_type"] == FRF_TYPE]
     if not frfs:
         raise InputError(f"{path} holds no FRF (dataset 58, function type 4): export FRFs")
-    freq_hz = _common_axis(path, functions)
+    label = str(functions[0][1].get("abscissa_axis_units_lab", ""))
+    hertz, axis_remarks = frequency_factor(path, frequency_unit, label)
+    freq_hz = hertz * _common_axis(path, functions)
     responses, references = _labels(path, frfs)
     shape = (len(freq_hz), len(responses), len(references))
     cells: dict[tuple[int, int], _Cell] = {}
@@ -93,7 +102,7 @@ def read_uff(path: Path, quantity: Quantity | None = None, unit: str | None = No
         responses=tuple(Dof.of(d.point, d.axis, sign) for d, (_, sign) in responses.items()),
         references=tuple(Dof.of(d.point, d.axis, sign) for d, (_, sign) in references.items()),
         quantity=kinds.pop(),
-        remarks=(*converter.remarks, *remarks),
+        remarks=(*axis_remarks, *converter.remarks, *remarks),
     )
 
 

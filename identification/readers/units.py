@@ -77,6 +77,31 @@ def frequency_label_factor(label: str) -> float | None:
     return {name.lower(): factor for name, factor in FREQUENCY_UNITS_HZ.items()}.get(text)
 
 
+def frequency_factor(path: Path, stated: str | None, label: str = "") -> tuple[float, list[str]]:
+    """Return the factor that converts frequencies of a file to hertz, and remarks on it.
+
+    Args:
+        path: the file, for remarks.
+        stated: unit that campaign.toml states, which counts first; None if it states none.
+        label: unit that the file names; empty if it names none.
+    """
+    labelled = frequency_label_factor(label)
+    if stated is not None:
+        factor = FREQUENCY_UNITS_HZ[stated]
+        overrides = labelled is not None and labelled != factor
+        remark = (
+            f'{path.name}: frequency_unit = "{stated}" of campaign.toml overrides '
+            f"{label.strip()}, which the file names"
+        )
+        return factor, [remark] if overrides else []
+    if labelled is None or labelled == 1.0:
+        return 1.0, []
+    return labelled, [
+        f"{path.name}: frequencies are labelled {label.strip()} and converted to Hz; state "
+        "frequency_unit in [[test]] if the label is wrong"
+    ]
+
+
 def parse_frf_unit(unit: str, quantity: Quantity) -> float | None:
     """Return the factor that converts FRFs in a unit to SI; None if it is no unit of the quantity.
 

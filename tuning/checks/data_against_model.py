@@ -27,7 +27,7 @@ from tuning.checks.level_curves import (
 
 
 @dataclass(frozen=True)
-class _Limits:
+class _ExportLimits:
     """Constants of the comparison; losses and levels are natural logarithms of a factor."""
 
     # ln of frequency: stiffness off by up to a factor of 3.3.
@@ -44,6 +44,7 @@ class _Limits:
     min_refused_axis_evidence: float = 0.5
     min_remark_axis_evidence: float = 0.15
     correlation_weight: float = 2.0
+    min_axis_log_span: float = 1.2  # ln of the last over the first frequency, for this evidence
     min_loss: float = 0.02  # a smaller loss is as good as none
     max_tie: float = 0.35  # losses within this of the best: faults that cannot be told apart
     nominal_step: float = 0.01  # of ln f, between the nominal model's lines
@@ -51,7 +52,7 @@ class _Limits:
     max_reasons: int = 2  # that a sentence names
 
 
-_LIMITS = _Limits()
+_EXPORT_LIMITS = _ExportLimits()
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class ExportFinding:
     @property
     def sentence(self) -> str:
         """What is wrong, why, and the key that corrects it."""
-        named = self.faults[: _LIMITS.max_reasons]
+        named = self.faults[: _EXPORT_LIMITS.max_reasons]
         if not named:
             return (
                 f"{self.file}: measured FRFs are {_times(self.factor)} the nominal model's over "
@@ -119,7 +120,7 @@ def compare_with_model(
 
 
 @dataclass(frozen=True)
-class _Agreement:
+class _CurveAgreement:
     """Agreement of the curves under one fault.
 
     Args:
@@ -151,60 +152,57 @@ def _compare_file(model: Model, campaign: Campaign, stated: StatedExport) -> Exp
     for fault in faults:
         pair = curves[fault.axis]
         agreement = _agreement(*pair, fault, stated.quantity) if pair is not None else None
-        if agreement is not None and agreement.loss <= _LIMITS.max_explained_loss:
+        if agreement is not None and agreement.loss <= _EXPORT_LIMITS.max_explained_loss:
             rows.append((fault, agreement))
     certain = [row for row in rows if _is_certain(row[0], null, row[1])]
     likely = certain or [
-        row for row in rows if _axis_evidence(*row, null) > _LIMITS.min_remark_axis_evidence
+        row for row in rows if _axis_evidence(*row, null) > _EXPORT_LIMITS.min_remark_axis_evidence
     ]
-    if not likely and null.loss < _LIMITS.min_remark_loss:
+    if not likely and null.loss < _EXPORT_LIMITS.min_remark_loss:
         return None
     named = _closest_faults(likely)
     factor = float(np.exp(null.offset))
     return ExportFinding(campaign.tests[0].condition.test, factor, named, bool(certain))
 
 
-def _closest_faults(rows: list[tuple[ExportFault, _Agreement]]) -> tuple[ExportFault, ...]:
+def _closest_faults(rows: list[tuple[ExportFault, _CurveAgreement]]) -> tuple[ExportFault, ...]:
     """Return the faults whose losses cannot be told from the smallest, in their order."""
     best = min((agreement.loss for _, agreement in rows), default=0.0)
-    close = [row for row in rows if row[1].loss <= best + _LIMITS.max_tie]
+    close = [row for row in rows if row[1].loss <= best + _EXPORT_LIMITS.max_tie]
     return tuple(fault for fault, _ in sorted(close, key=lambda row: row[1].loss))
 
 
-def _is_certain(fault: ExportFault, null: _Agreement, agreement: _Agreement) -> bool:
+def _is_certain(fault: ExportFault, null: _CurveAgreement, agreement: _CurveAgreement) -> bool:
     """Return whether a fault explains the file, and the file cannot be right without it."""
     gain = null.loss - agreement.loss
-    if null.loss >= _LIMITS.min_refused_loss and gain >= _LIMITS.min_loss_gain:
+    if null.loss >= _EXPORT_LIMITS.min_refused_loss and gain >= _EXPORT_LIMITS.min_loss_gain:
         return True
-    return _axis_evidence(fault, agreement, null) > _LIMITS.min_refused_axis_evidence
+    return _axis_evidence(fault, agreement, null) > _EXPORT_LIMITS.min_refused_axis_evidence
 
 
-def _axis_evidence(fault: ExportFault, agreement: _Agreement, null: _Agreement) -> float:
+def _axis_evidence(fault: ExportFault, agreement: _CurveAgreement, null: _CurveAgreement) -> float:
     """Return the evidence for a wrong frequency unit; minus infinity for another fault.
 
-    A band that spans less than the ratio of the units shows too little of the curve.
+    A narrow band shows too little of the curve. Where the
+    axis would be too small, the nominal model is on its mass line, which many curves resemble.
     """
-    if fault.axis == 1.0 or null.log_span < abs(np.log(fault.axis)):
+    if fault.axis <= 1.0 or null.log_span < _EXPORT_LIMITS.min_axis_log_span:
         return -np.inf
-    losses = np.maximum([null.loss, agreement.loss], _LIMITS.min_loss)
+    losses = np.maximum([null.loss, agreement.loss], _EXPORT_LIMITS.min_loss)
     rise = agreement.correlation - null.correlation
-    return float(np.log(losses[0] / losses[1]) + _LIMITS.correlation_weight * rise)
+    return float(np.log(losses[0] / losses[1]) + _EXPORT_LIMITS.correlation_weight * rise)
 
 
-def _curves(
-    model: Model, campaign: Campaign, axis: float
-) -> tuple[LevelCurve, LevelCurve] | None:
+def _curves(model: Model, campaign: Campaign, axis: float) -> tuple[LevelCurve, LevelCurve] | None:
     """Return the measured curve and the nominal one at the frequencies over ``axis``."""
     freq = campaign.freq_hz[campaign.freq_hz > 0]
-    if len(freq) < _LIMITS.min_bins:
+    if len(freq) < _EXPORT_LIMITS.min_bins:
         return None
     near = predict_on_lines(model, campaign, freq / axis)
-    cells = tuple(
-        a & b for a, b in zip(strong_cells(campaign), strong_cells(near), strict=True)
-    )
+    cells = tuple(a & b for a, b in zip(strong_cells(campaign), strong_cells(near), strict=True))
     low, high = np.log(freq[[0, -1]] / axis)
-    span = _LIMITS.max_shift + 2 * _LIMITS.nominal_step
-    grid = np.exp(np.arange(low - span, high + span, _LIMITS.nominal_step))
+    span = _EXPORT_LIMITS.max_shift + 2 * _EXPORT_LIMITS.nominal_step
+    grid = np.exp(np.arange(low - span, high + span, _EXPORT_LIMITS.nominal_step))
     measured = level_curve(campaign, cells)
     nominal = level_curve(predict_on_lines(model, campaign, grid), cells)
     return None if measured is None or nominal is None else (measured, nominal)
@@ -212,16 +210,18 @@ def _curves(
 
 def _agreement(
     measured: LevelCurve, nominal: LevelCurve, fault: ExportFault, quantity: Quantity
-) -> _Agreement | None:
+) -> _CurveAgreement | None:
     """Return how well the curves agree under a fault, at the best shifts."""
     expected = measured.level - fault.level_change(measured.log_freq, quantity)
     true_log_freq = measured.log_freq - np.log(fault.axis)
-    shifts = np.arange(-_LIMITS.max_shift, _LIMITS.max_shift + 1e-9, _LIMITS.shift_step)
+    shifts = np.arange(
+        -_EXPORT_LIMITS.max_shift, _EXPORT_LIMITS.max_shift + 1e-9, _EXPORT_LIMITS.shift_step
+    )
     loss, correlation, offset = np.inf, -1.0, 0.0
     for shift in shifts:
         level = nominal.at(true_log_freq - shift)
         known = np.isfinite(level)
-        if known.sum() < _LIMITS.min_bins:
+        if known.sum() < _EXPORT_LIMITS.min_bins:
             continue
         difference = expected[known] - level[known]
         if (size := float(np.median(np.abs(difference)))) < loss:
@@ -230,7 +230,7 @@ def _agreement(
             correlation, _correlation(measured.log_freq[known], expected[known], level[known])
         )
     span = float(measured.log_freq[-1] - measured.log_freq[0])
-    return _Agreement(loss, correlation, offset, span) if np.isfinite(loss) else None
+    return _CurveAgreement(loss, correlation, offset, span) if np.isfinite(loss) else None
 
 
 def _correlation(x: Real, first: Real, second: Real) -> float:

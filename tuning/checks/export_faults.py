@@ -29,13 +29,15 @@ class StatedExport:
         quantity: quantity of the FRFs.
         unit: unit that campaign.toml states, or None.
         factor: factor of this unit to SI; 1 for None.
-        frequency_unit: unit of the frequencies.
+        frequency_unit: unit of the frequencies that campaign.toml states, or None.
+        has_labels: whether the file may have labelled its units, and these were converted.
     """
 
     quantity: Quantity
     unit: str | None = None
     factor: float = 1.0
-    frequency_unit: str = "Hz"
+    frequency_unit: str | None = None
+    has_labels: bool = False
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ def _unit_faults(stated: StatedExport) -> list[ExportFault]:
         )
         for unit, factor in units.items()
     ]
-    if stated.unit is None:  # labels of the file may have converted values that are SI already
+    if stated.has_labels and stated.unit is None:
         faults += [
             ExportFault(
                 f"values in {si_unit} were labelled {unit}",
@@ -122,13 +124,14 @@ def _quantity_faults(stated: StatedExport) -> list[ExportFault]:
 
 def _axis_faults(stated: StatedExport) -> list[ExportFault]:
     """Return the faults of the frequency unit."""
-    read_hz = FREQUENCY_UNITS_HZ[stated.frequency_unit]
+    read_as = stated.frequency_unit or "Hz"
+    read_hz = FREQUENCY_UNITS_HZ[read_as]
     return [
         ExportFault(
-            f"frequencies in {unit} were read as {stated.frequency_unit}",
+            f"frequencies in {unit} were read as {read_as}",
             f'frequency_unit = "{unit}"',
             axis=read_hz / hertz,
         )
         for unit, hertz in FREQUENCY_UNITS_HZ.items()
-        if unit != stated.frequency_unit
+        if unit != read_as
     ]

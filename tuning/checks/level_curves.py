@@ -10,16 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.words import DERIVATIVE_ORDER, Campaign, Complex, Mask, Quantity, Real, Test
+from identification.words import DERIVATIVE_ORDER, Campaign, Complex, Dof, Mask, Real, Test
 from mbmodel import Model
 from tuning.misfit.batch import predict
 
-_LOG_STEP = 0.02  # step of ln f: bins of 2 % in frequency
-_MIN_POWER_TO_VARIANCE = 25.0  # summed |H|^2 over its variance on lines that count
+_LOG_FREQUENCY_STEP = 0.02  # step of ln f: bins of 2 % in frequency
+_MIN_SUMMED_POWER_TO_VARIANCE = 25.0  # summed |H|^2 over its variance on lines that count
 # Cells whose rms is below this part of the largest of their test do not count: in symmetric
 # machines a small nominal FRF is zero, and the measured one is cross-talk.
 _MIN_RELATIVE_RMS = 0.1
-_MIN_BINS = 12  # bins with a level, for a comparison
+_MIN_LEVEL_BINS = 12  # bins with a level, for a comparison
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,15 +46,17 @@ def select_file(campaign: Campaign, file: str) -> Campaign:
         tests=tuple(
             test
             for test in campaign.tests
-            if test.condition.test == file and not test.condition.reference.is_rotation
+            if test.condition.test == file
+            and isinstance(test.condition.reference, Dof)
+            and not test.condition.reference.is_rotation
         ),
     )
 
 
-def predict_on_lines(model: Model, campaign: Campaign, freq_hz: Real, theta=None) -> Campaign:
+def predict_on_lines(model: Model, campaign: Campaign, freq_hz: Real) -> Campaign:
     """Return the campaign with the nominal model's FRFs on other lines instead of the measured."""
     empty = tuple(_on_lines(test, freq_hz) for test in campaign.tests)
-    answers = predict(model, model.drawn if theta is None else theta, replace(campaign, tests=empty))
+    answers = predict(model, model.drawn, replace(campaign, tests=empty))
     return replace(
         campaign,
         tests=tuple(
@@ -108,16 +110,16 @@ def level_curve(campaign: Campaign, cells: tuple[Mask, ...]) -> LevelCurve | Non
         scale = np.abs(2j * np.pi * freq) ** (2 - DERIVATIVE_ORDER[test.estimate.frf.quantity])
         power += (np.abs(_accelerance(test)[:, kept, 0]) ** 2).sum(axis=1)
         noise += scale**2 * test.estimate.variance[:, kept, 0].sum(axis=1)
-    good = (freq > 0) & (power > _MIN_POWER_TO_VARIANCE * noise) & np.isfinite(power)
-    if good.sum() < _MIN_BINS:
+    good = (freq > 0) & (power > _MIN_SUMMED_POWER_TO_VARIANCE * noise) & np.isfinite(power)
+    if good.sum() < _MIN_LEVEL_BINS:
         return None
     x, y = np.log(freq[good]), np.log(power[good]) / 2
-    edges = np.arange(x[0], x[-1] + _LOG_STEP, _LOG_STEP)
+    edges = np.arange(x[0], x[-1] + _LOG_FREQUENCY_STEP, _LOG_FREQUENCY_STEP)
     bins = np.digitize(x, edges) - 1
     count = np.bincount(bins, minlength=len(edges))
     mean = np.bincount(bins, y, minlength=len(edges)) / np.maximum(count, 1)
-    centres = edges + _LOG_STEP / 2
+    centres = edges + _LOG_FREQUENCY_STEP / 2
     filled = count > 0
-    if filled.sum() < _MIN_BINS:
+    if filled.sum() < _MIN_LEVEL_BINS:
         return None
     return LevelCurve(centres, np.interp(centres, centres[filled], mean[filled]))
