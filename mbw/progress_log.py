@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from rich.progress import Progress
+from rich.progress import Progress, TextColumn
 
 INTERVAL_S = 20.0  # between two lines: a run of an hour leaves 180
 
@@ -20,7 +20,8 @@ class ProgressLog(Progress):
     """
 
     def __init__(self, say: Callable[[str], None]) -> None:
-        super().__init__(disable=True)  # keeps tasks, draws nothing
+        column = TextColumn("{task.description}", markup=False)
+        super().__init__(column, disable=True)  # keeps tasks, draws nothing
         self._say = say
         self._begin = time.monotonic()
         self._ended = threading.Event()

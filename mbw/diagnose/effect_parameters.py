@@ -23,6 +23,15 @@ _PARAMETER_UNITS = {  # factor from SI, unit
     "fraction": (100.0, "%"),
     "limit": (1.0, "N"),
 }
+_FRAMES = {  # of vectors, by effect and parameter
+    ("mass_error", "position"): "from the body's centre of mass as drawn, in world axes",
+    ("appendage", "position"): "from the body's centre of mass as drawn, in world axes",
+    ("joint_coupling", "offset"): "from the joint as drawn, in world axes",
+    ("sensor_position", "offset"): "from the place as drawn, in world axes",
+    ("hammer_position", "offset"): "from the place as drawn, in world axes",
+    ("sensor_misalignment", "rotation"): "as a vector in world axes",
+    ("hammer_misalignment", "rotation"): "as a vector in world axes",
+}
 _TRANSLATION_UNITS = {"stiffness": "N/m", "damping": "N s/m", "k": "N/m", "gap": "m", "k3": "N/m³"}
 _ROTATION_UNITS = {
     "stiffness": "N m/rad",
@@ -85,7 +94,13 @@ def parameter_words(effect: str, dof: str | None, name: str, value: Value) -> st
     components = value if isinstance(value, tuple) else (value,)
     numbers = [number(factor * component) for component in components]
     text = f"({', '.join(numbers)})" if isinstance(value, tuple) else numbers[0]
-    return f"{name.replace('_', ' ')} {text}{_with_leading_space(unit)}"
+    frame = f" {words}" if isinstance(value, tuple) and (words := frame_words(effect, name)) else ""
+    return f"{name.replace('_', ' ')} {text}{_with_leading_space(unit)}{frame}"
+
+
+def frame_words(effect: str, name: str) -> str:
+    """Return from where and in which axes a vector is stated; empty for a number."""
+    return _FRAMES.get((effect, name), "")
 
 
 def parameters_that_may_be_zero(interval: Mapping[str, Ends]) -> frozenset[str]:

@@ -102,8 +102,9 @@ def place_row(location: str, machine: Machine) -> PlaceRow:
         return _place([name], [np.mean(anchors, axis=0)] if anchors else [])
     if kind == "pair":
         bodies = _pair(name, layout.bodies)
-        middle = [layout.centres[layout.bodies.index(body)] for body in bodies]
-        return _place(bodies, [np.mean(middle, axis=0)] if middle else [])
+        ends = [layout.centres[layout.bodies.index(body)] for body in bodies]
+        row = _place(bodies, [np.mean(ends, axis=0)] if ends else [])
+        return row.model_copy(update={"line": _place(bodies, ends).points})
     if kind == "body":
         bodies = [name] if name in layout.bodies else []
         return _place(bodies, [layout.centres[layout.bodies.index(body)] for body in bodies])

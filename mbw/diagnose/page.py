@@ -8,8 +8,10 @@ from diagnosis.labels import direction
 from identification.words import Dof, Real
 from mbw.diagnose.effect_parameters import number
 from mbw.diagnose.headline import badges, doubts, lead
+from mbw.diagnose.link_axis import axis_words
 from mbw.diagnose.machine_rows import restore_machine
-from mbw.diagnose.result import STEPS, StoredDiagnosis
+from mbw.diagnose.result import STEPS, StoredDiagnosis, twin_locations
+from mbw.diagnose.schema import PlaceRow
 from mbw.diagnose.sentences import place_name, sensor_check_sentences
 from mbw.diagnose.tables import causes_section, hypotheses_section
 from mbw.page.html import (
@@ -23,7 +25,7 @@ from mbw.page.html import (
 from mbw.page.numbers import format_percent, frf_unit
 from mbw.page.picture import picture_data
 
-_MAX_PLACE_BARS = 12  # locations of the bar chart
+_MAX_PLACE_BARS = 12  # locations of the bar chart, unless the verdict names more
 _STEP_COLOURS = dict(zip(STEPS, ("#98a2b3", "#d9822b", "#1f6fb8"), strict=True))
 
 
@@ -181,24 +183,37 @@ def _frf(result: StoredDiagnosis) -> dict[str, object]:
 
 
 def _places(result: StoredDiagnosis) -> list[dict[str, object]]:
-    """Return the probable locations, then those with a free-force gain."""
+    """Return every location that the verdict names, then those with a free-force gain."""
     verdict = result.verdict
     shares = {row.location: row.share for row in verdict.where if verdict.verdict != "none"}
     gains = {force.location: max(force.gain, 0.0) for force in result.evidence.pushed}
     towards = {force.location: direction(force.dof) for force in result.evidence.pushed}
     places = result.shown.places
-    kept = [name for name in shares if shares[name]]
-    kept += [name for name in gains if gains[name] and name not in kept]
+    named = [name for name in shares if shares[name]]
+    named += [cause.location for cause in verdict.causes] + twin_locations(verdict)
+    kept = list(dict.fromkeys(named))
+    forced = [name for name in gains if gains[name] and name not in kept]
+    kept += forced[: max(_MAX_PLACE_BARS - len(kept), 0)]
     return [
         {
             "name": place_name(name),
             "share": shares.get(name),
             "gain": gains.get(name),
             "towards": towards.get(name, ""),
-            **(places[name].model_dump() if name in places else {"bodies": [], "points": []}),
+            "note": _place_note(places.get(name)),
+            **(places.get(name) or PlaceRow(bodies=[], points=[])).model_dump(),
         }
-        for name in kept[:_MAX_PLACE_BARS]
+        for name in kept
     ]
+
+
+def _place_note(row: PlaceRow | None) -> str:
+    """Return the direction and the ends of a link in words; empty for another place."""
+    if row is None or not row.line:
+        return ""
+    lower, upper = row.bodies
+    axis = f"; it is stiffest {axis_words(row.axis)}, in world axes" if row.axis else ""
+    return f"link between the centres of mass of {lower} and {upper}{axis}"
 
 
 def _provenance(result: StoredDiagnosis) -> str:

@@ -11,10 +11,18 @@ from diagnosis.estimates.held_out_gap import HeldOutGap
 from diagnosis.inference.evidence import Evidence
 from diagnosis.verdict.schema import CauseRow
 from identification.words import Campaign, Complex, Condition, Dof
-from mbmodel import NotInMjcf, machine_geometry
+from mbmodel import Machine, NotInMjcf, machine_geometry
+from mbw.diagnose.link_axis import link_axis
 from mbw.diagnose.machine_rows import machine_rows, place_row
 from mbw.diagnose.pulled_tolerance import pull_sentence
-from mbw.diagnose.schema import CentresRow, ChannelRow, DiagnosedTestRow, ShownFile, StepsRow
+from mbw.diagnose.schema import (
+    CentresRow,
+    ChannelRow,
+    DiagnosedTestRow,
+    PlaceRow,
+    ShownFile,
+    StepsRow,
+)
 from mbw.identify.solid import fault_row
 from tuning import gap_at_bodies, predict
 from tuning.files.input_files import input_rows
@@ -64,6 +72,7 @@ def collect_result(diagnosis: Diagnosis, not_in_mjcf: Sequence[NotInMjcf] = ()) 
     machine_row, machine_arrays = machine_rows(machine.layout, machine_geometry(machine))
     locations = [cause.location for cause in verdict.causes]
     locations += [share.location for share in verdict.where]
+    locations += twin_locations(verdict)
     locations += [force.location for force in diagnosis.evidence.pushed]
     freq = campaign.freq_hz
     pull = pull_sentence(verdict, diagnosis)
@@ -91,12 +100,26 @@ def collect_result(diagnosis: Diagnosis, not_in_mjcf: Sequence[NotInMjcf] = ()) 
         doubted=[check.body for check in diagnosis.gate.flexible],
         remarks=remarks,
         machine=machine_row,
-        places={name: place_row(name, machine) for name in dict.fromkeys(locations)},
+        places={name: _place(name, machine, diagnosis) for name in dict.fromkeys(locations)},
         inputs=input_rows(diagnosis.session),
         not_held_by_mjcf=[str(parameter) for parameter in not_in_mjcf],
     )
     arrays = {"freq_hz": freq, **frfs, **machine_arrays}
     return StoredDiagnosis(verdict, diagnosis.evidence, shown, arrays)
+
+
+def twin_locations(verdict: Verdict) -> list[str]:
+    """Return the locations that the pairs of confounded causes name."""
+    return [site.partition("@")[2] for pair in verdict.twins for site in pair if "@" in site]
+
+
+def _place(location: str, machine: Machine, diagnosis: Diagnosis) -> PlaceRow:
+    """Return bodies and points of a location, and the axis of a link there."""
+    row = place_row(location, machine)
+    first = diagnosis.present[0] if diagnosis.present else None
+    if first is None or first.location != location:
+        return row
+    return row.model_copy(update={"axis": link_axis(diagnosis, location)})
 
 
 def unfinished_fit_sentences(diagnosis: Diagnosis) -> list[str]:

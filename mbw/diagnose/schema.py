@@ -75,10 +75,20 @@ class MachineRow(_Row):
 
 
 class PlaceRow(_Row):
-    """Bodies of a location of the verdict, and its points [m] in world axes."""
+    """Bodies of a location of the verdict, with its points.
+
+    Args:
+        bodies: bodies that the location concerns.
+        points: places [m] in world axes.
+        line: both ends of a link [m] in world axes: the centres of mass of its bodies; else empty.
+        axis: direction along which a link is stiffest, a unit vector in world axes; null for all
+            other locations, and for a link that is alike in all directions.
+    """
 
     bodies: list[str]
     points: list[Point]
+    line: list[Point] = []
+    axis: Point | None = None
 
 
 class CentresRow(_Row):

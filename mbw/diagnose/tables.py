@@ -1,6 +1,6 @@
 """Tables of a diagnosis' page: causes with their sizes, refits and scores of the hypotheses."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 
 from diagnosis.inference.evidence import Gapped, Key, Scored
@@ -8,11 +8,14 @@ from diagnosis.labels import direction
 from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.effect_parameters import (
     ParameterText,
+    frame_words,
     number,
     parameter_lines,
     parameters_that_may_be_zero,
 )
+from mbw.diagnose.link_axis import axis_words
 from mbw.diagnose.result import StoredDiagnosis
+from mbw.diagnose.schema import PlaceRow
 from mbw.diagnose.sentences import (
     confounded_sentences,
     format_probability,
@@ -30,7 +33,7 @@ def causes_section(result: StoredDiagnosis) -> str:
     """Return HTML of all causes, of confounded causes and of effects that were not tested."""
     verdict = result.verdict
     causes = zip(verdict.causes, result.shown.means, strict=True)
-    rows = "".join(_cause(row, meaning) for row, meaning in causes)
+    rows = "".join(_cause(row, meaning, result.shown.places) for row, meaning in causes)
     if rows:
         table = (
             '<table class="causes"><thead><tr><th class="name">effect</th>'
@@ -61,18 +64,28 @@ def hypotheses_section(result: StoredDiagnosis) -> str:
     return f'<div class="tried"><div>{left}</div><div>{right}</div></div>'
 
 
-def _cause(row: CauseRow, meaning: str) -> str:
+def _cause(row: CauseRow, meaning: str, places: Mapping[str, PlaceRow]) -> str:
     sizes = [text for name in row.parameters for text in _parameter_texts(row, name)]
     bar = f'<span class="bar"><i style="left:0;width:{100 * row.probability:.1f}%"></i></span>'
     name = f"<b>{escape(row.effect.replace('_', ' '))}</b><br><small>{escape(meaning)}</small>"
     place = escape(place_name(row.location))
     return (
         f'<tr><td class="name">{name}</td><td class="name whole">{place}</td>'
-        f'<td class="name">{escape(direction(row.dof))}</td>'
+        f'<td class="name">{escape(_direction(row, places))}</td>'
         f'<td class="name whole">{bar} {format_probability(row.probability)}</td>'
         f'<td class="name">{_sizes(sizes)}</td>'
         f"<td>{_excess(row.excess_after)}</td></tr>"
     )
+
+
+def _direction(row: CauseRow, places: Mapping[str, PlaceRow]) -> str:
+    """Return the direction of a cause; of a link its stiffest axis, in world axes."""
+    place = places.get(row.location)
+    if place is None or not place.line or row.dof is not None:
+        return direction(row.dof)
+    if row.excess_after is None:  # a rival: its stiffness matrix is not kept
+        return ""
+    return f"{axis_words(place.axis)}, world axes" if place.axis else axis_words(None)
 
 
 def _parameter_texts(row: CauseRow, name: str) -> list[ParameterText]:
@@ -81,13 +94,17 @@ def _parameter_texts(row: CauseRow, name: str) -> list[ParameterText]:
     if doubtful and name not in doubtful:
         return [ParameterText(name.replace("_", " "), "not known", "")]
     ends = row.interval.get(name)
-    return parameter_lines(row.effect, row.dof, name, row.parameters[name], ends)
+    texts = parameter_lines(row.effect, row.dof, name, row.parameters[name], ends)
+    frame = frame_words(row.effect, name)
+    return [*texts, ParameterText("", frame, "")] if frame else texts
 
 
 def _sizes(texts: list[ParameterText]) -> str:
     rows = "".join(
         f'<tr><td class="name">{escape(text.name)}</td><td>{escape(text.value)}</td>'
         f'<td class="soft">{escape(text.interval)}</td></tr>'
+        if text.name
+        else f'<tr><td class="name soft" colspan="3">{escape(text.value)}</td></tr>'
         for text in texts
     )
     return f'<table class="sizes">{rows}</table>' if rows else ""

@@ -33,18 +33,21 @@ function bars() {
 function showPlace(k) {
   state.place = k;
   const place = PLACES[k], meshes = looks(place), at = byId("picture");
-  byId("chosen").replaceChildren(place.name, element("span", place.towards ? " " + place.towards : ""));
+  byId("chosen").replaceChildren(place.name, element("span", (place.towards ? " " + place.towards : "") + (place.note ? ": " + place.note : "")));
   bars();
   if (!drawn) return;
+  const link = at.data.findIndex(trace => trace.name === "link"), ends = spread(place.line);
   const dot = at.data.findIndex(trace => trace.name === "place"), corner = c => place.points.map(p => p[c]);
   if (MESHES.length) Plotly.restyle(at, {color: meshes.map(m => m.colour), opacity: meshes.map(m => m.opacity)}, MESHES.map((_, m) => m));
+  if (link >= 0) Plotly.restyle(at, {x: [ends.x], y: [ends.y], z: [ends.z]}, [link]);
   if (dot >= 0) Plotly.restyle(at, {x: [corner(0)], y: [corner(1)], z: [corner(2)]}, [dot]);
 }
 
 // Colour the first place before the first drawing: plotly takes the colours from the meshes.
 looks(PLACES[0]).forEach((look, k) => Object.assign(MESHES[k], look));
+PICTURE.link = PLACES[0].line;
 PLACES[0].points.forEach((place, k) => PICTURE.points.push({name: PLACES[0].name, stage: -1, place, kind: "place"}));
-byId("film").append(element("span", "◆ ", {style: "color:" + PURPLE}), element("span", "the place ", {className: "soft"}),
+byId("film").append(element("span", "◆ ", {style: "color:" + PURPLE}), element("span", "the place, a link as a line ", {className: "soft"}),
   element("span", "● ", {style: "color:#c8201d"}), element("span", "sensor ", {className: "soft"}), element("span", "◆ "), element("span", "hammer", {className: "soft"}));
 start();
 showPlace(0);

@@ -10,6 +10,8 @@ from string import Template
 import numpy as np
 from plotly.offline import get_plotlyjs
 
+from mbw.page.glossary import explain_words
+
 # Resolution of 16-bit numbers; page/common.js decodes them with these values.
 _STEPS_PER_DECADE = 1500  # of a magnitude's logarithm
 _STEPS_PER_DEGREE = 100  # of a phase
@@ -32,9 +34,10 @@ def fill_template(
         styles: file names of the page's style sheets; they follow that of all pages.
         fields: HTML for the fields of frame and template: ``$title``, ``$subtitle`` and others.
     """
-    whole = read_asset("page/frame.html").replace("$main", read_fragment(template))
-    return Template(whole).substitute(
-        fields,
+    main = explain_words(Template(read_fragment(template)).substitute(fields))
+    return Template(read_asset("page/frame.html")).substitute(
+        {name: fields[name] for name in ("title", "subtitle")},
+        main=main,
         script="".join(read_asset(name) for name in scripts),
         style="".join(read_asset(name) for name in ("page/style.css", *styles)),
         plotly=get_plotlyjs(),

@@ -40,6 +40,9 @@ function tendons() {
   return {...points(places, stages), names};
 }
 
+// Return the coordinates of a list of points, as plotly takes them.
+const spread = list => ({x: list.map(p => p[0]), y: list.map(p => p[1]), z: list.map(p => p[2])});
+
 function sites(kind) {
   const chosen = PICTURE.points.filter(p => p.kind === kind);
   return {...points(chosen.flatMap(p => p.place), chosen.map(p => p.stage)), names: chosen.map(p => p.name)};
@@ -174,6 +177,8 @@ function traces() {
     if (set.names.length) add({type: "scatter3d", mode: "markers", name: kind, marker: {color, symbol, size, line: {width: 0}},
       text: set.names, hovertemplate: kind + " %{text}<extra></extra>", hoverinfo: undefined}, set.places, k => set.stages[k], true);
   }
+  if (PICTURE.link) list.push({type: "scatter3d", mode: "lines", name: "link", ...spread(PICTURE.link), showlegend: false, hoverinfo: "skip",
+    line: {color: PURPLE, width: 9}});
   if (SENSORS) for (const lines of [true, false]) {
     MOVING.push({number: list.length, at: (_, factor) => tips(state.mode, phase, factor, lines)});
     list.push({...tips(0, 0, 0, lines), type: "scatter3d", mode: lines ? "lines" : "markers", showlegend: false, line: {color: "#c8201d", width: 4},

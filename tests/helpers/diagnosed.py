@@ -41,7 +41,12 @@ def diagnosed(name: str, folder: Path) -> Path:
 
 
 def lead_of(page: str) -> str:
-    """The first sentences of a page."""
+    """The first sentences of a page, without the explanations of their words."""
     found = re.search(r'<p class="lead">(.*?)</p>', page, re.DOTALL)
     assert found is not None
-    return unescape(found[1])
+    return unescape(plain(found[1]))
+
+
+def plain(page: str) -> str:
+    """A page without the explanations of its words."""
+    return re.sub(r"</?abbr[^>]*>", "", page)

@@ -57,7 +57,8 @@ def test_several_causes_confounded_causes_and_removed_sensors_are_stated_in_word
     assert lead_of(page).startswith(
         "Several effects are present: a small mass on a spring on body stage2 (mass "
         "31.2 kg, frequency 109 Hz, damping 1.13 %), 90 %; a centre of stiffness elsewhere than "
-        "drawn at joint stage3 (offset (-122, 3.1, 0) mm), 80 %. With them the gap falls"
+        "drawn at joint stage3 (offset (-122, 3.1, 0) mm from the joint as drawn, in world axes), "
+        "80 %. With them the gap falls"
     )
     assert "hardly distinguish a small mass on a spring on body stage2 and a centre of" in page
     # What the model was corrected by is there, however likely another partner is.

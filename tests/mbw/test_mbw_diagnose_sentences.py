@@ -27,7 +27,13 @@ from mbw.diagnose.tables import _cause
         ("appendage", None, "damping", 0.0113, "damping 1.13 %"),
         ("missing_dof", "rx", "damping", 1830.0, "damping 1830 N m s/rad"),
         ("missing_dof", "tx", "stiffness", 5.571e8, "stiffness 5.57e+08 N/m"),
-        ("sensor_misalignment", None, "rotation", (0.1, 0.0, -0.2), "rotation (5.73, 0, -11.5)°"),
+        (
+            "sensor_misalignment",
+            None,
+            "rotation",
+            (0.1, 0.0, -0.2),
+            "rotation (5.73, 0, -11.5)° as a vector in world axes",
+        ),
         ("feedback_delay", "tz", "delay", 0.0010054, "delay 1.01 ms"),
         ("gyroscopic", None, "angular_momentum", 18115.3, "angular momentum 18100 kg m²/s"),
         ("support_loss", None, "fraction", (0.02, 1.0), "fraction (2, 100) %"),
@@ -71,7 +77,7 @@ def row(interval):
 def test_a_mass_that_may_be_zero_has_no_known_position():
     said = cause_parameters(row({"mass": (-0.31, 0.35)}))
     assert said == "mass -0.31 … 0.35 kg, position not known"
-    page = _cause(row({"mass": (-0.31, 0.35)}), "a mass")
+    page = _cause(row({"mass": (-0.31, 0.35)}), "a mass", {})
     assert "not known" in page
     assert "-0.31 … 0.35" in page
     assert "4000" not in page
@@ -80,8 +86,9 @@ def test_a_mass_that_may_be_zero_has_no_known_position():
 @pytest.mark.parametrize("interval", [{}, {"mass": (0.01, 0.03)}])
 def test_a_mass_above_zero_has_a_position(interval):
     said = cause_parameters(row(interval))
-    assert said == "mass 0.02 kg, position (4000, -9000, 500) mm"
-    assert "4000" in _cause(row(interval), "a mass")
+    frame = "from the body's centre of mass as drawn, in world axes"
+    assert said == f"mass 0.02 kg, position (4000, -9000, 500) mm {frame}"
+    assert "4000" in _cause(row(interval), "a mass", {})
 
 
 def test_no_more_than_all_of_a_gap_is_closed_at_either_end():
