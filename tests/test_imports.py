@@ -20,7 +20,6 @@ MAY_IMPORT = {
 ONLY_BEHIND = {
     "mujoco": {"mbmodel"},
     "nlopt": {"tuning/solvers/nlopt_solver.py"},
-    "pyuff": {"identification/readers/uff_datasets.py"},
     "meshio": {"mbmodel/meshes/files.py", "identification/shapes/fe_file.py"},
     "h5py": {"identification/readers/matlab73_child.py"},
     "plotly": {"mbw/page/html.py", "mbworkbench/plots.py"},

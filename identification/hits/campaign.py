@@ -15,7 +15,7 @@ from identification.readers.file_kinds import (
     array_description,
     is_arrays,
     is_universal,
-    refuse_array_description,
+    refuse_unit,
 )
 from identification.readers.uff_records import holds_uff_time_records, read_uff_records
 from identification.words import Condition, Dof, HitEstimate, InputError, Records, Test
@@ -76,7 +76,8 @@ def tests_from_records(
         )
         tests.setdefault(entry.file, []).append(Test(condition, hits.estimate, hits))
         remarks += [*hits.remarks, *_hit_count_remarks(entry, hits)]
-    return tests, tuple(remarks)
+    of_files = dict.fromkeys(remark for reference in records for remark in reference.remarks)
+    return tests, (*of_files, *remarks)
 
 
 def _read(
@@ -121,8 +122,10 @@ def _read_records(file: Path, entry: TestSettings, arrays: _Arrays | None) -> tu
     """Read the time records of a file, with points named as in the file."""
     if arrays is not None:
         return read_array_records(file, arrays, **array_description(file, entry))
-    refuse_array_description(file, entry, records=True)
-    return read_uff_records(file, entry.quantity)
+    refuse_unit(file, entry)
+    return read_uff_records(
+        file, entry.quantity, channels=entry.channels, references=entry.references
+    )
 
 
 def _hit_settings(entry: TestSettings) -> HitSettings:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.readers.array_frfs import parse_channels
+from identification.readers.channel_labels import parse_channels
 from identification.readers.units import unit_factor
 from identification.words import InputError, Quantity, Real, Records
 
@@ -48,7 +48,7 @@ def read_array_records(
     Raises:
         InputError: the arrays contradict channels or references, or the rate is missing.
     """
-    outputs, inputs = parse_channels(path, channels), parse_channels(path, references)
+    outputs, inputs = parse_channels(path, channels), parse_channels(path, references, "references")
     force, motion = _numbers(path, arrays, _FORCE_NAME), _numbers(path, arrays, _RESPONSE_NAME)
     rate = _rate(path, arrays)
     n_in, n_out, n_sample = len(inputs), len(outputs), force.shape[-1]

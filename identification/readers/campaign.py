@@ -18,9 +18,8 @@ from identification.readers.file_kinds import (
     array_description,
     is_arrays,
     is_universal,
-    refuse_array_description,
 )
-from identification.readers.frf_table import FrfTable
+from identification.readers.frf_table import FrfTable, set_zero_line
 from identification.readers.ignored_lines import leave_out_lines
 from identification.readers.uff_frfs import read_uff
 from identification.readers.units import frequency_factor
@@ -127,7 +126,8 @@ def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> La
 def _table(path: Path, entry: TestSettings, layout: Layout) -> FrfTable:
     """Read the FRFs of one file at the sites of the layout, in the convention exp(+i w t)."""
     file = path.parent / entry.file
-    table = _drop_perfect_coherence(file, _on_sites(file, _read_table(file, entry), layout))
+    table = set_zero_line(file.name, _on_sites(file, _read_table(file, entry), layout))
+    table = _drop_perfect_coherence(file, table)
     return replace(table, values=table.values.conj()) if entry.time_sign == "-" else table
 
 
@@ -177,8 +177,14 @@ def _read_table(file: Path, entry: TestSettings) -> FrfTable:
         return replace(table, freq_hz=hertz * table.freq_hz)
     if not is_universal(file):
         raise InputError(f"{file} is of an unknown kind: give a .uff, .unv, .mat or .npz file")
-    refuse_array_description(file, entry)
-    return read_uff(file, entry.quantity, entry.unit, entry.frequency_unit)
+    return read_uff(
+        file,
+        entry.quantity,
+        entry.unit,
+        entry.frequency_unit,
+        channels=entry.channels,
+        references=entry.references,
+    )
 
 
 def _on_sites(file: Path, table: FrfTable, layout: Layout) -> FrfTable:

@@ -8,10 +8,7 @@ from identification.readers.units import quantity_of_unit
 from identification.words import InputError, Quantity
 
 _ARRAY_SUFFIXES = (".mat", ".npz")
-_UNIVERSAL_SUFFIXES = (".uff", ".unv", ".uf", ".bunv")
-# Keys that describe an array file; a universal file holds this information itself.
-_DESCRIPTION_KEYS = ("channels", "references")
-_RECORD_DESCRIPTION_KEYS = (*_DESCRIPTION_KEYS, "unit")
+_UNIVERSAL_SUFFIXES = (".uff", ".unv", ".uf", ".ufb", ".bunv")
 
 
 class ArrayDescription(TypedDict):
@@ -53,17 +50,11 @@ def array_description(file: Path, entry: TestSettings) -> ArrayDescription:
     }
 
 
-def refuse_array_description(file: Path, entry: TestSettings, *, records: bool = False) -> None:
-    """Refuse a ``[[test]]`` that names the channels of a universal file, which names them itself.
-
-    Args:
-        file: the universal file.
-        entry: its ``[[test]]``.
-        records: whether the file holds time records, whose unit cannot be stated.
+def refuse_unit(file: Path, entry: TestSettings) -> None:
+    """Refuse a ``[[test]]`` that states the unit of time records of a universal file.
 
     Raises:
-        InputError: a key describes the file.
+        InputError: the unit is stated.
     """
-    for key in _RECORD_DESCRIPTION_KEYS if records else _DESCRIPTION_KEYS:
-        if getattr(entry, key) is not None:
-            raise InputError(f"{file} itself holds its {key}: remove {key} from its [[test]]")
+    if entry.unit is not None:
+        raise InputError(f"{file} itself holds its unit: remove unit from its [[test]]")

@@ -1,8 +1,10 @@
 """Table (response, reference) of the FRFs of one file, before nodes are matched to sites."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from identification.words import Complex, Dof, Input, Mask, Quantity, Real
+
+_MAX_ZERO_LINE = 1e-3  # of the spacing: a lower first line stands for 0 Hz
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,3 +30,21 @@ class FrfTable:
     references: tuple[Input, ...]
     quantity: Quantity
     remarks: tuple[str, ...] = ()
+
+
+def set_zero_line(file: str, table: FrfTable) -> FrfTable:
+    """Set a first line that stands for 0 Hz to 0 Hz, with a remark.
+
+    Some programs write such a line as 1e-5 Hz, since a logarithmic axis has no zero.
+
+    Args:
+        file: name of the file, for the remark.
+        table: FRFs of the file.
+    """
+    freq_hz = table.freq_hz
+    if len(freq_hz) < 2 or not 0 < freq_hz[0] < _MAX_ZERO_LINE * (freq_hz[1] - freq_hz[0]):
+        return table
+    remark = f"{file}: its first line, {freq_hz[0]:g} Hz, counts as 0 Hz"
+    first_at_zero = freq_hz.copy()
+    first_at_zero[0] = 0.0
+    return replace(table, freq_hz=first_at_zero, remarks=(*table.remarks, remark))

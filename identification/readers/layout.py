@@ -10,7 +10,12 @@ from scipy.spatial.transform import Rotation
 from identification.readers.file_kinds import is_universal
 from identification.readers.sites_table import read_sites
 from identification.readers.toml_files import TomlTable, read_toml
-from identification.readers.uff_datasets import read_nodes, read_records
+from identification.readers.uff_datasets import (
+    NODE_DATASETS,
+    UNITS_DATASET,
+    read_nodes,
+    read_records,
+)
 from identification.words import InputError, Layout
 from identification.words.file_access import check_file
 
@@ -79,7 +84,8 @@ def _from_toml(path: Path) -> Layout:
 
 def _from_nodes(path: Path) -> Layout:
     """Read the nodes of a universal file as sites of one body."""
-    positions = {node.number: node.position for node in read_nodes(path, read_records(path))}
+    records, _ = read_records(path, (*NODE_DATASETS, UNITS_DATASET))
+    positions = {node.number: node.position for node in read_nodes(path, records)}
     if not positions:
         raise InputError(
             f"{path} holds no nodes (dataset 15 or 2411): export them, or write a layout.toml"

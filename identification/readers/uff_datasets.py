@@ -1,61 +1,108 @@
-"""Datasets of universal files: functions (58, 58b), nodes (15, 2411) and units (164), by pyuff.
+"""Records of universal files: the datasets that a reader needs, and remarks on the others.
 
-pyuff ignores a dataset without an end mark and trusts the byte count of a 58b. This module
-therefore locates all datasets itself and refuses inconsistent ones with the number of the record.
-Records are the datasets of the file, counted from 1.
+A dataset that a reader needs and that is malformed ends the reading. One that it does not need is
+left out with a remark, and so are kinds of datasets that no reader uses.
 """
 
-import re
-from collections.abc import Iterator
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyuff
 
-from identification.words import Dof, InputError, Real
-from identification.words.file_access import read_bytes
+from identification.readers.uff_blocks import Block, locate_blocks
+from identification.readers.uff_function import function_type, read_function
+from identification.readers.uff_geometry import (
+    read_coordinate_systems,
+    read_node_table,
+    read_units,
+)
+from identification.readers.uff_shapes import read_shape_55, read_shape_2414
+from identification.words import InputError, Real
 
-# A line of -1 begins and ends each dataset.
-_DATASET_MARK = re.compile(rb"(?m)^[ ]{4}-1[ ]*(\r?\n|\r?\Z)")
-_BINARY_END_MARK = re.compile(rb"\s*?[ ]{4}-1[ ]*(\r?\n|\r?\Z)")
-_BYTES_PER_VALUE = {2: 4, 4: 8, 5: 8, 6: 16}  # on an evenly spaced axis, by ordinate data form
 _IEEE_FORMAT = 2  # floating-point format of binary data
-_HEADER_LINES_58B = 11  # after the line with the number of the dataset
-_NODE_DATASETS = (15, 2411)
-UNITS_DATASET = 164
-_FUNCTION_DATASET = 58
-_FUNCTION_TYPE_LINE = 7  # line of a dataset 58 with the function type; the mark is line 0
+NODE_DATASETS = (15, 2411)
+UNITS_DATASET, FUNCTION_DATASET, SYSTEMS_DATASET = 164, 58, 2420
+_HEADER_DATASET = 151
+_READER_OF_KIND: dict[int, Callable[[Block], dict[str, Any]]] = {
+    15: read_node_table,
+    55: read_shape_55,
+    58: read_function,
+    164: read_units,
+    2411: read_node_table,
+    2414: read_shape_2414,
+    2420: read_coordinate_systems,
+}
+_MAX_NAMED_RECORDS = 5  # in a remark
 
 Record = dict[str, Any]
 
 
-def read_records(path: Path) -> list[tuple[int, Record]]:
-    """Read all datasets of a file, each with its record number.
+def read_records(
+    path: Path, kinds: Collection[int], functions: Collection[int] = ()
+) -> tuple[list[tuple[int, Record]], tuple[str, ...]]:
+    """Read the datasets of some kinds, each with its record number.
+
+    Args:
+        path: the file.
+        kinds: numbers of the datasets that are needed.
+        functions: function types of datasets 58 that are needed.
+
+    Returns:
+        The records, and remarks on datasets that were left out.
 
     Raises:
-        InputError: the file is missing, truncated or malformed.
+        InputError: the file is missing or truncated, or a needed dataset is malformed.
     """
-    content = read_bytes(path, "name the UFF file of the test")
-    blocks = list(_locate_blocks(path, content))
-    if not blocks:
-        raise InputError(f"{path} holds no dataset between lines of -1: name a universal file")
-    file = pyuff.UFF(str(path))
-    # The index of pyuff trusts every line that looks like a mark, even in binary data.
-    file._n_sets = len(blocks)
-    file._block_ind = np.array([(block.start, block.end) for block in blocks])
-    file._set_types = np.array([block.kind for block in blocks])
-    file._set_formats = np.array([float(block.is_binary) for block in blocks])
-    records = []
-    for number in range(len(blocks)):
+    records: list[tuple[int, Record]] = []
+    malformed: dict[int, list[int]] = {}
+    foreign: dict[int, list[int]] = {}
+    for block in locate_blocks(path):
+        is_needed = block.kind in kinds
+        if block.kind == FUNCTION_DATASET:
+            kind = function_type(block)
+            is_needed = is_needed and (kind is None or kind in functions)
+        if block.kind not in _READER_OF_KIND:
+            if block.kind != _HEADER_DATASET:
+                foreign.setdefault(block.kind, []).append(block.number)
+            continue
         try:
-            records.append((number + 1, file.read_sets(number)))
-        except Exception as error:  # pyuff raises bare Exceptions
-            raise InputError(
-                f"{path}, record {number + 1} cannot be read: export it again or delete it"
-            ) from error
-    return records
+            record = _READER_OF_KIND[block.kind](block)
+        except (ValueError, IndexError, OverflowError) as error:
+            if is_needed:
+                raise InputError(
+                    f"{path}, record {block.number} cannot be read: export it again or delete it"
+                ) from error
+            malformed.setdefault(block.kind, []).append(block.number)
+        else:
+            if is_needed:
+                records.append((block.number, record))
+    return records, (
+        *_skip_remarks(path, malformed, "malformed and left out: nothing here needs"),
+        *_skip_remarks(path, foreign, "left out: no reader uses"),
+    )
+
+
+def _skip_remarks(path: Path, numbers: dict[int, list[int]], reason: str) -> list[str]:
+    """Return a remark for each kind of dataset that was left out.
+
+    Args:
+        path: the file.
+        numbers: of the records, by kind of dataset.
+        reason: end of the sentence.
+    """
+    remarks = []
+    for kind, records in numbers.items():
+        more = len(records) - _MAX_NAMED_RECORDS
+        named = ", ".join(map(str, records[:_MAX_NAMED_RECORDS]))
+        is_single = len(records) == 1
+        remarks.append(
+            f"{path.name}: record{'' if is_single else 's'} {named}"
+            f"{f' and {more} more' if more > 0 else ''} (dataset {kind or 'without a number'}) "
+            f"{'is' if is_single else 'are'} {reason} {'it' if is_single else 'them'}"
+        )
+    return remarks
 
 
 def function_types(path: Path) -> set[int]:
@@ -64,83 +111,8 @@ def function_types(path: Path) -> set[int]:
     Raises:
         InputError: the file is missing or truncated.
     """
-    content = read_bytes(path, "name the UFF file of the test")
-    types = set()
-    for block in _locate_blocks(path, content):
-        if block.kind == _FUNCTION_DATASET:
-            lines = content[block.start : block.end].split(b"\n", _FUNCTION_TYPE_LINE + 1)
-            is_complete = len(lines) > _FUNCTION_TYPE_LINE
-            text = lines[_FUNCTION_TYPE_LINE][:5].strip() if is_complete else b""
-            types |= {int(text)} if text.isdigit() else set()
-    return types
-
-
-@dataclass(frozen=True)
-class _Block:
-    """Location of one dataset: offsets of its first mark and of the byte before its end mark."""
-
-    start: int
-    end: int
-    kind: int
-    is_binary: bool
-
-
-def _locate_blocks(path: Path, content: bytes) -> Iterator[_Block]:
-    """Yield the datasets, each checked for its end mark and the bytes that it announces."""
-    position, number = 0, 0
-    while match := _DATASET_MARK.search(content, position):
-        number += 1
-        name = f"{path}, record {number}"
-        start = match.end()
-        header = content[start : start + 80].split(b"\n")[0]
-        is_binary = header[:7].strip().lower() == b"58b"
-        end = (
-            _end_of_binary(name, content, start)
-            if is_binary
-            else _DATASET_MARK.search(content, start)
-        )
-        if end is None:
-            raise InputError(f"{name} has no end mark: the file is truncated; copy it again")
-        kind = int(header[:6]) if header[:6].strip().isdigit() else 0
-        yield _Block(match.start(), end.start() - 1, kind, is_binary)
-        position = end.end()
-    if content[position:].strip():
-        raise InputError(f"{path} holds text after record {number} that is no dataset: remove it")
-
-
-def _end_of_binary(name: str, content: bytes, start: int) -> re.Match[bytes]:
-    """Return the end mark after the data of a dataset 58b.
-
-    It follows the number of bytes that the header announces. Some writers miscount complex data,
-    so the number and size of the values is accepted too.
-    """
-    lines, data = [], start
-    for _ in range(_HEADER_LINES_58B + 1):
-        stop = content.find(b"\n", data) + 1
-        if not stop:
-            raise InputError(f"{name} is truncated in its header: copy or export the file again")
-        lines.append(content[data:stop])
-        data = stop
-    try:
-        announced = int(lines[0][31:43])
-        form, values = int(lines[7][:10]), int(lines[7][10:20])
-    except ValueError as error:
-        raise InputError(
-            f"{name}: the 58b header lacks the number of bytes and values: export it again"
-        ) from error
-    for size in (announced, values * _BYTES_PER_VALUE.get(form, 0)):
-        if size and (end := _BINARY_END_MARK.match(content, data + size)):
-            return end
-    available = len(content) - data
-    if available < announced:
-        raise InputError(
-            f"{name} is truncated: its header announces {announced} bytes, but {available} follow; "
-            "copy or export the file again"
-        )
-    raise InputError(
-        f"{name}: no end mark follows the {announced} bytes that the 58b header announces: "
-        "the file is truncated or miscounted; export it again"
-    )
+    blocks = [block for block in locate_blocks(path) if block.kind == FUNCTION_DATASET]
+    return {kind for block in blocks if (kind := function_type(block)) is not None}
 
 
 def unit_factors(path: Path, records: list[tuple[int, Record]]) -> dict[int, tuple[float, float]]:
@@ -155,7 +127,7 @@ def unit_factors(path: Path, records: list[tuple[int, Record]]) -> dict[int, tup
     factors = {
         number: (float(record["length"]), float(record["force"]))
         for number, record in records
-        if record.get("type") == UNITS_DATASET
+        if record["type"] == UNITS_DATASET
     }
     for number, pair in factors.items():
         if not all(np.isfinite(factor) and factor > 0 for factor in pair):
@@ -198,11 +170,11 @@ def read_nodes(path: Path, records: list[tuple[int, Record]]) -> list[Node]:
     """
     factors = unit_factors(path, records)
     return [
-        Node(record, int(number), int(system), np.array(position, float) / factors[record][0])
+        Node(record, int(number), int(system), position / factors[record][0])
         for record, content in records
-        if content.get("type") in _NODE_DATASETS
-        for number, system, *position in zip(
-            *(content[key] for key in ("node_nums", "disp_cs", "x", "y", "z")), strict=True
+        if content["type"] in NODE_DATASETS
+        for number, system, position in zip(
+            *(content[key] for key in ("node_nums", "disp_cs", "positions")), strict=True
         )
     ]
 
@@ -231,21 +203,3 @@ def refuse_malformed(name: str, record: Record) -> None:
             f"{name} (node {record['rsp_node']}) holds NaN or infinity: export it again or delete "
             "the record"
         )
-
-
-def response_and_reference(path: Path, number: int, record: Record) -> tuple[Dof, Dof]:
-    """Return response and reference of a dataset 58, with points named by node number.
-
-    Raises:
-        InputError: a direction is none of +-1..6.
-    """
-    dofs = []
-    for prefix, name in (("rsp", "response"), ("ref", "reference")):
-        direction = int(record[f"{prefix}_dir"])
-        if not 1 <= abs(direction) <= 6:
-            raise InputError(
-                f"{path}, record {number}: {name} direction {direction} is none of +-1..6: "
-                "give the channel a direction"
-            )
-        dofs.append(Dof.of(str(int(record[f"{prefix}_node"])), abs(direction) - 1, direction))
-    return dofs[0], dofs[1]

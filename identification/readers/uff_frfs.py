@@ -7,13 +7,14 @@ import numpy as np
 
 from identification.readers.frf_table import FrfTable
 from identification.readers.uff_datasets import (
+    FUNCTION_DATASET,
     UNITS_DATASET,
     Record,
     read_records,
     refuse_malformed,
-    response_and_reference,
     unit_factors,
 )
+from identification.readers.uff_directions import StatedDirections
 from identification.readers.uff_units import UnitConverter
 from identification.readers.units import frequency_factor
 from identification.words import Dof, InputError, Quantity
@@ -30,6 +31,9 @@ def read_uff(
     quantity: Quantity | None = None,
     unit: str | None = None,
     frequency_unit: str | None = None,
+    *,
+    channels: str | list[str] | None = None,
+    references: list[str] | None = None,
 ) -> FrfTable:
     """Read the FRFs and coherences of a universal file.
 
@@ -42,35 +46,37 @@ def read_uff(
             ordinate type is 0 (unknown).
         unit: unit that campaign.toml states, such as ``g/N``, which overrides the file.
         frequency_unit: unit of the frequencies that campaign.toml states, which overrides the file.
+        channels: responses that campaign.toml states, for scalar records.
+        references: references that campaign.toml states, for scalar records.
 
     Raises:
         InputError: the file is missing or holds no FRF; or a record is truncated or malformed, has
             NaN, a scalar direction or another frequency axis. The message names the record.
     """
-    records = read_records(path)
+    records, skipped = read_records(
+        path, (FUNCTION_DATASET, UNITS_DATASET), (FRF_TYPE, _COHERENCE_TYPE)
+    )
     factors = unit_factors(path, records)
-    has_units = any(record.get("type") == UNITS_DATASET for _, record in records)
+    has_units = any(record["type"] == UNITS_DATASET for _, record in records)
     converter = UnitConverter(path, unit, has_units)
-    functions = [
-        (number, record)
-        for number, record in records
-        if record.get("type") == 58 and record["func_type"] in (FRF_TYPE, _COHERENCE_TYPE)
-    ]
+    functions = [(number, record) for number, record in records if record["type"] != UNITS_DATASET]
     frfs = [item for item in functions if item[1]["func_type"] == FRF_TYPE]
     if not frfs:
         raise InputError(f"{path} holds no FRF (dataset 58, function type 4): export FRFs")
     label = str(functions[0][1].get("abscissa_axis_units_lab", ""))
     hertz, axis_remarks = frequency_factor(path, frequency_unit, label)
     freq_hz = hertz * _common_axis(path, functions)
-    responses, references = _labels(path, frfs)
-    shape = (len(freq_hz), len(responses), len(references))
+    directions = StatedDirections.parse(path, channels, references)
+    responses, inputs = _labels(directions, frfs)
+    directions.refuse_unused()
+    shape = (len(freq_hz), len(responses), len(inputs))
     cells: dict[tuple[int, int], _Cell] = {}
     kinds = set()
     for number, record in functions:
-        response, reference = response_and_reference(path, number, record)
-        if response.positive not in responses or reference.positive not in references:
+        response, reference = directions.response_and_reference(number, record)
+        if response.positive not in responses or reference.positive not in inputs:
             continue  # a coherence without its FRF
-        place = responses[response.positive][0], references[reference.positive][0]
+        place = responses[response.positive][0], inputs[reference.positive][0]
         cell = cells.setdefault(place, _Cell(f"{response}, {reference}"))
         if record["func_type"] == _COHERENCE_TYPE:
             cell.coherences.append(np.clip(np.real(record["data"]), 0.0, 1.0))
@@ -78,7 +84,7 @@ def read_uff(
         kind = _quantity(path, number, record, quantity, converter.remarks)
         kinds.add(kind)
         sign = responses[response.positive][1] * response.sign
-        sign *= references[reference.positive][1] * reference.sign
+        sign *= inputs[reference.positive][1] * reference.sign
         factor = sign * converter.factor(record, kind, factors[number], response, reference)
         cell.frfs.append((number, factor * np.asarray(record["data"], complex)))
     if len(kinds) > 1:
@@ -100,9 +106,9 @@ def read_uff(
         coherence=coherence,
         measured=measured,
         responses=tuple(Dof.of(d.point, d.axis, sign) for d, (_, sign) in responses.items()),
-        references=tuple(Dof.of(d.point, d.axis, sign) for d, (_, sign) in references.items()),
+        references=tuple(Dof.of(d.point, d.axis, sign) for d, (_, sign) in inputs.items()),
         quantity=kinds.pop(),
-        remarks=(*axis_remarks, *converter.remarks, *remarks),
+        remarks=(*skipped, *axis_remarks, *converter.remarks, *remarks),
     )
 
 
@@ -165,13 +171,13 @@ def _span(axis: np.ndarray) -> str:
 
 
 def _labels(
-    path: Path, frfs: list[tuple[int, Record]]
+    directions: StatedDirections, frfs: list[tuple[int, Record]]
 ) -> tuple[dict[Dof, tuple[int, int]], dict[Dof, tuple[int, int]]]:
     """Return index and first sign of every response and reference, in order of appearance."""
     responses: dict[Dof, tuple[int, int]] = {}
     references: dict[Dof, tuple[int, int]] = {}
     for number, record in frfs:
-        response, reference = response_and_reference(path, number, record)
+        response, reference = directions.response_and_reference(number, record)
         responses.setdefault(response.positive, (len(responses), response.sign))
         references.setdefault(reference.positive, (len(references), reference.sign))
     return responses, references

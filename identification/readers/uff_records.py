@@ -10,13 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from identification.readers.uff_datasets import (
+    FUNCTION_DATASET,
+    UNITS_DATASET,
     Record,
     function_types,
     read_records,
     refuse_malformed,
-    response_and_reference,
     unit_factors,
 )
+from identification.readers.uff_directions import StatedDirections
 from identification.readers.uff_frfs import FRF_TYPE, QUANTITY_OF_ORDINATE
 from identification.readers.uff_recordings import Channel, group_recordings, refuse_unequal
 from identification.words import Dof, InputError, Quantity, Records
@@ -37,7 +39,13 @@ def holds_uff_time_records(path: Path) -> bool:
     return _TIME_TYPE in types and FRF_TYPE not in types
 
 
-def read_uff_records(path: Path, quantity: Quantity | None = None) -> tuple[Records, ...]:
+def read_uff_records(
+    path: Path,
+    quantity: Quantity | None = None,
+    *,
+    channels: str | list[str] | None = None,
+    references: list[str] | None = None,
+) -> tuple[Records, ...]:
     """Read the time records of a universal file, one ``Records`` for each reference.
 
     Set-ups with one reference but different channels become separate ``Records``. Values whose
@@ -46,20 +54,24 @@ def read_uff_records(path: Path, quantity: Quantity | None = None) -> tuple[Reco
     Args:
         path: the file.
         quantity: quantity that campaign.toml gives for motions with ordinate type 0 or 1.
+        channels: motions that campaign.toml states, for scalar records.
+        references: forces that campaign.toml states, for scalar records.
 
     Raises:
         InputError: force or motions are missing, a direction is invalid, or lengths, rates or
             quantities differ. The message names file and record.
     """
-    records = read_records(path)
+    records, remarks = read_records(path, (FUNCTION_DATASET, UNITS_DATASET), (_TIME_TYPE,))
     factors = unit_factors(path, records)
-    channels = []
+    directions = StatedDirections.parse(path, channels, references)
+    rows = []
     for number, record in records:
-        if record.get("type") == 58 and record["func_type"] == _TIME_TYPE:
+        if record["type"] == FUNCTION_DATASET:
             refuse_malformed(f"{path}, record {number}", record)
-            channels.append(_channel(path, number, record, factors[number], quantity))
-    forces = [channel for channel in channels if channel.quantity is None]
-    motions = [channel for channel in channels if channel.quantity is not None]
+            rows.append(_channel(directions, number, record, factors[number], quantity))
+    directions.refuse_unused()
+    forces = [channel for channel in rows if channel.quantity is None]
+    motions = [channel for channel in rows if channel.quantity is not None]
     if not forces or not motions:
         missing = "motions (ordinate types 8, 11, 12)" if forces else "the force (ordinate type 13)"
         raise InputError(f"{path} holds no time record of {missing}: export all channels together")
@@ -68,26 +80,26 @@ def read_uff_records(path: Path, quantity: Quantity | None = None) -> tuple[Reco
     for recording in recordings:
         names = tuple(channel.dof.positive for channel in recording[1:])
         groups.setdefault((recording[0].dof.positive, names), []).append(recording)
-    return tuple(_stack_recordings(path, group) for group in groups.values())
+    stacks = [_stack_recordings(path, group) for group in groups.values()]
+    return tuple(replace(records, remarks=remarks) for records in stacks)
 
 
 def _channel(
-    path: Path,
+    directions: StatedDirections,
     number: int,
     record: Record,
     factors: tuple[float, float],
     expected: Quantity | None,
 ) -> Channel:
     """Convert a record to a channel in SI units."""
-    name = f"{path}, record {number}"
+    name = f"{directions.path}, record {number}"
     if np.iscomplexobj(record["data"]):
         raise InputError(f"{name} is a complex time record: export it as real")
-    no_reference = int(record["ref_node"]) == 0 or int(record["ref_dir"]) == 0
-    if no_reference:
-        record = record | {"ref_node": record["rsp_node"], "ref_dir": record["rsp_dir"]}
-    dof, reference = response_and_reference(path, number, record)
     kind = int(record["ordinate_spec_data_type"])
     quantity = None if kind == _EXCITATION_FORCE else _quantity(name, kind, expected)
+    key = "reference" if quantity is None else "response"
+    dof = directions.read_dof(number, record, "response", stated=key)
+    has_reference = quantity is not None and record["ref_node"] and record["ref_dir"]
     length, force = factors
     scale = force if quantity is None else 1.0
     if dof.is_rotation == (quantity is None):
@@ -97,7 +109,7 @@ def _channel(
         number,
         int(record["load_case_id"]),
         dof,
-        None if no_reference or quantity is None else reference,
+        directions.read_dof(number, record, "reference") if has_reference else None,
         quantity,
         start,
         rate,

@@ -27,6 +27,7 @@ class Records:
         ceilings: full scale of the force and of every output, in the units above, or None if
             unknown; (1 + n_out,).
         test: name of the file, for messages.
+        remarks: sentences on the file that a reader of the result must know.
 
     Raises:
         ValueError: a shape or value contradicts this description.
@@ -40,6 +41,7 @@ class Records:
     quantity: Quantity
     ceilings: Real | None = None
     test: str = ""
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Validate and freeze."""

@@ -9,7 +9,8 @@ from array_files import FREQ, OPTIONS, refusal, save_frfs, tables
 from hypothesis import given
 from hypothesis import strategies as st
 
-from identification.readers.array_frfs import parse_channels, read_arrays
+from identification.readers.array_frfs import read_arrays
+from identification.readers.channel_labels import parse_channels
 from identification.words import InputError
 
 

@@ -353,7 +353,7 @@ def test_pyuff_reads_our_writer_alike(tmp_path):
     np.testing.assert_allclose(record["data"], function.data, rtol=1e-7)
 
 
-@pytest.mark.parametrize("announced", [-8, 0, 72, 136, 152, 5000])
+@pytest.mark.parametrize("announced", [0, 72, 136, 152, 5000])
 def test_a_58b_that_miscounts_its_bytes_is_read_by_the_number_of_its_values(read, announced):
     # 9 complex doubles are 144 bytes, and the end mark stands behind them: pyuff itself writes 72.
     table = read(replace(ONE, order="<", announced_bytes=announced))

@@ -1,0 +1,90 @@
+"""Channels and references that campaign.toml names: labels, or a range of nodes."""
+
+import re
+from pathlib import Path
+from typing import TypeVar
+
+from identification.words import Dof, Input, InputError, Motor, UsageError
+
+_NODE_RANGE = re.compile(r"(?P<first>[0-9]{1,10})(\.\.(?P<last>[0-9]{1,10}))?")
+_MAX_CHANNELS = 100_000  # of a campaign: a range beyond it is a slip of the pen
+_MAX_QUOTED_LETTERS = 40  # of a wrong text in a message
+_Label = TypeVar("_Label", Dof, Input)
+
+
+def parse_channels(path: Path, channels: str | list[str], key: str = "channels") -> tuple[Dof, ...]:
+    """Return the channels of ``"nodes 1..4 7, xyz"`` (node by node) or of a list of labels.
+
+    Raises:
+        InputError: the text is neither, there is no channel, or a channel appears twice.
+    """
+    if isinstance(channels, str):
+        dofs = _expand_range(path, channels)
+    else:
+        dofs = tuple(_parse(path, text) for text in channels)
+    return _refuse_duplicates(path, key, dofs)
+
+
+def _refuse_duplicates(path: Path, key: str, dofs: tuple[_Label, ...]) -> tuple[_Label, ...]:
+    """Return the degrees of freedom unless there is none or one appears twice."""
+    if not dofs or len({dof.positive for dof in dofs}) < len(dofs):
+        raise InputError(f"{path}: {key} are empty or name a degree of freedom twice: correct them")
+    return dofs
+
+
+def parse_references(path: Path, references: list[str]) -> tuple[Input, ...]:
+    """Return the references of a list of labels and names of motors.
+
+    Raises:
+        InputError: a label is malformed, there is no reference, or one appears twice.
+    """
+    inputs = tuple(_parse_reference(path, text) for text in references)
+    return _refuse_duplicates(path, "references", inputs)
+
+
+def _expand_range(path: Path, text: str) -> tuple[Dof, ...]:
+    """Return the channels of ``"nodes 1..4 7, xyz"``, node by node."""
+    first, *items = text.replace(",", " ").split() or [""]
+    axes = items.pop() if items else ""
+    if first != "nodes" or not items or not set(axes) <= set("xyz"):
+        raise InputError(
+            f'{path}: channels = "{text[:_MAX_QUOTED_LETTERS]}" is not a range of channels: write '
+            '"nodes 1..23, xyz" or a list of labels'
+        )
+    ranges = [_node_range(path, item) for item in items]
+    count = len(axes) * sum(map(len, ranges))
+    if count > _MAX_CHANNELS:
+        raise InputError(
+            f"{path}: channels name {count} degrees of freedom, more than {_MAX_CHANNELS}: correct "
+            "the range of nodes"
+        )
+    return tuple(Dof(str(node), f"+t{axis}") for nodes in ranges for node in nodes for axis in axes)
+
+
+def _node_range(path: Path, text: str) -> range:
+    """Return the nodes of ``7`` or ``1..23``."""
+    match = _NODE_RANGE.fullmatch(text)
+    if match is None:
+        raise InputError(
+            f"{path}: {text[:_MAX_QUOTED_LETTERS]!r} is not a range of nodes: write 1..23"
+        )
+    nodes = range(int(match["first"]), int(match["last"] or match["first"]) + 1)
+    if not nodes:
+        raise InputError(f"{path}: the range {text!r} is empty: write the lower node first")
+    return nodes
+
+
+def _parse(path: Path, text: str) -> Dof:
+    """Parse a label and report failures with the file."""
+    try:
+        return Dof.parse(text)
+    except UsageError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _parse_reference(path: Path, text: str) -> Input:
+    """Parse a label, or the name of a motor, which has no colon and is no number."""
+    name = text.strip()
+    if name and ":" not in name and not name.isdecimal():
+        return Motor(name)
+    return _parse(path, text)
