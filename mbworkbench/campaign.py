@@ -81,6 +81,6 @@ def read_campaign(path: AnyPath) -> MeasuredCampaign:
     if settings.layout is not None:
         layout = read_layout(source.parent / settings.layout)
     else:
-        layout = load_machine(source.parent / str(settings.model)).layout
+        layout = load_machine(source.parent / str(settings.model), key=settings.key).layout
     layout = correct_layout(source, settings, layout)
     return MeasuredCampaign(source, read_tests(source, settings, layout))

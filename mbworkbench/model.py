@@ -182,14 +182,18 @@ class MachineModel:
         return html_table(repr(self).splitlines()[0], header, rows)
 
 
-def read_model(path: AnyPath, spin: Mapping[str, float] | None = None) -> MachineModel:
+def read_model(
+    path: AnyPath, spin: Mapping[str, float] | None = None, key: str | None = None
+) -> MachineModel:
     """Read a machine from MJCF and linearise it at its static equilibrium.
 
     Args:
         path: the MJCF.
         spin: rates of hinges that turn steadily [rad/s], by name of the joint.
+        key: name of the keyframe that gives the pose and the controls, empty for none; by default
+            the keyframe ``home`` if there is one, else none.
 
     Raises:
         InputError: the file cannot be read or the machine cannot be linearised.
     """
-    return MachineModel(load_machine(as_path(path), spin))
+    return MachineModel(load_machine(as_path(path), spin, key))

@@ -200,14 +200,15 @@ def open_campaign(
     if machine is None and settings.model is None:
         raise InputError(f'{source} names no model, only a layout: add model = "model.xml"')
     if machine is None:
-        machine = load_machine(source.parent / str(settings.model))
+        machine = load_machine(source.parent / str(settings.model), key=settings.key)
     machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
     campaign = read_campaign(source, settings, machine.layout)
     _refuse_unknown_motors(source, machine, campaign)
     chosen = select_band(campaign, band, source)
     if not any(np.abs(test.estimate.frf.values).any() for test in chosen.tests):
         raise InputError(f"{source}: all FRFs are zero in the band: check the export")
-    return source, machine, chosen
+    of_machine = (f"{machine.source.name}: {remark}" for remark in machine.remarks)
+    return source, machine, replace(chosen, remarks=(*chosen.remarks, *of_machine))
 
 
 def _refuse_unknown_motors(source: Path, machine: Machine, campaign: Campaign) -> None:

@@ -98,6 +98,7 @@ class CampaignSettings(TomlTable):
     """Content of campaign.toml; ``ignore_hz`` leaves out lines, here or in one ``[[test]]``."""
 
     model: FileName | None = None
+    key: str | None = None
     layout: FileName | None = None
     test: list[TestSettings] = Field(min_length=1)
     sensor: dict[str, SensorSettings] = Field(default_factory=dict)

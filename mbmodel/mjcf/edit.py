@@ -8,12 +8,12 @@ from xml.dom import minidom
 from xml.parsers.expat import ExpatError
 
 from identification.words import InputError, node_number
+from mbmodel.mjcf.asset_paths import redirect_paths
+from mbmodel.mjcf.keyframe_edit import extend_keyframes
 
 ElementKind = Literal["spring", "joint", "site", "inertial", "hit"]
 Values = Mapping[str, str | float | Sequence[float]]
 
-# Attributes of <compiler> that name folders.
-_FOLDER_ATTRIBUTES = ("assetdir", "meshdir", "texturedir")
 # Tags in which an element of each kind is searched.
 _TAGS_OF_KIND: dict[ElementKind, tuple[str, ...]] = {
     "spring": ("joint", "spatial", "fixed"),
@@ -109,18 +109,22 @@ class NotInMjcf:
 
 
 def write_mjcf(
-    source: Path, target: Path, changes: Sequence[Edit | Addition | NotInMjcf]
+    source: Path,
+    target: Path,
+    changes: Sequence[Edit | Addition | NotInMjcf],
+    folder: Path | None = None,
 ) -> tuple[NotInMjcf, ...]:
     """Write a copy of an MJCF with other numbers and additional elements.
 
     Everything else in the file stays as it is. For a polynomial stiffness or damping the linear
-    term changes. If the copy goes to another folder, the folders of its meshes, textures and
-    included files become absolute.
+    term changes. If the copy goes to another folder, the paths of its meshes, textures and included
+    files become relative to that folder.
 
     Args:
         source: the MJCF that was read.
         target: the new file; its folder exists.
         changes: what Parts ask to be written; their ``NotInMjcf`` are returned as they are.
+        folder: folder to which the new file will move; None if it stays.
 
     Returns:
         Changes that the file does not hold, such as those of joints without a name or in an
@@ -142,26 +146,32 @@ def write_mjcf(
             not_written += [
                 NotInMjcf(f"{edit.name}.{attribute}", reason) for attribute in edit.values
             ]
+    added = []
     for addition in (change for change in changes if isinstance(change, Addition)):
-        if not _add(document, addition):
+        if (node := _add(document, addition)) is not None:
+            added.append((addition.parent, node))
+        else:
             not_written.append(
                 NotInMjcf(addition.name, f"the file itself has no body {addition.parent}")
             )
-    if source.resolve().parent != target.resolve().parent:
-        _make_folders_absolute(document, source.resolve().parent)
+    extend_keyframes(document, source, added)
+    home = (folder or target.parent).resolve()
+    if source.resolve().parent != home:
+        redirect_paths(document, source, home)
     target.write_text(document.toxml() + "\n", encoding="utf-8")
     return tuple(not_written)
 
 
-def _add(document: minidom.Document, addition: Addition) -> bool:
-    """Add an element to its parent, and return whether there is one; create missing sections."""
+def _add(document: minidom.Document, addition: Addition) -> minidom.Element | None:
+    """Add an element to its parent and return it; None without parent; create missing sections."""
     parent = _section(document, addition.parent) or _find(
         document, Edit("inertial", addition.parent, {})
     )
     if parent is None:
-        return False
-    parent.appendChild(_make_element(document, addition.element))
-    return True
+        return None
+    node = _make_element(document, addition.element)
+    parent.appendChild(node)
+    return node
 
 
 def _section(document: minidom.Document, name: str) -> minidom.Element | None:
@@ -276,39 +286,3 @@ def _inertial(document: minidom.Document, body: minidom.Element) -> minidom.Elem
     inertial = document.createElement("inertial")
     body.insertBefore(inertial, body.firstChild)
     return inertial
-
-
-def _make_folders_absolute(document: minidom.Document, folder: Path) -> None:
-    """Write meshdir and texturedir once, as absolute paths; the last <compiler> counts."""
-    compilers = document.getElementsByTagName("compiler")
-    folders = {"meshdir": "", "texturedir": ""}
-    for compiler in compilers:
-        if compiler.hasAttribute("assetdir"):
-            folders = dict.fromkeys(folders, compiler.getAttribute("assetdir"))
-        for name in folders:
-            folders[name] = compiler.getAttribute(name) or folders[name]
-        for name in _FOLDER_ATTRIBUTES:
-            if compiler.hasAttribute(name):
-                compiler.removeAttribute(name)
-    files = ("mesh", "hfield", "skin", "texture")
-    if any(document.getElementsByTagName(kind) for kind in files):
-        last = compilers[-1] if compilers else _new_compiler(document)
-        for name, value in folders.items():
-            last.setAttribute(name, str(folder / value))
-    _make_files_absolute(document, folder)
-
-
-def _make_files_absolute(document: minidom.Document, folder: Path) -> None:
-    """Make the file names of included files and models absolute."""
-    for kind in ("include", "model"):
-        for element in document.getElementsByTagName(kind):
-            if element.getAttribute("file"):
-                element.setAttribute("file", str(folder / element.getAttribute("file")))
-
-
-def _new_compiler(document: minidom.Document) -> minidom.Element:
-    """Add a <compiler> at the start of the document and return it."""
-    compiler = document.createElement("compiler")
-    if document.documentElement is not None:
-        document.documentElement.insertBefore(compiler, document.documentElement.firstChild)
-    return compiler

@@ -18,6 +18,10 @@ _MUJOCO_ELEMENT_NAME = re.compile(r"Element name '(?P<name>[^']*)'")
 # experimental contacts need an integrator.
 _STEPPING_OPTIONS = mujoco.mjtEnableBit.mjENBL_SLEEP | mujoco.mjtEnableBit.mjENBL_IPC
 
+# Without a handler MuJoCo writes its warnings into a file MUJOCO_LOG.TXT in the working folder.
+# They say that numbers became huge; the search for equilibrium refuses such a machine itself.
+mujoco.set_mju_user_warning(lambda _: None)
+
 
 def compile_mjcf(path: Path) -> mujoco.MjModel:
     """Compile an MJCF file and refuse what has no linear model, as ``compile_with_remarks`` does.

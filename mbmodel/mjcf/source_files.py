@@ -38,12 +38,12 @@ class SourceFile:
 
     Args:
         path: of the file.
-        folder: of the main file, from which MuJoCo looks for the files that this one names.
+        model: the main file of its model, from whose folder MuJoCo looks for all that it names.
         root: its top-level element.
     """
 
     path: Path
-    folder: Path
+    model: Path
     root: ElementTree.Element
 
 
@@ -72,12 +72,12 @@ def _read_model(path: Path, parents: tuple[Path, ...]) -> list[SourceFile]:
         parents: main files of the models that attach it, from the outermost.
     """
     chain = (*parents, path.resolve())
-    files = [SourceFile(path, path.parent, _parse(path, parents[-1] if parents else None))]
+    files = [SourceFile(path, path, _parse(path, parents[-1] if parents else None))]
     seen = {path.resolve()}
     for file in files:  # grows while it is walked
         for element in file.root.iter("include"):
             included = _included_file(file, element, seen)
-            files.append(SourceFile(included, path.parent, _parse(included, file.path)))
+            files.append(SourceFile(included, path, _parse(included, file.path)))
     for file in tuple(files):
         for element in file.root.iter():
             _check_numbers(file.path, element)
@@ -99,7 +99,7 @@ def _included_file(file: SourceFile, element: ElementTree.Element, seen: set[Pat
     name = element.get("file")
     if not name:
         raise InputError(f'{file.path}: an <include> names no file: give it file="..."')
-    included = file.folder / name
+    included = file.model.parent / name
     if included.resolve() in seen:
         raise InputError(
             f"{file.path}: {name} is included more than once, or includes itself: include each "
@@ -244,7 +244,7 @@ def named_files(source_files: tuple[SourceFile, ...]) -> tuple[Path, ...]:
     names = {name for file in source_files for name in _asset_folders(file.root)}
     files = {file.path for file in source_files}
     for file in source_files:
-        folders = [file.folder / name for name in ("", *names)]
+        folders = [file.model.parent / name for name in ("", *names)]
         for element in file.root.iter():
             for name in _file_names(element):
                 files |= {folder / form for folder in folders for form in name}

@@ -12,6 +12,7 @@ from mbmodel import NotInMjcf, write_mjcf
 from mbw.diagnose.machine_rows import restore_machine
 from mbw.diagnose.result import StoredDiagnosis
 from mbw.diagnose.schema import ShownFile
+from tuning.files.result import final_folder
 
 VERDICT, EVIDENCE = "verdict.json", "evidence.json"
 SHOWN, ARRAYS, PAGE = "diagnosis.json", "diagnosis.npz", "report.html"
@@ -33,7 +34,8 @@ def write_augmented(diagnosis: Diagnosis, target: Path) -> tuple[NotInMjcf, ...]
     held_out_gap = diagnosis.after or diagnosis.retuned
     theta = diagnosis.known.theta if diagnosis.known else held_out_gap.theta
     model = held_out_gap.refit.session.model
-    return write_mjcf(model.machine.source, target, model.edits(theta))
+    folder = final_folder(target.parent)
+    return write_mjcf(model.machine.source, target, model.edits(theta), folder)
 
 
 def read_result(path: Path) -> StoredDiagnosis:

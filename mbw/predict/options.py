@@ -46,6 +46,13 @@ def predict(  # noqa: PLR0913  # one for each option
             metavar="JOINT=RATE", help="Hinge that spins at this constant rate [rad/s]; repeatable."
         ),
     ] = None,
+    key: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Keyframe that gives pose and controls; default: home if there is one.",
+        ),
+    ] = None,
     out: Annotated[Path | None, out_option("<model>-predicted beside it")] = None,
     pictures: Pictures = True,
     json: Json = None,
@@ -67,6 +74,7 @@ def predict(  # noqa: PLR0913  # one for each option
         lines=lines,
         statespace=statespace,
         spin=spin or [],
+        key=key,
         out=out,
         pictures=pictures,
         json=json,

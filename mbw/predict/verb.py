@@ -101,6 +101,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     lines: int,
     statespace: Path | None,
     spin: list[str],
+    key: str | None,
     out: Path | None,
     pictures: bool,
     json: Path | None,
@@ -109,11 +110,15 @@ def run_options(  # noqa: PLR0913  # one for each option
     """Run the verb with the values of its options, as ``mbw.predict.options`` describes them."""
     request = PredictRequest(tuple(inputs), tuple(outputs), quantity, band, lines)
     options = ResultOptions(out, json, overwrite, pictures)
-    run(model, request, PredictOutputs(modes, frf, statespace, options), spin)
+    run(model, request, PredictOutputs(modes, frf, statespace, options), spin, key)
 
 
 def run(
-    path: Path, request: PredictRequest, targets: PredictOutputs, spin: Sequence[str] = ()
+    path: Path,
+    request: PredictRequest,
+    targets: PredictOutputs,
+    spin: Sequence[str] = (),
+    key: str | None = None,
 ) -> None:
     """Write files first and data to stdout last, so that a closed pipe loses no file.
 
@@ -122,6 +127,7 @@ def run(
         request: inputs, outputs and frequency lines.
         targets: outputs of the command.
         spin: texts ``JOINT=RATE`` of hinges that spin at a constant rate [rad/s].
+        key: name of the keyframe that gives pose and controls; None for ``home`` if there is one.
 
     Raises:
         UsageError: a label, a spin or a target cannot be used.
@@ -129,7 +135,7 @@ def run(
     """
     _check(targets)
     rates = _rates(spin)
-    model = as_drawn(load_machine(path, rates))
+    model = as_drawn(load_machine(path, rates, key))
     frf_request = _frf_request(model.machine, request, targets)
     options = targets.options
     with _open_output(path, options) as output:

@@ -116,7 +116,7 @@ def test_only_the_named_attributes_change(tmp_path):
         for name in a.attrib.keys() | b.attrib.keys()
         if a.get(name) != b.get(name) or a.tag != b.tag
     }
-    folders = {(None, "meshdir"), (None, "texturedir")}  # absolute, since the copy is elsewhere
+    folders = {(None, "meshdir"), (None, "texturedir")}  # since the copy is elsewhere
     assert differing == {("tilt_tz", "stiffness"), ("ty_rx", "damping")} | folders
 
 
@@ -162,6 +162,9 @@ def folders(tmp_path):
     (source / "meshes" / "t.obj").write_text(TETRAHEDRON, encoding="utf-8")
     (source / "skin.png").write_bytes(png())
     cover = '<body name="cover"><geom size="0.1" contype="0" conaffinity="0"/></body>'
+    (source / "part.xml").write_text(
+        f'<mujoco><compiler meshdir="meshes"/><asset>{DIRECT}</asset></mujoco>', encoding="utf-8"
+    )
     (source / "cover.xml").write_text(mjcf(cover), encoding="utf-8")
     return source, target
 
@@ -194,6 +197,7 @@ ASSETS = {
         MESH + f'<texture name="x" type="cube" {CUBE} fileback="skin.png"/>',
         MESHED,
     ),
+    "an included file with meshes": ("", '</asset><include file="part.xml"/><asset>', MESHED),
     "an attached model": (
         "",
         MESH + '<model name="sub" file="cover.xml"/>',
@@ -301,3 +305,16 @@ def test_the_hammer_stays_where_it_is_drawn_if_the_sensor_there_moves(station_mo
     assert worst_of_channels(values, expected) < 1e-9
     moved = linearise(again, again.drawn, FrfRequest(freq, outputs, hit)).values
     assert worst_of_channels(moved, expected) > 1e-3
+
+
+def test_a_copy_and_its_meshes_can_move_together(folders):
+    source, target = folders
+    path = source / "m.xml"
+    path.write_text(mjcf(MESHED, extra=f"<asset>{MESH}</asset>"), encoding="utf-8")
+    staging = target / ".writing-1"
+    staging.mkdir()
+    write_mjcf(path, staging / "m.xml", spring("j", stiffness=2e4), target)
+    (staging / "m.xml").rename(target / "m.xml")
+    source.parent.rename(source.parent.with_name("elsewhere"))
+    moved = source.parent.with_name("elsewhere") / "tuned" / "deep" / "m.xml"
+    assert load_machine(moved).springs[0].stiffness == 2e4

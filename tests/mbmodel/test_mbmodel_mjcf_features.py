@@ -259,7 +259,7 @@ def assert_agrees(path, key=None):
     mass = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, rest, mass)
     np.testing.assert_allclose(matrices.mass, mass, rtol=1e-9, atol=1e-12 * np.abs(mass).max())
-    by_position, by_velocity = accelerations(path, rest.qpos, controls=rest.ctrl)
+    by_position, by_velocity = accelerations(path, rest.qpos, start=rest)
     for matrix, slope in ((matrices.stiffness, by_position), (matrices.damping, by_velocity)):
         acceleration = -np.linalg.solve(matrices.mass, matrix)
         assert np.abs(acceleration - slope).max() < 1e-6 * max(np.abs(by_position).max(), 1.0)

@@ -75,11 +75,13 @@ def machine_text(seed, *, first="slide", gravity="1.1 -0.7 -9.6", tendons=True):
     return whole.replace("</mujoco>", f"<tendon>{ropes}</tendon></mujoco>") if tendons else whole
 
 
-def accelerations(path, qpos, velocity=None, controls=()):
+def accelerations(path, qpos, velocity=None, start=None):
     """Slopes of MuJoCo's qacc by position and velocity at a pose, fourth-order differences."""
     model = mujoco.MjModel.from_xml_path(str(path))
     data = mujoco.MjData(model)
-    data.ctrl[: len(controls)] = controls
+    if start is not None:
+        data.ctrl[:] = start.ctrl
+        data.mocap_pos[:], data.mocap_quat[:] = start.mocap_pos, start.mocap_quat
     steady = np.zeros(model.nv) if velocity is None else velocity
 
     def at(move, rate):

@@ -306,3 +306,27 @@ def test_an_inverted_pendulum_is_called_unstable(tmp_path):
     assert result.exit_code == 0, result.stderr
     assert "Unstable" in result.stderr
     assert sum("unstable" in line for line in result.stdout.splitlines()) == 1
+
+
+def test_a_keyframe_can_be_chosen(tmp_path):
+    # A pendulum between magnets has another frequency where its servo holds it.
+    path = tmp_path / "arm.xml"
+    path.write_text(
+        '<mujoco><worldbody><body name="arm"><joint name="pivot" axis="0 1 0"/>'
+        '<geom size="0.1" pos="0 0 -0.5" mass="2"/><site name="acc1"/></body></worldbody>'
+        '<actuator><position name="hold" joint="pivot" kp="100"/></actuator><keyframe>'
+        '<key name="home" qpos="1"/><key name="up" qpos="1.5" ctrl="1.5"/></keyframe></mujoco>',
+        encoding="utf-8",
+    )
+    home, up, drawn = (
+        mbw("predict", path, "--json", "-", "--no-pictures", *option)
+        for option in ((), ("--key", "up"), ("--key", ""))
+    )
+    frequency = [json.loads(run.stdout)["modes"][0]["frequency"] for run in (home, up, drawn)]
+    assert frequency[0] == pytest.approx(frequency[2], rel=1e-9)  # both hang straight down
+    assert frequency[1] < 0.99 * frequency[0]
+    assert "Keyframe 'home' gives pose and controls." in home.stderr
+    assert "of which none is used" in drawn.stderr
+    wrong = mbw("predict", path, "--key", "down")
+    assert wrong.exit_code == 3
+    assert "has no keyframe 'down': choose one of home, up" in wrong.stderr

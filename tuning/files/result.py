@@ -30,6 +30,7 @@ from tuning.files.schema import (
 
 TUNED_JSON, TUNED_MJCF, FRF_NPZ = "tuned.json", "tuned.xml", "frf.npz"
 LEVELS = ("sensors", "bodies")
+_STAGING_PREFIX = ".writing-"  # of the name of a temporary folder inside that of a result
 _MAX_CORRELATIONS = 100  # that are written
 
 
@@ -197,11 +198,19 @@ def write_result(
     model, theta = tuned.session.model, tuned.model_fit.theta
     edits = model.edits(theta)
     with write_atomically(folder) as place:
-        not_held = write_mjcf(model.machine.source, place / TUNED_MJCF, edits)
+        target = place / TUNED_MJCF
+        not_held = write_mjcf(model.machine.source, target, edits, final_folder(place))
         np.savez_compressed(place / FRF_NPZ, allow_pickle=False, **_arrays(tuned))
         summary = summarise_tuning(tuned, remaining, [str(missing) for missing in not_held])
         (place / TUNED_JSON).write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
     return summary
+
+
+def final_folder(place: Path) -> Path:
+    """Return the folder to which the files of a temporary folder of ``write_atomically`` move."""
+    while place.name.startswith(_STAGING_PREFIX):
+        place = place.parent
+    return place
 
 
 @contextmanager
@@ -216,7 +225,7 @@ def write_atomically(folder: Path) -> Iterator[Path]:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=folder, prefix=".writing-") as name:
+        with tempfile.TemporaryDirectory(dir=folder, prefix=_STAGING_PREFIX) as name:
             yield Path(name)
             files = sorted(Path(name).iterdir())
             for file in files:

@@ -1,0 +1,80 @@
+"""Paths in a copy of an MJCF that lies in another folder than its source."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from xml.dom import minidom
+from xml.etree import ElementTree
+
+from mbmodel.mjcf.source_files import read_source_files
+
+# Attributes of <compiler> that name folders.
+_FOLDER_ATTRIBUTES = ("assetdir", "meshdir", "texturedir")
+_FILE_TAGS = ("mesh", "hfield", "skin", "texture", "flexcomp")
+
+
+def redirect_paths(document: minidom.Document, source: Path, target: Path) -> None:
+    """Change all folders and files that an MJCF names, so that it finds them from another folder.
+
+    They become relative to the new folder, so that both folders can move together. On another
+    drive they become absolute. ``meshdir`` and ``texturedir`` are written once, in the last
+    ``<compiler>``, which counts.
+
+    Args:
+        document: the MJCF; changed in place.
+        source: the MJCF that was read.
+        target: folder in which the copy will lie.
+    """
+    start = _path_between(target.resolve(), source.resolve().parent)
+    main, *included = [file.root for file in read_source_files(source) if file.model == source]
+    roots = [main, *included]
+    if any(next(root.iter(tag), None) is not None for root in roots for tag in _FILE_TAGS):
+        folders = _asset_folders(roots)
+        for compiler in document.getElementsByTagName("compiler"):
+            for name in _FOLDER_ATTRIBUTES:
+                if compiler.hasAttribute(name):
+                    compiler.removeAttribute(name)
+        last = _last_compiler(document, behind_all=bool(any(_asset_folders(included).values())))
+        for name, value in folders.items():
+            last.setAttribute(name, (start / value).as_posix())
+    for kind in ("include", "model"):
+        for element in document.getElementsByTagName(kind):
+            if name := element.getAttribute("file"):
+                element.setAttribute("file", (start / name).as_posix())
+
+
+def _asset_folders(roots: Sequence[ElementTree.Element]) -> dict[str, str]:
+    """Return meshdir and texturedir that the <compiler> elements of some files state."""
+    folders = {"meshdir": "", "texturedir": ""}
+    for root in roots:
+        for compiler in root.iter("compiler"):
+            if shared := compiler.get("assetdir"):
+                folders = dict.fromkeys(folders, shared)
+            for name in folders:
+                folders[name] = compiler.get(name) or folders[name]
+    return folders
+
+
+def _path_between(start: Path, end: Path) -> Path:
+    """Return the path of a folder relative to another, or its absolute path on another drive."""
+    try:
+        return Path(os.path.relpath(end, start))
+    except ValueError:
+        return end
+
+
+def _last_compiler(document: minidom.Document, *, behind_all: bool) -> minidom.Element:
+    """Return the <compiler> that counts, created if missing.
+
+    Args:
+        document: the MJCF; changed in place.
+        behind_all: whether included files have such elements, so that it must follow them.
+    """
+    compilers = document.getElementsByTagName("compiler")
+    if compilers and not behind_all:
+        return compilers[-1]
+    compiler = document.createElement("compiler")
+    if document.documentElement is not None:
+        place = None if behind_all else document.documentElement.firstChild
+        document.documentElement.insertBefore(compiler, place)
+    return compiler
