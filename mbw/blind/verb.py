@@ -72,7 +72,7 @@ def run(options: BlindOptions) -> Path:
 
     Raises:
         InputError: the model cannot be read, or the folder holds another test.
-        WorkbenchError: no case could be drawn.
+        WorkbenchError: no case could be drawn; InputError if the model is the reason.
     """
     catalogue()  # refuses an invalid effect of another package before anything is drawn
     request = _request(options)
@@ -102,7 +102,8 @@ def _run(options: BlindOptions, out: Path) -> tuple[list[BlindCase], list[str]]:
         SCREEN.say(f"could not be run: {outcome.error} ({outcome.case.failure})")
     drawn = [case for case in cases if case.sealed.is_file()]
     if not drawn:
-        raise WorkbenchError(f"none of {len(cases)} cases could be drawn: {failed[0].error}")
+        sentence = f"none of {len(cases)} cases could be drawn: {failed[0].error}"
+        raise InputError(sentence) if failed[0].is_refused else WorkbenchError(sentence)
     return drawn, [f"could not be run: {outcome.error}" for outcome in failed]
 
 

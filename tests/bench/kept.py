@@ -4,6 +4,7 @@ With ``KEPT=1`` in the environment nothing is made nor written: figures are thos
 are kept.
 """
 
+import hashlib
 import json
 import os
 from collections.abc import Callable, Sequence
@@ -41,11 +42,14 @@ def cases(
     missing = [k for k in numbers if k not in known or (stale is not None and stale(known[k]))]
     if only_kept():
         missing = []
+    is_cut = kept.is_file() and kept.read_bytes()[-1:] not in (b"", b"\n")
     with kept.open("a", encoding="utf-8") as file:
+        if is_cut:
+            file.write("\n")
         work = (delayed(_numbered)(make, number) for number in missing)
         for number, row in Parallel(n_jobs=jobs, return_as="generator_unordered")(work):
             known[number] = row
-            file.write(json.dumps([number, row]) + "\n")
+            file.write(json.dumps([number, row, _checksum(row)]) + "\n")
             file.flush()
     return [known[number] for number in sorted(numbers) if number in known], kept
 
@@ -58,11 +62,27 @@ def of(name: str) -> dict[int, dict]:
     """
     kept = _file(name)
     lines = kept.read_text(encoding="utf-8").splitlines() if kept.is_file() else []
-    return dict(map(json.loads, lines))
+    rows: dict[int, dict] = {}
+    for number, line in enumerate(lines, start=1):
+        try:
+            case, row, *checksum = json.loads(line)
+            is_whole = not checksum or checksum[0] == _checksum(row)  # older lines have none
+        except (ValueError, TypeError, RecursionError):
+            is_whole = False
+        if is_whole:
+            rows[case] = row
+        else:
+            print(f"{kept.name}, line {number} was cut or altered: its case is made anew")
+    return rows
 
 
 def _file(name: str) -> Path:
     return Path(__file__).parent / "results" / f"{name}.cases.jsonl"
+
+
+def _checksum(row: object) -> str:
+    """Hash of a row as JSON, beside it in its line."""
+    return hashlib.sha256(json.dumps(row, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _numbered(

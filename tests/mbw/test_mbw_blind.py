@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import shutil
 import tomllib
 
 import pytest
@@ -10,6 +11,7 @@ from typer.testing import CliRunner
 
 from mbw.blind import case as blind_case
 from mbw.command import app
+from truth import TruthError
 from truth.campaign.file_formats import model_xml
 from truth.machine.random_tree import draw_tree
 
@@ -149,6 +151,57 @@ def test_a_case_cut_off_while_it_was_drawn_is_drawn_again_to_the_same_bytes(mode
     (out / "cases" / "0000" / "sha256.txt").unlink()
     run(model, out, "--cases", 1)
     assert file.read_bytes() == before
+
+
+def test_an_altered_answer_is_drawn_again_to_the_same_bytes(model, tmp_path, quick):
+    out = tmp_path / "out"
+    run(model, out, "--cases", 1)
+    sealed = out / "sealed" / "0000.toml"
+    before = sealed.read_bytes()
+    for content in (before.replace(b"effect", b"affect"), b"\xff" + before, b""):
+        sealed.write_bytes(content)
+        assert run(model, out, "--cases", 1).exit_code == 0
+        assert sealed.read_bytes() == before
+
+
+@pytest.mark.parametrize("name", [None, "verdict.json", "refit.json"])
+def test_an_altered_result_is_made_anew(done, model, tmp_path, monkeypatch, name):
+    out = tmp_path / "out"
+    shutil.copytree(done[0], out)
+    if name is not None:
+        path = out / "cases" / "0001" / name
+        path.write_text(path.read_text() + " ")
+
+    def refuse(*_):
+        raise RuntimeError("made anew")
+
+    monkeypatch.setattr(blind_case, "diagnose", refuse)
+    result = run(model, out, "--cases", 2)
+    assert result.exit_code == 0
+    assert result.stderr.count("made anew") == (0 if name is None else 1)
+    assert "case 1: made anew" in result.stderr or name is None
+
+
+def test_a_full_disk_ends_the_test_with_one_sentence(model, tmp_path, quick, monkeypatch):
+    def fill(*_, **__):
+        raise OSError(28, "No space left on device", "impact.uff")
+
+    monkeypatch.setattr(blind_case, "write_campaign", fill)
+    result = run(model, tmp_path / "out", "--cases", 2)
+    assert result.exit_code == 3
+    assert "impact.uff cannot be read or written (No space left on device)" in result.stderr
+
+
+def test_a_model_of_which_no_case_can_be_drawn_is_no_internal_error(
+    model, tmp_path, quick, monkeypatch
+):
+    def refuse(*_):
+        raise TruthError("the machine has no joint")
+
+    monkeypatch.setattr(blind_case, "draw_case", refuse)
+    result = run(model, tmp_path / "out", "--cases", 2)
+    assert result.exit_code == 3
+    assert "none of 2 cases could be drawn" in result.stderr
 
 
 def test_a_case_that_fails_is_named_with_its_seed_and_the_rest_go_on(model, tmp_path, quick):
