@@ -29,7 +29,6 @@ _WORDS = {
     "Redundant channels": r"redundant channels",
     "Confounded causes": r"confounded causes",
     "Tolerance": r"tolerances?",
-    "Drive point": r"drive points?",
 }
 EXPLANATIONS = {
     "Nat": "Unit of a log likelihood with the natural logarithm; 3 nats are odds of 20 to 1.",
@@ -63,7 +62,6 @@ EXPLANATIONS = {
     "Confounded causes": "Causes that these data cannot tell apart.",
     "Tolerance": "One standard deviation of what the drawings state, such as 2 % of mass or 1° of "
     "a sensor's axes; also the parameter with that prior.",
-    "Drive point": "A point at which force and motion are measured along one direction.",
 }  # fmt: skip
 _GROUPS = {f"word{number}": name for number, name in enumerate(_WORDS)}
 _PATTERN = re.compile(

@@ -184,7 +184,7 @@ def test_a_damaged_result_is_refused(out, tmp_path):
     (tmp_path / "result" / "modes.npz").write_bytes(b"")
     result = mbw("report", tmp_path / "result")
     assert result.exit_code == 3
-    assert "identify the campaign again" in result.stderr
+    assert "run mbw identify again" in result.stderr
 
 
 def test_a_mode_that_is_dropped_is_gone(folder, content, tmp_path):
