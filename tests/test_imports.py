@@ -20,8 +20,11 @@ MAY_IMPORT = {
 ONLY_BEHIND = {
     "mujoco": {"mbmodel"},
     "nlopt": {"tuning/solvers/nlopt_solver.py"},
-    "meshio": {"mbmodel/meshes/files.py", "identification/shapes/fe_file.py"},
-    "h5py": {"identification/readers/matlab73_child.py"},
+    "meshio": {"mbmodel/meshes/files.py", "identification/shapes/fe_mesh_child.py"},
+    "h5py": {
+        "identification/readers/matlab73_child.py",
+        "identification/shapes/fe_mesh_child.py",
+    },
     "plotly": {"mbw/page/html.py", "mbworkbench/plots.py"},
     "typer": {"mbw", "truth"},
     "rich": {"mbw"},

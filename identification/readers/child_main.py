@@ -38,7 +38,8 @@ def main(script: str, path: str, max_array_bytes: str, result: str, *limits: str
         arrays = runpy.run_path(script)["read"](Path(path), int(max_array_bytes))
         np.savez(result, *arrays.values())
     except (SystemExit, Exception) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
+        is_text = isinstance(error, Exception)  # the reason of SystemExit is a number
+        reason = (" ".join(str(error).split()) if is_text else "") or type(error).__name__
         os.write(answer, reason.encode("utf-8", "replace"))
         return 1
     os.write(answer, json.dumps(list(arrays)).encode())

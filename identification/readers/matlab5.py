@@ -19,14 +19,14 @@ from identification.readers.inflation import refuse_inflation
 
 _HEADER_BYTES, _VERSION_OFFSET = 128, 124
 # Kinds of elements; names and dimensions have another kind in files of some writers.
-_NAME, _DIMENSIONS, _FLAGS, _MATRIX, _COMPRESSED = (1, 16), (5, 6), (6,), 14, 15
+_NAME, _SHAPE_KINDS, _FLAGS, _MATRIX, _COMPRESSED = (1, 16), (5, 6), (6,), 14, 15
 _TYPE_OF_KIND = {
     **{1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"},
 }
 _NUMERIC_CLASSES = range(6, 16)  # double, single and integers
 _OPAQUE_CLASS = 17  # objects, which have no dimensions
 _COMPLEX_FLAG = 0x800
-_MAX_DIMENSIONS = 32
+_MAX_SHAPE_KINDS = 32
 _TYPES_OF_VERSION_4 = ("f8", "f4", "i4", "i2", "u2", "u1")
 _MAX_TRAILING_BYTES = 8  # after a compressed variable: writers may pad it
 _NO_NUMBERS = np.empty(0, object)  # stands for text, cells, structures and sparse matrices
@@ -147,11 +147,11 @@ def _read_matrix(parts: _Elements) -> tuple[str, np.ndarray]:
     array_class = flags & 0xFF
     if array_class == _OPAQUE_CLASS:
         return _name(parts.next_of(_NAME)), _NO_NUMBERS
-    shape = tuple(map(int, np.frombuffer(parts.next_of(_DIMENSIONS), parts.order + "i4")))
+    shape = tuple(map(int, np.frombuffer(parts.next_of(_SHAPE_KINDS), parts.order + "i4")))
     name = _name(parts.next_of(_NAME))
     if array_class not in _NUMERIC_CLASSES:
         return name, _NO_NUMBERS
-    if not 2 <= len(shape) <= _MAX_DIMENSIONS or min(shape) < 0:
+    if not 2 <= len(shape) <= _MAX_SHAPE_KINDS or min(shape) < 0:
         raise ValueError(f"{name} has the dimensions {shape}")
     values = _read_numbers(name, parts, shape)
     if flags & _COMPLEX_FLAG:

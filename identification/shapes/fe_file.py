@@ -1,23 +1,20 @@
 """Finite-element shapes from files: any mesh that meshio reads, with one shape per point data.
 
-Only this module and ``mbmodel.meshes.files`` use meshio. Frequencies come from a table beside the
+Frequencies come from a table beside the
 mesh, or from the names of the point data: ``mode 7 (34.51 Hz)``, ``f=34.51``, or ``DEPL[6] -
 34.51``. The last is how MED files name steps by their value; steps of an XDMF series are given such
 names.
 """
 
-import contextlib
-import io
-import os
 import re
 from pathlib import Path
 
-import meshio
 import numpy as np
 
+from identification.shapes.fe_mesh import FeMesh, read_fe_mesh
 from identification.shapes.fe_shapes import Shapes
 from identification.words import MAX_INPUT_MAGNITUDE, InputError, Integers, Real
-from identification.words.file_access import check_file, read_text
+from identification.words.file_access import read_text
 
 _NUMBER_PATTERN = r"(?<![\d.,])([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)"
 _HERTZ_PATTERN = re.compile(r"\bHz\b", re.IGNORECASE)
@@ -67,10 +64,8 @@ def read_shapes(path: Path, frequencies: Path | None = None) -> Shapes:
     Raises:
         InputError: no such file, no shapes, or frequencies that do not fit them.
     """
-    mesh = _read_mesh(path)
-    points = np.zeros((len(mesh.points), 3))
-    points[:, : mesh.points.shape[1]] = mesh.points
-    data = {name: np.asarray(array, float) for name, array in mesh.point_data.items()}
+    mesh = read_fe_mesh(path)
+    data = mesh.data
     names = sorted((name for name, array in data.items() if _is_shape(array)), key=_natural_order)
     if not names:
         raise InputError(
@@ -93,42 +88,11 @@ def read_shapes(path: Path, frequencies: Path | None = None) -> Shapes:
         raise InputError(f"{path}: {bad} holds values that are no numbers. Write the mode again.")
     _check_frequencies(str(frequencies or path), values)
     order = np.argsort(values, kind="stable")
-    return Shapes(str(path), points, _triangles(path, mesh), values[order], vectors[order])
-
-
-def _read_mesh(path: Path) -> meshio.Mesh:
-    """Read a mesh through meshio, which prints errors and ends the program."""
-    if not os.path.exists(path):
-        raise InputError(f"{path} is not there. Give a mesh file with shapes as point data.")
-    check_file(path, "give a mesh file with shapes as point data")
     try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-            return _read_series(path) if _is_series(path) else meshio.read(path)
-    except (SystemExit, Exception) as error:
-        reason = str(error) if isinstance(error, OSError | meshio.ReadError) else ""
-        raise InputError(
-            f"{path} cannot be read as a mesh{f' ({reason})' if reason else ''}. "
-            "Give VTU, MED, XDMF or another format of meshio."
-        ) from error
-
-
-def _is_series(path: Path) -> bool:
-    """Return whether an XDMF file holds steps, each with a value."""
-    return path.suffix in {".xdmf", ".xmf"} and 'CollectionType="Temporal"' in path.read_text(
-        "utf-8", errors="replace"
-    )
-
-
-def _read_series(path: Path) -> meshio.Mesh:
-    """Read the mesh of a series, and the shape of each step, whose value is its frequency."""
-    with meshio.xdmf.TimeSeriesReader(path) as reader:
-        points, cells = reader.read_points_cells()
-        shapes: dict[str, Real] = {}
-        for step in range(reader.num_steps):
-            value, data, _ = reader.read_data(step)
-            for name, values in data.items():
-                shapes[f"{name}[{step}] - {float(value)!r}"] = values
-    return meshio.Mesh(points, cells, point_data=shapes)
+        triangles = _triangles(path, mesh)
+    except IndexError as error:
+        raise InputError(f"{path}: a cell has too few corners. Write the mesh again.") from error
+    return Shapes(str(path), mesh.points, triangles, values[order], vectors[order], mesh.remarks)
 
 
 def _is_shape(values: Real) -> bool:
@@ -217,22 +181,21 @@ def _check_frequencies(source: str, values: Real) -> None:
         )
 
 
-def _triangles(path: Path, mesh: meshio.Mesh) -> Integers:
+def _triangles(path: Path, mesh: FeMesh) -> Integers:
     """Return triangles of the outer faces of volumes and of all shells; (n, 3)."""
     triangles: list[Integers] = []
     sides: dict[int, list[Integers]] = {}
-    for block in mesh.cells:
-        data = np.asarray(block.data, np.intp)
-        if block.type in _CORNERS_OF_SHELL:
-            triangles += _split_faces(data[:, : _CORNERS_OF_SHELL[block.type]])
-        if block.type.rstrip("0123456789") == "line":
+    for kind, data in mesh.cells:
+        if kind in _CORNERS_OF_SHELL:
+            triangles += _split_faces(data[:, : _CORNERS_OF_SHELL[kind]])
+        if kind.rstrip("0123456789") == "line":
             triangles.append(data[:, [0, 1, 1]])  # a beam becomes a face without width
-        for face in _FACES_OF_VOLUME.get(block.type.rstrip("0123456789"), ()):
+        for face in _FACES_OF_VOLUME.get(kind.rstrip("0123456789"), ()):
             sides.setdefault(len(face), []).append(data[:, face])
     for faces in sides.values():
         triangles += _split_faces(_outer_faces(np.concatenate(faces)))
     if not triangles:
-        kinds = ", ".join(sorted({block.type for block in mesh.cells})) or "no cells"
+        kinds = ", ".join(sorted({kind for kind, _ in mesh.cells})) or "no cells"
         raise InputError(f"{path} has no faces ({kinds}). Give beams, shells or volumes.")
     return np.concatenate(triangles)
 

@@ -18,6 +18,7 @@ class Shapes:
         frequencies: rising; (n_mode,) [Hz].
         vectors: displacements, in any normalisation that is common to all modes; (n_mode, n_point,
             3).
+        remarks: sentences on what was left out of the file.
     """
 
     source: str
@@ -25,6 +26,7 @@ class Shapes:
     triangles: Integers
     frequencies: Real
     vectors: Real
+    remarks: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Return the number of modes."""
@@ -43,4 +45,5 @@ class Shapes:
             self.triangles,
             self.frequencies[modes],
             self.vectors[modes],
+            self.remarks,
         )

@@ -1,4 +1,4 @@
-"""Reading of mesh files (STL, OBJ, MSH, VTU) as triangles or tetrahedra, through meshio."""
+"""Reading of mesh files (STL, OBJ, MSH, VTU) as triangles or tetrahedra; all but OBJ by meshio."""
 
 import io
 import warnings
@@ -10,10 +10,18 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from identification.words import InputError, Integers, Real, frozen_array
+from identification.words import (
+    MAX_INPUT_MAGNITUDE,
+    InputError,
+    Integers,
+    Real,
+    frozen_array,
+)
 from identification.words.file_access import check_file
+from mbmodel.meshes.obj import read_obj
 
-_MESHIO_FORMATS = {".stl": "stl", ".obj": "obj", ".msh": "gmsh", ".vtu": "vtu"}
+_MESHIO_FORMATS = {".stl": "stl", ".msh": "gmsh", ".vtu": "vtu"}
+_OBJ_SUFFIX = ".obj"
 # First words of a gmsh file.
 _GMSH_STARTS = (b"$MeshFormat", b"$Comments")
 _FACE_KINDS = ("triangle", "quad", "polygon")
@@ -25,6 +33,12 @@ _SIDES_OF_CELL: dict[str, tuple[tuple[int, ...], ...]] = {
     ),
     "wedge": ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
     "pyramid": ((0, 3, 2, 1), (0, 1, 4), (1, 2, 4), (2, 3, 4), (3, 0, 4)),
+}
+
+
+_CORNERS_OF_CELL = {
+    **{"triangle": 3, "quad": 4, "tetra": 4},
+    **{kind: 1 + max(map(max, sides)) for kind, sides in _SIDES_OF_CELL.items()},
 }
 
 
@@ -74,23 +88,23 @@ def read_mesh(path: Path, *, scale: float = 1.0) -> Mesh:
         raise InputError(
             f"{path}: scale is {scale:g}: give metres per unit of the file, above zero"
         )
-    content = _read(path)
-    dimension = max((block.dim for block in content.cells if len(block.data)), default=0)
-    blocks = [(b.type, np.asarray(b.data)) for b in content.cells if b.dim == dimension]
-    if dimension < 2 or not sum(len(data) for _, data in blocks):
+    values, blocks = _read(path)
+    if not sum(len(data) for _, data in blocks):
         raise InputError(
             f"{path}: the mesh has no faces and no cells: export a surface or a volume mesh"
         )
-    points = _points(path, content.points, scale)
+    points = _points(path, values, scale)
     for kind, data in blocks:
         if kind not in (*_FACE_KINDS, "tetra", *_SIDES_OF_CELL):
             raise InputError(
                 f"{path}: the mesh has cells of kind {kind}, which are not handled: export "
                 "triangles or tetrahedra with straight edges"
             )
-        if data.size and not 0 <= data.min() <= data.max() < len(points):
+        corners = _CORNERS_OF_CELL.get(kind, data.shape[-1])
+        if data.shape[1:] != (corners,) or not 0 <= data.min() <= data.max() < len(points):
             raise InputError(
-                f"{path}: a {kind} names a point that does not exist: export the mesh again"
+                f"{path}: a {kind} has other than {corners} corners, or names a point that "
+                "does not exist: export the mesh again"
             )
     return _flat_mesh(points, blocks)
 
@@ -109,21 +123,29 @@ def is_ascii_stl(path: Path) -> bool:
     return head.startswith(b"solid") and path.stat().st_size != 84 + 50 * count
 
 
-def _read(path: Path) -> meshio.Mesh:
-    """Read through meshio, which prints its errors and ends the program instead of raising."""
-    if path.suffix.lower() not in _MESHIO_FORMATS:
+def _read(path: Path) -> tuple[object, list[tuple[str, Integers]]]:
+    """Return the points of a file, and its cells of the highest dimension by kind.
+
+    meshio prints its errors and ends the program instead of raising.
+    """
+    if path.suffix.lower() not in (*_MESHIO_FORMATS, _OBJ_SUFFIX):
         raise InputError(
             f"{path}: this kind of file is not read as a mesh: give .stl, .obj, .msh or .vtu"
         )
     check_file(path, "give the path of a mesh file")
     printed = io.StringIO()
     try:
+        if path.suffix.lower() == _OBJ_SUFFIX:
+            return read_obj(path)
         with warnings.catch_warnings(), redirect_stdout(printed), redirect_stderr(printed):
             warnings.simplefilter("ignore")
-            return meshio.read(path, file_format=_MESHIO_FORMATS[path.suffix.lower()])
+            mesh = meshio.read(path, file_format=_MESHIO_FORMATS[path.suffix.lower()])
+        dimension = max((block.dim for block in mesh.cells if len(block.data)), default=0)
+        cells = [(b.type, np.asarray(b.data)) for b in mesh.cells if b.dim == dimension]
+        return mesh.points, [(k, data) for k, data in cells if len(data) and dimension > 1]
     except (SystemExit, Exception) as error:
         # Readers fail on broken files in whatever way Python does: IndexError, struct.error.
-        reason = str(error) if isinstance(error, OSError | meshio.ReadError) else ""
+        reason = str(error) if isinstance(error, OSError | meshio.ReadError | ValueError) else ""
         text = f" ({' '.join(reason.split())})" if reason else ""
         raise InputError(
             f"{path}: cannot be read as {path.suffix[1:].upper()}{text}: export the mesh again"
@@ -135,10 +157,11 @@ def _points(path: Path, values: object, scale: float) -> Real:
     points = np.asarray(values, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"{path}: the points do not have three coordinates: export the mesh in 3D")
-    if not np.isfinite(points).all():
-        row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
+    is_number = (np.abs(points) <= MAX_INPUT_MAGNITUDE).all(axis=1)  # false for NaN
+    if not is_number.all():
         raise InputError(
-            f"{path}: the coordinates of point {row} are not finite: export the mesh again"
+            f"{path}: the coordinates of point {int(np.argmin(is_number))} are not finite: export "
+            "the mesh again"
         )
     return points * scale
 

@@ -90,6 +90,8 @@ def run(
     if outputs.json is not None:
         check_json_target(outputs.json)
     every_shape = read_shapes(simulated.path, simulated.frequencies)
+    for remark in every_shape.remarks:
+        SCREEN.say(remark)
     frequencies = every_shape.frequencies
     is_elastic = rigid_modes(every_shape).supported
     low, high = request.band or (0.0, np.inf)

@@ -85,6 +85,8 @@ def run(
     campaign = campaign if band is None else replace(campaign, band=band)
     with outputs.open("match", campaign.path, "matched", NAMES) as output:
         shapes = read_shapes(simulated.path, simulated.frequencies)
+        for remark in shapes.remarks:
+            SCREEN.say(remark)
         rigid = rigid_modes(shapes)
         _check_shapes(simulated, rigid)
         with SCREEN.status("clocks, spectra, modes"):
