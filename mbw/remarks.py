@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from mbw.gain_text import gain_sentence
 from tuning import TunedFile
 from tuning.files.result import TUNED_JSON
 from tuning.parametrisation.parametrisation import TOLERANCE_BOUND_SIGMA
@@ -21,6 +22,8 @@ def list_remarks(summary: TunedFile) -> list[str]:
             f"{_count(at_bound, 'tolerance')} reached the bound of {TOLERANCE_BOUND_SIGMA:g} "
             f"standard deviations; the largest pulls without the bound: {_largest_pulls(summary)}."
         )
+    if gains := gain_sentence(summary.channel_gains):
+        sentences.append(gains)
     if missing := describe_not_in_mjcf(summary.not_held_by_mjcf, TUNED_JSON):
         sentences.append(missing)
     return sentences + list_limits(summary)
@@ -60,9 +63,13 @@ def describe_not_in_mjcf(names: Sequence[str], list_file: str) -> str:
         The sentence; empty if the MJCF holds everything.
     """
     gains = {name.split(".gain_")[0] for name in names if ".gain_" in name}
-    hits = {name.split(")")[0] for name in names if name.startswith("hammer(")}
+    hammers = [name for name in names if name.startswith("hammer(") and ").gain" in name]
+    hits = {
+        name.split(")")[0] for name in names if name.startswith("hammer(") and name not in hammers
+    }
     rest = [name for name in names if ".gain_" not in name and not name.startswith("hammer(")]
     parts = [f"gains of {_count(len(gains), 'sensor')}"] if gains else []
+    parts += [f"gain of {_count(len(hammers), 'force channel')}"] if hammers else []
     parts += [f"place and direction of {_count(len(hits), 'hit')}"] if hits else []
     by_reason: dict[str, list[str]] = {}
     for name in rest:

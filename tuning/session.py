@@ -10,6 +10,7 @@ from identification.readers.file_kinds import is_universal
 from identification.readers.units import unit_factor
 from identification.words import Campaign, Dof, InputError, Motor
 from mbmodel import (
+    HammerGainPart,
     HammerPart,
     Machine,
     Model,
@@ -17,6 +18,7 @@ from mbmodel import (
     SensorPart,
     as_drawn,
     body_parts,
+    hammer_gain_parts,
     hammer_parts,
     joint_parts,
     load_machine,
@@ -27,6 +29,7 @@ from tuning.checks.data_against_model import compare_with_model
 from tuning.checks.export_faults import StatedExport
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
+from tuning.unknown_gains import divide_by_unknown_gains
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +127,10 @@ def build_toleranced_model(machine: Machine, campaign: Campaign) -> Model:
         campaign: tests, which say which sensors are read and where the hammer hits.
     """
     read_points = {dof.point for test in campaign.tests for dof in test.estimate.frf.outputs}
+    unknown = campaign.unknown_gains
+    hammers = [
+        gain.location.removeprefix("hammer:") for gain in unknown.nominal if gain.direction is None
+    ]
     return Model(
         machine,
         (
@@ -132,10 +139,11 @@ def build_toleranced_model(machine: Machine, campaign: Campaign) -> Model:
             *joint_parts(machine),
             *(
                 part
-                for part in sensor_parts(machine, campaign.outputs)
+                for part in sensor_parts(machine, campaign.outputs, unknown.sensors)
                 if part.point.name in read_points
             ),
             *hammer_parts(machine, _forces_at_points(machine, campaign)),
+            *hammer_gain_parts(hammers, "unknown_gain"),
         ),
     )
 
@@ -168,12 +176,18 @@ def rebuild_for_machine(model: Model, machine: Machine) -> Model:
         if isinstance(part, SensorPart)
         for axis in part.rotations
     )
+    unknown = [
+        part.point.name
+        for part in model.parts
+        if isinstance(part, SensorPart) and part.gain_known == "unknown_gain"
+    ]
     parts: tuple[Part, ...] = (
         *spring_parts(machine),
         *body_parts(machine),
         *joint_parts(machine),
-        *sensor_parts(machine, turning),
+        *sensor_parts(machine, turning, unknown),
         *hammer_parts(machine, hit),
+        *(part for part in model.parts if isinstance(part, HammerGainPart)),
     )
     by_parameters = {part.parameters: part for part in parts}
     return Model(machine, tuple(by_parameters[part.parameters] for part in model.parts))
@@ -208,7 +222,8 @@ def open_campaign(
     if not any(np.abs(test.estimate.frf.values).any() for test in chosen.tests):
         raise InputError(f"{source}: all FRFs are zero in the band: check the export")
     of_machine = (f"{machine.source.name}: {remark}" for remark in machine.remarks)
-    return source, machine, replace(chosen, remarks=(*chosen.remarks, *of_machine))
+    chosen = replace(chosen, remarks=(*chosen.remarks, *of_machine))
+    return source, machine, divide_by_unknown_gains(machine, chosen)
 
 
 def _refuse_unknown_motors(source: Path, machine: Machine, campaign: Campaign) -> None:

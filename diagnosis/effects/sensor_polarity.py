@@ -24,7 +24,8 @@ def turned(freq_hz: Real) -> Complex:
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each channel."""
     known = names_of(scene)
-    for site in sensors(scene):
+    unknown = scene.session.campaign.unknown_gains.sensors
+    for site in (site for site in sensors(scene) if site not in unknown):
         for direction, gain in gains_of(site):
             if gain in known:
                 place = f"sensor:{site}"

@@ -9,6 +9,7 @@ from diagnosis.effects import catalogue
 from diagnosis.estimates.held_out_gap import HeldOutGap
 from diagnosis.inference.evidence import BENDS, Key
 from diagnosis.next_test.discriminating import next_experiment
+from diagnosis.verdict.gains import list_channel_gains
 from diagnosis.verdict.schema import (
     CauseRow,
     GapAt,
@@ -60,6 +61,7 @@ def verdict_of(found: Diagnosis) -> Verdict:
         twins=list(found.twins),
         not_testable=_not_testable(found),
         next_experiment=next_experiment(found),
+        channel_gains=list_channel_gains(found),
     )
 
 

@@ -5,6 +5,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict
 
 from diagnosis.hypothesis import Ends, Value
+from tuning.files.schema import ChannelGainRow
 
 Word = Literal["none", "explained", "several", "unexplained"]
 
@@ -76,3 +77,4 @@ class Verdict(_Row):
     twins: list[tuple[str, str]]
     not_testable: list[str]
     next_experiment: str | None
+    channel_gains: list[ChannelGainRow] = []

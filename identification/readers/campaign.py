@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from identification.checks.channels import channel_remarks
+from identification.checks.unknown_gains import leave_out_unknown_gains
 from identification.hits.campaign import tests_from_records
 from identification.hits.drive_point import drive_point_signs
 from identification.noise.variance import coherence_variance, difference_variance
@@ -38,6 +39,7 @@ from identification.words import (
     Real,
     Test,
     Tolerance,
+    UnknownGains,
     VarianceSource,
     node_number,
 )
@@ -69,7 +71,13 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
             tests += _tests_of_table(path.parent / entry.file, entry, settings.sensor, table)
     try:
         tolerance = Tolerance(**settings.tolerance.model_dump())
-        campaign = Campaign(path.resolve().parent.name, layout, tuple(tests), tolerance)
+        campaign = Campaign(
+            path.resolve().parent.name,
+            layout,
+            tuple(tests),
+            tolerance,
+            unknown_gains=_unknown_gains(settings),
+        )
     except ValueError as error:
         raise InputError(
             f"{path}: {error}: tests of one campaign need one frequency axis and one quantity"
@@ -81,9 +89,18 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
     ]
     campaign = leave_out_lines(path, campaign, ranges)
     remarks += campaign.remarks
-    signs = [point.remark for point in drive_point_signs(campaign)]
+    known = leave_out_unknown_gains(campaign)
+    signs = [point.remark for point in drive_point_signs(known)] if known is not None else []
     remarks += [*channel_remarks(campaign), *(sign for sign in signs if sign)]
     return replace(campaign, remarks=tuple(remarks))
+
+
+def _unknown_gains(settings: CampaignSettings) -> UnknownGains:
+    """Return the sensors, hammers and drives whose gain campaign.toml calls unknown."""
+    return UnknownGains(
+        frozenset(site for site, sensor in settings.sensor.items() if sensor.gain == "unknown"),
+        frozenset(name for name, hammer in settings.hammer.items() if hammer.gain == "unknown"),
+    )
 
 
 def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> Layout:

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from identification.readers.ignored_lines import FrequencyRange
 from identification.readers.toml_files import FileName, TomlTable, load_toml, read_toml
-from identification.words import Estimator, InputError, Quantity
+from identification.words import DEFAULT_HAMMER, Estimator, InputError, Quantity
 from identification.words.file_access import check_file
 
 _MAX_TURN_RAD = 6.3  # just above a full turn: larger values are degrees by mistake
@@ -60,6 +60,13 @@ class SensorSettings(TomlTable):
     )
     ignore: list[Literal["x", "y", "z"]] = Field(default_factory=list)
     body: str | None = None
+    gain: Literal["unknown"] | None = None
+
+
+class HammerSettings(TomlTable):
+    """Settings of one ``[hammer.<name>]``: a hammer or drive that tests name, or ``default``."""
+
+    gain: Literal["unknown"] | None = None
 
 
 class ToleranceSettings(TomlTable):
@@ -102,6 +109,7 @@ class CampaignSettings(TomlTable):
     layout: FileName | None = None
     test: list[TestSettings] = Field(min_length=1)
     sensor: dict[str, SensorSettings] = Field(default_factory=dict)
+    hammer: dict[str, HammerSettings] = Field(default_factory=dict)
     ignore_hz: list[FrequencyRange] = Field(default_factory=list)
     tolerance: ToleranceSettings = ToleranceSettings()
     tuning: TuningSettings = TuningSettings()
@@ -118,12 +126,20 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
             or has a wrong value.
     """
     path = find_campaign_file(folder)
-    if "impact" in load_toml(path):
+    content = load_toml(path)
+    if "impact" in content:
         raise InputError(
             f"{path} is a campaign of impacts without measured force, which mbw match reads: "
             "for FRFs write [[test]] blocks with files of force and response"
         )
+    hammers = content.get("hammer")
+    if isinstance(hammers, dict) and not all(isinstance(v, dict) for v in hammers.values()):
+        raise InputError(
+            f"{path}: keys stand under [hammer], which needs a name: write [hammer.<name>], or "
+            f"[hammer.{DEFAULT_HAMMER}] for the tests that name none"
+        )
     settings = read_toml(path, CampaignSettings)
+    _refuse_unnamed_hammers(path, settings)
     files = [os.path.realpath(path.parent / test.file) for test in settings.test]
     for test, file in zip(settings.test, files, strict=True):
         if files.count(file) > 1:
@@ -139,6 +155,25 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
             f"{path} must name either a model or a layout: add one, or remove one of both"
         )
     return path, settings
+
+
+def _refuse_unnamed_hammers(path: Path, settings: CampaignSettings) -> None:
+    """Raise InputError for a ``[hammer.<name>]`` that no test uses."""
+    named = {test.hammer or DEFAULT_HAMMER for test in settings.test}
+    motors = {
+        text
+        for test in settings.test
+        if test.hammer is None
+        for text in test.references or []
+        if ":" not in text
+    }
+    for name in settings.hammer:
+        if name not in named | motors:
+            names = ", ".join(sorted(named | motors))
+            raise InputError(
+                f"{path}: hammer.{name}: no test has this hammer (there are {names}): name one of "
+                f'them, or add hammer = "{name}" to its [[test]]'
+            )
 
 
 def find_campaign_file(folder: Path) -> Path:

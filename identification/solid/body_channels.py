@@ -79,6 +79,7 @@ def join_tests(campaign: Campaign) -> ChannelTable:
             test.condition.reference.positive,
             test.condition.level_n,
             test.condition.spindle_speed,
+            test.condition.instrument if campaign.unknown_gains.hammers else None,
         )
         cells = {
             dof.positive: (test, row)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.checks.unknown_gains import leave_out_unknown_gains
 from identification.solid.body_channels import BodyData, ChannelTable, body_data, join_tests
 from identification.solid.confounded_faults import (
     find_confounded,
@@ -106,7 +107,7 @@ def check_bodies(campaign: Campaign) -> tuple[BodyCheck, ...]:
 
     Errors of sensors within tolerance are fitted with all motions projected out. What then remains
     beyond noise is a fault of a sensor or a flexible shape. Tests of one reference, level and speed
-    are used together, whichever channels each of them has.
+    are used together, whichever channels each of them has. Sensors of unknown gain are left out.
 
     Args:
         campaign: measured FRFs on the lines to be used.
@@ -114,7 +115,10 @@ def check_bodies(campaign: Campaign) -> tuple[BodyCheck, ...]:
     Returns:
         One check a body.
     """
-    tolerance = campaign.tolerance
+    known = leave_out_unknown_gains(campaign, hammers=False)
+    if known is None:
+        return ()
+    campaign, tolerance = known, campaign.tolerance
     table = join_tests(campaign)
     searches = _searches(table, campaign)
     swap = find_body_swap(table, campaign, list(searches.values()))

@@ -12,6 +12,7 @@ from identification.words.campaign import DEFAULT_HAMMER, Campaign, Condition, T
 from identification.words.dof import DIRECTIONS, Dof, distinct_dofs
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
 from identification.words.frf import DERIVATIVE_ORDER, Frf, FrfEstimate, Quantity, VarianceSource
+from identification.words.gains import NominalGain, UnknownGains
 from identification.words.hits import Estimator, Hit, HitEstimate, HitRejection, SpectralDensities
 from identification.words.layout import Layout, is_hammer_point, node_number
 from identification.words.modal import ModalModel, drive_point_scale, modal_sum
@@ -44,12 +45,14 @@ __all__ = [
     "Mask",
     "ModalModel",
     "Motor",
+    "NominalGain",
     "Quantity",
     "Real",
     "Records",
     "SpectralDensities",
     "Test",
     "Tolerance",
+    "UnknownGains",
     "UsageError",
     "VarianceSource",
     "WorkbenchError",

@@ -1,6 +1,6 @@
 """Campaign: the tests of one machine, their conditions, and the tolerances of the drawings."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from identification.words._arrays import Mask, Real
 from identification.words.dof import Dof, distinct_dofs
 from identification.words.frf import FrfEstimate
+from identification.words.gains import UnknownGains
 from identification.words.hits import HitEstimate
 from identification.words.layout import Layout
 from identification.words.motor import Input, Motor
@@ -131,6 +132,7 @@ class Campaign:
         tests: at least one test, all with the same frequencies and quantity.
         tolerance: tolerances of the drawings.
         remarks: sentences that a reader of any result must know.
+        unknown_gains: channels and drives whose gains are unknown.
 
     Raises:
         ValueError: there is no test, or frequencies or quantities differ between tests.
@@ -141,6 +143,7 @@ class Campaign:
     tests: tuple[Test, ...]
     tolerance: Tolerance = Tolerance()
     remarks: tuple[str, ...] = ()
+    unknown_gains: UnknownGains = field(default_factory=UnknownGains)
 
     def __post_init__(self) -> None:
         """Check that the tests share their frequencies and their quantity."""

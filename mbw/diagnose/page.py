@@ -14,6 +14,7 @@ from mbw.diagnose.result import STEPS, StoredDiagnosis, twin_locations
 from mbw.diagnose.schema import PlaceRow
 from mbw.diagnose.sentences import place_name, sensor_check_sentences
 from mbw.diagnose.tables import causes_section, hypotheses_section
+from mbw.gain_text import gain_table
 from mbw.page.html import (
     fill_template,
     pack_magnitudes,
@@ -53,6 +54,7 @@ def render(result: StoredDiagnosis) -> str:
         where=read_fragment("diagnose/where.html") if places else _NO_PLACES,
         gates="".join(f"<p>{escape(text)}</p>" for text in sensor_check_sentences(shown)),
         tried=hypotheses_section(result),
+        gains=gain_table(result.verdict.channel_gains),
         provenance=_provenance(result),
         scripts=scripts,
         styles=["diagnose/style.css"],

@@ -31,6 +31,7 @@ from mbw.diagnose.sentences import (
     untested_sentences,
 )
 from mbw.files import write_json
+from mbw.gain_text import gain_sentence
 from mbw.gap_text import describe_gap
 from mbw.messages import SCREEN, allow_one_interrupt
 from mbw.output_folder import ResultOptions
@@ -160,6 +161,8 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
 def _say_more(verdict: Verdict, diagnosis: Diagnosis) -> None:
     """Print remarks on tolerances, fits, sensors, noise, confounded causes and the next test."""
     if sentence := pull_sentence(verdict, diagnosis):
+        SCREEN.say(f"  {sentence}")
+    if sentence := gain_sentence(verdict.channel_gains):
         SCREEN.say(f"  {sentence}")
     for text in unfinished_fit_sentences(diagnosis):
         SCREEN.say(f"  {text}")

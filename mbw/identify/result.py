@@ -20,6 +20,7 @@ from identification.modal import (
     mpd,
 )
 from identification.words import Campaign, Layout, ModalModel, Real
+from mbw.gain_text import unknown_gain_sentences
 from mbw.identify.arrays import collect_arrays
 from mbw.identify.hits import hits_rows
 from mbw.identify.reference_shapes import ReferenceModes
@@ -112,6 +113,7 @@ def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> Iden
         setups=[check.sentence for check in checks.setups],
         remarks=[
             *parts.campaign.remarks,
+            *unknown_gain_sentences(parts.campaign),
             *(check.sentence for check in checks.setups if check.agrees is False),
         ],
     )

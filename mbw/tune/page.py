@@ -5,6 +5,7 @@ from html import escape
 import numpy as np
 
 from identification.words import Dof
+from mbw.gain_text import gain_table
 from mbw.gap_text import describe_gap
 from mbw.page.html import fill_template, pack_complex, pack_real, warning_boxes
 from mbw.page.numbers import format_percent, frf_unit
@@ -47,7 +48,7 @@ def render(result: TuningResult) -> str:
         modes_drawn=_modes_table(summary, "as_drawn"),
         modes_tuned=_modes_table(summary, "tuned"),
         pairs=pairs_section(summary),
-        tests=_tests_table(summary),
+        tests=_tests_table(summary) + gain_table(summary.channel_gains),
         provenance=_provenance(summary),
         scripts=["page/bode.js", "tune/page.js", "tune/pulls.js"],
         styles=["tune/style.css"],

@@ -26,8 +26,6 @@ TURNING = (Dof("acc1", "+ry"), Dof("acc4", "+rz"), Dof("acc6", "-rz"))
 OUTPUTS = (*(Dof.of(f"acc{k}", axis) for k in range(1, 7) for axis in range(3)), *TURNING)
 MOTOR = '<actuator><motor name="drive" joint="head_rz" gear="2.5"/></actuator></mujoco>'
 
-Spoil = Callable[[np.ndarray, tuple[Input, ...]], np.ndarray]
-
 
 def write_torque_campaign(
     folder: Path,
@@ -38,6 +36,7 @@ def write_torque_campaign(
     labels: tuple[str, ...] = LABELS,
     extra: str = "",
     factors: Mapping[str, float] | None = None,
+    drives: Mapping[str, float] | None = None,
     seed: int = 3,
     lines: int = 160,
     noise: float = 0.01,
@@ -51,7 +50,8 @@ def write_torque_campaign(
         spread: standard deviation of the logarithm of stiffness and damping.
         labels: references, a choice of ``LABELS``.
         extra: further lines of campaign.toml.
-        factors: what channels and references read per SI unit, by label.
+        factors: what channels read per SI unit, by label such as ``acc4:+tx``.
+        drives: factor of the FRFs of references, by their labels.
         seed: of the draws.
         lines: number of lines.
         noise: of each channel, over its rms.
@@ -70,14 +70,13 @@ def write_torque_campaign(
     freq = np.linspace(5.0, 165.0, lines)
     inputs = tuple(REFERENCES[LABELS.index(label)] for label in labels)
     values = Evaluator(model, FrfRequest(freq, OUTPUTS, inputs)).at(theta).values
-    for label, factor in (factors or {}).items():
-        values = values * np.where([str(dof) == label for dof in OUTPUTS], factor, 1.0)[:, None]
-        values = values * np.where([str(dof) == label for dof in inputs], factor, 1.0)
     rms = np.sqrt((np.abs(values) ** 2).mean(axis=0))
     sigma = np.maximum(noise * rms, 1e-3 * noise * rms.max(axis=0))
     error = random.normal(size=(2, *values.shape)) * sigma / np.sqrt(2)
     noisy = values + error[0] + 1j * error[1]
     ratio = (AVERAGES - 1) * sigma**2 / np.abs(noisy) ** 2
+    noisy = noisy * np.array([(factors or {}).get(str(dof), 1.0) for dof in OUTPUTS])[:, None]
+    noisy = noisy * np.array([(drives or {}).get(label, 1.0) for label in labels])
     np.savez(folder / "test.npz", frf=noisy, coherence=1 / (1 + ratio), freq_hz=freq)
     channels = [str(dof).removeprefix("acc") for dof in OUTPUTS]
     (folder / "campaign.toml").write_text(

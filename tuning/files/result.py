@@ -14,6 +14,7 @@ from identification.words import Complex, InputError, Real
 from mbmodel import modes_of_matrices, write_mjcf
 from tuning.assessment.gap import Gap, block_error_shares
 from tuning.campaign_tuning import CampaignTuning, Comparison
+from tuning.files.gain_rows import channel_gain_rows
 from tuning.files.input_files import input_rows
 from tuning.files.mode_pair_rows import pair_rows
 from tuning.files.parameter_rows import fit_row, parameter_rows
@@ -121,6 +122,12 @@ def summarise_tuning(
         else list(confidence.correlations()[:_MAX_CORRELATIONS]),
         unseen=[] if confidence is None else list(confidence.unidentifiable_directions()),
         information=list(tuned.gains),
+        channel_gains=channel_gain_rows(
+            campaign.unknown_gains.nominal,
+            tuned.model_fit.parametrisation,
+            theta,
+            None if confidence is None else confidence.interval(),
+        ),
         inputs=input_rows(session),
         modes=modes,
         residuals=list(tuned.residuals),

@@ -99,6 +99,21 @@ class GainRow(_Row):
     shrink: float
 
 
+class ChannelGainRow(_Row):
+    """Gain that a campaign called unknown: measured value per SI unit, H_measured = gain H.
+
+    ``location`` is ``sensor:<site>`` or ``hammer:<name>``, ``dof`` the direction of a channel.
+    ``interval`` is the 95 % interval, or None. With ``is_product``, the data show the product with
+    the gain of the force channel only.
+    """
+
+    location: str
+    dof: str | None
+    gain: float
+    interval: tuple[float, float] | None
+    is_product: bool
+
+
 class StartRow(_Row):
     """End of one start, after the last stage that all starts went through.
 
@@ -223,6 +238,7 @@ class TunedFile(_Row):
     correlations: list[CorrelationRow] = []
     unseen: list[UnseenRow] = []
     information: list[GainRow] = []
+    channel_gains: list[ChannelGainRow] = []
     inputs: list[InputRow] = []
     modes: dict[str, list[ModelModeRow]]
     residuals: list[ResidualKind] = ["log"]

@@ -12,6 +12,9 @@ from mbmodel import Model, Parameter
 from tuning.parametrisation.parametrisation import TOLERANCE_BOUND_SIGMA, Parametrisation
 
 _RELATIVE_TOLERANCES = ("mass", "inertia", "sensor_gain")  # fractions of the nominal value
+# Standard deviation of ln of an unknown gain about its nominal value, which a nominal model with
+# stiffness and masses off by a factor of 2 still gives: wide enough to add no information.
+UNKNOWN_GAIN_SD = 1.0
 _FREE_RANGE_LOG = float(np.log(100.0))  # bound of a size without a prior: a factor of 100
 
 
@@ -91,6 +94,8 @@ def _prior_sd(parameter: Parameter, tolerance: Tolerance) -> float:
         return np.inf
     if parameter.known == "exactly":
         return 0.0
+    if parameter.known == "unknown_gain":
+        return UNKNOWN_GAIN_SD
     spread = float(getattr(tolerance, parameter.known))
     relative = parameter.known in _RELATIVE_TOLERANCES and not parameter.positive
     return spread * abs(parameter.drawn) if relative else spread

@@ -1,0 +1,20 @@
+"""Gains that a campaign called unknown, as the verdict states them."""
+
+from diagnosis.algorithm import Diagnosis
+from tuning import estimate_confidence
+from tuning.files.gain_rows import channel_gain_rows
+from tuning.files.schema import ChannelGainRow
+
+
+def list_channel_gains(diagnosis: Diagnosis) -> list[ChannelGainRow]:
+    """Return the gains of the fit with the cause, or of the null model without one."""
+    nominal = diagnosis.session.campaign.unknown_gains.nominal
+    if not nominal:
+        return []
+    if diagnosis.known is not None:
+        theta, confidence = diagnosis.known.theta, diagnosis.known.sure
+    else:
+        refit = diagnosis.nothing
+        theta = refit.fit.theta
+        confidence = estimate_confidence(refit.session.model, refit.session.campaign, refit.fit)
+    return channel_gain_rows(nominal, confidence.parametrisation, theta, confidence.interval())
