@@ -160,11 +160,8 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
 
 def _say_more(verdict: Verdict, diagnosis: Diagnosis) -> None:
     """Print remarks on tolerances, fits, sensors, noise, confounded causes and the next test."""
-    if sentence := pull_sentence(verdict, diagnosis):
-        SCREEN.say(f"  {sentence}")
-    if sentence := gain_sentence(verdict.channel_gains):
-        SCREEN.say(f"  {sentence}")
-    for text in unfinished_fit_sentences(diagnosis):
+    first = (pull_sentence(verdict, diagnosis), gain_sentence(verdict.channel_gains))
+    for text in (*filter(None, first), *unfinished_fit_sentences(diagnosis)):
         SCREEN.say(f"  {text}")
     for check in diagnosis.gate.flexible:
         SCREEN.say(f"  {check.sentence}")

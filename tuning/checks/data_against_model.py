@@ -21,8 +21,8 @@ from tuning.checks.level_curves import (
     LevelCurve,
     level_curve,
     predict_on_lines,
-    select_file,
     strong_cells,
+    tests_by_file,
 )
 
 
@@ -110,10 +110,9 @@ def compare_with_model(
     Returns:
         One finding for each file that differs by more than wrong stiffness explains.
     """
-    files = dict.fromkeys(test.condition.test for test in campaign.tests)
     findings = (
-        _compare_file(model, select_file(campaign, file), stated[file])
-        for file in files
+        _compare_file(model, tests, stated[file])
+        for file, tests in tests_by_file(campaign).items()
         if file in stated
     )
     return [finding for finding in findings if finding is not None]
@@ -138,8 +137,6 @@ class _CurveAgreement:
 
 def _compare_file(model: Model, campaign: Campaign, stated: StatedExport) -> ExportFinding | None:
     """Compare one file with the nominal model; None if it may be right."""
-    if not campaign.tests:
-        return None
     faults = list_faults(stated)
     axes = dict.fromkeys([1.0, *(fault.axis for fault in faults)])
     curves = {axis: _curves(model, campaign, axis) for axis in axes}

@@ -39,18 +39,14 @@ class LevelCurve:
         return np.interp(log_freq, self.log_freq, self.level, left=np.nan, right=np.nan)
 
 
-def select_file(campaign: Campaign, file: str) -> Campaign:
-    """Return the tests of one file whose reference is a force, as a campaign."""
-    return replace(
-        campaign,
-        tests=tuple(
-            test
-            for test in campaign.tests
-            if test.condition.test == file
-            and isinstance(test.condition.reference, Dof)
-            and not test.condition.reference.is_rotation
-        ),
-    )
+def tests_by_file(campaign: Campaign) -> dict[str, Campaign]:
+    """Return the tests whose reference is a force, as one campaign for each file with such."""
+    by_file: dict[str, list[Test]] = {}
+    for test in campaign.tests:
+        reference = test.condition.reference
+        if isinstance(reference, Dof) and not reference.is_rotation:
+            by_file.setdefault(test.condition.test, []).append(test)
+    return {file: replace(campaign, tests=tuple(tests)) for file, tests in by_file.items()}
 
 
 def predict_on_lines(model: Model, campaign: Campaign, freq_hz: Real) -> Campaign:
