@@ -9,16 +9,14 @@ import numpy as np
 from identification.words import InputError, Real
 from mbmodel.linearisation.check import check_linear_model
 from mbmodel.linearisation.drawing import read_drawing
-from mbmodel.linearisation.equilibrium import (
-    find_equilibrium,
-    remaining_stiffness_and_damping,
-    tendon_jacobian,
-)
+from mbmodel.linearisation.equilibrium import find_equilibrium
+from mbmodel.linearisation.force_slopes import remaining_stiffness_and_damping
 from mbmodel.linearisation.motors import actuator_gains
 from mbmodel.linearisation.points import machine_layout
 from mbmodel.linearisation.remarks import equilibrium_remarks
 from mbmodel.linearisation.spin import spin_remarks, spin_velocity
 from mbmodel.linearisation.springs import find_springs
+from mbmodel.linearisation.tendon_slopes import tendon_jacobian
 from mbmodel.machine import Axle, Machine
 from mbmodel.mjcf.keyframes import choose_keyframe, keyframe_remarks, pose_data
 from mbmodel.mjcf.names import body_name, coordinate_names, joint_name

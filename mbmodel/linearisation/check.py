@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from identification.words import InputError, Real
-from mbmodel.linearisation.equilibrium import (
+from mbmodel.linearisation.force_slopes import (
     FORCE_DIFFERENCE_STEP,
     force_scale,
     force_slopes,

@@ -8,7 +8,12 @@ import mujoco
 import numpy as np
 
 from identification.words import InputError, Real
-from mbmodel.linearisation.equilibrium import tendon_curvature, tendon_elongation, tendon_jacobian
+from mbmodel.linearisation.force_slopes import symmetrise_rotations
+from mbmodel.linearisation.tendon_slopes import (
+    tendon_curvature,
+    tendon_elongation,
+    tendon_jacobian,
+)
 from mbmodel.mjcf.names import body_name, coordinate_names, tendon_name
 from mbmodel.mjcf.stages import stage_of
 from mbmodel.mjcf.tendons import tendon_body_jacobian
@@ -100,7 +105,10 @@ def _tendon_springs(
     slack = (model.tendon_lengthspring[:, 0] < data.ten_length) & (
         data.ten_length < model.tendon_lengthspring[:, 1]
     )
-    length, curvature = tendon_elongation(model, data), tendon_curvature(model, data)
+    length, curvature = (
+        tendon_elongation(model, data),
+        symmetrise_rotations(model, tendon_curvature(model, data)),
+    )
     springs = []
     for tendon in range(model.ntendon):
         name = tendon_name(model, tendon)

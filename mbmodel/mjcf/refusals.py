@@ -119,7 +119,7 @@ def _refuse_negative(path: Path, element: str, what: str, value: float) -> None:
 
 
 def active_constraint(model: mujoco.MjModel, data: mujoco.MjData) -> str | None:
-    """Return a message about a contact or limit that acts in a state, or None if none acts.
+    """Return a message about a contact, limit or yield that acts in a state, or None if none does.
 
     Args:
         model: the compiled model.
@@ -132,6 +132,8 @@ def active_constraint(model: mujoco.MjModel, data: mujoco.MjData) -> str | None:
                 f'contact between {names[0]} and {names[1]} is on: set contype="0" '
                 'conaffinity="0" on one of them, or add an <exclude>'
             )
+    if spring := _yielding_spring(model, data):
+        return f"the spring of {spring} yields at rest: raise its springyield"
     if not data.nefc:
         return None
     kind, number = mujoco.mjtConstraint(data.efc_type[0]), int(data.efc_id[0])
@@ -140,3 +142,23 @@ def active_constraint(model: mujoco.MjModel, data: mujoco.MjData) -> str | None:
     if kind == mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON:
         return f"the limit of tendon {tendon_name(model, number)!r} is reached: widen its range"
     return f"constraint {kind.name} number {number} is active: remove it"
+
+
+def _yielding_spring(model: mujoco.MjModel, data: mujoco.MjData) -> str | None:
+    """Return the joint or tendon whose spring is stretched beyond its yield, or None.
+
+    MuJoCo shifts the spring's reference only when it steps in time.
+    """
+    for joint in np.flatnonzero(model.jnt_plasticadr >= 0):
+        if _JOINT(model.jnt_type[joint]) in (_JOINT.mjJNT_SLIDE, _JOINT.mjJNT_HINGE):
+            reference = data.plastic[model.jnt_plasticadr[joint]]
+            stretch = abs(data.qpos[model.jnt_qposadr[joint]] - reference)
+            if stretch >= model.jnt_springyield[joint]:
+                return f"joint {joint_name(model, int(joint))!r}"
+    for tendon in np.flatnonzero(model.tendon_plasticadr >= 0):
+        start = model.tendon_plasticadr[tendon]
+        low, high = data.plastic[start : start + 2]
+        length = data.ten_length[tendon]
+        if max(length - high, low - length) >= model.tendon_springyield[tendon]:
+            return f"tendon {tendon_name(model, int(tendon))!r}"
+    return None

@@ -198,6 +198,64 @@ AGREES = {
     "elastic joint that yields": with_joint('springyield="50"'),
 }  # fmt: skip
 
+AGREES |= {
+    "elastic solid of flexible elements": model_text(
+        BASE + '<flexcomp name="f" type="grid" count="3 3 3" spacing=".1 .1 .1" pos="0 0 2" '
+        'mass="1" dim="3" radius=".001"><contact contype="0" conaffinity="0" selfcollide="none"/>'
+        '<elasticity young="1e5" poisson=".2" damping="0.01"/><pin id="0 1 2 3 4 5 6 7 8"/>'
+        "</flexcomp>"
+    ),
+    "height field": model_text(
+        '<geom type="hfield" hfield="h" contype="0" conaffinity="0"/>' + BASE,
+        '<asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1" elevation="0 0 1 0"/></asset>',
+    ),
+    "mesh that MuJoCo makes": model_text(
+        '<body name="a"><joint name="j" axis="0 1 0" stiffness="30"/>'
+        '<geom type="mesh" mesh="m"/></body>',
+        '<asset><mesh name="m" builtin="sphere" params="2"/></asset>',
+    ),
+    "sensors and a contact that is not closed": model_text(
+        '<geom name="ground" type="plane" size="1 1 1" pos="0 0 -9"/>' + TWO,
+        after='<contact><pair geom1="ground" geom2="bar"/></contact><sensor>'
+        '<accelerometer site="acc1"/><force site="acc1"/></sensor>',
+    ),
+    "servo between a site on the ground and one on a body": with_actuator(
+        '<position name="p" site="w" refsite="acc1" kp="400" gear="1 0 1 0 0.2 0"/>'
+    ),
+    "motors at a ball and at a free body": model_text(
+        f'<body name="a"><joint name="j" type="ball" pos="0 0 .5" damping="1"/>{BOX}</body>'
+        f'<body name="c"><freejoint name="f"/>{BOX}</body>',
+        '<option gravity="0 0 0"/>',
+        '<actuator><motor name="p" jointinparent="j" gear="1 2 3"/>'
+        '<position name="q" joint="j" kp="50" gear="1 0 0"/>'
+        '<motor name="r" joint="f" gear="1 2 3 .1 .2 .3"/></actuator>',
+    ),
+    "free body on a tendon": model_text(
+        f'<site name="w" pos="0 0 1"/><body name="a"><freejoint name="j"/>{BOX}'
+        '<site name="acc1"/></body>', after=TENDON
+    ),
+    "attitude servo with three controls": model_text(
+        f'<body name="a"><joint name="j" type="ball" pos="0 0 .5" damping="1"/>{BOX}</body>',
+        after='<actuator><general name="p" joint="j" gaintype="so3" biastype="so3" gainprm="5" '
+        'biasprm="0 -5 -1"/></actuator>',
+    ),
+    "controllers with several controls": with_actuator(
+        '<pid name="p" joint="x" kp="300" kv="5" input="pos vel ff"/>'
+        '<dcmotor name="q" joint="r" resistance="2" motorconst=".5" controller="30 0 2" '
+        'input="pos vel"/>'
+    ),
+    "polynomial damping": with_joint("").replace('damping=".5"', 'damping=".5 3 1"'),
+    "polynomial tendon": model_text(
+        after=TENDON.replace('"700"', '"700 400 900"').replace('damping="3"', 'damping="3 1"')
+    ),
+    "tendon that would yield later": model_text(
+        after=TENDON.replace("<spatial", '<spatial springyield="5"')
+    ),
+    "trees that sleep at the start": with_option(
+        '><flag sleep="enable"/></option>'
+    ).replace('name="a"', 'name="a" sleep="init"'),
+}  # fmt: skip
+
 REFUSED = {
     "dcmotor with inductance": (
         with_actuator('<dcmotor name="p" joint="r" resistance="2" motorconst=".5" '
@@ -238,6 +296,31 @@ REFUSED = {
         with_joint('actuatorgravcomp="true"').replace('name="a"', 'name="a" gravcomp="1"'),
         ["joint 'r'", "actuatorgravcomp"]),
     "limit that is reached": (with_joint('range="20 80"'), ["limit of joint 'r'"]),
+    "edges of a flexible sheet": (
+        model_text(BASE + '<flexcomp name="f" type="grid" count="3 3 1" spacing=".1 .1 .1" '
+                   'mass="1" dim="2" radius=".001"><edge equality="true"/></flexcomp>'),
+        ["equality constraint"]),
+    "spring that yields at rest": (
+        with_joint('springyield="0.5"'), ["spring of joint 'r'", "springyield"]),
+    "tendon that yields at rest": (
+        model_text(after=TENDON.replace("<spatial", '<spatial springyield=".1"')),
+        ["spring of tendon 't'", "springyield"]),
+    "force range of a joint that is reached": (
+        with_joint('actuatorfrcrange="-1 1"').replace(
+            "</mujoco>", '<actuator><general name="p" joint="r" gainprm="5" biastype="affine" '
+            'biasprm="9 0 0"/></actuator></mujoco>'), ["actuator 'p'", "actuatorfrcrange"]),
+    "contact within its margin": (
+        model_text('<geom name="ground" type="plane" size="1 1 1" pos="0 0 -.26" margin=".2" '
+                   'gap=".2"/>' + BASE.replace('contype="0" conaffinity="0"', "")),
+        ["contact between geom 'ground'"]),
+    "delayed control": (
+        with_actuator('<motor name="p" joint="x" delay=".01" nsample="3"/>'),
+        ["actuator 'p'", "delay"]),
+    "a part out of all scale": (
+        model_text(TWO.replace('pos=".2 .1 0"', 'pos=".2 1e8 0"')), ["machine.xml", "scale"]),
+    "composite, which MuJoCo 4 lacks": (
+        model_text('<body name="k"><composite type="cable" curve="s" count="5 1 1" size="1"/>'
+                   "</body>"), ["composite"]),
     "plugin that is not there": (
         model_text(TWO, '<extension><plugin plugin="nobody.knows"/></extension>'), ["plugin"]),
 }  # fmt: skip
@@ -283,3 +366,20 @@ def test_a_feature_without_a_linear_model_is_refused_by_name(tmp_path, case):
         load_machine(save(tmp_path, text))
     for word in words:
         assert word in str(caught.value)
+
+
+def test_every_control_is_an_input_with_its_own_force(tmp_path):
+    # kp (u_pos - l) + kv (u_vel - v) + u_ff at a slide along a unit axis.
+    machine = load_machine(save(tmp_path, AGREES["controllers with several controls"]))
+    assert list(machine.motors) == ["p.0", "p.1", "p.2", "q.0", "q.1"]
+    forces = [machine.motors[name].joint for name in machine.motors]
+    expected = np.outer([300, 5, 1, 0, 0], [1, 0]) + np.outer([0, 0, 0, 30, 2], [0, 1])
+    np.testing.assert_allclose(forces, expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("case", ["actuation switched off", "actuators of one group switched off"])
+def test_an_actuator_that_is_switched_off_is_no_input_and_no_spring(tmp_path, case):
+    machine = load_machine(save(tmp_path, AGREES[case]))
+    assert not machine.motors
+    assert not machine.remaining_stiffness.any()
+    assert any("'p' exert no force at rest" in remark for remark in machine.remarks)

@@ -1,0 +1,128 @@
+"""Slopes of a machine's forces by position and velocity, as differences of MuJoCo's own forces."""
+
+import copy
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from identification.words import Real
+from mbmodel.linearisation.tendon_slopes import tendon_elongation, tendon_jacobian
+
+# Step of central differences [m, rad, or their rates]: the forces are smooth, so that errors of
+# truncation and of rounding are both small.
+FORCE_DIFFERENCE_STEP = 1e-6
+
+
+def symmetrise_rotations(model: mujoco.MjModel, matrix: Real) -> Real:
+    """Return a matrix whose blocks of ball and free joints' rotations are symmetric; (..., nv, nv).
+
+    The coordinates of such a rotation are the components of one rotation vector in axes that turn
+    along. The derivative of a moment m then holds ``[m]x / 2`` beside the second derivative of the
+    potential. At rest the moments of all forces cancel, so each force may omit its own part.
+
+    Args:
+        model: the compiled model.
+        matrix: derivatives of generalised forces by joint coordinates; (..., nv, nv).
+    """
+    result = matrix.copy()
+    for joint in range(model.njnt):
+        dofs = np.flatnonzero(model.dof_jntid == joint)[-3:]
+        if len(dofs) == 3:
+            block = matrix[..., dofs[:, None], dofs]
+            result[..., dofs[:, None], dofs] = (block + np.swapaxes(block, -1, -2)) / 2
+    return result
+
+
+def net_force(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
+    """Return the generalised force r that vanishes at rest; (nv,)."""
+    force: Real = data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
+    return force
+
+
+def force_scale(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """Return the size of the forces that have to balance: the largest of weight, tension, net."""
+    weight = float(model.body_mass.sum() * np.linalg.norm(model.opt.gravity))
+    tension = np.abs(model.tendon_stiffness * tendon_elongation(model, data))
+    pull = (tension[:, None] * np.abs(tendon_jacobian(model, data))).max(initial=0.0)
+    net = np.abs(net_force(model, data)).max(initial=0.0)
+    return max(weight, float(pull), float(net), 1e-300)
+
+
+def force_slopes(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    along: Literal["position", "velocity"],
+    velocity: Real | None = None,
+    step: float = FORCE_DIFFERENCE_STEP,
+) -> tuple[Real, Real]:
+    """Return minus the central differences of the force, and how far they differ between sides.
+
+    Args:
+        model: the compiled model.
+        data: at static equilibrium.
+        along: ``position`` for the stiffness, ``velocity`` for the damping.
+        velocity: of the joint coordinates in steady motion; None at rest; (nv,).
+        step: of the differences [m, rad, or their rates].
+
+    Returns:
+        Stiffness or damping, column j along coordinate j, and the slope to one side minus that to
+        the other, which is of the size of the step where the force is smooth; (nv, nv) each.
+    """
+    probe = copy.copy(data)
+    slope, kink = np.empty((model.nv, model.nv)), np.empty((model.nv, model.nv))
+    steady = np.zeros(model.nv) if velocity is None else velocity
+    middle = None
+    for column in range(model.nv):
+        forces = []
+        for sign in (1.0, -1.0) if middle is not None else (1.0, -1.0, 0.0):
+            direction = np.zeros(model.nv)
+            direction[column] = sign * step
+            probe.qpos[:], probe.qvel[:] = data.qpos, steady
+            if along == "position":
+                mujoco.mj_integratePos(model, probe.qpos, direction, 1.0)
+            else:
+                probe.qvel[:] += direction
+            mujoco.mj_fwdPosition(model, probe)
+            mujoco.mj_fwdVelocity(model, probe)
+            mujoco.mj_fwdActuation(model, probe)
+            forces.append(net_force(model, probe).copy())
+        middle = forces.pop() if middle is None else middle
+        slope[:, column] = -(forces[0] - forces[1]) / (2 * step)
+        kink[:, column] = (forces[0] - 2 * middle + forces[1]) / step
+    return slope, kink
+
+
+def remaining_stiffness_and_damping(
+    model: mujoco.MjModel, data: mujoco.MjData, velocity: Real
+) -> tuple[Real, Real]:
+    """Return stiffness and damping beside gravity and the linear springs of joints and tendons.
+
+    They are those of actuators, polynomial terms and the gyroscopic and centrifugal forces of
+    steady motion. They are central differences of the forces, with gravity and the linear joint
+    and tendon coefficients set to zero. So a machine without such effects gets exact zeros instead
+    of rounding noise of its stiff springs. The part of tendon tension is ``tendon_curvature``.
+
+    Args:
+        model: the compiled model; left as it was.
+        data: at the static equilibrium.
+        velocity: of the joint coordinates in steady motion [m/s, rad/s]; (nv,).
+
+    Returns:
+        K [N/m, N m/rad] and C [N s/m, N m s/rad]; (nv, nv) each.
+    """
+    zeroed = ("jnt_stiffness", "dof_damping", "tendon_stiffness", "tendon_damping")
+    original = {name: getattr(model, name).copy() for name in zeroed}
+    gravity = model.opt.gravity.copy()
+    try:
+        for name in zeroed:
+            getattr(model, name)[:] = 0.0
+        model.opt.gravity[:] = 0.0
+        stiffness, _ = force_slopes(model, data, along="position", velocity=velocity)
+        stiffness = stiffness if velocity.any() else symmetrise_rotations(model, stiffness)
+        damping, _ = force_slopes(model, data, along="velocity", velocity=velocity)
+    finally:
+        model.opt.gravity[:] = gravity
+        for name, value in original.items():
+            getattr(model, name)[:] = value
+    return stiffness, damping
