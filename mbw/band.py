@@ -12,5 +12,5 @@ def check_band(band: tuple[float, float] | None) -> None:
     Raises:
         UsageError: the first limit is not below the second.
     """
-    if band is not None and band[0] >= band[1]:
+    if band is not None and not band[0] < band[1]:  # true for NaN, too
         raise UsageError(f"--band {band[0]:g} {band[1]:g}: give the lower frequency first")

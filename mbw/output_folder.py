@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from identification.words import InputError
+from identification.words.file_access import real_path
 from mbw.files import check_json_target
 from mbw.messages import SCREEN
 from tuning import write_atomically
@@ -196,7 +197,7 @@ def _check_files(request: OutputRequest) -> None:
                 "with --out, or replace it with --overwrite"
             )
         owner = _resolve(row, folder)
-        if owner != request.source.resolve():
+        if owner != real_path(request.source):
             raise InputError(
                 f"{path} was made from {owner}, not from {request.source}: name another folder "
                 "with --out, or replace it with --overwrite"
@@ -210,7 +211,7 @@ def _is_of_another_verb(record: Record, request: OutputRequest, name: str) -> bo
     row = record.get(name)
     if row is None or row["verb"] == request.verb:
         return False
-    return _resolve(row, request.folder) == request.source.resolve()
+    return _resolve(row, request.folder) == real_path(request.source)
 
 
 @contextmanager
@@ -254,13 +255,13 @@ def _read_record(folder: Path) -> Record:
 def _relative(source: Path, folder: Path) -> str:
     """Return the path from a folder to a source: both can move together."""
     try:
-        return os.path.relpath(source.resolve(), folder.resolve())
+        return os.path.relpath(real_path(source), real_path(folder))
     except ValueError:  # two drives of Windows
-        return str(source.resolve())
+        return str(real_path(source))
 
 
 def _resolve(row: dict[str, str], folder: Path) -> Path:
-    return Path(os.path.normpath(folder.resolve() / row["source"]))
+    return Path(os.path.normpath(real_path(folder) / row["source"]))
 
 
 def _can_write(folder: Path) -> bool:

@@ -125,7 +125,7 @@ def sliding_average(values: Real, freq_hz: Real, width_hz: float) -> Real:
         width_hz: width of the average; below the line spacing nothing changes.
     """
     spacing = float(freq_hz[1] - freq_hz[0])
-    half = int(width_hz / spacing / 2)
+    half = int(min(width_hz / spacing / 2, len(values)))
     total = np.cumsum(np.concatenate([np.zeros((1, *values.shape[1:])), values]), axis=0)
     place = np.arange(len(values))
     low, high = np.maximum(place - half, 0), np.minimum(place + half + 1, len(values))

@@ -13,6 +13,14 @@ from identification.words.errors import InputError
 _MAX_NAME_CHARACTERS = 60  # of a temporary file's name: file systems allow 255 bytes
 
 
+def real_path(path: Path) -> Path:
+    """Return an absolute path without links; one in a loop of links stays as it is.
+
+    ``Path.resolve`` of some versions of Python raises RuntimeError there.
+    """
+    return Path(os.path.realpath(path))
+
+
 def check_file(path: Path, remedy: str) -> None:
     """Refuse a path that is no regular file.
 
@@ -86,7 +94,7 @@ def write_text(path: Path, text: str) -> None:
         InputError: the file cannot be written, for example because the disk is full.
     """
     try:
-        target = Path(os.path.realpath(path))
+        target = real_path(path)
         if target.exists() and not target.is_file():
             target.write_text(text, encoding="utf-8")
             return

@@ -14,6 +14,7 @@ from xml.etree import ElementTree
 from xml.parsers import expat
 
 from identification.words import InputError
+from identification.words.file_access import real_path
 
 # Attributes that hold names or text, in which "nan" or "1e400" is no number.
 _TEXT_ATTRIBUTE = re.compile(
@@ -71,9 +72,9 @@ def _read_model(path: Path, parents: tuple[Path, ...]) -> list[SourceFile]:
         path: the main file of the model.
         parents: main files of the models that attach it, from the outermost.
     """
-    chain = (*parents, path.resolve())
+    chain = (*parents, real_path(path))
     files = [SourceFile(path, path, _parse(path, parents[-1] if parents else None))]
-    seen = {path.resolve()}
+    seen = {real_path(path)}
     for file in files:  # grows while it is walked
         for element in file.root.iter("include"):
             included = _included_file(file, element, seen)
@@ -85,7 +86,7 @@ def _read_model(path: Path, parents: tuple[Path, ...]) -> list[SourceFile]:
             attached = path.parent / element.get("file", "")
             if not attached.is_file():
                 continue  # MuJoCo says so
-            if attached.resolve() in chain:
+            if real_path(attached) in chain:
                 raise InputError(
                     f"{file.path}: {element.get('file')} attaches itself: attach other models"
                 )
@@ -100,12 +101,12 @@ def _included_file(file: SourceFile, element: ElementTree.Element, seen: set[Pat
     if not name:
         raise InputError(f'{file.path}: an <include> names no file: give it file="..."')
     included = file.model.parent / name
-    if included.resolve() in seen:
+    if real_path(included) in seen:
         raise InputError(
             f"{file.path}: {name} is included more than once, or includes itself: include each "
             "file once"
         )
-    seen.add(included.resolve())
+    seen.add(real_path(included))
     return included
 
 

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 import shutil
 import tomllib
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ from joblib import Parallel, delayed
 
 from diagnosis import catalogue
 from identification.words import InputError, WorkbenchError
+from identification.words.file_access import read_bytes
 from mbw.band import check_band
 from mbw.blind.case import HASHES, TREES, BlindCase, CaseOutcome, run_case
 from mbw.blind.page import GRADES, PAGE, TABLES, render
@@ -204,14 +204,9 @@ def _fingerprint(model: str) -> str:
     """
     if model == TREES:
         return TREES
+    text = read_bytes(Path(model), f"name an MJCF file, or {TREES!r} for random machines")
     try:
-        text = Path(model).read_bytes()
         meshes = read_station(Path(model)).meshes
-    except OSError as error:
-        raise InputError(
-            f"{model} cannot be read ({os.strerror(error.errno or 0)}): name an MJCF file, or "
-            f"{TREES!r} for random machines"
-        ) from error
     except TruthError as error:
         raise InputError(str(error)) from error
     combined = hashlib.sha256(text)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from identification.words import InputError, UsageError, WorkbenchError
+from identification.words.file_access import real_path
 from mbw.blind import page as graded
 from mbw.diagnose import files as diagnosed
 from mbw.diagnose.page import render as diagnosis_page
@@ -89,7 +90,7 @@ def run(path: Path, out: Path | None, *, overwrite: bool = False) -> Path:
     text = _render(kind, path)
     source = source_of(folder, kind.files[0])
     # A result without a record was copied or made by an earlier version: its page may be renewed.
-    is_own = source is None and target.parent.resolve() == folder.resolve()
+    is_own = source is None and real_path(target.parent) == real_path(folder)
     request = OutputRequest(
         kind.verb, source or folder, target.parent, (target.name,), overwrite, adopts=is_own
     )

@@ -172,6 +172,8 @@ def _read_meshes(root: ET.Element, path: Path) -> tuple[MeshFile, ...]:
             name = mesh.get("name", file.stem)
             if not re.fullmatch(r"\w[\w.-]*", name):
                 raise TruthError(f"<mesh> {name!r}: give it a name of letters, digits, _ . -")
+            if file.exists() and not file.is_file():  # a pipe or device could be without an end
+                raise TruthError(f"<mesh> {name}: {file} is no file; give its file")
             try:
                 content = file.read_bytes()
             except OSError as error:
