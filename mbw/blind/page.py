@@ -58,8 +58,15 @@ def render_folder(path: Path) -> str:
 
 
 def _failed_cases(folder: Path) -> list[str]:
-    """Return a sentence on each case that ended in an exception, with its last line."""
+    """Return a sentence on each case that ended in an exception."""
     return [
-        f"case {file.parent.name} could not be run: {file.read_text('utf-8').split(chr(10))[-2]}"
+        f"case {file.parent.name} could not be run: {_last_error(file.read_text('utf-8'))}"
         for file in sorted(folder.glob("cases/*/failed.txt"))
     ]
+
+
+def _last_error(traceback: str) -> str:
+    """Return type and message of the error: the lines after the last indented one."""
+    lines = traceback.splitlines()
+    stack = [number for number, line in enumerate(lines) if line.startswith("  ")]
+    return " ".join(" ".join(lines[stack[-1] + 1 if stack else 0 :]).split())

@@ -283,3 +283,36 @@ def test_random_trees_need_no_model(tmp_path, quick):
     assert result.exit_code == 0
     assert json.loads(result.stdout)["cases"] == 1
     assert json.loads((tmp_path / "out" / "grades.json").read_text())["cases"] == 1
+
+
+def test_report_writes_the_page_of_a_blind_test_again(model, tmp_path, quick):
+    out = tmp_path / "out"
+    quick.failing = {1}
+    assert run(model, out, "--cases", 2).exit_code == 0
+    quick.failing = set()
+    page = (out / "blind.html").read_text("utf-8")
+    assert "could not be run" in page
+    (out / "blind.html").unlink()
+    for place in (out, out / "grades.json"):
+        done = RUNNER.invoke(app, ["report", str(place)])
+        assert done.exit_code == 0, done.stderr
+        again = (out / "blind.html").read_text("utf-8")
+        assert data_of(again) == data_of(page)
+        assert "case 0001 could not be run: RuntimeError" in again
+        assert "<h1>Blind test: small</h1>" in again
+    (out / "grades.json").write_text('{"verdicts": 3}')
+    refused = RUNNER.invoke(app, ["report", str(out)])
+    assert refused.exit_code == 3
+    assert "run mbw blind again" in refused.stderr
+
+
+def test_overwrite_starts_another_test_in_the_folder(model, tmp_path, quick):
+    out = tmp_path / "out"
+    assert run(model, out, "--cases", 2).exit_code == 0
+    before = (out / "hashes.txt").read_text()
+    refused = run(model, out, "--cases", 1, seed=12)
+    assert refused.exit_code == 3
+    assert "--overwrite" in refused.stderr
+    assert run(model, out, "--cases", 1, "--overwrite", seed=12).exit_code == 0
+    assert len((out / "hashes.txt").read_text().splitlines()) == 1
+    assert (out / "hashes.txt").read_text() not in before
