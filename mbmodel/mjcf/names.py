@@ -2,6 +2,15 @@
 
 import mujoco
 
+# Kind of the elements that some equality constraints tie; of the others MuJoCo states it.
+_ELEMENT_OF_EQUALITY = {
+    "joint": mujoco.mjtObj.mjOBJ_JOINT,
+    "tendon": mujoco.mjtObj.mjOBJ_TENDON,
+    "flex": mujoco.mjtObj.mjOBJ_FLEX,
+    "flexvert": mujoco.mjtObj.mjOBJ_FLEX,
+    "flexstrain": mujoco.mjtObj.mjOBJ_FLEX,
+}
+
 
 def joint_name(model: mujoco.MjModel, joint: int) -> str:
     """Return the name of a joint; ``<body>_joint<k>`` for the k-th joint of a body if unnamed."""
@@ -45,3 +54,17 @@ def geom_name(model: mujoco.MjModel, geom: int) -> str:
     body = model.body(model.geom_bodyid[geom]).name
     name = model.geom(geom).name
     return f"geom {name!r} of body {body!r}" if name else f"a geom of body {body!r}"
+
+
+def equality_name(model: mujoco.MjModel, equality: int) -> str:
+    """Return an equality constraint by its name, or else by its kind and the elements it ties."""
+    if name := model.equality(equality).name:
+        return f"equality constraint {name!r}"
+    kind = mujoco.mjtEq(model.eq_type[equality]).name.removeprefix("mjEQ_").lower()
+    kind_of_element = _ELEMENT_OF_EQUALITY.get(kind, model.eq_objtype[equality])
+    names = [
+        mujoco.mj_id2name(model, int(kind_of_element), int(number)) or f"number {number}"
+        for number in (model.eq_obj1id[equality], model.eq_obj2id[equality])
+        if number >= 0
+    ]
+    return f"equality constraint ({kind}) of {' and '.join(map(repr, names))}"

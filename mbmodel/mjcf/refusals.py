@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from identification.words import InputError
-from mbmodel.mjcf.names import actuator_name, geom_name, joint_name, tendon_name
+from mbmodel.mjcf.names import actuator_name, equality_name, geom_name, joint_name, tendon_name
 from mbmodel.mjcf.tendons import is_fixed_tendon
 
 _DISABLE = mujoco.mjtDisableBit
@@ -34,10 +34,9 @@ def refuse_unlinearisable(path: Path, model: mujoco.MjModel) -> None:
         _check_actuator(path, model, actuator)
     active = np.flatnonzero(model.eq_active0)
     if active.size and is_enabled(model, _DISABLE.mjDSBL_EQUALITY):
-        name = model.equality(active[0]).name or f"number {active[0]}"
         raise InputError(
-            f"{path}: equality constraint {name!r} closes a loop, which is not handled: replace it "
-            "by a joint or a stiff tendon"
+            f"{path}: {equality_name(model, int(active[0]))} closes a loop, which is not handled: "
+            "replace it by a joint or a stiff tendon"
         )
 
 

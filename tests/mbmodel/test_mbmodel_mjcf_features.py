@@ -279,6 +279,18 @@ REFUSED = {
     "gear between joints": (
         model_text(TWO, after='<equality><joint name="gear" joint1="x" joint2="s"/></equality>'),
         ["equality constraint 'gear'"]),
+    "gear without a name": (
+        model_text(TWO, after='<equality><joint joint1="x" joint2="s"/></equality>'),
+        ["equality constraint (joint) of 'x' and 's'"]),
+    "weld without a name": (
+        model_text(TWO, after='<equality><weld body1="a" body2="b"/></equality>'),
+        ["equality constraint (weld) of 'a' and 'b'"]),
+    "tie of sites without a name": (
+        model_text(TWO, after='<equality><connect site1="w" site2="acc2"/></equality>'),
+        ["equality constraint (connect) of 'w' and 'acc2'"]),
+    "tie of tendons without a name": (
+        model_text(TWO, after=TENDON + '<equality><tendon tendon1="t"/></equality>'),
+        ["equality constraint (tendon) of 't'"]),
     "saturated actuator": (
         with_actuator('<general name="p" joint="x" gainprm="1" biastype="affine" biasprm="9 0 0" '
                       'forcerange="-5 5"/>'), ["actuator 'p'", "forcerange"]),
