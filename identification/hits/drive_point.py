@@ -13,23 +13,28 @@ lines with an FRF five standard deviations above its noise count, and for time r
 below 0.8 of half the sampling rate.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identification.hits.negative_power import (
+    DrivePointMobility,
+    explain_negative_power,
+    power_share,
+)
 from identification.words import (
     DERIVATIVE_ORDER,
     Campaign,
     Dof,
     Layout,
     Motor,
-    Real,
     Test,
     node_number,
 )
 
 _MIN_POWER_TO_VARIANCE = 25.0  # |H|^2 over its variance
 _MIN_SIGN_SHARE = 0.5  # power share beyond which the sign is clear
+_MIN_PASSIVE_SHARE = 0.8  # power share below which another reason is sought
 _MIN_STAND_IN_SHARE = 0.95  # power share of another channel that may be the drive point
 _MIN_AXIS_COSINE = 0.9  # of two axes that are meant to coincide
 _MIN_SIGN_LINES = 8  # lines for a power share
@@ -45,6 +50,7 @@ class DrivePoint:
         reference: reference of the hammer, at the node and along the axis of the channel.
         share: power share from -1 to 1; it must be 1 for a passive structure.
         stand_in: channel at another node that behaves as a drive point, if this one does not.
+        reason: what else than a reversed direction makes the power negative, with its remedy.
     """
 
     test: str
@@ -52,10 +58,13 @@ class DrivePoint:
     reference: Dof
     share: float
     stand_in: Dof | None = None
+    reason: str | None = None
 
     @property
     def remark(self) -> str | None:
         """Sentence on what is wrong with the drive point, or None."""
+        if self.reason is not None:
+            return f"{self.test}: {self.reason}"
         if self.share > _MIN_SIGN_SHARE:
             return None
         if self.share < -_MIN_SIGN_SHARE:
@@ -101,8 +110,12 @@ def drive_point_signs(campaign: Campaign) -> tuple[DrivePoint, ...]:
             if share is not None:
                 share *= float(np.sign(cosine))
                 is_wrong = share < _MIN_SIGN_SHARE
+                is_doubtful = share < _MIN_PASSIVE_SHARE
                 stand_in = _find_stand_in(campaign, test, output) if is_wrong else None
-                points.append(DrivePoint(test.condition.test, output, reference, share, stand_in))
+                reason = _explain(test, row, float(np.sign(cosine))) if is_doubtful else None
+                points.append(
+                    DrivePoint(test.condition.test, output, reference, share, stand_in, reason)
+                )
     return tuple(points)
 
 
@@ -122,10 +135,18 @@ def _find_stand_in(campaign: Campaign, test: Test, output: Dof) -> Dof | None:
 
 def _power_share(test: Test, row: int) -> float | None:
     """Return the power share of a channel, or None if too few lines are above the noise."""
-    power = _normalised_power(test, row)
-    if len(power) < _MIN_SIGN_LINES or not power.any():
+    mobility = _mobility(test, row).values
+    if len(mobility) < _MIN_SIGN_LINES or not mobility.real.any():
         return None
-    return float((power * np.abs(power)).sum() / (power**2).sum())
+    return power_share(mobility)
+
+
+def _explain(test: Test, row: int, sign: float) -> str | None:
+    """Return another reason for negative power than a reversed direction, or None."""
+    point = _mobility(test, row)
+    output, reference = test.estimate.frf.outputs[row], test.condition.reference
+    place = f"the drive point {output} with the hammer at {reference}"
+    return explain_negative_power(replace(point, values=sign * point.values), place)
 
 
 def _cosine(layout: Layout, output: Dof, reference: Dof) -> float | None:
@@ -145,16 +166,15 @@ def _cosine(layout: Layout, output: Dof, reference: Dof) -> float | None:
     return float(channel_axis @ hammer_axis)
 
 
-def _normalised_power(test: Test, row: int) -> Real:
-    """Return Re Y / |Y| on the lines above 0 Hz and above the noise; (n_line,)."""
+def _mobility(test: Test, row: int) -> DrivePointMobility:
+    """Return the mobility of a channel on the lines above 0 Hz and above the noise."""
     estimate = test.estimate
-    freq = estimate.frf.freq_hz
+    freq, quantity = estimate.frf.freq_hz, estimate.frf.quantity
     values, variance = estimate.frf.values[:, row, 0], estimate.variance[:, row, 0]
     good = (freq > 0) & (np.abs(values) ** 2 > _MIN_POWER_TO_VARIANCE * variance)
     if test.hits is not None:
         good &= freq < test.hits.usable_limit_hz
     decay = 1.0 / estimate.window_tau if estimate.window_tau else 0.0
-    laplace = decay + 2j * np.pi * freq[good]
-    mobility = values[good] * laplace ** (1 - DERIVATIVE_ORDER[estimate.frf.quantity])
-    power: Real = mobility.real / np.abs(mobility)
-    return power
+    laplace = np.asarray(decay + 2j * np.pi * freq[good], np.complex128)
+    mobility = np.asarray(values[good] * laplace ** (1 - DERIVATIVE_ORDER[quantity]), np.complex128)
+    return DrivePointMobility(freq[good], laplace, mobility, quantity)

@@ -63,6 +63,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         quantity = "mobility"
         unit = "mm/s/N"
         time_sign = "-"
+        frequency_unit = "rad/s"
         block_s = 2.5
         pretrigger_s = 0.0625
         force_window_s = 0.03
@@ -114,6 +115,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         "quantity": "mobility",
         "unit": "mm/s/N",
         "time_sign": "-",
+        "frequency_unit": "rad/s",
         "block_s": 2.5,
         "pretrigger_s": 0.0625,
         "force_window_s": 0.03,

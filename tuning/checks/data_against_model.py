@@ -39,10 +39,10 @@ class _ExportLimits:
     min_remark_loss: float = 0.8
     min_loss_gain: float = 0.69  # a factor of 2 in level, by which a fault must improve
     # A wrong frequency unit hardly changes levels where the curves are flat. Its evidence is the ln
-    # of the ratio of losses plus twice the rise of the correlation: at most -0.4 for 114 right
+    # of the ratio of losses plus twice the rise of the correlation: mostly below -0.4 for right
     # files, and above 0.5 for every wrong one whose nominal model is right.
-    min_refused_axis_evidence: float = 0.5
-    min_remark_axis_evidence: float = 0.15
+    min_refused_axis_evidence: float = 0.7
+    min_remark_axis_evidence: float = 0.4
     correlation_weight: float = 2.0
     min_axis_log_span: float = 1.2  # ln of the last over the first frequency, for this evidence
     min_loss: float = 0.02  # a smaller loss is as good as none

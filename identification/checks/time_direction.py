@@ -1,0 +1,107 @@
+r"""Check of the time convention of FRFs: responses must follow the force.
+
+In the convention exp(+i w t) the inverse Fourier transform of an FRF is the response to an impulse:
+it rises at once and decays afterwards. With exp(-i w t) the FRFs are conjugated, time runs
+backwards, and the response grows until it stops. The check compares the energy of all responses of
+a file together before and after their largest energy. A delay only shifts both, and the sign or the
+quantity of a channel does not matter (Bendat and Piersol 2010, ch. 2, on causality).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from identification.words import DERIVATIVE_ORDER, Campaign, InputError, Real, Test
+
+_MIN_EVEN_LINES = 32  # lines on an even axis, for an impulse response
+_MAX_SPACING_DIFFERENCE = 1e-3  # of the spacing of lines
+_N_RESOLUTIONS = (
+    2  # times 1 / bandwidth: part of the time around the largest energy that is left out
+)
+_MIN_EARLY_SHARE = 0.9  # share of the energy before the largest, beyond which time runs backwards
+# Energy outside the largest peak; below it the response is too short to have a direction.
+_MIN_RINGING_SHARE = 0.05
+_TINY_IMPULSE_ENERGY = 1e-300  # avoids a division by zero
+
+
+@dataclass(frozen=True)
+class TimeDirection:
+    """Direction of time in the FRFs of one file.
+
+    Args:
+        file: name of the file.
+        early_share: share of the responses' energy that precedes their largest, 0 to 1; about 0.5
+            for noise, below it for responses that follow the force.
+    """
+
+    file: str
+    early_share: float
+
+    @property
+    def is_reversed(self) -> bool:
+        """Whether responses precede the force."""
+        return self.early_share > _MIN_EARLY_SHARE
+
+
+def refuse_reversed_time(path: Path, campaign: Campaign, signs: Mapping[str, str]) -> None:
+    """Refuse files whose responses precede the force.
+
+    Args:
+        path: path of campaign.toml, for messages.
+        campaign: tests with FRFs as exp(+i w t), according to ``signs``.
+        signs: stated or default ``time_sign`` of each file.
+
+    Raises:
+        InputError: the other ``time_sign`` is right.
+    """
+    for direction in time_directions(campaign):
+        if direction.is_reversed:
+            right = "+" if signs[direction.file] == "-" else "-"
+            raise InputError(
+                f"{path}: {direction.file}: responses precede the force, so that its FRFs follow "
+                f'exp({right}i w t): set time_sign = "{right}" in its [[test]]'
+            )
+
+
+def time_directions(campaign: Campaign) -> list[TimeDirection]:
+    """Return the direction of time in each file of FRFs that has enough even lines."""
+    files: dict[str, list[Test]] = {}
+    for test in campaign.tests:
+        if test.hits is None:
+            files.setdefault(test.condition.test, []).append(test)
+    shares = {file: _early_share(tests) for file, tests in files.items()}
+    return [TimeDirection(file, share) for file, share in shares.items() if share is not None]
+
+
+def _early_share(tests: list[Test]) -> float | None:
+    """Return the share of energy before the largest; None if the responses have no direction."""
+    freq = tests[0].estimate.frf.freq_hz
+    spacing = np.diff(freq)
+    if len(freq) < _MIN_EVEN_LINES or np.ptp(spacing) > _MAX_SPACING_DIFFERENCE * spacing[0]:
+        return None
+    energy = np.sum([_impulse_energy(test) for test in tests], axis=0)
+    count = len(energy)
+    energy = np.roll(energy, count // 2 - int(energy.argmax()))
+    early = float(energy[: count // 2 - _N_RESOLUTIONS].sum())
+    late = float(energy[count // 2 + _N_RESOLUTIONS + 1 :].sum())
+    if early + late < _MIN_RINGING_SHARE * max(float(energy.sum()), _TINY_IMPULSE_ENERGY):
+        return None
+    return early / (early + late)
+
+
+def _impulse_energy(test: Test) -> Real:
+    """Return the energy of the impulse responses of all channels over time; (n_freq,).
+
+    The FRFs, as accelerances up to a constant, have a Hann window over the band and equal energy.
+    The step of time is 1 over the bandwidth.
+    """
+    frf = test.estimate.frf
+    values = frf.values[:, test.estimate.measured[:, 0], 0]
+    values = values * frf.freq_hz[:, None] ** (2 - DERIVATIVE_ORDER[frf.quantity])
+    window = np.hanning(len(values) + 2)[1:-1, None]
+    response = np.fft.ifft(values * window, axis=0)
+    energy = np.abs(response) ** 2
+    total: Real = (energy / np.maximum(energy.sum(axis=0), _TINY_IMPULSE_ENERGY)).sum(axis=1)
+    return total
