@@ -184,8 +184,8 @@ def combine_tests(campaign: Campaign) -> MeasuredFrfs:
     spacing = np.diff(freq)
     if len(freq) < 16:
         raise InputError(
-            f"{campaign.name}: {len(freq)} lines above 0 Hz are too few for modes: widen the band "
-            "to 16 or more"
+            f"{campaign.name}: modes need 16 or more lines above 0 Hz, and the band holds "
+            f"{len(freq)}: widen the band"
         )
     if not _is_even_with_gaps(spacing):
         raise InputError(

@@ -66,6 +66,7 @@ def collect_result(
     *,
     reference: ReferenceModes,
     source: str,
+    keyframe: str | None = None,
     checks: MeasurementChecks | None = None,
 ) -> IdentificationResult:
     """Collect the result of an identification.
@@ -76,11 +77,13 @@ def collect_result(
         tolerances: criteria of the stabilisation diagram.
         reference: reference modes to compare with.
         source: path of the MJCF.
+        keyframe: of the MJCF that gives the pose; None without a model.
         checks: checks of the bodies and of the set-ups; None for none.
     """
     parts = derive_parts(campaign, identified, reference)
     arrays = collect_arrays(parts, tolerances)
     summary = _summary(parts, source, checks or MeasurementChecks())
+    summary = summary.model_copy(update={"keyframe": keyframe})
     return IdentificationResult(summary, arrays, campaign.layout)
 
 

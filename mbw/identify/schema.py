@@ -195,6 +195,7 @@ class IdentifiedModesFile(BaseModel):
 
     Args:
         campaign, model: name of the campaign and path of the MJCF.
+        keyframe: of the MJCF that gives the pose, empty for the drawing; null without a model.
         band: lowest and highest frequency [Hz].
         lines: number of frequency lines in the band.
         quantity: quantity of the FRFs, such as ``accelerance``.
@@ -221,6 +222,7 @@ class IdentifiedModesFile(BaseModel):
 
     campaign: str
     model: str
+    keyframe: str | None = None
     band: tuple[Finite, Finite]
     lines: int
     quantity: str

@@ -154,7 +154,13 @@ def _identify(
         checks = MeasurementChecks(solid, compare_setups(campaign))
     source = "" if machine is None else str(machine.source.absolute())
     return collect_result(
-        campaign, identified, choices.tolerances, reference=reference, source=source, checks=checks
+        campaign,
+        identified,
+        choices.tolerances,
+        reference=reference,
+        source=source,
+        keyframe=None if machine is None else machine.keyframe,
+        checks=checks,
     )
 
 
@@ -192,7 +198,11 @@ def render_result(path: Path) -> str:
     result = read_result(path)
     model, geometry = result.summary.model, None
     try:
-        geometry = machine_geometry(load_machine(Path(model))) if model else None
+        geometry = (
+            machine_geometry(load_machine(Path(model), key=result.summary.keyframe))
+            if model
+            else None
+        )
     except WorkbenchError:
         SCREEN.say(f"{model} cannot be read: the page shows sensors alone")
     return render(result, geometry)
