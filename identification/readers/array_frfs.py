@@ -8,7 +8,15 @@ from identification.readers.array_files import load_arrays
 from identification.readers.channel_labels import parse_channels, parse_references
 from identification.readers.frf_table import FrfTable
 from identification.readers.units import unit_factor
-from identification.words import Complex, Dof, Input, InputError, Quantity, Real
+from identification.words import (
+    MAX_INPUT_MAGNITUDE,
+    Complex,
+    Dof,
+    Input,
+    InputError,
+    Quantity,
+    Real,
+)
 
 
 def read_arrays(
@@ -103,8 +111,8 @@ def _refuse_nan(
     responses: tuple[Dof, ...],
     inputs: tuple[Input, ...],
 ) -> None:
-    """Refuse an array with NaN or infinity; name its line and its channel."""
-    bad = np.argwhere(~np.isfinite(array))
+    """Refuse an array with NaN or values beyond any measurement; name its line and channel."""
+    bad = np.argwhere(~(np.abs(array) <= MAX_INPUT_MAGNITUDE))  # also true for NaN
     if bad.size:
         line, row, column = bad[0]
         raise InputError(

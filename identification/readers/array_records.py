@@ -6,7 +6,7 @@ import numpy as np
 
 from identification.readers.channel_labels import parse_channels
 from identification.readers.units import unit_factor
-from identification.words import InputError, Quantity, Real, Records
+from identification.words import MAX_INPUT_MAGNITUDE, InputError, Quantity, Real, Records
 
 # Names of variables.
 _FORCE_NAME, _RESPONSE_NAME = "force", "response"
@@ -84,6 +84,10 @@ def _numbers(path: Path, arrays: dict[str, np.ndarray], name: str) -> Real:
     values = np.asarray(arrays[name])
     if values.dtype.kind not in "fiu" or values.ndim == 0:
         raise InputError(f"{path}: {name} is not an array of real numbers: save it as one")
+    if not (np.abs(values) <= MAX_INPUT_MAGNITUDE).all():  # false for NaN
+        raise InputError(
+            f"{path}: {name} holds NaN or values beyond {MAX_INPUT_MAGNITUDE:g}: save it again"
+        )
     return values.astype(np.float64)
 
 

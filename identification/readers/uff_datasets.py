@@ -19,7 +19,7 @@ from identification.readers.uff_geometry import (
     read_units,
 )
 from identification.readers.uff_shapes import read_shape_55, read_shape_2414
-from identification.words import InputError, Real
+from identification.words import MAX_INPUT_MAGNITUDE, InputError, Real
 
 _IEEE_FORMAT = 2  # floating-point format of binary data
 NODE_DATASETS = (15, 2411)
@@ -198,7 +198,7 @@ def refuse_malformed(name: str, record: Record) -> None:
         raise InputError(
             f"{name} announces {count} values but holds {values}: it is truncated; export it again"
         )
-    if not (np.isfinite(record["x"]).all() and np.isfinite(record["data"]).all()):
+    if not all((np.abs(record[key]) <= MAX_INPUT_MAGNITUDE).all() for key in ("x", "data")):
         raise InputError(
             f"{name} (node {record['rsp_node']}) holds NaN or infinity: export it again or delete "
             "the record"

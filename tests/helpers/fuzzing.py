@@ -4,12 +4,14 @@ Mutations run in a forked child process, so that a crash or a hang costs one mut
 names the seed that makes it again.
 """
 
+import faulthandler
 import json
 import os
 import resource
 import signal
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -32,11 +34,18 @@ class FuzzTarget:
         write: writes healthy examples into a folder and returns them: a file, or a file among
             others that the reader needs as well.
         read: reads one file.
+        share: part of the usual number of mutations that a test makes; below 1 where each takes
+            a process of its own.
     """
 
     name: str
     write: Callable[[Path], Sequence[Path]]
     read: Callable[[Path], object]
+    share: float = 1.0
+
+    def seeds(self, mutations: int) -> range:
+        """Return the seeds of a test of so many mutations."""
+        return range(round(self.share * mutations))
 
 
 def find_faults(target: FuzzTarget, folder: Path, seeds: Iterable[int]) -> dict[int, str]:
@@ -89,6 +98,8 @@ def _read_mutations(
     target: FuzzTarget, examples: list[tuple[Path, bytes]], seeds: list[int], log: Path
 ) -> None:
     """Read one mutation for each seed and write a line before and after each."""
+    faulthandler.disable()
+    warnings.simplefilter("error", RuntimeWarning)  # a command would print it
     _limit_memory()
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     signal.signal(signal.SIGALRM, signal.SIG_DFL)
