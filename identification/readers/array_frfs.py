@@ -6,6 +6,7 @@ import numpy as np
 
 from identification.readers.array_files import load_arrays
 from identification.readers.channel_labels import parse_channels, parse_references
+from identification.readers.coherence import real_coherence
 from identification.readers.frf_table import FrfTable
 from identification.readers.units import unit_factor
 from identification.words import (
@@ -60,9 +61,9 @@ def read_arrays(
     values: Complex = _freq_first(path, names[0], np.asarray(arrays[names[0]]), shape) + 0j
     coherence = arrays.get(names[1])
     if coherence is not None:
-        coherence = _freq_first(path, names[1], np.real(coherence), shape).astype(float)
+        real = real_coherence(f"{path}: {names[1]}", np.asarray(coherence))
+        coherence = _freq_first(path, names[1], real, shape)
         _refuse_nan(path, names[1], coherence, responses, inputs)
-        coherence = np.clip(coherence, 0.0, 1.0)
     _refuse_nan(path, names[0], values, responses, inputs)
     if not (np.isfinite(freq_hz).all() and (np.diff(freq_hz) > 0).all() and freq_hz.size):
         raise InputError(

@@ -16,6 +16,7 @@ from identification.hits.drive_point import drive_point_signs
 from identification.noise.variance import coherence_variance, difference_variance
 from identification.readers.array_frfs import read_arrays
 from identification.readers.campaign_toml import CampaignSettings, SensorSettings, TestSettings
+from identification.readers.coherence import check_coherence
 from identification.readers.file_kinds import (
     array_description,
     is_arrays,
@@ -45,7 +46,6 @@ from identification.words import (
     node_number,
 )
 
-_MIN_PERFECT_COHERENCE = 1 - 1e-9  # coherence that measured noise never reaches on all lines
 _TINY_SQUARED_FRF = 1e-300  # avoids a division by zero
 
 
@@ -146,26 +146,8 @@ def _table(path: Path, entry: TestSettings, layout: Layout) -> FrfTable:
     """Read the FRFs of one file at the sites of the layout, in the convention exp(+i w t)."""
     file = path.parent / entry.file
     table = set_zero_line(file.name, _on_sites(file, _read_table(file, entry), layout))
-    table = _drop_perfect_coherence(file, table)
+    table = check_coherence(file, table)
     return replace(table, values=table.values.conj()) if entry.time_sign == "-" else table
-
-
-def _drop_perfect_coherence(file: Path, table: FrfTable) -> FrfTable:
-    """Remove a coherence that is 1 on every line, as a single hit gives it.
-
-    Such a coherence says nothing about the noise.
-    """
-    if table.coherence is None:
-        return table
-    known = table.coherence[:, table.measured]
-    if not np.isfinite(known).any() or np.nanmin(known) < _MIN_PERFECT_COHERENCE:
-        return table
-    remark = (
-        f"{file.name}: its coherence is 1 on every line, as from a single hit, and is not used: "
-        "the noise is estimated from third differences along frequency; export the coherence over "
-        "all hits"
-    )
-    return replace(table, coherence=None, remarks=(*table.remarks, remark))
 
 
 def _tests_of_table(

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identification.readers.coherence import real_coherence
 from identification.readers.frf_table import FrfTable
 from identification.readers.uff_datasets import (
     FUNCTION_DATASET,
@@ -79,7 +80,7 @@ def read_uff(
         place = responses[response.positive][0], inputs[reference.positive][0]
         cell = cells.setdefault(place, _Cell(f"{response}, {reference}"))
         if record["func_type"] == _COHERENCE_TYPE:
-            cell.coherences.append(np.clip(np.real(record["data"]), 0.0, 1.0))
+            cell.coherences.append(real_coherence(f"{path}, record {number}", record["data"]))
             continue
         kind = _quantity(path, number, record, quantity, converter.remarks)
         kinds.add(kind)

@@ -1,0 +1,100 @@
+"""Check of the coherences of a file: numbers from 0 to 1 that say something about the noise."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from identification.readers.frf_table import FrfTable
+from identification.words import InputError, Real
+
+_MAX_ROUNDING = 1e-4  # beyond 0 or 1 that single precision and printed digits leave
+_MAX_OUTSIDE_SHARE = 0.05  # share of values outside 0..1 that may be slips of an analyser
+_MIN_PERCENT_MEDIAN = 1.5  # median of coherences in per cent: far above 1 if the test is any good
+_MAX_PERCENT = 100.1  # with rounding
+_MAX_EQUAL_SPREAD = 1e-9  # coherences from hits never agree so closely on all lines
+_IMAGINARY_ROUNDING = 1e-6  # largest imaginary part of a coherence that was stored as complex
+
+
+def real_coherence(name: str, values: np.ndarray) -> Real:
+    """Return stored coherences as real numbers; beyond 0 or 1 by rounding they are 0 or 1.
+
+    Args:
+        name: file and element, for messages.
+        values: coherences, perhaps with imaginary parts of zero; any shape.
+
+    Raises:
+        InputError: an imaginary part is not zero.
+    """
+    if np.abs(np.imag(values)).max(initial=0.0) > _IMAGINARY_ROUNDING:
+        raise InputError(
+            f"{name} is complex, but a coherence is a real number from 0 to 1: export |Sxf|^2 / "
+            "(Sxx Sff), not the cross spectrum"
+        )
+    real = np.asarray(np.real(values), np.float64)
+    clipped = np.clip(real, 0.0, 1.0)
+    return np.where(np.abs(real - clipped) <= _MAX_ROUNDING, clipped, real)
+
+
+def check_coherence(file: Path, table: FrfTable) -> FrfTable:
+    """Return the table with coherences from 0 to 1, NaN where they are unknown.
+
+    The coherences come from ``real_coherence``.
+    A coherence that is equal on every line, such as 1 from a single hit, says nothing about the
+    noise and is removed. Values outside 0..1 count as unknown if they are few.
+
+    Raises:
+        InputError: the coherences are in per cent, or many of them lie outside 0..1.
+    """
+    if table.coherence is None:
+        return table
+    values = np.array(table.coherence)
+    known = values[:, table.measured]
+    known = known[np.isfinite(known)]
+    if not known.size:
+        return table
+    outside = ((values < 0) | (values > 1)) & table.measured
+    if np.ptp(known) < _MAX_EQUAL_SPREAD:
+        return _without_coherence(file, table, float(known[0]))
+    if outside.any():
+        table = _without_slips(file, table, outside)
+        values[outside] = np.nan
+    return replace(table, coherence=values)
+
+
+def _without_coherence(file: Path, table: FrfTable, value: float) -> FrfTable:
+    """Return the table without a coherence that is equal on every line, with a remark."""
+    why = "as from a single hit, " if np.isclose(value, 1.0) else ""
+    remark = (
+        f"{file.name}: its coherence is {value:.4g} on every line, {why}and is not used: the noise "
+        "is estimated from third differences along frequency; export the coherence over all hits"
+    )
+    return replace(table, coherence=None, remarks=(*table.remarks, remark))
+
+
+def _without_slips(file: Path, table: FrfTable, outside: np.ndarray) -> FrfTable:
+    """Return the table with a remark on a few values outside 0..1; refuse many."""
+    values = np.asarray(table.coherence)
+    known = values[np.isfinite(values) & table.measured]
+    low, high = float(known.min()), float(known.max())
+    if low >= 0 and high <= _MAX_PERCENT and np.median(known) > _MIN_PERCENT_MEDIAN:
+        raise InputError(
+            f"{file}: its coherence reaches {high:.4g}, as in per cent: divide it by 100 and save "
+            "it again"
+        )
+    line, row, column = (int(index) for index in np.argwhere(outside)[0])
+    where = (
+        f"{table.freq_hz[line]:g} Hz, response {table.responses[row]}, reference "
+        f"{table.references[column]}"
+    )
+    share = float(outside.sum() / known.size)
+    if share > _MAX_OUTSIDE_SHARE:
+        raise InputError(
+            f"{file}: its coherence lies outside 0 to 1 in {100 * share:.2g} % of its values "
+            f"({low:.4g} to {high:.4g}; first at {where}): export it again, or leave it out"
+        )
+    remark = (
+        f"{file.name}: its coherence lies outside 0 to 1 in {int(outside.sum())} values "
+        f"({low:.4g} to {high:.4g}; first at {where}), whose noise counts as unknown"
+    )
+    return replace(table, remarks=(*table.remarks, remark))
