@@ -2,6 +2,7 @@
 
 from identification.modal.campaign_modes import MeasuredFrfs, combine_tests, identify
 from identification.modal.circle_fit_method import Circle, circle_fit
+from identification.modal.doubtful_modes import find_doubtful_modes
 from identification.modal.half_power_method import (
     half_power_damping,
     least_squares_amplitude,
@@ -64,6 +65,7 @@ __all__ = [
     "cmif",
     "comac",
     "combine_tests",
+    "find_doubtful_modes",
     "frac",
     "full_matrix_model",
     "half_power_damping",

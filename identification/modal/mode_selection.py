@@ -14,7 +14,7 @@ from identification.modal.indicators import mpc, mpd
 from identification.modal.lscf_method import Poles, lscf
 from identification.modal.missing_modes import add_missing_modes, is_inside_band
 from identification.modal.pole_clusters import ModeCriteria, PoleCluster, cluster_poles
-from identification.modal.refinement import ModalFit, WeightedFrfs
+from identification.modal.refinement import ModalFit, WeightedFrfs, shape_deviations
 from identification.modal.user_choices import ModeChoices, apply_choices
 from identification.words import Mask, Real
 
@@ -38,6 +38,8 @@ class IdentifiedModes:
         clusters: where the refinement started.
         misfit: reduced chi-square: sum of |error|^2 over variance per degree of freedom; noise
             gives 1.
+        residue_sd: standard deviations of the residues phi_o l_i at given poles;
+            (n_out, n_in, n_mode).
     """
 
     fit: ModalFit
@@ -47,6 +49,7 @@ class IdentifiedModes:
     orders: tuple[Poles, ...]
     clusters: tuple[PoleCluster, ...]
     misfit: float
+    residue_sd: Real
 
 
 def identify_modes(
@@ -79,7 +82,11 @@ def identify_modes(
     values = data.values
     if values.shape[2] > values.shape[1]:
         transposed = identify_modes(_transpose_data(data), freq_hz, criteria, choices, roots=roots)
-        return replace(transposed, fit=_transpose_fit(transposed.fit))
+        return replace(
+            transposed,
+            fit=_transpose_fit(transposed.fit),
+            residue_sd=transposed.residue_sd.transpose(1, 0, 2),
+        )
     n_in = values.shape[2]
     size = np.sqrt((np.abs(values) ** 2).mean(axis=(0, 2)))
     rows = values[:, size > 0] / size[size > 0, None]
@@ -104,6 +111,7 @@ def identify_modes(
         participation=fitted.participation[:, order],
         shapes=fitted.shapes[:, order],
     )
+    residue_sd = shape_deviations(data, fitted)[:, None, :] * np.abs(fitted.participation)
     return IdentifiedModes(
         fitted,
         is_inside_band(fitted, freq_hz) & _meets_phase_criteria(fitted, criteria),
@@ -112,6 +120,7 @@ def identify_modes(
         orders,
         clusters,
         reduced_cost,
+        max(1.0, reduced_cost) ** 0.5 * residue_sd,
     )
 
 

@@ -365,6 +365,22 @@ def cost_rise_without(data: WeightedFrfs, fitted: ModalFit) -> Real:
     return rise
 
 
+def shape_deviations(data: WeightedFrfs, fitted: ModalFit) -> Real:
+    """Compute the standard deviations of the shapes at given poles and participation.
+
+    With weights of one over the variance, half the inverse of the normal matrix of an output is the
+    covariance of real and imaginary parts.
+
+    Returns:
+        sqrt(E|error|^2) of each entry; (n_out, n_mode).
+    """
+    _, linear = _fit_shapes(data, fitted.poles, fitted.participation)
+    m = len(fitted.poles)
+    variances = np.diagonal(np.linalg.inv(linear.normal), axis1=1, axis2=2)[:, : 2 * m] / 2
+    deviation: Real = np.sqrt(np.maximum(variances[:, :m] + variances[:, m:], 0.0))
+    return deviation
+
+
 def refine(
     data: WeightedFrfs,
     poles: Complex,

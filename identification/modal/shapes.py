@@ -11,11 +11,11 @@ size at which a_r = 2 i w_d * 1 kg. For real modes this is phi^T M phi = 1.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from identification.modal.close_modes import separate_close_modes
+from identification.modal.close_modes import group_close_poles, separate_close_modes
 from identification.modal.indicators import mac
 from identification.solid import reconstruct, reduce_to_bodies
 from identification.words import (
@@ -45,12 +45,15 @@ class ScaledModes:
         modal_a: a_r of receptance [kg/s]; (n_mode,), empty without a drive point.
         reciprocity: MAC of shape and participation at the drive points, 1 where forces and motions
             may be exchanged; (n_mode,), empty with fewer than two drive points.
+        scale_sd: relative standard deviation of the size of each shape, by the noise at the drive
+            points; (n_mode,), empty where it is not known.
     """
 
     model: ModalModel
     normalisation: str
     modal_a: Complex
     reciprocity: Real
+    scale_sd: Real = field(default_factory=lambda: np.zeros(0))
 
     @property
     def has_scale(self) -> bool:
@@ -58,7 +61,9 @@ class ScaledModes:
         return self.normalisation == UNIT_MASS
 
 
-def scale_shapes(model: ModalModel, layout: Layout | None = None) -> ScaledModes:
+def scale_shapes(
+    model: ModalModel, layout: Layout | None = None, residue_sd: Real | None = None
+) -> ScaledModes:
     """Scale every shape in size and phase, such that its largest entry has a positive real part.
 
     If no input is an output too, the shape at the impact point is that of the hammered body's rigid
@@ -68,6 +73,7 @@ def scale_shapes(model: ModalModel, layout: Layout | None = None) -> ScaledModes
     Args:
         model: any scaling.
         layout: bodies and points, if known.
+        residue_sd: standard deviations of the residues, if known; (n_out, n_in, n_mode).
     """
     separated = separate_close_modes(model, *_drive_point_shapes(model, layout))
     model, (driven, participation) = separated, _drive_point_shapes(separated, layout)
@@ -92,7 +98,37 @@ def scale_shapes(model: ModalModel, layout: Layout | None = None) -> ScaledModes
         UNIT_MASS if has_scale_factor else UNIT_LARGEST,
         modal_a if has_scale_factor else np.zeros(0, np.complex128),
         np.diag(mac(driven, participation)).copy() if has_several else np.zeros(0),
+        _scale_deviation(rescaled, residue_sd) if has_scale_factor else np.zeros(0),
     )
+
+
+def _scale_deviation(model: ModalModel, residue_sd: Real | None) -> Real:
+    """Return the relative standard deviation of the size of mass-normalised shapes; (n_mode,).
+
+    The drive points d give 1 / a = sum |phi_d|^2 R_dd / phi_d^2 / sum |phi_d|^2, R_dd the residues.
+    The size of a shape is proportional to a^-1/2, so that it has half the relative error. Near a
+    node phi_d is small, and the error large. In a group of close poles, where only the sum of
+    residues is determined, the smallest deviation of the group stands for that of the sum.
+
+    Args:
+        model: shapes of unit modal mass.
+        residue_sd: standard deviations of the residues; (n_out, n_in, n_mode).
+    """
+    outputs = {dof.positive: row for row, dof in enumerate(model.outputs)}
+    cells = [
+        (outputs[dof.positive], column)
+        for column, dof in enumerate(model.inputs)
+        if isinstance(dof, Dof) and dof.positive in outputs
+    ]
+    if residue_sd is None or not cells:
+        return np.zeros(0)
+    rows, columns = np.array(cells).T
+    variance = (residue_sd[rows, columns] ** 2).sum(axis=0)
+    for group in group_close_poles(model):
+        variance[list(group)] = variance[list(group)].min()
+    size = (np.abs(model.shapes[rows]) ** 2).sum(axis=0)
+    deviation: Real = np.abs(model.poles.imag) * np.sqrt(variance) / np.maximum(size, 1e-300)
+    return deviation
 
 
 def _largest_entries(shapes: Complex) -> Complex:

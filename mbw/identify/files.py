@@ -130,7 +130,8 @@ def _mode_rows(result: IdentificationResult) -> Iterable[Sequence[object]]:
     ]
     yield ["mode", *(rows[0] if rows else [])]
     for number, row in enumerate(rows, start=1):
-        yield [number, *("" if value is None else value for value in row.values())]
+        cells = row | {"doubtful": "; ".join(row["doubtful"])}
+        yield [number, *("" if value is None else value for value in cells.values())]
 
 
 def _shape_rows(result: IdentificationResult) -> Iterable[Sequence[object]]:

@@ -14,6 +14,11 @@ function table() {
     row.append(...[String(k + 1), digits(mode.frequency), deviation(mode.frequency_sd), (100 * mode.damping).toFixed(2),
       deviation(100 * mode.damping_sd), mode.phase_collinearity.toFixed(3), mode.orders === null ? "-" : String(mode.orders),
       other ? "-" : digits(mode.other), other ? "-" : mode.other_mac.toFixed(2)].map(text => element("td", text)));
+    if (mode.doubtful.length) {
+      row.cells[0].textContent += " ?";
+      row.cells[0].className = "weak";
+      row.cells[0].title = "doubtful: " + mode.doubtful.join("; ");
+    }
     if (mode.damping_sd > 0.15 * mode.damping) row.cells[4].className = "weak";
     if (mode.phase_collinearity < 0.8) row.cells[5].className = "weak";
     if (!other && mode.other_mac < 0.7) row.cells[8].className = "weak";

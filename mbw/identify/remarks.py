@@ -12,6 +12,7 @@ _MAX_LOOKALIKE_SHIFT = 0.05  # relative difference of their frequencies
 _MAX_MISFIT = 1.5  # squared error over the variance of the noise; beyond, a mode may be missing
 _MIN_RECIPROCITY = 0.95  # MAC of shape and participation at the drive points
 _MIN_MATCHING_MAC = 0.8  # of a measured and a reference shape that count as one mode
+_MAX_SCALE_SD = 0.1  # relative standard deviation of the size of a shape
 _MAX_DAMPING_SD = 0.15  # standard deviation of a damping ratio over the ratio
 
 
@@ -93,20 +94,7 @@ def list_remarks(result: IdentificationResult) -> list[str]:
             "No input is measured as an output too: without a drive point shapes have no scale, "
             "and only the measured columns of the FRF matrix can be synthesised."
         )
-    uncertain = [row for row in summary.modes if row.damping_sd > _MAX_DAMPING_SD * row.damping]
-    if uncertain:
-        sentences.append(
-            f"The damping of {_mode_numbers(result, uncertain)} is uncertain by more than "
-            f"{100 * _MAX_DAMPING_SD:.0f} %: the test hardly excites such a mode, or it is not a "
-            "mode of the machine."
-        )
-    low = [row for row in summary.modes if (row.reciprocity or 1.0) < _MIN_RECIPROCITY]
-    if low:
-        sentences.append(
-            "At the drive points, forces and motions are not reciprocal in "
-            f"{_mode_numbers(result, low)}: check directions and places of hammer and sensor "
-            "before you rely on the scale of the shapes."
-        )
+    sentences += _quality_remarks(result)
     for first, second in _lookalikes(result):
         sentences.append(
             f"Modes {first + 1} and {second + 1} have similar shapes (MAC "
@@ -160,6 +148,38 @@ def _reversed_channels(result: IdentificationResult) -> list[str]:
     if not channels:
         return []
     return [f"{', '.join(channels)} move against their body: check the polarity of these channels."]
+
+
+def _quality_remarks(result: IdentificationResult) -> list[str]:
+    """Return sentences on modes that are doubtful, badly scaled, uncertain or not reciprocal."""
+    summary = result.summary
+    sentences = []
+    for number, row in enumerate(summary.modes, start=1):
+        if row.doubtful:
+            sentences.append(f"Mode {number} is doubtful: {'; '.join(row.doubtful)}.")
+    near_node = [row for row in summary.modes if (row.scale_sd or 0.0) > _MAX_SCALE_SD]
+    if near_node:
+        largest = 100 * max(row.scale_sd or 0.0 for row in near_node)
+        sentences.append(
+            f"A drive point lies near a node of {_mode_numbers(result, near_node)}: the size of "
+            f"the shape has a standard deviation of up to {largest:.0f} %. Hit another point too "
+            "before you rely on its scale."
+        )
+    uncertain = [row for row in summary.modes if row.damping_sd > _MAX_DAMPING_SD * row.damping]
+    if uncertain:
+        sentences.append(
+            f"The damping of {_mode_numbers(result, uncertain)} is uncertain by more than "
+            f"{100 * _MAX_DAMPING_SD:.0f} %: the test hardly excites such a mode, or it is not a "
+            "mode of the machine."
+        )
+    low = [row for row in summary.modes if (row.reciprocity or 1.0) < _MIN_RECIPROCITY]
+    if low:
+        sentences.append(
+            "At the drive points, forces and motions are not reciprocal in "
+            f"{_mode_numbers(result, low)}: check directions and places of hammer and sensor "
+            "before you rely on the scale of the shapes."
+        )
+    return sentences
 
 
 def _mode_numbers(result: IdentificationResult, rows: list[IdentifiedModeRow]) -> str:

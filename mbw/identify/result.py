@@ -166,6 +166,8 @@ def _row(parts: ResultParts, mode: int, check: SingleModeCheck) -> IdentifiedMod
         body_shape_real=body.real.tolist(),
         body_shape_imaginary=body.imag.tolist(),
         by_hand=_single_mode_row(check),
+        scale_sd=float(scaled.scale_sd[mode]) if len(scaled.scale_sd) else None,
+        doubtful=list(parts.doubts[mode]),
     )
 
 

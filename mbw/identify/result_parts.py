@@ -10,6 +10,7 @@ from identification.modal import (
     MeasuredFrfs,
     ScaledModes,
     SynthesisError,
+    find_doubtful_modes,
     full_matrix_model,
     real_shapes,
     scale_shapes,
@@ -43,6 +44,7 @@ class ResultParts:
         real_shapes: real shapes of the modes inside the band; (n_out, n_mode).
         comparison: comparison of their shapes with the reference modes.
         is_measured: outputs that were measured; (n_out,).
+        doubts: reasons to doubt each mode inside the band; n_mode.
     """
 
     campaign: Campaign
@@ -58,6 +60,7 @@ class ResultParts:
     real_shapes: Real
     comparison: ShapeComparison
     is_measured: Mask
+    doubts: tuple[tuple[str, ...], ...]
 
     @property
     def quantity(self) -> str:
@@ -88,7 +91,8 @@ def derive_parts(
         reference: reference modes to compare with.
     """
     model, modes, measured = identified
-    scaled = scale_shapes(model, campaign.layout)
+    order = np.argsort(~modes.inside, kind="stable")
+    scaled = scale_shapes(model, campaign.layout, modes.residue_sd[:, :, order])
     n_inside = int(modes.inside.sum())
     shapes = scaled.model.shapes[:, :n_inside]
     is_measured = np.asarray(measured.measured.any(axis=1), np.bool_)
@@ -108,6 +112,7 @@ def derive_parts(
         real_shapes(shapes),
         compare_shapes(shapes, is_measured, reference),
         is_measured,
+        find_doubtful_modes(scaled.model, n_inside),
     )
 
 

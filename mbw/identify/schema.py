@@ -47,6 +47,9 @@ class IdentifiedModeRow(BaseModel):
         real_shape: real part of the shape, rotated to the phase where this part is largest.
         body_shape_real, body_shape_imaginary: parts of the shape at ``body_directions``.
         by_hand: estimates by classical single-mode methods.
+        scale_sd: relative standard deviation of the size of the mass-normalised shape; null without
+            a drive point among the channels.
+        doubtful: reasons to doubt that this is a mode of the machine; empty for most.
     """
 
     frequency: Finite
@@ -69,6 +72,8 @@ class IdentifiedModeRow(BaseModel):
     body_shape_real: list[Finite]
     body_shape_imaginary: list[Finite]
     by_hand: SingleModeRow
+    scale_sd: Finite | None = None
+    doubtful: list[str] = []
 
 
 class FaultRow(BaseModel):

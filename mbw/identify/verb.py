@@ -240,6 +240,7 @@ def _say(result: IdentificationResult) -> None:
 def _print(summary: IdentifiedModesFile) -> None:
     typer.echo(
         "mode  frequency/Hz       sd  damping/%       sd  collinearity  orders  reference/Hz   MAC"
+        + ("  doubtful" if any(row.doubtful for row in summary.modes) else "")
     )
     for number, row in enumerate(summary.modes, start=1):
         orders = "-" if row.orders is None else str(row.orders)
@@ -249,6 +250,7 @@ def _print(summary: IdentifiedModesFile) -> None:
             f"{number:4d}  {row.frequency:12.3f}  {row.frequency_sd:7.4f}  "
             f"{100 * row.damping:9.3f}  {100 * row.damping_sd:7.4f}  "
             f"{row.phase_collinearity:12.3f}  {orders:>6}  {reference:>12}  {mac:>4}"
+            + ("  yes" if row.doubtful else "")
         )
     outside = f" and {summary.beside_band} poles outside it" if summary.beside_band else ""
     SCREEN.say(
