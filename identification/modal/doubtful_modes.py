@@ -6,6 +6,10 @@ pole has the shape of its neighbour; with a roving hammer it has the neighbour's
 else it describes are differences of FRFs, whose phases have nothing in common. Two real modes that
 lie as close differ in shape and in participation, and each has a common phase (modal phase
 collinearity, Pappa, Elliott and Schenk 1993).
+
+Nothing is doubtful where one set of poles fits all FRFs within their noise. A mode whose shape and
+participation agree at several drive points is no artefact of hits either: two independent
+measurements show it. Damped modes that overlap may well lack a common phase.
 """
 
 from dataclasses import dataclass
@@ -15,6 +19,9 @@ import numpy as np
 from identification.modal.indicators import mac, mpc
 from identification.words import Mask, ModalModel, Real
 
+# Squared error of the fit over the variance of the noise, below which hits do not differ; MAC of
+# shape and participation at the drive points, above which a mode is evident.
+_MIN_DIFFERENCE_MISFIT, _MIN_EVIDENT_RECIPROCITY = 1.5, 0.9
 # Modal phase collinearity below which a shape has no common phase.
 _MIN_COLLINEARITY = 0.5
 # MAC of shapes or of participation above which a mode repeats a stronger neighbour, in vectors of
@@ -45,7 +52,7 @@ class _ModeEvidence:
     n_out: int
     n_in: int
 
-    def repeated(self, mode: int, neighbour: int) -> tuple[str, float] | None:
+    def find_shared(self, mode: int, neighbour: int) -> tuple[str, float] | None:
         """Return what a mode shares with a stronger neighbour, and the MAC; None for nothing."""
         for name, values, entries in (
             ("shape", self.shape_mac, self.n_out),
@@ -60,7 +67,9 @@ class _ModeEvidence:
         return None
 
 
-def find_doubtful_modes(model: ModalModel, count: int) -> tuple[tuple[str, ...], ...]:
+def find_doubtful_modes(
+    model: ModalModel, count: int, misfit: float, reciprocity: Real | None = None
+) -> tuple[tuple[str, ...], ...]:
     """Return the reasons to doubt each mode inside the band, as parts of a sentence.
 
     Modes are examined from the strongest on. A mode that repeats a stronger one nearby is doubtful.
@@ -70,10 +79,15 @@ def find_doubtful_modes(model: ModalModel, count: int) -> tuple[tuple[str, ...],
     Args:
         model: modes, those inside the band first.
         count: number of modes inside the band.
+        misfit: squared error of the fit over the variance of the noise.
+        reciprocity: MAC of shape and participation at two drive points or more, if known;
+            (n_mode,).
 
     Returns:
         Reasons of each mode, none for most; count.
     """
+    if misfit < _MIN_DIFFERENCE_MISFIT:
+        return ((),) * count
     evidence = _collect_evidence(model, count)
     order = np.argsort(-evidence.strength, kind="stable")
     reasons: list[list[str]] = [[] for _ in range(count)]
@@ -81,7 +95,7 @@ def find_doubtful_modes(model: ModalModel, count: int) -> tuple[tuple[str, ...],
     for rank, mode in enumerate(order):
         for neighbour in order[:rank]:
             shared = (
-                evidence.repeated(mode, neighbour) if evidence.is_near[mode, neighbour] else None
+                evidence.find_shared(mode, neighbour) if evidence.is_near[mode, neighbour] else None
             )
             if shared is not None and not reasons[neighbour]:
                 reasons[mode].append(
@@ -96,6 +110,9 @@ def find_doubtful_modes(model: ModalModel, count: int) -> tuple[tuple[str, ...],
                 f"its shape has no common phase (collinearity "
                 f"{evidence.collinearity[mode]:.2f}): it may only describe how hits differ"
             )
+    if reciprocity is not None and len(reciprocity):
+        for mode in np.flatnonzero(reciprocity[:count] > _MIN_EVIDENT_RECIPROCITY):
+            reasons[mode] = []
     return tuple(tuple(of_mode) for of_mode in reasons)
 
 

@@ -112,7 +112,7 @@ def derive_parts(
         real_shapes(shapes),
         compare_shapes(shapes, is_measured, reference),
         is_measured,
-        find_doubtful_modes(scaled.model, n_inside),
+        find_doubtful_modes(scaled.model, n_inside, modes.misfit, scaled.reciprocity),
     )
 
 

@@ -79,7 +79,7 @@ def drawn(seed, drift):
         identified.freq_sd[order],
         identified.damping_sd[order],
     )
-    return Drawn(model.freq_hz[:count], find_doubtful_modes(model, count))
+    return Drawn(model.freq_hz[:count], find_doubtful_modes(model, count, identified.misfit))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -98,6 +98,20 @@ def test_modes_of_hits_that_differ_are_doubtful_and_every_true_mode_stays(seed, 
     np.testing.assert_allclose(np.sort(kept), MODES_HZ, rtol=2e-3)
     for reasons in found.reasons:
         assert all("hits" in reason for reason in reasons)
+
+
+def test_modes_that_two_drive_points_confirm_are_not_doubtful():
+    rng = np.random.default_rng(3)
+    shapes = rng.normal(size=(8, 2)) + 1j * rng.normal(size=(8, 2))
+    poles = 2j * np.pi * np.array([10.0, 20.0]) - 0.5
+    dofs = tuple(Dof(f"acc{k}", "+tz") for k in range(8))
+    zeros = np.zeros((8, 2))
+    model = ModalModel(
+        poles, shapes, shapes[:2], zeros, zeros, dofs, dofs[:2], np.ones(2), np.ones(2)
+    )
+    assert all(find_doubtful_modes(model, 2, 9.0))
+    assert not any(find_doubtful_modes(model, 2, 9.0, np.array([0.99, 0.99])))
+    assert not any(find_doubtful_modes(model, 2, 1.1))
 
 
 def a_plate(spans, seed, noise):
