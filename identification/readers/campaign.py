@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from identification.checks.channels import channel_remarks
+from identification.checks.repeated_tests import refuse_repeated_tests
 from identification.checks.time_direction import refuse_reversed_time
 from identification.checks.unknown_gains import leave_out_unknown_gains
 from identification.hits.campaign import tests_from_records
@@ -84,6 +85,7 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
             f"{path}: {error}: tests of one campaign need one frequency axis and one quantity"
             + ("; block_s sets the axis of time records" if raw else "")
         ) from error
+    refuse_repeated_tests(path, campaign)
     refuse_reversed_time(path, campaign, {entry.file: entry.time_sign for entry in settings.test})
     ranges = [
         *settings.ignore_hz,

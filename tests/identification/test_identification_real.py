@@ -33,6 +33,11 @@ position = [0.3, 0.0, 0.0]
 TEST = '[[test]]\nfile = "{0}.mat"\naverages = 10\nchannels = ["{1}:+z"]\nreferences = ["1:+z"]\n'
 
 
+def channel_remarks_of(campaign):
+    """Remarks on channels; five values of the coherence of case1 reach 1.25."""
+    return [text for text in campaign.remarks if "coherence lies outside" not in text]
+
+
 @pytest.fixture(scope="module")
 def measured():
     package = find_spec("vibrationtesting")
@@ -82,16 +87,21 @@ def test_a_flexible_structure_is_not_accepted_as_a_solid(opened) -> None:
 
 
 def test_sound_channels_are_not_spoken_of(opened) -> None:
-    assert opened().remarks == ()
+    assert channel_remarks_of(opened()) == []
+
+
+def test_coherences_above_one_are_named_and_count_as_unknown(opened):
+    (remark,) = [text for text in opened().remarks if "coherence" in text]
+    assert remark.startswith("case1.mat: its coherence lies outside 0 to 1 in 5 values")
 
 
 def test_a_dead_channel_is_named(opened) -> None:
-    (remark,) = opened(factors={"case2": 0.0}).remarks
+    (remark,) = channel_remarks_of(opened(factors={"case2": 0.0}))
     assert "acc2:+tz is dead" in remark
 
 
 def test_exchanged_channels_are_named(opened) -> None:
-    (remark,) = opened(nodes=(("case1", 2), ("case2", 1))).remarks
+    (remark,) = channel_remarks_of(opened(nodes=(("case1", 2), ("case2", 1))))
     assert "drive point acc1:+tz" in remark
     assert "acc2:+tz behaves as a drive point does: were the two exchanged?" in remark
 
