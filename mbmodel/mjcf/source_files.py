@@ -197,17 +197,22 @@ class _Builder:
 
 
 def _check_numbers(path: Path, element: ElementTree.Element) -> None:
-    """Refuse numbers that are not finite or that swallow all others, with element and attribute."""
+    """Refuse numbers that are not finite, swallow all others, or are missing between the quotes.
+
+    MuJoCo takes an empty attribute for its default, such as no stiffness.
+    """
     for attribute, value in element.items():
         if _TEXT_ATTRIBUTE.fullmatch(attribute):
             continue
-        for word in value.split():
-            if not _is_usable_number(word):
-                name = f" {element.get('name')!r}" if element.get("name") else ""
-                raise InputError(
-                    f"{path}: {element.tag}{name} has {attribute}={_shorten(value)!r}: give finite "
-                    f"numbers below {_LARGEST_NUMBER:g}"
-                )
+        if words := value.split():
+            advice = f"give finite numbers below {_LARGEST_NUMBER:g}"
+        else:
+            advice = "give a value, or leave it out"
+        if not words or not all(map(_is_usable_number, words)):
+            name = f" {element.get('name')!r}" if element.get("name") else ""
+            raise InputError(
+                f"{path}: {element.tag}{name} has {attribute}={_shorten(value)!r}: {advice}"
+            )
 
 
 def _is_usable_number(word: str) -> bool:

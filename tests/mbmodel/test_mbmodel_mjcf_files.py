@@ -39,6 +39,13 @@ def test_numbers_without_meaning_are_refused_by_element_and_attribute(
         load_machine(save(tmp_path, text))
 
 
+@pytest.mark.parametrize("word", ["", "  "])
+def test_an_attribute_without_a_number_is_refused(tmp_path, word):
+    text = GOOD.replace('stiffness="30000"', f'stiffness="{word}"')
+    with pytest.raises(InputError, match=r"joint 'a_j' has stiffness=.*: give a value, or leave"):
+        load_machine(save(tmp_path, text))
+
+
 def test_names_may_look_like_numbers(tmp_path):
     text = GOOD.replace('"a_j"', '"inf"').replace('"a"', '"nan"')
     text = text.replace(
@@ -194,3 +201,18 @@ def test_mujoco_leaves_no_log_behind(tmp_path, monkeypatch):
     (remark,) = load_machine(save(tmp_path, text)).remarks
     assert remark.startswith("MuJoCo warns: compiler attribute 'settotalmass' is deprecated")
     assert [file.name for file in tmp_path.iterdir()] == ["m.xml"]
+
+
+def test_options_that_an_attached_model_loses_are_remarked(tmp_path):
+    arm = mjcf(mass_on_spring(2, 1e4, 1, name="arm", node=7), gravity="0 0 -3")
+    save(tmp_path, arm, "arm.xml")
+    text = mjcf(
+        mass_on_spring(4, 3e4, 7).replace(
+            "<site", '<attach model="s" prefix="s_" body="arm"/><site'
+        ),
+        extra='<asset><model name="s" file="arm.xml"/></asset>',
+    ).replace('<option gravity="0 0 0"/>', "")
+    machine = load_machine(save(tmp_path, text))
+    assert machine.gravity[2] == pytest.approx(-9.81)
+    assert any("gravity" in text and "child has 0 0 -3" in text for text in machine.remarks)
+    assert machine.layout.sensors == ("acc1", "s_acc7")
