@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from identification.checks.channels import channel_remarks
+from identification.checks.lengths import check_lengths
 from identification.checks.repeated_tests import refuse_repeated_tests
 from identification.checks.time_direction import refuse_reversed_time
 from identification.checks.unknown_gains import leave_out_unknown_gains
@@ -63,7 +64,7 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
     """
     raw, hit_remarks = tests_from_records(path, settings, partial(_name_sites, layout))
     tests: list[Test] = []
-    remarks = list(hit_remarks)
+    remarks = [*hit_remarks, *check_lengths(path, layout)]
     for entry in settings.test:
         if entry.file in raw:
             tests += raw[entry.file]
