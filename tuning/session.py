@@ -8,7 +8,7 @@ import numpy as np
 from identification import correct_layout, read_campaign, read_settings, select_band
 from identification.checks.unknown_gains import leave_out_unknown_gains
 from identification.readers.file_kinds import is_universal
-from identification.readers.units import unit_factor
+from identification.readers.frf_units import parse_frf_units
 from identification.words import Campaign, Dof, InputError, Motor
 from mbmodel import (
     HammerGainPart,
@@ -88,9 +88,9 @@ def _refuse_wrong_exports(source: Path, model: Model, campaign: Campaign) -> Cam
         entry.file: StatedExport(
             campaign.tests[0].estimate.frf.quantity,
             entry.unit,
-            unit_factor(
+            parse_frf_units(
                 source.parent / entry.file, campaign.tests[0].estimate.frf.quantity, entry.unit
-            ),
+            ).scalar,
             entry.frequency_unit,
             has_labels=is_universal(Path(entry.file)),
         )

@@ -8,7 +8,7 @@ from identification.readers.array_files import load_arrays
 from identification.readers.channel_labels import parse_channels, parse_references
 from identification.readers.coherence import real_coherence
 from identification.readers.frf_table import FrfTable
-from identification.readers.units import unit_factor
+from identification.readers.frf_units import parse_frf_units, unit_remarks
 from identification.words import (
     MAX_INPUT_MAGNITUDE,
     Complex,
@@ -39,7 +39,7 @@ def read_arrays(
         channels: ``"nodes 1..23, xyz"`` or a list of labels.
         references: labels of the references, or names of motors.
         quantity: quantity of the FRFs.
-        unit: unit such as ``m/s^2/N``, ``g/N``, ``mm/s^2/N``; None for SI.
+        unit: units such as ``g/N`` or ``g/N, rad/s^2/(N m)``; None for SI.
 
     Raises:
         InputError: the file is unreadable, or its arrays contradict channels or references.
@@ -69,14 +69,16 @@ def read_arrays(
         raise InputError(
             f"{path}: {names[2]} does not increase strictly: sort it and drop repeated lines"
         )
+    units = parse_frf_units(path, quantity, unit)
     return FrfTable(
         freq_hz=freq_hz,
-        values=values * unit_factor(path, quantity, unit),
+        values=values * units.factors(responses, inputs),
         coherence=coherence,
         measured=np.ones(shape[1:], bool),
         responses=responses,
         references=inputs,
         quantity=quantity,
+        remarks=unit_remarks(path, units, responses, inputs),
     )
 
 

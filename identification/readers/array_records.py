@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from identification.readers.channel_labels import parse_channels
-from identification.readers.units import unit_factor
+from identification.readers.frf_units import parse_frf_units
 from identification.words import MAX_INPUT_MAGNITUDE, InputError, Quantity, Real, Records
 
 # Names of variables.
@@ -67,7 +67,8 @@ def read_array_records(
             "samples: correct channels, references or the order of the axes"
         )
     force = force.reshape(n_in, hits, n_sample)
-    motion = motion.reshape(n_in, hits, n_out, n_sample) * unit_factor(path, quantity, unit)
+    factors = parse_frf_units(path, quantity, unit).factors(outputs, inputs)
+    motion = motion.reshape(n_in, hits, n_out, n_sample) * factors.T[:, None, :, None]
     try:
         return tuple(
             Records(rate, force[k], motion[k], outputs, reference, quantity, test=path.name)

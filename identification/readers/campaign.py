@@ -25,6 +25,7 @@ from identification.readers.file_kinds import (
     is_universal,
 )
 from identification.readers.frf_table import FrfTable, set_zero_line
+from identification.readers.frf_units import refuse_signals_of_known_gain
 from identification.readers.ignored_lines import leave_out_lines
 from identification.readers.uff_frfs import read_uff
 from identification.readers.units import frequency_factor
@@ -94,6 +95,8 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
     ]
     campaign = leave_out_lines(path, campaign, ranges)
     remarks += campaign.remarks
+    stated = {entry.file: entry.unit for entry in settings.test if entry.unit is not None}
+    refuse_signals_of_known_gain(path, campaign, stated)
     known = leave_out_unknown_gains(campaign)
     signs = [point.remark for point in drive_point_signs(known)] if known is not None else []
     remarks += [*channel_remarks(campaign), *(sign for sign in signs if sign)]

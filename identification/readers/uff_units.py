@@ -7,12 +7,14 @@ else dataset 164; else the labels. A factor that the file does not show plainly 
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from identification.readers.frf_units import parse_frf_units
 from identification.readers.uff_datasets import Record
 from identification.readers.units import (
     force_label_factor,
     is_gravity_label,
     motion_label_factor,
-    unit_factor,
+    rotation_label_factor,
+    torque_label_factor,
 )
 from identification.words import Dof, Quantity
 
@@ -55,29 +57,43 @@ class UnitConverter:
         Raises:
             InputError: the stated unit does not belong to the quantity.
         """
-        length, force = scales
-        motion_si = 1.0 if response.is_rotation else 1.0 / length
-        if not response.is_rotation:
-            label = str(record.get("ordinate_axis_units_lab", ""))
-            motion_si = self._decide(
-                motion_si,
-                motion_label_factor(label, quantity),
-                label,
-                prefers_label=is_gravity_label(label, quantity),
-            )
-        force_si = 1.0 / (force * length) if reference.is_rotation else 1.0 / force
-        if not reference.is_rotation:
-            label = str(record.get("orddenom_axis_units_lab", ""))
-            force_si = self._decide(force_si, force_label_factor(label), label)
+        motion_si = self._motion_factor(record, quantity, scales[0], response)
+        force_si = self._force_factor(record, scales, reference)
         factor = motion_si / force_si
-        if self.unit is None or response.is_rotation or reference.is_rotation:
+        if self.unit is None:
             return factor
-        stated = unit_factor(self.path, quantity, self.unit)
+        units = parse_frf_units(self.path, quantity, self.unit)
+        stated = (units.motion_factor(response) or motion_si) / (
+            units.drive_factor(reference) or force_si
+        )
         if abs(stated / factor - 1.0) > _FACTOR_ROUNDING:
             self._remark(
                 f'unit = "{self.unit}" of campaign.toml overrides the units that the file names'
             )
         return stated
+
+    def _motion_factor(
+        self, record: Record, quantity: Quantity, length: float, response: Dof
+    ) -> float:
+        """Return the SI factor of the motion; dataset 164 has no unit of angles but the radian."""
+        label = str(record.get("ordinate_axis_units_lab", ""))
+        if response.is_rotation:
+            angle = rotation_label_factor(label, quantity)
+            return self._decide(1.0, angle, label, prefers_label=True)
+        return self._decide(
+            1.0 / length,
+            motion_label_factor(label, quantity),
+            label,
+            prefers_label=is_gravity_label(label, quantity),
+        )
+
+    def _force_factor(self, record: Record, scales: tuple[float, float], reference: Dof) -> float:
+        """Return the SI factor of the force or torque."""
+        length, force = scales
+        label = str(record.get("orddenom_axis_units_lab", ""))
+        if reference.is_rotation:
+            return self._decide(1.0 / (force * length), torque_label_factor(label), label)
+        return self._decide(1.0 / force, force_label_factor(label), label)
 
     def _decide(
         self, by_dataset: float, by_label: float | None, label: str, *, prefers_label: bool = False

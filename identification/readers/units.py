@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.words import InputError, Quantity
+from identification.words import Quantity
 
 STANDARD_GRAVITY = 9.80665  # m/s^2 in one g
 _POUND_FORCE = 4.4482216152605  # N in one lbf
@@ -32,6 +32,18 @@ _FORCES_N = {
     **dict.fromkeys(("lbf", "lb", "lbs", "LBF", "LB"), _POUND_FORCE),
     **{"kip": 1e3 * _POUND_FORCE, "kgf": STANDARD_GRAVITY, "kp": STANDARD_GRAVITY},
 }
+_ANGLES_RAD = {
+    **{"rad": 1.0, "mrad": 1e-3, "urad": 1e-6, "nrad": 1e-9, "arcsec": np.pi / 648000},
+    **dict.fromkeys(("deg", "degree", "degrees", "°"), np.pi / 180),
+}
+_TORQUES_NM = {
+    **dict.fromkeys(("Nm", "N.m", "N*m", "N-m", "Newtonmeter"), 1.0),
+    **{"mNm": 1e-3, "kNm": 1e3, "Nmm": 1e-3, "Ncm": 1e-2},
+    **dict.fromkeys(("lbfin", "lbf.in", "lbf*in", "inlbf", "lbin"), 0.0254 * _POUND_FORCE),
+    **dict.fromkeys(("lbfft", "lbf.ft", "lbf*ft", "ftlbf", "lbft"), 0.3048 * _POUND_FORCE),
+}
+# Signals whose gain is unknown: their scale is found with the gain.
+_ELECTRICAL_UNITS = ("count", "counts", "lsb", "digit", "digits", "v", "mv", "volt", "a", "ma")
 _SPELLINGS = (
     ("²", "^2"),
     ("**", "^"),
@@ -64,6 +76,27 @@ def motion_label_factor(label: str, quantity: Quantity) -> float | None:
 def force_label_factor(label: str) -> float | None:
     """Return the factor that converts a labelled force to newtons; None for an unknown label."""
     return _FORCES_N.get(_plain_label(label))
+
+
+def rotation_label_factor(label: str, quantity: Quantity) -> float | None:
+    """Return the factor that converts a labelled rotation to SI units; None for an unknown label.
+
+    Args:
+        label: unit of the rotation, such as ``deg/s^2``.
+        quantity: quantity of the FRF that has this motion.
+    """
+    text, time = _plain_label(label).lower(), _TIMES[quantity]
+    return _ANGLES_RAD.get(text.removesuffix(time)) if text.endswith(time) else None
+
+
+def torque_label_factor(label: str) -> float | None:
+    """Return the factor that converts a labelled torque to N m; None for an unknown label."""
+    return _TORQUES_NM.get(_plain_label(label))
+
+
+def is_electrical_label(label: str) -> bool:
+    """Return whether a label gives a signal in counts, volts or amperes."""
+    return _plain_label(label).lower() in _ELECTRICAL_UNITS
 
 
 def is_gravity_label(label: str, quantity: Quantity) -> bool:
@@ -115,8 +148,22 @@ def parse_frf_unit(unit: str, quantity: Quantity) -> float | None:
 
 
 def quantity_of_unit(unit: str) -> Quantity | None:
-    """Return the quantity to which a unit of FRFs belongs, or None for an unknown unit."""
-    return next((name for name in SI_UNITS if parse_frf_unit(unit, name) is not None), None)
+    """Return the quantity to which a unit of FRFs belongs, or None for an unknown unit.
+
+    Args:
+        unit: motion over force, torque or signal; of several with commas, the first counts.
+    """
+    motion, _, drive = unit.partition(",")[0].rpartition("/")
+    is_drive = is_electrical_label(drive) or force_label_factor(drive) or torque_label_factor(drive)
+    return next(
+        (
+            name
+            for name in SI_UNITS
+            if is_drive
+            and (motion_label_factor(motion, name) or rotation_label_factor(motion, name))
+        ),
+        None,
+    )
 
 
 def common_frf_units(quantity: Quantity) -> dict[str, float]:
@@ -125,30 +172,6 @@ def common_frf_units(quantity: Quantity) -> dict[str, float]:
     motions += ["g"] if quantity == "accelerance" else []
     units = [f"{motion}/{force}" for force in _COMMON_FORCES for motion in motions]
     return {unit: parse_frf_unit(unit, quantity) or 1.0 for unit in units}
-
-
-def unit_factor(path: Path, quantity: Quantity, unit: str | None) -> float:
-    """Return the factor that converts FRFs from a unit to SI.
-
-    Args:
-        path: the file, for messages.
-        quantity: quantity of the FRFs.
-        unit: unit such as ``g/N``; None for SI.
-
-    Raises:
-        InputError: the unit does not belong to the quantity.
-    """
-    if unit is None:
-        return 1.0
-    factor = parse_frf_unit(unit, quantity)
-    if factor is not None:
-        return factor
-    belongs = quantity_of_unit(unit)
-    remedy = f'set quantity = "{belongs}", or ' if belongs else ""
-    raise InputError(
-        f"{path}: unit {unit!r} is not a unit of {quantity}: {remedy}write a motion over a force "
-        f"such as {', '.join(common_frf_units(quantity))}"
-    )
 
 
 def _plain_label(label: str) -> str:

@@ -80,6 +80,9 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         turn = [0.1, 0, -0.3]
         ignore = ["x", "y"]
         body = "ty"
+        gain = "unknown"
+        [hammer.small]
+        gain = "unknown"
         [tolerance]
         mass = 0.011
         inertia = 0.012
@@ -130,7 +133,9 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         "turn": [0.1, 0.0, -0.3],
         "ignore": ["x", "y"],
         "body": "ty",
+        "gain": "unknown",
     }
+    assert settings.hammer["small"].gain == "unknown"
     values = list(settings.tolerance.model_dump().values())
     assert values == [0.011, 0.012, 0.013, 0.014, 0.015, 0.016, 0.017, 0.018, 0.0]
     assert settings.tuning.model_dump() == {

@@ -8,7 +8,7 @@ import pytest
 from campaign_folder import write_folder
 from scipy.io import loadmat, savemat
 
-from identification.readers.units import unit_factor
+from identification.readers.frf_units import parse_frf_units
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, InputError, Test
 from mbmodel import Evaluator, FrfRequest, Model, body_parts, load_machine, spring_parts
 from truth.campaign.draw import draw_drawing
@@ -185,4 +185,6 @@ def test_units_of_a_quantity_tell_the_quantity(folder):
     receptance = FAULTS['quantity = "receptance"']
     session = open_session(folder(receptance, 'unit = "m/N"\n'))
     assert session.campaign.tests[0].estimate.frf.quantity == "receptance"
-    assert unit_factor("a.mat", "receptance", "um/lbf") == pytest.approx(1e-6 / 4.4482216)
+    assert parse_frf_units("a.mat", "receptance", "um/lbf").scalar == pytest.approx(
+        1e-6 / 4.4482216
+    )

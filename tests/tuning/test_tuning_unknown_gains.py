@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from diagnosis import diagnose, verdict_of
+from identification.words import InputError
 from mbmodel import body_parts, sensor_parts, spring_parts
 from mbw.command import app
 from tests.helpers.torque_campaign import LABELS, OUTPUTS, write_torque_campaign
@@ -166,3 +167,24 @@ def test_a_modal_model_says_what_an_unknown_gain_means(tmp_path):
     assert "the gain of acc4 is unknown: its FRFs are divided by an estimate" in text
     assert "the gain of the force channel default is unknown" in text
     assert "acc4" not in text.partition("redundant")[2]
+
+
+@pytest.mark.parametrize(
+    ("unit", "extra", "words"),
+    [
+        ("m/s^2/count", "", 'add [hammer.default] with gain = "unknown"'),
+        ("V/N", HAMMER_BLOCK, 'add [sensor.acc1] with gain = "unknown"'),
+        ("m/s^2/count", HAMMER_BLOCK, None),
+        ("V/N", ALL_SENSORS, None),
+    ],
+)
+def test_signals_need_an_unknown_gain(tmp_path, unit, extra, words):
+    write_torque_campaign(
+        tmp_path / "case", parts, labels=LABELS[:3], extra=f'unit = "{unit}"\n{extra}', lines=40
+    )
+    if words is None:
+        assert open_session(tmp_path / "case", BAND).campaign.unknown_gains.nominal
+        return
+    with pytest.raises(InputError) as caught:
+        open_session(tmp_path / "case", BAND)
+    assert words in str(caught.value)

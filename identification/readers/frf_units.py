@@ -1,0 +1,180 @@
+"""Units of FRFs that campaign.toml states, by kind of motion and of what drives.
+
+The key ``unit`` holds one unit or several, such as ``g/N, rad/s^2/(N m)``. Each states the unit of
+one kind of motion (along an axis, about it) and of one kind of drive (force, torque, or a signal in
+counts, volts or amperes). Kinds that no unit states are in SI units.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from identification.readers.units import (
+    common_frf_units,
+    force_label_factor,
+    is_electrical_label,
+    motion_label_factor,
+    quantity_of_unit,
+    rotation_label_factor,
+    torque_label_factor,
+)
+from identification.words import Campaign, Dof, Input, InputError, Quantity, Real
+
+_TRANSLATION, _ROTATION, _FORCE, _TORQUE, _SIGNAL = (
+    "translations",
+    "rotations",
+    "forces",
+    "torques",
+    "signals",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class FrfUnits:
+    """Factors from the units of a file to SI units.
+
+    Args:
+        motion: factor of each kind of motion that is stated.
+        drive: factor of each kind of drive that is stated.
+    """
+
+    motion: dict[str, float]
+    drive: dict[str, float]
+
+    def motion_factor(self, output: Dof) -> float | None:
+        """Return the factor of the motion at an output, or None if no unit states it."""
+        kind = _ROTATION if output.is_rotation else _TRANSLATION
+        return self.motion.get(kind, self.motion.get(_SIGNAL))
+
+    def drive_factor(self, reference: Input) -> float | None:
+        """Return the factor of what drives at a reference, or None if no unit states it."""
+        if not isinstance(reference, Dof):
+            return self.drive.get(_SIGNAL)
+        kind = _TORQUE if reference.is_rotation else _FORCE
+        return self.drive.get(kind, self.drive.get(_SIGNAL))
+
+    def factors(self, outputs: tuple[Dof, ...], references: tuple[Input, ...]) -> Real:
+        """Return the factors of FRFs, SI where no unit states a kind; (n_out, n_in)."""
+        motion = [self.motion_factor(output) or 1.0 for output in outputs]
+        drive = [self.drive_factor(reference) or 1.0 for reference in references]
+        factors: Real = np.divide.outer(np.array(motion), np.array(drive))
+        return factors
+
+    @property
+    def scalar(self) -> float:
+        """Factor of translations per force."""
+        output = reference = Dof("any", "+tx")
+        return (self.motion_factor(output) or 1.0) / (self.drive_factor(reference) or 1.0)
+
+    def list_kinds_in_si(
+        self, outputs: tuple[Dof, ...], references: tuple[Input, ...]
+    ) -> list[str]:
+        """List the kinds that a file holds and no unit states, where some unit is not SI."""
+        values = (*self.motion.values(), *self.drive.values())
+        if all(value == 1.0 for value in values):
+            return []
+        motions = [dof for dof in outputs if self.motion_factor(dof) is None]
+        drives = [
+            dof for dof in references if isinstance(dof, Dof) and self.drive_factor(dof) is None
+        ]
+        kinds = [_ROTATION if dof.is_rotation else _TRANSLATION for dof in motions]
+        kinds += [_TORQUE if dof.is_rotation else _FORCE for dof in drives]
+        return list(dict.fromkeys(kinds))
+
+
+def parse_frf_units(path: Path, quantity: Quantity, unit: str | None) -> FrfUnits:
+    """Return the units that campaign.toml states for a file.
+
+    Args:
+        path: the file, for messages.
+        quantity: quantity of the FRFs.
+        unit: one unit or several with commas, such as ``g/N``; None for SI.
+
+    Raises:
+        InputError: a unit does not belong to the quantity, or two contradict each other.
+    """
+    units = FrfUnits({}, {})
+    for entry in unit.split(",") if unit is not None else ():
+        motion_text, slash, drive_text = entry.rpartition("/")
+        motion = _motion(motion_text, quantity) if slash else None
+        drive = _drive(drive_text)
+        if motion is None or drive is None:
+            raise InputError(f"{path}: {_describe_wrong_unit(entry.strip(), quantity)}")
+        for known, (kind, factor) in ((units.motion, motion), (units.drive, drive)):
+            if known.setdefault(kind, factor) != factor:
+                raise InputError(
+                    f"{path}: unit {unit!r} states two units of {kind}: leave one of them"
+                )
+    return units
+
+
+def unit_remarks(
+    path: Path, units: FrfUnits, outputs: tuple[Dof, ...], references: tuple[Input, ...]
+) -> tuple[str, ...]:
+    """Return a remark if a file holds kinds of motion or drive that its unit does not state."""
+    kinds = units.list_kinds_in_si(outputs, references)
+    if not kinds:
+        return ()
+    return (
+        f"{path.name}: unit states no unit of {' and '.join(kinds)}, which are read in SI units; "
+        'state it too, as in unit = "g/N, rad/s^2/(N m)"',
+    )
+
+
+def refuse_signals_of_known_gain(path: Path, campaign: Campaign, units: dict[str, str]) -> None:
+    """Raise InputError for channels or forces in counts, volts or amperes whose gain is known.
+
+    Args:
+        path: path of campaign.toml.
+        campaign: tests with the gains that are unknown.
+        units: unit that campaign.toml states, by file.
+    """
+    unknown = campaign.unknown_gains
+    for test in campaign.tests:
+        estimate, condition = test.estimate, test.condition
+        unit = units.get(condition.test)
+        stated = parse_frf_units(path, estimate.frf.quantity, unit)
+        reference = condition.reference
+        has_signal = _SIGNAL in stated.drive and isinstance(reference, Dof)
+        if has_signal and condition.instrument not in unknown.hammers:
+            raise InputError(
+                f"{path}: {condition.test}: unit {unit!r} gives what drives {reference} as a "
+                f'signal: add [hammer.{condition.instrument}] with gain = "unknown", or state the '
+                "unit of the force"
+            )
+        sites = {dof.point for dof in estimate.frf.outputs} - unknown.sensors
+        if _SIGNAL in stated.motion and sites:
+            raise InputError(
+                f"{path}: {condition.test}: unit {unit!r} gives the motion as a signal: add "
+                f'[sensor.{min(sites)}] with gain = "unknown", or state the unit of the motion'
+            )
+
+
+def _motion(text: str, quantity: Quantity) -> tuple[str, float] | None:
+    """Return kind and factor of a motion; None if it is no motion of the quantity."""
+    if (factor := motion_label_factor(text, quantity)) is not None:
+        return _TRANSLATION, factor
+    if (factor := rotation_label_factor(text, quantity)) is not None:
+        return _ROTATION, factor
+    return (_SIGNAL, 1.0) if is_electrical_label(text) else None
+
+
+def _drive(text: str) -> tuple[str, float] | None:
+    """Return kind and factor of a force, torque or signal; None if it is none."""
+    if (factor := force_label_factor(text)) is not None:
+        return _FORCE, factor
+    if (factor := torque_label_factor(text)) is not None:
+        return _TORQUE, factor
+    return (_SIGNAL, 1.0) if is_electrical_label(text) else None
+
+
+def _describe_wrong_unit(unit: str, quantity: Quantity) -> str:
+    """Return what is wrong with a unit, and what to write."""
+    belongs = quantity_of_unit(unit)
+    remedy = f'set quantity = "{belongs}", or ' if belongs else ""
+    return (
+        f"unit {unit!r} is not a unit of {quantity}: {remedy}write a motion over a force such as "
+        f"{', '.join(common_frf_units(quantity))}, with rad for rotations, N m for torques, and "
+        "count, V or A for signals"
+    )
