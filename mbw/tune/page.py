@@ -12,7 +12,7 @@ from mbw.page.numbers import format_percent, frf_unit
 from mbw.remarks import describe_not_in_mjcf, list_limits
 from mbw.tune.convergence import badges, identifiability_section, starts_section
 from mbw.tune.mode_pairs import pairs_section
-from mbw.tune.parameters import parameter_rows
+from mbw.tune.parameters import interval_note, parameter_rows
 from mbw.tune.pulls import pull_points, pulls_note, pulls_table
 from tuning import LevelFrfs, TunedFile, TuningResult
 from tuning.files.result import TUNED_JSON
@@ -42,6 +42,7 @@ def render(result: TuningResult) -> str:
         badges=badges(summary),
         warnings=warning_boxes(_warnings(summary)),
         parameters=parameter_rows(summary),
+        intervals=escape(interval_note(summary)),
         pulls=_pulls_section(summary),
         unknown=identifiability_section(summary),
         starts=starts_section(summary),

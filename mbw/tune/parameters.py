@@ -15,6 +15,17 @@ def parameter_rows(summary: TunedFile) -> str:
     return "".join(_row(row) for row in summary.parameters if row.prior is None)
 
 
+def interval_note(summary: TunedFile) -> str:
+    """Return what the intervals presume, and that there are doubts about it."""
+    text = (
+        "An interval holds the true value in 95 of 100 tests if the model lacks nothing and no "
+        "tolerance is larger than stated."
+    )
+    if summary.fit.doubts:
+        text += " The doubts above speak against that: the true value may lie outside."
+    return text
+
+
 def _row(row: ParameterRow) -> str:
     factor = row.tuned / row.drawn if row.drawn else math.nan
     bound = ' <span class="bad">at bound</span>' if row.at_bound else ""

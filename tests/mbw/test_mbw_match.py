@@ -162,3 +162,14 @@ def test_a_channel_that_is_ignored_is_not_matched(campaign, tmp_path, called):
     found = MatchFile.model_validate_json(done.stdout)
     assert len(found.channels) == 19
     assert [row.simulated for row in found.modes] == [7, 8, 9, 10, 11, 12, 14]
+
+
+def test_a_band_of_the_user_replaces_that_of_the_campaign(campaign, tmp_path, called):
+    done = called(SHAPES, campaign, "--band", 15, 40, "--json", "-", "--quiet", "--jobs", 2)
+    assert (done.exit_code, done.stderr) == (0, "")
+    found = MatchFile.model_validate_json(done.stdout)
+    assert found.modes
+    assert all(15 < row.frequency < 40 for row in found.modes)
+    silent = called(SHAPES, campaign, "--band", 15, 40, "-q")
+    assert (silent.exit_code, silent.output) == (0, "")
+    assert called(SHAPES, campaign, "--band", 40, 15).exit_code == 2

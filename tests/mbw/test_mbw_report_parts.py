@@ -13,7 +13,7 @@ from mbw.command import app
 from mbw.page.numbers import format_four_digits, format_shift, format_tolerance
 from mbw.tune.convergence import badges, identifiability_section, starts_section
 from mbw.tune.page import render
-from mbw.tune.parameters import parameter_rows
+from mbw.tune.parameters import interval_note, parameter_rows
 from mbw.tune.pulls import kind_of, pull_points, pulls_note, pulls_table
 from tuning import read_result
 from tuning.files.schema import CorrelationRow, UnseenRow
@@ -252,3 +252,12 @@ def test_in_a_browser_the_impossible_pull_is_red_and_named_and_every_motion_has_
     assert found["fills"] == 6 * 3  # sensors that are off read a little of every direction
     assert found["phase"] == 0
     assert found["wide"] <= 1280
+
+
+def test_intervals_say_what_they_presume(summary, result):
+    sure = interval_note(fitted(summary, converged=True, trusted=True, doubts=[]))
+    assert "if the model lacks nothing" in sure
+    doubtful = interval_note(fitted(summary, converged=True, trusted=False, doubts=["b"]))
+    assert doubtful.startswith(sure)
+    assert doubtful.endswith("the true value may lie outside.")
+    assert interval_note(summary) in re.sub(r"</?abbr[^>]*>", "", render(result))
