@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from identification.words import Dof, Input, InputError, Motor, UsageError
 
-_NODE_RANGE = re.compile(r"(?P<first>[0-9]{1,10})(\.\.(?P<last>[0-9]{1,10}))?")
+_NODE_RANGE = re.compile(r"(?P<first>[0-9]{1,18})(\.\.(?P<last>[0-9]{1,18}))?")
 _MAX_CHANNELS = 100_000  # of a campaign: a range beyond it is a slip of the pen
 _MAX_QUOTED_LETTERS = 40  # of a wrong text in a message
 _Label = TypeVar("_Label", Dof, Input)
@@ -66,11 +66,14 @@ def _node_range(path: Path, text: str) -> range:
     match = _NODE_RANGE.fullmatch(text)
     if match is None:
         raise InputError(
-            f"{path}: {text[:_MAX_QUOTED_LETTERS]!r} is not a range of nodes: write 1..23"
+            f"{path}: channels name {text[:_MAX_QUOTED_LETTERS]!r}, which is not a range of nodes: "
+            "write 1..23"
         )
     nodes = range(int(match["first"]), int(match["last"] or match["first"]) + 1)
     if not nodes:
-        raise InputError(f"{path}: the range {text!r} is empty: write the lower node first")
+        raise InputError(
+            f"{path}: channels name the empty range {text!r}: write the lower node first"
+        )
     return nodes
 
 

@@ -4,10 +4,14 @@ Targets are listed by their helpers: ``FILE_TARGETS``, ``MEASUREMENT_TARGETS``, 
 Seeds begin at 100,000, beyond those of the tests.
 """
 
+import sys
 import tempfile
 from pathlib import Path
 
 from tests.bench.kept import cases
+
+# Helpers import each other by their plain names, as pytest finds them.
+sys.path.append(str(Path(__file__).parents[1] / "helpers"))
 from tests.helpers.fuzz_files import FILE_TARGETS
 from tests.helpers.fuzz_measurements import MEASUREMENT_TARGETS, MESH_TARGETS
 from tests.helpers.fuzzing import find_faults

@@ -1,6 +1,5 @@
 """Fuzz targets of measurement files and meshes: universal files, .mat, .npz, shapes, bodies."""
 
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,19 +9,6 @@ import h5py
 import meshio
 import numpy as np
 import scipy.io
-
-from identification.readers.array_files import load_arrays
-from identification.readers.array_records import read_array_records
-from identification.readers.layout import read_layout
-from identification.readers.uff_modes_read import read_uff_modes
-from identification.readers.uff_records import read_uff_records
-from identification.shapes import read_shapes
-from mbmodel.meshes.files import read_mesh
-from mbmodel.meshes.mass_properties import mesh_mass_properties
-from tests.helpers.fuzzing import FuzzTarget
-
-# The helpers import each other by their plain names.
-sys.path.insert(0, str(Path(__file__).parent))
 from identification_examples import (
     EVEN,
     FIRST,
@@ -39,6 +25,16 @@ from identification_examples import (
     units,
     write_campaign,
 )
+
+from identification.readers.array_files import load_arrays
+from identification.readers.array_records import read_array_records
+from identification.readers.layout import read_layout
+from identification.readers.uff_modes_read import read_uff_modes
+from identification.readers.uff_records import read_uff_records
+from identification.shapes import read_shapes
+from mbmodel.meshes.files import read_mesh
+from mbmodel.meshes.mass_properties import mesh_mass_properties
+from tests.helpers.fuzzing import FuzzTarget
 
 CHILD_SHARE = 0.15  # of the mutations in a test: each starts a process
 MATLAB_73 = b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM"
