@@ -15,7 +15,6 @@ from identification.readers.file_kinds import (
     array_description,
     is_arrays,
     is_universal,
-    refuse_unit,
 )
 from identification.readers.uff_records import holds_uff_time_records, read_uff_records
 from identification.words import Condition, Dof, HitEstimate, InputError, Records, Test
@@ -94,9 +93,9 @@ def _read(
                     "[[test]]"
                 )
         return
-    if entry.time_sign == "-":
+    if entry.frequency_unit is not None:
         raise InputError(
-            f"{file} holds time records, but time_sign is for FRFs: remove time_sign from its "
+            f"{file} holds time records, but frequency_unit is for FRFs: remove it from its "
             "[[test]]"
         )
     ignored = {(site, axis) for site, sensor in corrections.items() for axis in sensor.ignore}
@@ -107,8 +106,21 @@ def _read(
             raise InputError(
                 f"{file}: all channels of reference {reference} are ignored: ignore fewer"
             )
-        located = replace(records, outputs=outputs, reference=reference, test=entry.file)
+        remarks = (*records.remarks, *_time_sign_remark(entry))
+        located = replace(
+            records, outputs=outputs, reference=reference, test=entry.file, remarks=remarks
+        )
         yield located.select_channels(kept)
+
+
+def _time_sign_remark(entry: TestSettings) -> list[str]:
+    """Return a remark on a stated time sign, which time records do not have."""
+    if entry.time_sign == "+":
+        return []
+    return [
+        f"{entry.file}: time_sign has no effect on time records, whose FRFs are computed as "
+        "exp(+i w t)"
+    ]
 
 
 def _has_time_records(file: Path, arrays: _Arrays | None) -> bool:
@@ -122,9 +134,8 @@ def _read_records(file: Path, entry: TestSettings, arrays: _Arrays | None) -> tu
     """Read the time records of a file, with points named as in the file."""
     if arrays is not None:
         return read_array_records(file, arrays, **array_description(file, entry))
-    refuse_unit(file, entry)
     return read_uff_records(
-        file, entry.quantity, channels=entry.channels, references=entry.references
+        file, entry.quantity, entry.unit, channels=entry.channels, references=entry.references
     )
 
 

@@ -48,13 +48,3 @@ def array_description(file: Path, entry: TestSettings) -> ArrayDescription:
         "quantity": entry.quantity or quantity_of_unit(entry.unit or "") or "accelerance",
         "unit": entry.unit,
     }
-
-
-def refuse_unit(file: Path, entry: TestSettings) -> None:
-    """Refuse a ``[[test]]`` that states the unit of time records of a universal file.
-
-    Raises:
-        InputError: the unit is stated.
-    """
-    if entry.unit is not None:
-        raise InputError(f"{file} itself holds its unit: remove unit from its [[test]]")

@@ -21,6 +21,7 @@ from identification.readers.uff_datasets import (
 from identification.readers.uff_directions import StatedDirections
 from identification.readers.uff_frfs import FRF_TYPE, QUANTITY_OF_ORDINATE
 from identification.readers.uff_recordings import Channel, group_recordings, refuse_unequal
+from identification.readers.uff_units import UnitConverter
 from identification.words import Dof, InputError, Quantity, Records
 
 _TIME_TYPE = 1  # function type
@@ -42,6 +43,7 @@ def holds_uff_time_records(path: Path) -> bool:
 def read_uff_records(
     path: Path,
     quantity: Quantity | None = None,
+    unit: str | None = None,
     *,
     channels: str | list[str] | None = None,
     references: list[str] | None = None,
@@ -53,7 +55,9 @@ def read_uff_records(
 
     Args:
         path: the file.
-        quantity: quantity that campaign.toml gives for motions with ordinate type 0 or 1.
+        quantity: quantity that campaign.toml states, which overrides the file; needed for motions
+            with ordinate type 0 or 1.
+        unit: unit of motion over force that campaign.toml states, which overrides the file.
         channels: motions that campaign.toml states, for scalar records.
         references: forces that campaign.toml states, for scalar records.
 
@@ -64,11 +68,15 @@ def read_uff_records(
     records, remarks = read_records(path, (FUNCTION_DATASET, UNITS_DATASET), (_TIME_TYPE,))
     factors = unit_factors(path, records)
     directions = StatedDirections.parse(path, channels, references)
+    has_units = any(record["type"] == UNITS_DATASET for _, record in records)
+    converter = UnitConverter(path, unit, has_units)
     rows = []
     for number, record in records:
         if record["type"] == FUNCTION_DATASET:
             refuse_malformed(f"{path}, record {number}", record)
-            rows.append(_channel(directions, number, record, factors[number], quantity))
+            rows.append(
+                _channel(directions, converter, (number, record), factors[number], quantity)
+            )
     directions.refuse_unused()
     forces = [channel for channel in rows if channel.quantity is None]
     motions = [channel for channel in rows if channel.quantity is not None]
@@ -81,29 +89,28 @@ def read_uff_records(
         names = tuple(channel.dof.positive for channel in recording[1:])
         groups.setdefault((recording[0].dof.positive, names), []).append(recording)
     stacks = [_stack_recordings(path, group) for group in groups.values()]
+    remarks = (*remarks, *converter.remarks)
     return tuple(replace(records, remarks=remarks) for records in stacks)
 
 
 def _channel(
     directions: StatedDirections,
-    number: int,
-    record: Record,
+    converter: UnitConverter,
+    item: tuple[int, Record],
     factors: tuple[float, float],
     expected: Quantity | None,
 ) -> Channel:
     """Convert a record to a channel in SI units."""
+    number, record = item
     name = f"{directions.path}, record {number}"
     if np.iscomplexobj(record["data"]):
         raise InputError(f"{name} is a complex time record: export it as real")
     kind = int(record["ordinate_spec_data_type"])
-    quantity = None if kind == _EXCITATION_FORCE else _quantity(name, kind, expected)
+    quantity = None if kind == _EXCITATION_FORCE else _quantity(name, kind, expected, converter)
     key = "reference" if quantity is None else "response"
     dof = directions.read_dof(number, record, "response", stated=key)
     has_reference = quantity is not None and record["ref_node"] and record["ref_dir"]
-    length, force = factors
-    scale = force if quantity is None else 1.0
-    if dof.is_rotation == (quantity is None):
-        scale *= length  # the factor of a moment, or of a translation
+    factor = converter.channel_factor(record, quantity, factors, dof)
     start, rate = _clock(name, record)
     return Channel(
         number,
@@ -113,17 +120,20 @@ def _channel(
         quantity,
         start,
         rate,
-        np.asarray(record["data"], np.float64) / scale,
+        np.asarray(record["data"], np.float64) * factor,
     )
 
 
-def _quantity(name: str, kind: int, expected: Quantity | None) -> Quantity:
-    """Return the quantity of a motion's FRFs, which must not contradict campaign.toml."""
+def _quantity(
+    name: str, kind: int, expected: Quantity | None, converter: UnitConverter
+) -> Quantity:
+    """Return the quantity of a motion's FRFs; the stated one overrides the file, with a remark."""
     quantity = QUANTITY_OF_ORDINATE.get(kind) or (expected if kind in (0, 1) else None)
     if quantity and expected and quantity != expected:
-        raise InputError(
-            f"{name} gives {quantity}, but campaign.toml says {expected}: correct one of them"
+        converter.remark(
+            f'quantity = "{expected}" of campaign.toml overrides {quantity}, which the file names'
         )
+        return expected
     if quantity is None:
         reaction = "a reaction force (9), but the hammer needs an excitation force (13)"
         unknown = f"of ordinate type {kind}, which is neither force (13) nor motion (8, 11, 12)"

@@ -13,6 +13,7 @@ from identification.readers.units import (
     force_label_factor,
     is_gravity_label,
     motion_label_factor,
+    quantity_of_unit,
     rotation_label_factor,
     torque_label_factor,
 )
@@ -67,9 +68,7 @@ class UnitConverter:
             units.drive_factor(reference) or force_si
         )
         if abs(stated / factor - 1.0) > _FACTOR_ROUNDING:
-            self._remark(
-                f'unit = "{self.unit}" of campaign.toml overrides the units that the file names'
-            )
+            self._remark_override()
         return stated
 
     def _motion_factor(
@@ -88,12 +87,48 @@ class UnitConverter:
         )
 
     def _force_factor(self, record: Record, scales: tuple[float, float], reference: Dof) -> float:
-        """Return the SI factor of the force or torque."""
+        """Return the SI factor of the force or torque that an FRF is per unit of."""
+        return self._drive_factor(str(record.get("orddenom_axis_units_lab", "")), scales, reference)
+
+    def _drive_factor(self, label: str, scales: tuple[float, float], reference: Dof) -> float:
+        """Return the SI factor of a labelled force or torque."""
         length, force = scales
-        label = str(record.get("orddenom_axis_units_lab", ""))
         if reference.is_rotation:
             return self._decide(1.0 / (force * length), torque_label_factor(label), label)
         return self._decide(1.0 / force, force_label_factor(label), label)
+
+    def channel_factor(
+        self, record: Record, quantity: Quantity | None, scales: tuple[float, float], dof: Dof
+    ) -> float:
+        """Return the factor that converts a time record to SI units.
+
+        Args:
+            record: content of the dataset 58.
+            quantity: quantity of the FRFs of a motion; None for a force.
+            scales: units of length and force per SI unit, by dataset 164; 1 without it.
+            dof: degree of freedom of the channel.
+
+        Raises:
+            InputError: the stated unit does not belong to the quantity.
+        """
+        if quantity is None:
+            label = str(record.get("ordinate_axis_units_lab", ""))
+            factor = self._drive_factor(label, scales, dof)
+        else:
+            factor = self._motion_factor(record, quantity, scales[0], dof)
+        if self.unit is None:
+            return factor
+        kind = quantity or quantity_of_unit(self.unit) or "accelerance"
+        units = parse_frf_units(self.path, kind, self.unit)
+        stated = units.drive_factor(dof) if quantity is None else units.motion_factor(dof)
+        if stated is not None and abs(stated / factor - 1.0) > _FACTOR_ROUNDING:
+            self._remark_override()
+        return stated or factor
+
+    def _remark_override(self) -> None:
+        self.remark(
+            f'unit = "{self.unit}" of campaign.toml overrides the units that the file names'
+        )
 
     def _decide(
         self, by_dataset: float, by_label: float | None, label: str, *, prefers_label: bool = False
@@ -103,17 +138,18 @@ class UnitConverter:
             return by_dataset
         if prefers_label or not self.has_units_dataset:
             if self.unit is None:
-                self._remark(
+                self.remark(
                     f"values are labelled {label.strip()} and converted to SI units; state unit "
                     "in [[test]] if the label is wrong"
                 )
             return by_label
         if self.unit is None:
-            self._remark(
+            self.remark(
                 f"the label {label.strip()} contradicts dataset 164, which counts; state unit in "
                 "[[test]] if the label is right"
             )
         return by_dataset
 
-    def _remark(self, text: str) -> None:
+    def remark(self, text: str) -> None:
+        """Add a remark on the file, once."""
         self.remarks.setdefault(f"{self.path.name}: {text}")

@@ -128,7 +128,7 @@ def test_arrays_of_two_references_have_an_axis_more(read, records):
         ({"fs": [1.0, 2.0]}, "fs is not a sampling rate"),
         ({"fs": -3.0}, "fs is not a sampling rate"),
         ({"force": np.ones((3, 64), complex)}, "force is not an array of real numbers"),
-        ({"force": np.full((3, 64), np.nan)}, "force is not finite"),
+        ({"force": np.full((3, 64), np.nan)}, "force holds NaN"),
         ({"response": np.ones((3, 64, 4))}, r"response \(3, 64, 4\), but 1 references and 4"),
         (
             {"response": np.ones((2, 4, 64))},
@@ -184,13 +184,20 @@ def test_the_keys_of_records_are_obeyed(read, records):
 @pytest.mark.parametrize(
     ("key", "text"),
     [
-        ('time_sign = "-"', "time_sign is for FRFs"),
+        ('frequency_unit = "rad/s"', "frequency_unit is for FRFs"),
         ('channels = ["1:+x"]', "itself holds its channels"),
-        ('unit = "g/N"', "itself holds its unit"),
     ],
 )
 def test_keys_that_records_have_no_use_for_are_refused(refusal, records, key, text):
     assert text in refusal(f"{TEST}{key}\n", a_uff=uff(records))
+
+
+def test_a_time_sign_has_no_effect_on_records(read, records):
+    plain, stated = (read(f"{TEST}{key}", a_uff=uff(records)) for key in ("", 'time_sign = "-"\n'))
+    np.testing.assert_array_equal(
+        stated.tests[0].estimate.frf.values, plain.tests[0].estimate.frf.values
+    )
+    assert any("time_sign has no effect on time records" in text for text in stated.remarks)
 
 
 @pytest.mark.parametrize(

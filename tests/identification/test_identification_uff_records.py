@@ -201,10 +201,30 @@ def test_two_quantities_are_refused(refusal):
     assert "mixes records for" in refusal(*functions, *changed)
 
 
-def test_an_unlike_quantity_of_the_campaign_is_refused(refusal):
-    assert "gives accelerance, but campaign.toml says mobility" in refusal(
-        *channel_functions(some()), quantity="mobility"
-    )
+def test_a_stated_quantity_overrides_the_file_with_a_remark(read):
+    (stated,) = read(*channel_functions(some()), quantity="mobility")
+    assert stated.quantity == "mobility"
+    (remark,) = stated.remarks
+    assert 'quantity = "mobility" of campaign.toml overrides accelerance' in remark
+
+
+def test_a_stated_unit_overrides_the_file_with_a_remark(read):
+    functions = channel_functions(some())
+    (plain,), (stated,) = read(*functions), read(*functions, unit="g/lbf")
+    ratio = stated.motion / np.where(plain.motion == 0, 1.0, plain.motion)
+    np.testing.assert_allclose(ratio[plain.motion != 0], 9.80665)
+    np.testing.assert_allclose(stated.force, 4.4482216152605 * plain.force)
+    assert any('unit = "g/lbf" of campaign.toml overrides' in text for text in stated.remarks)
+
+
+def test_labels_of_records_count(read):
+    functions = channel_functions(some())
+    (plain,) = read(*functions)
+    labelled = [replace(f, motion_unit="lbf" if f.ordinate == 13 else "g") for f in functions]
+    (found,) = read(*labelled)
+    np.testing.assert_allclose(found.motion, 9.80665 * plain.motion)
+    np.testing.assert_allclose(found.force, 4.4482216152605 * plain.force)
+    assert len(found.remarks) == 2
 
 
 def test_unequal_lengths_of_one_hit_are_refused_by_name(refusal):
