@@ -23,6 +23,8 @@ _MAX_STEP_HALVINGS = 30  # a step of 1e-9 of the first that does no work is give
 # Share of the mass that joints move one by one, below which a combination of them has none: the
 # factorisation of the mass matrix loses all digits at 1e-16.
 _MIN_MASS_SHARE = 1e-13
+# Smallest over largest mass of any motion [kg or kg m^2]: below it rounding swallows the smaller.
+_MIN_MASS_RATIO = 1e-15
 _MAX_STEP = 0.3  # m or rad: beyond it the linear prediction of forces means nothing
 
 
@@ -119,7 +121,8 @@ def _refuse_singular_mass(model: mujoco.MjModel, data: mujoco.MjData, path: Path
     scale = np.sqrt(np.diag(mass))
     if np.isfinite(mass).all() and scale.min(initial=1.0) > 0:
         values, vectors = scipy.linalg.eigh(mass / np.outer(scale, scale))
-        if values.min(initial=1.0) > _MIN_MASS_SHARE:
+        unscaled = scipy.linalg.eigvalsh(mass)
+        if values[0] > _MIN_MASS_SHARE and unscaled[0] > _MIN_MASS_RATIO * unscaled[-1]:
             return
         place = int(np.argmax(np.abs(vectors[:, 0])))
     else:

@@ -330,6 +330,9 @@ REFUSED = {
         ["actuator 'p'", "delay"]),
     "a part out of all scale": (
         model_text(TWO.replace('pos=".2 .1 0"', 'pos=".2 1e8 0"')), ["machine.xml", "scale"]),
+    "a ball that turns about a point out of all scale": (
+        model_text(f'<body name="a"><joint name="j" type="ball" pos="1 0 1e11"/>{BOX}</body>'),
+        ["joint 'j'", "scale"]),
     "composite, which MuJoCo 4 lacks": (
         model_text('<body name="k"><composite type="cable" curve="s" count="5 1 1" size="1"/>'
                    "</body>"), ["composite"]),
