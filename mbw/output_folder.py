@@ -6,6 +6,7 @@ one campaign replace each other; files of another one stay unless the user state
 
 import json
 import os
+import stat
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -265,6 +266,10 @@ def _resolve(row: dict[str, str], folder: Path) -> Path:
 
 
 def _can_write(folder: Path) -> bool:
-    """Return whether a folder, or the nearest one above it that exists, can be written."""
+    """Return whether a folder, or the nearest one above it that exists, may be written.
+
+    A folder that nobody may write by its mode is left alone by the superuser too.
+    """
     nearest = next(path for path in (folder, *folder.parents) if path.exists())
-    return os.access(nearest, os.W_OK | os.X_OK)
+    is_protected = not nearest.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH)
+    return not is_protected and os.access(nearest, os.W_OK | os.X_OK)
