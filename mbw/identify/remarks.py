@@ -12,7 +12,7 @@ _MAX_LOOKALIKE_SHIFT = 0.05  # relative difference of their frequencies
 _MAX_MISFIT = 1.5  # squared error over the variance of the noise; beyond, a mode may be missing
 _MIN_RECIPROCITY = 0.95  # MAC of shape and participation at the drive points
 _MIN_MATCHING_MAC = 0.8  # of a measured and a reference shape that count as one mode
-# Half-power bandwidth over the line spacing: a Hann window gives an undamped mode 1.44 lines.
+# Half-power bandwidth over the line spacing: a Hann window gives an undamped mode 1 to 1.5.
 _MAX_LEAKY_LINES = 1.6
 _MAX_SCALE_SD = 0.1  # relative standard deviation of the size of a shape
 _MAX_DAMPING_SD = 0.15  # standard deviation of a damping ratio over the ratio
@@ -167,8 +167,8 @@ def _quality_remarks(result: IdentificationResult) -> list[str]:
         sentences.append(
             f"The half-power bandwidth of {_mode_numbers(result, leaky)} is below "
             f"{_MAX_LEAKY_LINES:g} lines of {spacing:.3g} Hz: such a mode rings longer than a "
-            "segment, its lines leak, and under a Hann window the damping is that of the window "
-            "(1.44 lines). Measure longer segments, or leave these lines out by ignore_hz."
+            "segment, its lines leak, and under a Hann window the damping is that of the window. "
+            "Measure longer segments, or leave these lines out by ignore_hz."
         )
     near_node = [row for row in summary.modes if (row.scale_sd or 0.0) > _MAX_SCALE_SD]
     if near_node:
