@@ -103,6 +103,7 @@ def test_a_wrong_unit_is_named_with_its_key(random_case, seed, unit, si):
     (finding,) = compare(model, as_exported(campaign, 1 / si))
     assert finding.is_certain
     assert f'unit = "{unit}"' in finding.sentence
+    assert finding.factor == pytest.approx(1 / si, rel=0.4)
     assert FILE in finding.sentence
 
 

@@ -61,7 +61,7 @@ class ExportFinding:
 
     Args:
         file: name of the file, as campaign.toml gives it.
-        factor: measured over nominal FRFs, in the median.
+        factor: measured over nominal FRFs, in the median, with the shift that suits the best fault.
         faults: most likely faults, best first; empty where none explains the difference.
         is_certain: whether the file cannot be right as it was read.
     """
@@ -157,16 +157,20 @@ def _compare_file(model: Model, campaign: Campaign, stated: StatedExport) -> Exp
     ]
     if not likely and null.loss < _EXPORT_LIMITS.min_remark_loss:
         return None
-    named = _closest_faults(likely)
-    factor = float(np.exp(null.offset))
-    return ExportFinding(campaign.tests[0].condition.test, factor, named, bool(certain))
+    closest = _closest_faults(likely)
+    level = closest[0][0].log_factor + closest[0][1].offset if closest else null.offset
+    named = tuple(fault for fault, _ in closest)
+    file = campaign.tests[0].condition.test
+    return ExportFinding(file, float(np.exp(level)), named, bool(certain))
 
 
-def _closest_faults(rows: list[tuple[ExportFault, _CurveAgreement]]) -> tuple[ExportFault, ...]:
+def _closest_faults(
+    rows: list[tuple[ExportFault, _CurveAgreement]],
+) -> list[tuple[ExportFault, _CurveAgreement]]:
     """Return the faults whose losses cannot be told from the smallest, in their order."""
     best = min((agreement.loss for _, agreement in rows), default=0.0)
     close = [row for row in rows if row[1].loss <= best + _EXPORT_LIMITS.max_tie]
-    return tuple(fault for fault, _ in sorted(close, key=lambda row: row[1].loss))
+    return sorted(close, key=lambda row: row[1].loss)
 
 
 def _is_certain(fault: ExportFault, null: _CurveAgreement, agreement: _CurveAgreement) -> bool:
