@@ -71,9 +71,17 @@ def lscf(freq_hz: Real, values: Complex, max_order: int) -> tuple[Poles, ...]:
     pole_sets = []
     for order, matrix in enumerate(normal, start=1):
         size = order * n_in
-        coefficients = np.asarray(-np.linalg.solve(matrix[:size, :size], matrix[:size, size:]))
+        coefficients = -_solve(matrix[:size, :size], matrix[:size, size:])
         pole_sets.append(_companion_roots(order, coefficients, n_in, step))
     return tuple(pole_sets)
+
+
+def _solve(matrix: Real, right: Real) -> Real:
+    """Solve M x = b; for a singular M, of FRFs that are all alike, return the shortest solution."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, right))
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(matrix, right)[0])
 
 
 def _normal_matrices(turns: Real, values: Complex, max_order: int) -> list[Real]:
@@ -115,7 +123,7 @@ def _companion_roots(order: int, coefficients: Real, n_in: int, step: float) -> 
     transposed = coefficients.reshape(order, n_in, n_in).transpose(2, 0, 1)
     companion[size - n_in :] = -transposed.reshape(n_in, size)
     roots, vectors = np.linalg.eig(companion)
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         poles = -np.log(roots.astype(complex)) / step
     keep = np.isfinite(poles) & (poles.imag > 0) & (poles.imag < (1 - 1e-6) * np.pi / step)
     participation = vectors[:n_in, keep].astype(complex)

@@ -1,7 +1,9 @@
 """Shared data types of the workbench: labelled, validated on building and read-only."""
 
 from identification.words._arrays import (
+    MAX_FREQUENCY_HZ,
     MAX_INPUT_MAGNITUDE,
+    MIN_FREQUENCY_HZ,
     Complex,
     Integers,
     Mask,
@@ -25,7 +27,9 @@ __all__ = [
     "DEFAULT_HAMMER",
     "DERIVATIVE_ORDER",
     "DIRECTIONS",
+    "MAX_FREQUENCY_HZ",
     "MAX_INPUT_MAGNITUDE",
+    "MIN_FREQUENCY_HZ",
     "Campaign",
     "Complex",
     "Condition",

@@ -12,6 +12,8 @@ Integers = NDArray[np.intp]
 # Limit of forces, motions, frequencies, lengths and FRFs that a file states, in SI units: those of
 # machines are smaller, and squares and ratios of numbers below it stay finite.
 MAX_INPUT_MAGNITUDE = 1e30
+# Limits of frequency lines and of sampling rates [Hz], some decades beyond those of any machine.
+MIN_FREQUENCY_HZ, MAX_FREQUENCY_HZ = 1e-9, 1e8
 
 
 def frozen_array(

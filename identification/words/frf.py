@@ -6,7 +6,15 @@ from typing import Literal, Self, get_args
 
 import numpy as np
 
-from identification.words._arrays import MAX_INPUT_MAGNITUDE, Complex, Mask, Real, frozen_array
+from identification.words._arrays import (
+    MAX_FREQUENCY_HZ,
+    MAX_INPUT_MAGNITUDE,
+    MIN_FREQUENCY_HZ,
+    Complex,
+    Mask,
+    Real,
+    frozen_array,
+)
 from identification.words.dof import Dof
 from identification.words.errors import UsageError
 from identification.words.motor import Input, Motor
@@ -41,9 +49,11 @@ class Frf:
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
-        freq = frozen_array(self.freq_hz, np.float64, (None,), "freq_hz", MAX_INPUT_MAGNITUDE)
+        freq = frozen_array(self.freq_hz, np.float64, (None,), "freq_hz", MAX_FREQUENCY_HZ)
         if freq.size == 0 or freq[0] < 0 or not (np.diff(freq) > 0).all():
             raise ValueError("freq_hz must be non-empty, not negative and strictly increasing")
+        if 0 < freq[-1] < MIN_FREQUENCY_HZ:
+            raise ValueError(f"freq_hz ends at {freq[-1]:g} Hz, below {MIN_FREQUENCY_HZ:g} Hz")
         shape = (freq.size, len(self.outputs), len(self.inputs))
         values = frozen_array(self.values, np.complex128, shape, "values", MAX_INPUT_MAGNITUDE)
         sides: tuple[tuple[str, Sequence[Input]], ...] = (

@@ -5,7 +5,14 @@ from typing import Any, Self
 
 import numpy as np
 
-from identification.words._arrays import MAX_INPUT_MAGNITUDE, Mask, Real, frozen_array
+from identification.words._arrays import (
+    MAX_FREQUENCY_HZ,
+    MAX_INPUT_MAGNITUDE,
+    MIN_FREQUENCY_HZ,
+    Mask,
+    Real,
+    frozen_array,
+)
 from identification.words.dof import Dof
 from identification.words.frf import DERIVATIVE_ORDER, Quantity
 
@@ -45,8 +52,11 @@ class Records:
 
     def __post_init__(self) -> None:
         """Validate and freeze."""
-        if not (np.isfinite(self.rate_hz) and self.rate_hz > 0):
-            raise ValueError(f"the sampling rate is {self.rate_hz} Hz, expected more than 0")
+        if not MIN_FREQUENCY_HZ <= self.rate_hz <= MAX_FREQUENCY_HZ:  # also false for NaN
+            raise ValueError(
+                f"the sampling rate is {self.rate_hz:g} Hz, expected more than 0 and at most "
+                f"{MAX_FREQUENCY_HZ:g} Hz"
+            )
         force = frozen_array(self.force, np.float64, (None, None), "force", MAX_INPUT_MAGNITUDE)
         if not force.size:
             raise ValueError("the force has no samples")

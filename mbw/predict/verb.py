@@ -14,6 +14,8 @@ import typer
 
 from identification.words import (
     DERIVATIVE_ORDER,
+    MAX_FREQUENCY_HZ,
+    MIN_FREQUENCY_HZ,
     Dof,
     Input,
     InputError,
@@ -202,8 +204,13 @@ def _frf_request(
 ) -> FrfRequest | None:
     """Return the request of FRFs, or None if no output needs labels."""
     low, high = request.band or _DEFAULT_BAND_HZ
-    if not 0 <= low < high < math.inf:
+    if not 0 <= low < high:
         raise UsageError(f"the band {low:g}..{high:g} Hz is empty: give LOW below HIGH")
+    if not MIN_FREQUENCY_HZ <= high <= MAX_FREQUENCY_HZ:
+        raise UsageError(
+            f"the band ends at {high:g} Hz, where no machine has modes: give HIGH in Hz, from "
+            f"{MIN_FREQUENCY_HZ:g} to {MAX_FREQUENCY_HZ:g}"
+        )
     quantity = _quantity(request)
     is_needed = targets.frf or targets.statespace is not None
     if not (is_needed or request.inputs or request.outputs):
