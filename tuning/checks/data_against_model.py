@@ -87,7 +87,7 @@ class ExportFinding:
         level = f"are {_times(self.factor)} the nominal model's" if is_level else "fit the model"
         likely = "" if self.is_certain else " rather"
         return (
-            f"{self.file}: measured FRFs {level}{likely} as if {reasons}: set {remedies} in its "
+            f"{self.file}: measured FRFs {level}{likely}, as if {reasons}: set {remedies} in its "
             f"[[test]]{masses}"
         )
 
