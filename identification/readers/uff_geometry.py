@@ -30,6 +30,8 @@ def read_node_table(block: Block) -> dict[str, Any]:
     fields = [field for line in block.lines() for field in line.split()]
     starts = range(0, len(fields), _NUMBERS_PER_NODE)
     rows = [fields[start : start + _NUMBERS_PER_NODE] for start in starts]
+    if len(fields) % _NUMBERS_PER_NODE:
+        raise ValueError("a node has other than seven numbers")
     positions = np.array([[parse_number(field) for field in row[4:]] for row in rows], float)
     if not np.isfinite(positions).all():
         raise ValueError("a node holds NaN or infinity")

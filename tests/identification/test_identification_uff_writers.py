@@ -167,6 +167,7 @@ def test_a_malformed_dataset_beside_time_records_costs_a_remark(tmp_path):
     "lines",
     [
         [f"{1:10d}" * 4, "1.0 2.0"],
+        [f"{1:10d}" * 4],
         [f"{1:10d}" * 4, "1.0 2.0 3.0 4.0 5.0 6.0"],
         [f"{1:10d}" * 4, "1.0 nan 3.0"],
         ["1.5 0 0 0", "1.0 2.0 3.0"],
