@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 OUT ?= mbw-demo
 SEALED ?= ../shared/campaigns/sealed
 
-.PHONY: demo test check docs figures bench same sealed station gondola demo-campaign two-bodies clean
+.PHONY: demo test check docs figures bench field same sealed station gondola demo-campaign two-bodies clean
 
 demo: $(VENV)/.installed
 	$(BIN)/mbw demo --out $(OUT)
@@ -30,6 +30,10 @@ figures: $(VENV)/.installed-test
 
 bench: $(VENV)/.installed-bench
 	$(BIN)/python -m tests.bench $(ONLY)
+
+# Runs inputs that users' reports showed, and prints expected, got and right of each.
+field: $(VENV)/.installed-test
+	$(BIN)/python -m tests.field $(ONLY)
 
 # Shows that this tree computes what the commit BASE did: every number of every JSON file alike.
 same: $(VENV)/.installed-test
