@@ -21,7 +21,7 @@ def case(x, *, word="none", excess=96.6, pull=0.0):
             fit=SimpleNamespace(parametrisation=parametrisation, x=np.array(x))
         ),
         evidence=SimpleNamespace(pull=pull, variance="coherence", serial=0.0, refits=(), pairs=()),
-        gate=SimpleNamespace(flexible=(), unknown=()),
+        gate=SimpleNamespace(flexible=(), faults=(), unknown=()),
         known=None,
         retuned=SimpleNamespace(unfinished=0),
         after=None,
@@ -29,6 +29,7 @@ def case(x, *, word="none", excess=96.6, pull=0.0):
     )
     gap = SimpleNamespace(retuned=SimpleNamespace(excess=excess))
     said = {"causes": [], "twins": [], "not_testable": ["friction"], "next_experiment": None}
+    said["channel_gains"] = []
     return SimpleNamespace(verdict=word, gap=gap, **said), found
 
 
