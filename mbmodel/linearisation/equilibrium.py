@@ -10,6 +10,7 @@ import scipy.linalg
 
 from identification.words import ConvergenceError, InputError, Real
 from mbmodel.linearisation.force_slopes import (
+    compute_forces,
     force_scale,
     force_slopes,
     net_force,
@@ -33,7 +34,7 @@ class Equilibrium:
     """A machine at rest.
 
     Args:
-        data: after ``mj_forward`` at the static equilibrium.
+        data: after ``compute_forces`` at the static equilibrium.
         displacement: of each joint coordinate from the pose at the start [m, rad]; (nv,).
         stable: whether no small displacement meets a force that drives it on.
     """
@@ -66,7 +67,7 @@ def find_equilibrium(model: mujoco.MjModel, path: Path, start: mujoco.MjData) ->
         ConvergenceError: forces that no displacement balances, such as those of a free fall.
     """
     data = copy.copy(start)
-    mujoco.mj_forward(model, data)
+    compute_forces(model, data)
     _refuse_singular_mass(model, data, path)
     scale = force_scale(model, data)
     try:
@@ -96,7 +97,7 @@ def _go_to_rest(model: mujoco.MjModel, data: mujoco.MjData, scale: float) -> Non
 
     Args:
         model: the compiled model.
-        data: after ``mj_forward`` at the start; moved in place.
+        data: after ``compute_forces`` at the start; moved in place.
         scale: size of the forces that have to balance.
     """
     for _ in range(_MAX_NEWTON_STEPS):
@@ -175,12 +176,12 @@ def _try_step(model: mujoco.MjModel, data: mujoco.MjData, residual: Real, step: 
     for _ in range(_MAX_STEP_HALVINGS):
         data.qpos[:] = start
         mujoco.mj_integratePos(model, data.qpos, step, 1.0)
-        mujoco.mj_forward(model, data)
+        compute_forces(model, data)
         work = (residual + net_force(model, data)) @ step
         size = np.linalg.norm(net_force(model, data))
         if work > 0 or size < np.linalg.norm(residual):
             return True
         step = step / 2
     data.qpos[:] = start
-    mujoco.mj_forward(model, data)
+    compute_forces(model, data)
     return False

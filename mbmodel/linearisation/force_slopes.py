@@ -34,6 +34,21 @@ def symmetrise_rotations(model: mujoco.MjModel, matrix: Real) -> Real:
     return result
 
 
+def compute_forces(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Compute what depends on position, velocity and controls, without forces of constraints.
+
+    MuJoCo's solver of constraints is left out: a machine in which one acts is refused, and for
+    some thousand contacts the solver's memory ends.
+
+    Args:
+        model: the compiled model.
+        data: the state; filled in place.
+    """
+    mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_fwdVelocity(model, data)
+    mujoco.mj_fwdActuation(model, data)
+
+
 def net_force(model: mujoco.MjModel, data: mujoco.MjData) -> Real:
     """Return the generalised force r that vanishes at rest; (nv,)."""
     force: Real = data.qfrc_passive + data.qfrc_actuator - data.qfrc_bias
@@ -83,9 +98,7 @@ def force_slopes(
                 mujoco.mj_integratePos(model, probe.qpos, direction, 1.0)
             else:
                 probe.qvel[:] += direction
-            mujoco.mj_fwdPosition(model, probe)
-            mujoco.mj_fwdVelocity(model, probe)
-            mujoco.mj_fwdActuation(model, probe)
+            compute_forces(model, probe)
             forces.append(net_force(model, probe).copy())
         middle = forces.pop() if middle is None else middle
         slope[:, column] = -(forces[0] - forces[1]) / (2 * step)

@@ -17,8 +17,7 @@ def joint_name(model: mujoco.MjModel, joint: int) -> str:
     if name := model.joint(joint).name:
         return str(name)
     body = model.jnt_bodyid[joint]
-    owner = model.body(body).name or f"body{body}"
-    return f"{owner}_joint{joint - model.body_jntadr[body]}"
+    return f"{body_name(model, body)}_joint{joint - model.body_jntadr[body]}"
 
 
 def body_name(model: mujoco.MjModel, body: int) -> str:
@@ -51,7 +50,7 @@ def geom_name(model: mujoco.MjModel, geom: int) -> str:
     """Return the name of a geom with its body, or of its body if it has none."""
     if geom < 0:
         return "a flexible body"
-    body = model.body(model.geom_bodyid[geom]).name
+    body = body_name(model, model.geom_bodyid[geom])
     name = model.geom(geom).name
     return f"geom {name!r} of body {body!r}" if name else f"a geom of body {body!r}"
 

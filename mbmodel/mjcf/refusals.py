@@ -122,7 +122,7 @@ def active_constraint(model: mujoco.MjModel, data: mujoco.MjData) -> str | None:
 
     Args:
         model: the compiled model.
-        data: after ``mj_forward`` at the state to check.
+        data: after ``compute_forces`` at the state to check.
     """
     for contact in data.contact:
         if not contact.exclude:

@@ -118,9 +118,11 @@ def _parse(path: Path, parent: Path | None = None) -> ElementTree.Element:
         parent: the file that includes it, for messages.
     """
     if not path.is_file():
-        if parent is not None:
-            raise InputError(f"{parent}: the file {path}, which it names, does not exist: add it")
         state = "is a folder" if path.is_dir() else "does not exist"
+        if parent is not None:
+            raise InputError(
+                f"{parent}: the file {path}, which it names, {state}: add the file, or correct its name"
+            )
         raise InputError(f"{path} {state}: give the path of an MJCF file")
     try:
         content = path.read_bytes()

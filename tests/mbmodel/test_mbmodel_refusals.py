@@ -183,3 +183,10 @@ def test_a_block_that_rests_on_its_contacts_is_told_of_them(from_text):
     block = '<body name="block" pos="0 0 0.099"><freejoint name="f"/>' + BOX + "</body>"
     with pytest.raises((InputError, ConvergenceError), match="contact between"):
         from_text(mjcf(FLOOR + block, gravity="0 0 -9.81"))
+
+
+def test_thousands_of_contacts_are_told_by_one(from_text):
+    # MuJoCo's solver of constraints has no memory for them and would stop the program.
+    chain = '<body><joint type="slide" stiffness="1e5"/><geom size="0.1"/>'
+    with pytest.raises(InputError, match="contact between a geom of body 'body1'"):
+        from_text(mjcf(chain * 100 + "</body>" * 100))
