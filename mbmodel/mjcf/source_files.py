@@ -121,7 +121,7 @@ def _parse(path: Path, parent: Path | None = None) -> ElementTree.Element:
         state = "is a folder" if path.is_dir() else "does not exist"
         if parent is not None:
             raise InputError(
-                f"{parent}: the file {path}, which it names, {state}: add the file, or correct its name"
+                f"{parent}: the file {path}, which it names, {state}: add it, or correct the name"
             )
         raise InputError(f"{path} {state}: give the path of an MJCF file")
     try:
