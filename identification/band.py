@@ -8,6 +8,9 @@ of the nearest as of all 31, and the last line only with a quarter of those befo
 Coherence can be low although the FRFs are good: hits that differ lower it, and so does an export on
 another scale. The scatter of the FRFs from line to line then contradicts it. Where smooth FRFs
 continue a band for a tenth of its lines or more, the band contains them, and a remark says so.
+
+On a machine that moves along few axes most channels of triaxial sensors read noise alone. Where the
+median over all channels gives no band, that over the coherent channels does, with a remark.
 """
 
 from dataclasses import dataclass, replace
@@ -22,6 +25,8 @@ _MIN_BAND_COHERENCE = 0.5  # median over channels at the first and the last line
 # Lines inwards from an end of the band that are examined: at most 31, and a share of all lines.
 _MAX_EDGE_LINES, _EDGE_LINE_SHARE = 31, 25
 _MIN_COHERENT_SHARE = 0.25  # of the lines examined
+# Coherent lines of a channel that reads more than noise; noise of three hits has a quarter.
+_MIN_ALIVE_SHARE = 1 / 3
 # Standard deviation of a line from its neighbours over |H|, below which FRFs are smooth; noise
 # alone gives 1, and a coherence of 0.5 over 10 averages 1/3.
 _MAX_SMOOTH_SCATTER = 1 / 6
@@ -106,7 +111,7 @@ def _choose_band(campaign: Campaign, band: tuple[float, float] | None, source: P
         if not lines.any():
             raise InputError(f"{name}: there is no line above 0 Hz: export the FRFs again")
         return Band(lines)
-    coherence = _median_coherence(known, len(freq))
+    coherence, channels = _median_coherence(known, below)
     coherent = _between_ends((coherence > _MIN_BAND_COHERENCE) & below)
     extended = _between_ends(((coherence > _MIN_BAND_COHERENCE) | _smooth_lines(known)) & below)
     if not extended.any():
@@ -116,7 +121,7 @@ def _choose_band(campaign: Campaign, band: tuple[float, float] | None, source: P
         )
     added = extended & ~coherent
     if added.sum() < _MIN_SMOOTH_SHARE * max(coherent.sum(), 1) and coherent.any():
-        return Band(coherent)
+        return Band(coherent, channels)
     low, high = freq[np.flatnonzero(added)[[0, -1]]]
     remark = (
         f"from {low:.4g} to {high:.4g} Hz the median coherence is "
@@ -126,11 +131,26 @@ def _choose_band(campaign: Campaign, band: tuple[float, float] | None, source: P
     return Band(extended, remark)
 
 
-def _median_coherence(tests: list[Test], n_freq: int) -> Real:
-    """Return the median coherence over all channels of the tests; (n_freq,)."""
+def _median_coherence(tests: list[Test], below: Mask) -> tuple[Real, str]:
+    """Return the median coherence over channels of the tests; (n_freq,), and a remark or nothing.
+
+    On a machine that moves along few axes most channels of triaxial sensors read noise alone. If
+    their median then exceeds the least coherence on no line ``below`` the highest frequency, it is
+    that of the channels which exceed it on a third of the lines.
+    """
     coherences = [test.estimate.coherence for test in tests]
-    known = [c.reshape(n_freq, -1) for c in coherences if c is not None]
-    return np.asarray(np.median(np.hstack(known), axis=1), np.float64)
+    known = np.hstack([c.reshape(len(below), -1) for c in coherences if c is not None])
+    median = np.asarray(np.median(known, axis=1), np.float64)
+    if _between_ends((median > _MIN_BAND_COHERENCE) & below).any():
+        return median, ""
+    alive = (known[below] > _MIN_BAND_COHERENCE).mean(axis=0) >= _MIN_ALIVE_SHARE
+    if not alive.any():
+        return median, ""
+    remark = (
+        f"only {alive.sum()} of {len(alive)} channels are coherent: the band is that of their "
+        "median coherence; check that the others lie across the motion"
+    )
+    return np.asarray(np.median(known[:, alive], axis=1), np.float64), remark
 
 
 def _between_ends(good: Mask) -> Mask:

@@ -82,8 +82,10 @@ def _refuse_wrong_exports(source: Path, model: Model, campaign: Campaign) -> Cam
     """Return the campaign with remarks on files that differ from the nominal model as a whole.
 
     Raises:
-        InputError: a wrong unit, quantity or frequency unit is certain.
+        InputError: a wrong unit, quantity or frequency unit is certain, and campaign.toml does not
+            say ``as_stated``.
     """
+    entries = read_settings(source)[1].test
     stated = {
         entry.file: StatedExport(
             campaign.tests[0].estimate.frf.quantity,
@@ -94,13 +96,17 @@ def _refuse_wrong_exports(source: Path, model: Model, campaign: Campaign) -> Cam
             entry.frequency_unit,
             has_labels=is_universal(Path(entry.file)),
         )
-        for entry in read_settings(source)[1].test
+        for entry in entries
     }
     known = leave_out_unknown_gains(campaign)
     findings = [] if known is None else compare_with_model(model, known, stated)
+    trusted = {entry.file for entry in entries if entry.as_stated}
     for finding in findings:
-        if finding.is_certain:
-            raise InputError(f"{source}: {finding.sentence}")
+        if finding.is_certain and finding.file not in trusted:
+            raise InputError(
+                f"{source}: {finding.sentence}; if file and campaign.toml are right, set "
+                "as_stated = true there"
+            )
     return replace(
         campaign, remarks=(*campaign.remarks, *(finding.sentence for finding in findings))
     )

@@ -7,10 +7,12 @@ real function of ``s``. The power share over lines,
 
     sum c |c| / sum c^2,    c = Re Y / |Y|,
 
-is then 1, or -1 if the sign of sensor or hammer is reversed. Lines away from resonances hardly
-count: motion and force are almost in quadrature there, and a small error changes the sign. Only
-lines with an FRF five standard deviations above its noise count, and for time records only those
-below 0.8 of half the sampling rate.
+is then 1, or -1 if the sign of sensor or hammer is reversed. Only lines with an FRF five standard
+deviations above its noise count, and for time records only those below 0.8 of half the sampling
+rate. Away from resonances motion and force are almost in quadrature, and a small error changes the
+sign of Re Y. Lines whose power is within three standard deviations of its noise, or no more than a
+small phase error of a channel gives, therefore do not count; below or above all modes of a machine
+there may be no others.
 """
 
 from dataclasses import dataclass, replace
@@ -38,6 +40,8 @@ _MIN_PASSIVE_SHARE = 0.8  # power share below which another reason is sought
 _MIN_STAND_IN_SHARE = 0.95  # power share of another channel that may be the drive point
 _MIN_AXIS_COSINE = 0.9  # of two axes that are meant to coincide
 _MIN_SIGN_LINES = 8  # lines for a power share
+_MIN_POWER_TO_DEVIATION = 3.0  # |Re Y| over its standard deviation, for a line with a sign
+_MIN_POWER_FACTOR = 0.1  # |Re Y| / |Y| of such a line: channels agree in phase within 6 degrees
 
 
 @dataclass(frozen=True)
@@ -134,11 +138,13 @@ def _find_stand_in(campaign: Campaign, test: Test, output: Dof) -> Dof | None:
 
 
 def _power_share(test: Test, row: int) -> float | None:
-    """Return the power share of a channel, or None if too few lines are above the noise."""
-    mobility = _mobility(test, row).values
-    if len(mobility) < _MIN_SIGN_LINES or not mobility.real.any():
-        return None
-    return power_share(mobility)
+    """Return the power share of a channel, or None if too few lines have a clear power."""
+    point = _mobility(test, row)
+    clear = np.maximum(
+        _MIN_POWER_TO_DEVIATION * point.deviation, _MIN_POWER_FACTOR * np.abs(point.values)
+    )
+    mobility = point.values[np.abs(point.values.real) > clear]
+    return power_share(mobility) if len(mobility) >= _MIN_SIGN_LINES else None
 
 
 def _explain(test: Test, row: int, sign: float) -> str | None:
@@ -176,5 +182,7 @@ def _mobility(test: Test, row: int) -> DrivePointMobility:
         good &= freq < test.hits.usable_limit_hz
     decay = 1.0 / estimate.window_tau if estimate.window_tau else 0.0
     laplace = np.asarray(decay + 2j * np.pi * freq[good], np.complex128)
-    mobility = np.asarray(values[good] * laplace ** (1 - DERIVATIVE_ORDER[quantity]), np.complex128)
-    return DrivePointMobility(freq[good], laplace, mobility, quantity)
+    factor = laplace ** (1 - DERIVATIVE_ORDER[quantity])
+    mobility = np.asarray(values[good] * factor, np.complex128)
+    deviation = np.sqrt(variance[good] / 2) * np.abs(factor)  # variance: real plus imaginary part
+    return DrivePointMobility(freq[good], laplace, mobility, quantity, deviation)

@@ -35,12 +35,14 @@ class DrivePointMobility:
         laplace: s of each line [rad/s]; (n_line,).
         values: mobility according to the stated quantity, along the hammer; (n_line,).
         quantity: stated quantity.
+        deviation: standard deviation of the real part; (n_line,).
     """
 
     freq_hz: Real
     laplace: Complex
     values: Complex
     quantity: Quantity
+    deviation: Real
 
     def as_if(self, quantity: Quantity) -> Complex:
         """Return the mobility if the file held another quantity; (n_line,)."""

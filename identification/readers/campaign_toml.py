@@ -25,6 +25,9 @@ class TestSettings(TomlTable):
     carry already. ``estimator`` is H1 by default; ``reject = false``
     keeps bad hits. Block, pre-trigger and exponential window of one file hold for all files of
     the campaign.
+
+    ``as_stated = true`` says that unit, quantity and frequency unit are right, however much the
+    nominal model differs.
     """
 
     __test__ = False
@@ -42,6 +45,7 @@ class TestSettings(TomlTable):
     unit: str | None = None
     time_sign: Literal["+", "-"] = "+"
     frequency_unit: Literal["Hz", "rad/s", "rpm", "kHz"] | None = None
+    as_stated: bool = False
     block_s: float | None = Field(default=None, gt=0)
     pretrigger_s: float | None = Field(default=None, ge=0)
     force_window_s: float | None = Field(default=None, ge=0)

@@ -108,3 +108,19 @@ def test_noise_has_no_direction_of_time(read):
     random = np.random.default_rng(3)
     noise = random.normal(size=(2, len(FREQ), SITES))
     read(noise[0] + 1j * noise[1])
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("scale", [8.0, 1 / 90.0])  # modes above the band, or below it
+@pytest.mark.parametrize("noise", [0.0, 0.03, 0.1])
+@pytest.mark.parametrize("quantity", ORDERS)
+def test_away_from_all_modes_noise_is_no_sign(read, seed, scale, noise, quantity):
+    random = np.random.default_rng(seed)
+    shapes = random.normal(size=(4, SITES))
+    omega = 2 * np.pi * MODES_HZ * scale
+    poles = omega**2 + LAPLACE[:, None] ** 2 + 2 * DAMPING * omega * LAPLACE[:, None]
+    frf = np.einsum("ri,r,lr->li", shapes, shapes[:, 0], LAPLACE[:, None] ** 2 / poles)
+    error = random.normal(size=(2, *frf.shape)) * noise * np.median(np.abs(frf), axis=0)
+    frf = (frf + error[0] + 1j * error[1]) * LAPLACE[:, None] ** (ORDERS[quantity] - 2)
+    remarks = read(frf, f'quantity = "{quantity}"\n').remarks
+    assert not [remark for remark in remarks if "drive point" in remark]

@@ -182,6 +182,26 @@ def test_a_campaign_is_refused_before_any_fit_and_the_key_mends_it(folder, key):
     np.testing.assert_allclose(mended.campaign.freq_hz, right.campaign.freq_hz, rtol=1e-12)
 
 
+@pytest.mark.parametrize("key", FAULTS)
+def test_a_file_that_is_as_stated_is_questioned_but_not_refused(folder, key):
+    session = open_session(folder(FAULTS[key], "as_stated = true\n"))
+    assert any(f"set {key} in its [[test]]" in remark for remark in session.campaign.remarks)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_less_than_an_octave_holds_too_little_for_a_refusal_by_one_unit(random_case, seed):
+    model, campaign = random_case(seed)
+    narrow = as_exported(campaign, 4.44822).select_lines(slice(60, 100))  # 62..101 Hz
+    assert not any(finding.is_certain for finding in compare(model, narrow))
+    (finding,) = compare(model, as_exported(campaign, 1e3).select_lines(slice(60, 100)))
+    assert finding.is_certain
+
+
+def test_lines_beyond_any_frequency_in_another_unit_are_no_error(random_case):
+    model, campaign = random_case(3)
+    assert compare(model, as_exported(campaign, axis=1e3)) != []  # 242 kHz, or 242 MHz if in kHz
+
+
 def test_units_of_a_quantity_tell_the_quantity(folder):
     receptance = FAULTS['quantity = "receptance"']
     session = open_session(folder(receptance, 'unit = "m/N"\n'))
