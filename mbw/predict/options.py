@@ -8,6 +8,9 @@ import typer
 from mbw.loader import run_verb
 from mbw.options import Json, Overwrite, Pictures, Quiet, SingleJob, out_option
 
+# Frequency lines of FRFs: at 200 Hz one every 0.2 mHz, and a few hundred MB for each FRF.
+MAX_FREQUENCY_LINES = 1_000_000
+
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
 
@@ -35,7 +38,10 @@ def predict(  # noqa: PLR0913  # one for each option
         tuple[float, float] | None,
         typer.Option(metavar="LOW HIGH", help="Frequency band [Hz]; default: 0 to 200 Hz."),
     ] = None,
-    lines: Annotated[int, typer.Option(min=2, help="Number of frequency lines of the FRFs.")] = 801,
+    lines: Annotated[
+        int,
+        typer.Option(min=2, max=MAX_FREQUENCY_LINES, help="Number of frequency lines of the FRFs."),
+    ] = 801,
     statespace: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write A, B, C, D and names as .npz or .mat."),

@@ -170,10 +170,12 @@ def run(  # noqa: PLR0913  # one for each option
 
 
 def _open_checkpoint(folder: Path, key: str, *, resume: bool) -> Checkpoint:
-    """Open the checkpoint of a run; say so where an interrupted run is not continued."""
+    """Open the checkpoint of a run; say so where it is not used, and where there is none."""
     file = folder / CHECKPOINT_FILE
     if file.is_file() and not resume:
         SCREEN.say(f"{file} of an interrupted run is not used: --resume would continue from it")
+    if resume and not file.exists():
+        SCREEN.say(f"{folder} holds no interrupted run to resume: the tuning starts anew")
     return Checkpoint(file, key, resume=resume)
 
 

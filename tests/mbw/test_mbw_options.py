@@ -105,3 +105,10 @@ def test_places_go_into_a_folder_or_a_file(tmp_path):
     assert CliRunner().invoke(app, [*words, str(tmp_path / "folder")]).exit_code == 0
     assert CliRunner().invoke(app, [*words, str(tmp_path / "mine.csv")]).exit_code == 0
     assert (tmp_path / "folder" / "sites.csv").read_bytes() == (tmp_path / "mine.csv").read_bytes()
+
+
+def test_more_frequency_lines_than_memory_holds_are_refused(tmp_path):
+    (tmp_path / "model.xml").write_text(MJCF)
+    run = CliRunner().invoke(app, ["predict", str(tmp_path / "model.xml"), "--lines", "1000000000"])
+    assert run.exit_code == 2
+    assert "--lines" in run.stderr

@@ -50,3 +50,12 @@ def test_a_broken_checkpoint_is_refused_by_name(campaign, tmp_path):
     run = CliRunner().invoke(app, ["tune", str(campaign), "--out", str(tmp_path), "--resume"])
     assert run.exit_code == 3
     assert "start again without --resume" in " ".join(run.stderr.split())
+
+
+def test_resuming_without_an_interrupted_run_is_told(campaign, tmp_path):
+    nowhere = ["--from-modes", str(tmp_path / "nowhere")]  # ends the run before the fit
+    run = CliRunner().invoke(
+        app, ["tune", str(campaign), "--out", str(tmp_path / "new"), "--resume", *nowhere]
+    )
+    assert run.exit_code == 3
+    assert "holds no interrupted run to resume" in " ".join(run.stderr.split())
