@@ -6,7 +6,8 @@ negative at resonances. With the right quantity, sign and time, Y has a power sh
 Direction and a quantity wrong by two orders give the same phase. Foster's reactance theorem tells
 them apart: away from resonances, where Y is nearly imaginary, d ln|Y| / d ln w is at least 1 where
 the point is a spring (Im Y > 0) and at most -1 where it is a mass (Im Y < 0). For Y times w^2 or
-w^-2 this fails on one side of each resonance.
+w^-2 this fails on one side of each resonance. It tells conjugated FRFs too, which read as -Y* if
+they are accelerances or receptances: their power is negative, but their reactance is right.
 """
 
 from dataclasses import dataclass
@@ -66,6 +67,11 @@ def explain_negative_power(point: DrivePointMobility, place: str) -> str | None:
     """
     share = power_share(point.values)
     quantity, excludes_reversal = _find_quantity(point, abs(share))
+    if _is_conjugated(point, share, quantity):
+        return (
+            f"{place} has the power of a reversed hammer but the reactance of a right one, as FRFs "
+            'of the other time convention have: set time_sign = "-" in its [[test]], or remove it'
+        )
     if quantity is not None and excludes_reversal:
         return (
             f"{place} behaves as {quantity}, not {point.quantity}: set "
@@ -84,6 +90,17 @@ def explain_negative_power(point: DrivePointMobility, place: str) -> str | None:
         f"at {place} the motion {late} the force by {1e3 * abs(delay_s):.2g} ms: a delay between "
         "their channels, not an opposite sign; remove it in the export"
     )
+
+
+def _is_conjugated(point: DrivePointMobility, share: float, quantity: Quantity | None) -> bool:
+    """Return whether conjugated FRFs obey Foster's theorem, and no other reason does as well."""
+    if share > -_MIN_EXPLAINED_SHARE:
+        return False
+    rivals = [_foster_violation(point, -point.values)]
+    if quantity is not None:
+        rivals.append(_foster_violation(point, point.as_if(quantity)))
+    violation = _foster_violation(point, -point.values.conj())
+    return violation < min(rivals) - _MIN_VIOLATION_DIFFERENCE
 
 
 def _find_quantity(point: DrivePointMobility, share: float) -> tuple[Quantity | None, bool]:

@@ -27,10 +27,12 @@ def receptance(seed):
 def read(tmp_path):
     """Return a function that writes FRFs with noise as a campaign and reads it."""
 
-    def build(frf, stated=""):
+    def build(frf, stated="", freq_hz=FREQ):
         random = np.random.default_rng(0)
         noise = random.normal(size=(2, *frf.shape)) * 0.003 * np.abs(frf).mean(axis=0)
-        np.savez(tmp_path / "t.npz", frf=(frf + noise[0] + 1j * noise[1])[:, :, None], freq_hz=FREQ)
+        np.savez(
+            tmp_path / "t.npz", frf=(frf + noise[0] + 1j * noise[1])[:, :, None], freq_hz=freq_hz
+        )
         layout = "".join(
             f"[site.acc{k}]\nposition = [{0.1 * k}, {0.03 * k**2}, 0]\n"
             for k in range(1, SITES + 1)
@@ -124,3 +126,16 @@ def test_away_from_all_modes_noise_is_no_sign(read, seed, scale, noise, quantity
     frf = (frf + error[0] + 1j * error[1]) * LAPLACE[:, None] ** (ORDERS[quantity] - 2)
     remarks = read(frf, f'quantity = "{quantity}"\n').remarks
     assert not [remark for remark in remarks if "drive point" in remark]
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("quantity", ["receptance", "accelerance"])
+def test_conjugated_frfs_of_uneven_lines_are_told_at_the_drive_point(read, seed, quantity):
+    # Without an even axis there is no impulse response: the drive point alone can tell.
+    random = np.random.default_rng(seed)
+    frf = receptance(seed) * LAPLACE[:, None] ** ORDERS[quantity]
+    lines = np.sort(random.choice(len(FREQ), len(FREQ) * 3 // 4, replace=False))
+    (remark,) = read(frf[lines].conj(), f'quantity = "{quantity}"\n', FREQ[lines]).remarks
+    assert 'set time_sign = "-" in its [[test]]' in remark
+    (remark,) = read(-frf[lines], f'quantity = "{quantity}"\n', FREQ[lines]).remarks
+    assert "reads with the opposite sign" in remark
