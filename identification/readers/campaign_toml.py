@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -136,12 +136,7 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
             f"{path} is a campaign of impacts without measured force, which mbw match reads: "
             "for FRFs write [[test]] blocks with files of force and response"
         )
-    hammers = content.get("hammer")
-    if isinstance(hammers, dict) and not all(isinstance(v, dict) for v in hammers.values()):
-        raise InputError(
-            f"{path}: keys stand under [hammer], which needs a name: write [hammer.<name>], or "
-            f"[hammer.{DEFAULT_HAMMER}] for the tests that name none"
-        )
+    _refuse_wrong_brackets(path, content)
     settings = read_toml(path, CampaignSettings)
     _refuse_unnamed_hammers(path, settings)
     files = [os.path.realpath(path.parent / test.file) for test in settings.test]
@@ -158,7 +153,26 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
         raise InputError(
             f"{path} must name either a model or a layout: add one, or remove one of both"
         )
+    if settings.key is not None and settings.layout is not None:
+        raise InputError(
+            f"{path}: key = {settings.key!r} names a keyframe, which a layout does not have: "
+            "remove it, or name a model"
+        )
     return path, settings
+
+
+def _refuse_wrong_brackets(path: Path, content: dict[str, Any]) -> None:
+    """Raise InputError for ``[test]`` instead of ``[[test]]``, and for ``[hammer]`` without name."""
+    if isinstance(content.get("test"), dict):
+        raise InputError(
+            f"{path}: [test] is one table, but tests form a list: write [[test]], in two brackets"
+        )
+    hammers = content.get("hammer")
+    if isinstance(hammers, dict) and not all(isinstance(v, dict) for v in hammers.values()):
+        raise InputError(
+            f"{path}: keys stand under [hammer], which needs a name: write [hammer.<name>], or "
+            f"[hammer.{DEFAULT_HAMMER}] for the tests that name none"
+        )
 
 
 def _refuse_unnamed_hammers(path: Path, settings: CampaignSettings) -> None:

@@ -89,4 +89,6 @@ def _describe_first_error(error: ValidationError) -> str:
         return f"unknown key {where}: correct its spelling or remove it"
     if fault["type"] == "missing":
         return f"key {where} is missing: add it"
+    if fault["type"] in ("model_type", "dict_type"):  # pydantic names the class there
+        return f"{where} = {fault['input']!r}: Input should be a table"
     return f"{where} = {fault['input']!r}: {fault['msg'].removeprefix('Value error, ')}"

@@ -266,5 +266,20 @@ def test_exactly_one_of_model_and_layout_is_asked_for(refusal, head):
     assert "must name either a model or a layout" in refusal(head + '[[test]]\nfile = "a.uff"\n')
 
 
+def test_a_keyframe_needs_a_model(refusal):
+    text = 'layout = "l.toml"\nkey = "home"\n[[test]]\nfile = "a.uff"\n'
+    assert "key = 'home' names a keyframe" in refusal(text)
+
+
+def test_a_test_in_one_bracket_is_told_of_two(refusal):
+    assert "write [[test]], in two brackets" in refusal(HEAD + '[test]\nfile = "a.uff"\n')
+
+
+def test_a_value_instead_of_a_table_is_refused_without_names_of_classes(refusal):
+    message = refusal(HEAD + "test = [1]\n")
+    assert "test.1 = 1: Input should be a table" in message
+    assert "Settings" not in message
+
+
 def test_an_empty_file_is_refused(refusal):
     assert "missing" in refusal("")
