@@ -162,7 +162,7 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
 
 
 def _refuse_wrong_brackets(path: Path, content: dict[str, Any]) -> None:
-    """Raise InputError for ``[test]`` instead of ``[[test]]``, and for ``[hammer]`` without name."""
+    """Raise InputError for ``[test]`` instead of ``[[test]]``, and for a nameless ``[hammer]``."""
     if isinstance(content.get("test"), dict):
         raise InputError(
             f"{path}: [test] is one table, but tests form a list: write [[test]], in two brackets"

@@ -60,7 +60,7 @@ def load_toml(path: Path) -> dict[str, object]:
     except RecursionError as error:
         raise InputError(f"{path} is nested too deeply: write plain tables and lists") from error
     except ValueError as error:  # Python reads integers of at most 4300 digits
-        raise InputError(f"{path}: {error}: give a shorter number") from error
+        raise InputError(f"{path} holds an integer of thousands of digits: correct it") from error
     return content
 
 

@@ -64,6 +64,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         unit = "mm/s/N"
         time_sign = "-"
         frequency_unit = "rad/s"
+        as_stated = true
         block_s = 2.5
         pretrigger_s = 0.0625
         force_window_s = 0.03
@@ -108,6 +109,7 @@ def test_every_key_of_the_contract_is_taken(settings_of):
     assert first.model_dump() == {
         "file": "b.mat",
         "averages": 7,
+        "as_stated": True,
         "level": 150.0,
         "hammer": "small",
         "spindle_speed": 3.5,
