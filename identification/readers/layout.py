@@ -66,6 +66,12 @@ def _from_toml(path: Path) -> Layout:
     """Read a layout.toml."""
     file = read_toml(path, _LayoutFile)
     bodies = tuple(file.body) or (_DEFAULT_BODY,)
+    for name in (*bodies, *file.site):
+        if not name or ":" in name:
+            raise InputError(
+                f"{path}: {name!r} is no name of a body or site, because labels such as acc1:+tx "
+                "use the colon to separate point and direction: rename it"
+            )
     body_of = []
     for name, site in file.site.items():
         body = site.body or (bodies[0] if len(bodies) == 1 else None)

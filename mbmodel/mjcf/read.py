@@ -9,7 +9,7 @@ import mujoco
 from identification.words import InputError
 from mbmodel.meshes.compile import compile_with_meshes
 from mbmodel.mjcf.refusals import refuse_unlinearisable
-from mbmodel.mjcf.source_files import SourceFile, named_files, read_source_files
+from mbmodel.mjcf.source_files import named_files, read_source_files
 
 # Words of MuJoCo's own message, recognised to give a remedy.
 _MUJOCO_MASSLESS_MESSAGE = "mass and inertia of moving bodies must be larger"
@@ -46,8 +46,7 @@ def compile_with_remarks(path: Path) -> tuple[mujoco.MjModel, tuple[str, ...]]:
             or non-finite stiffness or damping, equality constraints, dry friction, ball joints
             with stiffness, or a mesh that gives mass but does not bound a solid.
     """
-    for file in read_source_files(path):
-        _refuse_colons(file)
+    read_source_files(path)  # refuses what MuJoCo would misread
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
@@ -56,6 +55,7 @@ def compile_with_remarks(path: Path) -> tuple[mujoco.MjModel, tuple[str, ...]]:
         raise InputError(_explain(path, str(error))) from error
     model.opt.enableflags &= ~int(_STEPPING_OPTIONS)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    _refuse_colons(path, model)
     refuse_unlinearisable(path, model)
     sentences = dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught)
     return model, tuple(f"MuJoCo warns: {sentence}" for sentence in sentences)
@@ -74,14 +74,16 @@ def mjcf_files(path: Path) -> tuple[Path, ...]:
     return named_files(read_source_files(path))
 
 
-def _refuse_colons(file: SourceFile) -> None:
-    """Refuse names of bodies and sites that no label could hold."""
-    for element in file.root.iter():
-        name = element.get("name", "")
-        if element.tag in ("body", "site") and ":" in name:
+def _refuse_colons(path: Path, model: mujoco.MjModel) -> None:
+    """Refuse names of bodies and sites that no label could hold, with the prefixes of MuJoCo."""
+    elements = [("body", model.body(k).name) for k in range(model.nbody)]
+    elements += [("site", model.site(k).name) for k in range(model.nsite)]
+    for kind, name in elements:
+        if ":" in name:
             raise InputError(
-                f"{file.path}: {element.tag} {name!r} has a colon in its name, but labels such as "
-                "acc1:+tx use the colon to separate point and direction: rename it"
+                f"{path}: {kind} {name!r} has a colon in its name, but labels such as acc1:+tx "
+                "use the colon to separate point and direction: rename it, or the prefix that "
+                "attaches it"
             )
 
 

@@ -99,3 +99,13 @@ def test_a_universal_file_without_nodes_is_refused(tmp_path) -> None:
     path.write_bytes(units(1.0, 1.0))
     with pytest.raises(InputError, match="no nodes"):
         read_layout(path)
+
+
+@pytest.mark.parametrize("name", ["a:3", ""])
+@pytest.mark.parametrize("kind", ["site", "body"])
+def test_a_name_that_no_label_holds_is_refused(read, kind, name) -> None:
+    keys = {"site": "position = [0.0, 0.0, 0.0]", "body": "centre = [0.0, 0.0, 0.0]"}
+    text = f'[{kind}."{name}"]\n{keys[kind]}\n' + ("" if kind == "site" else "[site.acc1]\n")
+    text += "" if kind == "site" else "position = [1.0, 0.0, 0.0]\n"
+    with pytest.raises(InputError, match="is no name of a body or site"):
+        read(text)

@@ -216,3 +216,13 @@ def test_options_that_an_attached_model_loses_are_remarked(tmp_path):
     assert machine.gravity[2] == pytest.approx(-9.81)
     assert any("gravity" in text and "child has 0 0 -3" in text for text in machine.remarks)
     assert machine.layout.sensors == ("acc1", "s_acc7")
+
+
+def test_a_prefix_of_an_attached_model_gives_no_name_with_a_colon(tmp_path):
+    save(tmp_path, GOOD, name="part.xml")
+    asset = '<asset><model name="part" file="part.xml"/></asset>'
+    attach = '<body><attach model="part" body="a" prefix="{}"/></body>'
+    text = f"<mujoco>{asset}<worldbody>{attach}</worldbody></mujoco>"
+    assert load_machine(save(tmp_path, text.format("left_"))).coordinates == ("left_a_j",)
+    with pytest.raises(InputError, match=r"'left:a' has a colon in its name.*prefix"):
+        load_machine(save(tmp_path, text.format("left:")))
