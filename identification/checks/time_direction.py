@@ -2,7 +2,8 @@ r"""Check of the time convention of FRFs: responses must follow the force.
 
 In the convention exp(+i w t) the inverse Fourier transform of an FRF is the response to an impulse:
 it rises at once and decays afterwards. With exp(-i w t) the FRFs are conjugated, time runs
-backwards, and the response grows until it stops. The check compares the energy of all responses of
+backwards, and the response grows until it stops. Magnitudes without phase have no direction of
+time at all, and are refused first. The check compares the energy of all responses of
 a file together before and after their largest energy. A delay only shifts both, and the sign or the
 quantity of a channel does not matter (Bendat and Piersol 2010, ch. 2, on causality).
 """
@@ -54,8 +55,14 @@ def refuse_reversed_time(path: Path, campaign: Campaign, signs: Mapping[str, str
         signs: stated or default ``time_sign`` of each file.
 
     Raises:
-        InputError: the other ``time_sign`` is right.
+        InputError: the other ``time_sign`` is right, or a file holds magnitudes without phase.
     """
+    for test in campaign.tests:
+        if _is_magnitude(test):
+            raise InputError(
+                f"{path}: {test.condition.test}: all FRFs at {test.condition.reference} are real "
+                "and positive, as magnitudes without phase are: export complex FRFs"
+            )
     for direction in time_directions(campaign):
         if direction.is_reversed:
             right = "+" if signs[direction.file] == "-" else "-"
@@ -63,6 +70,13 @@ def refuse_reversed_time(path: Path, campaign: Campaign, signs: Mapping[str, str
                 f"{path}: {direction.file}: responses precede the force, so that its FRFs follow "
                 f'exp({right}i w t): set time_sign = "{right}" in its [[test]]'
             )
+
+
+def _is_magnitude(test: Test) -> bool:
+    """Return whether no FRF of a test has a phase: noise and damping give each value one."""
+    values = test.estimate.frf.values[:, test.estimate.measured[:, 0], 0]
+    is_real = not values.imag.any() and (values.real >= 0).all()
+    return bool(len(values) >= _MIN_EVEN_LINES and values.any() and is_real)
 
 
 def time_directions(campaign: Campaign) -> list[TimeDirection]:

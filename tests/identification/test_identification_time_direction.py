@@ -27,9 +27,10 @@ def receptance(seed):
 def read(tmp_path):
     """Return a function that writes FRFs with noise as a campaign and reads it."""
 
-    def build(frf, stated="", freq_hz=FREQ):
+    def build(frf, stated="", freq_hz=FREQ, noisy=True):
         random = np.random.default_rng(0)
-        noise = random.normal(size=(2, *frf.shape)) * 0.003 * np.abs(frf).mean(axis=0)
+        deviation = 0.003 * noisy * np.abs(frf).mean(axis=0)
+        noise = random.normal(size=(2, *frf.shape)) * deviation
         np.savez(
             tmp_path / "t.npz", frf=(frf + noise[0] + 1j * noise[1])[:, :, None], freq_hz=freq_hz
         )
@@ -139,3 +140,9 @@ def test_conjugated_frfs_of_uneven_lines_are_told_at_the_drive_point(read, seed,
     assert 'set time_sign = "-" in its [[test]]' in remark
     (remark,) = read(-frf[lines], f'quantity = "{quantity}"\n', FREQ[lines]).remarks
     assert "reads with the opposite sign" in remark
+
+
+def test_magnitudes_without_phase_are_refused(read):
+    frf = np.abs(accelerance(1))
+    with pytest.raises(InputError, match=r"t\.npz: .* magnitudes without phase .* export complex"):
+        read(frf, noisy=False)

@@ -173,7 +173,12 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
                 kept_normal, before[False] = None, 0.0
     except KeyboardInterrupt:
         return _minimum(state, value, "interrupted", INTERRUPTED_ADVICE)
-    return _minimum(state, value, "out of evaluations", "allow more evaluations")
+    return _minimum(
+        state,
+        value,
+        "out of evaluations",
+        "fix parameters that the data do not determine, try more starts or more evaluations",
+    )
 
 
 def _advance(

@@ -127,5 +127,8 @@ def _run(solver: nlopt.opt, start: Real, best: _Best) -> tuple[Outcome, str]:
     if failure or not np.isfinite(best.value):
         return "failed", f"the solver stopped ({failure}); try other starts or a narrower band"
     if solver.last_optimize_result() == nlopt.MAXEVAL_REACHED:
-        return "out of evaluations", "allow more evaluations"
+        return (
+            "out of evaluations",
+            "fix parameters that the data do not determine, try more starts or more evaluations",
+        )
     return "converged", ""
