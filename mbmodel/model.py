@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.words import Complex, Condition, Mask, Real, UsageError
+from identification.words import Complex, Condition, Dof, Mask, Real, UsageError
 from mbmodel.linearisation.gravity import gravity_slope, gravity_stiffness
 from mbmodel.machine import Machine
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
@@ -84,6 +84,49 @@ def frequency_dependent_core(change: Change, laplace: Complex) -> Complex:
     return core
 
 
+def output_factor(
+    changes: Sequence[Change], outputs: Sequence[Dof], laplace: Complex
+) -> Complex | None:
+    """Return the factor by which each channel's reading is multiplied, None without a change.
+
+    Args:
+        changes: changes of the slot output.
+        outputs: labels of the channels.
+        laplace: s [rad/s]; (n_freq,).
+
+    Returns:
+        (n_out, n_freq).
+    """
+    if not changes:
+        return None
+    channels: dict[str, list[tuple[int, int]]] = {}
+    for row, dof in enumerate(outputs):
+        channels.setdefault(dof.point, []).append((row, dof.axis))
+    coefficients = np.zeros((len(outputs), 3))
+    shaped: Complex = np.zeros((len(outputs), len(laplace)), np.complex128)
+    for change in changes:
+        if change.point not in channels:
+            continue
+        rows, axes = np.array(channels[change.point]).T
+        if change.shape is None:
+            coefficients[rows] += change.left[axes] @ (change.core @ change.right[0]).T
+        else:
+            core = frequency_dependent_core(change, laplace) @ change.right[0]
+            shaped[rows] += change.left[axes] @ core.T
+    for power in map(int, np.flatnonzero(coefficients.any(axis=0))):
+        shaped += coefficients[:, power, None] * laplace**power
+    return np.asarray(np.exp(shaped), np.complex128)
+
+
+def output_selection(outputs: Sequence[Dof], point: str) -> Real:
+    """Return 1 where a channel reads a direction of a point, whatever its sign; (n_out, 6)."""
+    matrix = np.zeros((len(outputs), 6))
+    for row, dof in zip(matrix, outputs, strict=True):
+        if dof.point == point:
+            row[dof.axis] = 1.0
+    return matrix
+
+
 def input_factor(changes: Sequence[Change], laplace: Complex) -> Complex:
     """Return the factor 1 + sum of changes by which one Part multiplies all inputs; (n_freq,).
 
@@ -110,6 +153,7 @@ class Assembly:
         point_changes: what Parts add at sensors and hammer.
         frequency_dependent: what Parts add to Zb and Zj that is no polynomial in s.
         input_changes: what each Part changes in the factor of the inputs, by the Part's number.
+        output_changes: what Parts add to the logarithm of the readings' factors.
     """
 
     machine: Machine
@@ -119,6 +163,7 @@ class Assembly:
     point_changes: tuple[Change, ...]
     frequency_dependent: tuple[FrequencyDependentTerm, ...] = ()
     input_changes: Mapping[int, tuple[Change, ...]] = field(default_factory=dict)
+    output_changes: tuple[Change, ...] = ()
 
     @cached_property
     def body(self) -> Real:
@@ -240,14 +285,15 @@ class Model:
         """
         machine = self.machine
         context = PartContext(machine, condition)
-        by_slot: dict[str, list[Change]] = {"joint": [], "body": [], "path": [], "point": []}
+        slots = "joint", "body", "path", "output", "point"
+        by_slot: dict[str, list[Change]] = {slot: [] for slot in slots}
         frequency_dependent: list[Change] = []
         input_changes: dict[int, list[Change]] = {}
         for number, values in enumerate(self.split_parameters(theta)):
             for change in self.parts[number].changes(values, context):
                 if change.slot == "input":
                     input_changes.setdefault(number, []).append(change)
-                elif change.shape is not None:
+                elif change.shape is not None and change.slot != "output":
                     frequency_dependent += [change] if change.core.any() else []
                 else:
                     by_slot[change.slot if change.slot in by_slot else "point"].append(change)
@@ -263,6 +309,7 @@ class Model:
             tuple(by_slot["point"]),
             tuple(_frequency_dependent_term(change, jacobian) for change in frequency_dependent),
             {number: tuple(changes) for number, changes in input_changes.items()},
+            tuple(by_slot["output"]),
         )
 
     def _kinematics_and_coefficients(

@@ -1,5 +1,6 @@
 """Remarks on a tuning that qualify its figures, for the terminal and for the page."""
 
+import re
 from collections.abc import Sequence
 
 from mbw.gain_text import gain_sentence
@@ -7,6 +8,14 @@ from tuning import TunedFile
 from tuning.files.result import TUNED_JSON
 from tuning.parametrisation.parametrisation import TOLERANCE_BOUND_SIGMA
 
+# What instruments have and an MJCF has not: how a sentence calls it, parts of parameters' names
+# that mark it, and the instrument.
+_ELECTRIC = (
+    ("gains", r"\.(gain|cross)_", "sensor"),
+    ("delays", r"\.delay_", "sensor"),
+    ("gain", r"\)\.gain", "force channel"),
+    ("delay", r"\)\.delay", "force channel"),
+)
 _MAX_LISTED_NAMES = 4  # entries of a list that a sentence names; more would hide the sentence
 
 
@@ -62,14 +71,13 @@ def describe_not_in_mjcf(names: Sequence[str], list_file: str) -> str:
     Returns:
         The sentence; empty if the MJCF holds everything.
     """
-    gains = {name.split(".gain_")[0] for name in names if ".gain_" in name}
-    hammers = [name for name in names if name.startswith("hammer(") and ").gain" in name]
-    hits = {
-        name.split(")")[0] for name in names if name.startswith("hammer(") and name not in hammers
-    }
-    rest = [name for name in names if ".gain_" not in name and not name.startswith("hammer(")]
-    parts = [f"gains of {_count(len(gains), 'sensor')}"] if gains else []
-    parts += [f"gain of {_count(len(hammers), 'force channel')}"] if hammers else []
+    parts, rest = [], list(names)
+    for what, pattern, thing in _ELECTRIC:
+        things = {re.split(pattern, name)[0] for name in rest if re.search(pattern, name)}
+        rest = [name for name in rest if not re.search(pattern, name)]
+        parts += [f"{what} of {_count(len(things), thing)}"] if things else []
+    hits = {name.split(")")[0] for name in rest if name.startswith("hammer(")}
+    rest = [name for name in rest if not name.startswith("hammer(")]
     parts += [f"place and direction of {_count(len(hits), 'hit')}"] if hits else []
     by_reason: dict[str, list[str]] = {}
     for name in rest:

@@ -26,6 +26,7 @@ from mbmodel import (
     sensor_parts,
     spring_parts,
 )
+from mbmodel.parts import ToleranceKind
 from tuning.checks.data_against_model import compare_with_model
 from tuning.checks.export_faults import StatedExport
 from tuning.parametrisation.parametrisation import Parametrisation
@@ -127,8 +128,8 @@ def _read_specification(path: Path) -> UserSpecification:
 def build_toleranced_model(machine: Machine, campaign: Campaign) -> Model:
     """Return the model with everything that can vary as Parts.
 
-    The Parts are springs, bodies, joints, sensors, and each direction of the hammer. Sensors that
-    no test reads are left out.
+    The Parts are springs, bodies, joints, sensors, each direction of the hammer, and each force
+    channel or drive. Sensors that no test reads are left out.
 
     Args:
         machine: the nominal machine.
@@ -136,9 +137,6 @@ def build_toleranced_model(machine: Machine, campaign: Campaign) -> Model:
     """
     read_points = {dof.point for test in campaign.tests for dof in test.estimate.frf.outputs}
     unknown = campaign.unknown_gains
-    hammers = [
-        gain.location.removeprefix("hammer:") for gain in unknown.nominal if gain.direction is None
-    ]
     return Model(
         machine,
         (
@@ -151,9 +149,25 @@ def build_toleranced_model(machine: Machine, campaign: Campaign) -> Model:
                 if part.point.name in read_points
             ),
             *hammer_parts(machine, _forces_at_points(machine, campaign)),
-            *hammer_gain_parts(hammers, "unknown_gain"),
+            *_force_channel_parts(campaign),
         ),
     )
+
+
+def _force_channel_parts(campaign: Campaign) -> tuple[HammerGainPart, ...]:
+    """Return the gain and delay of each hammer and drive.
+
+    Where only products of gains are seen, one hammer has the gain 1 by definition.
+    """
+    unknown = campaign.unknown_gains
+    with_nominal = {
+        gain.location.removeprefix("hammer:") for gain in unknown.nominal if gain.direction is None
+    }
+    parts: list[HammerGainPart] = []
+    for name in dict.fromkeys(test.condition.instrument for test in campaign.tests):
+        known: ToleranceKind = "exactly" if name in unknown.hammers else "hammer_gain"
+        parts += hammer_gain_parts([name], "unknown_gain" if name in with_nominal else known)
+    return tuple(parts)
 
 
 def _forces_at_points(machine: Machine, campaign: Campaign) -> tuple[Dof, ...]:

@@ -251,12 +251,15 @@ def _unfit(change: Change, lead: tuple[int, ...], machine: Machine, laplace: Com
         "sensor": (6, bodies),
         "hammer": (6, bodies),
         "input": (1, 1),
+        "output": (6, 1),
     }
-    is_known = change.slot not in ("sensor", "hammer") or change.point in machine.layout.points
+    is_known = (
+        change.slot not in ("sensor", "hammer", "output") or change.point in machine.layout.points
+    )
     if change.slot not in sizes or not is_known:
         return (
             f"the slot is {change.slot!r} and the point {change.point!r}: say one of "
-            f"{', '.join(sizes)}, of a sensor or hammer with a point of the machine"
+            f"{', '.join(sizes)}, of a sensor, hammer or output with a point of the machine"
         )
     left, right, core = (
         np.asarray(each, float) for each in (change.left, change.right, change.core)

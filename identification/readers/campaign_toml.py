@@ -8,7 +8,7 @@ from pydantic import Field
 
 from identification.readers.ignored_lines import FrequencyRange
 from identification.readers.toml_files import FileName, TomlTable, load_toml, read_toml
-from identification.words import DEFAULT_HAMMER, Estimator, InputError, Quantity
+from identification.words import DEFAULT_HAMMER, Estimator, InputError, Quantity, Tolerance
 from identification.words.file_access import check_file
 
 _MAX_TURN_RAD = 6.3  # just above a full turn: larger values are degrees by mistake
@@ -83,8 +83,12 @@ class ToleranceSettings(TomlTable):
     sensor_gain: float = Field(default=0.01, ge=0)
     sensor_angle: float = Field(default=0.01745, ge=0)
     sensor_position: float = Field(default=0.0015, ge=0)
+    sensor_delay: float = Field(default=Tolerance.sensor_delay, ge=0)
+    sensor_cross: float = Field(default=Tolerance.sensor_cross, ge=0)
     hammer_angle: float = Field(default=0.01745, ge=0)
     hammer_position: float = Field(default=0.003, ge=0)
+    hammer_gain: float = Field(default=Tolerance.hammer_gain, ge=0)
+    hammer_delay: float = Field(default=Tolerance.hammer_delay, ge=0)
 
 
 class TuningSettings(TomlTable):

@@ -97,9 +97,13 @@ class Tolerance:
     """Standard deviations of the real machine about its drawings.
 
     Args:
-        mass, inertia, sensor_gain: relative standard deviations.
+        mass, inertia, sensor_gain, hammer_gain: relative standard deviations.
         com, joint_position, sensor_position, hammer_position: standard deviations [m].
         sensor_angle, hammer_angle: standard deviations about each axis [rad].
+        sensor_delay, hammer_delay: standard deviations of each channel's delay and of the force
+            channel's [s].
+        sensor_cross: standard deviation of the symmetric part of the transverse sensitivity; the
+            antisymmetric part is a rotation, which ``sensor_angle`` holds.
 
     Raises:
         ValueError: a value is negative or not finite.
@@ -114,6 +118,10 @@ class Tolerance:
     sensor_position: float = 0.0015
     hammer_angle: float = 0.01745
     hammer_position: float = 0.003
+    sensor_delay: float = 0.0
+    sensor_cross: float = 0.0
+    hammer_gain: float = 0.0
+    hammer_delay: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -5,6 +5,7 @@ With x = s^q Z^-1 F and b = T x + U s^(q - 2), the motion of the bodies, a small
     dH = dL b + L dT x                                         sensors, kinematics
        - y' dZj x - y' T' (dZb T x + dMb U s^q)                joints, bodies
        - y' (dT' Zb T + T' Zb dT) x + s^q y' (dT' B + T' dP)   kinematics again, hammer
+       + H dc                                                  outputs, c the log of their factor
 
 with y = Z^-T T' L' and dZb = s^2 dMb + ...; gravity adds the changes of its stiffness with T and
 Mb. A scalar cost with cotangent W, dJ = Re sum conj(W) dH, needs one more solve,
@@ -23,6 +24,7 @@ from mbmodel.frf.forward_sensitivities import ForwardSensitivities, Slopes
 from mbmodel.frf.ports import direction_selection
 from mbmodel.frf.solution import FrfSolution
 from mbmodel.linearisation.gravity import gravity_adjoint
+from mbmodel.model import output_selection
 from mbmodel.parts import Change, Slot
 
 
@@ -38,6 +40,8 @@ def gradient(solution: FrfSolution, slopes: Slopes, cotangent: Complex) -> Real:
         dJ / dtheta in SI; (n_parameter,).
     """
     weights = np.ascontiguousarray(cotangent.conj().transpose(1, 2, 0))
+    if solution.output_factor is not None:  # then all that follows is about H before the factor
+        weights = weights * solution.output_factor[:, None]
     adjoint = solution.solver.solve(weights, transposed=True, through=solution.readout.T)
     is_irregular = [_has_irregular_slopes(solution, of_part) for of_part in slopes]
     if any(is_irregular):
@@ -140,12 +144,16 @@ class _SlotCotangents:
     path: Real | None
     sensor: Real | None
     hammer: Real | None
+    output: Real | None = None
 
 
 def _slot_cotangents(
     solution: FrfSolution, slots: set[Slot], weights: Complex, adjoint: Complex
 ) -> _SlotCotangents:
     """Return the cotangents of the slots that Parts change."""
+    by_output = _output_cotangent(solution, weights) if "output" in slots else None
+    if not slots - {"joint", "output"}:
+        return _SlotCotangents(None, None, None, None, by_output)
     sums = _motion_sums(solution, adjoint)
     drive_sums = _drive_sums(solution, adjoint)
     jacobian, ports = solution.assembly.jacobian, solution.ports
@@ -170,7 +178,18 @@ def _slot_cotangents(
         path += (ports.force - zb[2] @ ports.floor) @ drive_sums.T
         for power in np.flatnonzero(zb.any(axis=(1, 2))):
             path -= zb[power].T @ jacobian @ sums[power] + zb[power] @ jacobian @ sums[power].T
-    return _SlotCotangents(body, path, sensor, hammer)
+    return _SlotCotangents(body, path, sensor, hammer, by_output)
+
+
+def _output_cotangent(solution: FrfSolution, weights: Complex) -> Real:
+    """Return Re sum s^p W H over lines and inputs, p = 0, 1, 2; (3, n_out).
+
+    A change dc of the logarithm of a channel's factor changes its FRFs by H dc.
+    """
+    products = (weights * solution.ideal_values.transpose(1, 2, 0)).sum(axis=1)
+    powers = solution.request.laplace ** np.arange(3)[:, None]
+    cotangent: Real = (powers @ products.T).real
+    return cotangent
 
 
 def _motion_sums(solution: FrfSolution, adjoint: Complex) -> Real:
@@ -204,6 +223,9 @@ def _project(solution: FrfSolution, change: Change, cotangents: _SlotCotangents)
         inner = cotangents.body[:, rows[:, None], columns]
         projected: Real = change.left[rows].T @ inner @ change.right[columns]
         return projected
+    if change.slot == "output" and cotangents.output is not None:
+        selected = output_selection(solution.request.outputs, change.point) @ change.left
+        return np.asarray((cotangents.output @ selected)[:, :, None] * change.right[0])
     constant = np.zeros(change.core.shape[-3:])
     if change.slot == "path":
         cotangent = cotangents.path

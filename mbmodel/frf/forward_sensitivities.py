@@ -15,6 +15,9 @@ a = b + U s^(q-2) their absolute motion, e the inputs' unit forces s^q:
     hammer   g = T' right core' left' (directions of the inputs) e
     input    g = core / c_p F e,          c = core / c_p L U s^(q-2) for floor motion
     sensor   c = (directions of the outputs) left core right' a
+    output   c = (directions of the outputs) left core right' L a
+
+All of it is about H before the factors of the readings; ``columns`` multiplies by these at the end.
 
 The matrices of all parameters with one k, f and v stand side by side, so that one real product
 gives all their g. Gravity's stiffness adds -dK x to g where bodies or joints change.
@@ -32,7 +35,7 @@ from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.ports import direction_selection
 from mbmodel.frf.solution import FrfSolution
 from mbmodel.linearisation.gravity import gravity_slope
-from mbmodel.model import frequency_dependent_core, input_factor
+from mbmodel.model import frequency_dependent_core, input_factor, output_selection
 from mbmodel.parts import Change
 
 Slopes = Sequence[tuple[Change, ...]]
@@ -136,7 +139,11 @@ class ForwardSensitivities:
             total[..., term.indices] += motion[:, :, 0] + 1j * motion[:, :, 1]
         for term in self.readout_terms(span):
             total[..., term.indices] += term.values[:, :, 0] + 1j * term.values[:, :, 1]
-        return np.asarray(total.swapaxes(1, 2), complex)
+        columns = np.asarray(total.swapaxes(1, 2), complex)
+        factor = self.solution.output_factor
+        if factor is not None:
+            columns = columns * factor.T[span, :, None, None]
+        return columns
 
     def vector_jacobian_product(self, weights: Complex, adjoint: Complex) -> Real:
         """Return Re sum W H' over lines and inputs without forming any column.
@@ -144,7 +151,7 @@ class ForwardSensitivities:
         Parameters with one source and one target take one matrix product together.
 
         Args:
-            weights: W, conjugate; (n_out, n_in, n_freq).
+            weights: W, conjugate, times the factors of the readings; (n_out, n_in, n_freq).
             adjoint: a = Z^-T G' W; (nv, n_in, n_freq).
 
         Returns:
@@ -164,19 +171,36 @@ class ForwardSensitivities:
     def sensor_rows(self, part: int) -> tuple[Integers, Complex]:
         """Return the outputs that a sensor's Part changes, and the derivatives of these alone.
 
+        The derivatives are those before the factors of the readings.
+
         Args:
             part: number of the Part.
 
         Returns:
             Numbers of the outputs (n_row,), and (n_freq, n_row, n_in, n_parameter of the Part).
         """
-        (change,), mask = self._slopes[part], self._chosen[part]
-        directions = direction_selection(self.solution.request.outputs, change.point)
-        outputs = np.flatnonzero(directions.any(axis=1))
-        left = directions[outputs] @ change.left @ change.core[mask, 0]
-        body_rows = np.flatnonzero(change.right.any(axis=1))
-        motion = real_times(change.right[body_rows].T, self._absolute[body_rows])
-        return outputs, np.einsum("prt,tif->frip", left, motion, optimize=True)
+        changes, mask = self._slopes[part], self._chosen[part]
+        ideal, request = self.solution.ideal_values, self.solution.request
+        selected = output_selection(request.outputs, changes[0].point)
+        outputs = np.flatnonzero(selected.any(axis=1))
+        shape = (len(ideal), len(outputs), ideal.shape[2], int(mask.sum()))
+        derivatives = np.zeros(shape, complex)
+        for change in changes:
+            core = change.core[mask]
+            active = np.flatnonzero(core.any(axis=(1, 2, 3)))
+            if change.slot == "output":
+                factors = selected[outputs] @ change.left @ core[active] @ change.right[0]
+                relative = np.einsum(
+                    "fk,pkr->frp", request.laplace[:, None] ** np.arange(3), factors
+                )
+                derivatives[..., active] += ideal[:, outputs, :, None] * relative[:, :, None]
+                continue
+            directions = direction_selection(request.outputs, change.point)[outputs]
+            left = directions @ change.left @ core[active, 0]
+            body_rows = np.flatnonzero(change.right.any(axis=1))
+            motion = real_times(change.right[body_rows].T, self._absolute[body_rows])
+            derivatives[..., active] += np.einsum("prt,tif->frip", left, motion, optimize=True)
+        return outputs, derivatives
 
     @cached_property
     def _output_adjoints(self) -> Complex:
@@ -299,6 +323,13 @@ class ForwardSensitivities:
                 yield (
                     ("force", "body_loads", power, shape),
                     change.right @ slope_transposed @ left.T,
+                )
+            elif change.slot == "output":
+                selected = output_selection(solution.request.outputs, change.point) @ change.left
+                relative = (selected @ slope @ right)[:, :, 0]
+                yield (
+                    ("readout", "absolute", power, shape),
+                    relative[:, :, None] * solution.ports.readout,
                 )
             elif change.slot == "hammer":
                 directions = direction_selection(solution.request.inputs, change.point) @ left

@@ -3,7 +3,8 @@
     H(s) = s^q [G Z(s)^-1 F + L U / s^2],   Z(s) = s^2 M + s C + K,   G = L T
     F = T' (P - Mb U) + motors
 
-times a factor c(s) of the inputs, the gain of the force channel,
+times a factor c(s) of the inputs, the gain and delay of the force channel, and one of each output,
+the delay of its channel,
 
 with s = i w, time convention exp(+i w t); q = 0, 1, 2 for receptance, mobility, accelerance; L the
 rows of the outputs, P the forces of the inputs at the bodies, T the bodies' Jacobian. An

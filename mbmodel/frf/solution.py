@@ -11,7 +11,7 @@ from mbmodel.frf.ports import Ports
 from mbmodel.frf.request import FrfRequest
 from mbmodel.frf.solver import Solver
 from mbmodel.frf.woodbury import WoodburySolver
-from mbmodel.model import Assembly, Model, input_factor
+from mbmodel.model import Assembly, Model, input_factor, output_factor
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +48,21 @@ class FrfSolution:
     @cached_property
     def values(self) -> Complex:
         """FRFs H, a view on memory that runs along frequency; (n_freq, n_out, n_in)."""
+        factor = self.output_factor
+        if factor is None:
+            return self.ideal_values
+        delayed = self.ideal_values.transpose(1, 2, 0) * factor[:, None]
+        return delayed.transpose(2, 0, 1)
+
+    @cached_property
+    def output_factor(self) -> Complex | None:
+        """Factor of each channel's readings, None if all are one; (n_out, n_freq)."""
+        request = self.request
+        return output_factor(self.assembly.output_changes, request.outputs, request.laplace)
+
+    @cached_property
+    def ideal_values(self) -> Complex:
+        """FRFs before the factors of the readings, laid out like ``values``."""
         values = real_times(self.readout, self.motion)
         if self.ports.has_floor:
             floor_motion = self.ports.readout @ self.ports.floor

@@ -18,7 +18,7 @@ which is the derivative of an FRF whose lines are the poles and whose motion is 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -98,7 +98,11 @@ class LinearisedModes:
             np.ascontiguousarray(self.modes.shapes[:, None, chosen]),
         )
         cotangent = by_shapes.T.reshape(len(chosen), count, 1)
-        return gradient(solution, self.model.slopes(self.theta), cotangent)
+        slopes = [
+            tuple(change for change in changes if change.slot != "output")
+            for changes in self.model.slopes(self.theta)
+        ]
+        return gradient(solution, slopes, cotangent)
 
 
 class ModeEvaluator:
@@ -121,7 +125,8 @@ class ModeEvaluator:
 
     def at(self, theta: Real) -> LinearisedModes:
         """Return modes at theta, with derivatives."""
-        assembly = self.model.assemble(theta)
+        # Poles have no readings: the factors of the readings belong to FRFs.
+        assembly = replace(self.model.assemble(theta), output_changes=())
         sensors = [change for change in assembly.point_changes if change.slot == "sensor"]
         ports = apply_point_changes(self._ports, sensors, self.outputs, ())
         return LinearisedModes(

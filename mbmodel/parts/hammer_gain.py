@@ -1,7 +1,8 @@
-"""Part for the gain of a force channel or drive: one factor for all tests that it drove.
+"""Part for the force channel or drive: one gain and one delay for all tests that it drove.
 
-A test reads H_measured = gain H in all its channels, whatever the place of the hit. With several
-Parts of this kind in one test, their factors multiply.
+A test reads H_measured = gain exp(-s delay) H in all its channels, whatever the place of the hit. A
+force channel that lags the motion is a negative delay. With several Parts of this kind in one
+test, their factors multiply.
 """
 
 from collections.abc import Iterable
@@ -10,14 +11,14 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.words import Condition, Real
+from identification.words import Complex, Condition, Real
 from mbmodel.mjcf.edit import Edit, NotInMjcf
 from mbmodel.parts.part import Change, Parameter, PartContext, ToleranceKind
 
 
 @dataclass(frozen=True, eq=False)
 class HammerGainPart:
-    """Gain of one hammer or drive.
+    """Gain and delay of one hammer or drive.
 
     Args:
         instrument: name of the hammer or drive, as ``Condition.instrument`` gives it.
@@ -34,34 +35,56 @@ class HammerGainPart:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The gain."""
-        return (Parameter(f"hammer({self.instrument}).gain", 1.0, "1", known=self.known),)
+        """The gain and the delay."""
+        name = f"hammer({self.instrument})"
+        return (
+            Parameter(f"{name}.gain", 1.0, "1", known=self.known),
+            Parameter(f"{name}.delay", 0.0, "s", positive=False, known="hammer_delay"),
+        )
 
     def acts(self, condition: Condition | None) -> float:
         """Return 1 in the tests that this hammer or drive made, else 0."""
         return float(condition is not None and condition.instrument == self.instrument)
 
     def changes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
-        """Return the gain minus one."""
-        return self._change(np.array([theta[0] - 1.0, 0.0, 0.0]), context)
+        """Return gain exp(-s delay) - 1, if this hammer made the test."""
+        gain, delay = theta
+        if not self.acts(context.condition) or (gain == 1 and delay == 0):
+            return ()
+        if delay == 0:
+            return (_factor(np.array([gain - 1.0, 0.0, 0.0]), 0.0),)
+        return (
+            _factor(np.array([gain, 0.0, 0.0]), delay),
+            _factor(np.array([-1.0, 0.0, 0.0]), 0.0),
+        )
 
     def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
-        """Return the derivative by the gain."""
-        del theta
-        return self._change(np.array([[1.0, 0.0, 0.0]]), context)
-
-    def _change(self, coefficients: Real, context: PartContext) -> tuple[Change, ...]:
-        """Return a change of the inputs' factor, if this hammer made the test."""
+        """Return exp(-s delay) and -s gain exp(-s delay), if this hammer made the test."""
+        gain, delay = theta
         if not self.acts(context.condition):
             return ()
-        unit = np.ones((1, 1))
-        return (Change("input", unit, unit, coefficients[..., None, None]),)
+        return (_factor(np.array([[1.0, 0.0, 0.0], [0.0, -gain, 0.0]]), delay),)
 
     def write(self, theta: Real) -> tuple[Edit | NotInMjcf, ...]:
-        """Return that an MJCF does not hold the gain."""
-        if theta[0] == 1:
-            return ()
-        return (NotInMjcf(self.parameters[0].name, "an MJCF describes no force channel"),)
+        """Return that an MJCF holds neither gain nor delay."""
+        return tuple(
+            NotInMjcf(parameter.name, "an MJCF describes no force channel")
+            for parameter, value in zip(self.parameters, theta, strict=True)
+            if value != parameter.drawn
+        )
+
+
+def _factor(coefficients: Real, delay: float) -> Change:
+    """Return a polynomial in s times exp(-s delay) in the inputs' factor."""
+    unit, core = np.ones((1, 1)), coefficients[..., None, None]
+    if delay == 0:
+        return Change("input", unit, unit, core)
+
+    def delay_factor(laplace: Complex) -> Complex:
+        factor: Complex = np.exp(-laplace * delay)
+        return factor
+
+    return Change("input", unit, unit, core, shape=delay_factor)
 
 
 def hammer_gain_parts(

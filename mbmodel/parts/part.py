@@ -3,7 +3,7 @@
     H(s) = s^q L T Z(s)^-1 T' P,   Z(s) = T' Zb(s) T + Zj(s),   s = i w, convention exp(+i w t)
 
 Everything that can be tuned, tolerated or added to a machine is a Part. It adds
-left core(s) right' in one of six slots:
+left core(s) right' in one of seven slots:
 
     slot     adds to                 left x right                     powers of s
     body     Zb, bodies              6 n_body x 6 n_body              0, 1, 2
@@ -12,8 +12,10 @@ left core(s) right' in one of six slots:
     sensor   L, rows of a point      6 directions of it x 6 n_body    0
     hammer   P', rows of a point     6 directions of it x 6 n_body    0
     input    factor of H, from 1     1 x 1, all inputs of a test      0, 1, 2
+    output   log of the factor of    6 directions of a point x 1      0, 1, 2
+             the point's readings
 
-Factors of inputs of several Parts multiply.
+Factors of several Parts multiply. A delay tau of a reading, exp(-s tau), adds -s tau in ``output``.
 """
 
 from collections.abc import Callable
@@ -26,7 +28,7 @@ from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
 
 AXIS_NAMES = "xyz"  # ends of parameter names
 
-Slot = Literal["body", "joint", "path", "sensor", "hammer", "input"]
+Slot = Literal["body", "joint", "path", "sensor", "hammer", "input", "output"]
 
 # How well the nominal model (the drawing) knows a number: not at all (``free``), exactly, but for a
 # gain that a campaign calls unknown, or within one of the tolerances of campaigns.
@@ -41,8 +43,12 @@ ToleranceKind = Literal[
     "sensor_gain",
     "sensor_angle",
     "sensor_position",
+    "sensor_delay",
+    "sensor_cross",
     "hammer_angle",
     "hammer_position",
+    "hammer_gain",
+    "hammer_delay",
 ]
 
 
@@ -77,9 +83,9 @@ class Change:
         right: (m, t).
         core: coefficients of s^0, s^1, s^2; (..., 3, r, t). In a slope, the first axis runs over
             the Part's parameters.
-        point: the sensor or hammer point, in those slots.
+        point: the sensor or hammer point, in the slots sensor, hammer and output.
         shape: f(s), a factor that is no polynomial, with ``f(conj s) = conj f(s)``. Only finite
-            changes of bodies, joints and inputs may have one.
+            changes of bodies, joints, inputs and outputs may have one.
     """
 
     slot: Slot

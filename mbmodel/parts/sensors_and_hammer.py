@@ -1,24 +1,34 @@
-"""Parts for errors of sensors and of the hammer: gain, orientation, position.
+"""Parts for errors of sensors and of the hammer: gain, orientation, position, delay.
 
 The row of a point's direction k reads ``a_k.(v + w x r)``, with the axis a_k at r from the body's
 centre. The column of a hammer direction is its transpose: both are [a_k, r x a_k] (seed, eq. 2.2 to
-2.4). With gains g_k, true axes R a_k and the true place r + offset, rotation and offset in world
-axes, a row becomes g_k [R a_k, (r + offset) x R a_k].
+2.4). With true axes R a_k and the true place r + offset, rotation and offset in world axes, it
+becomes l_k = [R a_k, (r + offset) x R a_k]. A sensor of gains g, transverse sensitivity S and
+delays tau reads
+
+    y_k = exp(-s tau_k) sum_j (diag(g) + S)_kj l_j (v, w).
+
+S is symmetric with a zero diagonal: the antisymmetric part of a transverse sensitivity turns the
+axes, as R does.
 """
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from identification.words import Dof, Layout, Real, UsageError, is_hammer_point
+from identification.words import Dof, Integers, Layout, Real, UsageError, is_hammer_point
 from mbmodel.linearisation.drawing import DrawnElement
 from mbmodel.machine import Machine
 from mbmodel.mjcf.edit import Edit, NotInMjcf
 from mbmodel.parts.part import AXIS_NAMES, Change, Parameter, PartContext, ToleranceKind
 from mbmodel.spatial import cross_matrix, rotation_matrix, rotation_slopes
+
+T = TypeVar("T", bound=np.generic)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +68,16 @@ class _Point:
         return self.rows(offset, rotation_slopes(rotation))
 
 
+# Pairs of axes of the symmetric transverse sensitivity, in the order of the parameters.
+_CROSS_AXES = ((0, 1), (0, 2), (1, 2))
+
+
 @dataclass(frozen=True, eq=False)
 class SensorPart:
-    """Gains of a sensor's channels, its rotation and its displacement.
+    """Gains of a sensor's channels, transverse sensitivity, rotation, displacement and delays.
 
-    A channel that reads a rotation has a gain, and turns with the sensor's axes. It reads the same
-    wherever it sits on a solid body, so the displacement does not change it.
+    A channel that reads a rotation has a gain and a delay, and turns with the sensor's axes. It
+    reads the same wherever it sits on a solid body, so the displacement does not change it.
 
     Args:
         point: the site in the machine.
@@ -84,62 +98,101 @@ class SensorPart:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Gains of translations and rotations, the rotation vector, the displacement."""
+        """Gains, the rotation vector, the displacement, transverse sensitivities, delays."""
         name = self.point.name
         axes = (*AXIS_NAMES, *(f"r{AXIS_NAMES[axis]}" for axis in self.rotations))
         return (
             *(Parameter(f"{name}.gain_{axis}", 1.0, "1", known=self.gain_known) for axis in axes),
             *_pose_parameters(name, "sensor_angle", "sensor_position"),
+            *(
+                Parameter(
+                    f"{name}.cross_{AXIS_NAMES[first]}{AXIS_NAMES[second]}",
+                    0.0,
+                    "1",
+                    positive=False,
+                    known="sensor_cross",
+                )
+                for first, second in _CROSS_AXES
+            ),
+            *(
+                Parameter(f"{name}.delay_{axis}", 0.0, "s", positive=False, known="sensor_delay")
+                for axis in axes
+            ),
         )
 
     def changes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
-        """Return the rows at theta minus those of the drawing."""
+        """Return the rows at theta minus those of the drawing, and the delays."""
         del context
-        gains, rotation, offset = self._unpack(theta)
+        gains, rotation, offset, cross, delays = self._separate(theta)
         core = np.zeros((3, 6, 6))
-        core[0] = gains * self.point.rows(offset, rotation_matrix(rotation))
+        core[0] = self._mix(gains, cross) @ self.point.rows(offset, rotation_matrix(rotation))
         core[0] -= self.point.rows(np.zeros(3), np.eye(3))
-        return (self._change(core),)
+        if not delays.any():
+            return (self._change(core),)
+        delay_core = np.zeros((3, 6, 1))
+        delay_core[1, self._channel_rows, 0] = -delays
+        return (self._change(core), self._delay(delay_core))
 
     def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
-        """Return the derivatives of the rows."""
+        """Return the derivatives of the rows and of the delays."""
         del context
-        gains, rotation, offset = self._unpack(theta)
+        gains, rotation, offset, cross, _ = self._separate(theta)
         turn = rotation_matrix(rotation)
-        rows = self.point.rows(offset, turn)
-        core = np.zeros((len(theta), 3, 6, 6))
-        for k, row in enumerate(self._gain_rows):
-            core[k, 0, row] = rows[row]
-        core[-6:-3, 0] = gains * self.point.rotation_slopes(offset, rotation)
-        core[-3:, 0] = gains * self.point.offset_slopes(turn)
-        return (self._change(core),)
+        rows, mix = self.point.rows(offset, turn), self._mix(gains, cross)
+        core, delay_core = np.zeros((len(theta), 3, 6, 6)), np.zeros((len(theta), 3, 6, 1))
+        by_gain, by_rotation, by_offset, by_cross, by_delay = self._separate(np.arange(len(theta)))
+        core[by_gain, 0, self._channel_rows] = rows[self._channel_rows, :]
+        core[by_rotation, 0] = mix @ self.point.rotation_slopes(offset, rotation)
+        core[by_offset, 0] = mix @ self.point.offset_slopes(turn)
+        for k, (first, second) in zip(by_cross, _CROSS_AXES, strict=True):
+            core[k, 0, first], core[k, 0, second] = rows[second], rows[first]
+        delay_core[by_delay, 1, self._channel_rows, 0] = -1.0
+        return (self._change(core), self._delay(delay_core))
 
-    @property
-    def _gain_rows(self) -> tuple[int, ...]:
-        """Row of the point, 0..5, of each gain."""
-        return (0, 1, 2, *(3 + axis for axis in self.rotations))
+    @cached_property
+    def _channel_rows(self) -> Integers:
+        """Row of the point, 0..5, of each gain and of each delay."""
+        return np.array([0, 1, 2, *(3 + axis for axis in self.rotations)])
 
-    def _unpack(self, theta: Real) -> tuple[Real, Real, Real]:
-        """Return factors of the point's six rows (6, 1), rotation vector (3,), offset (3,)."""
-        gains = np.ones((6, 1))
-        gains[list(self._gain_rows), 0] = theta[:-6]
-        return gains, theta[-6:-3], theta[-3:]
+    def _separate(self, values: NDArray[T]) -> tuple[NDArray[T], ...]:
+        """Split theta into gains, rotation vector, offset, transverse sensitivities, delays."""
+        n = len(self._channel_rows)
+        ends = n, n + 3, n + 6, n + 9
+        return tuple(np.split(values, ends))
+
+    def _mix(self, gains: Real, cross: Real) -> Real:
+        """Return diag(g) + S of the point's six rows; (6, 6)."""
+        mix = np.eye(6)
+        mix[self._channel_rows, self._channel_rows] = gains
+        for size, (first, second) in zip(cross, _CROSS_AXES, strict=True):
+            mix[first, second] = mix[second, first] = size
+        return mix
 
     def _change(self, core: Real) -> Change:
         """Return a change of the sensor's rows."""
         return Change("sensor", np.eye(6), self.point.frame, core, self.point.name)
 
+    def _delay(self, core: Real) -> Change:
+        """Return a change of the logarithm of the readings' factor."""
+        return Change("output", np.eye(6), np.ones((1, 1)), core, self.point.name)
+
     def write(self, theta: Real) -> tuple[Edit | NotInMjcf, ...]:
-        """Return place and axes of the site; an MJCF has no gains."""
-        gains = tuple(
-            NotInMjcf(parameter.name, "an MJCF site has no gain")
-            for parameter, gain in zip(self.parameters, theta[:-6], strict=False)
-            if gain != 1
+        """Return place and axes of the site; an MJCF has no gains, cross-talk or delays."""
+        electric = tuple(
+            NotInMjcf(
+                parameter.name,
+                "an MJCF site has no delay"
+                if parameter.unit == "s"
+                else "an MJCF site has no gain",
+            )
+            for parameter, value in zip(self.parameters, theta, strict=True)
+            if parameter.known not in ("sensor_angle", "sensor_position")
+            and value != parameter.drawn
         )
-        rotation, offset = self._unpack(theta)[1:]
-        if not theta[-6:].any():
-            return gains
-        return (_site_edit(self.drawn_site, offset, rotation_matrix(rotation)), *gains)
+        _, rotation, offset, _, _ = self._separate(theta)
+        if not (rotation.any() or offset.any()):
+            return electric
+        return (_site_edit(self.drawn_site, offset, rotation_matrix(rotation)), *electric)
 
 
 def _pose_parameters(

@@ -7,7 +7,8 @@ MOTION_UNITS = {  # along and about an axis
     "mobility": ("m/s", "rad/s"),
     "receptance": ("m", "rad"),
 }
-_DISPLAY_UNITS = {"m": ("mm", 1e3), "rad": ("°", math.degrees(1.0))}  # name, factor from SI
+# Name and factor from SI.
+_DISPLAY_UNITS = {"m": ("mm", 1e3), "rad": ("°", math.degrees(1.0)), "s": ("µs", 1e6)}
 
 
 def motion_unit(quantity: str, output: str) -> str:
@@ -64,16 +65,18 @@ def format_percent(value: float) -> str:
 def format_shift(drawn: float, value: float, unit: str) -> str:
     """Return the shift of a value from its nominal one.
 
-    Lengths and angles are in mm and degrees; all else is relative, in per cent.
+    Lengths, angles and delays are in mm, degrees and µs; all else is relative, in per cent.
     """
     if unit in _DISPLAY_UNITS:
         name, scale = _DISPLAY_UNITS[unit]
         return f"{scale * (value - drawn):+.3g}{_with_space(name)}"
+    if unit == "1" and not drawn:
+        return f"{100 * value:+.3g} %"
     return f"{100 * (value / drawn - 1):+.3g} %" if drawn else f"{value:+.3g} {unit}"
 
 
 def format_tolerance(prior: float, unit: str) -> str:
-    """Return a prior standard deviation: in mm or degrees, for all else in per cent."""
+    """Return a prior standard deviation: in mm, degrees or µs, else in per cent."""
     name, scale = _DISPLAY_UNITS.get(unit, ("%", 100.0))
     return f"{scale * prior:.3g}{_with_space(name)}"
 

@@ -20,8 +20,12 @@ _TOLERANCE_KINDS = {
     ("sensor", "gain"): "sensor gain",
     ("sensor", "rotation"): "sensor angle",
     ("sensor", "position"): "sensor position",
+    ("sensor", "cross"): "transverse sensitivity",
+    ("sensor", "delay"): "sensor delay",
     ("hammer", "rotation"): "hammer angle",
     ("hammer", "position"): "hammer position",
+    ("hammer", "gain"): "hammer gain",
+    ("hammer", "delay"): "hammer delay",
     ("joint", "stiffness"): "stiffness",
     ("joint", "damping"): "damping",
 }
@@ -35,7 +39,7 @@ def kind_of(row: ParameterRow) -> str:
     """Return the kind of a tolerance, such as ``sensor angle``."""
     quantity = row.name.rsplit(".", 1)[-1]
     stem = quantity[:-2] if quantity[-2:] in {"_x", "_y", "_z"} else quantity
-    stem = "inertia" if stem.startswith("inertia_") else stem
+    stem = next((kind for kind in ("inertia", "cross") if stem.startswith(f"{kind}_")), stem)
     return _TOLERANCE_KINDS.get((row.location.split(":")[0], stem), stem)
 
 

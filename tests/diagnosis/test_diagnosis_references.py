@@ -11,6 +11,7 @@ from identification.words import Dof
 from mbmodel import (
     Evaluator,
     FrfRequest,
+    HammerGainPart,
     Model,
     body_parts,
     hammer_parts,
@@ -49,7 +50,9 @@ def test_a_fit_finds_the_springs_and_every_tolerance_keeps_its_place(tmp_path, l
         for name in ("base_tx.stiffness", "head_rz.stiffness", "head_rz.damping"):
             assert value[name] == pytest.approx(truth[name], rel=0.08)
     assert "acc6.gain_rz" in value
-    forces = {p.name.split(".")[0] for p in session.model.parameters if p.name[:7] == "hammer("}
+    channels = {part.location for part in session.model.parts if isinstance(part, HammerGainPart)}
+    assert channels == {f"hammer:{test.condition.instrument}" for test in session.campaign.tests}
+    forces = {p.name.split(".")[0] for p in session.model.parameters if "(acc" in p.name}
     assert forces == {
         f"hammer(acc3:t{label[-1]})" for label in labels if ":" in label and "r" not in label
     }

@@ -20,6 +20,7 @@ from mbmodel import Evaluator, FrfRequest, Model, as_drawn, load_machine
 TOLERANCE = Tolerance(
     mass=0.021, inertia=0.052, com=0.0031, joint_position=0.0032, sensor_gain=0.011,
     sensor_angle=0.0171, sensor_position=0.0013, hammer_angle=0.0192, hammer_position=0.0033,
+    sensor_delay=2.1e-5, sensor_cross=0.013, hammer_gain=0.022, hammer_delay=1.9e-5,
 )  # fmt: skip
 MJCF = """
 <mujoco model="pair">
@@ -80,7 +81,8 @@ def virtual_campaign(
     for direction, tau in zip(("+tx", "-ty", "+tz"), taus, strict=True):
         reference = Dof("acc3", direction)
         question = FrfRequest(freq, outputs, (reference,), window_tau=tau)
-        values = Evaluator(model, question).at(theta).values
+        condition = Condition("virtual.uff", reference)
+        values = Evaluator(model, question, condition=condition).at(theta).values
         rms = np.sqrt((np.abs(values) ** 2).mean(axis=0))
         keep = rms[:, 0] > 1e-9 * rms.max()  # directions without a joint do not move
         sigma = np.broadcast_to(noise * rms, values.shape)

@@ -92,8 +92,12 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         sensor_gain = 0.015
         sensor_angle = 0.016
         sensor_position = 0.017
+        sensor_delay = 1e-5
+        sensor_cross = 0.021
         hammer_angle = 0.018
         hammer_position = 0.0
+        hammer_gain = 0.022
+        hammer_delay = 3e-5
         [tuning]
         free = ["acc7.gain_x", "head_*.damping"]
         fix = ["base.mass"]
@@ -139,7 +143,21 @@ def test_every_key_of_the_contract_is_taken(settings_of):
     }
     assert settings.hammer["small"].gain == "unknown"
     values = list(settings.tolerance.model_dump().values())
-    assert values == [0.011, 0.012, 0.013, 0.014, 0.015, 0.016, 0.017, 0.018, 0.0]
+    assert values == [
+        0.011,
+        0.012,
+        0.013,
+        0.014,
+        0.015,
+        0.016,
+        0.017,
+        1e-5,
+        0.021,
+        0.018,
+        0.0,
+        0.022,
+        3e-5,
+    ]
     assert settings.tuning.model_dump() == {
         "free": ["acc7.gain_x", "head_*.damping"],
         "fix": ["base.mass"],

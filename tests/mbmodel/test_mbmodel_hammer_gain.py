@@ -62,6 +62,7 @@ def model(tmp_path_factory):
 
 def theta_of(model, **values):
     names = {"default": "hammer(default).gain", "drive": "hammer(drive).gain", "delay": "delay"}
+    names["late"] = "hammer(default).delay"
     theta = model.drawn.copy()
     for key, value in values.items():
         theta[[p.name for p in model.parameters].index(names[key])] = value
@@ -80,6 +81,8 @@ def test_gain_and_delay_multiply_every_frf_of_their_tests(model, tau):
     factor = np.exp(-2e-4 * (2j * np.pi * FREQ + (1 / tau if tau else 0.0)))[:, None, None]
     hit = evaluate(model, theta, HIT, tau=tau).values
     np.testing.assert_allclose(hit, -3.0 * factor * plain, rtol=1e-10, atol=1e-14)
+    lags = evaluate(model, theta_of(model, default=-3.0, late=2e-4), HIT, tau=tau).values
+    np.testing.assert_allclose(lags, hit, rtol=1e-10, atol=1e-14)
     drive = evaluate(model, theta, DRIVEN, inputs=(Motor("drive"),), tau=tau).values
     unit = evaluate(model, model.drawn, None, inputs=(Motor("drive"),), tau=tau).values
     np.testing.assert_allclose(drive, 7.0 * factor * unit, rtol=1e-10, atol=1e-14)
@@ -89,7 +92,7 @@ def test_gain_and_delay_multiply_every_frf_of_their_tests(model, tau):
 @pytest.mark.parametrize("direct", [True, False])
 def test_slopes_are_exact_forward_and_adjoint(model, direct, inputs):
     random = np.random.default_rng(2)
-    theta = theta_of(model, default=1.7, drive=0.4, delay=3e-4)
+    theta = theta_of(model, default=1.7, drive=0.4, delay=3e-4, late=-2e-4)
     named = [parameter.name for parameter in model.parameters]
     theta[[k for k, name in enumerate(named) if "acc3:tx" in name]] += random.normal(0, 0.02, 6)
     at = evaluate(model, theta, HIT, inputs=inputs, direct=direct)

@@ -43,6 +43,8 @@ SIZES = {  # steps to take from the drawing: relative to the drawn value, else a
     "joint_position": 0.02,
     "joint_rotation": 0.1,
     "gain": 0.2,
+    "cross": 0.1,
+    "delay": 1e-3,
     "rotation": 0.3,
     "position": 0.03,
     "stiffness": 0.3,
@@ -228,8 +230,9 @@ def test_displaced_and_turned_sensors_are_those_rebuilt_from_the_mjcf(from_text,
     machine = from_text(random_tree(seed))
     model = Model(machine, spring_parts(machine) + sensor_parts(machine))
     theta = off(model)
-    gains = np.array([".gain_" in parameter.name for parameter in model.parameters])
-    theta[gains] = 1.0
+    electric = "sensor_gain", "sensor_cross", "sensor_delay"
+    of_site = np.array([parameter.known not in electric for parameter in model.parameters])
+    theta = np.where(of_site, theta, model.drawn)
     again, missing = rebuilt(model, theta, tmp_path)
     assert not missing
     outputs, _ = sensors(machine)
@@ -269,16 +272,15 @@ def test_a_hit_of_one_direction_is_reported_as_not_in_the_mjcf(station, tmp_path
 def test_a_turned_hit_is_that_of_a_turned_site(station, tmp_path, axis):
     # The same rotation and displacement written to the site, read as hammer only.
     sensor = Model(station, tuple(p for p in sensor_parts(station) if "acc11" in p.location))
-    theta = np.array([1, 1, 1, 0.1, -0.2, 0.15, 0.01, 0.02, -0.015])
+    theta = sensor.drawn.copy()
+    theta[3:9] = pose = np.array([0.1, -0.2, 0.15, 0.01, 0.02, -0.015])
     again, _ = rebuilt(sensor, theta, tmp_path)
     hit = (Dof.of("acc11", axis),)
     model = Model(station, (*spring_parts(station), *hammer_parts(station, hit)))
     outputs = tuple(Dof.parse(label) for label in ("acc7:+tx", "acc1:-ty", "acc20:+tz"))
     frf_request = FrfRequest(FREQ, outputs, hit)
     expected = linearise(again, again.drawn, frf_request).values
-    values = linearise(
-        model, np.concatenate([as_drawn(station).drawn, theta[3:]]), frf_request
-    ).values
+    values = linearise(model, np.concatenate([as_drawn(station).drawn, pose]), frf_request).values
     assert worst_of_channels(values, expected) < 1e-9
 
 
@@ -293,6 +295,28 @@ def test_a_gain_multiplies_its_channel(station):
         linearise(model, t, frf_request).values[:, :, 0] for t in (model.drawn, theta)
     )
     np.testing.assert_allclose(off_drawing, drawn * [1.1, 0.7, 1.0], rtol=1e-13)
+
+
+def test_a_sensor_reads_across_its_axes_symmetrically_and_late(station):
+    acc7 = tuple(p for p in sensor_parts(station) if "acc7" in p.location)
+    model = Model(station, (*acc7, *spring_parts(station)))
+    outputs = (Dof("acc7", "+tx"), Dof("acc7", "-ty"), Dof("acc7", "+tz"), Dof("acc8", "+tx"))
+    frf_request = FrfRequest(FREQ, outputs, (Dof("acc11", "+tx"),), window_tau=0.3)
+    theta = model.drawn.copy()
+    values = {"gain_x": 1.1, "cross_xy": 0.02, "cross_yz": -0.03, "delay_y": 4e-4}
+    for name, value in values.items():
+        theta[[p.name for p in model.parameters].index(f"acc7.{name}")] = value
+    mix = np.array([[1.1, 0.02, 0], [0.02, 1, -0.03], [0, -0.03, 1]])
+    sign = np.array([1.0, -1.0, 1.0])
+    drawn, off_drawing = (
+        linearise(model, t, frf_request).values[:, :, 0] for t in (model.drawn, theta)
+    )
+    expected = drawn.copy()
+    expected[:, :3] = (drawn[:, :3] * sign) @ mix * sign
+    expected[:, 1] *= np.exp(-4e-4 * frf_request.laplace)
+    np.testing.assert_allclose(off_drawing, expected, rtol=1e-12)
+    reasons = {edit.name: edit.reason for edit in model.edits(theta) if hasattr(edit, "reason")}
+    assert reasons["acc7.delay_y"] == "an MJCF site has no delay"
 
 
 def test_a_longer_pendulum_swings_more_slowly(from_text):

@@ -80,9 +80,11 @@ def test_at_most_four_unidentifiable_directions_are_named(summary):
 
 def test_what_the_mjcf_does_not_hold_is_summed_up(summary):
     names = [f"acc{k}.gain_{axis} (an MJCF site has no gain)" for k in (1, 12) for axis in "xyz"]
+    names += ["acc1.delay_x (no delay)", "acc1.cross_xy (no gain)", "hammer(default).delay (none)"]
     names += ["hammer(acc1:tx) (one place)", "base.mass (its own MJCF body would weigh nothing)"]
     assert describe_not_in_mjcf(names, "tuned.json") == (
-        "The tuned MJCF does not hold: gains of 2 sensors, place and direction of 1 hit, "
+        "The tuned MJCF does not hold: gains of 2 sensors, delays of 1 sensor, "
+        "delay of 1 force channel, place and direction of 1 hit, "
         "base.mass (its own MJCF body would weigh nothing) (tuned.json lists them)."
     )
     assert describe_not_in_mjcf([], "tuned.json") == ""

@@ -12,6 +12,7 @@ from mbmodel import (
     FrfRequest,
     Model,
     body_parts,
+    hammer_gain_parts,
     hammer_parts,
     joint_parts,
     load_machine,
@@ -41,7 +42,7 @@ TURNED = MJCF.replace('diaginertia="4 5 6"', 'fullinertia="4 5 6 0.3 -0.2 0.4"')
 
 @pytest.fixture(scope="session")
 def whole(tmp_path_factory) -> Model:
-    """Return springs, bodies, joints, six sensors, three hits: 110 parameters vary, 6 do not."""
+    """Return springs, bodies, joints, six sensors, three hits, one hammer."""
     path = tmp_path_factory.mktemp("turned") / "turned.xml"
     path.write_text(TURNED, encoding="utf-8")
     machine = load_machine(path)
@@ -54,6 +55,7 @@ def whole(tmp_path_factory) -> Model:
             *joint_parts(machine),
             *sensor_parts(machine),
             *hammer_parts(machine, hits),
+            *hammer_gain_parts(("default",), "hammer_gain"),
         ),
     )
 
@@ -78,9 +80,9 @@ def place(whole):
 
 
 @pytest.fixture(scope="session")
-def parametrisation(whole, campaign):
+def parametrisation(whole):
     """Return its parametrisation with the tolerances of the campaign."""
-    return parametrise(whole, campaign.tolerance)
+    return parametrise(whole, TOLERANCE)
 
 
 @pytest.fixture(scope="session")
@@ -101,7 +103,7 @@ def mixed(whole, parametrisation, off) -> Campaign:
     measured[4], values[:, 4] = False, 0.0
     masked = replace(estimate, frf=replace(estimate.frf, values=values), measured=measured)
     tests[3] = replace(tests[3], estimate=masked)
-    return Campaign("mixed", whole.machine.layout, tuple(tests))
+    return Campaign("mixed", whole.machine.layout, tuple(tests), TOLERANCE)
 
 
 def _virtual_test(model, theta, random, name, tau, sensors, level) -> Test:

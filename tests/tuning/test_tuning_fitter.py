@@ -1,8 +1,10 @@
 """Fits recover what made the data, from any start, and say how they ended."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from small_machine import virtual_campaign
+from small_machine import TOLERANCE, virtual_campaign
 
 from identification.words import UsageError
 from mbmodel import as_drawn
@@ -222,9 +224,13 @@ def test_an_interrupted_second_start_leaves_the_first_to_be_kept(model, campaign
 # What follows has masses, joints, sensors and hammer that are really off by their tolerances.
 
 
+def toleranced_campaign(model, theta):
+    return replace(virtual_campaign(model, theta, noise=0.03), tolerance=TOLERANCE)
+
+
 @pytest.fixture(scope="module")
 def off_campaign(whole, parametrisation, off):
-    return virtual_campaign(whole, parametrisation.theta(off), noise=0.03)
+    return toleranced_campaign(whole, parametrisation.theta(off))
 
 
 @pytest.fixture(scope="module")
@@ -247,7 +253,7 @@ def reduced(model, campaign, parametrisation, x):
 def test_with_tolerances_the_fit_reaches_the_noise(limited, off_campaign, joint):
     assert joint.converged
     result = reduced(limited, off_campaign, joint.parametrisation, joint.x)
-    assert result == pytest.approx(1.0, abs=0.05)
+    assert result == pytest.approx(1.0, abs=0.06)
 
 
 def test_stiffness_and_damping_alone_do_not_reach_it(whole, off_campaign):
@@ -296,7 +302,7 @@ def test_a_fault_beyond_tolerances_ends_at_bounds_and_above_the_noise(
     # One sensor turned by 20 degrees: 2.5 tolerances of one degree cannot swallow it ...
     x = off.copy()
     x[parametrisation.names.index("acc4.rotation_z")] = 20.0
-    faulty = virtual_campaign(whole, parametrisation.theta(x), noise=0.03)
+    faulty = toleranced_campaign(whole, parametrisation.theta(x))
     result = fit(limited, faulty)
     at = [p.name for p, at in zip(limited.parameters, result.at_bound, strict=True) if at]
     assert "acc4.rotation_z" in at
@@ -309,7 +315,7 @@ def test_a_fault_beyond_tolerances_ends_at_bounds_and_above_the_noise(
         starts=(result.theta,),
         stages=STAGES[-1:],
     )
-    assert reduced(limited, faulty, loose.parametrisation, loose.x) == pytest.approx(1.0, abs=0.05)
+    assert reduced(limited, faulty, loose.parametrisation, loose.x) == pytest.approx(1.0, abs=0.06)
     assert loose.x[loose.parametrisation.names.index("acc4.rotation_z")] == pytest.approx(
         20.0, abs=2.5
     )

@@ -1,12 +1,13 @@
 """Coordinates of what varies: scales, priors, bounds, and what a user may wish of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from small_machine import TOLERANCE, unit_coordinate
 
-from identification.words import Tolerance
 from mbmodel import Model, body_parts
 from tuning import build_toleranced_model, parametrise
 from tuning.parametrisation.parametrisation import TOLERANCE_BOUND_SIGMA
@@ -139,7 +140,7 @@ def test_derivatives_by_theta_are_collected_along_the_coordinates(toleranced):
 
 
 def test_a_tolerance_of_zero_means_exactly(whole, place):
-    toleranced = parametrise(whole, Tolerance(mass=0.0, sensor_angle=0.0))
+    toleranced = parametrise(whole, replace(TOLERANCE, mass=0.0, sensor_angle=0.0))
     gone = [p.known in ("mass", "sensor_angle", "exactly") for p in whole.parameters]
     assert np.array_equal(toleranced.free, ~np.array(gone))
 

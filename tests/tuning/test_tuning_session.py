@@ -7,6 +7,13 @@ from campaign_folder import CAMPAIGN, write_folder
 from identification.words import InputError
 from tuning import build_toleranced_model, open_session
 
+INSTRUMENTS = """[tolerance]
+sensor_delay = 2e-5
+sensor_cross = 0.014
+hammer_gain = 0.02
+hammer_delay = 2e-5
+"""
+
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
@@ -33,7 +40,8 @@ def test_all_that_a_drawing_limits_is_a_part(model, campaign, whole):
     rest = {name for name in names_of(whole) if not name.startswith("hammer(")}
     hits = {name for name in result if name.startswith("hammer(")}
     assert result - hits == rest
-    assert {name.split(".")[0] for name in hits} == {f"hammer(acc3:t{axis})" for axis in "xyz"}
+    forces = {f"hammer(acc3:t{axis})" for axis in "xyz"}
+    assert {name.split(".")[0] for name in hits} == {*forces, "hammer(default)"}
 
 
 def test_sensors_that_no_test_reads_are_left_out_and_so_are_points_never_hit(whole, mixed):
@@ -42,11 +50,11 @@ def test_sensors_that_no_test_reads_are_left_out_and_so_are_points_never_hit(who
     result = names_of(build_toleranced_model(whole.machine, third))
     points = {name.split(".")[0] for name in result}
     assert {point for point in points if point.startswith("acc")} == {"acc1", "acc3", "acc4"}
-    assert {point for point in points if "(" in point} == {"hammer(acc3:ty)"}
+    assert {point for point in points if "(" in point} == {"hammer(acc3:ty)", "hammer(default)"}
 
 
 def test_without_wishes_all_vary_but_what_is_known_exactly(opened):
-    session = opened()
+    session = opened(INSTRUMENTS)
     fixed = {
         parameter.name
         for parameter, free in zip(
@@ -70,6 +78,22 @@ def test_the_tolerances_are_those_of_the_campaign(opened):
     place = names_of(session.model).index("head.mass")
     assert session.parametrisation.scale[place] == 0.07
     assert not any(".gain_" in name for name in session.parametrisation.names)
+
+
+def test_every_instrument_has_a_tolerance_for_its_gain_and_delay(opened):
+    names = opened(INSTRUMENTS.replace("hammer_delay = 2e-5", "hammer_delay = 0")).parametrisation
+    assert "hammer(default).gain" in names.names
+    assert "hammer(default).delay" not in names.names
+    assert {"acc1.delay_x", "acc1.cross_yz"} <= set(names.names)
+    scale = dict(zip(names.names, names.scales, strict=True))
+    assert (scale["acc1.delay_x"], scale["hammer(default).gain"]) == (2e-5, 0.02)
+    with_none = opened("[tolerance]\n" + "".join(f"{key} = 0\n" for key in (
+        "sensor_delay", "sensor_cross", "hammer_gain", "hammer_delay"
+    )))  # fmt: skip
+    kinds = {p.known for p, free in zip(
+        with_none.model.parameters, with_none.parametrisation.free, strict=True
+    ) if free}  # fmt: skip
+    assert not kinds & {"sensor_delay", "sensor_cross", "hammer_gain", "hammer_delay"}
 
 
 def test_wishes_reach_what_varies(opened):

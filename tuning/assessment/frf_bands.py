@@ -42,6 +42,11 @@ def frf_deviations(
     sensors = list(
         partition.sensor_columns(lines.sensitivities(partition.sensor_parameters), rates)
     )
+    if lines.output_factor is not None:
+        factor = lines.output_factor.T[:, :, None, None]
+        sensors = [
+            (rows, values * factor[:, rows], coordinates) for rows, values, coordinates in sensors
+        ]
     shared_covariance = covariance[
         np.ix_(partition.shared_coordinates, partition.shared_coordinates)
     ]

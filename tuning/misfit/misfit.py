@@ -52,11 +52,13 @@ from tuning.parametrisation.parametrisation import Parametrisation
 class _BatchSums:
     """Residuals and weights of a linearised batch, summed over the tests of each input.
 
+    The factors c of the readings multiply them, so that derivatives are those before the factors.
+
     Args:
         lines: model at theta.
         values: sum w |r|^2; (n_freq,).
-        curvature: sum w |g|^2, 1/2 where bodies are weighted; (n_freq, n_out, n_in).
-        weighted_residual: sum w conj(g) r, complex; (n_freq, n_out, n_in).
+        curvature: sum w |g c|^2, 1/2 where bodies are weighted; (n_freq, n_out, n_in).
+        weighted_residual: sum w conj(g c) r, complex; (n_freq, n_out, n_in).
         body_roots: square roots of the weights of bodies, if residuals count there.
     """
 
@@ -322,12 +324,15 @@ class Misfit:
         """Sum residuals and weights of a batch over the tests of each input."""
         sum_by_input = term.batch.sum_by_input
         values, weighted, curvature = self._residual(term, lines)
-        sums = _BatchSums(
-            lines, values, sum_by_input(curvature.astype(complex)).real, sum_by_input(weighted), ()
-        )
+        curvature, weighted = sum_by_input(curvature.astype(complex)).real, sum_by_input(weighted)
+        factor = None if lines.output_factor is None else lines.output_factor.T
+        if factor is not None:  # derivatives are those of H before the factors of the readings
+            weighted = weighted * factor.conj()[:, :, None]
+            curvature = curvature * np.abs(factor[:, :, None]) ** 2
+        sums = _BatchSums(lines, values, curvature, weighted, ())
         if term.body_weights is not None:
             n_in = sums.weighted_residual.shape[2]
-            body_roots = body_weight_roots(term.body_weights, term.batch.columns, n_in)
+            body_roots = body_weight_roots(term.body_weights, term.batch.columns, n_in, factor)
             half = np.zeros(sums.weighted_residual.shape)
             for body in body_roots:
                 half[:, body.rows] = 0.5

@@ -46,7 +46,7 @@ class CoordinatePartition:
     def sensor_columns(
         self, forward: ForwardSensitivities, rates: Real
     ) -> Iterator[tuple[Integers, Complex, Integers]]:
-        """Yield derivatives by each sensor's own coordinates.
+        """Yield derivatives by each sensor's own coordinates, before the factors of the readings.
 
         Args:
             forward: derivatives by the parameters of sensors.
@@ -121,7 +121,11 @@ def partition_coordinates(
 
 
 def _is_plain(changes: tuple[Change, ...]) -> bool:
-    """Return whether changes are those of one sensor's rows, equal at all lines."""
-    if [change.slot for change in changes] != ["sensor"]:
+    """Return whether changes are those of one sensor's rows and readings, without a shape."""
+    if not changes or len({change.point for change in changes}) > 1:
         return False
-    return changes[0].shape is None and not changes[0].core[:, 1:].any()
+    return all(
+        change.shape is None
+        and (change.slot == "output" or (change.slot == "sensor" and not change.core[:, 1:].any()))
+        for change in changes
+    )

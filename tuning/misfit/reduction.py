@@ -108,14 +108,19 @@ class BodyWeightRoot:
 
 
 def body_weight_roots(
-    weights: Sequence[BodyWeight], columns: Integers, n_in: int
+    weights: Sequence[BodyWeight], columns: Integers, n_in: int, factor: Complex | None = None
 ) -> tuple[BodyWeightRoot, ...]:
     """Return the square roots by which derivatives are weighted.
+
+    With factors c of the readings the weight is Re diag(conj c) M diag(c). It contains the range
+    of the complex one, so that gradients stay exact; the normal equations lose a term of the
+    order of the difference in phase between a body's channels.
 
     Args:
         weights: M of each body.
         columns: index of each test's input; (n_test,).
         n_in: number of inputs.
+        factor: c, None where all are one; (n_freq, n_out).
     """
     roots = []
     for body in weights:
@@ -123,6 +128,9 @@ def body_weight_roots(
         summed = np.zeros((n_freq, n_in, n_row, n_row))
         for test, column in enumerate(columns):
             summed[:, column] += 2 * body.weight[:, test]
+        if factor is not None:
+            of_rows = factor[:, body.rows]
+            summed *= (of_rows.conj()[:, :, None] * of_rows[:, None]).real[:, None]
         values, vectors = np.linalg.eigh(summed)
         kept = values > _WEIGHT_RANK * values[..., -1:]
         sizes = np.sqrt(np.where(kept, values, 0.0))

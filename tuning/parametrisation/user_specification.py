@@ -11,7 +11,12 @@ from identification.words import InputError, Mask, Real, Tolerance
 from mbmodel import Model, Parameter
 from tuning.parametrisation.parametrisation import TOLERANCE_BOUND_SIGMA, Parametrisation
 
-_RELATIVE_TOLERANCES = ("mass", "inertia", "sensor_gain")  # fractions of the nominal value
+_RELATIVE_TOLERANCES = (
+    "mass",
+    "inertia",
+    "sensor_gain",
+    "hammer_gain",
+)  # fractions of the nominal value
 # Standard deviation of ln of an unknown gain about its nominal value, which a nominal model with
 # stiffness and masses off by a factor of 2 still gives: wide enough to add no information.
 UNKNOWN_GAIN_SD = 1.0
