@@ -2,6 +2,7 @@
 
 from tuning.assessment.gap import ChannelGaps, Gap, channel_gaps, gap_at_bodies, summarise_gaps
 from tuning.assessment.held_out import HeldOutFits, block_width, fit_held_out
+from tuning.assessment.model_error import ModelError, estimate_model_error
 from tuning.assessment.parameter_confidence import ParameterConfidence, estimate_confidence
 from tuning.assessment.predicted_tests import mean_channel_variance, predict_tests
 from tuning.campaign_tuning import CampaignTuning, ProgressCallbacks, select_stages, tune
@@ -15,6 +16,7 @@ from tuning.files.result import (
 )
 from tuning.files.schema import FrfPlace, ResidualKind, TunedFile
 from tuning.fitting.checkpoint import CHECKPOINT_FILE, Checkpoint
+from tuning.fitting.error_floor_fit import FloorFit, fit_at_error_floor
 from tuning.fitting.fitter import GAUSS_NEWTON, Fit, FitProgress, fit, random_starts
 from tuning.fitting.stages import STAGES, Stage, thin_lines, thinning_slice
 from tuning.misfit.batch import predict
@@ -40,11 +42,13 @@ __all__ = [
     "Checkpoint",
     "Fit",
     "FitProgress",
+    "FloorFit",
     "FrfPlace",
     "Gap",
     "HeldOutFits",
     "LevelFrfs",
     "Misfit",
+    "ModelError",
     "ParameterConfidence",
     "Parametrisation",
     "ProgressCallbacks",
@@ -58,8 +62,10 @@ __all__ = [
     "build_toleranced_model",
     "channel_gaps",
     "estimate_confidence",
+    "estimate_model_error",
     "fingerprint",
     "fit",
+    "fit_at_error_floor",
     "fit_held_out",
     "gap_at_bodies",
     "mean_channel_variance",

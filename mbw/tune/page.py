@@ -78,7 +78,13 @@ def _lead(summary: TunedFile) -> str:
             )
     if gap.noise is None:
         return text + "."
-    return text + f". The noise of the measurement is {format_percent(gap.noise)}."
+    text += f". The noise of the measurement is {format_percent(gap.noise)}"
+    if summary.model_error is None:
+        return text + "."
+    return text + (
+        f"; beside it, the model is off by {100 * summary.model_error:.2g} % of the motion at each "
+        "sensor."
+    )
 
 
 def _warnings(summary: TunedFile) -> list[str]:

@@ -244,6 +244,11 @@ def _say(summary: TunedFile, folder: Path) -> None:
         SCREEN.say(f"  {name}: {describe_gap(row.error, row.excess)}")
     if gap.noise is not None:
         SCREEN.say(f"  noise: {number_text(gap.noise)}")
+    if summary.model_error is not None:
+        SCREEN.say(
+            f"  model error beside the noise: {100 * summary.model_error:.2g} % of the motion at "
+            "each sensor"
+        )
     if summary.pairs:
         paired = sum(row.tuned is not None for row in summary.pairs)
         SCREEN.say(f"  {paired} of {len(summary.pairs)} measured modes match a mode of the model")

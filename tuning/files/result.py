@@ -13,6 +13,7 @@ from identification.readers.result_files import read_result_arrays, read_result_
 from identification.words import Complex, InputError, Real
 from mbmodel import modes_of_matrices, write_mjcf
 from tuning.assessment.gap import Gap, block_error_shares
+from tuning.assessment.model_error import estimate_model_error
 from tuning.campaign_tuning import CampaignTuning, Comparison
 from tuning.files.gain_rows import channel_gain_rows
 from tuning.files.input_files import input_rows
@@ -116,6 +117,7 @@ def summarise_tuning(
         ],
         fit=fit_row(tuned, gap.bodies if tuned.at == "bodies" else gap.sensors),
         gap=gap,
+        model_error=_model_error(tuned.sensors),
         parameters=parameter_rows(tuned),
         correlations=[]
         if confidence is None
@@ -137,6 +139,16 @@ def summarise_tuning(
         remaining_gap=list(remaining),
         not_held_by_mjcf=list(not_held),
     )
+
+
+def _model_error(comparison: Comparison) -> float | None:
+    """Return the model's relative error, on held-out lines if there are any.
+
+    None where it is no larger than a force sensor's error, or no channel moves.
+    """
+    predicted = comparison.held_out or comparison.bounded
+    error = estimate_model_error(predicted, comparison.campaign)
+    return None if error is None or error.is_at_force_error else error.floor
 
 
 def _level_gap(comparison: Comparison) -> LevelGap:

@@ -219,8 +219,9 @@ class TunedFile(_Row):
     """Content of tuned.json.
 
     ``residuals`` are the residuals that were minimised, in order, with FRFs ``at`` sensors or
-    bodies. If modes were measured, ``pairs`` holds each of them and ``unpaired_modes`` the tuned
-    model's modes in the band without a partner.
+    bodies. ``model_error`` is the relative error of the tuned model at the sensors' points that the
+    residuals show beside the noise. If modes were measured, ``pairs`` holds each of them and
+    ``unpaired_modes`` the tuned model's modes in the band without a partner.
     """
 
     campaign: str
@@ -234,6 +235,7 @@ class TunedFile(_Row):
     tests: list[TunedTestRow]
     fit: FitRow
     gap: GapTable
+    model_error: float | None = None
     parameters: list[ParameterRow]
     correlations: list[CorrelationRow] = []
     unseen: list[UnseenRow] = []

@@ -1,0 +1,97 @@
+"""Model error: the relative error of the model that its residuals show beside the noise.
+
+A model of a real machine is never exact. Its error is taken as proportional to the motion of the
+sensor's point, so that a residual has the variance
+
+    E|r|^2 = var + a^2 |H_point|^2,
+
+var being that of the noise and |H_point|^2 the sum over the directions measured at the point. The
+floor a maximises the likelihood of circular complex normal residuals,
+
+    ln L(a) = - sum [ |r|^2 / (var + a^2 |H_point|^2) + ln(var + a^2 |H_point|^2) ],
+
+for which a large floor pays by its logarithm. With parameters fitted at that floor, and the floor
+estimated anew, this is empirical Bayes (type II maximum likelihood; Kennedy and O'Hagan 2001 call
+the error model discrepancy).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from identification.words import Campaign, Complex, FrfEstimate, Real
+from tuning.misfit.weights import FORCE_ERROR_FLOOR
+
+_LARGEST_ERROR = 3.0  # relative: a model that is off by more tells nothing
+_LOG_STEP = 1e-3  # of the floor, to which its logarithm is found
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """Relative error of a model, estimated from residuals.
+
+    Args:
+        floor: a, relative to the motion of each point; not below the force sensor's error.
+        cost: -ln L at the floor [nats], but for a constant.
+        values: number of residuals.
+    """
+
+    floor: float
+    cost: float
+    values: int
+
+    @property
+    def is_at_force_error(self) -> bool:
+        """Whether no more error is seen than that of a force sensor."""
+        return self.floor <= FORCE_ERROR_FLOOR * (1 + 2 * _LOG_STEP)
+
+
+def estimate_model_error(predicted: Sequence[Complex], campaign: Campaign) -> ModelError | None:
+    """Estimate the relative error of the model that made these predictions.
+
+    Args:
+        predicted: the model's answer to each test in its labels; (n_freq, n_out, 1) each.
+        campaign: measurements.
+
+    Returns:
+        The error; None where no channel moves.
+    """
+    rows = [
+        _residual_rows(model, test.estimate)
+        for model, test in zip(predicted, campaign.tests, strict=True)
+    ]
+    squares, variance, power = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+    if not len(squares):
+        return None
+    return profile_floor(squares, variance, power)
+
+
+def profile_floor(squares: Real, variance: Real, power: Real) -> ModelError:
+    """Return the floor of largest likelihood.
+
+    Args:
+        squares: |r|^2 of each value; (n_value,).
+        variance: var of each; (n_value,).
+        power: |H_point|^2 of each, above zero; (n_value,).
+    """
+
+    def cost(log_floor: float) -> float:
+        total = variance + np.exp(2 * log_floor) * power
+        return float(np.sum(squares / total + np.log(total)))
+
+    bounds = np.log(FORCE_ERROR_FLOOR), np.log(_LARGEST_ERROR)
+    minimum = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": _LOG_STEP})
+    return ModelError(float(np.exp(minimum.x)), float(minimum.fun), len(squares))
+
+
+def _residual_rows(model: Complex, estimate: FrfEstimate) -> tuple[Real, Real, Real]:
+    """Return |r|^2, var and |H_point|^2 of the values of one test that count; (n_value,) each."""
+    values = estimate.frf.values
+    places = [(dof.point, dof.is_rotation) for dof in estimate.frf.outputs]
+    at_point = np.array([[here == there for there in places] for here in places], float)
+    power = np.einsum("ij,fjt->fit", at_point, np.abs(values) ** 2)
+    counts = estimate.measured & (np.abs(values) > 0).any(axis=0) & (power > 0)
+    residual = np.abs(model - values) ** 2
+    return residual[counts], np.asarray(estimate.variance)[counts], power[counts]

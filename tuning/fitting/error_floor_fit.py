@@ -1,0 +1,112 @@
+"""Fit at the error that the model of this machine has: parameters and floor in turn.
+
+A fit at the weights of the noise goes down to errors that no real model has: its landscape is full
+of minima there, and any imperfection is significant. So the fit tolerates the error that its own
+residuals show (``tuning.assessment.model_error``), and both are estimated in turn until the floor
+stays. A model that is exact but for noise ends at the force sensor's error, that is at the noise.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identification.words import Campaign, Real
+from mbmodel import Model
+from tuning.assessment.model_error import ModelError, estimate_model_error
+from tuning.fitting.fitter import Fit, fit
+from tuning.fitting.stages import STAGES, Stage, thin_lines
+from tuning.misfit.batch import predict
+from tuning.parametrisation.parametrisation import Parametrisation
+
+
+@dataclass(frozen=True)
+class FloorSchedule:
+    """Constants of the fits in turn.
+
+    Args:
+        stride: every so manyth line counts.
+        max_steps: Gauss-Newton steps of each fit.
+        max_turns: fits at most.
+        max_rise: factor by which the floor may rise in a turn. A fit that began too low is led back
+            without losing its way.
+        min_change: relative change of the floor at which the turns end.
+    """
+
+    stride: int = 8
+    max_steps: int = 6
+    max_turns: int = 6
+    max_rise: float = 1.5
+    min_change: float = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class FloorFit:
+    """A fit at its own floor.
+
+    Args:
+        fit: parameters at the last floor.
+        error: model error that its residuals show.
+        is_settled: whether the floor stayed within the last turn.
+    """
+
+    fit: Fit
+    error: ModelError
+    is_settled: bool
+
+
+def fit_at_error_floor(
+    model: Model,
+    campaign: Campaign,
+    parametrisation: Parametrisation,
+    *,
+    start: Real | None = None,
+    floor: float = STAGES[2].model_error_floor,
+    schedule: FloorSchedule | None = None,
+    jobs: int = 1,
+) -> FloorFit:
+    """Fit parameters and the floor of the model's error in turn.
+
+    Args:
+        model: machine and Parts.
+        campaign: tests on the lines that count.
+        parametrisation: coordinates that vary.
+        start: theta [SI]; None for the nominal model, from which the fit goes by the logarithm of
+            the FRFs first.
+        floor: relative error that the first fit tolerates.
+        schedule: constants; the usual ones if None.
+        jobs: threads; the result does not depend on it.
+
+    Raises:
+        KeyboardInterrupt: interrupted.
+        ValueError: no channel moves, or the schedule has no turn.
+    """
+    schedule = schedule or FloorSchedule()
+    stages: tuple[Stage, ...] = STAGES[:3] if start is None else ()
+    theta = start
+    counted = thin_lines(campaign, schedule.stride // 2)
+    for turn in range(1, schedule.max_turns + 1):
+        linear = replace(
+            STAGES[3],
+            model_error_floor=floor,
+            stride=schedule.stride,
+            max_steps=schedule.max_steps,
+        )
+        current = fit(
+            model,
+            campaign,
+            parametrisation=parametrisation,
+            starts=None if theta is None else (theta,),
+            stages=(*stages, linear),
+            jobs=jobs,
+        )
+        if current.outcome == "interrupted":
+            raise KeyboardInterrupt
+        theta, stages = current.theta, ()
+        error = estimate_model_error(predict(model, theta, counted), counted)
+        if error is None:
+            raise ValueError("no channel moves, so that no model error shows")
+        is_settled = abs(float(np.log(error.floor / floor))) < schedule.min_change
+        if is_settled or turn == schedule.max_turns:
+            return FloorFit(current, error, is_settled)
+        floor = min(error.floor, schedule.max_rise * floor)
+    raise ValueError("a schedule needs at least one turn")
