@@ -14,6 +14,7 @@ from tests.docs import (
     headline_figures,
     model_figures,
     modes_figures,
+    robustness_figures,
     truth_figures,
     tuning_figures,
 )
@@ -26,4 +27,5 @@ FIGURES: Mapping[str, Callable[[], str]] = {
     **modes_figures.FIGURES,
     **tuning_figures.FIGURES,
     **truth_figures.FIGURES,
+    **robustness_figures.FIGURES,
 }
