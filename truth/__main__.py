@@ -8,6 +8,7 @@ import typer
 from threadpoolctl import threadpool_limits
 
 from truth.campaign.cause import Cause, Wanted
+from truth.campaign.draw import REAL_INSTRUMENTS, Tolerance
 from truth.campaign.folder import check_folder, write_answer, write_campaign
 from truth.campaign.protocol import Protocol, draw_protocol
 from truth.campaign.virtual_test import Plan, draw_campaign
@@ -55,6 +56,13 @@ def generate(  # noqa: PLR0913  # one parameter for each option of the command
             help="Motion that small imperfections leave of a re-tuned machine, such as 15.",
         ),
     ] = 0.0,
+    real: Annotated[
+        bool,
+        typer.Option(
+            "--real-instruments",
+            help="Delays and cross-talk of sensors, gain and delay of the force channel are off.",
+        ),
+    ] = False,
     rigid: Annotated[int, typer.Option(min=0, help="Directions that are made rigid.")] = 0,
     answer: Annotated[
         Path | None, typer.Option(help="Where the answer is sealed; else in the folder.")
@@ -76,7 +84,14 @@ def generate(  # noqa: PLR0913  # one parameter for each option of the command
         )
         if place is not None and not wanted:
             raise TruthError(f"{place!r}: the effect none has no place; leave it out")
-        plan = Plan(seed, Cause(wanted, mistuned=mistuned), protocol, rigid=rigid, dirt=dirt)
+        plan = Plan(
+            seed,
+            Cause(wanted, mistuned=mistuned),
+            protocol,
+            REAL_INSTRUMENTS if real else Tolerance(),
+            rigid=rigid,
+            dirt=dirt,
+        )
         with threadpool_limits(1):  # more threads round otherwise: the bytes would be others
             campaign = draw_campaign(station, plan)
         typer.echo(f"sha256 of answer.toml: {campaign.answer_hash}", err=True)

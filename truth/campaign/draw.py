@@ -37,9 +37,17 @@ class Tolerance:
     sensor_position: float = 0.0015
     hammer_angle: float = 0.01745
     hammer_position: float = 0.003
+    sensor_delay: float = 0.0
+    sensor_cross: float = 0.0
+    hammer_gain: float = 0.0
+    hammer_delay: float = 0.0
 
 
-NO_TOLERANCE = Tolerance(*(0.0,) * 9)
+NO_TOLERANCE = Tolerance(*(0.0,) * 13)
+# With delays, cross-talk and calibration of the force at work too, as in any real test.
+REAL_INSTRUMENTS = Tolerance(
+    sensor_delay=2e-5, sensor_cross=0.014, hammer_gain=0.02, hammer_delay=2e-5
+)
 
 
 def stream(seed: int, purpose: str) -> np.random.Generator:
@@ -113,11 +121,15 @@ def draw_true(basis: Station, tolerance: Tolerance, seed: int) -> Station:
     body = stream(seed, "tolerance.body")
     joint = stream(seed, "tolerance.joint")
     sensor = stream(seed, "tolerance.sensor")
+    instrument = stream(seed, "tolerance.instrument")
     stages = []
     for stage in basis.stages:
         shift = tolerance.joint_position * joint.standard_normal(3)
         joints = tuple(replace(one, position=one.position + shift) for one in stage.joints)
-        sensors = tuple(_off_sensor(one, tolerance, sensor) for one in stage.sensors)
+        sensors = tuple(
+            _off_instrument(_off_sensor(one, tolerance, sensor), tolerance, instrument)
+            for one in stage.sensors
+        )
         stages.append(replace(_off_body(stage, tolerance, body), joints=joints, sensors=sensors))
     return replace(basis, stages=tuple(stages))
 
@@ -125,14 +137,20 @@ def draw_true(basis: Station, tolerance: Tolerance, seed: int) -> Station:
 def draw_hammers(
     drawing: Station, node: int, tolerance: Tolerance, seed: int, purpose: str = "tolerance.hammer"
 ) -> tuple[Hammer, ...]:
-    """Return the hits in +x, +y, +z at a node, each off by the hammer's tolerances on its own."""
+    """Return the hits in +x, +y, +z at a node, each off by the hammer's tolerances on its own.
+
+    Gain and delay of the force channel are those of the one hammer, wherever it hits.
+    """
     stage, point = drawing.aim(node)
     random = stream(seed, purpose)
+    channel = stream(seed, "tolerance.force").standard_normal(2)
+    gain, delay = 1 + tolerance.hammer_gain * channel[0], tolerance.hammer_delay * channel[1]
     hammers = []
     for drawn in np.eye(3):
         turn = Rotation.from_rotvec(tolerance.hammer_angle * random.standard_normal(3))
         position = point + tolerance.hammer_position * random.standard_normal(3)
-        hammers.append(Hammer(node, stage, position, turn.as_matrix() @ drawn))
+        direction = turn.as_matrix() @ drawn
+        hammers.append(Hammer(node, stage, position, direction, float(gain), float(delay)))
     return tuple(hammers)
 
 
@@ -165,6 +183,15 @@ def _off_sensor(sensor: Sensor, tolerance: Tolerance, random: np.random.Generato
         axes=sensor.axes @ turn.as_matrix().T,
         position=sensor.position + tolerance.sensor_position * random.standard_normal(3),
         gain=sensor.gain * (1 + tolerance.sensor_gain * random.standard_normal(3)),
+    )
+
+
+def _off_instrument(sensor: Sensor, tolerance: Tolerance, random: np.random.Generator) -> Sensor:
+    numbers = random.standard_normal((2, 3))
+    return replace(
+        sensor,
+        cross=tolerance.sensor_cross * numbers[0],
+        delay=tolerance.sensor_delay * numbers[1],
     )
 
 

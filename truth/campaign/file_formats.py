@@ -19,6 +19,8 @@ _UNITS = {
     "sensor_position": "m",
     "hammer_angle": "rad",
     "hammer_position": "m",
+    "sensor_delay": "s",
+    "hammer_delay": "s",
 }
 
 

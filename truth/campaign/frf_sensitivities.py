@@ -39,8 +39,8 @@ class Jacobian:
     Args:
         shared: of all parameters but the sensors'; (2 n_value, n), as ``stacked``.
         bounded: which of those are tolerances; (n,).
-        own: of each sensor's gains, angles and position, its three rows alone;
-            (n_sensor, 2 n_own, 9).
+        own: of each sensor's gains, angles and position, and where they have a tolerance its
+            cross-talk and delays, its three rows alone; (n_sensor, 2 n_own, 9 to 15).
     """
 
     shared: Real
@@ -62,6 +62,9 @@ def jacobian(machine: Machine, freq_hz: Real, tolerance: Tolerance, weight: Real
     for slopes, prior in _parameters(machine, tolerance):
         shared.append(stacked(solved.slope(slopes) * weight))
         bounded.append(prior)
+    for change in _force_channel(solved, tolerance):
+        shared.append(stacked(change * weight))
+        bounded.append(True)
     own = _sensor_columns(solved, machine.station, tolerance, weight)
     return Jacobian(np.array(shared).T, np.array(bounded), own)
 
@@ -124,6 +127,14 @@ class _Solved:
         self.sensors = rig.readout
         self.left = rig.readout @ inverse[:, : self.size]
         self.motion = inverse[:, :, : self.size] @ rig.drive
+        delays = [sensor.delay for _, sensor in machine.station.sensors()]
+        self.late = np.exp(-self.s * np.concatenate(delays)[:, None])
+
+    @property
+    def values(self) -> Complex:
+        """The accelerances; (n_line, n_out, n_in)."""
+        inside = self.motion[:, : self.size]
+        return np.asarray(self.s**2 * self.late * (self.sensors @ inside))
 
     def slope(self, slopes: _Slopes) -> Complex:
         """Return dH of one parameter; (n_line, n_out, n_in)."""
@@ -146,7 +157,7 @@ class _Solved:
             total = total + self.left[:, :, : self.size] @ slopes.hammers
         if slopes.sensors is not None:
             total = total + slopes.sensors @ inside
-        return np.asarray(self.s**2 * total)
+        return np.asarray(self.s**2 * self.late * total)
 
 
 def _parameters(machine: Machine, tolerance: Tolerance) -> Iterator[tuple[_Slopes, bool]]:
@@ -275,22 +286,43 @@ def _hits(machine: Machine, number: int, tolerance: Tolerance) -> Iterator[_Slop
             yield _Slopes(hammers=columns)
 
 
+def _force_channel(solved: _Solved, tolerance: Tolerance) -> Iterator[Complex]:
+    """By gain and delay of the one force channel, those with a tolerance; like the FRFs."""
+    if tolerance.hammer_gain:
+        yield tolerance.hammer_gain * solved.values
+    if tolerance.hammer_delay:
+        yield -tolerance.hammer_delay * solved.s * solved.values
+
+
 def _sensor_columns(solved: _Solved, station: Station, tolerance: Tolerance, weight: Real) -> Real:
-    """J of each sensor on its three rows: gains, angles, position; (n_sensor, 2 n_value, 9)."""
+    """J of each sensor on its three rows; (n_sensor, 2 n_value, 9 to 15).
+
+    The columns are gains, angles, position, then cross-talk and delays if they have a tolerance.
+    """
     found = []
     motion = solved.s**2 * solved.motion[:, : solved.size]
     for number, (index, sensor) in enumerate(station.sensors()):
         place, stage = slice(6 * index, 6 * index + 6), station.stages[index]
         rows = slice(3 * number, 3 * number + 3)
         drawn = solved.sensors[rows, place]
+        along = np.array([point_row(stage, sensor.position, one) for one in sensor.axes])
+        late = solved.late[:, rows]
         columns = []
         for axis in np.eye(3):
-            gain = tolerance.sensor_gain * axis[:, None] * drawn
+            gain = tolerance.sensor_gain * axis[:, None] * (sensor.gain[:, None] * along)
             turned = np.cross(tolerance.sensor_angle * axis, sensor.axes)
             lever = tolerance.sensor_position * axis
             angle = np.array([point_row(stage, sensor.position, one) for one in turned])
             shift = np.array([[0.0, 0.0, 0.0, *np.cross(lever, one)] for one in sensor.axes])
-            for row in (gain, sensor.gain[:, None] * angle, sensor.gain[:, None] * shift):
-                columns.append(stacked(row @ motion[:, place] * weight[:, rows]))
+            for row in (gain, sensor.mixing @ angle, sensor.mixing @ shift):
+                columns.append(stacked(late * (row @ motion[:, place]) * weight[:, rows]))
+        for first, second in ((0, 1), (0, 2), (1, 2)) if tolerance.sensor_cross else ():
+            row = np.zeros_like(along)
+            row[first], row[second] = along[second], along[first]
+            row *= tolerance.sensor_cross
+            columns.append(stacked(late * (row @ motion[:, place]) * weight[:, rows]))
+        for axis in np.eye(3) if tolerance.sensor_delay else ():
+            reading = -solved.s * axis[:, None] * (drawn @ motion[:, place])
+            columns.append(stacked(tolerance.sensor_delay * late * reading * weight[:, rows]))
         found.append(np.array(columns).T)
     return np.array(found)

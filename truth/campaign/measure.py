@@ -116,6 +116,8 @@ def _hammer_test(
         )
         random = stream(seed, f"noise.force{name}.{column}")
         force = force * (1 + FORCE_NOISE * _complex_normal(random, force.shape))
+        hammer = known.machine.hammers[known.machine.column(occasions[column])]
+        force = force / (hammer.gain * np.exp(-2j * np.pi * freq_hz * hammer.delay))
         frf[:, :, column], coherence[:, :, column] = estimate_h1(force, reading)
     frf[freq_hz == 0] = 0
     kept = coherence if protocol.coherence else None

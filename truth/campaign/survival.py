@@ -85,7 +85,7 @@ class Refit:
         deviation: sd of each value; (n_line, n_out, n_in).
         used: channels that count; (n_out,).
         shared: J of all but the sensors, over sd, real parts above imaginary; (2 n_value, n).
-        own: the same of each sensor, its three rows alone; (n_sensor, 2 n_own, 9).
+        own: the same of each sensor, its three rows alone; (n_sensor, 2 n_own, 9 to 15).
         normal: J^T J with the prior.
         bounded: which parameters are tolerances; (n_parameter,).
         tolerance: standard deviations of the priors.

@@ -36,6 +36,10 @@ def stated(answer: Answer, drawing: Station, before: Station, after: Prepared) -
         else:  # A_true = A_drawn R^T
             turned = Rotation.from_matrix(true.axes.T @ drawn.axes)
             found["rotation"] = _tuple(turned.as_rotvec())
+    elif answer.effect == "sensor_delay":
+        drawn, true = (_sensor(one, place) for one in (drawing, after.station))
+        late = float(np.mean(true.delay - drawn.delay))
+        found["delay"] = late + float(np.asarray(found["delay"]))
     elif answer.effect == "hammer_misalignment":
         axis = AXES.index(answer.dof[1])
         node = int("".join(one for one in place if one.isdigit()))

@@ -153,12 +153,16 @@ def motion_at(station: Station, index: int, point: Real, flexes: tuple[Flex, ...
 
 
 def sensor_rows(station: Station, flexes: tuple[Flex, ...] = ()) -> Real:
-    """Return what the sensors read of the coordinates, gains included; (3 n_sensors, n)."""
-    rows = [
-        gain * motion_row(station, index, sensor.position, axis, flexes)
-        for index, sensor in station.sensors()
-        for axis, gain in zip(sensor.axes, sensor.gain, strict=True)
-    ]
+    """Return what the sensors read of the coordinates, with their gains; (3 n_sensors, n)."""
+    rows = []
+    for index, sensor in station.sensors():
+        along = np.array(
+            [motion_row(station, index, sensor.position, axis, flexes) for axis in sensor.axes]
+        )
+        if sensor.cross.any():
+            rows += list(sensor.mixing @ along)
+        else:
+            rows += list(sensor.gain[:, None] * along)
     return np.array(rows).reshape(-1, 6 * len(station.stages) + len(flexes))
 
 

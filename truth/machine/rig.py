@@ -9,6 +9,7 @@ Each line is solved directly. What is nonlinear stays apart, in ``joints``.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -148,7 +149,17 @@ def build(tested: Prepared) -> Rig:
         assemble(station, flexes),
         sensor_rows(station, flexes),
         hammer_columns(station, tested.hammers, flexes),
+        filters=tuple(
+            Filter((3 * number + axis,), partial(_late, float(sensor.delay[axis])))
+            for number, (_, sensor) in enumerate(station.sensors())
+            for axis in range(3)
+            if sensor.delay[axis]
+        ),
     )
+
+
+def _late(delay: float, s: Complex) -> Complex:
+    return np.asarray(np.exp(-s * delay))
 
 
 def null_basis(equations: Equations) -> Real:
