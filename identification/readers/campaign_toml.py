@@ -7,11 +7,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from identification.readers.ignored_lines import FrequencyRange
-from identification.readers.toml_files import FileName, TomlTable, load_toml, read_toml
+from identification.readers.toml_files import FileName, TomlTable, Turn, load_toml, read_toml
 from identification.words import DEFAULT_HAMMER, Estimator, InputError, Quantity, Tolerance
 from identification.words.file_access import check_file
 
-_MAX_TURN_RAD = 6.3  # just above a full turn: larger values are degrees by mistake
 _MIN_WINDOW_TAU_S = 1e-4  # s: shorter time constants are no exponential windows of hits
 
 
@@ -59,9 +58,7 @@ class SensorSettings(TomlTable):
     """Settings of one ``[sensor.<site>]``: corrections that leave the MJCF as it is."""
 
     flip: list[Literal["x", "y", "z"]] = Field(default_factory=list)
-    turn: list[Annotated[float, Field(ge=-_MAX_TURN_RAD, le=_MAX_TURN_RAD)]] = Field(
-        default=[0.0, 0.0, 0.0], min_length=3, max_length=3
-    )
+    turn: Turn = Field(default=[0.0, 0.0, 0.0])
     ignore: list[Literal["x", "y", "z"]] = Field(default_factory=list)
     body: str | None = None
     gain: Literal["unknown"] | None = None

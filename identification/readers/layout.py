@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from identification.readers.file_kinds import is_universal
 from identification.readers.sites_table import read_sites
-from identification.readers.toml_files import TomlTable, read_toml
+from identification.readers.toml_files import TomlTable, Turn, read_toml
 from identification.readers.uff_datasets import (
     NODE_DATASETS,
     UNITS_DATASET,
@@ -35,7 +35,7 @@ class _Site(TomlTable):
 
     position: Vector3
     body: str | None = None
-    turn: Vector3 = Field(default_factory=lambda: [0.0, 0.0, 0.0])
+    turn: Turn = Field(default_factory=lambda: [0.0, 0.0, 0.0])
 
 
 class _LayoutFile(TomlTable):

@@ -28,7 +28,14 @@ def _check_file_name(name: str) -> str:
     return name
 
 
+_MAX_TURN_RAD = 6.3  # just above a full turn: larger values are degrees by mistake
+
 FileName = Annotated[str, Field(min_length=1), AfterValidator(_check_file_name)]
+# Rotation vector [rad].
+Turn = Annotated[
+    list[Annotated[float, Field(ge=-_MAX_TURN_RAD, le=_MAX_TURN_RAD)]],
+    Field(min_length=3, max_length=3),
+]
 
 
 def read_toml(path: Path, model: type[TomlModel]) -> TomlModel:

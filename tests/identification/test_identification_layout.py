@@ -109,3 +109,8 @@ def test_a_name_that_no_label_holds_is_refused(read, kind, name) -> None:
     text += "" if kind == "site" else "position = [1.0, 0.0, 0.0]\n"
     with pytest.raises(InputError, match="is no name of a body or site"):
         read(text)
+
+
+def test_a_turn_in_degrees_is_refused(read) -> None:
+    with pytest.raises(InputError, match=r"site\.acc1\.turn\.3 = 90\.0"):
+        read(TOML.replace("turn = [0.0, 0.0, 0.5]", "turn = [0.0, 0.0, 90.0]"))
