@@ -119,6 +119,6 @@ def _refuse_nan(
     if bad.size:
         line, row, column = bad[0]
         raise InputError(
-            f"{path}: {name} holds NaN or infinity at line {line}, response {responses[row]}, "
-            f"reference {inputs[column]}: export it again"
+            f"{path}: {name} holds NaN, infinity or a value beyond {MAX_INPUT_MAGNITUDE:g} at line "
+            f"{line}, response {responses[row]}, reference {inputs[column]}: export it again"
         )

@@ -61,8 +61,12 @@ def _shorten_message(message: str) -> str:
 
 
 def _shorten_quoted(match: re.Match[str]) -> str:
-    """Return a quoted text with at most some characters between its quotes."""
+    """Return a quoted text with at most some characters between its quotes.
+
+    Both ends stay, for a path ends with the name of its file.
+    """
     text, quote = match[0], match["quote"]
     if len(text) <= _MAX_QUOTED_CHARACTERS + 2 or not text.endswith(quote):
         return text
-    return f"{text[: _MAX_QUOTED_CHARACTERS + 1]}...{quote}"
+    half = _MAX_QUOTED_CHARACTERS // 2
+    return f"{text[: half + 1]}...{text[-half - 1 :]}"
