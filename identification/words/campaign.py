@@ -118,10 +118,10 @@ class Tolerance:
     sensor_position: float = 0.0015
     hammer_angle: float = 0.01745
     hammer_position: float = 0.003
-    sensor_delay: float = 0.0
-    sensor_cross: float = 0.0
-    hammer_gain: float = 0.0
-    hammer_delay: float = 0.0
+    sensor_delay: float = 2e-5
+    sensor_cross: float = 0.014
+    hammer_gain: float = 0.02
+    hammer_delay: float = 2e-5
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -126,7 +126,8 @@ def test_every_tolerance_is_a_point_of_its_kind(summary):
     }
     assert pulls["kinds"] == [
         "mass", "inertia", "centre of mass", "joint position", "sensor gain", "sensor angle",
-        "sensor position", "hammer angle", "hammer position",
+        "sensor position", "transverse sensitivity", "sensor delay",
+        "hammer angle", "hammer position", "hammer gain", "hammer delay",
     ]  # fmt: skip
     for point in pulls["points"]:
         assert pulls["kinds"][point["kind"]] == kind_of(rows[point["name"]])
@@ -245,7 +246,7 @@ def test_in_a_browser_the_impossible_pull_is_red_and_named_and_every_motion_has_
     far = with_row(result.summary, "acc4.rotation_y", pull=-15.04)
     found = browse(render(replace(result, summary=far)), tmp_path, probe=PROBE)
     assert found["faults"] == []
-    assert len(found["marks"]) == 92
+    assert len(found["marks"]) == 130
     assert sum(mark == "rgb(180, 35, 24)" for mark in found["marks"]) == 1
     assert found["labels"] == ["acc4.rotation_y"]
     assert not found["hit"]

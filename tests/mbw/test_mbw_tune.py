@@ -81,7 +81,7 @@ def test_the_tuned_mjcf_answers_as_the_reported_tuning(folder, tmp_path):
     site = '<site name="acc3" pos="0.1 0.15 0.75"/>'
     assert site in model.read_text()
     model.write_text(model.read_text().replace(site, site + site.replace("acc3", "hit3")))
-    fixed = '\n[tuning]\nfix = ["*.gain_*", "hammer(*"]\n'
+    fixed = '\n[tuning]\nfix = ["*.gain_*", "*.cross_*", "*.delay_*", "hammer(*"]\n'
     settings.write_text(settings.read_text() + fixed)
     result = mbw("tune", campaign, "--out", out, "--json", "-")
     assert result.exit_code == 0, result.stderr
@@ -106,10 +106,11 @@ def test_the_tuned_mjcf_answers_as_the_reported_tuning(folder, tmp_path):
 
 def test_what_varies_and_what_the_mjcf_lacks_is_said_in_few_words(tuned):
     out, result = tuned
-    assert "12 parameters, 92 tolerances" in result.stderr
+    assert "12 parameters, 130 tolerances" in result.stderr
     (line,) = [text for text in result.stderr.splitlines() if "MJCF does not hold" in text]
     assert line.endswith(
-        "gains of 6 sensors, place and direction of 3 hits (tuned.json lists them)."
+        "gains of 6 sensors, delays of 6 sensors, gain of 1 force channel, "
+        "delay of 1 force channel, place and direction of 3 hits (tuned.json lists them)."
     )
     names = json.loads((out / "tuned.json").read_text())["not_held_by_mjcf"]
     assert len([name for name in names if ".gain_" in name]) == 3 * 6
