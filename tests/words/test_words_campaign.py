@@ -107,6 +107,10 @@ def test_default_tolerances_are_those_of_the_format():
         "sensor_position": 0.0015,
         "hammer_angle": 0.01745,
         "hammer_position": 0.003,
+        "sensor_delay": 2e-5,
+        "sensor_cross": 0.014,
+        "hammer_gain": 0.02,
+        "hammer_delay": 2e-5,
     }
 
 
