@@ -2,7 +2,7 @@
 
 The null model is fitted at its own error floor, all hypotheses are scored once about that fit, and
 the best of each effect and place are refitted, each to its own floor. Machines are the station's
-with small imperfections that leave 0, 5 and 15 % of the motion after a refit (``truth --dirt``).
+with real instruments and small imperfections that leave 0, 5 and 15 % of the motion after a refit.
 Nothing is calibrated and nothing judged: the ranks of the truth show whether a diagnosis can be
 built on this. Seeds 340000 and up; cases that are done are kept.
 """
@@ -22,6 +22,7 @@ from diagnosis.refits.refitting import _start, posed
 from diagnosis.search.score_test import gains, ranked
 from tests.bench.kept import cases
 from truth import Cause, Plan, Protocol, TruthError, Wanted, draw_campaign, read_station
+from truth.campaign.draw import REAL_INSTRUMENTS
 from truth.campaign.folder import write_campaign
 from truth.grade.rates import wilson
 from tuning import fit_at_error_floor, open_session
@@ -43,6 +44,7 @@ EFFECTS = (
 )
 DIRT = (0.0, 5.0, 15.0)
 RATIO = 2.0
+_DESIGNS = tuple(product(range(EACH), DIRT, EFFECTS))
 _REFITTED = 12  # hypotheses, the best of each effect and place
 _NAMED_RATIO = 1.0  # survival ratio below which an effect is no larger than what hides it
 _STATION = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"
@@ -50,15 +52,15 @@ _STATION = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"
 
 def run() -> list[dict[str, object]]:
     """Draw, fit and rank; return the rates of each amount of dirt."""
-    designs = list(product(range(EACH), DIRT, EFFECTS))
-    rows, _ = cases("error_floor", range(len(designs)), lambda k: _case(k, *designs[k][1:]))
+    rows, _ = cases("error_floor", range(len(_DESIGNS)), _case, jobs=2)
     return [row for dirt in DIRT for row in _rates(dirt, rows)]
 
 
-def _case(number: int, dirt: float, effect: str) -> dict[str, object]:
+def _case(number: int) -> dict[str, object]:
+    _, dirt, effect = _DESIGNS[number]
     wanted = () if effect == "none" else (Wanted(effect, None, RATIO),)
     protocol = Protocol((11,), (200.0,), 10)
-    plan = Plan(FIRST + number, Cause(wanted), protocol, dirt=dirt)
+    plan = Plan(FIRST + number, Cause(wanted), protocol, REAL_INSTRUMENTS, dirt=dirt)
     with tempfile.TemporaryDirectory() as scratch, threadpool_limits(1):
         folder = Path(scratch) / "campaign"
         try:

@@ -127,3 +127,8 @@ def test_dirt_beside_a_nonlinear_joint_has_no_loss_factors(two_bodies, tmp_path)
 def test_an_absurd_dirt_is_refused():
     with pytest.raises(TruthError, match="per cent"):
         Plan(1, dirt=150.0)
+
+
+def test_supports_that_are_lost_can_stand_on_askew_guides(nominal):
+    plan = Plan(3, Cause((Wanted("support_loss", "joint:granite_bottom"),)), dirt=5)
+    assert b"support_loss" in draw_campaign(nominal, plan).answer

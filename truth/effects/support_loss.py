@@ -103,16 +103,20 @@ def levers(along: Real, near: tuple[float, float] = (1.0, 1.0)) -> Real:
 
 
 def _along(joints: tuple[Joint, ...], quantity: str) -> Real:
-    """Return stiffness or damping in the order tx .. rz; (6,)."""
-    values = {_world_axis(joint): getattr(joint, quantity) for joint in joints}
+    """Return stiffness or damping in the order tx .. rz; (6,). Guides may be a little askew."""
+    values = {_nearest_axis(joint): getattr(joint, quantity) for joint in joints}
     return np.array([values[dof] for dof in DIRECTIONS])
+
+
+def _nearest_axis(joint: Joint) -> str:
+    """Return tx .. rz by the largest part of the joint's axis."""
+    letter = "t" if joint.kind == "slide" else "r"
+    return f"{letter}{'xyz'[int(np.abs(joint.axis).argmax())]}"
 
 
 def _world_axis(joint: Joint) -> str | None:
     """Return tx .. rz if the joint is along or about a world axis."""
-    axis = int(np.abs(joint.axis).argmax())
-    letter = "t" if joint.kind == "slide" else "r"
-    return f"{letter}{'xyz'[axis]}" if abs(joint.axis[axis]) > 1 - 1e-9 else None
+    return _nearest_axis(joint) if np.abs(joint.axis).max() > 1 - 1e-9 else None
 
 
 def _stands(stage: Stage) -> bool:
