@@ -1,6 +1,6 @@
-"""Figures of the bench on mutated files."""
+"""Figures of the benches on mutated files, and on fits at the error that the model has."""
 
-from tests.docs.formats import table
+from tests.docs.formats import significant, table
 from tests.docs.results import bench_rows
 
 
@@ -12,4 +12,12 @@ def fuzz_table() -> str:
     return table(("Reader", "Mutations", "Faults"), rows)
 
 
-FIGURES = {"fuzz-table": fuzz_table}
+def error_floor_table() -> str:
+    """Rank of the true effect about fits at their own error floor."""
+    rows = [
+        (row["figure"], significant(row["value"], 3), row["n"]) for row in bench_rows("error_floor")
+    ]
+    return table(("Figure", "Value", "n [95 % interval]"), rows)
+
+
+FIGURES = {"fuzz-table": fuzz_table, "error_floor-table": error_floor_table}
