@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Mapping
 
-OPENING = re.compile(r"<!-- bench:([a-z0-9-]+) -->")
+OPENING = re.compile(r"<!-- bench:([a-z0-9_-]+) -->")
 CLOSING = "<!-- /bench -->"
 MARKED = re.compile(rf"{OPENING.pattern}(.*?){re.escape(CLOSING)}", re.DOTALL)
 # What a rate with its interval or its number of cases looks like in prose.
