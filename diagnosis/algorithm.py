@@ -1,178 +1,156 @@
-"""Diagnosis as a whole: gates, a fit, scores, refits, and the verdict that they come to."""
+"""The diagnosis as a whole."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from diagnosis.comparison.collect import gathered
-from diagnosis.comparison.confounded import find_confounded
-from diagnosis.comparison.present import join_present, present_hypotheses
-from diagnosis.comparison.rivals import judge_rivals
-from diagnosis.data_checks.bending import proven_hypotheses, refit_bending
-from diagnosis.data_checks.sensors import Gate, sensor_gate
-from diagnosis.effects import catalogue
-from diagnosis.estimates.held_out_gap import HeldOutGap, begun, level, levels
-from diagnosis.estimates.intervals import Known
+from diagnosis.data_checks.check_data import check_data
+from diagnosis.data_checks.sensors import Gate
+from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, estimate_gaps, hold_out
+from diagnosis.estimates.intervals import FittedParameters
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.inference.calibration import calibrated
-from diagnosis.inference.evidence import BENDS, Evidence
-from diagnosis.inference.posterior import Posterior
-from diagnosis.null_model import (
-    fit_with_floor,
-    from_where_others_ended,
-    refit_by_more_lines,
-    refit_null_model,
-    with_outliers,
-    within_bounds,
-)
-from diagnosis.refits.refitting import Refit
-from diagnosis.released_session import release_session
-from diagnosis.search.ladder import Search
-from diagnosis.search.second_effect import searched
-from identification import find_overstated_noise, remove_overstated_noise
-from identification.words import UsageError
+from diagnosis.inference.evidence import Evidence
+from diagnosis.inference.posterior import Posterior, judge
+from diagnosis.null_model import fit_baseline
+from diagnosis.refits.refitting import Refit, add_to, run_refits
+from diagnosis.search.collect import collect_evidence
+from diagnosis.search.confounded import find_confounded
+from diagnosis.search.selection import Search, refit_null_model, select_causes
+from diagnosis.settings import SETTINGS, DiagnosisSettings
+from diagnosis.verdict.established import Present, describe_present, find_present
 from tuning import Gap, Session, channel_gaps, predict, summarise_gaps
-
-_FEWEST = 8  # lines: of fewer any shape along frequency fits
 
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """All that led to a verdict.
+    """Everything that led to a verdict.
 
     Args:
-        session: what was opened, without channels that tell nothing.
-        gate: what sensors alone say.
-        base: what was fitted without any effect, and where that ended.
-        nothing: refit without any effect, on channels that no gate took out.
-        search: for what explains the gap; empty where there is none.
-        evidence: what was judged by.
-        judged: probabilities.
-        present: the causes that the verdict says are there, the most probable first.
-        twins: pairs of causes that leave the same, as the verdict calls them.
-        as_drawn: gap of the drawing.
-        retuned: stiffness, damping and tolerances fitted to all that was measured.
-        after: the same with the first cause; None without one, and where no Part holds it.
-        known: parameters of ``after`` and their confidence.
+        session: campaign without channels that tell nothing, and nominal model.
+        gate: faults that redundant channels prove.
+        scene: campaign, model and theta of the null model.
+        search: null model and sets of causes that were fitted.
+        evidence: fits as plain numbers.
+        posterior: probabilities.
+        present: causes that the verdict names, with what each closes.
+        twins: pairs of confounded causes.
+        as_drawn: gap of the nominal model.
+        gaps: gap of the null model and with all present causes, on held-out lines.
+        gate_hypotheses: hypotheses of the proven faults.
+        settings: thresholds and sizes of the search.
     """
 
     session: Session
     gate: Gate
-    base: Scene
-    nothing: Refit
+    scene: Scene
     search: Search
     evidence: Evidence
-    judged: Posterior
-    present: tuple[Hypothesis, ...]
+    posterior: Posterior
+    present: Present
     twins: tuple[tuple[str, str], ...]
     as_drawn: Gap
-    retuned: HeldOutGap
-    after: HeldOutGap | None
-    known: Known | None = None
+    gaps: GapEstimates
+    gate_hypotheses: tuple[Hypothesis, ...] = ()
+    settings: DiagnosisSettings = SETTINGS
+
+    @property
+    def null(self) -> Refit:
+        """Null model."""
+        return self.search.null
+
+    @property
+    def retuned(self) -> HeldOutGap:
+        """Gap of the null model."""
+        return self.gaps.retuned
+
+    @property
+    def after(self) -> HeldOutGap | None:
+        """Gap with all present causes; None without one."""
+        return self.gaps.after
+
+    @property
+    def parameters(self) -> FittedParameters | None:
+        """Parameters with all present causes; None without one."""
+        return self.gaps.parameters
 
     def __repr__(self) -> str:
         """Return campaign, verdict and causes in one line."""
-        causes = ", ".join("@".join(key[:2]) for key in self.judged.present) or "no cause"
-        return f"diagnosis of {self.session.campaign.name}: {self.judged.word}, {causes}"
+        causes = ", ".join(cause.site for cause in self.present.causes) or "no cause"
+        return f"diagnosis of {self.session.campaign.name}: {self.present.word}, {causes}"
 
 
 def diagnose(
-    session: Session, *, jobs: int = 1, tell: Callable[[str], None] | None = None
+    session: Session,
+    *,
+    jobs: int = 1,
+    tell: Callable[[str], None] | None = None,
+    settings: DiagnosisSettings = SETTINGS,
 ) -> Diagnosis:
-    """Say what the model lacks, where, and how far the gap shrinks with it.
+    """Find what the model lacks, where, and how far the gap shrinks with it.
+
+    1. Data checks compare channels without a model, and take proven faults out of the data.
+    2. The null model is fitted: stiffness, damping and tolerances, at the model error that its own
+       residual shows.
+    3. A score test ranks every effect of the catalogue at every place.
+    4. The most promising are refitted, each at its own model error; what a cause is worth is how
+       far that error falls.
+    5. The best cause stays if it is more probable than no cause; the search then goes on from the
+       model that has it, for up to five causes.
+    6. Each earlier cause is left out in turn, and dropped if the others explain as much.
+    7. Where something remains, the force of any spectrum is sought that explains most of it, and
+       its place.
+    8. The posterior weighs all sets of causes, by the number of independent values of the residual.
+    9. The gap is estimated on held-out lines, without and with the causes.
+    10. Causes that are probable and close a fifth of the gap are established; what remains is the
+        rest.
 
     Args:
-        session: campaign and drawn model.
+        session: campaign and nominal model.
         jobs: processes and threads; the verdict does not depend on it.
-        tell: told what is being done.
+        tell: called with what is being done.
+        settings: thresholds and sizes of the search.
 
     Raises:
         UsageError: the band holds too few lines.
     """
-    count = len(session.campaign.freq_hz)
-    if count < _FEWEST:
-        raise UsageError(
-            f"a diagnosis needs {_FEWEST} lines or more, and the band holds {count}: widen it"
-        )
     say = tell or (lambda _: None)
-    say("hits and sensors among each other")
-    changing = find_overstated_noise(session.campaign)
-    session = replace(session, campaign=remove_overstated_noise(session.campaign, changing))
-    gate = sensor_gate(session.campaign)
-    session, directions = release_session(replace(session, campaign=gate.alive))
-    scene, early = fit_with_floor(session, gate, directions, jobs, say)
-    faults = proven_hypotheses(gate, session)
-    bending = None
-    if any(fault.effect == BENDS and fault.is_held for fault in faults):
-        bending = refit_bending(scene, gate, session, say)
-        if bending is None:
-            gate = gate.solid()
-            scene, early = fit_with_floor(session, gate, directions, jobs, say)
-        faults = proven_hypotheses(gate, session, 1.0 if bending is None else bending[1])
-    clean = scene.session
-    scene, first, null_refit = refit_by_more_lines(*refit_null_model(scene, say))
-    usual, outlier = scene, calibrated().outlier
-    if not null_refit.is_noise:
-        scene, null_refit = with_outliers(scene, null_refit, outlier)
-    search = Search()
-    # A flexible body drives all others in ways that no Part holds, so its residual tells nothing.
-    if not null_refit.is_noise and not gate.flexible:
-        locations = {fault.location for fault in faults}
-        proposals = (hypothesis for effect in catalogue().values() for hypothesis in effect(scene))
-        candidates = [
-            hypothesis for hypothesis in proposals if hypothesis.location not in locations
-        ]
-        search = searched(scene, (early, first, null_refit), candidates, say)
-        null_refit = from_where_others_ended(scene, first, null_refit, search)
-
-    def read(tried: Search) -> Evidence:
-        return gathered(scene, gate, faults, null_refit, tried, len(changing))
-
-    search, evidence, posterior = judge_rivals(scene, search, read, say)
-    present = present_hypotheses(posterior, faults, search)
+    say("hits and sensors compared with each other")
+    data = check_data(session, settings)
+    base = fit_baseline(data, jobs, settings, say)
+    search = select_causes(base, settings, say)
+    search = refit_null_model(base, search, settings)
+    say("unknown forces at every place")
+    evidence = collect_evidence(base, search, data.unsteady, settings)
+    posterior = judge(evidence, settings=settings)
+    causes = find_present(search, posterior, settings)
     say("the gap on held-out lines")
-    # With a flexible body, the fit without its mode has moved away from the machine.
-    theta = early.theta if gate.flexible else null_refit.fit.theta
-    base = replace(usual, theta=theta)
-    # An error of 5 % is negligible in a large gap; where next to nothing remains, the third digit
-    # counts, and lines that were left out beside a sharp mode cost that much.
-    exact = not present
-    is_corrected = clean.campaign is not session.campaign
-    refits = (null_refit, *search.refits, *search.pairs)
-    known_refits = {} if is_corrected else {refit.hypothesis: refit for refit in refits}
-    if bending is not None and gate.undoubted is gate.alive and len(faults) == 1:
-        known_refits[faults[0]] = bending[0]
-    is_held = bool(present) and all(cause.is_held for cause in present)
-    cause = join_present(present, search) if is_held else None
-    known_refits = {
-        hypothesis: within_bounds(usual, known_refits[hypothesis], outlier)
-        for hypothesis in {None, cause} & known_refits.keys()
-    }
-    retuned, after, intervals = levels(base, cause, session, known_refits, exact=exact)
-    drawn = predict(session.model, session.model.drawn, session.campaign)
+    gaps = estimate_gaps(base, data.session, search.null, causes, settings)
+    present = describe_present(base, search, evidence, posterior, gaps, settings)
+    nominal = predict(data.session.model, data.session.model.drawn, data.session.campaign)
     return Diagnosis(
-        session=session,
-        gate=gate,
-        base=base,
-        nothing=null_refit,
+        session=data.session,
+        gate=base.gate,
+        scene=base.scene,
         search=search,
         evidence=evidence,
-        judged=posterior,
+        posterior=posterior,
         present=present,
-        twins=find_confounded(scene, first.fit, evidence, posterior, search),
-        as_drawn=summarise_gaps(channel_gaps(drawn, session.campaign)),
-        retuned=retuned,
-        after=after,
-        known=intervals,
+        twins=find_confounded(base.scene, search, posterior, settings),
+        as_drawn=summarise_gaps(channel_gaps(nominal, data.session.campaign)),
+        gaps=gaps,
+        gate_hypotheses=base.proven,
+        settings=settings,
     )
 
 
-def level_of(diagnosis: Diagnosis, hypothesis: Hypothesis, jobs: int = 1) -> HeldOutGap:
-    """Return the gap with a hypothesis, whether it was among the best or not.
+def gap_with(diagnosis: Diagnosis, hypothesis: Hypothesis, jobs: int = 1) -> HeldOutGap:
+    """Return the held-out gap with a hypothesis, whether it was among the best or not.
 
     Args:
         diagnosis: the diagnosis.
         hypothesis: the hypothesis that is added.
         jobs: number of processes and threads.
     """
-    base = replace(diagnosis.base, jobs=jobs)
-    return level(base, begun(base, hypothesis, diagnosis.session), diagnosis.retuned.width)
+    scene = replace(diagnosis.scene, jobs=jobs)
+    task = add_to(diagnosis.retuned.refit, hypothesis)
+    (refit,) = run_refits(scene, [task], SETTINGS.null_schedule)
+    return hold_out(scene, refit, diagnosis.retuned.width)

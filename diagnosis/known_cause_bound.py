@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from diagnosis.algorithm import Diagnosis, level_of
+from diagnosis.algorithm import Diagnosis, gap_with
 from diagnosis.data_checks.sensors import hypothesis_of
 from diagnosis.estimates.held_out_gap import HeldOutGap
 from diagnosis.hypothesis import Hypothesis
@@ -33,10 +33,11 @@ def oracle(found: Diagnosis, told: Fault, jobs: int = 1) -> HeldOutGap | None:
     Returns:
         The gap with it; None of an effect that is no Part yet.
     """
-    if found.after is not None and _same(found.present[0], told):
+    causes = found.present.causes
+    if found.after is not None and causes and _same(causes[0], told):
         return found.after
     one = _hypothesis(found, told)
-    return None if one is None else level_of(found, one, jobs)
+    return None if one is None else gap_with(found, one, jobs)
 
 
 def _same(one: Hypothesis, told: Fault) -> bool:

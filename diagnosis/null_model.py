@@ -1,118 +1,122 @@
-"""Fits of the null model, without any effect; ``inference.posterior`` decides from their gap.
-
-Springs, dampers and tolerances have other minima than the one that a start at the drawing leads to,
-and a gap that only such a minimum leaves is none.
-"""
+"""Null model: no cause added; stiffness, damping and tolerances fitted at the model-error floor."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.data_checks.bending import proven_hypotheses, refit_bending
+from diagnosis.data_checks.check_data import CheckedData
 from diagnosis.data_checks.sensors import Gate
-from diagnosis.hypothesis import Scene
+from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.inference.evidence import BENDS
 from diagnosis.refits.refitting import (
-    FIRST,
-    LAST,
-    PATIENT,
     Refit,
-    asked,
-    begun_at,
-    fitted,
-    free,
-    further,
-    go_on,
-    measured,
-    paced,
-    plenty,
-    pull_of,
-    refit,
-    uninterrupted,
+    RefitTask,
+    measured_frfs,
+    run_refits,
+    start_values,
 )
-from diagnosis.search.ladder import Search
+from diagnosis.settings import DiagnosisSettings
 from identification import lines_are_independent
-from identification.words import Campaign
 from mbmodel import RigidDirection
-from tuning import STAGES, TOLERANCE_BOUND_SIGMA, Fit, Session, fit, random_starts
+from tuning import STAGES, Session, fit, random_starts
 
-_FEW, _STARTS, _FOLLOWED = 48, 16, 4  # FRFs a start; at most so many, of which the best go on
-_OTHERS, _MOST = 2, 0.5  # so many, that leave no more of the gap, say where nothing might begin
-_LESS = 0.9  # of the cost of first steps: who comes below has found another minimum
-_LITTLE = 0.1  # of the variance: where so little is left of much data, more of them count
+_START_FLOOR = STAGES[2].model_error_floor  # of the nominal model
 
 
-def fit_with_floor(
-    session: Session,
-    gate: Gate,
-    held: tuple[RigidDirection, ...],
-    jobs: int,
-    say: Callable[[str], None],
-) -> tuple[Scene, Fit]:
-    """The fit with an allowance, to what no gate took out."""
-    say("fit with an allowance")
-    clean = replace(session, campaign=gate.campaign)
-    pace = _pace(clean.campaign)
-    early = uninterrupted(
-        fit(
-            clean.model,
-            clean.campaign,
-            parametrisation=clean.parametrisation,
-            stages=paced(STAGES[:3], pace),
-            jobs=jobs,
-        )
-    )
-    own = lines_are_independent(session.campaign)
-    return Scene(clean, early.theta, held, pace, jobs, independent=own), early
-
-
-def refit_null_model(scene: Scene, say: Callable[[str], None]) -> tuple[Scene, Refit, Refit]:
-    """First steps and the end of the fit without any effect, and the scene from where it began."""
-    say("refit without any effect")
-    campaign = scene.session.campaign
-    first = refit(scene, None, campaign, FIRST)
-    nothing = go_on(scene, first, PATIENT)
-    best = from_many_starts(scene, nothing, say)
-    if best.cost < nothing.cost:  # hypotheses begin there too: else they end worse than nothing
-        scene, nothing = replace(scene, theta=best.fit.theta), best
-        first = refit(scene, None, campaign, FIRST)
-    return scene, first, nothing
-
-
-def refit_by_more_lines(scene: Scene, first: Refit, nothing: Refit) -> tuple[Scene, Refit, Refit]:
-    """The same by as many lines as of little data, where little is left of much.
-
-    Three levels are fitted to every twelfth line: what that leaves of a strong one between them,
-    0.0175 of the noise where all parameters were right, is no gap; every fourth leaves 0.0054.
-    """
-    if scene.pace == 1 or nothing.is_noise or nothing.gap > _LITTLE:
-        return scene, first, nothing
-    scene = replace(scene, pace=1)
-    first = refit(scene, None, scene.session.campaign, FIRST)
-    return scene, first, go_on(scene, nothing, PATIENT[-1:])
-
-
-def _pace(campaign: Campaign) -> int:
-    """How many times as much was measured as fits need."""
-    return max(1, round(plenty(campaign)))
-
-
-def from_many_starts(scene: Scene, nothing: Refit, say: Callable[[str], None]) -> Refit:
-    """The fit without any effect, of few FRFs from many starts, if one ends better.
-
-    A handful of FRFs is met by several machines, most of them not quite: one start finds any.
+@dataclass(frozen=True, eq=False)
+class Baseline:
+    """The null model, and what the data checks prove of it.
 
     Args:
-        scene: campaign and drawn model.
-        nothing: the end of the fit from the drawing.
+        scene: campaign without the proven faults, model, theta of the null model.
+        null: null model.
+        gate: faults that remain proven after the fit.
+        proven: their hypotheses.
+        bending: refit with the modes of bodies that bend; None without one.
+    """
+
+    scene: Scene
+    null: Refit
+    gate: Gate
+    proven: tuple[Hypothesis, ...]
+    bending: Refit | None
+
+
+def fit_baseline(
+    data: CheckedData, jobs: int, settings: DiagnosisSettings, say: Callable[[str], None]
+) -> Baseline:
+    """Fit the null model, and decide whether bodies that seem to bend really do.
+
+    Args:
+        data: result of the data checks.
+        jobs: processes.
+        settings: schedules.
         say: told what is being done.
     """
+    say("null model: stiffness, damping and tolerances")
+    gate, session = data.gate, data.session
+    scene = set_scene(session, gate, data.directions, jobs, settings)
+    null = fit_null_model(scene, settings)
+    hypotheses = proven_hypotheses(gate, session)
+    bending = None
+    ratio = 1.0
+    if any(hypothesis.effect == BENDS and hypothesis.is_held for hypothesis in hypotheses):
+        explained = refit_bending(scene, null, gate, settings, say)
+        if explained is None:
+            gate = gate.solid()
+            scene = set_scene(session, gate, data.directions, jobs, settings)
+            null = fit_null_model(scene, settings)
+        else:
+            bending, ratio = explained
+        hypotheses = proven_hypotheses(gate, session, ratio)
+    scene = replace(scene, theta=null.fit.theta)
+    return Baseline(scene, null, gate, tuple(hypotheses), bending)
+
+
+def set_scene(
+    session: Session,
+    gate: Gate,
+    directions: tuple[RigidDirection, ...],
+    jobs: int,
+    settings: DiagnosisSettings,
+) -> Scene:
+    """Return the scene of all fits: what no data check took out, and how many lines count.
+
+    Args:
+        session: campaign and nominal model.
+        gate: result of the data checks.
+        directions: rigid directions that may give way.
+        jobs: processes.
+        settings: sizes of the search.
+    """
+    campaign = gate.campaign
+    values = measured_frfs(campaign) * len(campaign.freq_hz)
+    return Scene(
+        replace(session, campaign=campaign),
+        session.model.drawn,
+        directions,
+        pace=max(1, round(values / settings.enough_values)),
+        jobs=jobs,
+        independent=lines_are_independent(session.campaign),
+    )
+
+
+def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
+    """Fit the null model, from the nominal model and, where few FRFs fit many, from further starts.
+
+    Args:
+        scene: campaign and nominal model.
+        settings: schedule and number of starts.
+    """
     session = scene.session
-    count = min(_STARTS, round(_FEW / max(1, measured(session.campaign))))
-    if count < 2 or nothing.is_noise:
-        return nothing
-    say("few FRFs: refit without any effect from other starts")
-    found = uninterrupted(
-        fit(
+    tasks = [RefitTask(None, session, None, _START_FLOOR)]
+    count = min(
+        settings.max_starts, round(settings.few_frfs / max(1, measured_frfs(session.campaign)))
+    )
+    if count > 1:
+        many = fit(
             session.model,
             session.campaign,
             parametrisation=session.parametrisation,
@@ -120,69 +124,45 @@ def from_many_starts(scene: Scene, nothing: Refit, say: Callable[[str], None]) -
             stages=STAGES[:3],
             jobs=scene.jobs,
         )
-    )
-    order = np.argsort(found.start_costs)[:_FOLLOWED]
-    starts = [replace(scene, theta=theta) for theta in found.start_thetas[order]]
-    tasks = [asked(one, None, session.campaign, (*FIRST, *PATIENT)) for one in starts]
-    return min(nothing, *fitted(scene, tasks), key=lambda one: one.cost)
+        if many.outcome == "interrupted":
+            raise KeyboardInterrupt
+        tasks.append(RefitTask(None, session, many.theta, _START_FLOOR))
+    refits = run_refits(scene, tasks, settings.null_schedule)
+    return min(refits, key=lambda refit: refit.cost)
 
 
-def from_where_others_ended(scene: Scene, first: Refit, nothing: Refit, found: Search) -> Refit:
-    """The fit without any effect, from where the best with one ended, if that ends better.
+def refit_from(scene: Scene, null: Refit, other: Refit, settings: DiagnosisSettings) -> Refit:
+    """Refit the null model from where another refit ended, and return the better.
 
-    An effect may lead round a barrier that springs and dampers alone do not cross, and then vanish:
-    a joint far softer than drawn, found as supports that are lost. First steps, of few lines, tell.
+    A cause may lead around a barrier that springs and dampers alone do not cross, and then vanish.
 
     Args:
-        scene: campaign and drawn model.
-        first: first steps of the fit without any effect.
-        nothing: its end.
-        found: what was tried.
+        scene: campaign and nominal model.
+        null: the null model.
+        other: refit with causes.
+        settings: schedule.
     """
-    gap = nothing.gap
-    others = [one for one in found.refits[:_OTHERS] if one.gap < _MOST * gap]
-    begun = fitted(scene, [begun_at(further(nothing, FIRST), one) for one in others])
-    best = min(begun, key=lambda one: one.cost, default=None)
-    if best is None or best.cost > _LESS * first.cost:
-        return nothing
-    again = go_on(scene, best, PATIENT)
-    return again if again.cost < nothing.cost else nothing
+    start = start_values(other, null.session, None)
+    (refit,) = run_refits(
+        scene, [RefitTask(None, null.session, start, null.floor)], settings.schedule
+    )
+    return min(null, refit, key=lambda candidate: candidate.cost)
 
 
-def with_outliers(scene: Scene, made: Refit, outlier: float) -> tuple[Scene, Refit]:
-    """Scene and refit, tolerances that lie beyond their bounds as far as an outlier may.
-
-    Of 300 tolerances some four are beyond 2.5 standard deviations. Where data are exact, what their
-    bounds leave is a gap, which effects then seem to explain that are not there.
+def fit_unbounded(scene: Scene, null: Refit, settings: DiagnosisSettings) -> tuple[float, float]:
+    """Return the gap of the null model without bounds of tolerances, and the largest tolerance.
 
     Args:
-        scene: whose tolerances are within their bounds.
-        made: the refit without any effect.
-        outlier: standard deviations; where one is farther something is wrong, and nothing changes.
+        scene: campaign and nominal model.
+        null: the null model.
+        settings: schedule.
 
     Returns:
-        Both, and what the fit without any bounds leaves, is said of the refit.
+        Mean square of the gap over that of the noise; shift in standard deviations.
     """
-    loose = free(scene, made)
-    pull = pull_of(loose)
-    beyond = loose.fit.parametrisation.has_prior & (np.abs(loose.fit.x) > TOLERANCE_BOUND_SIGMA)
-    if pull > outlier or not beyond.any():
-        return scene, replace(made, loose=1 + loose.gap, pull=pull)
-    session = replace(
-        made.session, parametrisation=made.session.parametrisation.widen_bounds(beyond, outlier)
-    )
-    wide = replace(scene, session=replace(scene.session, parametrisation=session.parametrisation))
-    found = go_on(wide, replace(loose, session=session), LAST)
-    return wide, replace(found, loose=1 + found.gap, pull=pull_of(found))
-
-
-def within_bounds(scene: Scene, made: Refit, outlier: float) -> Refit:
-    """The same, tolerances that were taken for outliers within their bounds again."""
-    before = made.session.parametrisation
-    varies = before.narrow_bounds(outlier)
-    if np.array_equal(varies.lower, before.lower) and np.array_equal(varies.upper, before.upper):
-        return made
-    x = np.clip(varies.coordinates(made.fit.theta), varies.lower, varies.upper)
-    begun = replace(made.fit, parametrisation=varies, x=x)
-    session = replace(made.session, parametrisation=varies)
-    return go_on(scene, replace(made, session=session, fit=begun), LAST)
+    lifted = null.session.parametrisation.lift_bounds()
+    session = replace(null.session, parametrisation=lifted)
+    task = RefitTask(None, session, null.fit.theta, null.floor)
+    (refit,) = run_refits(scene, [task], settings.schedule)
+    shifts = np.abs(refit.fit.x[lifted.has_prior])
+    return refit.gap, float(shifts.max(initial=0.0))

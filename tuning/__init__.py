@@ -5,6 +5,7 @@ from tuning.assessment.held_out import HeldOutFits, block_width, fit_held_out
 from tuning.assessment.model_error import ModelError, estimate_model_error
 from tuning.assessment.parameter_confidence import ParameterConfidence, estimate_confidence
 from tuning.assessment.predicted_tests import mean_channel_variance, predict_tests
+from tuning.assessment.residual_statistics import ResidualStatistics, residual_statistics
 from tuning.campaign_tuning import CampaignTuning, ProgressCallbacks, select_stages, tune
 from tuning.files.input_files import fingerprint
 from tuning.files.result import (
@@ -16,7 +17,7 @@ from tuning.files.result import (
 )
 from tuning.files.schema import FrfPlace, ResidualKind, TunedFile
 from tuning.fitting.checkpoint import CHECKPOINT_FILE, Checkpoint
-from tuning.fitting.error_floor_fit import FloorFit, fit_at_error_floor
+from tuning.fitting.error_floor_fit import FloorFit, FloorSchedule, fit_at_error_floor
 from tuning.fitting.fitter import GAUSS_NEWTON, Fit, FitProgress, fit, random_starts
 from tuning.fitting.stages import STAGES, Stage, thin_lines, thinning_slice
 from tuning.misfit.batch import predict
@@ -43,6 +44,7 @@ __all__ = [
     "Fit",
     "FitProgress",
     "FloorFit",
+    "FloorSchedule",
     "FrfPlace",
     "Gap",
     "HeldOutFits",
@@ -53,6 +55,7 @@ __all__ = [
     "Parametrisation",
     "ProgressCallbacks",
     "ResidualKind",
+    "ResidualStatistics",
     "Session",
     "Stage",
     "TunedFile",
@@ -78,6 +81,7 @@ __all__ = [
     "random_starts",
     "read_result",
     "rebuild_for_machine",
+    "residual_statistics",
     "select_modes",
     "select_stages",
     "summarise_gaps",

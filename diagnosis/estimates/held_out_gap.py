@@ -1,25 +1,24 @@
 """How far a fit is from what was measured, on lines that it did not see."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from diagnosis.estimates.intervals import Known, known
+from diagnosis.estimates.intervals import FittedParameters, fit_parameters
 from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.hypothesis_set import together
+from diagnosis.null_model import Baseline
 from diagnosis.refits.parallel import Call, side_by_side
 from diagnosis.refits.refitting import (
-    ALL,
-    FIRST,
-    ONWARD,
-    SHAPED,
-    SOME,
     Refit,
-    held_out,
-    paced,
-    refit,
+    RefitTask,
+    add_hypothesis,
+    run_refits,
+    start_values,
 )
+from diagnosis.settings import DiagnosisSettings
 from identification.words import Campaign, Complex, Mask, Real
 from tuning import (
+    STAGES,
     ChannelGaps,
     Gap,
     HeldOutFits,
@@ -27,9 +26,12 @@ from tuning import (
     Stage,
     block_width,
     channel_gaps,
+    fit_held_out,
     predict,
     summarise_gaps,
 )
+
+_MIN_FOLD_GAIN_NATS = 0.1  # of a further step, in fits whose parameters are stated
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,14 +43,12 @@ class HeldOutGap:
         held_out: with folds left out; None if the band is too narrow.
         predicted: each line by a fit that did not see it, or by the fit if there are no folds.
         campaign: what it is compared with.
-        stride: every so manyth line was fitted to.
     """
 
     refit: Refit
     held_out: HeldOutFits | None
     predicted: tuple[Complex, ...]
     campaign: Campaign
-    stride: int
 
     @cached_property
     def channels(self) -> ChannelGaps:
@@ -69,17 +69,17 @@ class HeldOutGap:
     def theta(self) -> Real:
         """The mean of the fits without a fold, for each saw most of the lines; (n_parameter,)."""
         held = self.held_out
-        found: Real = self.refit.fit.theta if held is None else held.thetas.mean(axis=0)
-        return found
+        mean: Real = self.refit.fit.theta if held is None else held.thetas.mean(axis=0)
+        return mean
 
     @property
     def unfinished(self) -> int:
-        """How many of the fits without a fold did not go to their end."""
+        """Number of fits without a fold that did not converge."""
         held = self.held_out
-        return 0 if held is None else sum(one != "converged" for one in held.outcomes)
+        return 0 if held is None else sum(outcome != "converged" for outcome in held.outcomes)
 
     def on(self, lines: Mask) -> Gap:
-        """The gap on some lines; (n_freq,)."""
+        """Return the gap on some lines; (n_freq,)."""
         return summarise_gaps(
             channel_gaps(
                 [values[lines] for values in self.predicted], self.campaign.select_lines(lines)
@@ -87,69 +87,101 @@ class HeldOutGap:
         )
 
 
-def levels(
-    base: Scene,
-    one: Hypothesis | None,
-    whole: Session,
-    before: Mapping[Hypothesis | None, Refit],
-    *,
-    exact: bool,
-) -> tuple[HeldOutGap, HeldOutGap | None, Known | None]:
-    """Levels without any effect and with what is there, and the parameters of that, side by side.
+@dataclass(frozen=True, eq=False)
+class GapEstimates:
+    """The gap before and after, and the parameters of the causes.
 
     Args:
-        base: from where refits start that are not known.
-        one: all that is there at once; None for nothing, or what no Part holds.
-        whole: all that was measured.
-        before: refits that are known.
-        exact: whether the level without any effect is asked for to the third digit.
+        retuned: the null model.
+        after: with all causes; None without one.
+        parameters: the parameters of that fit; None without a cause that a model holds.
     """
-    first = before.get(None) or begun(base, None, whole)
-    freq_hz = whole.campaign.freq_hz
-    width = block_width(first.session.model, first.fit.theta, freq_hz)
-    coarse, fine = (_stage(base, exact=exactly) for exactly in (exact, True))
-    if one is None:
-        return _level(first, coarse, held_out(first, coarse, base.jobs, width)), None, None
-    made = before.get(one) or begun(base, one, whole)
-    # Hypotheses stay here.
+
+    retuned: HeldOutGap
+    after: HeldOutGap | None
+    parameters: FittedParameters | None
+
+
+def estimate_gaps(
+    base: Baseline, whole: Session, null: Refit, best: Refit, settings: DiagnosisSettings
+) -> GapEstimates:
+    """Estimate the gap of the null model and of the model with all causes.
+
+    Args:
+        base: scene of the fits, and what redundant channels prove.
+        whole: session with all channels.
+        null: null model.
+        best: most probable set of causes.
+        settings: schedule of the refits.
+    """
+    scene, first, last = base.scene, null, best
+    if base.proven or whole.campaign is not scene.session.campaign:
+        start = best if base.bending is None else base.bending
+        first, last = _refit_whole(scene, whole, (null, best, start), base.proven, settings)
+    width = block_width(first.session.model, first.fit.theta, whole.campaign.freq_hz)
+    if not last.causes:
+        return GapEstimates(hold_out(scene, first, width), None, None)
     calls: list[Call] = [
-        (held_out, (replace(made, hypothesis=None), fine, 1, width)),
-        # Sizes by all that was measured: of a second hammer point too.
-        (known, (replace(made, hypothesis=None), made.fit.theta, ALL.stride)),
-        (held_out, (replace(first, hypothesis=None), coarse, 1, width)),
+        (_held_out_fits, (replace(last, hypothesis=None), scene.pace, width)),
+        (fit_parameters, (replace(last, hypothesis=None), scene.pace)),
+        (_held_out_fits, (replace(first, hypothesis=None), scene.pace, width)),
     ]
-    after, worth, retuned = side_by_side(calls, base.jobs)
-    return _level(first, coarse, retuned), _level(made, fine, after), worth
+    after, parameters, retuned = side_by_side(calls, scene.jobs)
+    return GapEstimates(_gap(first, retuned), _gap(last, after), parameters)
 
 
-def begun(base: Scene, one: Hypothesis | None, whole: Session) -> Refit:
-    """A refit to all that was measured."""
-    stages = (*FIRST, *ONWARD) if one is None or one.reform is None else SHAPED
-    return refit(base, one, whole.campaign, stages)
-
-
-def level(base: Scene, made: Refit, width: int | None) -> HeldOutGap:
-    """The level of a refit.
+def hold_out(scene: Scene, refit: Refit, width: int | None) -> HeldOutGap:
+    """Return the held-out gap of a refit; blocks are those of its own model if no width is given.
 
     Args:
-        base: how many lines count, and how many processes.
-        made: the refit.
-        width: lines in a block; by the modes of its model if None.
+        scene: thinning of the lines.
+        refit: the refit.
+        width: lines in a block.
     """
-    stage = _stage(base, exact=True)
-    return _level(made, stage, held_out(made, stage, base.jobs, width))
+    return _gap(refit, _held_out_fits(refit, scene.pace, width))
 
 
-def _stage(base: Scene, *, exact: bool) -> Stage:
-    (stage,) = paced((ALL if exact else SOME,), base.pace)
-    return stage
+def _refit_whole(
+    scene: Scene,
+    whole: Session,
+    fits: tuple[Refit, Refit, Refit],
+    proven: tuple[Hypothesis, ...],
+    settings: DiagnosisSettings,
+) -> tuple[Refit, Refit]:
+    """Refit null model and causes to all channels, from where the fits without some ended."""
+    null, best, begin = fits
+    causes = (*(cause for cause in proven if cause.is_held), *best.causes)
+    tasks = [RefitTask(None, whole, start_values(null, whole, None), null.floor)]
+    if causes:
+        joined = together(causes)
+        session = add_hypothesis(whole, joined)
+        new = None if begin is not best or not proven else together(proven)
+        tasks.append(RefitTask(joined, session, start_values(begin, session, new), begin.floor))
+    refits = run_refits(scene, tasks, settings.schedule)
+    return refits[0], refits[-1]
 
 
-def _level(made: Refit, stage: Stage, held: HeldOutFits | None) -> HeldOutGap:
-    session = made.session
+def _held_out_fits(refit: Refit, pace: int, width: int | None) -> HeldOutFits | None:
+    """Fit all folds of the lines but one, for each fold, at the refit's model-error floor."""
+    stage: Stage = replace(
+        STAGES[4], model_error_floor=refit.floor, stride=4 * pace, tolerance=1e-3, max_steps=6
+    )
+    session = refit.session
+    full_fit = replace(refit.fit, last_stage=stage)
+    return fit_held_out(
+        session.model,
+        full_fit,
+        session.campaign,
+        width=width,
+        min_gain_nats=_MIN_FOLD_GAIN_NATS,
+    )
+
+
+def _gap(refit: Refit, held: HeldOutFits | None) -> HeldOutGap:
+    session = refit.session
     predicted = (
-        predict(session.model, made.fit.theta, session.campaign)
+        predict(session.model, refit.fit.theta, session.campaign)
         if held is None
         else held.predict(session.model, session.campaign)
     )
-    return HeldOutGap(made, held, predicted, session.campaign, stage.stride)
+    return HeldOutGap(refit, held, predicted, session.campaign)

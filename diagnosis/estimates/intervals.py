@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.hypothesis import Ends, Hypothesis, Vague, Value
-from diagnosis.refits.refitting import FINAL, Refit, named, uninterrupted
+from diagnosis.refits.refitting import Refit, values_by_name
 from identification.words import Real
 from tuning import (
+    STAGES,
     ParameterConfidence,
     Parametrisation,
     estimate_confidence,
@@ -19,28 +20,31 @@ from tuning.assessment.parameter_confidence import NORMAL_QUANTILE_95, PLAUSIBLE
 
 _BESIDE, _STEP = 1e-5, 1e-7  # standard deviations: where slopes are taken, and over what
 _FLAT = 1e-6  # of a slope, what is none
+_EXACT_NOISE_SHARE = 0.95  # of the variance: little but noise remains
+# Of 100000 values 0.03 nats: a quarter of a standard deviation.
+FINAL_STAGE = replace(STAGES[5], tolerance=3e-7, max_steps=60, exact_curvature=True)
 _STREWN = 100  # points of the ellipsoid, and as many across
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
-    """What is known of a refit's parameters.
+class FittedParameters:
+    """Parameters of a refit with their confidence.
 
     Args:
-        freedom: its coordinates.
+        parametrisation: its coordinates.
         theta: the parameters; (n_parameter,).
-        sure: their confidence.
+        confidence: their confidence.
         converged: whether the fit that they come from went to its end.
     """
 
     parametrisation: Parametrisation
     theta: Real
-    sure: ParameterConfidence
+    confidence: ParameterConfidence
     converged: bool = True
 
     def stated(self, one: Hypothesis) -> dict[str, Value]:
         """What the verdict states of a hypothesis."""
-        return one.state(named(self.parametrisation, self.theta))
+        return one.state(values_by_name(self.parametrisation, self.theta))
 
     def intervals(self, one: Hypothesis) -> dict[str, Ends]:
         """Of a hypothesis' parameters, 95 %; none of those that were not fitted.
@@ -58,22 +62,24 @@ class Known:
         None is said of what goes with a size that may as well be nothing, such as the place of a
         mass: a quotient has bounds only where its divisor is not zero (Fieller 1954).
         """
-        read = _Read(named(self.parametrisation, self.theta))
+        read = _Read(values_by_name(self.parametrisation, self.theta))
         middle = one.state(read)
         own = [k for k, name in enumerate(self.parametrisation.names) if name in read.names]
         if not own or not middle:
             return {}
-        deviation = self.sure.deviation[own]
-        correlation = self.sure.covariance[np.ix_(own, own)] / np.outer(deviation, deviation)
+        deviation = self.confidence.deviation[own]
+        correlation = self.confidence.covariance[np.ix_(own, own)] / np.outer(deviation, deviation)
         sizes = one.scored or self.parametrisation.names
         shapes = [k for k in own if self.parametrisation.names[k] not in sizes]
         ends = self.parametrisation.lower[shapes], self.parametrisation.upper[shapes]
 
         def at(units: Real) -> Real:
-            x = self.sure.x.copy()
+            x = self.confidence.x.copy()
             x[own] += deviation * units
             x[shapes] = np.clip(x[shapes], *ends)
-            stated = middle | one.state(named(self.parametrisation, self.parametrisation.theta(x)))
+            stated = middle | one.state(
+                values_by_name(self.parametrisation, self.parametrisation.theta(x))
+            )
             return _flat({name: stated[name] for name in middle})
 
         slopes = _slopes(at, self._inwards(own))
@@ -87,7 +93,7 @@ class Known:
 
     def _inwards(self, own: list[int]) -> Real:
         """Where no two are equal, a little inside of bounds: 1e-5 of a deviation away."""
-        x = self.sure.x[own]
+        x = self.confidence.x[own]
         above = self.parametrisation.upper[own] - x < x - self.parametrisation.lower[own]
         away = _BESIDE * np.arange(1, len(own) + 1) / len(own)
         return np.where(above, -away, away)
@@ -145,28 +151,41 @@ class _Read(dict[str, float]):
         return super().get(name, default)
 
 
-def known(found: Refit, theta: Real, stride: int, jobs: int = 1) -> Known:
-    """Parameters and their confidence, tolerances without bounds unless these hide a fault.
+def fit_parameters(refit: Refit, pace: int = 1) -> FittedParameters:
+    """Return the parameters of a refit with their confidence.
 
-    Of 300 tolerances some are beyond 2.5 standard deviations: their bounds, which the gap is
-    stated with, push what was found by up to five of its own.
+    Where little but noise remains, the fit goes to its end on all lines, with tolerances unbounded
+    unless their bounds hide a fault: of 300 tolerances some exceed the 2.5 standard deviations with
+    which the gap is stated, and push the parameters by several of their own. Otherwise the residual
+    is shared among values, and the covariance is that of the independent ones.
 
     Args:
-        found: the refit.
-        theta: where to begin, within the bounds; (n_parameter,).
-        stride: every so manyth line counts.
-        jobs: threads.
+        refit: the refit.
+        pace: of its lines only every so manyth counts.
     """
-    model, campaign, varies = found.session.model, found.session.campaign, found.fit.parametrisation
-    stage = replace(FINAL, stride=stride)
-    for own in (varies.lift_bounds(), varies):
-        best = uninterrupted(
-            fit(model, campaign, parametrisation=own, starts=(theta,), stages=(stage,), jobs=jobs)
-        )
-        if np.abs(best.x[own.has_prior]).max(initial=0.0) <= PLAUSIBLE_PULL_SIGMA:
-            break
-    sure = estimate_confidence(model, thin_lines(campaign, stride), best, jobs)
-    return Known(best.parametrisation, best.theta, sure, best.converged)
+    session, fitted = refit.session, refit.fit
+    model, campaign, parametrisation = session.model, session.campaign, fitted.parametrisation
+    if refit.statistics.noise_share > _EXACT_NOISE_SHARE:
+        stage = replace(FINAL_STAGE, model_error_floor=refit.floor, stride=pace)
+        for coordinates in (parametrisation.lift_bounds(), parametrisation):
+            fitted = fit(
+                model,
+                campaign,
+                parametrisation=coordinates,
+                starts=(refit.fit.theta,),
+                stages=(stage,),
+            )
+            if fitted.outcome == "interrupted":
+                raise KeyboardInterrupt
+            shifts = np.abs(fitted.x[coordinates.has_prior])
+            if shifts.max(initial=0.0) <= PLAUSIBLE_PULL_SIGMA:
+                break
+        confidence = estimate_confidence(model, thin_lines(campaign, pace), fitted)
+    else:
+        confidence = estimate_confidence(model, thin_lines(campaign, 4 * pace), fitted)
+        shared = refit.statistics.values / refit.statistics.effective_values
+        confidence = replace(confidence, chi_square=max(confidence.chi_square, shared))
+    return FittedParameters(fitted.parametrisation, fitted.theta, confidence, fitted.converged)
 
 
 def _flat(stated: Mapping[str, Value]) -> Real:

@@ -1,4 +1,4 @@
-"""The judgement's constants, and where they come from."""
+"""Constants of the posterior, calibrated on virtual machines, and where they come from."""
 
 import json
 from collections.abc import Mapping
@@ -9,60 +9,36 @@ from pydantic import BaseModel, ConfigDict
 
 
 class Calibration(BaseModel):
-    """The judgement's constants.
+    """Constants of the posterior.
 
     Args:
-        hidden: e that may be no gap, by what it is known by: neighbouring lines; or the noise's
-            own variance, badly known, which third differences tell worse than coherences do.
-        hidden_width: of its logarithm.
-        outlier: standard deviations that the largest of all tolerances may have.
-        told: nats that one of all hypotheses may gain where nothing is missing, likewise.
-        told_width: of their logarithm.
-        exact: e that badly known noise may leave of a gap, likewise.
-        left: part of the gap, to that power, that is as likely explained as not, likewise.
-        left_width: of its logarithm.
-        least: nats that decide nothing.
-        inexact: nats a value that decide nothing.
-        temper: part of the whole gain that decides nothing.
-        rival: nats of cost that decide nothing between rivals.
-        foretold: nats likewise of what they foretell.
-        share: part of the best place's gain that decides nothing.
-        sure: probability of what leaves no doubt.
-        campaigns: how many it was made from.
-        by_lines: how many of them tell the gap by neighbouring lines.
-        command: that makes it.
-        seeds: of the campaigns.
-        commits: that diagnosed them.
-        evidence: SHA-256 of what they gave.
+        hidden: mean square over that of the noise that may be no gap, by what the gap is known by:
+            neighbouring lines, or the variance from coherences or third differences.
+        hidden_width: width of its logarithm.
+        tempering: kappa, part of the independent values that counts.
+        chance: nats per value that a wrong cause gains on the model error of a real machine.
+        force_scale: part of the best place's gain that decides nothing between places.
+        campaigns: number of campaigns that it was made from.
+        command: command that makes it.
+        seeds: seeds of the campaigns.
+        evidence: SHA-256 of their evidence.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     hidden: Mapping[str, float]
     hidden_width: float
-    outlier: float
-    told: Mapping[str, float]
-    told_width: float
-    exact: Mapping[str, float]
-    left: Mapping[str, float]
-    left_width: float
-    least: float
-    inexact: float
-    temper: float
-    rival: float
-    foretold: float
-    share: float
-    sure: float
+    tempering: float
+    chance: float
+    force_scale: float
     campaigns: int = 0
-    by_lines: int = 0
     command: str = ""
     seeds: str = ""
-    commits: str = ""
     evidence: str = ""
 
 
 @cache
 def calibrated() -> Calibration:
-    """The committed calibration."""
+    """Return the committed calibration."""
     text = (files("diagnosis.inference") / "calibration.json").read_text("utf-8")
     return Calibration.model_validate(json.loads(text))

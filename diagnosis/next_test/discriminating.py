@@ -21,7 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.algorithm import Diagnosis
-from diagnosis.comparison.predictive import rivals_of
 from diagnosis.effects import PROVEN, catalogue
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.inference.evidence import Key
@@ -59,6 +58,7 @@ _SURE = 30.0  # nats: who gains more decides, then the least effort does
 _ALIKE = 3.0  # nats: what gains less tells nothing
 _KNOWN = 0.1  # of a body's mass: a mass that is added
 _KNOWN_MASS = "known_mass"
+_MIN_RIVAL_PROBABILITY, _MAX_RIVALS = 0.05, 6  # of sets that an experiment is to tell apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,13 +84,13 @@ def next_experiment(found: Diagnosis) -> str | None:
     Args:
         found: the diagnosis.
     """
-    word, causes = found.judged.word, found.judged.causes
+    word, causes = found.present.word, found.posterior.causes
     if word == "none":
         return None
     if word == "unexplained" or not causes:
-        proven = [f"{_confirmed(key)}; then " for key in found.judged.present]
+        proven = [f"{_confirmed(cause.key)}; then " for cause in found.present.causes]
         return "".join(proven) + of_unknown(found)
-    rivals = rivals_of(found.judged, found.search)
+    rivals = find_rivals(found)
     if len(rivals) > 1:
         known = [(refit, share) for _, refit, share in rivals]
         best, gain = best_experiment(found.session.campaign, known)
@@ -99,6 +99,26 @@ def next_experiment(found: Diagnosis) -> str | None:
             told = f"{_without(one, other)} from {_without(other, one)}"
             return f"{best.words}: foreseen to tell {told} by {gain:.2g} nats"
     return _confirmed(causes[0][0])
+
+
+def find_rivals(found: Diagnosis) -> list[tuple[Keys, Refit, float]]:
+    """Return sets of as many causes as the verdict names, any of which may be present.
+
+    Args:
+        found: the diagnosis.
+
+    Returns:
+        Causes, refit and probability of each set, the most probable first.
+    """
+    count = len(found.present.causes) - len(found.gate_hypotheses)
+    proven = {cause.key for cause in found.gate_hypotheses}
+    rivals = []
+    for keys, share in found.posterior.sets:
+        added = tuple(key for key in keys if key not in proven)
+        refit = found.search.refit_of(added)
+        if share >= _MIN_RIVAL_PROBABILITY and len(added) == max(count, 1) and refit is not None:
+            rivals.append((added, refit, share))
+    return rivals[:_MAX_RIVALS]
 
 
 def _without(several: Keys, others: Keys) -> str:
@@ -171,9 +191,7 @@ def _by_effort(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[list[Exp
 
 def _members(rival: Refit) -> tuple[Hypothesis, ...]:
     """Its causes, each."""
-    if rival.hypothesis is None:
-        return ()
-    return rival.hypothesis.members or (rival.hypothesis,)
+    return rival.causes
 
 
 def _hammers(inputs: tuple[Dof, ...]) -> Callable[[Machine], tuple[Part, ...]]:
@@ -223,6 +241,7 @@ class _Posed:
     theta: Real
     parametrisation: Parametrisation
     pinned: frozenset[str]
+    floor: float
 
 
 def _posed(asked: Experiment, rival: Refit) -> _Posed:
@@ -238,13 +257,13 @@ def _posed(asked: Experiment, rival: Refit) -> _Posed:
             pinned |= set(one.coordinates)
             theta = np.where(np.isin(names, one.coordinates), model.drawn, theta)
     varies = session.parametrisation.extend(parametrise(model, session.campaign.tolerance))
-    return _Posed(model, theta, varies, frozenset(pinned))
+    return _Posed(model, theta, varies, frozenset(pinned), rival.floor)
 
 
 def _left(rival: _Posed, told: Campaign, before: Real, times: float) -> float:
     """D: what a rival leaves of foreseen FRFs, tuned to them and to what was measured."""
     varies = rival.parametrisation
-    problem = Misfit(rival.model, told, varies, model_error_floor=0.0)
+    problem = Misfit(rival.model, told, varies, model_error_floor=rival.floor)
     x = varies.coordinates(rival.theta)
     value, gradient, normal = problem.quadratic_model(x)
     cost = (value - problem.prior(x)) * times
@@ -263,7 +282,7 @@ def _before(rival: Refit) -> Real:
     """Normal equations of what was measured; (n_x, n_x)."""
     session = rival.session
     thin = thin_lines(session.campaign, _STRIDE)
-    problem = Misfit(session.model, thin, session.parametrisation, model_error_floor=0.0)
+    problem = Misfit(session.model, thin, session.parametrisation, model_error_floor=rival.floor)
     x = session.parametrisation.coordinates(rival.fit.theta)
     times = len(session.campaign.freq_hz) / len(thin.freq_hz)
     found: Real = problem.quadratic_model(x)[2].dense() * times

@@ -15,8 +15,8 @@ def of_unknown(found: Diagnosis) -> str:
     Args:
         found: the diagnosis.
     """
-    known = {place for _, place, _ in found.judged.present}
-    places = [place for place, _ in found.judged.where if place not in known]
+    known = {cause.location for cause in found.present.causes}
+    places = [place for place, _ in found.posterior.where if place not in known]
     first = places[0] if places else ""
     if first in found.gate.unknown:
         sensor = first.partition(":")[2]

@@ -18,14 +18,14 @@ stands out by thousands of nats from all others, though no effect has been thoug
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from diagnosis.hypothesis import Scene
 from diagnosis.inference.evidence import Pushed
 from diagnosis.search.score_test import Factor
-from identification.words import Campaign, Real
+from identification.words import Campaign, Integers, Real
 from tuning import Fit, Misfit, thin_lines
 from tuning.misfit.accumulation import FreeForceReduction
 
@@ -36,16 +36,17 @@ _BEST = 12
 _AT_ONCE = 2**24  # numbers of normal equations
 
 
-def pushes(scene: Scene, found: Fit) -> tuple[Pushed, ...]:
+def pushes(scene: Scene, found: Fit, model_error_floor: float) -> tuple[Pushed, ...]:
     """Free forces, the best direction of every joint and body; what explains most first.
 
     Args:
         scene: campaign and drawn model.
-        found: the fit with nothing missing, at the weights of the noise.
+        found: the fit about which all is linear.
+        model_error_floor: relative model error that it tolerates.
     """
     directions = list(_directions(scene))
     forces = np.array([force for _, _, force in directions]).T
-    work = _Work(scene, found)
+    work = _Work.about(scene, found, model_error_floor)
     gains = work.gains(forces, _COMMON)
     best = np.argsort(-gains)[:_BEST]
     for power in _OTHERS:
@@ -53,7 +54,9 @@ def pushes(scene: Scene, found: Fit) -> tuple[Pushed, ...]:
     rows: dict[str, Pushed] = {}
     for k in np.argsort(-gains, kind="stable"):
         place, dof, _ = directions[k]
-        rows.setdefault(place, Pushed(location=place, dof=dof, gain=float(gains[k])))
+        gain = float(gains[k])
+        row = Pushed(location=place, dof=dof, gain=gain, share=gain / work.data_cost)
+        rows.setdefault(place, row)
     return tuple(rows.values())
 
 
@@ -69,44 +72,69 @@ def _directions(scene: Scene) -> Iterator[tuple[str, str, Real]]:
             yield f"body:{body}", dof, machine.jacobian[6 * number + axis]
 
 
+@dataclass(frozen=True, eq=False)
 class _Work:
     """What all directions share.
 
     Args:
-        scene: campaign and drawn model.
-        found: about which all is linear.
+        x: coordinates of the fit; (n_x,).
+        runs: misfits of tests that have forces of their own.
+        gradient: of the cost; (n_x,).
+        matrix: normal equations with priors; (n_x, n_x).
+        free: coordinates that no bound holds.
+        data_cost: cost of the residual [nats].
     """
 
-    def __init__(self, scene: Scene, found: Fit) -> None:
-        self._x, varies = found.x, found.parametrisation
+    x: Real
+    runs: tuple[Misfit, ...]
+    gradient: Real
+    matrix: Real
+    free: Integers
+    data_cost: float
+
+    @classmethod
+    def about(cls, scene: Scene, found: Fit, model_error_floor: float) -> "_Work":
+        """Linearise about a fit."""
+        varies, model = found.parametrisation, scene.session.model
         thin = thin_lines(scene.session.campaign, _STRIDE * scene.pace)
-        model = scene.session.model
-        self._runs = [Misfit(model, one, varies, model_error_floor=0.0) for one in _apart(thin)]
-        whole = Misfit(model, thin, varies, model_error_floor=0.0)
-        _, self._gradient, normal = whole.quadratic_model(self._x)
-        self._matrix = normal.dense() + np.diag(varies.has_prior.astype(float))
-        self._free = np.flatnonzero(~varies.coordinates_at_bound(self._x))
-        self._scale = 1 / np.sqrt(np.maximum(np.diag(self._matrix), np.finfo(float).tiny))
+
+        def misfit(campaign: Campaign) -> Misfit:
+            return Misfit(model, campaign, varies, model_error_floor=model_error_floor)
+
+        whole = misfit(thin)
+        value, gradient, normal = whole.quadratic_model(found.x)
+        return cls(
+            found.x,
+            tuple(misfit(campaign) for campaign in _apart(thin)),
+            gradient,
+            normal.dense() + np.diag(varies.has_prior.astype(float)),
+            np.flatnonzero(~varies.coordinates_at_bound(found.x)),
+            max(value - whole.prior(found.x), np.finfo(float).tiny),
+        )
+
+    @property
+    def _scale(self) -> Real:
+        return 1 / np.sqrt(np.maximum(np.diag(self.matrix), np.finfo(float).tiny))
 
     def gains(self, forces: Real, power: float) -> Real:
         """Of free forces with a variance relative to the median line's answer; (n_force,)."""
-        step = max(1, _AT_ONCE // max(self._matrix.size, 1))
+        step = max(1, _AT_ONCE // max(self.matrix.size, 1))
         starts = range(0, forces.shape[1], step)
         return np.concatenate([self._some(forces[:, k : k + step], power) for k in starts])
 
     def _some(self, forces: Real, power: float) -> Real:
-        before = self._left(self._matrix, self._gradient)
-        found = FreeForceReduction.zeros(forces.shape[1], len(self._x))
-        for runs in self._runs:
-            runs.add_force_reduction(self._x, forces, power, found)
+        before = self._left(self.matrix, self.gradient)
+        found = FreeForceReduction.zeros(forces.shape[1], len(self.x))
+        for runs in self.runs:
+            runs.add_force_reduction(self.x, forces, power, found)
         gains = found.value - found.expected_gain
         for k, (normal, slope) in enumerate(zip(found.normal, found.gradient, strict=True)):
-            gains[k] += self._left(self._matrix - normal, self._gradient - slope) - before
+            gains[k] += self._left(self.matrix - normal, self.gradient - slope) - before
         return gains
 
     def _left(self, matrix: Real, gradient: Real) -> float:
         """1/2 g' A^-1 g over what no bound holds."""
-        chosen = self._free
+        chosen = self.free
         factor = Factor.of(matrix[np.ix_(chosen, chosen)], self._scale[chosen])
         return 0.5 * float(gradient[chosen] @ factor.solve(gradient[chosen][:, None])[:, 0])
 

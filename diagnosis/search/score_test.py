@@ -22,18 +22,14 @@ from diagnosis.inference.evidence import Key
 from identification.words import Integers, Real
 from mbmodel import Model
 from tuning import (
-    STAGES,
     Fit,
     Misfit,
     Parametrisation,
     parametrise,
     thin_lines,
-    thinning_slice,
 )
 from tuning.misfit.accumulation import ProbedEquations
 
-ALLOWANCE = 0.1
-_STRIDE = 12
 _RIDGE = 1e-9
 _SEEN = 1e-6  # of a coordinate's own curvature: what is left of it beside all that varies
 
@@ -56,31 +52,22 @@ class Score:
 
 
 def scores(
-    scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis], model_error_floor: float
+    scene: Scene,
+    found: Fit,
+    hypotheses: Sequence[Hypothesis],
+    model_error_floor: float,
+    stride: int,
 ) -> list[Score]:
-    """Score hypotheses about a fit made with the allowance, the most promising first.
+    """Score hypotheses about a fit at its model-error floor, the most promising first.
 
     Args:
-        scene: campaign and drawn model.
+        scene: campaign and model of the fit.
         found: the fit about which all is linear.
         hypotheses: what may be missing.
         model_error_floor: of that fit.
+        stride: every ``stride``-th line counts.
     """
-    return ranked(hypotheses, gains(scene, found, hypotheses, model_error_floor))
-
-
-def lines_over(lines: int, pace: int) -> float:
-    """How many times as many lines a fit at the weights of the noise counts as scores do.
-
-    Args:
-        lines: that there are.
-        pace: of the scene.
-    """
-    fitted, scored = (
-        len(range(lines)[thinning_slice(lines, stride * pace)])
-        for stride in (STAGES[4].stride, _STRIDE)
-    )
-    return fitted / scored
+    return ranked(hypotheses, gains(scene, found, hypotheses, model_error_floor, stride))
 
 
 def ranked(hypotheses: Sequence[Hypothesis], gained: Sequence[Gained]) -> list[Score]:
@@ -98,9 +85,13 @@ def ranked(hypotheses: Sequence[Hypothesis], gained: Sequence[Gained]) -> list[S
 
 
 def gains(
-    scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis], model_error_floor: float
+    scene: Scene,
+    found: Fit,
+    hypotheses: Sequence[Hypothesis],
+    model_error_floor: float,
+    stride: int,
 ) -> list[Gained]:
-    """Of each hypothesis gain and step; arguments as of ``scores``."""
+    """Return gain and step of each hypothesis; arguments as of ``scores``."""
     # Parts that act in some tests only make every test an evaluation of its own.
     machine = scene.model.machine
     always = [all(Model(machine, one.parts).acting_fractions(None)) for one in hypotheses]
@@ -109,13 +100,17 @@ def gains(
         own = [k for k, acts in enumerate(always) if acts is when]
         some = [hypotheses[k] for k in own]
         made |= zip(
-            own, _scored(scene, found, some, model_error_floor) if some else (), strict=True
+            own, _scored(scene, found, some, model_error_floor, stride) if some else (), strict=True
         )
     return [made[k] for k in range(len(hypotheses))]
 
 
 def _scored(
-    scene: Scene, found: Fit, hypotheses: Sequence[Hypothesis], model_error_floor: float
+    scene: Scene,
+    found: Fit,
+    hypotheses: Sequence[Hypothesis],
+    model_error_floor: float,
+    stride: int,
 ) -> Iterator[Gained]:
     """Gains and steps in the order of the hypotheses."""
     model, whole, x = _extended(scene, found, hypotheses)
@@ -124,7 +119,7 @@ def _scored(
     asked = np.array([name in wanted for name in whole.names[count:]], bool)
     varies = whole.restrict(np.arange(whole.size) < count, x)
     probes = whole.restrict(np.append(np.zeros(count, bool), asked), x)
-    thin = thin_lines(scene.session.campaign, _STRIDE * scene.pace)
+    thin = thin_lines(scene.session.campaign, stride * scene.pace)
     probed = Misfit(model, thin, varies, model_error_floor=model_error_floor).probe_coordinates(
         found.x, probes
     )
@@ -134,7 +129,9 @@ def _scored(
         yield fitted.score(one, np.array([place[name] for name in one.coordinates], np.intp))
 
 
-def cosines(scene: Scene, found: Fit, leading: Sequence[Score], model_error_floor: float) -> Real:
+def cosines(
+    scene: Scene, found: Fit, leading: Sequence[Score], model_error_floor: float, stride: int
+) -> Real:
     """How alike the changes of FRFs are that hypotheses make, all else projected out.
 
     With d the change by a hypothesis' step at the weights of the allowance and P what takes from
@@ -145,13 +142,14 @@ def cosines(scene: Scene, found: Fit, leading: Sequence[Score], model_error_floo
         found: the fit about which they were made.
         leading: hypotheses, each with its step.
         model_error_floor: of that fit.
+        stride: every ``stride``-th line counts.
 
     Returns:
         (n_leading, n_leading).
     """
     model, whole, x = _extended(scene, found, [one.hypothesis for one in leading])
     count = found.parametrisation.size
-    thin = thin_lines(scene.session.campaign, _STRIDE * scene.pace)
+    thin = thin_lines(scene.session.campaign, stride * scene.pace)
     normal = (
         Misfit(model, thin, whole, model_error_floor=model_error_floor)
         .quadratic_model(x)[2]

@@ -1,5 +1,7 @@
 """A diagnosis as the verdict's file."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.stats import t as student
 
@@ -16,53 +18,75 @@ from diagnosis.verdict.schema import (
     GapSteps,
     Interval,
     Probability,
+    RemarkRow,
+    RestRow,
     Verdict,
     Where,
-    Word,
 )
 from identification.words import Real
 from mbmodel import HammerPart, SensorPart
 from tuning import Gap, channel_gaps, predict, summarise_gaps
 
-_HIDDEN = 1.1  # excess below which no share and no closing exists
 NONLINEAR = ("friction", "backlash", "hardening")
 # What the spare channels of a body alone can show, and how many that needs.
 _OF_SPARE = ("sensor_delay", "sensor_swap", "mount_resonance", BENDS)
 _SPARE = 2
-_SMALLEST = 0.005  # share of a place that is worth a row
+_MIN_PLACE_SHARE = 0.005  # of a place that is worth a row
 
 
-def verdict_of(found: Diagnosis) -> Verdict:
-    """The content of verdict.json."""
-    judged = found.judged
-    word: Word = judged.word  # type: ignore[assignment]
-    retuned = found.retuned.gap
-    visible = retuned.excess is not None and retuned.excess >= _HIDDEN
-    after = found.after if word != "none" else None
+def verdict_of(diagnosis: Diagnosis) -> Verdict:
+    """Return the content of verdict.json."""
+    posterior, present, settings = diagnosis.posterior, diagnosis.present, diagnosis.settings
+    retuned, after = diagnosis.retuned.gap, diagnosis.after
+    is_visible = retuned.excess is not None and retuned.excess >= settings.min_visible_excess
+    is_none = present.word == "none"
+    if is_none:
+        after = None
+    rest = present.rest
     return Verdict(
-        verdict=word,
+        verdict=present.word,
         probability=Probability(
-            none=judged.none, unexplained=judged.unexplained, several=judged.several
+            none=posterior.none, unexplained=posterior.unexplained, several=posterior.several
         ),
         gap=GapSteps(
-            as_drawn=_at(found.as_drawn),
+            as_drawn=_at(diagnosis.as_drawn),
             retuned=_at(retuned),
             after=_at(after.gap) if after else GapAt(error=None, excess=None),
             noise=retuned.noise,
-            closed=_closed(retuned, after.gap) if visible and after else None,
-            interval=_interval(found.retuned, after, visible=visible),
+            closed=_closed(retuned, after.gap) if is_visible and after else None,
+            interval=_interval(diagnosis.retuned, after, visible=is_visible),
         ),
-        where=[
-            Where(location=place, share=share if visible else None)
-            for place, share in judged.where
-            if share >= _SMALLEST
+        where=_places(posterior.where, is_known=not is_none),
+        causes=[
+            _row(key, probability, diagnosis)
+            for key, probability in posterior.causes
+            if key not in present.remarks
         ],
-        causes=[_row(key, probability, found) for key, probability in judged.causes],
-        twins=list(found.twins),
-        not_testable=_not_testable(found),
-        next_experiment=next_experiment(found),
-        channel_gains=list_channel_gains(found),
+        rest=RestRow(
+            excess=rest.excess,
+            model_error=rest.model_error,
+            significant=rest.is_significant,
+            spread=rest.spread,
+            where=_places(rest.where, is_known=rest.is_significant),
+        ),
+        twins=list(diagnosis.twins),
+        not_testable=_not_testable(diagnosis),
+        next_experiment=next_experiment(diagnosis),
+        remarks=[
+            RemarkRow(effect=key[0], location=key[1], dof=key[2], closed=present.closes[key])
+            for key in present.remarks
+        ],
+        channel_gains=list_channel_gains(diagnosis),
     )
+
+
+def _places(shares: Sequence[tuple[str, float]], *, is_known: bool) -> list[Where]:
+    """Return the rows of places; a share is null where nothing is missing."""
+    return [
+        Where(location=place, share=share if is_known else None)
+        for place, share in shares
+        if share >= _MIN_PLACE_SHARE
+    ]
 
 
 def _at(gap: Gap) -> GapAt:
@@ -75,19 +99,19 @@ def _closed(retuned: Gap, after: Gap) -> float | None:
     return float((retuned.excess**2 - after.excess**2) / (retuned.excess**2 - 1))
 
 
-def step_intervals(found: Diagnosis) -> dict[str, tuple[float, float] | None]:
+def step_intervals(diagnosis: Diagnosis) -> dict[str, tuple[float, float] | None]:
     """95 % intervals of what the gap's steps are: of excess, of the noise of error.
 
     By leaving one fold of the blocks out, as in the verdict; None where no fold can be left out.
 
     Args:
-        found: the diagnosis.
+        diagnosis: the diagnosis.
 
     Returns:
         Of ``as_drawn``, ``retuned``, ``after`` and ``noise``.
     """
-    session, levels = found.session, {"retuned": found.retuned, "after": found.after}
-    held = found.retuned.held_out
+    session, levels = diagnosis.session, {"retuned": diagnosis.retuned, "after": diagnosis.after}
+    held = diagnosis.retuned.held_out
     if held is None:
         return dict.fromkeys(("as_drawn", *levels, "noise"))
     kept = [held.folds != fold for fold in range(int(held.folds.max()) + 1)]
@@ -99,8 +123,8 @@ def step_intervals(found: Diagnosis) -> dict[str, tuple[float, float] | None]:
         for lines in kept
     ]
     ends = {
-        "as_drawn": _spread_of_sizes(found.as_drawn.excess, [one.excess for one in parts]),
-        "noise": _spread_of_sizes(found.retuned.gap.noise, [one.noise for one in parts]),
+        "as_drawn": _spread_of_sizes(diagnosis.as_drawn.excess, [one.excess for one in parts]),
+        "noise": _spread_of_sizes(diagnosis.retuned.gap.noise, [one.noise for one in parts]),
     }
     for name, level in levels.items():
         if level is not None:
@@ -140,78 +164,77 @@ def _spread_of_sizes(
     """The same of what is never below zero, by its logarithm."""
     if not whole or not all(without):
         return None
-    found = _spread(
+    spread = _spread(
         float(np.log(whole)), [None if one is None else float(np.log(one)) for one in without]
     )
-    return None if found is None else (float(np.exp(found[0])), float(np.exp(found[1])))
+    return None if spread is None else (float(np.exp(spread[0])), float(np.exp(spread[1])))
 
 
-def _row(key: Key, probability: float, found: Diagnosis) -> CauseRow:
+def _row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:
+    """Return the row of a cause: as it was fitted best, or with intervals if it is present."""
     effect, location, dof = key
-    fitted = {
-        one.key: (made, one)
-        for made in (*found.search.pairs[::-1], *found.search.refits)
-        if made.hypothesis is not None
-        for one in made.hypothesis.members or (made.hypothesis,)
-    }
-    made, tried = fitted.get(key, (None, None))
+    refits = sorted(diagnosis.search.refits, key=lambda refit: refit.cost)
+    fits = ((refit, cause) for refit in refits for cause in refit.causes if cause.key == key)
+    refit, cause = next(fits, (None, None))
     row = CauseRow(
         effect=effect,
         location=location,
-        dof=dof or (made.along(tried) if made and tried else None),
-        probability=probability,
-        parameters=made.stated(tried, made.fit.theta) if made and tried else {},
+        dof=dof or (refit.direction_of(cause) if refit and cause else None),
+        probability=min(1.0, probability),
+        parameters=refit.stated(cause) if refit and cause else {},
         interval={},
         excess_after=None,
     )
-    one = next((one for one in found.present if one.key == key), None)
-    if one is None:
+    present = next((one for one in diagnosis.present.causes if one.key == key), None)
+    if present is None:
         return row
-    after = found.after
-    if after is None or found.known is None:
-        return row if one.is_held else row.model_copy(update={"parameters": one.state({})})
+    after, parameters = diagnosis.after, diagnosis.parameters
+    if after is None or parameters is None:
+        return row if present.is_held else row.model_copy(update={"parameters": present.state({})})
     update = {
-        "parameters": found.known.stated(one),
-        "interval": found.known.intervals(one),
+        "parameters": parameters.stated(present),
+        "interval": parameters.intervals(present),
         "excess_after": after.gap.excess,
     }
     return row.model_copy(update=update)
 
 
-def _not_testable(found: Diagnosis) -> list[str]:
+def _not_testable(diagnosis: Diagnosis) -> list[str]:
     """What this kind of data cannot show."""
-    tests = found.session.campaign.tests
+    tests = diagnosis.session.campaign.tests
     levels = {test.condition.level_n for test in tests}
     missing = [one for one in NONLINEAR if len(levels) < 2 or one not in catalogue()]
     references = {str(test.condition.reference) for test in tests}
     setups = {test.condition.setup for test in tests}
     if len(references) < 2 and len(setups) < 2:
         missing.append("drift")
-    named = {effect for (effect, _, _), _ in found.judged.causes}
-    if any(check.redundant < _SPARE for check in found.gate.checks):
+    named = {effect for (effect, _, _), _ in diagnosis.posterior.causes}
+    if any(check.redundant < _SPARE for check in diagnosis.gate.checks):
         missing += [effect for effect in _OF_SPARE if effect not in named]
-    elif BENDS not in named and _bare(found):
+    elif BENDS not in named and _bare(diagnosis):
         missing.append(BENDS)
-    return missing + [effect for effect in _kept(found) if effect not in named]
+    return missing + [effect for effect in _kept(diagnosis) if effect not in named]
 
 
-def _kept(found: Diagnosis) -> list[str]:
+def _kept(diagnosis: Diagnosis) -> list[str]:
     """Effects that release a tolerance which a user keeps as drawn, where no gate asks for them."""
-    free = set(found.session.parametrisation.names)
-    spared = {check.body for check in found.gate.checks if check.redundant >= _SPARE}
+    free = set(diagnosis.session.parametrisation.names)
+    spared = {check.body for check in diagnosis.gate.checks if check.redundant >= _SPARE}
     kept: dict[str, None] = {}
-    for part in found.session.model.parts:
+    for part in diagnosis.session.model.parts:
         ours: dict[str, str] = {}
         if isinstance(part, HammerPart):
             ours = {"hammer_misalignment": "rotation"}
         elif isinstance(part, SensorPart):
-            body = found.session.campaign.layout.body_name(part.point.name)
+            body = diagnosis.session.campaign.layout.body_name(part.point.name)
             ours = {} if body in spared else {name: of for name, (of, _) in RELEASED.items()}
         fixed = [one.name for one in part.parameters if one.name not in free]
         kept |= {name: None for name, of in ours.items() if any(f".{of}_" in x for x in fixed)}
     return list(kept)
 
 
-def _bare(found: Diagnosis) -> bool:
+def _bare(diagnosis: Diagnosis) -> bool:
     """Whether a body carries no sensor, which the gate has nothing to say of."""
-    return set(found.session.campaign.layout.bodies) > {one.body for one in found.gate.checks}
+    return set(diagnosis.session.campaign.layout.bodies) > {
+        one.body for one in diagnosis.gate.checks
+    }

@@ -11,10 +11,10 @@ def list_channel_gains(diagnosis: Diagnosis) -> list[ChannelGainRow]:
     nominal = diagnosis.session.campaign.unknown_gains.nominal
     if not nominal:
         return []
-    if diagnosis.known is not None:
-        theta, confidence = diagnosis.known.theta, diagnosis.known.sure
+    if diagnosis.parameters is not None:
+        theta, confidence = diagnosis.parameters.theta, diagnosis.parameters.confidence
     else:
-        refit = diagnosis.nothing
+        refit = diagnosis.null
         theta = refit.fit.theta
         confidence = estimate_confidence(refit.session.model, refit.session.campaign, refit.fit)
     return channel_gain_rows(nominal, confidence.parametrisation, theta, confidence.interval())

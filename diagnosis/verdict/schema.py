@@ -1,13 +1,10 @@
 """The verdict as a file: what the contract calls for, keys and all."""
 
-from typing import Literal
-
 from pydantic import BaseModel, ConfigDict
 
 from diagnosis.hypothesis import Ends, Value
+from diagnosis.verdict.established import Spread, Word
 from tuning.files.schema import ChannelGainRow
-
-Word = Literal["none", "explained", "several", "unexplained"]
 
 
 class _Row(BaseModel):
@@ -66,6 +63,25 @@ class CauseRow(_Row):
     excess_after: float | None
 
 
+class RestRow(_Row):
+    """What remains with the established causes."""
+
+    excess: float | None
+    model_error: float
+    significant: bool
+    spread: Spread
+    where: list[Where]
+
+
+class RemarkRow(_Row):
+    """A fault that redundant channels prove, and that closes less than a fifth of the gap."""
+
+    effect: str
+    location: str
+    dof: str | None
+    closed: float
+
+
 class Verdict(_Row):
     """verdict.json."""
 
@@ -74,7 +90,9 @@ class Verdict(_Row):
     gap: GapSteps
     where: list[Where]
     causes: list[CauseRow]
+    rest: RestRow | None = None
     twins: list[tuple[str, str]]
     not_testable: list[str]
     next_experiment: str | None
+    remarks: list[RemarkRow] = []
     channel_gains: list[ChannelGainRow] = []

@@ -60,6 +60,7 @@ def fit_at_error_floor(
     parametrisation: Parametrisation,
     *,
     start: Real | None = None,
+    first_stages: tuple[Stage, ...] = (),
     floor: float = STAGES[2].model_error_floor,
     schedule: FloorSchedule | None = None,
     jobs: int = 1,
@@ -72,6 +73,7 @@ def fit_at_error_floor(
         parametrisation: coordinates that vary.
         start: theta [SI]; None for the nominal model, from which the fit goes by the logarithm of
             the FRFs first.
+        first_stages: stages before the first fit at a floor, from the given start.
         floor: relative error that the first fit tolerates.
         schedule: constants; the usual ones if None.
         jobs: threads; the result does not depend on it.
@@ -81,7 +83,7 @@ def fit_at_error_floor(
         ValueError: no channel moves, or the schedule has no turn.
     """
     schedule = schedule or FloorSchedule()
-    stages: tuple[Stage, ...] = STAGES[:3] if start is None else ()
+    stages = STAGES[:3] if start is None else first_stages
     theta = start
     counted = thin_lines(campaign, schedule.stride // 2)
     for turn in range(1, schedule.max_turns + 1):

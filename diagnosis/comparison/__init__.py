@@ -1,1 +1,0 @@
-"""Comparison of rival hypotheses on data that their fits did not see."""

@@ -1,0 +1,52 @@
+"""Data checks before any fit: changing tests, sensors and bodies by redundant channels."""
+
+from dataclasses import dataclass, replace
+
+from diagnosis.data_checks.sensors import Gate, sensor_gate
+from diagnosis.released_session import release_session
+from diagnosis.settings import DiagnosisSettings
+from identification import find_overstated_noise, remove_overstated_noise
+from identification.words import UsageError
+from mbmodel import RigidDirection
+from tuning import Session
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedData:
+    """What the data checks found.
+
+    Args:
+        session: campaign without channels that tell nothing; model whose rigid directions may give
+            way.
+        gate: faults that redundant channels prove.
+        directions: rigid directions.
+        unsteady: number of tests that met different machines from hit to hit.
+    """
+
+    session: Session
+    gate: Gate
+    directions: tuple[RigidDirection, ...]
+    unsteady: int
+
+
+def check_data(session: Session, settings: DiagnosisSettings) -> CheckedData:
+    """Check the data without a model, and let rigid directions of the model give way.
+
+    Args:
+        session: campaign and nominal model.
+        settings: thresholds.
+
+    Raises:
+        UsageError: the band holds too few lines.
+    """
+    count = len(session.campaign.freq_hz)
+    if count < settings.min_lines:
+        raise UsageError(
+            f"a diagnosis needs {settings.min_lines} frequency lines or more, and the band holds "
+            f"{count}: widen it"
+        )
+    changing = find_overstated_noise(session.campaign)
+    campaign = remove_overstated_noise(session.campaign, changing)
+    gate = sensor_gate(campaign)
+    released, directions = release_session(replace(session, campaign=gate.alive))
+    return CheckedData(released, gate, directions, len(changing))

@@ -1,0 +1,46 @@
+"""Everything that was fitted, as the evidence of a verdict."""
+
+from diagnosis.inference.collect import fitted_set
+from diagnosis.inference.evidence import Evidence, Scored
+from diagnosis.inference.posterior import is_visible
+from diagnosis.null_model import Baseline, fit_unbounded
+from diagnosis.refits.refitting import variance_source
+from diagnosis.search.free_force import pushes
+from diagnosis.search.selection import Search, scene_of
+from diagnosis.settings import DiagnosisSettings
+
+
+def collect_evidence(
+    base: Baseline, search: Search, unsteady: int, settings: DiagnosisSettings
+) -> Evidence:
+    """Return the evidence; free forces are fitted where something remains to be located.
+
+    Args:
+        base: null model, and what the data checks prove.
+        search: sets of causes that were fitted.
+        unsteady: number of tests that met different machines from hit to hit.
+        settings: schedules.
+    """
+    null, selected = search.null, search.selected
+    unbounded, largest_shift = fit_unbounded(base.scene, null, settings)
+    best_gain: dict[str, Scored] = {}
+    for score in search.scores:
+        effect, location, dof = score.hypothesis.key
+        row = Scored(effect=effect, location=location, dof=dof, gain=score.gain)
+        best_gain.setdefault(score.hypothesis.site, row)
+    is_left = bool(selected.causes) and is_visible(selected.gap, null.gap, settings)
+    rest = pushes(scene_of(base.scene, selected), selected.fit, selected.floor) if is_left else ()
+    return Evidence(
+        proven=tuple(hypothesis.key for hypothesis in base.proven),
+        unknown=base.gate.unknown,
+        null=fitted_set(null),
+        unbounded=unbounded,
+        largest_shift=largest_shift,
+        sets=tuple(fitted_set(refit) for refit in search.refits),
+        pushed=pushes(base.scene, null.fit, null.floor),
+        rest_pushed=rest,
+        hypotheses=len(best_gain),
+        variance=variance_source(null.session.campaign),
+        unsteady=unsteady,
+        scored=tuple(best_gain.values()),
+    )

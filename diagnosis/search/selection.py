@@ -1,0 +1,221 @@
+"""Search for the causes: stepwise forward selection with backward elimination.
+
+Each round scores every hypothesis about the best set so far, refits the most promising one of each
+effect and place together with that set, and keeps the best if it is probable. Then each earlier
+cause is left out in turn, and dropped if the set without it is as probable. A second effect is thus
+the same search, from a model that has the first (Draper and Smith 1998, ch. 15).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from diagnosis.effects import catalogue
+from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.hypothesis_set import together
+from diagnosis.inference.calibration import calibrated
+from diagnosis.inference.collect import fitted_set
+from diagnosis.inference.evidence import Evidence
+from diagnosis.inference.posterior import is_visible, material_sets, set_log_odds, site_of
+from diagnosis.null_model import Baseline, refit_from
+from diagnosis.refits.refitting import (
+    FROM_AFAR,
+    Refit,
+    RefitTask,
+    add_hypothesis,
+    add_to,
+    run_refits,
+    start_values,
+    variance_source,
+)
+from diagnosis.search.score_test import Score, scores
+from diagnosis.settings import DiagnosisSettings
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Everything that was tried.
+
+    Args:
+        null: the null model.
+        scores: score tests about it, the most promising first.
+        refits: sets of causes in the order of their fits.
+        selected: the set that the selection ended with; the null model if no cause is probable.
+    """
+
+    null: Refit
+    selected: Refit
+    scores: tuple[Score, ...] = ()
+    refits: tuple[Refit, ...] = ()
+
+    @property
+    def hypotheses(self) -> int:
+        """Number of effects and places that were scored."""
+        return len({score.hypothesis.site for score in self.scores})
+
+    def refit_of(self, keys: Sequence[object]) -> Refit | None:
+        """Return the best refit of a set of causes."""
+        matching = [refit for refit in self.refits if set(refit.keys) == set(keys)]
+        return min(matching, key=lambda refit: refit.cost, default=None)
+
+
+def select_causes(
+    base: Baseline, settings: DiagnosisSettings, say: Callable[[str], None]
+) -> Search:
+    """Select the causes that explain the gap of the null model.
+
+    Nothing is searched for beside a body that bends: it drives all others in ways that no Part
+    holds, so that its residual tells nothing.
+
+    Args:
+        base: null model, and what the data checks prove.
+        settings: sizes of the search.
+        say: told what is being done.
+    """
+    scene, search = base.scene, Search(base.null, base.null)
+    excluded = frozenset(hypothesis.location for hypothesis in base.proven)
+    while not base.gate.flexible and len(search.selected.causes) < settings.max_causes:
+        current = search.selected
+        say(f"score tests of all hypotheses for cause {len(current.causes) + 1}")
+        ranked = score_hypotheses(scene, current, excluded, settings)
+        say("refits of the most promising hypotheses")
+        refits = _refit_round(scene, current, ranked, settings)
+        search = replace(
+            search, scores=search.scores or tuple(ranked), refits=(*search.refits, *refits)
+        )
+        best = min(refits, key=lambda refit: refit.cost, default=None)
+        if best is None or not _is_accepted(search, best, current, settings):
+            break
+        best, without_one = _eliminate(scene, search, best, settings)
+        search = replace(search, refits=(*search.refits, *without_one), selected=best)
+        if set(best.keys) <= set(current.keys) or not is_visible(best.gap, base.null.gap, settings):
+            break
+    return search
+
+
+def refit_null_model(base: Baseline, search: Search, settings: DiagnosisSettings) -> Search:
+    """Refit the null model from the best set of causes, so that both were searched alike."""
+    best = min(search.refits, key=lambda refit: refit.cost, default=None)
+    if best is None:
+        return search
+    null = refit_from(base.scene, search.null, best, settings)
+    return replace(search, null=null, selected=search.selected if search.selected.causes else null)
+
+
+def score_hypotheses(
+    scene: Scene, base: Refit, excluded: frozenset[str], settings: DiagnosisSettings
+) -> list[Score]:
+    """Score all hypotheses about a refit, the most promising first."""
+    inner = scene_of(scene, base)
+    sites = {cause.site for cause in base.causes}
+    hypotheses = [
+        hypothesis
+        for effect in catalogue().values()
+        for hypothesis in effect(inner)
+        if hypothesis.location not in excluded and hypothesis.site not in sites
+    ]
+    return scores(inner, base.fit, hypotheses, base.floor, settings.score_stride)
+
+
+def scene_of(scene: Scene, base: Refit) -> Scene:
+    """Return the scene of a refit: further hypotheses are proposed about it."""
+    names = frozenset(name for cause in base.causes for name in cause.names)
+    return replace(scene, session=base.session, theta=base.fit.theta, there=names)
+
+
+def _refit_round(
+    scene: Scene,
+    base: Refit,
+    ranked: Sequence[Score],
+    settings: DiagnosisSettings,
+) -> list[Refit]:
+    """Refit the promising hypotheses, then other shapes and starts of the best of them."""
+    promising = _best_of_each_site(ranked)[: settings.max_refits]
+    tasks = [add_to(base, score.hypothesis) for score in promising]
+    refits = run_refits(scene, tasks, settings.schedule)
+    if not refits:
+        return []
+    leading = sorted(refits, key=lambda refit: refit.cost)[: settings.max_distant]
+    tasks = [task for refit in leading for task in _distant_tasks(base, refit.causes[-1])]
+    refits += run_refits(scene, tasks, settings.schedule)
+    best = min(refits, key=lambda refit: refit.cost)
+    known = {refit.causes[-1] for refit in refits}
+    site = best.causes[-1].site
+    others = [
+        score.hypothesis
+        for score in ranked
+        if score.hypothesis.site == site and score.hypothesis not in known
+    ]
+    tasks = [add_to(base, other) for other in _one_each_direction(others, settings)]
+    return [*refits, *run_refits(scene, tasks, settings.schedule)]
+
+
+def _one_each_direction(
+    hypotheses: Sequence[Hypothesis], settings: DiagnosisSettings
+) -> list[Hypothesis]:
+    """Return the best shape of each direction, then further shapes."""
+    first: dict[str | None, Hypothesis] = {}
+    for hypothesis in hypotheses:
+        first.setdefault(hypothesis.dof, hypothesis)
+    chosen = list(first.values())
+    rest = [hypothesis for hypothesis in hypotheses if hypothesis not in chosen]
+    return [*chosen, *rest][: settings.max_other_shapes]
+
+
+def _distant_tasks(base: Refit, hypothesis: Hypothesis) -> list[RefitTask]:
+    """Return refits that begin far from the null model, where a strong effect may be found."""
+    return [
+        add_to(base, replace(hypothesis, begin={**hypothesis.begin, **start}), FROM_AFAR)
+        for start in hypothesis.otherwise
+    ]
+
+
+def _eliminate(
+    scene: Scene,
+    search: Search,
+    best: Refit,
+    settings: DiagnosisSettings,
+) -> tuple[Refit, list[Refit]]:
+    """Leave out each earlier cause in turn; drop it if the set without it is as probable."""
+    if len(best.causes) < 2:
+        return best, []
+    tasks = []
+    for left_out in best.causes[:-1]:
+        kept = together([cause for cause in best.causes if cause is not left_out])
+        session = add_hypothesis(scene.session, kept)
+        start = start_values(best, session, None)
+        tasks.append(RefitTask(kept, session, start, best.floor))
+    refits = run_refits(scene, tasks, settings.schedule)
+    whole = replace(search, refits=(*search.refits, *refits))
+    for refit in refits:
+        if not _is_more_probable(whole, best, refit):
+            best = refit
+    return best, refits
+
+
+def _is_accepted(search: Search, refit: Refit, base: Refit, settings: DiagnosisSettings) -> bool:
+    """Return whether a set with one more cause is material, and more probable."""
+    sets = [fitted_set(one) for one in (*search.refits, refit)]
+    material = {fitted.keys for fitted in material_sets(fitted_set(search.null), sets, settings)}
+    return refit.keys in material and _is_more_probable(search, refit, base)
+
+
+def _is_more_probable(search: Search, refit: Refit, base: Refit) -> bool:
+    """Return whether the posterior prefers a set to another one."""
+    sets = [fitted_set(one) for one in (*search.refits, refit)]
+    evidence = Evidence(
+        null=fitted_set(search.null),
+        sets=tuple(sets),
+        hypotheses=search.hypotheses,
+        variance=variance_source(search.null.session.campaign),
+    )
+    first, second = set_log_odds(evidence, [fitted_set(refit), fitted_set(base)], calibrated())
+    return bool(first > second)
+
+
+def _best_of_each_site(ranked: Sequence[Score]) -> list[Score]:
+    """Return the best score of each effect and place, the most promising first."""
+    best: dict[tuple[str, str], Score] = {}
+    for score in ranked:
+        if score.gain > 0 or score.hypothesis.otherwise:
+            best.setdefault(site_of(score.hypothesis.key), score)
+    return list(best.values())

@@ -1,0 +1,67 @@
+"""Settings of the diagnosis: every threshold of the algorithm, with its unit and its reason.
+
+``make bench ONLY=ablation`` turns each off in turn; ``docs/benchmarks.md`` has the table.
+Constants that virtual campaigns calibrate stand in ``inference/calibration.json``.
+"""
+
+from dataclasses import dataclass, field
+
+from tuning import FloorSchedule
+
+
+@dataclass(frozen=True)
+class DiagnosisSettings:
+    """Thresholds and sizes of the search.
+
+    Args:
+        min_lines: number of frequency lines; any shape along frequency fits fewer.
+        schedule: fits in turn with their floor, for each refit.
+        null_schedule: for the null model, from which all others start and which costs most.
+        enough_values: FRF values that a fit needs: 3 directions, 69 channels and 850 lines. Of
+            more, only every second or third of the usual lines counts.
+        few_frfs: below this number of FRFs several machines fit, and the null model starts
+            ``few_frfs`` / (number of FRFs) times, at most ``max_starts`` times.
+        max_starts: see ``few_frfs``.
+        score_stride: frequency lines of the score tests: every ``score_stride``-th.
+        max_refits: hypotheses of each round that are refitted, one for each effect and place.
+        max_other_shapes: further shapes or directions of the best refit that are refitted.
+        max_distant: of the best refits, so many are repeated from distant starts, where a strong
+            effect may be found that the null model has hidden in stiff springs.
+        max_causes: number of causes of the largest set.
+        min_closed: part of the gap that an established cause closes (FORMATS).
+        min_probability: probability of an established cause (FORMATS).
+        min_visible_excess: excess over the noise below which a rest is next to nothing (FORMATS).
+        max_open: part of the gap that is next to nothing: where the gap was 30 times the noise,
+            the truncation of a mode leaves more than the noise.
+        min_local_share: part of the rest that a force of any spectrum at one place explains where
+            the rest is local.
+        outlier_sigma: standard deviations up to which a tolerance is no effect: among 300
+            tolerances four lie beyond 2.5, none beyond 4.5 (probability 0.002).
+        min_twin_cosine: cosine of two signatures from which causes are confounded (FORMATS).
+        twin_nats: difference in log probability below which causes are confounded (FORMATS).
+        min_row_probability: probability of a cause that the verdict lists (FORMATS).
+    """
+
+    min_lines: int = 8
+    schedule: FloorSchedule = field(default_factory=lambda: FloorSchedule(max_turns=4))
+    null_schedule: FloorSchedule = field(default_factory=FloorSchedule)
+    enough_values: int = 180_000
+    few_frfs: int = 48
+    max_starts: int = 16
+    score_stride: int = 12
+    max_refits: int = 12
+    max_other_shapes: int = 3
+    max_distant: int = 2
+    max_causes: int = 5
+    min_closed: float = 0.2
+    min_probability: float = 0.5
+    min_visible_excess: float = 1.1
+    max_open: float = 0.01
+    min_local_share: float = 0.5
+    outlier_sigma: float = 4.5
+    min_twin_cosine: float = 0.9
+    twin_nats: float = 3.0
+    min_row_probability: float = 0.01
+
+
+SETTINGS = DiagnosisSettings()

@@ -1,0 +1,193 @@
+"""Causes that the verdict names, what each closes, and what remains: the verdict's word.
+
+A cause is established if it is probable and closes a fifth of the gap: materiality, not
+significance. With e the mean square of the gap over that of the noise, a cause c of the set S
+closes the part (e(S without c) - e(S)) / e(null model).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap
+from diagnosis.hypothesis import Hypothesis
+from diagnosis.inference.evidence import Evidence, Key
+from diagnosis.inference.posterior import Posterior, force_shares, is_visible, site_of
+from diagnosis.null_model import Baseline
+from diagnosis.refits.refitting import Refit
+from diagnosis.search.selection import Search
+from diagnosis.settings import DiagnosisSettings
+from tuning import TOLERANCE_BOUND_SIGMA, channel_gaps, predict, summarise_gaps
+
+Word = Literal["none", "explained", "several", "partly", "unexplained"]
+Spread = Literal["local", "everywhere"]
+
+
+@dataclass(frozen=True)
+class Rest:
+    """What remains with the present causes.
+
+    Args:
+        excess: over the noise, on held-out lines.
+        model_error: relative error of the model at the sensors' points.
+        is_significant: whether it is more than next to nothing.
+        spread: ``local`` if a force at one place would explain most of it.
+        where: places by their share.
+    """
+
+    excess: float | None
+    model_error: float
+    is_significant: bool
+    spread: Spread
+    where: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Present:
+    """Causes that the verdict names.
+
+    Args:
+        word: verdict.
+        causes: probable causes, those that redundant channels prove first.
+        closes: part of the gap that each closes, by its key.
+        established: keys of those that close enough.
+        remarks: keys of proven faults that do not.
+        rest: what remains.
+    """
+
+    word: Word
+    causes: tuple[Hypothesis, ...]
+    closes: Mapping[Key, float]
+    established: tuple[Key, ...]
+    remarks: tuple[Key, ...]
+    rest: Rest
+
+
+def find_present(search: Search, posterior: Posterior, settings: DiagnosisSettings) -> Refit:
+    """Return the refit of the most probable set whose causes are all probable; else the null model.
+
+    Args:
+        search: sets of causes that were fitted.
+        posterior: their probabilities.
+        settings: least probability.
+    """
+    probability = {site_of(key): share for key, share in posterior.causes}
+
+    def is_probable(refit: Refit) -> bool:
+        return bool(refit.causes) and all(
+            probability.get(site_of(key), 0.0) >= settings.min_probability for key in refit.keys
+        )
+
+    candidates = [refit for refit in search.refits if is_probable(refit)]
+    most = max((len(refit.causes) for refit in candidates), default=0)
+    largest = [refit for refit in candidates if len(refit.causes) == most]
+    return min(largest, key=lambda refit: refit.cost, default=search.null)
+
+
+def describe_present(
+    base: Baseline,
+    search: Search,
+    evidence: Evidence,
+    posterior: Posterior,
+    gaps: GapEstimates,
+    settings: DiagnosisSettings,
+) -> Present:
+    """Return the causes that the verdict names, what each closes, and what remains.
+
+    Args:
+        base: null model, and what the data checks prove.
+        search: sets of causes that were fitted.
+        evidence: fits as plain numbers.
+        posterior: probabilities of the sets.
+        gaps: held-out gaps.
+        settings: thresholds.
+    """
+    refit = find_present(search, posterior, settings)
+    closes = _closed_by_proven(base, gaps) | _closed_by_causes(search, refit)
+    causes = (*base.proven, *refit.causes)
+    established = tuple(
+        cause.key
+        for cause in causes
+        if closes.get(cause.key, 0.0) >= settings.min_closed or not cause.is_held
+    )
+    is_none = not established and posterior.none >= posterior.unexplained
+    rest = _rest(evidence, refit, gaps, settings, is_none=is_none)
+    if is_none:
+        word: Word = "none"
+    elif not established:
+        word = "unexplained"
+    elif rest.is_significant or evidence.unknown:
+        word = "partly"
+    else:
+        word = "explained" if len(established) == 1 else "several"
+    remarks = tuple(cause.key for cause in base.proven if cause.key not in established)
+    return Present(word, causes, closes, established, remarks, rest)
+
+
+def _closed_by_causes(search: Search, refit: Refit) -> dict[Key, float]:
+    """Return the part of the gap that each cause of a set closes, by the set without it."""
+    whole = max(search.null.gap, np.finfo(float).tiny)
+    closed = {}
+    for key in refit.keys:
+        others = [other for other in refit.keys if other != key]
+        without = search.refit_of(others) if others else search.null
+        before = search.null.gap if without is None else without.gap
+        closed[key] = float((before - refit.gap) / whole)
+    return closed
+
+
+def _closed_by_proven(base: Baseline, gaps: GapEstimates) -> dict[Key, float]:
+    """Return the part of the gap that each proven fault closes, by the data uncorrected."""
+    after = gaps.after
+    if not base.proven or after is None:
+        return {}
+    before, least = gaps.retuned.gap.excess, after.gap.excess
+    if before is None or least is None or before <= 1:
+        return {cause.key: 1.0 for cause in base.proven}
+    closed = {}
+    for cause in base.proven:
+        without = _excess_without(cause, after, gaps.retuned)
+        is_known = without is not None and cause.is_held and cause.reform is None
+        share = (without**2 - least**2) / (before**2 - 1) if is_known and without else 1.0
+        closed[cause.key] = float(share)
+    return closed
+
+
+def _excess_without(cause: Hypothesis, after: HeldOutGap, retuned: HeldOutGap) -> float | None:
+    """Return the excess with all causes but one, whose tolerances return into their bounds."""
+    refit, campaign = after.refit, after.campaign
+    parametrisation = refit.fit.parametrisation
+    released = np.isin(np.array(parametrisation.names), cause.release)
+    bounded = np.clip(refit.fit.x, -TOLERANCE_BOUND_SIGMA, TOLERANCE_BOUND_SIGMA)
+    theta = parametrisation.theta(np.where(released, bounded, refit.fit.x))
+    if cause.correct is not None:
+        campaign = retuned.campaign
+    predicted = predict(refit.session.model, theta, campaign)
+    return summarise_gaps(channel_gaps(predicted, campaign)).excess
+
+
+def _rest(
+    evidence: Evidence,
+    refit: Refit,
+    gaps: GapEstimates,
+    settings: DiagnosisSettings,
+    *,
+    is_none: bool,
+) -> Rest:
+    """Return what remains: nothing significant where nothing is missing."""
+    level = gaps.after or gaps.retuned
+    is_significant = not is_none
+    if gaps.after is not None:
+        is_significant = is_visible(level.refit.gap, gaps.retuned.refit.gap, settings)
+    forces = evidence.rest_pushed if refit.causes else evidence.pushed
+    share = max((force.share for force in forces), default=0.0)
+    shares = sorted(force_shares(forces).items(), key=lambda row: -row[1])
+    return Rest(
+        excess=level.gap.excess,
+        model_error=level.refit.floor,
+        is_significant=is_significant,
+        spread="local" if share >= settings.min_local_share else "everywhere",
+        where=tuple(shares),
+    )

@@ -1,0 +1,99 @@
+r"""Statistics of a residual: model error, noise share, and how many independent values it holds.
+
+Errors of a model are shared: neighbouring lines within a resonance, the channels of a body and the
+directions of a hammer carry the same error. Evidence counts independent values. With the residual
+u of unit variance, arranged along lines f, channels c and tests t, its Gram matrix along each axis
+has a participation ratio
+
+    d = (tr C)^2 / tr C^2,        N_eff = n (d_f d_c d_t) / (d_f d_c d_t of white noise),
+
+which is the number of independent values where all have the same variance (Satterthwaite 1946). It
+is one for a residual of a single shape. White noise of m columns has d = n m / (n + m) along an
+axis of n rows, since a Gram matrix is estimated from finite data, so that its N_eff is n.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification import smooth_variance
+from identification.words import Campaign, Complex, Real
+from tuning.assessment.model_error import profile_floor
+
+
+@dataclass(frozen=True)
+class ResidualStatistics:
+    """Residual of a fit beside noise and model error.
+
+    Args:
+        floor: relative model error a of largest likelihood.
+        cost: -ln L at that floor, mean of all values [nats].
+        values: number of values.
+        chi_square: mean of |r|^2 / var; 1 for noise alone.
+        noise_share: mean share of the noise in the variance var + a^2 |H_point|^2.
+        effective_values: number of independent values.
+    """
+
+    floor: float
+    cost: float
+    values: int
+    chi_square: float
+    noise_share: float
+    effective_values: float
+
+
+def residual_statistics(
+    predicted: Sequence[Complex], campaign: Campaign
+) -> ResidualStatistics | None:
+    """Return the statistics of a residual; None where no channel moves.
+
+    Args:
+        predicted: the model's answer to each test in its labels; (n_freq, n_out, 1) each.
+        campaign: measurements.
+    """
+    outputs = {dof: row for row, dof in enumerate(campaign.outputs)}
+    shape = (len(campaign.freq_hz), len(outputs), len(campaign.tests))
+    residual, variance, power = np.zeros(shape, complex), np.ones(shape), np.zeros(shape)
+    for column, (model, test) in enumerate(zip(predicted, campaign.tests, strict=True)):
+        estimate = test.estimate
+        dofs = estimate.frf.outputs
+        rows = [outputs[dof.positive] for dof in dofs]
+        at_point = np.array(
+            [[(a.point, a.is_rotation) == (b.point, b.is_rotation) for b in dofs] for a in dofs],
+            float,
+        )
+        values = estimate.frf.values[:, :, 0]
+        counts = estimate.measured[:, 0] & (np.abs(values) > 0).any(axis=0)
+        residual[:, rows, column] = np.where(counts, model[:, :, 0] - values, 0.0)
+        variance[:, rows, column] = smooth_variance(estimate)[:, :, 0]
+        power[:, rows, column] = np.where(counts, np.abs(values) ** 2 @ at_point, 0.0)
+    counted = power > 0
+    if not counted.any():
+        return None
+    squares = np.abs(residual) ** 2
+    error = profile_floor(squares[counted], variance[counted], power[counted])
+    total = np.where(counted, variance + error.floor**2 * power, 1.0)
+    unit = np.where(counted, residual / np.sqrt(total), 0.0)
+    noise = np.maximum(variance[counted], np.finfo(float).tiny)
+    return ResidualStatistics(
+        floor=error.floor,
+        cost=error.cost / error.values,
+        values=error.values,
+        chi_square=float(np.mean(squares[counted] / noise)),
+        noise_share=float(np.mean(variance[counted] / total[counted])),
+        effective_values=max(1.0, min(1.0, _independent_share(unit)) * error.values),
+    )
+
+
+def _independent_share(unit: Complex) -> float:
+    """Return the product of participation ratios along each axis, relative to white noise."""
+    share = 1.0
+    for axis in range(unit.ndim):
+        rows = np.moveaxis(unit, axis, 0).reshape(unit.shape[axis], -1)
+        gram: Real = np.abs(rows @ rows.conj().T) ** 2
+        trace = float((np.abs(rows) ** 2).sum())
+        count, columns = rows.shape
+        white = count * columns / (count + columns)
+        share *= trace**2 / float(gram.sum()) / white if trace > 0 else 1.0
+    return share
