@@ -112,7 +112,7 @@ def describe_present(
         for cause in causes
         if closes.get(cause.key, 0.0) >= settings.min_closed or not cause.is_held
     )
-    is_none = not established and posterior.none >= posterior.unexplained
+    is_none = not established and posterior.none >= settings.min_probability
     rest = _rest(evidence, refit, gaps, settings, is_none=is_none)
     if is_none:
         word: Word = "none"
