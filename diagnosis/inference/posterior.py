@@ -92,7 +92,7 @@ def judge(
     """
     constants = calibration or calibrated()
     sets, gap = _without_outliers(evidence, settings.outlier_sigma)
-    sets = material_sets(evidence.null, sets, settings)
+    sets = _best_fits(material_sets(evidence.null, sets, settings))
     log_none = (
         np.log(constants.hidden[evidence.gap_source]) - np.log(max(gap, _MIN_GAP))
     ) / constants.hidden_width
@@ -101,7 +101,9 @@ def judge(
     logs = set_log_odds(evidence, sets, constants)
     shares = softmax(np.concatenate([[log_none, 0.0], logs]))
     none, unexplained = (max(float(share), _MIN_CHANCE_SHARE) for share in shares[:2])
-    probabilities = _sum_shares(sets, shares[2:].tolist())
+    probabilities = {
+        fitted.keys: share for fitted, share in zip(sets, shares[2:].tolist(), strict=True)
+    }
     if evidence.unknown or any(effect == BENDS for effect, _, _ in evidence.proven):
         none, unexplained = _MIN_CHANCE_SHARE, none + unexplained
     if evidence.proven:  # corrected in every set: present with certainty
@@ -185,14 +187,12 @@ def _without_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSe
     return kept, min(gaps)
 
 
-def _sum_shares(sets: Sequence[FittedSet], shares: Sequence[float]) -> dict[Keys, float]:
-    """Return the probability of each set; the same causes fitted twice are one set, the better."""
-    probabilities: dict[frozenset[Key], tuple[Keys, float]] = {}
-    for fitted, share in zip(sets, shares, strict=True):
-        members = frozenset(fitted.keys)
-        if members not in probabilities or probabilities[members][1] < share:
-            probabilities[members] = fitted.keys, share
-    return dict(probabilities.values())
+def _best_fits(sets: Sequence[FittedSet]) -> list[FittedSet]:
+    """Return the best fit of each set of causes: shapes and starts of one set are one hypothesis."""
+    best: dict[frozenset[Key], FittedSet] = {}
+    for fitted in sorted(sets, key=lambda fitted: fitted.cost):
+        best.setdefault(frozenset(fitted.keys), fitted)
+    return list(best.values())
 
 
 def _count(keys: Keys) -> int:
