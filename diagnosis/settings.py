@@ -33,6 +33,8 @@ class DiagnosisSettings:
         min_visible_excess: excess over the noise below which a rest is next to nothing (FORMATS).
         max_open: part of the gap that is next to nothing: where the gap was 30 times the noise,
             the truncation of a mode leaves more than the noise.
+        force_floor_ratio: part of the model-error floor that counts for free forces: with a force
+            that explains the gap the floor falls.
         min_local_share: part of the rest that a force of any spectrum at one place explains where
             the rest is local.
         outlier_sigma: standard deviations up to which a tolerance is no effect: among 300
@@ -57,6 +59,7 @@ class DiagnosisSettings:
     min_probability: float = 0.5
     min_visible_excess: float = 1.1
     max_open: float = 0.01
+    force_floor_ratio: float = 0.25
     min_local_share: float = 0.5
     outlier_sigma: float = 4.5
     min_twin_cosine: float = 0.9

@@ -29,7 +29,9 @@ def collect_evidence(
         row = Scored(effect=effect, location=location, dof=dof, gain=score.gain)
         best_gain.setdefault(score.hypothesis.site, row)
     is_left = bool(selected.causes) and is_visible(selected.gap, null.gap, settings)
-    rest = pushes(scene_of(base.scene, selected), selected.fit, selected.floor) if is_left else ()
+    ratio = settings.force_floor_ratio
+    inner = scene_of(base.scene, selected)
+    rest = pushes(inner, selected.fit, ratio * selected.floor) if is_left else ()
     return Evidence(
         proven=tuple(hypothesis.key for hypothesis in base.proven),
         unknown=base.gate.unknown,
@@ -37,7 +39,7 @@ def collect_evidence(
         unbounded=unbounded,
         largest_shift=largest_shift,
         sets=tuple(fitted_set(refit) for refit in search.refits),
-        pushed=pushes(base.scene, null.fit, null.floor),
+        pushed=pushes(base.scene, null.fit, ratio * null.floor),
         rest_pushed=rest,
         hypotheses=len(best_gain),
         variance=variance_source(null.session.campaign),
