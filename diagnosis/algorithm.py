@@ -87,7 +87,7 @@ def diagnose(
 ) -> Diagnosis:
     """Find what the model lacks, where, and how far the gap shrinks with it.
 
-    1. Data checks compare channels without a model, and take proven faults out of the data.
+    1. Data checks compare channels without a model, and take gross faults out of the data.
     2. The null model is fitted: stiffness, damping and tolerances, at the model error that its own
        residual shows.
     3. A score test ranks every effect of the catalogue at every place.
@@ -115,7 +115,8 @@ def diagnose(
     say = tell or (lambda _: None)
     say("hits and sensors compared with each other")
     data = check_data(session, settings)
-    base = fit_baseline(data, jobs, settings, say)
+    say("null model: stiffness, damping and tolerances")
+    base = fit_baseline(data, jobs, settings)
     search = select_causes(base, settings, say)
     search = refit_null_model(base, search, settings)
     say("unknown forces at every place")

@@ -1,6 +1,6 @@
 """A measurement as it would be without a fault: channels masked, exchanged, turned, divided."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -32,30 +32,6 @@ def masked(campaign: Campaign, concerned: Callable[[Dof], bool]) -> Campaign:
     def edit(estimate: FrfEstimate) -> FrfEstimate:
         kept = np.array([not concerned(dof) for dof in estimate.frf.outputs])
         return _only(estimate, kept)
-
-    return _edited(campaign, edit)
-
-
-def doubted(
-    campaign: Campaign, channels: Sequence[Dof], deviation: Callable[[Real], Real]
-) -> Campaign:
-    """Channels whose body bends: their variance grows by the square of what is not rigid.
-
-    Args:
-        campaign: whose.
-        channels: of the body.
-        deviation: what is not rigid over the channels' root mean square, at frequencies [Hz].
-    """
-    known = {dof.positive for dof in channels}
-
-    def edit(estimate: FrfEstimate) -> FrfEstimate:
-        rows = np.array([dof.positive in known for dof in estimate.frf.outputs])
-        if not rows.any():
-            return estimate
-        mean = (np.abs(estimate.frf.values[:, rows]) ** 2).mean(axis=1, keepdims=True)
-        variance = estimate.variance.copy()
-        variance[:, rows] += deviation(estimate.frf.freq_hz)[:, None, None] ** 2 * mean
-        return replace(estimate, variance=variance)
 
     return _edited(campaign, edit)
 

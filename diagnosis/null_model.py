@@ -1,15 +1,13 @@
 """Null model: no cause added; stiffness, damping and tolerances fitted at the model-error floor."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.data_checks.bending import proven_hypotheses, refit_bending
+from diagnosis.data_checks.candidates import gross_hypotheses
 from diagnosis.data_checks.check_data import CheckedData
 from diagnosis.data_checks.sensors import Gate
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.inference.evidence import BENDS
 from diagnosis.refits.refitting import (
     Refit,
     RefitTask,
@@ -27,52 +25,33 @@ _START_FLOOR = STAGES[2].model_error_floor  # of the nominal model
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
-    """The null model, and what the data checks prove of it.
+    """The null model, and what redundant channels prove.
 
     Args:
-        scene: campaign without the proven faults, model, theta of the null model.
+        scene: campaign without the channels of gross faults, model, theta of the null model.
         null: null model.
-        gate: faults that remain proven after the fit.
-        proven: their hypotheses.
-        bending: refit with the modes of bodies that bend; None without one.
+        gate: proven faults.
+        proven: hypotheses of gross faults, which every set of causes has.
     """
 
     scene: Scene
     null: Refit
     gate: Gate
     proven: tuple[Hypothesis, ...]
-    bending: Refit | None
 
 
-def fit_baseline(
-    data: CheckedData, jobs: int, settings: DiagnosisSettings, say: Callable[[str], None]
-) -> Baseline:
-    """Fit the null model, and decide whether bodies that seem to bend really do.
+def fit_baseline(data: CheckedData, jobs: int, settings: DiagnosisSettings) -> Baseline:
+    """Fit the null model to the channels that no gross fault concerns.
 
     Args:
         data: result of the data checks.
         jobs: processes.
         settings: schedules.
-        say: told what is being done.
     """
-    say("null model: stiffness, damping and tolerances")
-    gate, session = data.gate, data.session
-    scene = set_scene(session, gate, data.directions, jobs, settings)
+    scene = set_scene(data.session, data.gate, data.directions, jobs, settings)
     null = fit_null_model(scene, settings)
-    hypotheses = proven_hypotheses(gate, session)
-    bending = None
-    ratio = 1.0
-    if any(hypothesis.effect == BENDS and hypothesis.is_held for hypothesis in hypotheses):
-        explained = refit_bending(scene, null, gate, settings, say)
-        if explained is None:
-            gate = gate.solid()
-            scene = set_scene(session, gate, data.directions, jobs, settings)
-            null = fit_null_model(scene, settings)
-        else:
-            bending, ratio = explained
-        hypotheses = proven_hypotheses(gate, session, ratio)
-    scene = replace(scene, theta=null.fit.theta)
-    return Baseline(scene, null, gate, tuple(hypotheses), bending)
+    proven = gross_hypotheses(data.gate, data.session)
+    return Baseline(replace(scene, theta=null.fit.theta), null, data.gate, proven)
 
 
 def set_scene(

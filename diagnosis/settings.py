@@ -27,6 +27,8 @@ class DiagnosisSettings:
         max_other_shapes: further shapes or directions of the best refit that are refitted.
         max_distant: of the best refits, so many are repeated from distant starts, where a strong
             effect may be found that the null model has hidden in stiff springs.
+        bending_start_ratios: starts of the frequency of a body's mode, relative to that of its
+            highest peak: free bodies resonate higher than those that carry others.
         max_causes: number of causes of the largest set.
         min_closed: part of the gap that an established cause closes (FORMATS).
         min_probability: probability of an established cause (FORMATS).
@@ -54,6 +56,7 @@ class DiagnosisSettings:
     max_refits: int = 12
     max_other_shapes: int = 3
     max_distant: int = 2
+    bending_start_ratios: tuple[float, ...] = (1.0, 2.2, 1.5, 0.67)
     max_causes: int = 5
     min_closed: float = 0.2
     min_probability: float = 0.5

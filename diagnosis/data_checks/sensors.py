@@ -11,7 +11,7 @@ from functools import partial, reduce
 
 import numpy as np
 
-from diagnosis.corrections import Reading, channels_of, divided, doubted, exchanged, masked
+from diagnosis.corrections import Reading, channels_of, divided, exchanged, masked
 from diagnosis.effects.flexible_body import bent
 from diagnosis.effects.points import gains_of, three
 from diagnosis.effects.sensor_polarity import turned
@@ -26,7 +26,7 @@ from identification import (
     mount_response,
     noise_only_channels,
 )
-from identification.words import Campaign, Dof, Real
+from identification.words import Campaign, Dof
 from tuning import Session
 
 _GROSS = ("dead_channel", "sensor_polarity", "sensor_swap")
@@ -44,65 +44,65 @@ RELEASED = {
 
 @dataclass(frozen=True, eq=False)
 class Gate:
-    """What the gate found.
+    """What redundant channels prove.
 
     Args:
         checks: of every body.
         faults: those that are proven.
         alive: all that was measured but for channels that are dead, read noise alone, or wrong by
-            no fault that anybody knows: nothing can be said of what they should have read.
-        campaign: without the channels that any proven fault concerns; where a body is not solid,
-            its channels are doubted by as much.
-        flexible: bodies that bend; none if most seem to, whose noise is then larger than stated.
-        undoubted: as ``campaign``, but that no channel is doubted.
+            no known fault: nothing can be said of what they should have read.
+        campaign: ``alive`` without the channels of gross faults, any of which ruins a fit.
     """
 
     checks: tuple[BodyCheck, ...]
     faults: tuple[Fault, ...]
     alive: Campaign
     campaign: Campaign
-    flexible: tuple[BodyCheck, ...]
-    undoubted: Campaign
+
+    @property
+    def gross(self) -> tuple[Fault, ...]:
+        """Exchanged channels and opposite signs, which every set of causes has."""
+        return tuple(fault for fault in self.faults if fault.effect in _GROSS)
+
+    @property
+    def small(self) -> tuple[Fault, ...]:
+        """Faults by some amount: candidates among all others."""
+        known = (*_GROSS, _UNKNOWN)
+        return tuple(fault for fault in self.faults if fault.effect not in known)
 
     @property
     def unknown(self) -> tuple[str, ...]:
-        """Places of sensors that are wrong by no fault that anybody knows."""
-        found = (one.location for one in self.faults if one.effect == _UNKNOWN)
-        return tuple(dict.fromkeys(found))
-
-    def solid(self) -> "Gate":
-        """The same if no body bends after all."""
-        faults = tuple(one for one in self.faults if one.effect != BENDS)
-        return replace(self, faults=faults, campaign=self.undoubted, flexible=())
+        """Places of sensors that are wrong by no known fault."""
+        places = (fault.location for fault in self.faults if fault.effect == _UNKNOWN)
+        return tuple(dict.fromkeys(places))
 
 
 def sensor_gate(campaign: Campaign) -> Gate:
-    """Check every body, take out what is proven."""
+    """Check every body by its redundant channels, and take gross faults out.
+
+    Args:
+        campaign: all that was measured.
+    """
     checks, same = check_bodies(campaign), duplicate_channels(campaign)
     # What reads noise alone is dead, or still: either way it tells nothing, of a fault neither.
     none = noise_only_channels(campaign)
     proven: dict[Key, Fault] = {}
-    flexible = []
+    flexible = 0
     for check in checks:
-        sure = [one for one in check.faults if one.probability >= PROVEN]
-        kept = [wrong for one in sure for wrong in _exported_twice(one, same)]
-        kept += _one_cause(check, [one for one in sure if not _exported_twice(one, same)])
-        flexible += [check] if any(one.effect == BENDS for one in kept) else []
-        proven |= {(one.effect, one.location, one.dof): one for one in kept}
-    bending = flexible
-    if len(flexible) > _TOO_MANY:  # not all stages bend at once: the noise is not what is stated
-        bending = []  # or set-ups met different machines, which looks like small faults as well
-        proven = {key: one for key, one in proven.items() if one.effect in _GROSS}
-    faults = tuple(one for one in proven.values() if _is_heard(one, campaign, none))
-    dead = [one for one in faults if one.effect in _TELLS_NOTHING]
+        sure = [fault for fault in check.faults if fault.probability >= PROVEN]
+        kept = [wrong for fault in sure for wrong in _exported_twice(fault, same)]
+        kept += _one_cause(check, [fault for fault in sure if not _exported_twice(fault, same)])
+        flexible += any(fault.effect == BENDS for fault in kept)
+        proven |= {(fault.effect, fault.location, fault.dof): fault for fault in kept}
+    if flexible > _TOO_MANY:  # not all stages bend at once: the noise is not what is stated,
+        # or set-ups met different machines, which looks like small faults as well
+        proven = {key: fault for key, fault in proven.items() if fault.effect in _GROSS}
+    faults = tuple(fault for fault in proven.values() if _is_heard(fault, campaign, none))
+    dead = [fault for fault in faults if fault.effect in _TELLS_NOTHING]
     heard = masked(campaign, lambda dof: dof.positive in none) if none else campaign
     alive = _without(heard, dead)
-    clean = alive if len(dead) == len(faults) else _without(heard, faults)
-    undoubted = clean
-    for check in flexible:
-        beyond = np.sqrt(np.maximum(check.reconstruction**2 - check.expected**2, 0.0))
-        clean = doubted(clean, check.channels, partial(_read_off, check.freq_hz, beyond))
-    return Gate(checks, faults, alive, clean, tuple(bending), undoubted)
+    gross = [fault for fault in faults if fault.effect in (*_GROSS, *_TELLS_NOTHING)]
+    return Gate(checks, faults, alive, _without(heard, gross))
 
 
 def _is_heard(one: Fault, campaign: Campaign, none: Collection[Dof]) -> bool:
@@ -153,11 +153,6 @@ def _one_cause(check: BodyCheck, sure: list[Fault]) -> list[Fault]:
     if check.deviation[-1] > 0.5 * check.deviation.max():  # no peak of a mode lies in the band
         others = [replace(one, parameters={}) if one.effect == BENDS else one for one in others]
     return others
-
-
-def _read_off(freq_hz: Real, values: Real, at: Real) -> Real:
-    """A curve between its lines."""
-    return np.asarray(np.interp(at, freq_hz, values), float)
 
 
 def _without(campaign: Campaign, faults: Sequence[Fault]) -> Campaign:

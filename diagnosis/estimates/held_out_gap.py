@@ -116,8 +116,7 @@ def estimate_gaps(
     """
     scene, first, last = base.scene, null, best
     if base.proven or whole.campaign is not scene.session.campaign:
-        start = best if base.bending is None else base.bending
-        first, last = _refit_whole(scene, whole, (null, best, start), base.proven, settings)
+        first, last = _refit_whole(scene, whole, (null, best), base.proven, settings)
     width = block_width(first.session.model, first.fit.theta, whole.campaign.freq_hz)
     if not last.causes:
         return GapEstimates(hold_out(scene, first, width), None, None)
@@ -144,19 +143,19 @@ def hold_out(scene: Scene, refit: Refit, width: int | None) -> HeldOutGap:
 def _refit_whole(
     scene: Scene,
     whole: Session,
-    fits: tuple[Refit, Refit, Refit],
+    fits: tuple[Refit, Refit],
     proven: tuple[Hypothesis, ...],
     settings: DiagnosisSettings,
 ) -> tuple[Refit, Refit]:
     """Refit null model and causes to all channels, from where the fits without some ended."""
-    null, best, begin = fits
+    null, best = fits
     causes = (*(cause for cause in proven if cause.is_held), *best.causes)
     tasks = [RefitTask(None, whole, start_values(null, whole, None), null.floor)]
     if causes:
         joined = together(causes)
         session = add_hypothesis(whole, joined)
-        new = None if begin is not best or not proven else together(proven)
-        tasks.append(RefitTask(joined, session, start_values(begin, session, new), begin.floor))
+        new = together(proven) if proven else None
+        tasks.append(RefitTask(joined, session, start_values(best, session, new), best.floor))
     refits = run_refits(scene, tasks, settings.schedule)
     return refits[0], refits[-1]
 

@@ -29,7 +29,7 @@ import numpy as np
 from scipy.special import softmax
 
 from diagnosis.inference.calibration import Calibration, calibrated
-from diagnosis.inference.evidence import BENDS, Evidence, FittedSet, Key, Pushed
+from diagnosis.inference.evidence import Evidence, FittedSet, Key, Pushed
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 
 _MIN_GAP = 1e-6  # mean square over that of the noise
@@ -104,7 +104,7 @@ def judge(
     probabilities = {
         fitted.keys: share for fitted, share in zip(sets, shares[2:].tolist(), strict=True)
     }
-    if evidence.unknown or any(effect == BENDS for effect, _, _ in evidence.proven):
+    if evidence.unknown:
         none, unexplained = _MIN_CHANCE_SHARE, none + unexplained
     if evidence.proven:  # corrected in every set: present with certainty
         probabilities = {
@@ -188,7 +188,7 @@ def _without_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSe
 
 
 def _best_fits(sets: Sequence[FittedSet]) -> list[FittedSet]:
-    """Return the best fit of each set of causes: shapes and starts of one set are one hypothesis."""
+    """Return the best fit of each set of causes; shapes and starts are one hypothesis."""
     best: dict[frozenset[Key], FittedSet] = {}
     for fitted in sorted(sets, key=lambda fitted: fitted.cost):
         best.setdefault(frozenset(fitted.keys), fitted)

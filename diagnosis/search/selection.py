@@ -9,6 +9,7 @@ the same search, from a model that has the first (Draper and Smith 1998, ch. 15)
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+from diagnosis.data_checks.candidates import candidate_hypotheses
 from diagnosis.effects import catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import together
@@ -29,6 +30,7 @@ from diagnosis.refits.refitting import (
 )
 from diagnosis.search.score_test import Score, scores
 from diagnosis.settings import DiagnosisSettings
+from tuning import Stage
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +65,6 @@ def select_causes(
 ) -> Search:
     """Select the causes that explain the gap of the null model.
 
-    Nothing is searched for beside a body that bends: it drives all others in ways that no Part
-    holds, so that its residual tells nothing.
-
     Args:
         base: null model, and what the data checks prove.
         settings: sizes of the search.
@@ -73,12 +72,15 @@ def select_causes(
     """
     scene, search = base.scene, Search(base.null, base.null)
     excluded = frozenset(hypothesis.location for hypothesis in base.proven)
-    while not base.gate.flexible and len(search.selected.causes) < settings.max_causes:
+    while len(search.selected.causes) < settings.max_causes:
         current = search.selected
         say(f"score tests of all hypotheses for cause {len(current.causes) + 1}")
         ranked = score_hypotheses(scene, current, excluded, settings)
         say("refits of the most promising hypotheses")
-        refits = _refit_round(scene, current, ranked, settings)
+        suggested = (
+            [] if current.causes else list(candidate_hypotheses(base.gate, scene.session, settings))
+        )
+        refits = _refit_round(scene, current, ranked, suggested, settings)
         search = replace(
             search, scores=search.scores or tuple(ranked), refits=(*search.refits, *refits)
         )
@@ -126,11 +128,13 @@ def _refit_round(
     scene: Scene,
     base: Refit,
     ranked: Sequence[Score],
+    suggested: Sequence[Hypothesis],
     settings: DiagnosisSettings,
 ) -> list[Refit]:
     """Refit the promising hypotheses, then other shapes and starts of the best of them."""
     promising = _best_of_each_site(ranked)[: settings.max_refits]
     tasks = [add_to(base, score.hypothesis) for score in promising]
+    tasks += [add_to(base, hypothesis, _first_stages(hypothesis)) for hypothesis in suggested]
     refits = run_refits(scene, tasks, settings.schedule)
     if not refits:
         return []
@@ -147,6 +151,22 @@ def _refit_round(
     ]
     tasks = [add_to(base, other) for other in _one_each_direction(others, settings)]
     return [*refits, *run_refits(scene, tasks, settings.schedule)]
+
+
+def _suggested(base: Baseline, current: Refit, settings: DiagnosisSettings) -> list[Hypothesis]:
+    """Return the faults that redundant channels prove and that no cause of the set is yet."""
+    sites = {cause.site for cause in current.causes}
+    session = base.scene.session
+    return [
+        hypothesis
+        for hypothesis in candidate_hypotheses(base.gate, session, settings)
+        if hypothesis.site not in sites and (hypothesis.reform is None or not current.causes)
+    ]
+
+
+def _first_stages(hypothesis: Hypothesis) -> tuple[Stage, ...]:
+    """Return the first stages of a shape that begins as a guess, as a body's mode does."""
+    return () if hypothesis.reform is None else FROM_AFAR[1:]
 
 
 def _one_each_direction(
@@ -179,7 +199,8 @@ def _eliminate(
     if len(best.causes) < 2:
         return best, []
     tasks = []
-    for left_out in best.causes[:-1]:
+    removable = [cause for cause in best.causes[:-1] if cause.reform is None]
+    for left_out in removable:  # Parts of others refer to the coordinates of a body's mode
         kept = together([cause for cause in best.causes if cause is not left_out])
         session = add_hypothesis(scene.session, kept)
         start = start_values(best, session, None)

@@ -57,11 +57,7 @@ def verdict_of(diagnosis: Diagnosis) -> Verdict:
             interval=_interval(diagnosis.retuned, after, visible=is_visible),
         ),
         where=_places(posterior.where, is_known=not is_none),
-        causes=[
-            _row(key, probability, diagnosis)
-            for key, probability in posterior.causes
-            if key not in present.remarks
-        ],
+        causes=[_row(key, probability, diagnosis) for key, probability in posterior.causes],
         rest=RestRow(
             excess=rest.excess,
             model_error=rest.model_error,
@@ -73,8 +69,8 @@ def verdict_of(diagnosis: Diagnosis) -> Verdict:
         not_testable=_not_testable(diagnosis),
         next_experiment=next_experiment(diagnosis),
         remarks=[
-            RemarkRow(effect=key[0], location=key[1], dof=key[2], closed=present.closes[key])
-            for key in present.remarks
+            RemarkRow(effect=key[0], location=key[1], dof=key[2], closed=closed)
+            for key, closed in present.remarks.items()
         ],
         channel_gains=list_channel_gains(diagnosis),
     )

@@ -53,7 +53,7 @@ class Present:
         causes: probable causes, those that redundant channels prove first.
         closes: part of the gap that each closes, by its key.
         established: keys of those that close enough.
-        remarks: keys of proven faults that do not.
+        remarks: part of the gap that proven faults close which are no such cause; None if unknown.
         rest: what remains.
     """
 
@@ -61,7 +61,7 @@ class Present:
     causes: tuple[Hypothesis, ...]
     closes: Mapping[Key, float]
     established: tuple[Key, ...]
-    remarks: tuple[Key, ...]
+    remarks: Mapping[Key, float | None]
     rest: Rest
 
 
@@ -122,7 +122,13 @@ def describe_present(
         word = "partly"
     else:
         word = "explained" if len(established) == 1 else "several"
-    remarks = tuple(cause.key for cause in base.proven if cause.key not in established)
+    proven = ((fault.effect, fault.location, fault.dof) for fault in base.gate.faults)
+    named = {site_of(cause.key) for cause in causes}
+    remarks = {
+        key: closes.get(key, _closed_alone(search, key))
+        for key in proven
+        if key not in established and site_of(key) not in named
+    }
     return Present(word, causes, closes, established, remarks, rest)
 
 
@@ -136,6 +142,14 @@ def _closed_by_causes(search: Search, refit: Refit) -> dict[Key, float]:
         before = search.null.gap if without is None else without.gap
         closed[key] = float((before - refit.gap) / whole)
     return closed
+
+
+def _closed_alone(search: Search, key: Key) -> float | None:
+    """Return the part of the gap that a cause closes by itself; None if it was not fitted."""
+    refit = search.refit_of((key,))
+    if refit is None or search.null.gap <= 0:
+        return None
+    return float(1 - refit.gap / search.null.gap)
 
 
 def _closed_by_proven(base: Baseline, gaps: GapEstimates) -> dict[Key, float]:

@@ -79,7 +79,7 @@ class RemarkRow(_Row):
     effect: str
     location: str
     dof: str | None
-    closed: float
+    closed: float | None
 
 
 class Verdict(_Row):

@@ -1,0 +1,37 @@
+"""Hypotheses of what redundant channels prove: faults of sensors, and bodies that bend."""
+
+from collections.abc import Iterator
+
+from diagnosis.data_checks.sensors import Gate, hypothesis_of
+from diagnosis.hypothesis import Hypothesis
+from diagnosis.inference.evidence import BENDS
+from diagnosis.settings import DiagnosisSettings
+from tuning import Session
+
+
+def gross_hypotheses(gate: Gate, session: Session) -> tuple[Hypothesis, ...]:
+    """Return the hypotheses of gross faults, which every set of causes has."""
+    hypotheses = (hypothesis_of(fault, session) for fault in gate.gross)
+    return tuple(hypothesis for hypothesis in hypotheses if hypothesis is not None)
+
+
+def candidate_hypotheses(
+    gate: Gate, session: Session, settings: DiagnosisSettings
+) -> Iterator[Hypothesis]:
+    """Yield the hypotheses of the other faults, which compete with all effects of the catalogue.
+
+    The frequency of a body's mode begins at several multiples of that of its highest peak, which
+    what the body stands on and what it carries moves.
+
+    Args:
+        gate: result of the data checks.
+        session: campaign and model.
+        settings: starts of a mode's frequency.
+    """
+    for fault in gate.small:
+        ratios = settings.bending_start_ratios if fault.effect == BENDS else (1.0,)
+        for ratio in ratios:
+            body = fault.location.partition(":")[2]
+            hypothesis = hypothesis_of(fault, session, (body,), gate.campaign, ratio)
+            if hypothesis is not None and hypothesis.is_held:
+                yield hypothesis
