@@ -29,6 +29,7 @@ class DiagnosisSettings:
             effect may be found that the null model has hidden in stiff springs.
         bending_start_ratios: starts of the frequency of a body's mode, relative to that of its
             highest peak: free bodies resonate higher than those that carry others.
+        max_bending_bodies: bodies that are candidates for bending: each takes several refits.
         max_causes: number of causes of the largest set.
         min_closed: part of the gap that an established cause closes (FORMATS).
         min_probability: probability of an established cause (FORMATS).
@@ -57,6 +58,7 @@ class DiagnosisSettings:
     max_other_shapes: int = 3
     max_distant: int = 2
     bending_start_ratios: tuple[float, ...] = (1.0, 2.2, 1.5, 0.67)
+    max_bending_bodies: int = 2
     max_causes: int = 5
     min_closed: float = 0.2
     min_probability: float = 0.5

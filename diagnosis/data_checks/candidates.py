@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from diagnosis.data_checks.sensors import Gate, hypothesis_of
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.inference.evidence import BENDS
@@ -21,17 +23,23 @@ def candidate_hypotheses(
     """Yield the hypotheses of the other faults, which compete with all effects of the catalogue.
 
     The frequency of a body's mode begins at several multiples of that of its highest peak, which
-    what the body stands on and what it carries moves.
+    what the body stands on and what it carries moves. Of many bodies that bend a little, those that
+    deviate most from the motion of a solid are candidates.
 
     Args:
         gate: result of the data checks.
         session: campaign and model.
         settings: starts of a mode's frequency.
     """
+    deviations = {check.body: float(np.sqrt(np.mean(check.deviation**2))) for check in gate.checks}
+    bending = [fault.location.partition(":")[2] for fault in gate.small if fault.effect == BENDS]
+    most = sorted(bending, key=lambda body: -deviations[body])[: settings.max_bending_bodies]
     for fault in gate.small:
+        body = fault.location.partition(":")[2]
+        if fault.effect == BENDS and body not in most:
+            continue
         ratios = settings.bending_start_ratios if fault.effect == BENDS else (1.0,)
         for ratio in ratios:
-            body = fault.location.partition(":")[2]
             hypothesis = hypothesis_of(fault, session, (body,), gate.campaign, ratio)
             if hypothesis is not None and hypothesis.is_held:
                 yield hypothesis

@@ -94,9 +94,9 @@ def sensor_gate(campaign: Campaign) -> Gate:
         kept += _one_cause(check, [fault for fault in sure if not _exported_twice(fault, same)])
         flexible += any(fault.effect == BENDS for fault in kept)
         proven |= {(fault.effect, fault.location, fault.dof): fault for fault in kept}
-    if flexible > _TOO_MANY:  # not all stages bend at once: the noise is not what is stated,
-        # or set-ups met different machines, which looks like small faults as well
-        proven = {key: fault for key, fault in proven.items() if fault.effect in _GROSS}
+    if flexible > _TOO_MANY:  # several bodies bend a little, the noise is not what is stated, or
+        # set-ups met different machines: small faults of sensors then explain a part of that
+        proven = {key: fault for key, fault in proven.items() if key[0] in (BENDS, *_GROSS)}
     faults = tuple(fault for fault in proven.values() if _is_heard(fault, campaign, none))
     dead = [fault for fault in faults if fault.effect in _TELLS_NOTHING]
     heard = masked(campaign, lambda dof: dof.positive in none) if none else campaign

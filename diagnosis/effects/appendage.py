@@ -49,6 +49,8 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     highest = _HIGHEST * float(band[-1])
     for number, body in enumerate(bodies):
         own = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
+        if not own[0, 0] > 0:
+            continue  # the coordinate of a body's mode
         unit = _UNIT * float(own[0, 0])
         reach = _FARTHEST * float(np.sqrt(np.trace(own[3:, 3:]) / own[0, 0]))
         frame = np.zeros((6 * len(bodies), 6))

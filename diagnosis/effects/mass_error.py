@@ -30,6 +30,8 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     bodies = machine.layout.bodies
     for number, body in enumerate(bodies):
         own = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
+        if not (own[0, 0] > 0 and np.trace(own[3:, 3:]) > 0):
+            continue  # a point, or the coordinate of a body's mode: it has no radius of gyration
         mass = _UNIT * float(own[0, 0])
         arm = float(np.sqrt(np.trace(own[3:, 3:]) / own[0, 0]))
         frame = np.zeros((6 * len(bodies), 6))
