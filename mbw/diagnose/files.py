@@ -32,7 +32,7 @@ def write_files(result: StoredDiagnosis, folder: Path) -> None:
 def write_augmented(diagnosis: Diagnosis, target: Path) -> tuple[NotInMjcf, ...]:
     """Write the tuned MJCF with the detected effect; return what an MJCF cannot hold."""
     held_out_gap = diagnosis.after or diagnosis.retuned
-    theta = diagnosis.known.theta if diagnosis.known else held_out_gap.theta
+    theta = diagnosis.parameters.theta if diagnosis.parameters else held_out_gap.theta
     model = held_out_gap.refit.session.model
     folder = final_folder(target.parent)
     return write_mjcf(model.machine.source, target, model.edits(theta), folder)
@@ -87,6 +87,9 @@ def _check(result: StoredDiagnosis) -> None:
             raise ValueError(f"{name} is {arrays[name].shape}, expected {shape}")
     if arrays["after"].shape not in ((lines, 0), (lines, channels)):
         raise ValueError(f"after is {arrays['after'].shape}")
-    if len(shown.means) != len(result.verdict.causes):
+    count = len(result.verdict.causes)
+    if len(shown.means) != count:
         raise ValueError("causes and their meanings differ in number")
+    if not all(0 <= row.cause < count for row in shown.established):
+        raise ValueError("an established cause has no row")
     restore_machine(shown.machine, arrays)

@@ -4,6 +4,7 @@ from diagnosis.inference.evidence import Pushed
 from diagnosis.labels import direction
 from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.effect_parameters import number
+from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
 from mbw.diagnose.result import StoredDiagnosis
 from mbw.diagnose.sentences import (
     NOT_SHOWN,
@@ -32,11 +33,14 @@ def lead(result: StoredDiagnosis) -> str:
         return _nothing_missing_lead(result)
     if word == "unexplained":
         return _unexplained_lead(result)
-    return f"{_causes(result)} {_shrinks(result)}"
+    rest = rest_sentence(result.verdict)
+    return " ".join(
+        [_causes(result), _shrinks(result), *([f"{capitalise(rest)}."] if rest else [])]
+    )
 
 
 def badges(result: StoredDiagnosis) -> str:
-    """Return HTML of the probabilities of the four verdicts, the stated one in colour."""
+    """Return HTML of the probabilities, the stated one in colour, and of a rest."""
     word, posterior = result.verdict.verdict, result.verdict.probability
     single = max(0.0, 1 - posterior.none - posterior.unexplained - posterior.several)
     rows = (
@@ -45,10 +49,21 @@ def badges(result: StoredDiagnosis) -> str:
         ("unexplained", "unexplained", posterior.unexplained),
         ("none", "nothing missing", posterior.none),
     )
-    return "".join(
-        badge(f"{name} {format_probability(value)}", word != "unexplained" if key == word else None)
+    stated: str = word
+    if word == "partly":
+        stated = "several" if len(result.shown.established) > 1 else "explained"
+    pills = "".join(
+        badge(
+            f"{name} {format_probability(value)}", word != "unexplained" if key == stated else None
+        )
         for key, name, value in rows
     )
+    rest = result.verdict.rest
+    if word == "partly" and rest is not None:
+        pills += badge(
+            f"a rest remains: model error {format_percent(rest.model_error)}", good=False
+        )
+    return pills
 
 
 def doubts(result: StoredDiagnosis) -> list[str]:
@@ -56,7 +71,9 @@ def doubts(result: StoredDiagnosis) -> list[str]:
     verdict, shown = result.verdict, result.shown
     sentences = list(shown.remarks)
     gap = verdict.gap
-    if gap.after.excess is not None and gap.after.excess > _MAX_EXCESS:
+    sentences += [f"{text}." for text in remark_sentences(verdict)]
+    is_all = verdict.verdict in ("explained", "several")
+    if is_all and gap.after.excess is not None and gap.after.excess > _MAX_EXCESS:
         sentences.append(
             f"With the cause the gap is still {times(gap.after.excess)} the noise: further effects "
             "may be missing, the true cause may differ from this one, or a tolerance exceeds 2.5 "
@@ -103,16 +120,19 @@ def _unexplained_lead(result: StoredDiagnosis) -> str:
         f"The model lacks something that no effect of the catalogue explains ({sure}): the gap of "
         f"the re-tuned model is still {retuned} the noise {_on(result)}."
     )
-    proven = [row for row in result.verdict.causes if row.excess_after is not None]
-    if proven:
-        listed = "; ".join(_sized_cause(row) for row in proven)
+    if result.verdict.remarks:
+        listed = "; ".join(cause_words(row) for row in result.verdict.remarks)
         text = (
             f"Proven by the redundant channels: {listed}. In addition, the model lacks something "
             f"that no effect of the catalogue explains ({sure}): the gap of the re-tuned model is "
             f"{retuned} the noise, with that fault corrected still {times(gap.after.excess)}, all "
             f"{_on(result)}."
         )
+    if rest := rest_sentence(result.verdict):
+        text += f" {capitalise(rest)}."
     forces = located_forces(result)
+    if result.verdict.rest is not None and result.verdict.rest.spread == "everywhere":
+        return text
     if forces:
         first = forces[0]
         towards = direction(first.dof)
@@ -130,13 +150,15 @@ def _causes(result: StoredDiagnosis) -> str:
     rows = result.verdict.causes
     if not rows:
         return "An effect is missing."
+    established = [rows[row.cause] for row in result.shown.established] or rows[:1]
+    listed = "; ".join(
+        f"{_sized_cause(row)}, {format_probability(row.probability)}" for row in established
+    )
     if result.verdict.verdict == "several":
-        corrected = [row for row in rows if row.excess_after is not None]
-        present = corrected or [row for row in rows if row.probability > 0.5] or rows[:1]
-        listed = "; ".join(
-            f"{_sized_cause(row)}, {format_probability(row.probability)}" for row in present
-        )
         return f"Several effects are present: {listed}."
+    if result.verdict.verdict == "partly":
+        count = f"{len(established)} effects are" if len(established) > 1 else "One effect is"
+        return f"{count} established, and a rest remains: {listed}."
     first, sure = rows[0], format_probability(rows[0].probability)
     opening = _OPENINGS.get(first.location.partition(":")[0], "One effect is missing")
     rivals = [row for row in rows[1:2] if row.probability > _MIN_RIVAL_PROBABILITY]
@@ -153,7 +175,7 @@ def _sized_cause(row: CauseRow) -> str:
 
 def _shrinks(result: StoredDiagnosis) -> str:
     gap = result.verdict.gap
-    them = "them" if result.verdict.verdict == "several" else "it"
+    them = "them" if len(result.shown.established) > 1 else "it"
     retuned, after = times(gap.retuned.excess), times(gap.after.excess)
     if gap.after.excess is None:
         return (

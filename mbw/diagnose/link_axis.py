@@ -27,7 +27,7 @@ def link_axis(diagnosis: Diagnosis, location: str) -> Point | None:
     if gap is None or not location.startswith("pair:"):
         return None
     model = gap.refit.session.model
-    theta = diagnosis.known.theta if diagnosis.known else gap.theta
+    theta = diagnosis.parameters.theta if diagnosis.parameters else gap.theta
     values = {
         entry[1]: float(value)
         for parameter, place, value in zip(model.parameters, model.locations, theta, strict=True)

@@ -4,6 +4,7 @@ from html import escape
 
 import numpy as np
 
+from diagnosis.inference.evidence import Pushed
 from diagnosis.labels import direction
 from identification.words import Dof, Real
 from mbw.diagnose.effect_parameters import number
@@ -188,8 +189,9 @@ def _places(result: StoredDiagnosis) -> list[dict[str, object]]:
     """Return every location that the verdict names, then those with a free-force gain."""
     verdict = result.verdict
     shares = {row.location: row.share for row in verdict.where if verdict.verdict != "none"}
-    gains = {force.location: max(force.gain, 0.0) for force in result.evidence.pushed}
-    towards = {force.location: direction(force.dof) for force in result.evidence.pushed}
+    forces = located_rest(result)
+    gains = {force.location: max(force.gain, 0.0) for force in forces}
+    towards = {force.location: direction(force.dof) for force in forces}
     places = result.shown.places
     named = [name for name in shares if shares[name]]
     named += [cause.location for cause in verdict.causes] + twin_locations(verdict)
@@ -207,6 +209,12 @@ def _places(result: StoredDiagnosis) -> list[dict[str, object]]:
         }
         for name in kept
     ]
+
+
+def located_rest(result: StoredDiagnosis) -> tuple[Pushed, ...]:
+    """Return the free forces of what is to be located: the rest, or the gap of the null model."""
+    evidence = result.evidence
+    return evidence.rest_pushed if result.verdict.verdict == "partly" else evidence.pushed
 
 
 def _place_note(row: PlaceRow | None) -> str:

@@ -3,7 +3,6 @@
 import numpy as np
 
 from diagnosis import Diagnosis, Verdict
-from diagnosis.inference.calibration import calibrated
 from tuning import TOLERANCE_BOUND_SIGMA
 
 _MIN_EXCESS = 1.1  # gap of a re-tuned model over the noise that needs an explanation
@@ -14,8 +13,8 @@ def pull_sentence(verdict: Verdict, diagnosis: Diagnosis) -> str | None:
     """Return a sentence on tolerances that the verdict puts beyond the bound of the gap.
 
     Among some 300 tolerances, normal with unit standard deviation, four exceed 2.5 standard
-    deviations by chance. The posterior probabilities allow them up to the calibrated outlier, the
-    gap does not.
+    deviations by chance. The posterior probabilities allow them up to ``outlier_sigma``, the gap
+    does not.
 
     Args:
         verdict: verdict of the diagnosis.
@@ -27,7 +26,7 @@ def pull_sentence(verdict: Verdict, diagnosis: Diagnosis) -> str | None:
     excess = verdict.gap.retuned.excess
     if verdict.verdict != "none" or excess is None or excess < _MIN_EXCESS:
         return None
-    fit, outlier = diagnosis.nothing.fit, calibrated().outlier
+    fit, outlier = diagnosis.null.fit, diagnosis.settings.outlier_sigma
     sizes = np.where(fit.parametrisation.has_prior, np.abs(fit.x), 0.0)
     names = fit.parametrisation.names
     pulls = [
@@ -35,8 +34,9 @@ def pull_sentence(verdict: Verdict, diagnosis: Diagnosis) -> str | None:
         for k in np.argsort(-sizes)[:_MAX_NAMED_TOLERANCES]
         if sizes[k] > TOLERANCE_BOUND_SIGMA
     ]
-    if not pulls and TOLERANCE_BOUND_SIGMA < diagnosis.evidence.pull <= outlier:
-        pulls = [f"a pull of {diagnosis.evidence.pull:.1f} for one tolerance"]
+    largest = diagnosis.evidence.largest_shift
+    if not pulls and TOLERANCE_BOUND_SIGMA < largest <= outlier:
+        pulls = [f"a pull of {largest:.1f} for one tolerance"]
     if not pulls:
         return None
     return (

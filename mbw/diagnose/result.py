@@ -19,6 +19,7 @@ from mbw.diagnose.schema import (
     CentresRow,
     ChannelRow,
     DiagnosedTestRow,
+    EstablishedRow,
     PlaceRow,
     ShownFile,
     StepsRow,
@@ -73,7 +74,9 @@ def collect_result(diagnosis: Diagnosis, not_in_mjcf: Sequence[NotInMjcf] = ()) 
     locations = [cause.location for cause in verdict.causes]
     locations += [share.location for share in verdict.where]
     locations += twin_locations(verdict)
+    locations += [remark.location for remark in verdict.remarks]
     locations += [force.location for force in diagnosis.evidence.pushed]
+    locations += [force.location for force in diagnosis.evidence.rest_pushed]
     freq = campaign.freq_hz
     pull = pull_sentence(verdict, diagnosis)
     remarks = [*campaign.remarks, *([pull] if pull else []), *unfinished_fit_sentences(diagnosis)]
@@ -93,6 +96,7 @@ def collect_result(diagnosis: Diagnosis, not_in_mjcf: Sequence[NotInMjcf] = ()) 
         steps=StepsRow(**step_intervals(diagnosis)),
         centres=_centres(diagnosis),
         means=[_meaning(cause) for cause in verdict.causes],
+        established=list_established(diagnosis, verdict),
         solid=[check.sentence for check in diagnosis.gate.checks],
         taken_out=[
             fault_row(fault) for fault in diagnosis.gate.faults if "sensor:" in fault.location
@@ -108,6 +112,18 @@ def collect_result(diagnosis: Diagnosis, not_in_mjcf: Sequence[NotInMjcf] = ()) 
     return StoredDiagnosis(verdict, diagnosis.evidence, shown, arrays)
 
 
+def list_established(diagnosis: Diagnosis, verdict: Verdict) -> list[EstablishedRow]:
+    """Return the causes of the verdict that are established, with the part of the gap of each."""
+    present = diagnosis.present
+    closed = {key[:2]: present.closes.get(key) for key in present.established}
+    sites = [(cause.effect, cause.location) for cause in verdict.causes]
+    return [
+        EstablishedRow(cause=number, closed=closed[site])
+        for number, site in enumerate(sites)
+        if site in closed
+    ]
+
+
 def twin_locations(verdict: Verdict) -> list[str]:
     """Return the locations that the pairs of confounded causes name."""
     return [site.partition("@")[2] for pair in verdict.twins for site in pair if "@" in site]
@@ -116,8 +132,8 @@ def twin_locations(verdict: Verdict) -> list[str]:
 def _place(location: str, machine: Machine, diagnosis: Diagnosis) -> PlaceRow:
     """Return bodies and points of a location, and the axis of a link there."""
     row = place_row(location, machine)
-    first = diagnosis.present[0] if diagnosis.present else None
-    if first is None or first.location != location:
+    causes = diagnosis.present.causes
+    if not causes or causes[0].location != location:
         return row
     return row.model_copy(update={"axis": link_axis(diagnosis, location)})
 
@@ -125,7 +141,7 @@ def _place(location: str, machine: Machine, diagnosis: Diagnosis) -> PlaceRow:
 def unfinished_fit_sentences(diagnosis: Diagnosis) -> list[str]:
     """Return sentences on the fits behind the figures that did not converge."""
     sentences = []
-    if diagnosis.known is not None and not diagnosis.known.converged:
+    if diagnosis.parameters is not None and not diagnosis.parameters.converged:
         sentences.append(
             "The fit that gives the sizes did not converge: the sizes may be less accurate than "
             "stated."

@@ -120,6 +120,18 @@ class StepsRow(_Row):
     noise: tuple[float, float] | None = None
 
 
+class EstablishedRow(_Row):
+    """Established cause.
+
+    Args:
+        cause: index of its row among the causes of the verdict.
+        closed: part of the gap that it closes; null if no model holds it.
+    """
+
+    cause: int
+    closed: float | None
+
+
 class ShownFile(_Row):
     """Content of ``diagnosis.json``.
 
@@ -136,6 +148,7 @@ class ShownFile(_Row):
         centres: gap at the centres of mass in each step, with the covariance of the reduction.
         steps: intervals of the gap in each step.
         means: meaning of each cause by the catalogue; empty for a cause without one.
+        established: established causes, with the part of the gap that each closes.
         solid: results of the rigid-body checks, one sentence for each body.
         taken_out: faults that redundant channels prove; the search leaves their channels out.
         doubted: flexible bodies; their channels have a larger variance in the search.
@@ -158,6 +171,7 @@ class ShownFile(_Row):
     steps: StepsRow = StepsRow()
     centres: list[CentresRow]
     means: list[str]
+    established: list[EstablishedRow] = []
     solid: list[str]
     taken_out: list[FaultRow]
     doubted: list[str]

@@ -6,7 +6,7 @@ from diagnosis import PROVEN, catalogue
 from diagnosis.inference.evidence import Evidence
 from diagnosis.labels import direction, named
 from diagnosis.verdict.build import NONLINEAR
-from diagnosis.verdict.schema import CauseRow, Verdict
+from diagnosis.verdict.schema import CauseRow, RemarkRow, Verdict
 from identification import FAULT_PHRASES, exchange_phrase
 from mbw.diagnose.effect_parameters import (
     interval_words,
@@ -75,7 +75,7 @@ def place_phrase(location: str) -> str:
     return f"{_PREPOSITIONS.get(what, 'at')} {place_name(location)}"
 
 
-def cause_words(row: CauseRow) -> str:
+def cause_words(row: CauseRow | RemarkRow) -> str:
     """Return effect, place and direction of a cause."""
     towards = direction(row.dof)
     towards = f", {towards}" if towards else ""
@@ -128,19 +128,21 @@ def site_words(site: str) -> str:
 def noise_sentences(evidence: Evidence) -> list[str]:
     """Return sentences on noise without coherence, and on noise that lines may share."""
     sentences = [_NO_COHERENCE_SENTENCE] if evidence.variance == "differences" else []
-    return sentences if evidence.serial is not None else [*sentences, _CORRELATED_NOISE_SENTENCE]
+    is_independent = evidence.null.serial is not None
+    return sentences if is_independent else [*sentences, _CORRELATED_NOISE_SENTENCE]
 
 
 def serial_correlation_sentences(evidence: Evidence) -> list[str]:
     """Return a sentence on the serial correlation of the residual, the basis of the verdict."""
-    if evidence.serial is None or not (evidence.refits or evidence.pairs):
+    null = evidence.null
+    if null.serial is None or not evidence.sets:
         return []
-    least = min(refit.gap for refit in (*evidence.refits, *evidence.pairs))
-    before, after = (f"{max(gap, 0.0) ** 0.5:.2g}" for gap in (evidence.gap, least))
+    least = min(fitted.gap for fitted in evidence.sets)
+    before, after = (f"{max(gap, 0.0) ** 0.5:.2g}" for gap in (null.gap, least))
     return [
         f"The residual that neighbouring frequency lines have in common is {before} times the "
-        f"noise without any effect and {after} times with the best effect; for noise alone it is "
-        "close to zero."
+        f"noise without any effect and {after} times with the best set of effects; for noise alone "
+        "it is close to zero."
     ]
 
 

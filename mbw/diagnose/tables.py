@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from html import escape
 
-from diagnosis.inference.evidence import Gapped, Key, Scored
+from diagnosis.inference.evidence import Key
 from diagnosis.labels import direction
 from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.effect_parameters import (
@@ -13,6 +13,7 @@ from mbw.diagnose.effect_parameters import (
     parameter_lines,
     parameters_that_may_be_zero,
 )
+from mbw.diagnose.fitted_sets import fitted_rows
 from mbw.diagnose.link_axis import axis_words
 from mbw.diagnose.result import StoredDiagnosis
 from mbw.diagnose.schema import PlaceRow
@@ -24,22 +25,27 @@ from mbw.diagnose.sentences import (
     serial_correlation_sentences,
     untested_sentences,
 )
+from mbw.page.numbers import format_percent
 
 _MAX_SCORE_ROWS = 12  # hypotheses of the table of scores
-_MAX_PAIR_ROWS = 4  # pairs of hypotheses in the table of refits
+_MAX_SET_ROWS = 16  # sets of causes in the table of refits
 
 
 def causes_section(result: StoredDiagnosis) -> str:
     """Return HTML of all causes, of confounded causes and of effects that were not tested."""
     verdict = result.verdict
     causes = zip(verdict.causes, result.shown.means, strict=True)
-    rows = "".join(_cause(row, meaning, result.shown.places) for row, meaning in causes)
+    closed = {row.cause: row.closed for row in result.shown.established}
+    rows = "".join(
+        _cause(row, meaning, result.shown.places, closed.get(number))
+        for number, (row, meaning) in enumerate(causes)
+    )
     if rows:
         table = (
             '<table class="causes"><thead><tr><th class="name">effect</th>'
             '<th class="name">place</th><th class="name">direction</th>'
             '<th class="name">probability</th><th class="name">parameters, 95 % interval</th>'
-            f"<th>excess with it</th></tr></thead><tbody>{rows}</tbody></table>"
+            f"<th>gap closed</th><th>excess with all</th></tr></thead><tbody>{rows}</tbody></table>"
         )
     else:
         table = "<p>No effect of the catalogue is likely: none has a probability of 1 %.</p>"
@@ -64,7 +70,10 @@ def hypotheses_section(result: StoredDiagnosis) -> str:
     return f'<div class="tried"><div>{left}</div><div>{right}</div></div>'
 
 
-def _cause(row: CauseRow, meaning: str, places: Mapping[str, PlaceRow]) -> str:
+def _cause(
+    row: CauseRow, meaning: str, places: Mapping[str, PlaceRow], closed: float | None = None
+) -> str:
+    """Return the row of a cause, with the part of the gap that an established one closes."""
     sizes = [text for name in row.parameters for text in _parameter_texts(row, name)]
     bar = f'<span class="bar"><i style="left:0;width:{100 * row.probability:.1f}%"></i></span>'
     name = f"<b>{escape(row.effect.replace('_', ' '))}</b><br><small>{escape(meaning)}</small>"
@@ -74,6 +83,7 @@ def _cause(row: CauseRow, meaning: str, places: Mapping[str, PlaceRow]) -> str:
         f'<td class="name">{escape(_direction(row, places))}</td>'
         f'<td class="name whole">{bar} {format_probability(row.probability)}</td>'
         f'<td class="name">{_sizes(sizes)}</td>'
+        f"<td>{'' if closed is None else format_percent(closed)}</td>"
         f"<td>{_excess(row.excess_after)}</td></tr>"
     )
 
@@ -115,23 +125,22 @@ def _excess(value: float | None) -> str:
 
 
 def _refits(result: StoredDiagnosis) -> str:
-    """Return the refits weighted by the noise alone: null model, single effects, best pairs."""
-    evidence = result.evidence
-    fits: list[tuple[tuple[Key, ...], Gapped]] = [((), evidence)]
-    fits += [((refit.key,), refit) for refit in evidence.refits]
-    pairs = sorted(evidence.pairs, key=lambda refit: refit.cost)
-    fits += [(refit.keys, refit) for refit in pairs[:_MAX_PAIR_ROWS]]
-    ordered = sorted(fits, key=lambda row: row[1].nats())
-    best = ordered[0][1].nats()
+    """Return the fits of sets of causes, each at its own model error, the best first."""
+    rows = fitted_rows(result.evidence)[:_MAX_SET_ROWS]
     cells = "".join(
-        f'<tr><td class="name">{_effect_names(keys)}</td><td>{refit.chi_square**0.5:.3g}</td>'
-        f"<td>{_nats(refit.nats() - best)}</td></tr>"
-        for keys, refit in ordered
+        f'<tr><td class="name">{_effect_names(row.keys)}</td>'
+        f"<td>{format_percent(row.model_error)}</td><td>{row.residual:.3g}</td>"
+        f"<td>{'' if row.closed is None or not row.keys else format_percent(row.closed)}</td>"
+        f"<td>{row.rejection if row.log_odds is None else _nats(row.log_odds)}</td></tr>"
+        for row in rows
     )
     return (
         '<b>Refits, with all other parameters tuned too</b><table class="tight"><thead><tr>'
-        '<th class="name">with</th><th>residual over noise</th>'
-        f"<th>nats worse than the best</th></tr></thead><tbody>{cells}</tbody></table>"
+        '<th class="name">with</th><th>model error</th><th>residual over noise</th>'
+        "<th>gap closed</th><th>log odds [nats]</th></tr></thead>"
+        f'<tbody>{cells}</tbody></table><p class="soft">Model error: relative error of the motion '
+        "at each sensor that the fit had to tolerate beside the noise. Log odds: against a model "
+        "without any effect, by the number of independent values of the residual.</p>"
     )
 
 
@@ -140,22 +149,20 @@ def _scores(result: StoredDiagnosis) -> str:
     scored = result.evidence.scored
     if not scored:
         return '<p class="soft">No gap was left to explain: no hypothesis was tested.</p>'
-    cells = "".join(_score(score) for score in scored[:_MAX_SCORE_ROWS])
+    cells = "".join(
+        f'<tr><td class="name">{_hypothesis(score.key)}</td><td>{_nats(score.gain)}</td></tr>'
+        for score in scored[:_MAX_SCORE_ROWS]
+    )
     return (
         f"<details><summary>Score tests: the first {min(_MAX_SCORE_ROWS, len(scored))} of "
         f"{len(scored)} effects and places</summary>"
         '<table class="tight"><thead><tr><th class="name">hypothesis</th>'
-        "<th>score, floor 3 %</th><th>noise alone</th><th>floor 10 %</th></tr></thead>"
-        f"<tbody>{cells}</tbody></table>"
-        '<p class="soft">Score test: predicted gain in log likelihood [nats] if the parameters of '
-        "the hypothesis are added to all others. Model-error floor: relative error of the motion "
-        "that the fit tolerates in addition to the noise.</p></details>"
+        f"<th>score [nats]</th></tr></thead><tbody>{cells}</tbody></table>"
+        '<p class="soft">Score test: predicted gain in log likelihood [nats] at the null model\'s '
+        "model-error floor if the parameters of the hypothesis are added to all others. "
+        "Model-error floor: relative error of the motion that the fit tolerates in addition to the "
+        "noise.</p></details>"
     )
-
-
-def _score(score: Scored) -> str:
-    gains = "".join(f"<td>{_nats(gain)}</td>" for gain in score.gains)
-    return f'<tr><td class="name">{_hypothesis(score.key)}</td>{gains}</tr>'
 
 
 def _effect_names(keys: Sequence[Key]) -> str:

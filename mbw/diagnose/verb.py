@@ -7,7 +7,6 @@ from rich.table import Table
 
 from diagnosis import Diagnosis, Verdict, diagnose
 from diagnosis.effects import check_others
-from diagnosis.refits.refitting import Refit
 from mbw.band import check_band
 from mbw.diagnose.files import (
     AUGMENTED,
@@ -18,9 +17,11 @@ from mbw.diagnose.files import (
     write_augmented,
     write_files,
 )
+from mbw.diagnose.fitted_sets import fitted_rows, key_words, rejection_reasons
 from mbw.diagnose.page import render
 from mbw.diagnose.pulled_tolerance import pull_sentence
-from mbw.diagnose.result import collect_result, unfinished_fit_sentences
+from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
+from mbw.diagnose.result import collect_result, list_established, unfinished_fit_sentences
 from mbw.diagnose.sentences import (
     cause_parameters,
     closed_words,
@@ -35,10 +36,12 @@ from mbw.gain_text import gain_sentence
 from mbw.gap_text import describe_gap
 from mbw.messages import SCREEN, allow_one_interrupt
 from mbw.output_folder import ResultOptions
+from mbw.page.numbers import format_percent
 from mbw.remarks import describe_not_in_mjcf
 from tuning import Session, open_session
 
-_MAX_LISTED_CAUSES = 8  # causes that the terminal lists; twice as many hypotheses with --explain
+_MAX_LISTED_CAUSES = 8  # causes that the terminal lists, and hypotheses without a refit
+_MAX_SET_ROWS = 16  # sets of causes that --explain lists
 
 
 def run_options(  # one for each option
@@ -126,30 +129,39 @@ class _ProgressReporter:
 
 def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
     """Print the verdict in a few lines."""
-    campaign = diagnosis.session.campaign.name
-    gap = verdict.gap
+    campaign, present = diagnosis.session.campaign.name, diagnosis.present
+    gap, count = verdict.gap, len(present.established)
+    established = "one effect is" if count == 1 else f"{count} effects are"
     words = {
         "none": "nothing is missing beyond tolerances and noise",
         "unexplained": "the model lacks something that no effect of the catalogue explains",
         "several": "several effects are present",
         "explained": "one effect is present",
+        "partly": f"{established} established, and a significant rest remains",
     }
     SCREEN.say(f"\n{campaign}: {words[verdict.verdict]}")
     steps = (
         ("as drawn (nominal model)", gap.as_drawn),
         ("re-tuned", gap.retuned),
-        ("with the effect", gap.after),
+        (f"with the effect{'s' if count > 1 else ''}", gap.after),
     )
     for name, at in steps:
         if at.excess is not None:
             SCREEN.say(f"  {name}: {describe_gap(at.error, at.excess)}")
     if gap.closed is not None:
         SCREEN.say(f"  {closed_words(gap.closed, gap.interval.closed)}")
-    for row in verdict.causes[:_MAX_LISTED_CAUSES]:
-        dof = f" {row.dof}" if row.dof else ""
+    closed = {row.cause: row.closed for row in list_established(diagnosis, verdict)}
+    for number, row in enumerate(verdict.causes[:_MAX_LISTED_CAUSES]):
         sizes = cause_parameters(row)
         sizes = f": {sizes}" if sizes else ""
-        SCREEN.say(f"  {row.probability:.0%} {row.effect} at {row.location}{dof}{sizes}")
+        share = closed.get(number)
+        part = "" if share is None else f"; closes {format_percent(share)} of the gap"
+        SCREEN.say(
+            f"  {row.probability:.0%} {key_words((row.effect, row.location, row.dof))}{sizes}{part}"
+        )
+    for text in (rest_sentence(verdict), *remark_sentences(verdict)):
+        if text is not None:
+            SCREEN.say(f"  {text}")
     if verdict.verdict == "unexplained" and verdict.where:
         places = ", ".join(
             f"{row.location} {row.share:.0%}" for row in verdict.where[:3] if row.share is not None
@@ -184,52 +196,48 @@ def _explain(diagnosis: Diagnosis) -> None:
     """Print the data checks and the hypotheses with the reasons of their rejection."""
     for check in diagnosis.gate.checks:
         SCREEN.say(check.sentence)
-    before = diagnosis.nothing.chi_square
-    SCREEN.say(f"refit without any effect: residual over noise {before**0.5:.3g}")
-    if not diagnosis.search.scores:
-        bends = "the bending of a body explains the gap"
-        why = bends if diagnosis.gate.flexible else "no gap is left to explain"
-        SCREEN.say(f"{why}: no hypothesis was tested")
+    null = diagnosis.evidence.null
+    SCREEN.say(
+        f"null model, without any effect: model error {format_percent(null.floor)}, residual over "
+        f"noise {null.chi_square**0.5:.3g}"
+    )
+    if not diagnosis.evidence.scored:
+        SCREEN.say("the bending of a body explains the gap: no hypothesis was tested")
         return
-    SCREEN.console.print(_hypothesis_table(diagnosis))
+    SCREEN.console.print(hypothesis_table(diagnosis))
 
 
-def _hypothesis_table(diagnosis: Diagnosis) -> Table:
-    """Return a table of effects and places: refitted ones first, then those with a score alone."""
-    search = diagnosis.search
-    table = Table(title=f"{len(search.scores)} hypotheses, the best of each effect and place")
+def hypothesis_table(diagnosis: Diagnosis) -> Table:
+    """Return a table of sets of causes, the best fit first, then of hypotheses with a score alone.
+
+    Args:
+        diagnosis: diagnosis with its evidence.
+    """
+    evidence = diagnosis.evidence
+    table = Table(title=f"{evidence.hypotheses} effects and places, by score and after a refit")
     table.add_column("hypothesis", no_wrap=True)
-    for name in ("score at a 3 % model-error floor [nats]", "residual over noise", "rejected, as"):
-        table.add_column(name)
-    best_refits: dict[str, Refit] = {}
-    for refit in sorted(search.refits, key=lambda refit: refit.cost):
-        if refit.hypothesis is not None:
-            best_refits.setdefault(refit.hypothesis.site, refit)
-    best_scores = {score.hypothesis.site: score for score in reversed(search.scores)}
-    sites = dict.fromkeys([*best_refits, *(score.hypothesis.site for score in search.scores)])
-    first_refits = {refit.hypothesis.site for refit in search.begun if refit.hypothesis}
-    for site in list(sites)[: 2 * _MAX_LISTED_CAUSES]:
-        best_refit, score = best_refits.get(site), best_scores.get(site)
-        residual, why = "", "not refitted: its score is small"
-        words = score.hypothesis.words if score else site
-        if best_refit is not None and best_refit.hypothesis is not None:
-            words, residual = best_refit.hypothesis.words, f"{best_refit.chi_square**0.5:.3g}"
-            why = _rejection_reason(best_refit, diagnosis)
-        elif site in first_refits:
-            why = "a first refit gained much less than the best"
-        table.add_row(words, f"{score.gain:.4g}" if score else "", residual, why)
+    for name in ("score", "error %", "closed %", "log odds"):
+        table.add_column(name, no_wrap=True, justify="right")
+    table.add_column("rejected")
+    table.caption = (
+        "score and log odds: nats; error: of the model after the refit; closed: part of the gap"
+    )
+    rows = [row for row in fitted_rows(evidence, diagnosis.settings) if row.keys]
+    proven = {hypothesis.key for hypothesis in diagnosis.gate_hypotheses}
+    named = frozenset(cause.key for cause in diagnosis.present.causes) - proven
+    scores = {score.key[:2]: score.gain for score in evidence.scored}
+    for row, why in list(zip(rows, rejection_reasons(rows, named), strict=True))[:_MAX_SET_ROWS]:
+        score = scores.get(row.keys[0][:2]) if len(row.keys) == 1 else None
+        table.add_row(
+            " + ".join(map(key_words, row.keys)),
+            "" if score is None else f"{score:.0f}",
+            f"{100 * row.model_error:.2g}",
+            "" if row.closed is None else f"{100 * row.closed:.0f}",
+            "" if row.log_odds is None else f"{row.log_odds:.0f}",
+            why,
+        )
+    fitted = {key[:2] for row in rows for key in row.keys}
+    others = [score for score in evidence.scored if score.key[:2] not in fitted]
+    for scored in others[:_MAX_LISTED_CAUSES]:
+        table.add_row(key_words(scored.key), f"{scored.gain:.0f}", "", "", "", "small score")
     return table
-
-
-def _rejection_reason(refit: Refit, diagnosis: Diagnosis) -> str:
-    """Return why a refitted hypothesis was rejected; empty for a present one."""
-    if refit.hypothesis and refit.hypothesis.site in {
-        hypothesis.site for hypothesis in diagnosis.present
-    }:
-        return ""
-    best = min(fit.cost for fit in (*diagnosis.search.refits, *diagnosis.search.pairs))
-    if refit.cost > best:
-        return f"{refit.cost - best:.4g} nats worse"
-    if diagnosis.judged.word == "none":
-        return "its gain is within tolerances and noise"
-    return "it does not explain the gap"

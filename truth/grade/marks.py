@@ -11,11 +11,22 @@ from types import MappingProxyType
 
 from truth.grade.answer import TrueCause, Truth
 from truth.grade.names import NONE, SEVERAL, UNEXPLAINED
-from truth.grade.verdict import FAILED, First, Row, Verdict, alone, first_of, twins_of, word_of
+from truth.grade.verdict import (
+    FAILED,
+    PARTLY,
+    First,
+    Row,
+    Verdict,
+    alone,
+    first_of,
+    fits_word,
+    twins_of,
+)
 
 FLOOR = 1e-3  # probability below which the log score looks no further
 SEEN = 1.1  # excess from which a gap is one
 _TOP = 3
+_PROBABLE = 0.5  # probability of an established cause
 
 RATES: Mapping[str, str] = MappingProxyType(
     {
@@ -73,7 +84,7 @@ def marks_of(truth: Truth, verdict: Verdict, excess: Excess = NO_EXCESS) -> Mark
         **_of_where(truth, verdict),
         **_of_probability(truth, verdict),
     }
-    found["verdict_is_first"] = float(word_of(first) == verdict.verdict != FAILED)
+    found["verdict_is_first"] = float(fits_word(first, verdict.verdict))
     found["twin_set"] = float(len(twins_of(verdict, first.row))) if first.row else None
     found["shrink_share"] = shrink_share(verdict, excess)
     return MappingProxyType(found)
@@ -153,7 +164,8 @@ def _of_kind(truth: Truth, verdict: Verdict, first: First) -> dict[str, float | 
             most = verdict.where[0][0] if verdict.where else ""
             found["unknown_placed"] = float(most in truth.places)
     elif truth.effect == SEVERAL:
-        said = verdict.verdict == SEVERAL
+        probable = [row for row in verdict.causes if row.probability >= _PROBABLE]
+        said = verdict.verdict == SEVERAL or (verdict.verdict == PARTLY and len(probable) > 1)
         found["several_said"] = float(said)
         known = [one for one in truth.causes if one.effect != UNEXPLAINED]
         if len(known) == len(truth.causes) == 2:

@@ -11,7 +11,7 @@ from pathlib import Path
 from truth.errors import TruthError
 from truth.grade.json_reading import items, number, number_or_null, read_json, table, text
 from truth.grade.names import NONE, SEVERAL, UNEXPLAINED, canonical, checked, direction
-from truth.grade.verdict import EXPLAINED, WORDS, Interval, Numbers, Row, Verdict
+from truth.grade.verdict import EXPLAINED, PARTLY, WORDS, Interval, Numbers, Row, Verdict
 
 ABOVE = 0.01  # by which probabilities may sum to more than 1: they are rounded
 OMITTED = 0.2  # that may be missing: rows below 0.01 need not be stated
@@ -56,7 +56,7 @@ def read_verdict(path: Path) -> Verdict:
 def _check(verdict: Verdict) -> None:
     """Refuse what contradicts itself."""
     rows = [row.probability for row in verdict.causes]
-    least = {EXPLAINED: 1, SEVERAL: 2}.get(verdict.verdict, 0)
+    least = {EXPLAINED: 1, PARTLY: 1, SEVERAL: 2}.get(verdict.verdict, 0)
     if len(rows) < least:
         raise TruthError(f"causes: {verdict.verdict!r} needs {least} at least, got {len(rows)}")
     places = [(row.effect, row.location) for row in verdict.causes]

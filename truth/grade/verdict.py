@@ -9,8 +9,8 @@ from truth.grade.names import NONE, SEVERAL, UNEXPLAINED
 Numbers: TypeAlias = tuple[float, ...]  # a scalar has one
 Interval: TypeAlias = tuple[tuple[float, float], ...]  # of each component
 
-EXPLAINED, FAILED = "explained", "failed"
-WORDS = (NONE, EXPLAINED, SEVERAL, UNEXPLAINED)
+EXPLAINED, PARTLY, FAILED = "explained", "partly", "failed"
+WORDS = (NONE, EXPLAINED, SEVERAL, PARTLY, UNEXPLAINED)
 
 
 @dataclass(frozen=True)
@@ -122,13 +122,20 @@ def first_of(verdict: Verdict) -> First:
         First(row.effect, row.location, own, row)
         for row, own in zip(verdict.causes, alone(verdict), strict=True)
     ]
-    best = max(hypotheses, key=lambda one: (one.probability, word_of(one) == verdict.verdict))
+    best = max(hypotheses, key=lambda one: (one.probability, fits_word(one, verdict.verdict)))
     return best if best.probability > 0 else First(FAILED, "", 0.0)
 
 
 def word_of(first: First) -> str:
     """Return the verdict's word for a hypothesis."""
     return EXPLAINED if first.row else first.effect
+
+
+def fits_word(first: First, word: str) -> bool:
+    """Tell whether a verdict's word fits a hypothesis: ``partly`` fits any with a cause."""
+    if word == PARTLY:
+        return first.row is not None or first.effect == SEVERAL
+    return word_of(first) == word
 
 
 def twins_of(verdict: Verdict, row: Row) -> frozenset[tuple[str, str]]:

@@ -1,0 +1,103 @@
+"""Rows of what was fitted: each set of causes with its model error, and why it was rejected."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from diagnosis.inference.calibration import calibrated
+from diagnosis.inference.evidence import Evidence, FittedSet, Key
+from diagnosis.inference.posterior import material_sets, set_log_odds
+from diagnosis.settings import SETTINGS, DiagnosisSettings
+
+_MIN_LOG_ODDS_DIFFERENCE_NATS = 0.05  # below, two sets are equally probable
+
+
+@dataclass(frozen=True)
+class FittedRow:
+    """Best fit of a set of causes.
+
+    Args:
+        keys: causes of the set; none for the null model.
+        model_error: relative error of the model at the sensors' points.
+        residual: residual over the noise, root mean square.
+        closed: part of the null model's gap that the set closes; None without such a gap.
+        log_odds: against a model without any cause [nats]; None where the set is not weighed.
+        rejection: why the set is not weighed; empty if it is.
+    """
+
+    keys: tuple[Key, ...]
+    model_error: float
+    residual: float
+    closed: float | None
+    log_odds: float | None
+    rejection: str = ""
+
+
+def fitted_rows(evidence: Evidence, settings: DiagnosisSettings = SETTINGS) -> list[FittedRow]:
+    """Return the null model and the best fit of each set of causes, the best fit first.
+
+    Args:
+        evidence: everything that was fitted.
+        settings: thresholds of the posterior.
+    """
+    null = evidence.null
+    material = {id(fitted) for fitted in material_sets(null, evidence.sets, settings)}
+    reasons = [_rejection(fitted, id(fitted) in material, settings) for fitted in evidence.sets]
+    best: dict[frozenset[Key], tuple[FittedSet, str]] = {}
+    rows = zip(evidence.sets, reasons, strict=True)
+    for fitted, reason in sorted(rows, key=lambda row: (bool(row[1]), row[0].cost)):
+        best.setdefault(frozenset(fitted.keys), (fitted, reason))
+    weighed = [fitted for fitted, reason in best.values() if not reason]
+    odds = dict(zip(weighed, set_log_odds(evidence, weighed, calibrated()).tolist(), strict=True))
+    sets = [(null, _row(null, null, 0.0, ""))]
+    sets += [
+        (fitted, _row(fitted, null, odds.get(fitted), reason)) for fitted, reason in best.values()
+    ]
+    return [row for _, row in sorted(sets, key=lambda pair: pair[0].cost)]
+
+
+def key_words(key: Key) -> str:
+    """Return a cause as the verdict names it, such as ``appendage at body:ty tz``."""
+    effect, location, dof = key
+    return f"{effect} at {location}{f' {dof}' if dof else ''}"
+
+
+def rejection_reasons(rows: Sequence[FittedRow], present: frozenset[Key]) -> list[str]:
+    """Return why each set of causes is not the verdict's; empty for that of the verdict.
+
+    Args:
+        rows: sets that were fitted.
+        present: causes that the verdict names.
+    """
+    most = max((row.log_odds for row in rows if row.log_odds is not None), default=0.0)
+    return [_reason(row, present, most) for row in rows]
+
+
+def _reason(row: FittedRow, present: frozenset[Key], most: float) -> str:
+    if frozenset(row.keys) == present:
+        return ""
+    if row.log_odds is None:
+        return row.rejection
+    less = most - row.log_odds
+    if less > _MIN_LOG_ODDS_DIFFERENCE_NATS:
+        return "less probable"
+    return "improbable"
+
+
+def _row(fitted: FittedSet, null: FittedSet, log_odds: float | None, rejection: str) -> FittedRow:
+    return FittedRow(
+        keys=fitted.keys,
+        model_error=fitted.floor,
+        residual=fitted.chi_square**0.5,
+        closed=(null.gap - fitted.gap) / null.gap if null.gap > 0 else None,
+        log_odds=log_odds,
+        rejection=rejection,
+    )
+
+
+def _rejection(fitted: FittedSet, is_material: bool, settings: DiagnosisSettings) -> str:
+    """Return why a set is not weighed; empty if it is."""
+    if any(shift is not None and shift <= settings.outlier_sigma for shift in fitted.shifts):
+        return f"pull < {settings.outlier_sigma:g}"
+    if not is_material:
+        return f"closes < {100 * settings.min_closed:g} %"
+    return ""
