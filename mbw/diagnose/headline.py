@@ -23,6 +23,7 @@ from mbw.page.numbers import format_percent
 _MAX_EXCESS = 1.5  # gap with the cause over the noise; beyond, the cause is not all
 _MIN_RIVAL_PROBABILITY = 0.1  # of a second cause that the headline names
 _OPENINGS = {"sensor": "One sensor is at fault", "hammer": "The hammer is at fault"}
+_WHY_OUTWEIGHED = "The errors that remain outweigh it where a block of lines is left out"
 _MIN_FORCE_GAIN_NATS = 10.0  # gain in log likelihood of a free force that is believed
 
 
@@ -183,9 +184,11 @@ def _shrinks(result: StoredDiagnosis) -> str:
             "unknown, because no model of this cause exists yet."
         )
     if gap.closed is not None and gap.closed < 0:
+        is_partly = result.verdict.verdict == "partly"
+        why = _WHY_OUTWEIGHED if is_partly else capitalise(WHY_NOT_SHOWN)
         return (
             f"{capitalise(NOT_SHOWN)} with {them}: it is {retuned} the noise for the re-tuned "
-            f"model, and {after} with {them}. {capitalise(WHY_NOT_SHOWN)}."
+            f"model, and {after} with {them}. {why}."
         )
     text = (
         f"With {them} the gap falls from {retuned} the noise (re-tuned) to {after}, all "

@@ -45,7 +45,8 @@ def causes_section(result: StoredDiagnosis) -> str:
             '<table class="causes"><thead><tr><th class="name">effect</th>'
             '<th class="name">place</th><th class="name">direction</th>'
             '<th class="name">probability</th><th class="name">parameters, 95 % interval</th>'
-            f"<th>gap closed</th><th>excess with all</th></tr></thead><tbody>{rows}</tbody></table>"
+            "<th>gap closed, fitted lines</th><th>excess with all</th></tr></thead>"
+            f"<tbody>{rows}</tbody></table>"
         )
     else:
         table = "<p>No effect of the catalogue is likely: none has a probability of 1 %.</p>"

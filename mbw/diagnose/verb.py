@@ -152,13 +152,11 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
         SCREEN.say(f"  {closed_words(gap.closed, gap.interval.closed)}")
     closed = {row.cause: row.closed for row in list_established(diagnosis, verdict)}
     for number, row in enumerate(verdict.causes[:_MAX_LISTED_CAUSES]):
-        sizes = cause_parameters(row)
+        name, sizes = key_words((row.effect, row.location, row.dof)), cause_parameters(row)
         sizes = f": {sizes}" if sizes else ""
         share = closed.get(number)
-        part = "" if share is None else f"; closes {format_percent(share)} of the gap"
-        SCREEN.say(
-            f"  {row.probability:.0%} {key_words((row.effect, row.location, row.dof))}{sizes}{part}"
-        )
+        part = "" if share is None else f"; closes {format_percent(share)} of the fitted lines' gap"
+        SCREEN.say(f"  {row.probability:.0%} {name}{sizes}{part}")
     for text in (rest_sentence(verdict), *remark_sentences(verdict)):
         if text is not None:
             SCREEN.say(f"  {text}")
@@ -216,9 +214,9 @@ def hypothesis_table(diagnosis: Diagnosis) -> Table:
     evidence = diagnosis.evidence
     table = Table(title=f"{evidence.hypotheses} effects and places, by score and after a refit")
     table.add_column("hypothesis", no_wrap=True)
-    for name in ("score", "error %", "closed %", "log odds"):
+    for name in ("score", "error %", "closed %"):
         table.add_column(name, no_wrap=True, justify="right")
-    table.add_column("rejected")
+    table.add_column("log odds")
     table.caption = (
         "score and log odds: nats; error: of the model after the refit; closed: part of the gap"
     )
@@ -233,11 +231,10 @@ def hypothesis_table(diagnosis: Diagnosis) -> Table:
             "" if score is None else f"{score:.0f}",
             f"{100 * row.model_error:.2g}",
             "" if row.closed is None else f"{100 * row.closed:.0f}",
-            "" if row.log_odds is None else f"{row.log_odds:.0f}",
-            why,
+            ", ".join(filter(None, ["" if row.log_odds is None else f"{row.log_odds:.0f}", why])),
         )
     fitted = {key[:2] for row in rows for key in row.keys}
     others = [score for score in evidence.scored if score.key[:2] not in fitted]
     for scored in others[:_MAX_LISTED_CAUSES]:
-        table.add_row(key_words(scored.key), f"{scored.gain:.0f}", "", "", "", "small score")
+        table.add_row(key_words(scored.key), f"{scored.gain:.0f}", "", "", "small score")
     return table

@@ -8,10 +8,10 @@ import pytest
 from browser import data_of
 from diagnosed import diagnosed, lead_of
 
-from diagnosis.inference.evidence import Paired
-from diagnosis.verdict.schema import CauseRow
+from diagnosis.verdict.schema import CauseRow, RestRow
 from mbw.diagnose.files import read_result
 from mbw.diagnose.page import render
+from mbw.diagnose.schema import EstablishedRow
 from mbw.diagnose.sentences import sensor_check_sentences
 from mbw.identify.schema import FaultRow
 
@@ -51,7 +51,12 @@ def test_several_causes_confounded_causes_and_removed_sensors_are_stated_in_word
         for e, at, d in faults
     ]
     shown = explained.shown.model_copy(
-        update={"means": ["", "", ""], "taken_out": taken, "doubted": ["stage1"]}
+        update={
+            "means": ["", "", ""],
+            "established": [EstablishedRow(cause=k, closed=0.4) for k in (0, 1)],
+            "taken_out": taken,
+            "doubted": ["stage1"],
+        }
     )
     page = render(replace(explained, verdict=verdict, shown=shown))
     assert lead_of(page).startswith(
@@ -61,10 +66,17 @@ def test_several_causes_confounded_causes_and_removed_sensors_are_stated_in_word
         "80 %. With them the gap falls"
     )
     assert "hardly distinguish a small mass on a spring on body stage2 and a centre of" in page
-    # What the model was corrected by is there, however likely another partner is.
-    corrected = [row.model_copy(update={"excess_after": 1.0}) for row in (rows[0], rows[2])]
-    several = verdict.model_copy(update={"causes": [corrected[0], rows[1], corrected[1]]})
-    first = lead_of(render(replace(explained, verdict=several, shown=shown)))
+    # What is established is named, however likely another partner is.
+    corrected = [EstablishedRow(cause=k, closed=0.4) for k in (0, 2)]
+    first = lead_of(
+        render(
+            replace(
+                explained,
+                verdict=verdict,
+                shown=shown.model_copy(update={"established": corrected}),
+            )
+        )
+    )
     assert "another stiffness in one test" in first
     assert "a centre of stiffness" not in first
     assert "Not tested, so not excluded: friction; hits of several" in page
@@ -78,16 +90,30 @@ def test_several_causes_confounded_causes_and_removed_sensors_are_stated_in_word
     assert out == ["acc11:+ty", *(f"acc{n}:+t{axis}" for n in (21, 22) for axis in "xyz")]
 
 
-def test_refitted_pairs_are_listed_with_their_residuals(explained):
-    keys = ("appendage", "body:stage2", None), ("missing_dof", "joint:stage1", "rx")
-    best = min(one.cost for one in explained.evidence.refits)
-    both = Paired(keys=keys, cost=best - 50.0, chi_square=1.0)
-    evidence = explained.evidence.model_copy(update={"pairs": (both,)})
-    page = render(replace(explained, evidence=evidence))
-    assert (
-        "appendage, body stage2 and missing dof, joint stage1 about x</td><td>1</td><td>0" in page
+def test_a_rest_that_is_spread_everywhere_is_said_to_be(explained):
+    rest = RestRow(excess=1.63, model_error=0.0214, significant=True, spread="everywhere", where=[])
+    verdict = explained.verdict.model_copy(update={"verdict": "partly", "rest": rest})
+    assert lead_of(render(replace(explained, verdict=verdict))).endswith(
+        "What remains is 1.63 times the noise: the model's error is 2.1 % of the motion at each "
+        "sensor; small errors everywhere, of which no single place explains half."
     )
-    assert "<td>50</td>" in page
+    verdict = verdict.model_copy(update={"verdict": "unexplained", "causes": []})
+    shown = explained.shown.model_copy(update={"means": [], "established": []})
+    assert lead_of(render(replace(explained, verdict=verdict, shown=shown))).endswith(
+        "The model's error is 2.1 % of the motion everywhere: no single effect of the catalogue "
+        "explains a fifth of it."
+    )
+
+
+def test_refitted_sets_are_listed_with_their_residuals(explained):
+    null = explained.evidence.null
+    keys = ("appendage", "body:stage2", None), ("missing_dof", "joint:stage1", "rx")
+    cost = min(fitted.cost for fitted in explained.evidence.sets) - 1.0
+    both = null.model_copy(update={"keys": keys, "cost": cost, "chi_square": 1.0, "serial": 0.0})
+    evidence = explained.evidence.model_copy(update={"sets": (both,)})
+    page = render(replace(explained, evidence=evidence))
+    assert "appendage, body stage2 and missing dof, joint stage1 about x</td>" in page
+    assert f"<td>{100 * null.floor:.3g} %</td><td>1</td><td>100 %</td>" in page
 
 
 def test_the_headline_names_a_second_probable_cause(explained):
@@ -105,13 +131,13 @@ def test_the_headline_names_a_second_probable_cause(explained):
 
 
 def test_a_cause_with_a_large_remaining_gap_gets_a_warning(explained):
-    gap = explained.verdict.gap
-    gap = gap.model_copy(
-        update={"closed": 0.46, "after": gap.after.model_copy(update={"excess": 15.9})}
-    )
-    page = render(replace(explained, verdict=explained.verdict.model_copy(update={"gap": gap})))
-    assert "With the cause the gap is still 15.9 times the noise" in page
-    assert "the gap is still" not in render(explained)
+    def page(excess):
+        gap = explained.verdict.gap
+        gap = gap.model_copy(update={"after": gap.after.model_copy(update={"excess": excess})})
+        return render(replace(explained, verdict=explained.verdict.model_copy(update={"gap": gap})))
+
+    assert "With the cause the gap is still 15.9 times the noise" in page(15.9)
+    assert "the gap is still" not in page(1.2)
 
 
 def test_a_verdict_without_a_known_gap_still_has_its_page(explained):

@@ -7,15 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from browser import CHROMIUM, GL, browse, data_of, unpacked
-from diagnosed import CASES, diagnosed, lead_of
+from diagnosed import CASES, diagnosed, lead_of, plain
 from diagnosis_probe import PROBE
 from drawn import drawn
 from typer.testing import CliRunner
 
 from diagnosis.labels import direction
+from diagnosis.verdict.schema import RemarkRow
 from mbmodel import load_machine
 from mbw.command import app
 from mbw.diagnose.files import NAMES, read_result, write_files
+from mbw.diagnose.fitted_sets import fitted_rows
 from mbw.diagnose.page import render
 from mbw.diagnose.sentences import place_name, place_phrase
 
@@ -46,13 +48,13 @@ def test_the_headline_states_cause_place_size_and_gap(texts, explained):
     lead, verdict = lead_of(texts["explained"]), explained.verdict
     assert verdict.verdict == "explained"
     assert lead.startswith(
-        "One effect is missing (99 %): a spinning rotor on body stage2 (angular "
+        "One effect is missing (> 99 %): a spinning rotor on body stage2 (angular "
     )
     assert "kg m²/s" in lead
     assert f"{verdict.gap.retuned.excess:.3g} times" in lead
     assert f"{verdict.gap.after.excess:.3g} times" in lead
     assert f"{100 * verdict.gap.closed:.3g} % of the gap beyond the noise is closed." in lead
-    assert '<span class="badge good">one cause 99 %</span>' in texts["explained"]
+    assert '<span class="badge good">one cause &gt; 99 %</span>' in texts["explained"]
     assert "<b>gyroscopic</b><br><small>a rotor spins in stage2</small>" in texts["explained"]
     assert f"<b>Next experiment:</b> {verdict.next_experiment}" in texts["explained"]
     drawn, retuned, after = explained.shown.centres
@@ -71,14 +73,56 @@ def test_the_tuned_model_is_an_mjcf_that_says_what_it_does_not_hold(folders, exp
     assert any("gain" in text for text in said)
 
 
-def test_a_proven_sensor_fault_comes_first_where_no_known_effect_explains_the_rest(folders):
+def test_a_small_proven_fault_comes_first_where_no_known_effect_explains_the_rest(folders):
     result = read_result(folders["sensor"])
-    verdict = result.verdict.model_copy(update={"verdict": "unexplained"})
-    lead = lead_of(render(replace(result, verdict=verdict)))
+    first = result.verdict.causes[0]
+    remark = RemarkRow(effect=first.effect, location=first.location, dof=first.dof, closed=0.0123)
+    verdict = result.verdict.model_copy(
+        update={"verdict": "unexplained", "causes": [], "remarks": [remark]}
+    )
+    shown = result.shown.model_copy(update={"means": [], "established": []})
+    page = render(replace(result, verdict=verdict, shown=shown))
+    lead = lead_of(page)
     assert lead.startswith("Proven by the redundant channels: ")
     assert "turned sign" in lead
     retuned, after = (f"{at.excess:.3g} times" for at in (verdict.gap.retuned, verdict.gap.after))
     assert f"model is {retuned} the noise, with that fault corrected still {after}" in lead
+    assert "was corrected; it closes 1.2 % of the gap, too little for a cause." in plain(page)
+
+
+def test_a_partly_explained_gap_names_cause_and_rest(folders, texts):
+    result, lead = read_result(folders["partly"]), lead_of(texts["partly"])
+    verdict, rest = result.verdict, result.verdict.rest
+    assert verdict.verdict == "partly"
+    assert lead.startswith(
+        "One effect is established, and a rest remains: a link that bypasses joints between "
+        "stage1-stage3 (stiffness"
+    )
+    assert f"{verdict.gap.retuned.excess:.3g} times the noise (re-tuned) to" in lead
+    assert f"What remains is {rest.excess:.3g} times the noise: the model's error is" in lead
+    assert rest.spread == "local"
+    assert f"most of it arises {place_phrase(rest.where[0].location)} (" in lead
+    error = f"{100 * rest.model_error:.3g} %"
+    assert f'<span class="badge trouble">a rest remains: model error {error}' in texts["partly"]
+    assert '<span class="badge good">one cause' in texts["partly"]
+    (established,) = result.shown.established
+    assert established.cause == 0
+    assert f"<td>{100 * established.closed:.3g} %</td>" in texts["partly"]
+    places = {row["name"]: row["gain"] for row in data_of(texts["partly"])["places"]}
+    located = result.evidence.rest_pushed[0]
+    assert places[place_name(located.location)] == located.gain
+
+
+def test_each_refit_states_model_error_residual_and_closed_gap(explained, texts):
+    page = plain(texts["explained"])
+    assert (
+        '<th class="name">with</th><th>model error</th><th>residual over noise</th>'
+        "<th>gap closed</th><th>log odds [nats]</th>" in page
+    )
+    null, best = explained.evidence.null, fitted_rows(explained.evidence)[0]
+    assert best.keys == explained.evidence.sets[0].keys
+    assert f"{100 * null.floor:.3g} %</td><td>{null.chi_square**0.5:.3g}</td>" in page
+    assert f"<td>{best.residual:.3g}</td><td>{100 * best.closed:.3g} %</td>" in page
 
 
 def test_nothing_missing_is_said_without_place_and_without_effect(texts):
@@ -109,7 +153,9 @@ def test_what_no_known_effect_explains_is_located_by_a_free_force(texts, folders
 def test_a_sensor_that_is_at_fault_is_shown_as_measured_and_as_it_would_be(texts, folders):
     result = read_result(folders["sensor"])
     lead = lead_of(texts["sensor"])
-    assert lead.startswith("One sensor is at fault (99 %): a turned sign at sensor acc32, along z")
+    assert lead.startswith(
+        "One sensor is at fault (> 99 %): a turned sign at sensor acc32, along z"
+    )
     outputs = [result.shown.channels[k].output for k in result.shown.corrected]
     assert outputs == ["acc32:+tz"] * 3
     measured = result.arrays["measured"][:, result.shown.corrected]
@@ -159,7 +205,7 @@ def test_files_of_two_diagnoses_are_not_mixed(folders, tmp_path):
 
 
 def test_a_folder_that_cannot_take_the_files_is_refused_before_the_work(folders, tmp_path):
-    drawn(tmp_path, *CASES["none"][:2], lines=41)
+    drawn(tmp_path, CASES["none"][0], lines=41)
     (tmp_path / "out" / "diagnosis.npz").mkdir(parents=True)
     outcome = mbw("diagnose", tmp_path / "campaign", "--out", tmp_path / "out")
     assert outcome.exit_code == 3

@@ -109,7 +109,7 @@ def test_the_axis_of_a_link_is_that_of_its_largest_stiffness():
         refit=SimpleNamespace(session=SimpleNamespace(model=model)),
         theta=np.array([*named.values(), *[7.0] * 6]),
     )
-    diagnosis = SimpleNamespace(after=gap, known=None)
+    diagnosis = SimpleNamespace(after=gap, parameters=None)
     assert link_axis(diagnosis, LINK) == pytest.approx((-0.6, 0.8, 0.0), abs=1e-9)
     assert link_axis(diagnosis, "body:stage1") is None
 

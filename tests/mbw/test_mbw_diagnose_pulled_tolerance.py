@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from diagnosis.settings import SETTINGS
 from mbw.diagnose import verb
 from mbw.diagnose.pulled_tolerance import pull_sentence
 from mbw.diagnose.result import unfinished_fit_sentences
@@ -17,12 +18,13 @@ def case(x, *, word="none", excess=96.6, pull=0.0):
     """Verdict and fit without any effect, which ended at x; a stiffness has no prior."""
     parametrisation = SimpleNamespace(names=NAMES, has_prior=np.array([False, True, True]))
     found = SimpleNamespace(
-        nothing=SimpleNamespace(
-            fit=SimpleNamespace(parametrisation=parametrisation, x=np.array(x))
+        null=SimpleNamespace(fit=SimpleNamespace(parametrisation=parametrisation, x=np.array(x))),
+        settings=SETTINGS,
+        evidence=SimpleNamespace(
+            largest_shift=pull, variance="coherence", null=SimpleNamespace(serial=0.0), sets=()
         ),
-        evidence=SimpleNamespace(pull=pull, variance="coherence", serial=0.0, refits=(), pairs=()),
         gate=SimpleNamespace(flexible=(), faults=(), unknown=()),
-        known=None,
+        parameters=None,
         retuned=SimpleNamespace(unfinished=0),
         after=None,
         session=SimpleNamespace(campaign=SimpleNamespace(tests=())),
@@ -80,10 +82,10 @@ def test_the_terminal_shows_the_sentence_too(capsys, monkeypatch):
 def test_fits_that_did_not_converge_are_named():
     def said(converged, retuned, after):
         levels = (SimpleNamespace(unfinished=count) for count in (retuned, after))
-        known = SimpleNamespace(converged=converged)
-        keys = ("known", "retuned", "after")
+        parameters = SimpleNamespace(converged=converged)
+        keys = ("parameters", "retuned", "after")
         return unfinished_fit_sentences(
-            SimpleNamespace(**dict(zip(keys, (known, *levels), strict=True)))
+            SimpleNamespace(**dict(zip(keys, (parameters, *levels), strict=True)))
         )
 
     assert said(True, 0, 0) == []

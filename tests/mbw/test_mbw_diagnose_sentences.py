@@ -150,12 +150,12 @@ def test_confounded_causes_are_listed_with_the_preference_of_the_data():
 
 def test_the_serial_correlation_is_stated_without_and_with_the_effect():
     after = [SimpleNamespace(gap=0.0025), SimpleNamespace(gap=-0.001)]
-    seen = SimpleNamespace(serial=0.09, gap=0.09, refits=after[:1], pairs=[])
+    seen = SimpleNamespace(null=SimpleNamespace(serial=0.09, gap=0.09), sets=after[:1])
     (said,) = serial_correlation_sentences(seen)
     assert "0.3 times the noise without any effect and 0.05 times with the best" in said
-    seen.pairs = after[1:]
+    seen.sets = after
     assert "and 0 times with the best" in serial_correlation_sentences(seen)[0]
-    seen.serial = None
+    seen.null.serial = None
     assert serial_correlation_sentences(seen) == []
 
 
@@ -169,7 +169,7 @@ def test_the_serial_correlation_is_stated_without_and_with_the_effect():
     ],
 )
 def test_limits_of_the_noise_estimate_are_stated(variance, serial, said):
-    found = noise_sentences(SimpleNamespace(variance=variance, serial=serial))
+    found = noise_sentences(SimpleNamespace(variance=variance, null=SimpleNamespace(serial=serial)))
     assert [text.startswith(opening) for text, opening in zip(found, said, strict=True)] == [
         True
     ] * len(said)

@@ -2,100 +2,125 @@
 
 from types import SimpleNamespace
 
-import numpy as np
-import pytest
+from diagnosed import diagnosed
 from typer.testing import CliRunner
 
 from diagnosis import Hypothesis
-from diagnosis.search.score_test import Score
+from diagnosis.inference.calibration import calibrated
+from diagnosis.inference.posterior import set_log_odds
+from diagnosis.settings import SETTINGS
+from diagnosis.verdict.schema import RemarkRow
 from mbw.command import app
 from mbw.diagnose import verb
+from mbw.diagnose.files import read_result
 from mbw.messages import SCREEN
 from tests.helpers.drawn import drawn
+from tests.helpers.judged import evidence, fitted
 
 NAME = "a [/b] :x: [red]"
 
 
-def one(effect, location, *release):
-    return Hypothesis(effect, location, release=release)
-
-
-def refitted(hypothesis, cost):
-    return SimpleNamespace(hypothesis=hypothesis, cost=cost, chi_square=cost / 100)
-
-
-def found(word, refits, *, scored=(), begun=(), pairs=(), present=()):
-    search = SimpleNamespace(
-        scores=[Score(each, 9.0 - k, np.zeros(1)) for k, each in enumerate(scored)],
-        begun=[refitted(each, 500.0) for each in begun],
-        refits=refits,
-        pairs=pairs,
-    )
+def found(evidence, *present):
+    """Return a diagnosis whose verdict names some causes."""
+    causes = [Hypothesis(effect, location) for effect, location in present]
     return SimpleNamespace(
-        search=search,
-        judged=SimpleNamespace(word=word),
-        present=present,
-        nothing=SimpleNamespace(chi_square=100.0),
-        gate=SimpleNamespace(checks=(), flexible=()),
+        evidence=evidence,
+        settings=SETTINGS,
+        present=SimpleNamespace(causes=causes),
+        gate_hypotheses=(),
+        gate=SimpleNamespace(checks=()),
     )
 
 
 def rows(diagnosis):
-    """Words and why it fell, by row."""
-    first, *_, last = verb._hypothesis_table(diagnosis).columns
-    return list(zip(first.cells, last.cells, strict=True))
+    """Return hypothesis, closed part and last column by row."""
+    first, _, _, closed, last = verb.hypothesis_table(diagnosis).columns
+    return list(zip(first.cells, closed.cells, last.cells, strict=True))
 
 
-def test_the_best_hypothesis_is_not_rejected_though_another_shape_of_it_scored_best():
-    place = "body:stage2"
-    best, other = one("appendage", place, "shape1"), one("appendage", place, "shape0")
-    worse, small = one("gyroscopic", place, "spin"), one("drift", "joint:stage1", "k")
-    far = one("mass_error", "body:stage1", "m")
-    refits = [refitted(worse, 130.0), refitted(best, 120.0)]
-    scored = [worse, other, far, small, best]
-    told = rows(found("explained", refits, scored=scored, begun=[other, far], present=(best,)))
+def test_the_table_says_why_each_set_is_rejected():
+    best = fitted(("gyroscopic", "body:a"), cost=-0.5, gap=0.1)
+    less = fitted(("appendage", "body:a"), cost=-0.2, gap=0.5)
+    small = fitted(("drift", "joint:b"), cost=-0.01, gap=0.9)
+    loose = fitted(("sensor_gain", "sensor:acc1"), cost=-0.02, gap=0.6, shifts=(3.1,))
+    told = rows(found(evidence(1.0, [less, best, small, loose]), ("gyroscopic", "body:a")))
+    odds = dict(zip(("best", "less"), set_log_odds(
+        evidence(1.0), [best, less], calibrated()
+    ), strict=True))  # fmt: skip
     assert told == [
-        (best.words, ""),
-        (worse.words, "10 nats worse"),
-        (far.words, "a first refit gained much less than the best"),
-        (small.words, "not refitted: its score is small"),
+        ("gyroscopic at body:a", "90", f"{odds['best']:.0f}"),
+        ("appendage at body:a", "50", f"{odds['less']:.0f}, less probable"),
+        ("sensor_gain at sensor:acc1", "40", "pull < 4.5"),
+        ("drift at joint:b", "10", "closes < 20 %"),
+        ("mass_error at body:a", "", "small score"),
+        ("mass_error at joint:b", "", "small score"),
+        ("mass_error at sensor:acc1", "", "small score"),
     ]
 
 
-def test_of_two_present_causes_none_is_rejected_but_the_best_single_one_is():
-    first, second = one("drift", "joint:a", "k"), one("mass_error", "body:b", "m")
-    alone = one("appendage", "body:c", "s")
-    refits = [refitted(alone, 120.0), refitted(first, 130.0), refitted(second, 140.0)]
-    pair = refitted(None, 100.0)
-    told = rows(found("several", refits, pairs=(pair,), present=(first, second)))
-    assert told == [(alone.words, "20 nats worse"), (first.words, ""), (second.words, "")]
+def test_a_set_of_two_causes_is_one_row_and_the_better_fit_of_a_set_counts():
+    first, second = ("drift", "joint:b"), ("mass_error", "body:a")
+    alone = fitted(first, cost=-1.0, gap=0.5)
+    again = fitted(first, cost=-0.9, gap=0.6)
+    both = fitted(first, second, cost=-3.0, gap=0.05)
+    told = rows(found(evidence(1.0, [alone, again, both]), first, second))
+    assert [name for name, *_ in told[:2]] == [
+        "drift at joint:b + mass_error at body:a",
+        "drift at joint:b",
+    ]
+    assert told[0][1] == "95"
+    assert told[1][2].endswith("less probable")
 
 
-@pytest.mark.parametrize(
-    ("word", "why"),
-    [
-        ("none", "its gain is within tolerances and noise"),
-        ("unexplained", "it does not explain the gap"),
-    ],
-)
-def test_without_a_present_cause_the_best_hypothesis_is_rejected_too(word, why):
-    best = one("drift", "joint:a", "k")
-    assert rows(found(word, [refitted(best, 120.0)])) == [(best.words, why)]
+def test_without_a_present_cause_the_best_hypothesis_is_rejected_too():
+    best = fitted(("drift", "joint:b"), cost=-0.001, gap=0.2)
+    ((_, _, why), *_) = rows(found(evidence(1.0, [best])))
+    assert why.endswith("improbable")
+
+
+def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeypatch, tmp_path):
+    monkeypatch.setattr(SCREEN, "quiet", False)
+    result = read_result(diagnosed("partly", tmp_path))
+    present = SimpleNamespace(
+        established=[(row.effect, row.location, row.dof) for row in result.verdict.causes[:1]],
+        closes={},
+    )
+    remark = RemarkRow(effect="sensor_gain", location="sensor:acc11", dof="tx", closed=0.004)
+    campaign = SimpleNamespace(name="here", tests=())
+    verb._say(
+        result.verdict.model_copy(update={"remarks": [remark]}),
+        SimpleNamespace(
+            session=SimpleNamespace(campaign=campaign),
+            present=present,
+            parameters=None,
+            retuned=SimpleNamespace(unfinished=0),
+            after=None,
+            evidence=result.evidence,
+            gate=SimpleNamespace(flexible=(), faults=(), unknown=()),
+        ),
+    )
+    said = capsys.readouterr().err
+    assert "here: one effect is established, and a significant rest remains" in said
+    assert "parallel_path at pair:stage1-stage3: stiffness" in said
+    assert f"  what remains is {result.verdict.rest.excess:.3g} times the noise: the model" in said
+    assert (
+        "  A wrong gain at sensor acc11, along x is proven by the redundant channels and was "
+        "corrected; it closes 0.4 % of the gap, too little for a cause" in said
+    )
 
 
 def test_a_body_may_have_any_name(capsys, monkeypatch):
-    best = one("appendage", f"body:{NAME}", "shape1")
-    scored = [best]
-    verb._explain(found("explained", [refitted(best, 120.0)], scored=scored, present=(best,)))
+    key = ("appendage", f"body:{NAME}")
+    verb._explain(found(evidence(1.0, [fitted(key, cost=-0.3, gap=0.1)]), key))
     with SCREEN.progress() as progress:
-        verb._ProgressReporter(progress).show_step(f"refitted: {best.words}")
+        verb._ProgressReporter(progress).show_step(f"refitted: body:{NAME}")
         SCREEN.console.print(progress.get_renderable())
     monkeypatch.setattr(SCREEN, "quiet", False)
     SCREEN.say(NAME)
     SCREEN.error(NAME)
     said = capsys.readouterr().err
-    assert f"appendage@body:{NAME}" in said
-    assert f"refitted: appendage@body:{NAME}" in said
+    assert f"appendage at body:{NAME}" in said
+    assert f"refitted: body:{NAME}" in said
     assert f"\n{NAME}\nmbw: {NAME}\n" in said
 
 

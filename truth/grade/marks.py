@@ -84,7 +84,9 @@ def marks_of(truth: Truth, verdict: Verdict, excess: Excess = NO_EXCESS) -> Mark
         **_of_where(truth, verdict),
         **_of_probability(truth, verdict),
     }
-    found["verdict_is_first"] = float(fits_word(first, verdict.verdict))
+    found["verdict_is_first"] = float(
+        verdict.verdict != FAILED and fits_word(first, verdict.verdict)
+    )
     found["twin_set"] = float(len(twins_of(verdict, first.row))) if first.row else None
     found["shrink_share"] = shrink_share(verdict, excess)
     return MappingProxyType(found)
