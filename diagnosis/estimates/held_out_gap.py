@@ -31,7 +31,7 @@ from tuning import (
     summarise_gaps,
 )
 
-_MIN_FOLD_GAIN_NATS = 0.1  # of a further step, in fits whose parameters are stated
+_MIN_STATED_GAIN_NATS = 0.1  # of a further step, in fits whose parameters are stated
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +172,7 @@ def _held_out_fits(refit: Refit, pace: int, width: int | None) -> HeldOutFits | 
         full_fit,
         session.campaign,
         width=width,
-        min_gain_nats=_MIN_FOLD_GAIN_NATS,
+        min_gain_nats=_MIN_STATED_GAIN_NATS,
     )
 
 

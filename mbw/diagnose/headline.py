@@ -21,7 +21,7 @@ from mbw.page.html import badge
 from mbw.page.numbers import format_percent
 
 _MAX_EXCESS = 1.5  # gap with the cause over the noise; beyond, the cause is not all
-_MIN_RIVAL_PROBABILITY = 0.1  # of a second cause that the headline names
+_MIN_SECOND_PROBABILITY = 0.1  # of a second cause that the headline names
 _OPENINGS = {"sensor": "One sensor is at fault", "hammer": "The hammer is at fault"}
 _WHY_OUTWEIGHED = "The errors that remain outweigh it where a block of lines is left out"
 _MIN_FORCE_GAIN_NATS = 10.0  # gain in log likelihood of a free force that is believed
@@ -121,8 +121,9 @@ def _unexplained_lead(result: StoredDiagnosis) -> str:
         f"The model lacks something that no effect of the catalogue explains ({sure}): the gap of "
         f"the re-tuned model is still {retuned} the noise {_on(result)}."
     )
-    if result.verdict.remarks:
-        listed = "; ".join(cause_words(row) for row in result.verdict.remarks)
+    proven = [row for row in result.verdict.causes if row.excess_after is not None]
+    if proven:
+        listed = "; ".join(_sized_cause(row) for row in proven)
         text = (
             f"Proven by the redundant channels: {listed}. In addition, the model lacks something "
             f"that no effect of the catalogue explains ({sure}): the gap of the re-tuned model is "
@@ -162,7 +163,7 @@ def _causes(result: StoredDiagnosis) -> str:
         return f"{count} established, and a rest remains: {listed}."
     first, sure = rows[0], format_probability(rows[0].probability)
     opening = _OPENINGS.get(first.location.partition(":")[0], "One effect is missing")
-    rivals = [row for row in rows[1:2] if row.probability > _MIN_RIVAL_PROBABILITY]
+    rivals = [row for row in rows[1:2] if row.probability > _MIN_SECOND_PROBABILITY]
     if not rivals:
         return f"{opening} ({sure}): {_sized_cause(first)}."
     rival = f"{cause_words(rivals[0])} ({format_probability(rivals[0].probability)})"

@@ -1,12 +1,8 @@
 """Sentences on what remains with the established causes, and on small proven faults."""
 
-from diagnosis.verdict.schema import RestRow, Verdict, Where
+from diagnosis.verdict.schema import RemarkRow, RestRow, Verdict, Where
 from mbw.diagnose.sentences import capitalise, cause_words, format_probability, place_phrase
 
-ABSOLUTE_STIFFNESS_SENTENCE = (
-    "absolute stiffness, damping and mass rest on the calibration of the hammer's force channel: "
-    "an error of its gain scales all of them alike"
-)
 _MAX_NAMED_PLACES = 2  # places of a local rest that a sentence names
 
 
@@ -26,7 +22,7 @@ def rest_sentence(verdict: Verdict) -> str | None:
         return None
     error = model_error_words(rest.model_error)
     if verdict.verdict == "unexplained":
-        return _unexplained(rest, error)
+        return _describe_unexplained(rest, error)
     excess = "" if rest.excess is None else f" is {rest.excess:.3g} times the noise"
     opening = f"what remains{excess}" if excess else "a significant rest remains"
     spread = (
@@ -37,7 +33,7 @@ def rest_sentence(verdict: Verdict) -> str | None:
     return f"{opening}: the model's error is {error} at each sensor; {spread}"
 
 
-def _unexplained(rest: RestRow, error: str) -> str:
+def _describe_unexplained(rest: RestRow, error: str) -> str:
     """Return what an unexplained gap is like: everywhere, or at one place."""
     if rest.spread == "everywhere":
         return (
@@ -53,10 +49,16 @@ def _unexplained(rest: RestRow, error: str) -> str:
 def remark_sentences(verdict: Verdict) -> list[str]:
     """Return a sentence on each proven fault that closes too little to be a cause."""
     return [
-        f"{capitalise(cause_words(row))} is proven by the redundant channels and was corrected; it "
-        f"closes {100 * max(row.closed, 0.0):.2g} % of the gap, too little for a cause"
+        f"{capitalise(cause_words(row))} is proven by the redundant channels, but it is no cause "
+        f"of the gap{_share_words(row)}"
         for row in verdict.remarks
     ]
+
+
+def _share_words(row: RemarkRow) -> str:
+    if row.closed is None:
+        return ""
+    return f": it closes {100 * max(row.closed, 0.0):.2g} % of it"
 
 
 def _places(where: list[Where]) -> str:

@@ -99,9 +99,10 @@ def collect_result(diagnosis: Diagnosis, not_in_mjcf: Sequence[NotInMjcf] = ()) 
         established=list_established(diagnosis, verdict),
         solid=[check.sentence for check in diagnosis.gate.checks],
         taken_out=[
-            fault_row(fault) for fault in diagnosis.gate.faults if "sensor:" in fault.location
+            fault_row(fault)
+            for fault in diagnosis.gate.faults
+            if "sensor:" in fault.location and fault not in diagnosis.gate.small
         ],
-        doubted=[check.body for check in diagnosis.gate.flexible],
         remarks=remarks,
         machine=machine_row,
         places={name: _place(name, machine, diagnosis) for name in dict.fromkeys(locations)},

@@ -151,7 +151,6 @@ class ShownFile(_Row):
         established: established causes, with the part of the gap that each closes.
         solid: results of the rigid-body checks, one sentence for each body.
         taken_out: faults that redundant channels prove; the search leaves their channels out.
-        doubted: flexible bodies; their channels have a larger variance in the search.
         remarks: findings on the data and on the fits.
         machine: bodies, points and geometry for the picture.
         places: every location that the verdict or the evidence names.
@@ -174,7 +173,6 @@ class ShownFile(_Row):
     established: list[EstablishedRow] = []
     solid: list[str]
     taken_out: list[FaultRow]
-    doubted: list[str]
     remarks: list[str]
     machine: MachineRow
     places: dict[str, PlaceRow]

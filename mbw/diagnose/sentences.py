@@ -196,7 +196,7 @@ def untested_sentences(verdict: Verdict, levels: int) -> list[str]:
 
 
 def sensor_check_sentences(shown: ShownFile) -> list[str]:
-    """Return sentences on sensors that the data checks removed, and on flexible bodies."""
+    """Return sentences on sensors that the data checks removed."""
     sentences = []
     for fault in shown.taken_out:
         if fault.effect == "sensor_swap":
@@ -209,11 +209,6 @@ def sensor_check_sentences(shown: ShownFile) -> list[str]:
         sentences.append(
             f"{capitalise(text)}{towards}: {effect_noun(fault.effect)}, proven by the redundant "
             f"channels of the body; the search left the {channels} out."
-        )
-    for body in shown.doubted:
-        sentences.append(
-            f"Body {body} bends: the variance of its channels was increased by their deviation "
-            "from the motion of a solid."
         )
     return sentences
 

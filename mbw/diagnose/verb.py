@@ -41,7 +41,7 @@ from mbw.remarks import describe_not_in_mjcf
 from tuning import Session, open_session
 
 _MAX_LISTED_CAUSES = 8  # causes that the terminal lists, and hypotheses without a refit
-_MAX_SET_ROWS = 16  # sets of causes that --explain lists
+_MAX_LISTED_SETS = 16  # sets of causes that --explain lists
 
 
 def run_options(  # one for each option
@@ -173,8 +173,6 @@ def _say_more(verdict: Verdict, diagnosis: Diagnosis) -> None:
     first = (pull_sentence(verdict, diagnosis), gain_sentence(verdict.channel_gains))
     for text in (*filter(None, first), *unfinished_fit_sentences(diagnosis)):
         SCREEN.say(f"  {text}")
-    for check in diagnosis.gate.flexible:
-        SCREEN.say(f"  {check.sentence}")
     for fault in diagnosis.gate.faults:
         if fault.effect == "sensor_swap":
             SCREEN.say(f"  {swap_sentence(fault.location, fault.dof)}")
@@ -199,9 +197,6 @@ def _explain(diagnosis: Diagnosis) -> None:
         f"null model, without any effect: model error {format_percent(null.floor)}, residual over "
         f"noise {null.chi_square**0.5:.3g}"
     )
-    if not diagnosis.evidence.scored:
-        SCREEN.say("the bending of a body explains the gap: no hypothesis was tested")
-        return
     SCREEN.console.print(hypothesis_table(diagnosis))
 
 
@@ -224,7 +219,7 @@ def hypothesis_table(diagnosis: Diagnosis) -> Table:
     proven = {hypothesis.key for hypothesis in diagnosis.gate_hypotheses}
     named = frozenset(cause.key for cause in diagnosis.present.causes) - proven
     scores = {score.key[:2]: score.gain for score in evidence.scored}
-    for row, why in list(zip(rows, rejection_reasons(rows, named), strict=True))[:_MAX_SET_ROWS]:
+    for row, why in list(zip(rows, rejection_reasons(rows, named), strict=True))[:_MAX_LISTED_SETS]:
         score = scores.get(row.keys[0][:2]) if len(row.keys) == 1 else None
         table.add_row(
             " + ".join(map(key_words, row.keys)),
@@ -234,7 +229,7 @@ def hypothesis_table(diagnosis: Diagnosis) -> Table:
             ", ".join(filter(None, ["" if row.log_odds is None else f"{row.log_odds:.0f}", why])),
         )
     fitted = {key[:2] for row in rows for key in row.keys}
-    others = [score for score in evidence.scored if score.key[:2] not in fitted]
-    for scored in others[:_MAX_LISTED_CAUSES]:
+    unfitted = [score for score in evidence.scored if score.key[:2] not in fitted]
+    for scored in unfitted[:_MAX_LISTED_CAUSES]:
         table.add_row(key_words(scored.key), f"{scored.gain:.0f}", "", "", "small score")
     return table

@@ -73,21 +73,24 @@ def test_the_tuned_model_is_an_mjcf_that_says_what_it_does_not_hold(folders, exp
     assert any("gain" in text for text in said)
 
 
-def test_a_small_proven_fault_comes_first_where_no_known_effect_explains_the_rest(folders):
+def test_a_proven_fault_comes_first_where_no_known_effect_explains_the_rest(folders):
     result = read_result(folders["sensor"])
-    first = result.verdict.causes[0]
-    remark = RemarkRow(effect=first.effect, location=first.location, dof=first.dof, closed=0.0123)
+    remark = RemarkRow(effect="flexible_body", location="body:stage1", dof=None, closed=0.0123)
+    unknown = RemarkRow(effect="sensor_gain", location="sensor:acc11", dof="tx", closed=None)
     verdict = result.verdict.model_copy(
-        update={"verdict": "unexplained", "causes": [], "remarks": [remark]}
+        update={"verdict": "unexplained", "remarks": [remark, unknown]}
     )
-    shown = result.shown.model_copy(update={"means": [], "established": []})
-    page = render(replace(result, verdict=verdict, shown=shown))
+    page = render(replace(result, verdict=verdict))
     lead = lead_of(page)
     assert lead.startswith("Proven by the redundant channels: ")
     assert "turned sign" in lead
     retuned, after = (f"{at.excess:.3g} times" for at in (verdict.gap.retuned, verdict.gap.after))
     assert f"model is {retuned} the noise, with that fault corrected still {after}" in lead
-    assert "was corrected; it closes 1.2 % of the gap, too little for a cause." in plain(page)
+    assert (
+        "on body stage1 is proven by the redundant channels, but it is no cause of the gap: it "
+        "closes 1.2 % of it." in plain(page)
+    )
+    assert "along x is proven by the redundant channels, but it is no cause of the gap." in page
 
 
 def test_a_partly_explained_gap_names_cause_and_rest(folders, texts):

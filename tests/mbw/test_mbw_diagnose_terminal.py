@@ -96,7 +96,7 @@ def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeyp
             retuned=SimpleNamespace(unfinished=0),
             after=None,
             evidence=result.evidence,
-            gate=SimpleNamespace(flexible=(), faults=(), unknown=()),
+            gate=SimpleNamespace(faults=(), unknown=()),
         ),
     )
     said = capsys.readouterr().err
@@ -104,8 +104,8 @@ def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeyp
     assert "parallel_path at pair:stage1-stage3: stiffness" in said
     assert f"  what remains is {result.verdict.rest.excess:.3g} times the noise: the model" in said
     assert (
-        "  A wrong gain at sensor acc11, along x is proven by the redundant channels and was "
-        "corrected; it closes 0.4 % of the gap, too little for a cause" in said
+        "  A wrong gain at sensor acc11, along x is proven by the redundant channels, but it is no "
+        "cause of the gap: it closes 0.4 % of it" in said
     )
 
 
