@@ -30,9 +30,7 @@ def rivals(tmp_path_factory):
     session, _ = drawn(tmp_path_factory.mktemp("drawn"), 72_051, "mass_error", lines=81)
     scene = early_scene(session)
     null = refit_null(scene)
-    return session, [
-        refit_with(scene, null, one) for one in list(EFFECTS["mass_error"](scene))[:2]
-    ]
+    return session, [refit_with(scene, null, one) for one in list(EFFECTS["mass_error"](scene))[:2]]
 
 
 def found(session, refits, word, causes, where=(), present=()):
