@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis import EFFECTS, Scene
+from diagnosis import EFFECTS
 from diagnosis.corrections import masked
 from diagnosis.next_test.discriminating import (
     Experiment,
@@ -17,31 +17,38 @@ from diagnosis.next_test.discriminating import (
     _posed,
     next_experiment,
 )
-from diagnosis.refits.refitting import CLOSE, refit
 from identification.words import Dof
 from mbmodel import Evaluator, FrfRequest, hammer_parts
 from tests.helpers.drawn import drawn
+from tests.helpers.refits import early_scene, refit_null, refit_with
 from tuning import mean_channel_variance, predict_tests, thin_lines
 from tuning.assessment.parameter_confidence import FREE_PRIOR_SD
-from tuning.misfit.weights import FORCE_ERROR_FLOOR
 
 
 @pytest.fixture(scope="module")
 def rivals(tmp_path_factory):
     session, _ = drawn(tmp_path_factory.mktemp("drawn"), 72_051, "mass_error", lines=81)
-    scene = Scene(session, session.model.drawn)
-    asked = list(EFFECTS["mass_error"](scene))[:2]
-    return session, [refit(scene, one, session.campaign, CLOSE) for one in asked]
+    scene = early_scene(session)
+    null = refit_null(scene)
+    return session, [refit_with(scene, null, one) for one in list(EFFECTS["mass_error"](scene))[:2]]
 
 
-def found(session, refits, word, causes, where=(), present=(), pairs=()):
+def found(session, refits, word, causes, where=(), present=()):
     """As much of a diagnosis as the next experiment reads."""
     sets = tuple(((key,), share) for key, share in causes)
-    own = present or tuple(key for key, _ in causes[:1])
-    judged = SimpleNamespace(word=word, causes=causes, where=where, present=own, sets=sets)
-    search = SimpleNamespace(refits=refits, pairs=pairs)
-    gate = SimpleNamespace(unknown=())
-    return SimpleNamespace(session=session, judged=judged, search=search, gate=gate)
+    named = tuple(
+        SimpleNamespace(key=key, location=key[1])
+        for key in present or tuple(key for key, _ in causes[:1])
+    )
+    by_keys = {refit.keys: refit for refit in refits}
+    return SimpleNamespace(
+        session=session,
+        posterior=SimpleNamespace(causes=causes, where=where, sets=sets),
+        present=SimpleNamespace(word=word, causes=named),
+        search=SimpleNamespace(refit_of=by_keys.get),
+        gate=SimpleNamespace(unknown=()),
+        gate_hypotheses=(),
+    )
 
 
 def told_by(posed, campaign, inputs):
@@ -83,7 +90,7 @@ def test_the_gain_is_what_tuning_anew_leaves_of_what_a_rival_foresees(rivals):
     evaluator = Evaluator(posed[1].model, question)
     at = [dof.point for dof in question.outputs]
     power = np.abs(estimate.frf.values[:, :, 0]) ** 2 @ np.equal.outer(at, at)
-    noise = np.sqrt(estimate.variance + FORCE_ERROR_FLOOR**2 * power[:, :, None])
+    noise = np.sqrt(estimate.variance + rival.floor**2 * power[:, :, None])
 
     def weighted(values):
         return np.concatenate([(values / noise).real.ravel(), (values / noise).imag.ravel()])

@@ -9,7 +9,7 @@ import pytest
 from diagnosis import EFFECTS, Scene
 from diagnosis.effects.points import joined
 from diagnosis.hypothesis_set import together
-from diagnosis.refits.refitting import posed
+from diagnosis.refits.refitting import add_hypothesis
 from identification.words import Condition, Dof
 from mbmodel import Model, PartContext, RigidDirection, load_machine, parent_bodies, rotation_matrix
 from tests.helpers.drawn import drawn
@@ -319,7 +319,7 @@ def test_what_moves_along_one_axis_has_that_direction(scene):
 
 def test_levers_of_supports_are_believed_to_be_what_the_hinges_say(scene):
     one = next(iter(EFFECTS["support_loss"](scene)))
-    parametrisation = posed(scene, one, scene.session.campaign).parametrisation
+    parametrisation = add_hypothesis(scene.session, one).parametrisation
     names = [parameter.name for parameter in parametrisation.parameters]
     for name in one.believed:
         k, place = parametrisation.names.index(name), names.index(name)

@@ -11,22 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis import EFFECTS, Scene
+from diagnosis import EFFECTS
 from diagnosis.refits.parallel import side_by_side
-from diagnosis.refits.refitting import (
-    FIRST,
-    LAST,
-    LONG,
-    asked,
-    begun_at,
-    fitted,
-    further,
-    go_on,
-    refit,
-    unbounded,
-)
+from diagnosis.refits.refitting import add_to, run_refits
+from diagnosis.settings import SETTINGS
 from tests.helpers.drawn import drawn
-from tuning import STAGES, fit
+from tests.helpers.refits import early_scene, refit_null
 
 INTERRUPTED = """
 import signal, sys, time
@@ -53,10 +43,7 @@ def scene(tmp_path_factory):
     session, _ = drawn(
         tmp_path_factory.mktemp("coupled"), 72_021, "joint_coupling", ratio=6.0, lines=161
     )
-    early = fit(
-        session.model, session.campaign, parametrisation=session.parametrisation, stages=STAGES[:3]
-    )
-    return Scene(session, early.theta)
+    return early_scene(session)
 
 
 def test_what_is_returned_has_the_order_of_what_is_asked_in_other_processes():
@@ -72,45 +59,16 @@ def test_what_is_returned_has_the_order_of_what_is_asked_in_other_processes():
 
 
 def test_refits_in_processes_are_those_one_after_the_other_and_keep_their_hypotheses(scene):
-    several = list(EFFECTS["joint_coupling"](scene))[:3]
-    campaign = scene.session.campaign
-    ends = []
-    for jobs in (1, 2):
-        own = replace(scene, jobs=jobs)
-        tasks = [asked(own, one, campaign, FIRST) for one in several]
-        first = list(fitted(own, tasks))
-        assert [made.hypothesis for made in first] == several
-        more = list(fitted(own, [further(made, LAST) for made in first]))
-        ends.append([(made.cost, made.chi_square, made.fit.x) for made in (*first, *more)])
-    for (cost, chi_square, x), other in zip(*ends, strict=True):
-        assert (cost, chi_square) == other[:2]
-        assert np.array_equal(x, other[2])
-
-
-def test_further_steps_may_begin_where_another_refit_ended(scene):
-    one, other = list(EFFECTS["joint_coupling"](scene))[:2]
-    campaign = scene.session.campaign
-    first, second = (refit(scene, each, campaign, FIRST) for each in (one, other))
-    begun = begun_at(further(first, LAST), second)
-    names = [parameter.name for parameter in first.fit.parametrisation.parameters]
-    there = {
-        p.name: v
-        for p, v in zip(second.fit.parametrisation.parameters, second.fit.theta, strict=True)
-    }
-    for name, value, old in zip(names, begun.start, first.fit.theta, strict=True):
-        assert value == there.get(name, old)
-    assert not np.array_equal(begun.start, first.fit.theta)
-
-
-def test_tolerances_without_bounds_that_go_far_beyond_are_not_followed_to_their_end(scene):
-    nothing = refit(scene, None, scene.session.campaign, (*FIRST, *LAST))
-    found = unbounded(scene, nothing)
-    whole = replace(nothing.session, parametrisation=nothing.session.parametrisation.lift_bounds())
-    ended = go_on(scene, replace(nothing, session=whole), LONG)
-    pulls = np.abs(ended.fit.x[ended.fit.parametrisation.has_prior])
-    assert found.pull > 4.0
-    assert pulls.max() > 4.0  # whoever goes to the end says the same
-    assert ended.chi_square - 1e-3 <= found.loose < nothing.chi_square
+    null = refit_null(scene)
+    hypotheses = list(EFFECTS["joint_coupling"](scene))[:3]
+    tasks = [add_to(null, hypothesis) for hypothesis in hypotheses]
+    alone, beside = (
+        run_refits(replace(scene, jobs=jobs), tasks, SETTINGS.schedule) for jobs in (1, 2)
+    )
+    for first, second, hypothesis in zip(alone, beside, hypotheses, strict=True):
+        assert first.causes == second.causes == (hypothesis,)
+        assert first.statistics == second.statistics
+        assert np.array_equal(first.fit.x, second.fit.x)
 
 
 @pytest.mark.parametrize("sign", ["asked", "begun1"])  # while they begin, and at work
