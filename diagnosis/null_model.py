@@ -107,7 +107,7 @@ def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
             raise KeyboardInterrupt
         tasks.append(RefitTask(None, session, many.theta, _START_FLOOR))
     refits = run_refits(scene, tasks, settings.null_schedule)
-    return min(refits, key=lambda refit: refit.cost)
+    return min(refits, key=lambda refit: refit.objective)
 
 
 def refit_from(scene: Scene, null: Refit, other: Refit, settings: DiagnosisSettings) -> Refit:
@@ -125,7 +125,7 @@ def refit_from(scene: Scene, null: Refit, other: Refit, settings: DiagnosisSetti
     (refit,) = run_refits(
         scene, [RefitTask(None, null.session, start, null.floor)], settings.schedule
     )
-    return min(null, refit, key=lambda candidate: candidate.cost)
+    return min(null, refit, key=lambda candidate: candidate.objective)
 
 
 def fit_unbounded(scene: Scene, null: Refit, settings: DiagnosisSettings) -> tuple[float, float]:

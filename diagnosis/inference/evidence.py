@@ -72,7 +72,9 @@ class FittedSet(_Row, Gapped):
         keys: causes of the set.
         floor: relative model error.
         cost: -ln L at the floor, mean of all values [nats].
+        prior: cost of the tolerances, half the sum of their squared shifts [nats].
         values: number of values.
+        fitted_values: number of those that the fit saw.
         noise_share: mean share of the noise in the variance of a value.
         effective_values: number of independent values in the residual.
         chi_square, serial, doubt: as of ``Gapped``.
@@ -83,13 +85,20 @@ class FittedSet(_Row, Gapped):
     keys: tuple[Key, ...]
     floor: float
     cost: float
+    prior: float = 0.0
     values: int
+    fitted_values: int
     noise_share: float
     effective_values: float
     chi_square: float
     serial: float | None = None
     doubt: float = BADLY_KNOWN["differences"]
     shifts: tuple[float | None, ...] = ()
+
+    @property
+    def objective(self) -> float:
+        """What the fit minimised, per value [nats]: data and tolerances."""
+        return self.cost + self.prior / self.fitted_values
 
 
 class Pushed(_Row):

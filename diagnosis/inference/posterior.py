@@ -1,7 +1,7 @@
 r"""Posterior probabilities of sets of causes, each with or without a rest.
 
-Every set S is fitted at its own model-error floor, with c_S its mean -ln L per value. Errors of a
-model are shared among lines, channels and tests, so that the residual of the best set holds N_eff
+Every set S is fitted at its own model-error floor. Per value, c_S is its mean -ln L, with the cost
+of the tolerances as they count in the fit. Errors of a model are shared among lines, channels and tests, so that the residual of the best set holds N_eff
 independent values (``tuning.residual_statistics``). Relative to the empty set with a rest
 ("unexplained"), the log probability of a set is
 
@@ -125,13 +125,14 @@ def set_log_odds(
     if not sets:
         return np.zeros(0)
     null = evidence.null
-    best = min(sets, key=lambda fitted: fitted.cost)
+    best = min(sets, key=lambda fitted: fitted.objective)
     count = constants.tempering * best.effective_values
     chance = constants.chance * (1 - best.noise_share)
     prior = float(np.log(max(evidence.hypotheses, 1)))
     return np.array(
         [
-            count * (null.cost - fitted.cost - len(fitted.keys) * chance) - len(fitted.keys) * prior
+            count * (null.objective - fitted.objective - len(fitted.keys) * chance)
+            - len(fitted.keys) * prior
             for fitted in sets
         ]
     )
@@ -190,7 +191,7 @@ def _without_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSe
 def _best_fits(sets: Sequence[FittedSet]) -> list[FittedSet]:
     """Return the best fit of each set of causes; shapes and starts are one hypothesis."""
     best: dict[frozenset[Key], FittedSet] = {}
-    for fitted in sorted(sets, key=lambda fitted: fitted.cost):
+    for fitted in sorted(sets, key=lambda fitted: fitted.objective):
         best.setdefault(frozenset(fitted.keys), fitted)
     return list(best.values())
 

@@ -50,6 +50,7 @@ class Refit(Gapped):
         session: campaign as it would be without the causes, model with their Parts.
         fit: parameters.
         statistics: model error, noise share and independent values of its residual.
+        fitted_values: number of values that the fit saw.
         serial: mean product of residuals of neighbouring lines; None where lines share noise.
         doubt: what chi square may exceed one by because the noise's variance is badly known.
     """
@@ -58,6 +59,7 @@ class Refit(Gapped):
     session: Session
     fit: Fit
     statistics: ResidualStatistics
+    fitted_values: int
     serial: float | None = None
     doubt: float = BADLY_KNOWN["differences"]
 
@@ -72,9 +74,15 @@ class Refit(Gapped):
         return self.statistics.floor
 
     @property
-    def cost(self) -> float:
-        """-ln L at the floor, mean of all values [nats]."""
-        return self.statistics.cost
+    def prior(self) -> float:
+        """Cost of the tolerances, half the sum of their squared shifts [nats]."""
+        shifts = self.fit.x[self.fit.parametrisation.has_prior]
+        return float(shifts @ shifts / 2)
+
+    @property
+    def objective(self) -> float:
+        """What the fit minimised, per value [nats]: -ln L at the floor, and the tolerances."""
+        return self.statistics.cost + self.prior / self.fitted_values
 
     @property
     def causes(self) -> tuple[Hypothesis, ...]:
@@ -261,4 +269,6 @@ def describe_fit(session: Session, fit: Fit, stride: int, independent: bool) -> 
         misfit = Misfit(session.model, campaign, session.parametrisation, model_error_floor=0.0)
         fitted = np.isin(np.arange(lines), np.arange(lines)[thinning_slice(lines, stride)])
         serial = misfit.serial_covariance(fit.x, SERIAL_LAGS, fitted)
-    return Refit(None, session, fit, statistics, serial)
+    fitted_lines = len(thin_lines(session.campaign, stride).freq_hz)
+    fitted_values = max(1, round(statistics.values * fitted_lines / len(counted.freq_hz)))
+    return Refit(None, session, fit, statistics, fitted_values, serial)

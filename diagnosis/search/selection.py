@@ -57,7 +57,7 @@ class Search:
     def refit_of(self, keys: Sequence[object]) -> Refit | None:
         """Return the best refit of a set of causes."""
         matching = [refit for refit in self.refits if set(refit.keys) == set(keys)]
-        return min(matching, key=lambda refit: refit.cost, default=None)
+        return min(matching, key=lambda refit: refit.objective, default=None)
 
 
 def select_causes(
@@ -84,7 +84,7 @@ def select_causes(
         search = replace(
             search, scores=search.scores or tuple(ranked), refits=(*search.refits, *refits)
         )
-        best = min(refits, key=lambda refit: refit.cost, default=None)
+        best = min(refits, key=lambda refit: refit.objective, default=None)
         if best is None or not _is_accepted(search, best, current, settings):
             break
         best, without_one = _eliminate(scene, search, best, settings)
@@ -96,7 +96,7 @@ def select_causes(
 
 def refit_null_model(base: Baseline, search: Search, settings: DiagnosisSettings) -> Search:
     """Refit the null model from the best set of causes, so that both were searched alike."""
-    best = min(search.refits, key=lambda refit: refit.cost, default=None)
+    best = min(search.refits, key=lambda refit: refit.objective, default=None)
     if best is None:
         return search
     null = refit_from(base.scene, search.null, best, settings)
@@ -138,10 +138,10 @@ def _refit_round(
     refits = run_refits(scene, tasks, settings.schedule)
     if not refits:
         return []
-    leading = sorted(refits, key=lambda refit: refit.cost)[: settings.max_distant]
+    leading = sorted(refits, key=lambda refit: refit.objective)[: settings.max_distant]
     tasks = [task for refit in leading for task in _distant_tasks(base, refit.causes[-1])]
     refits += run_refits(scene, tasks, settings.schedule)
-    best = min(refits, key=lambda refit: refit.cost)
+    best = min(refits, key=lambda refit: refit.objective)
     known = {refit.causes[-1] for refit in refits}
     site = best.causes[-1].site
     others = [

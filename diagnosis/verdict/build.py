@@ -169,7 +169,7 @@ def _spread_of_sizes(
 def _row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:
     """Return the row of a cause: as it was fitted best, or with intervals if it is present."""
     effect, location, dof = key
-    refits = sorted(diagnosis.search.refits, key=lambda refit: refit.cost)
+    refits = sorted(diagnosis.search.refits, key=lambda refit: refit.objective)
     fits = ((refit, cause) for refit in refits for cause in refit.causes if cause.key == key)
     refit, cause = next(fits, (None, None))
     row = CauseRow(

@@ -83,7 +83,7 @@ def find_present(search: Search, posterior: Posterior, settings: DiagnosisSettin
     candidates = [refit for refit in search.refits if is_probable(refit)]
     most = max((len(refit.causes) for refit in candidates), default=0)
     largest = [refit for refit in candidates if len(refit.causes) == most]
-    return min(largest, key=lambda refit: refit.cost, default=search.null)
+    return min(largest, key=lambda refit: refit.objective, default=search.null)
 
 
 def describe_present(
