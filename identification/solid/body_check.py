@@ -115,10 +115,10 @@ def check_bodies(campaign: Campaign) -> tuple[BodyCheck, ...]:
     Returns:
         One check a body.
     """
-    known = leave_out_unknown_gains(campaign, hammers=False)
-    if known is None:
+    comparable = leave_out_unknown_gains(campaign, hammers=False)
+    if comparable is None:
         return ()
-    campaign, tolerance = known, campaign.tolerance
+    campaign, tolerance = comparable, campaign.tolerance
     table = join_tests(campaign)
     searches = _searches(table, campaign)
     swap = find_body_swap(table, campaign, list(searches.values()))

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+from truth.campaign.bounded_least_squares import BOUND
 from truth.campaign.cause import Cause, Wanted
 from truth.campaign.draw import Tolerance, draw_hammers, stream
 from truth.campaign.frf_sensitivities import Jacobian, jacobian_again
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import Protocol, occasions, takes
-from truth.campaign.survival import BOUND, refit_of
+from truth.campaign.survival import refit_of
 from truth.campaign.virtual_test import Plan, draw_campaign
 from truth.effects import CATALOGUE, Scene
 from truth.machine.machine_on_test import Machine
