@@ -11,7 +11,7 @@ from pathlib import Path
 from truth.errors import TruthError
 from truth.grade.json_reading import items, number, number_or_null, read_json, table, text
 from truth.grade.names import NONE, SEVERAL, UNEXPLAINED, canonical, checked, direction
-from truth.grade.verdict import EXPLAINED, WORDS, Interval, Numbers, Row, Verdict
+from truth.grade.verdict import EXPLAINED, PARTLY, WORDS, Interval, Numbers, Row, Verdict
 
 ABOVE = 0.01  # by which probabilities may sum to more than 1: they are rounded
 OMITTED = 0.2  # that may be missing: rows below 0.01 need not be stated
@@ -26,7 +26,16 @@ def read_verdict(path: Path) -> Verdict:
     Raises:
         TruthError: the file is missing, or breaks the contract; one sentence says where.
     """
-    given = table(read_json(path), "verdict file", *_KEYS, _LAST)
+    return verdict_from(read_json(path))
+
+
+def verdict_from(value: object) -> Verdict:
+    """Check a verdict that is read already.
+
+    Raises:
+        TruthError: it breaks the contract; one sentence says where.
+    """
+    given = table(value, "verdict file", *_KEYS, _LAST)
     word = text(given["verdict"], "verdict")
     if word not in WORDS:
         raise TruthError(f"verdict {word[:40]!r}: expected one of {', '.join(WORDS)}")
@@ -56,7 +65,7 @@ def read_verdict(path: Path) -> Verdict:
 def _check(verdict: Verdict) -> None:
     """Refuse what contradicts itself."""
     rows = [row.probability for row in verdict.causes]
-    least = {EXPLAINED: 1, SEVERAL: 2}.get(verdict.verdict, 0)
+    least = {EXPLAINED: 1, PARTLY: 1, SEVERAL: 2}.get(verdict.verdict, 0)
     if len(rows) < least:
         raise TruthError(f"causes: {verdict.verdict!r} needs {least} at least, got {len(rows)}")
     places = [(row.effect, row.location) for row in verdict.causes]
@@ -114,6 +123,7 @@ def _row(value: object, what: str) -> Row:
     }
     interval = given.get("interval")
     intervals = {} if interval is None else table(interval, f"{what}.interval")
+    after = given.get("excess_after")
     return Row(
         effect=effect,
         location=location,
@@ -125,6 +135,7 @@ def _row(value: object, what: str) -> Row:
             for name, one in intervals.items()
             if one is not None and name in found
         },
+        excess_after=None if after is None else number(after, f"{what}.excess_after", 0.0),
     )
 
 
