@@ -62,6 +62,7 @@ GAINS_BEYOND = (0.8, 0.86, 1.12, 1.18, 1.3)
 DELAYS_S = (-1e-4, 1e-4, -2e-4, 2e-4, -5e-4)
 TREE_EVERY = 4  # every so manyth machine of a pile is a random tree of stages
 _CORRECTIONS = 3  # of a size for what the further steps of a refit hide
+_DRAWS_OF_PLACE = 8  # for the ratio; few effects reach it beside much dirt, wherever they are
 _RIGID = 2  # directions of every machine that are rigid, for one of them may be what is missing
 _TRIES = 5  # seeds, until a machine has a place for its effects
 _NEXT_SEED = 1_000  # from one try to the next: more than a bench has campaigns
@@ -190,7 +191,8 @@ def draw(design: Design, seed: int) -> Campaign:
     """
     station = draw_tree(seed) if design.tree else read_station(STATION)
     wanted = tuple(
-        Wanted(name, None, design.ratio, _CORRECTIONS, design.parameter) for name in design.effects
+        Wanted(name, None, design.ratio, _CORRECTIONS, design.parameter, _DRAWS_OF_PLACE)
+        for name in design.effects
     )
     plan = Plan(
         seed,

@@ -35,6 +35,7 @@ class Wanted:
         corrections: how often the size is corrected for what the further steps of a refit hide.
         parameter: name and value of the parameter of its answer that its size is chosen for,
             instead of a ratio.
+        draws: of place and shape at most, until one can be as strong as that.
     """
 
     effect: str
@@ -42,6 +43,7 @@ class Wanted:
     ratio: float | None = None
     corrections: int = 1
     parameter: tuple[str, float] | None = None
+    draws: int = _DRAWS
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ def _drawn(
 ) -> tuple[Drawn, int]:
     """Draw one effect; of draws that all fail the one that comes nearest to its ratio is kept."""
     best: Drawn | None = None
-    for number in range(_DRAWS):
+    for number in range(wanted.draws):
         effect = _KNOWN[wanted.effect](random, scene, wanted.place)
         if effect is None:
             raise NoPlaceError(f"{wanted.effect}: {machine.station.name} has no place for it")
@@ -143,9 +145,10 @@ def _drawn(
     if best is None:
         full = f"every place of {machine.station.name} is taken"
         if wanted.parameter is not None:
-            full = f"no draw of {_DRAWS} can have the {wanted.parameter[0]} {wanted.parameter[1]:g}"
+            name, value = wanted.parameter
+            full = f"no draw of {wanted.draws} can have the {name} {value:g}"
         raise NoPlaceError(f"{wanted.effect}: {full}")
-    return best if refit is None else _whole(best, machine, refit), _DRAWS
+    return best if refit is None else _whole(best, machine, refit), wanted.draws
 
 
 def _off(drawn: Drawn, ratio: float) -> float:
