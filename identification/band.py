@@ -105,15 +105,16 @@ def _choose_band(campaign: Campaign, band: tuple[float, float] | None, source: P
         return Band(lines)
     highest = [test.hits.usable_limit_hz for test in campaign.tests if test.hits is not None]
     below = freq < min(highest, default=np.inf)
-    known = [test for test in campaign.tests if test.estimate.coherence is not None]
-    if not known:
+    with_coherence = [test for test in campaign.tests if test.estimate.coherence is not None]
+    if not with_coherence:
         lines = (freq > 0) & below
         if not lines.any():
             raise InputError(f"{name}: there is no line above 0 Hz: export the FRFs again")
         return Band(lines)
-    coherence, channels = _median_coherence(known, below)
+    coherence, channels = _median_coherence(with_coherence, below)
     coherent = _between_ends((coherence > _MIN_BAND_COHERENCE) & below)
-    extended = _between_ends(((coherence > _MIN_BAND_COHERENCE) | _smooth_lines(known)) & below)
+    is_used = (coherence > _MIN_BAND_COHERENCE) | _smooth_lines(with_coherence)
+    extended = _between_ends(is_used & below)
     if not extended.any():
         raise InputError(
             f"{name}: the median coherence exceeds {_MIN_BAND_COHERENCE} at no line: check the "
@@ -139,18 +140,18 @@ def _median_coherence(tests: list[Test], below: Mask) -> tuple[Real, str]:
     that of the channels which exceed it on a third of the lines.
     """
     coherences = [test.estimate.coherence for test in tests]
-    known = np.hstack([c.reshape(len(below), -1) for c in coherences if c is not None])
-    median = np.asarray(np.median(known, axis=1), np.float64)
+    stacked = np.hstack([c.reshape(len(below), -1) for c in coherences if c is not None])
+    median = np.asarray(np.median(stacked, axis=1), np.float64)
     if _between_ends((median > _MIN_BAND_COHERENCE) & below).any():
         return median, ""
-    alive = (known[below] > _MIN_BAND_COHERENCE).mean(axis=0) >= _MIN_ALIVE_SHARE
+    alive = (stacked[below] > _MIN_BAND_COHERENCE).mean(axis=0) >= _MIN_ALIVE_SHARE
     if not alive.any():
         return median, ""
     remark = (
         f"only {alive.sum()} of {len(alive)} channels are coherent: the band is that of their "
         "median coherence; check that the others lie across the motion"
     )
-    return np.asarray(np.median(known[:, alive], axis=1), np.float64), remark
+    return np.asarray(np.median(stacked[:, alive], axis=1), np.float64), remark
 
 
 def _between_ends(good: Mask) -> Mask:

@@ -3,10 +3,10 @@
 import re
 from collections.abc import Sequence
 
+from identification.words import TOLERANCE_BOUND_SIGMA
 from mbw.gain_text import gain_sentence
 from tuning import TunedFile
 from tuning.files.result import TUNED_JSON
-from tuning.parametrisation.parametrisation import TOLERANCE_BOUND_SIGMA
 
 # What instruments have and an MJCF has not: how a sentence calls it, parts of parameters' names
 # that mark it, and the instrument.

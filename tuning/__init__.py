@@ -1,5 +1,6 @@
 """Tuning of a model to a campaign: parametrisation, misfit, fits, gaps and held-out predictions."""
 
+from identification.words import TOLERANCE_BOUND_SIGMA
 from tuning.assessment.gap import ChannelGaps, Gap, channel_gaps, gap_at_bodies, summarise_gaps
 from tuning.assessment.held_out import HeldOutFits, block_width, fit_held_out
 from tuning.assessment.model_error import ModelError, estimate_model_error
@@ -23,7 +24,7 @@ from tuning.fitting.stages import STAGES, Stage, thin_lines, thinning_slice
 from tuning.misfit.batch import predict
 from tuning.misfit.misfit import Misfit
 from tuning.misfit.modal_misfit import modes_in_band, select_modes
-from tuning.parametrisation.parametrisation import TOLERANCE_BOUND_SIGMA, Parametrisation
+from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
 from tuning.session import (
     Session,

@@ -99,8 +99,8 @@ def _refuse_wrong_exports(source: Path, model: Model, campaign: Campaign) -> Cam
         )
         for entry in entries
     }
-    known = leave_out_unknown_gains(campaign)
-    findings = [] if known is None else compare_with_model(model, known, stated)
+    comparable = leave_out_unknown_gains(campaign)
+    findings = [] if comparable is None else compare_with_model(model, comparable, stated)
     trusted = {entry.file for entry in entries if entry.as_stated}
     for finding in findings:
         if finding.is_certain and finding.file not in trusted:

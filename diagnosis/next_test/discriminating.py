@@ -162,10 +162,13 @@ def _by_effort(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[list[Exp
     """Further hits; then causes that can be taken out of the machine; then known masses."""
     machine = rivals[0].session.model.machine
     layout = machine.layout
-    made = campaign.inputs
+    measured = campaign.inputs
     hits = []
-    for point in (one for one in layout.points if one in layout.sensors or is_hammer_point(one)):
-        inputs = tuple(dof for dof in (Dof.of(point, axis) for axis in range(3)) if dof not in made)
+    for point in layout.points:
+        if point not in layout.sensors and not is_hammer_point(point):
+            continue
+        directions = (Dof.of(point, axis) for axis in range(3))
+        inputs = tuple(dof for dof in directions if dof not in measured)
         if inputs:
             axes = " and ".join(dof.direction[2:] for dof in inputs)
             along = "" if len(inputs) == 3 else f" along {axes}"
@@ -177,12 +180,12 @@ def _by_effort(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[list[Exp
         known = catalogue()[effect]
         if known.undoes:
             words = known.said(known.confirm, place, dof)
-            undone.append(Experiment(words, made, undone=key))
+            undone.append(Experiment(words, measured, undone=key))
     yield undone
     yield [
         Experiment(
             f"add {_KNOWN * float(machine.body_mass[6 * k, 6 * k]):.2g} kg at {body} and repeat",
-            made,
+            measured,
             _known_mass(k),
         )
         for k, body in enumerate(layout.bodies)

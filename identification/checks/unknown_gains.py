@@ -20,10 +20,11 @@ def leave_out_unknown_gains(campaign: Campaign, *, hammers: bool = True) -> Camp
         return campaign
     tests = []
     for test in campaign.tests:
-        known = np.array([dof.point not in unknown.sensors for dof in test.estimate.frf.outputs])
-        if not known.any() or (hammers and test.condition.instrument in unknown.hammers):
+        outputs = test.estimate.frf.outputs
+        has_known_gain = np.array([dof.point not in unknown.sensors for dof in outputs])
+        if not has_known_gain.any() or (hammers and test.condition.instrument in unknown.hammers):
             continue
-        tests.append(test if known.all() else _select_channels(test, known))
+        tests.append(test if has_known_gain.all() else _select_channels(test, has_known_gain))
     return replace(campaign, tests=tuple(tests)) if tests else None
 
 

@@ -34,7 +34,7 @@ _MIN_SHORT_MAC, _MAX_SHORT_COLLINEARITY = 0.95, 0.8
 
 @dataclass(frozen=True, eq=False)
 class _ModeEvidence:
-    """What is known of the modes inside the band.
+    """Quantities by which modes inside the band are doubted.
 
     Args:
         collinearity: MPC of each shape; (n_mode,).

@@ -97,8 +97,9 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
     remarks += campaign.remarks
     stated = {entry.file: entry.unit for entry in settings.test if entry.unit is not None}
     refuse_signals_of_known_gain(path, campaign, stated)
-    known = leave_out_unknown_gains(campaign)
-    signs = [point.remark for point in drive_point_signs(known)] if known is not None else []
+    comparable = leave_out_unknown_gains(campaign)
+    drive_points = () if comparable is None else drive_point_signs(comparable)
+    signs = [point.remark for point in drive_points]
     remarks += [*channel_remarks(campaign), *(sign for sign in signs if sign)]
     return replace(campaign, remarks=tuple(remarks))
 

@@ -49,13 +49,13 @@ def check_coherence(file: Path, table: FrfTable) -> FrfTable:
     if table.coherence is None:
         return table
     values = np.array(table.coherence)
-    known = values[:, table.measured]
-    known = known[np.isfinite(known)]
-    if not known.size:
+    measured = values[:, table.measured]
+    finite = measured[np.isfinite(measured)]
+    if not finite.size:
         return table
     outside = ((values < 0) | (values > 1)) & table.measured
-    if np.ptp(known) < _MAX_EQUAL_SPREAD:
-        return _without_coherence(file, table, float(known[0]))
+    if np.ptp(finite) < _MAX_EQUAL_SPREAD:
+        return _without_coherence(file, table, float(finite[0]))
     if outside.any():
         table = _without_slips(file, table, outside)
         values[outside] = np.nan
@@ -75,9 +75,9 @@ def _without_coherence(file: Path, table: FrfTable, value: float) -> FrfTable:
 def _without_slips(file: Path, table: FrfTable, outside: np.ndarray) -> FrfTable:
     """Return the table with a remark on a few values outside 0..1; refuse many."""
     values = np.asarray(table.coherence)
-    known = values[np.isfinite(values) & table.measured]
-    low, high = float(known.min()), float(known.max())
-    if low >= 0 and high <= _MAX_PERCENT and np.median(known) > _MIN_PERCENT_MEDIAN:
+    finite = values[np.isfinite(values) & table.measured]
+    low, high = float(finite.min()), float(finite.max())
+    if low >= 0 and high <= _MAX_PERCENT and np.median(finite) > _MIN_PERCENT_MEDIAN:
         raise InputError(
             f"{file}: its coherence reaches {high:.4g}, as in per cent: divide it by 100 and save "
             "it again"
@@ -87,7 +87,7 @@ def _without_slips(file: Path, table: FrfTable, outside: np.ndarray) -> FrfTable
         f"{table.freq_hz[line]:g} Hz, response {table.responses[row]}, reference "
         f"{table.references[column]}"
     )
-    share = float(outside.sum() / known.size)
+    share = float(outside.sum() / finite.size)
     if share > _MAX_OUTSIDE_SHARE:
         raise InputError(
             f"{file}: its coherence lies outside 0 to 1 in {100 * share:.2g} % of its values "

@@ -61,5 +61,5 @@ def leave_out_lines(path: Path, campaign: Campaign, ranges: list[list[float]]) -
             f"{ignored.sum()} of {len(ignored)} frequency lines are left out of all tests, as "
             f"ignore_hz states: {listed} Hz"
         )
-    left = campaign.select_lines(~ignored)
-    return replace(left, remarks=(*campaign.remarks, *remarks))
+    remaining = campaign.select_lines(~ignored)
+    return replace(remaining, remarks=(*campaign.remarks, *remarks))

@@ -9,7 +9,7 @@ from identification.solid.sensor_errors import Sensors
 from identification.words import Campaign, Complex, Dof, Mask, Real, Test
 
 # Model-error floor, relative to the motion of the body, for errors that no tolerance describes:
-# cross-axis sensitivity, nonlinearity, the size of a sensor. It also bounds the weights.
+# nonlinearity, the size of a sensor. It also bounds the weights.
 MODEL_ERROR_FLOOR = 2e-3
 
 
@@ -115,7 +115,12 @@ def body_data(table: ChannelTable, campaign: Campaign, body: str) -> BodyData | 
     places = [k for k, dof in enumerate(table.channels) if layout.body_name(dof.point) == body]
     if not places:
         return None
-    sensors = Sensors.of(layout, tuple(table.channels[k] for k in places))
+    sensors = Sensors.of(
+        layout,
+        tuple(table.channels[k] for k in places),
+        has_cross=campaign.tolerance.sensor_cross > 0,
+        has_delays=campaign.tolerance.sensor_delay > 0,
+    )
     return whiten(
         body,
         sensors,

@@ -15,6 +15,7 @@ from identification.solid.confounded_faults import (
     find_unidentifiable,
 )
 from identification.solid.fault_search import FaultSearch, search_faults
+from identification.solid.fault_size import is_within_tolerance
 from identification.solid.frequency_limit import (
     ResidualSpectrum,
     highest_solid_hz,
@@ -115,10 +116,10 @@ def check_bodies(campaign: Campaign) -> tuple[BodyCheck, ...]:
     Returns:
         One check a body.
     """
-    known = leave_out_unknown_gains(campaign, hammers=False)
-    if known is None:
+    comparable = leave_out_unknown_gains(campaign, hammers=False)
+    if comparable is None:
         return ()
-    campaign, tolerance = known, campaign.tolerance
+    campaign, tolerance = comparable, campaign.tolerance
     table = join_tests(campaign)
     searches = _searches(table, campaign)
     swap = find_body_swap(table, campaign, list(searches.values()))
@@ -142,7 +143,7 @@ def _assemble_check(search: FaultSearch, tolerance: Tolerance, swap: BodySwap | 
     data = search.data
     last = search.rankings[-1].body_fit if search.rankings else None
     residuals, shapes_matter = _corrected_spectrum(data, tolerance, search)
-    faults = _list_faults(search, residuals, data.freq_hz, shapes_matter=shapes_matter)
+    faults = _list_faults(search, residuals, tolerance, shapes_matter=shapes_matter)
     if swap is not None and data.body in swap.bodies:
         excess = search.excess(0)
         faults = (
@@ -226,15 +227,24 @@ def _corrected_spectrum(
 
 
 def _list_faults(
-    search: FaultSearch, residuals: ResidualSpectrum, freq_hz: Real, *, shapes_matter: bool
+    search: FaultSearch, residuals: ResidualSpectrum, tolerance: Tolerance, *, shapes_matter: bool
 ) -> tuple[Fault, ...]:
-    """List each effect and place once; a flexible shape below the bound of rigidity is no fault."""
+    """List each effect and place once.
+
+    What lies within tolerance is no fault: an error of a sensor, or a flexible shape below the
+    bound of rigidity.
+    """
+    freq_hz = search.data.freq_hz
     faults: dict[tuple[str, str, str | None], Fault] = {}
     for number, accepted in enumerate(search.accepted):
         effect, location, dof = accepted.hypothesis.key
         if accepted.hypothesis.frees_shape and not shapes_matter:
             continue
         if effect == "flexible_body" and not residuals.exceeds_bound.any():
+            continue
+        if not accepted.dead and is_within_tolerance(
+            accepted.hypothesis, search.errors, accepted.parameters, freq_hz, tolerance
+        ):
             continue
         parameters = _fault_parameters(
             accepted.hypothesis, search.errors[list(accepted.hypothesis.channels)]

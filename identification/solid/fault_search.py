@@ -16,7 +16,7 @@ from identification.solid.sensor_faults import (
     leave_out_channel,
     list_hypotheses,
 )
-from identification.words import Real, Tolerance
+from identification.words import TOLERANCE_BOUND_SIGMA, Real, Tolerance
 
 # Posterior probability of "no further fault" below which a fault is accepted.
 _MAX_NULL_PROBABILITY = 0.05
@@ -173,9 +173,17 @@ def _forward_selection(
         state,
         null.fitted.errors,
         scale,
-        has_unexplained=has_fault,
+        has_unexplained=has_fault or _is_implausible(null),
         nats=nats,
     )
+
+
+def _is_implausible(null: RankedFault) -> bool:
+    """Return whether the errors of all sensors lie beyond tolerance in the root mean square.
+
+    Such errors explain a body that is not solid at all, and are no explanation.
+    """
+    return 2 * null.fitted.prior > TOLERANCE_BOUND_SIGMA**2 * len(null.fitted.errors)
 
 
 def _exclude_keys(fault: AcceptedFault, state: BelievedBody) -> set[Key]:

@@ -71,7 +71,8 @@ def residual_spectrum(
         errors: errors of the sensors; (n_error,).
         noise_scale: variance of the noise over the stated one.
     """
-    data, reading, freq = state.data, state.reading, state.data.freq_hz
+    data, freq = state.data, state.data.freq_hz
+    reading = state.reading * data.sensors.delay_factor(errors, freq)
     power, noise, square = _residual_powers(data, reading, believed, errors)
     zero = np.zeros_like(errors)
     raw, raw_noise, _ = _residual_powers(drawn.data, drawn.reading, drawn.model, zero)
@@ -155,6 +156,7 @@ def _total_powers(data: BodyData, reading: Complex) -> tuple[Real, Real]:
 def _tolerance_power(data: BodyData, drawn: RigidFitModel) -> Real:
     """Return the residual of errors within tolerance: sum s_p^2 |P B_p x|^2, without noise."""
     zero = np.zeros(drawn.sensors.count)
+    delays = drawn.sensors.delays(drawn.spread)
     rows = drawn.rows(zero) * drawn.scale[:, None]
     slopes = drawn.sensors.slopes(zero) * (drawn.scale[:, None] * drawn.spread[:, None, None])
     total = np.zeros(len(data.freq_hz))
@@ -167,6 +169,9 @@ def _tolerance_power(data: BodyData, drawn: RigidFitModel) -> Real:
         share -= data.noise[column] @ np.einsum(
             "qc,qr,rc->c", projection.inverse, metric, projection.inverse
         )
+        if delays is not None:
+            late = 2 * np.pi * data.freq_hz[:, None] * delays * np.abs(data.white[column])
+            share += late**2 @ np.diag(projection.residual_projector)
         total += np.maximum(share, 0.0) * _line_variance(data.line[column])
     return total
 

@@ -7,7 +7,8 @@ other data or other priors to
 
 with g the gradient of the first two terms, N the information of the data and L the precision of the
 priors. Data divided by readings ``h`` need only the sums of z z^H / h and z z^H / |h|^2, for all
-``h`` of a scan at once.
+``h`` of a scan at once. If delays are errors, the sums are weighted with w and w^2 too, as in
+``DelayedSums``.
 """
 
 from dataclasses import dataclass
@@ -15,7 +16,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.solid.body_channels import BodyData
-from identification.solid.rigid_fit import Moments, Projection, RigidFitModel, project
+from identification.solid.rigid_fit import (
+    Moments,
+    Projection,
+    RigidFitModel,
+    add_delay_slopes,
+    project,
+)
 from identification.words import Complex, Real
 
 _MAX_SCAN_LINES = 250  # lines to which a scan thins the data; a mount or a delay is broad
@@ -53,15 +60,17 @@ class LinearisedFit:
         """Return the data's cost over the noise scale plus the prior's cost, after one step.
 
         Args:
-            clean: G - V of each group; (n_group, n_channel, n_channel).
+            clean: G - V of each group, and W1 and W2 if delays are errors; (1 or 3, n_group,
+                n_channel, n_channel).
             spread: prior standard deviation of the errors; (n_error,).
             noise_scale: variance of the noise over the stated one.
         """
         data, gradient = 0.0, np.zeros(len(self.errors))
         information = np.zeros((len(self.errors), len(self.errors)))
-        for moments, projection, projected_slopes in zip(
-            clean, self.projections, self.projected_slopes, strict=True
+        for group, (projection, projected_slopes) in enumerate(
+            zip(self.projections, self.projected_slopes, strict=True)
         ):
+            moments, *delayed = clean[:, group]
             inverse = projection.inverse[:6]
             data += float(np.sum(projection.residual_projector * moments))
             gradient -= 2 * np.tensordot(
@@ -72,6 +81,11 @@ class LinearisedFit:
                 projected_slopes @ _nearest_semidefinite(inverse @ moments @ inverse.T)
             ).reshape(len(self.errors), -1)
             information += mapped @ flat.T
+            if delayed:
+                first, second = delayed
+                add_delay_slopes(
+                    gradient, information, projection, projected_slopes, (first, second)
+                )
         precision = 1 / spread**2
         slope = gradient / noise_scale + precision * self.errors
         curvature = 2 * information / noise_scale + np.diag(precision)
@@ -87,11 +101,13 @@ class LineSums:
         power: z z^H; (n_group, n_freq, n_channel, n_channel).
         noise: its diagonal due to noise alone; (n_group, n_freq, n_channel).
         every: number of lines of the data for one line kept.
+        weights: powers of w [rad/s] with which lines are summed: 0, or 0 to 2; (n_sum, n_freq).
     """
 
     power: Complex
     noise: Real
     every: int
+    weights: Real
 
     @classmethod
     def of(cls, data: BodyData, reading: Complex) -> "LineSums":
@@ -106,7 +122,9 @@ class LineSums:
             z = white[in_group]
             power.append(np.einsum("kfc,kfd->fcd", z, z.conj()))
             total.append(noise[in_group].sum(axis=0))
-        return cls(np.array(power), np.array(total), every)
+        omega = 2 * np.pi * data.freq_hz[::every]
+        weights = omega ** np.arange(3 if data.sensors.has_delays else 1)[:, None]
+        return cls(np.array(power), np.array(total), every, weights)
 
     def divide(self, readings: Complex) -> "CorrectedSums":
         """Sum over lines the data divided by each reading.
@@ -118,10 +136,15 @@ class LineSums:
         square = np.abs(inverse) ** 2
         shape = (len(self.power), len(inverse), *self.power.shape[2:])
         flat = self.power.reshape(*self.power.shape[:2], -1)
+        parts = [np.imag if power == 1 else np.real for power in range(len(self.weights))]
+        weighted = [(part, weight) for part, weight in zip(parts, self.weights, strict=True)]
         return CorrectedSums(
-            self.every * self.power.real.sum(axis=1),
-            self.every * (inverse @ flat).real.reshape(shape),
-            self.every * (square @ flat.real).reshape(shape),
+            self.every
+            * np.array([part(w @ flat).reshape(shape[:1] + shape[2:]) for part, w in weighted]),
+            self.every
+            * np.array([part((inverse * w) @ flat).reshape(shape) for part, w in weighted]),
+            self.every
+            * np.array([((square * w) @ part(flat)).reshape(shape) for part, w in weighted]),
             self.every * self.noise.sum(axis=1),
             self.every * (square @ self.noise),
         )
@@ -131,10 +154,12 @@ class LineSums:
 class CorrectedSums:
     """Sums of products of two channels, with neither, one or both of them divided by a reading.
 
+    The sums are G, and W1 and W2 if delays are errors.
+
     Args:
-        gram: G with no channel divided; (n_group, n, n).
-        half_corrected: G with one of two channels divided; (n_group, n_reading, n, n).
-        corrected: G with both channels divided; (n_group, n_reading, n, n).
+        gram: sums with no channel divided; (n_sum, n_group, n, n).
+        half_corrected: sums with one of two channels divided; (n_sum, n_group, n_reading, n, n).
+        corrected: sums with both channels divided; (n_sum, n_group, n_reading, n, n).
         noise: V with the channel not divided; (n_group, n).
         corrected_noise: V with the channel divided; (n_group, n_reading, n).
     """
@@ -146,24 +171,40 @@ class CorrectedSums:
     corrected_noise: Real
 
     def clean(self, reading: int, channels: list[int]) -> Real:
-        """Return G - V with these channels divided by one reading; (n_group, n, n)."""
-        gram, noise = self.gram.copy(), self.noise.copy()
-        half_corrected, corrected = self.half_corrected[:, reading], self.corrected[:, reading]
-        gram[:, channels] = half_corrected[:, channels]
-        gram[:, :, channels] = np.swapaxes(half_corrected[:, channels], 1, 2)
+        """Return G - V, and W1 and W2, with these channels divided by one reading.
+
+        Returns:
+            Sums; (n_sum, n_group, n, n).
+        """
+        sums, noise = self.gram.copy(), self.noise.copy()
+        half_corrected = self.half_corrected[:, :, reading][:, :, channels]
+        signs = np.array([1.0, -1.0, 1.0])[: len(sums), None, None, None]  # W1 is antisymmetric
+        sums[:, :, channels] = half_corrected
+        sums[:, :, :, channels] = signs * np.swapaxes(half_corrected, 2, 3)
         for a in channels:
-            gram[:, a, channels] = corrected[:, a, channels]
+            sums[:, :, a, channels] = self.corrected[:, :, reading, a][:, :, channels]
         noise[:, channels] = self.corrected_noise[:, reading][:, channels]
-        places = np.arange(gram.shape[1])
-        gram[:, places, places] -= noise
-        return gram
+        places = np.arange(sums.shape[2])
+        sums[0][:, places, places] -= noise
+        return sums
 
 
-def subtract_noise(moments: Moments) -> Real:
-    """Return G - V summed over all blocks; (n_group, n, n)."""
-    clean: Real = moments.gram.sum(axis=1)
-    places = np.arange(clean.shape[1])
-    clean[:, places, places] -= moments.noise.sum(axis=1)
+def subtract_noise(moments: Moments, delays: Real | None) -> Real:
+    """Return G - V, and W1 and W2 if delays are errors, summed over all blocks.
+
+    Args:
+        moments: sums of the data.
+        delays: delays that are removed [s]; (n_channel,).
+
+    Returns:
+        Sums; (n_sum, n_group, n, n).
+    """
+    sums: tuple[Real, ...] = (moments.gram,)
+    if moments.delayed is not None and delays is not None:
+        sums = moments.delayed.remove(delays)
+    clean: Real = np.array([blocks.sum(axis=1) for blocks in sums])
+    places = np.arange(clean.shape[2])
+    clean[0][:, places, places] -= moments.noise.sum(axis=1)
     return clean
 
 

@@ -29,10 +29,11 @@ def estimate_mount(
     """
     model, freq = left_out.model, state.data.freq_hz
     rows = model.rows(left_out.fitted.errors) * model.scale[:, None]
+    reading = state.reading * model.sensors.delay_factor(left_out.fitted.errors, freq)
     columns, targets = [], []
     for column, mask in enumerate(state.data.measured):
         if mask[channel]:
-            white = state.data.white[column] / state.reading
+            white = state.data.white[column] / reading
             motion = white @ project(rows, mask).inverse[:6].T
             read = white[:, channel]
             excess = read - motion @ rows[channel, :6]

@@ -7,15 +7,17 @@ With z the whitened channels of a line and a hit, B(p) the whitened rows and x f
 and its sum over lines and hits is tr(P G), G = sum Re(z z^H): a fit needs only one small matrix per
 block of lines. Noise alone gives tr(P V), V its diagonal. So tr(P (G - V)) is not biased by noise,
 however weights were chosen (errors in variables with known noise; Fuller 1987, ch. 2). One unit is
-one nat: z has the density exp(-|z - B x|^2).
+one nat: z has the density exp(-|z - B x|^2). Delays tau among the errors are removed from z first:
+z^H P z becomes y^H P y with y = exp(i w tau) z, which ``DelayedSums`` sums.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from identification.solid.body_channels import BodyData
+from identification.solid.delayed_sums import DelayedSums, band_sums
 from identification.solid.sensor_errors import Sensors
 from identification.words import Complex, Integers, Mask, Real
 
@@ -36,12 +38,15 @@ class Moments:
         gram: sum Re(z z^H); (n_group, n_block, n_channel, n_channel).
         noise: its diagonal due to noise alone; (n_group, n_block, n_channel).
         count: number of values summed; (n_group, n_block).
+        delayed: sums from which delays can be removed, in which case blocks stay apart; None if
+            delays are no errors.
     """
 
     mask: Mask
     gram: Real
     noise: Real
     count: Real
+    delayed: DelayedSums | None = None
 
     @classmethod
     def of(
@@ -64,7 +69,8 @@ class Moments:
         white, noise = data.white[:, ::every], data.noise[:, ::every]
         if reading is not None:
             white, noise = white / reading[::every], noise / np.abs(reading[::every]) ** 2
-        starts = block_edges(white.shape[1], blocks)
+        has_delays = data.sensors.has_delays
+        starts = block_edges(white.shape[1], N_BLOCKS if has_delays else blocks)
         shape = (len(patterns), len(starts) - 1)
         gram = np.zeros((*shape, white.shape[2], white.shape[2]))
         total, count = np.zeros((*shape, white.shape[2])), np.zeros(shape)
@@ -76,22 +82,38 @@ class Moments:
                 total[g, b] += v.sum(axis=0)
                 count[g, b] += (np.abs(z) > 0).any(axis=1).sum()
         keep = patterns.any(axis=1)
-        return cls(patterns[keep], gram[keep], total[keep], count[keep])
+        delayed = None
+        if has_delays:
+            groups = [np.ravel(group) == g for g in np.flatnonzero(keep)]
+            delayed = band_sums(data.freq_hz[::every], white, groups, starts)
+        return cls(patterns[keep], gram[keep], total[keep], count[keep], delayed)
 
-    def select_blocks(self, blocks: Mask) -> "Moments":
+    def select_blocks(self, blocks: Mask | slice) -> "Moments":
         """Return the sums of some blocks."""
         return Moments(
-            self.mask, self.gram[:, blocks], self.noise[:, blocks], self.count[:, blocks]
+            self.mask,
+            self.gram[:, blocks],
+            self.noise[:, blocks],
+            self.count[:, blocks],
+            None if self.delayed is None else self.delayed.select_blocks(blocks),
         )
 
     def sum_blocks(self, blocks: Mask | slice) -> "Moments":
-        """Return the sum of some blocks as one block."""
+        """Return the sum of some blocks as one block, or side by side if delays are errors."""
+        if self.delayed is not None:
+            return self.select_blocks(blocks)
         return Moments(
             self.mask,
             self.gram[:, blocks].sum(axis=1, keepdims=True),
             self.noise[:, blocks].sum(axis=1, keepdims=True),
             self.count[:, blocks].sum(axis=1, keepdims=True),
         )
+
+    def without_delays(self, delays: Real | None) -> "Moments":
+        """Return the sums of readings without these delays [s]; None: delays are no errors."""
+        if self.delayed is None or delays is None:
+            return self
+        return replace(self, gram=self.delayed.power(delays))
 
 
 def block_edges(lines: int, blocks: int = N_BLOCKS) -> Integers:
@@ -171,6 +193,7 @@ class RigidFitModel:
 
     def data(self, moments: Moments, errors: Real) -> float:
         """Compute tr(P (G - V)) over all groups and blocks of the moments."""
+        moments = moments.without_delays(self.sensors.delays(errors))
         rows = self.rows(errors) * self.scale[:, None]
         total = 0.0
         for mask, gram, noise in zip(moments.mask, moments.gram, moments.noise, strict=True):
@@ -187,8 +210,12 @@ class RigidFitModel:
         slopes = self.sensors.slopes(errors) * self.scale[:, None]
         gradient = np.zeros(len(slopes))
         information = np.zeros((len(slopes), len(slopes)))
-        for mask, gram, noise in zip(moments.mask, moments.gram, moments.noise, strict=True):
-            clean = gram.sum(axis=0) - np.diag(noise.sum(axis=0))
+        delays = self.sensors.delays(errors)
+        gram, first, second = moments.gram, None, None
+        if moments.delayed is not None and delays is not None:
+            gram, first, second = moments.delayed.remove(delays)
+        for group, (mask, noise) in enumerate(zip(moments.mask, moments.noise, strict=True)):
+            clean = gram[group].sum(axis=0) - np.diag(noise.sum(axis=0))
             projection = project(rows, mask)
             inverse = projection.inverse[:6]
             values, vectors = np.linalg.eigh(inverse @ clean @ inverse.T)
@@ -199,7 +226,44 @@ class RigidFitModel:
             gradient -= 2 * np.einsum(
                 "pcq,qc->p", slopes, inverse @ clean @ projection.residual_projector
             )
+            if first is not None and second is not None:
+                add_delay_slopes(
+                    gradient,
+                    information,
+                    projection,
+                    projection.residual_projector @ slopes,
+                    (first[group].sum(axis=0), second[group].sum(axis=0)),
+                )
         return gradient, information
+
+
+def add_delay_slopes(
+    gradient: Real,
+    information: Real,
+    projection: Projection,
+    projected_slopes: Real,
+    sums: tuple[Real, Real],
+) -> None:
+    """Add gradient and information of delays, which are the last errors, of one group.
+
+    With A_q = P B_q B^+ of any other error q, the products of Jacobians are
+    N_q,m = sum_c (A_q)_mc W1_mc and N_m,m' = P_mm' W2_mm', and the gradient is -2 sum_c P_mc W1_mc.
+
+    Args:
+        gradient: of all errors, changed in place; (n_error,).
+        information: N of all errors, changed in place; (n_error, n_error).
+        projection: P and B^+.
+        projected_slopes: P B_q; (n_error, n_channel, 6).
+        sums: W1 and W2; (n_channel, n_channel) each.
+    """
+    first, second = sums
+    late = slice(len(gradient) - len(first), len(gradient))
+    projector = projection.residual_projector
+    gradient[late] -= 2 * (projector * first).sum(axis=1)
+    crossed = ((projected_slopes @ projection.inverse[:6]) * first).sum(axis=2)
+    information[:, late] += crossed
+    information[late] += crossed.T
+    information[late, late] += projector * second
 
 
 def fit_errors(

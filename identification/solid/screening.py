@@ -82,8 +82,9 @@ class BodyFit:
 
     @cached_property
     def clean(self) -> Real:
-        """Return G - V of each group; (n_group, n_channel, n_channel)."""
-        return subtract_noise(self.moments)
+        """Return G - V of each group, and W1 and W2; (n_sum, n_group, n_channel, n_channel)."""
+        delays = self.state.model.sensors.delays(self.healthy.errors)
+        return subtract_noise(self.moments, delays)
 
     @property
     def base_nats(self) -> float:
@@ -197,9 +198,10 @@ def fit_free_shapes(
     """Fit the shape of one channel, or common shapes of all, with errors fitted beside them.
 
     A channel that is left free is a shape too. Where errors of sensors have absorbed a part of the
-    shape, a fit of both does not return from there. So the common shape is fitted a second time
-    from the end of the best single channel. A direction that channels of several sensors share has
-    a smaller prior cost, since it need not be found among all redundant ones.
+    shape, a fit of both does not return from there. So the common shape is fitted from the end of
+    the fit without it, and from that of the best single channel, too. A direction that channels of
+    several sensors share has a smaller prior cost, since it need not be found among all redundant
+    ones.
     """
     model = state.model
     if hypothesis.effect != "flexible_body":
@@ -207,11 +209,12 @@ def fit_free_shapes(
     mask, channels = moments.mask[0], range(len(state.data.scale))
     single_channels = [channel_shape(model, moments, channel, start, steps) for channel in channels]
     best = min(single_channels, key=lambda shape: shape.fitted.data)
+    healthy = fit_errors(model, moments.sum_blocks(slice(None)), start=start, steps=steps)
     redundant = int(mask.sum()) - project(model.rows(start) * model.scale[:, None], mask).rank
     price = _NATS_PER_SHAPE_DIRECTION * max(redundant - 1, 0)
     shapes = [
         replace(common_shape(model, moments, errors, steps), price=price)
-        for errors in (start, best.fitted.errors)
+        for errors in (start, healthy.errors, best.fitted.errors)
     ]
     shared = shared_channels(model, mask, start)
     return shapes + [replace(single_channels[k], price=_NATS_OF_SHARED_SHAPE) for k in shared]
@@ -223,11 +226,12 @@ def _screen_scans(scanned: list[FaultHypothesis], body_fit: BodyFit) -> list[Scr
     A gross fault drives the errors of that fit far off. Then the step is taken from its start.
     """
     state = body_fit.state
-    spectra = LineSums.of(state.data, state.reading)
     freq, spread = state.data.freq_hz, state.spread
     linear = body_fit.linear
     if not body_fit.is_quiet:
         linear = LinearisedFit.of(state.model, body_fit.moments, state.start)
+    delayed = state.data.sensors.delay_factor(linear.errors, freq)
+    spectra = LineSums.of(state.data, state.reading * delayed)
     screened = []
     for effect, full_grid in dict.fromkeys(
         (hypothesis.effect, hypothesis.grid) for hypothesis in scanned
@@ -257,7 +261,7 @@ def _screen_one(hypothesis: FaultHypothesis, body_fit: BodyFit) -> list[Screened
     """
     if body_fit.is_quiet:
         order, signs = hypothesis.channel_order(len(body_fit.state.data.scale))
-        clean = body_fit.clean[:, order][:, :, order] * np.outer(signs, signs)
+        clean = body_fit.clean[:, :, order][:, :, :, order] * np.outer(signs, signs)
         # An exchange does not change the priors, so that the state is only built if it is needed.
         trial = body_fit.state if hypothesis.pairs else hypothesis.states(body_fit.state)[0]
         cost = body_fit.linear.cost(clean, trial.spread, body_fit.noise_scale)
@@ -304,6 +308,7 @@ def _solve_displacement(hypothesis: FaultHypothesis, state: BelievedBody, total:
     slopes = model.sensors.slopes(start)[errors] * model.scale[:, None]
     is_own = slopes.any(axis=(0, 2))
     square, linear = np.zeros((3, 3)), np.zeros(3)
+    total = total.without_delays(model.sensors.delays(start))
     for mask, gram, noise in zip(total.mask, total.gram, total.noise, strict=True):
         clean = gram.sum(axis=0) - np.diag(noise.sum(axis=0))
         inverse_of_others = project(rows, mask & ~is_own).inverse[:6]

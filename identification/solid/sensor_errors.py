@@ -1,4 +1,12 @@
-"""Sensors of one body with their errors: gain of each channel, angles and place of each sensor."""
+"""Sensors of one body with their errors: gains, angles, places, cross-talk and delays.
+
+A channel with gain g, symmetric transverse sensitivity S and delay tau reads
+
+    y_k = exp(-i w tau_k) (g_k l_k + sum_j S_kj l_j) (v, w),
+
+with l_k = [R a_k, r x R a_k] the row of an axis. Delays are no part of the rows, which are real:
+``DelayedSums`` removes them from the readings.
+"""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -6,18 +14,20 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from identification.words import Dof, Integers, Layout, Mask, Real, Tolerance
+from identification.words import Complex, Dof, Integers, Layout, Mask, Real, Tolerance
 
 _MIN_TOLERANCE = 1e-6  # of a gain [1], an angle [rad] or a place [m], so that priors stay proper
 _UNIT_VECTORS = np.eye(3)  # world axes
+_CROSS_PAIRS = ((0, 1), (0, 2), (1, 2))  # axes of a sensor that a transverse sensitivity joins
 
 
 @dataclass(frozen=True, eq=False)
 class Sensors:
     """Nominal places and axes of a body's channels, in world axes.
 
-    The errors p are one vector: relative gain of each channel, then three angles of each sensor
-    [rad], then three offsets of each sensor [m]; (n_channel + 6 n_sensor,).
+    The errors p are one vector: relative gain of each channel, three angles of each sensor [rad],
+    three offsets of each sensor [m], then, where they have a tolerance, three transverse
+    sensitivities of each sensor (xy, xz, yz) and the delay of each channel [s]; (n_error,).
 
     Args:
         channels: degrees of freedom along their positive directions; n_channel.
@@ -25,6 +35,9 @@ class Sensors:
         sensor_of: number of the sensor of each channel; (n_channel,).
         axes: unit vectors along which channels read; (n_channel, 3).
         arms: places of the sensors from the centre of mass [m]; (n_sensor, 3).
+        frames: axes x, y, z of the sensors in columns; (n_sensor, 3, 3).
+        has_cross: whether transverse sensitivities are among the errors.
+        has_delays: whether delays of channels are among the errors.
         moving: projector onto the motions that the body makes; all, unless some were measured to
             vanish; (6, 6).
     """
@@ -34,10 +47,20 @@ class Sensors:
     sensor_of: Integers
     axes: Real
     arms: Real
+    frames: Real
+    has_cross: bool = False
+    has_delays: bool = False
     moving: Real = field(default_factory=lambda: np.eye(6))
 
     @classmethod
-    def of(cls, layout: Layout, channels: tuple[Dof, ...]) -> "Sensors":
+    def of(
+        cls,
+        layout: Layout,
+        channels: tuple[Dof, ...],
+        *,
+        has_cross: bool = False,
+        has_delays: bool = False,
+    ) -> "Sensors":
         """Return the sensors of these channels, which are all on one body."""
         names = tuple(dict.fromkeys(dof.point for dof in channels))
         site = [layout.points.index(name) if name in layout.points else None for name in names]
@@ -50,12 +73,38 @@ class Sensors:
             np.array([names.index(dof.point) for dof in channels]),
             np.array([frames[names.index(dof.point)][:, dof.axis % 3] for dof in channels]),
             np.array([np.zeros(3) if k is None else layout.positions[k] - centre for k in site]),
+            np.array(frames),
+            has_cross,
+            has_delays,
         )
 
     @property
     def count(self) -> int:
         """Number of errors."""
-        return len(self.channels) + 6 * len(self.names)
+        return sum(self._sizes)
+
+    @property
+    def _sizes(self) -> tuple[int, int, int, int, int]:
+        """Numbers of gains, angles, offsets, transverse sensitivities and delays."""
+        channels, vectors = len(self.channels), 3 * len(self.names)
+        return (
+            channels,
+            vectors,
+            vectors,
+            vectors if self.has_cross else 0,
+            channels if self.has_delays else 0,
+        )
+
+    def delays(self, errors: Real) -> Real | None:
+        """Return the delay of each channel [s], (n_channel,); None if delays are no errors."""
+        return errors[-len(self.channels) :] if self.has_delays else None
+
+    def delay_factor(self, errors: Real, freq_hz: Real) -> Complex | float:
+        """Return the reading of each channel over that without its delay; (n_freq, n_channel)."""
+        delays = self.delays(errors)
+        if delays is None:
+            return 1.0
+        return np.asarray(np.exp(-2j * np.pi * freq_hz[:, None] * delays), complex)
 
     @cached_property
     def turning(self) -> Mask:
@@ -79,11 +128,15 @@ class Sensors:
     def spread(self, tolerance: Tolerance) -> Real:
         """Return the prior standard deviation of each error; (n_error,)."""
         sizes = (tolerance.sensor_gain, tolerance.sensor_angle, tolerance.sensor_position)
-        counts = (len(self.channels), 3 * len(self.names), 3 * len(self.names))
-        return np.repeat(np.maximum(sizes, _MIN_TOLERANCE), counts)
+        deviations = (
+            *np.maximum(sizes, _MIN_TOLERANCE),
+            tolerance.sensor_cross,
+            tolerance.sensor_delay,
+        )
+        return np.repeat(deviations, self._sizes)
 
     def rows(self, errors: Real) -> Real:
-        """Compute readings per motion of the centre: (1 + g) [a, r x a], with a rotated.
+        """Compute readings per motion of the centre: (1 + g) [a, r x a] + S [a, r x a], a rotated.
 
         Motions are (tx ty tz rx ry rz). A channel that reads a rotation has (1 + g) [0, a].
 
@@ -94,7 +147,10 @@ class Sensors:
             Rows [1, m]; (n_channel, 6).
         """
         gain, axes, arms = self._decompose(errors)
-        return gain[:, None] * self._unit_rows(axes, arms) @ self.moving
+        rows = gain[:, None] * self._unit_rows(axes, arms)
+        if self.has_cross:
+            rows = rows + self._cross_rows(self._cross_axes(errors), arms)
+        return rows @ self.moving
 
     def slopes(self, errors: Real) -> Real:
         """Compute the derivatives of ``rows``; (n_error, n_channel, 6).
@@ -108,6 +164,10 @@ class Sensors:
         slopes[channel, channel] = self._unit_rows(axes, arms)
         turned = gain[:, None] * _cross_product(_UNIT_VECTORS[:, None], axes)  # (3, n_channel, 3)
         index = count + 3 * self.sensor_of + np.arange(3)[:, None]
+        if self.has_cross:
+            mixed = np.where(self.turning[:, None], 0.0, self._cross_axes(errors))
+            turned = turned + _cross_product(_UNIT_VECTORS[:, None], mixed)
+            self._fill_cross_slopes(slopes, errors, arms)
         slopes[index, channel] = self._unit_rows(turned, arms)
         slopes[index + 3 * sensors, channel, 3:] = np.where(self.turning[:, None], 0.0, turned)
         return slopes @ self.moving
@@ -126,8 +186,47 @@ class Sensors:
         count, sensors = len(self.channels), len(self.names)
         turns = _rotation_matrices(errors[count : count + 3 * sensors].reshape(sensors, 3))
         axes = (turns[self.sensor_of] @ self.axes[:, :, None])[:, :, 0]
-        arms = (self.arms + errors[count + 3 * sensors :].reshape(sensors, 3))[self.sensor_of]
-        return 1 + errors[:count], axes, arms
+        offsets = errors[count + 3 * sensors : count + 6 * sensors].reshape(sensors, 3)
+        return 1 + errors[:count], axes, (self.arms + offsets)[self.sensor_of]
+
+    def _cross_axes(self, errors: Real) -> Real:
+        """Return sum_j S_kj R a_j of each channel; (n_channel, 3)."""
+        first = len(self.channels) + 6 * len(self.names)
+        sizes = errors[first : first + 3 * len(self.names)].reshape(-1, 3)
+        matrices = np.zeros((len(self.names), 3, 3))
+        for pair, (a, b) in enumerate(_CROSS_PAIRS):
+            matrices[:, a, b] = matrices[:, b, a] = sizes[:, pair]
+        axis = [dof.axis % 3 for dof in self.channels]
+        mixed = self._turned_frames(errors) @ matrices
+        return np.asarray(mixed[self.sensor_of, :, axis], float)
+
+    def _turned_frames(self, errors: Real) -> Real:
+        """Return R times the axes of each sensor, in columns; (n_sensor, 3, 3)."""
+        count, sensors = len(self.channels), len(self.names)
+        turns = _rotation_matrices(errors[count : count + 3 * sensors].reshape(sensors, 3))
+        return np.asarray(turns @ self.frames, float)
+
+    @cached_property
+    def _cross_entries(self) -> Integers:
+        """Channel, error and second axis of each transverse sensitivity in a channel; (3, n)."""
+        first = len(self.channels) + 6 * len(self.names)
+        entries = [
+            (k, first + 3 * self.sensor_of[k] + pair, sum(axes) - dof.axis)
+            for k, dof in enumerate(self.channels)
+            for pair, axes in enumerate(_CROSS_PAIRS)
+            if dof.axis in axes
+        ]
+        return np.array(entries, np.intp).reshape(-1, 3).T
+
+    def _fill_cross_slopes(self, slopes: Real, errors: Real, arms: Real) -> None:
+        """Fill in the derivatives of the rows by the transverse sensitivities."""
+        channel, error, second = self._cross_entries
+        axes = self._turned_frames(errors)[self.sensor_of[channel], :, second]
+        slopes[error, channel] = np.hstack([axes, _cross_product(arms[channel], axes)])
+
+    def _cross_rows(self, axes: Real, arms: Real) -> Real:
+        """Return rows that transverse sensitivities add to channels that read no rotation."""
+        return np.where(self.turning[:, None], 0.0, np.hstack([axes, _cross_product(arms, axes)]))
 
     def _unit_rows(self, axes: Real, arms: Real) -> Real:
         """Return rows of channels with a gain of one."""

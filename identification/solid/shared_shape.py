@@ -84,6 +84,7 @@ def shared_channels(model: RigidFitModel, mask: Mask, errors: Real) -> list[int]
 def leading_shape(model: RigidFitModel, moments: Moments, errors: Real) -> Real:
     """Return the direction of most residual beyond noise in the largest group; (n_channel,)."""
     group = int(np.argmax(moments.count.sum(axis=1)))
+    moments = moments.without_delays(model.sensors.delays(errors))
     rows = model.rows(errors) * model.scale[:, None]
     projector = project(rows, moments.mask[group]).residual_projector
     clean = moments.gram[group].sum(axis=0) - np.diag(moments.noise[group].sum(axis=0))
@@ -107,6 +108,7 @@ def amplitude_gain(
     Returns:
         The gain, and the power of the amplitude per block beyond noise [noise]; (n_block,).
     """
+    moments = moments.without_delays(model.sensors.delays(errors))
     gain, power = 0.0, np.zeros(moments.gram.shape[1])
     for mask, gram, noise, count in zip(
         moments.mask, moments.gram, moments.noise, moments.count, strict=True
@@ -147,6 +149,7 @@ def estimate_noise_scale(
 
 def block_residuals(model: RigidFitModel, moments: Moments, errors: Real) -> tuple[Real, Real]:
     """Compute the residual, and the residual that noise alone would give, per block; (n_block,)."""
+    moments = moments.without_delays(model.sensors.delays(errors))
     residual = np.zeros(moments.gram.shape[1])
     expected = np.zeros_like(residual)
     for mask, gram, noise in zip(moments.mask, moments.gram, moments.noise, strict=True):

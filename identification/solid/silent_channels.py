@@ -25,7 +25,12 @@ def drop_still_channels(data: BodyData, layout: Layout) -> BodyData:
     if not is_still.any() or is_still.all():
         return data
     kept = np.flatnonzero(~is_still)
-    sensors = Sensors.of(layout, tuple(data.sensors.channels[k] for k in kept))
+    sensors = Sensors.of(
+        layout,
+        tuple(data.sensors.channels[k] for k in kept),
+        has_cross=data.sensors.has_cross,
+        has_delays=data.sensors.has_delays,
+    )
     if is_still.sum() > 1:
         rows = data.sensors.rows(np.zeros(data.sensors.count))
         sensors = replace(sensors, moving=_remaining_motions(rows, kept))

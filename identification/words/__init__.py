@@ -10,7 +10,14 @@ from identification.words._arrays import (
     Real,
     frozen_array,
 )
-from identification.words.campaign import DEFAULT_HAMMER, Campaign, Condition, Test, Tolerance
+from identification.words.campaign import (
+    DEFAULT_HAMMER,
+    TOLERANCE_BOUND_SIGMA,
+    Campaign,
+    Condition,
+    Test,
+    Tolerance,
+)
 from identification.words.dof import DIRECTIONS, Dof, distinct_dofs
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
 from identification.words.frf import DERIVATIVE_ORDER, Frf, FrfEstimate, Quantity, VarianceSource
@@ -30,6 +37,7 @@ __all__ = [
     "MAX_FREQUENCY_HZ",
     "MAX_INPUT_MAGNITUDE",
     "MIN_FREQUENCY_HZ",
+    "TOLERANCE_BOUND_SIGMA",
     "Campaign",
     "Complex",
     "Condition",

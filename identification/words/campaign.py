@@ -14,6 +14,9 @@ from identification.words.layout import Layout
 from identification.words.motor import Input, Motor
 from identification.words.names import shorten_names
 
+# Standard deviations within which every tolerance is kept in a fit; what lies beyond is an effect
+# that the model lacks, or a fault of a sensor.
+TOLERANCE_BOUND_SIGMA = 2.5
 DEFAULT_HAMMER = "default"  # name of the hammer of all tests that do not name theirs
 
 

@@ -31,11 +31,13 @@ from typing import Literal
 import numpy as np
 
 from identification.words import Complex, Integers, Mask, Real
+from mbmodel.frf.channel_factors import input_factor, output_selection
 from mbmodel.frf.modal_form import real_times
+from mbmodel.frf.parameter_groups import ParameterGroup, stack_parameters
 from mbmodel.frf.ports import direction_selection
 from mbmodel.frf.solution import FrfSolution
 from mbmodel.linearisation.gravity import gravity_slope
-from mbmodel.model import frequency_dependent_core, input_factor, output_selection
+from mbmodel.model import frequency_dependent_core
 from mbmodel.parts import Change
 
 Slopes = Sequence[tuple[Change, ...]]
@@ -58,21 +60,6 @@ class SensitivityTerm:
 
     indices: Integers | slice
     values: Real
-
-
-@dataclass(frozen=True, eq=False)
-class _ParameterGroup:
-    """Matrices K of parameters that stand side by side.
-
-    Args:
-        indices: numbers of the parameters among the chosen.
-        count: number of parameters.
-        matrix: K; (m, n count).
-    """
-
-    indices: Integers | slice
-    count: int
-    matrix: Real
 
 
 class ForwardSensitivities:
@@ -279,7 +266,7 @@ class ForwardSensitivities:
             yield SensitivityTerm(group.indices, values.reshape(n_line, n_in, 2, -1, group.count))
 
     @cached_property
-    def _groups(self) -> dict[_Key, _ParameterGroup]:
+    def _groups(self) -> dict[_Key, ParameterGroup]:
         """Parameters grouped by target, source, power of s and shape."""
         terms: dict[_Key, list[tuple[Integers, Real]]] = {}
         start = 0
@@ -292,7 +279,7 @@ class ForwardSensitivities:
                     active = matrices.any(axis=(1, 2))
                     if active.any():
                         terms.setdefault(key, []).append((indices[active], matrices[active]))
-        return {key: _stack_parameters(of_key) for key, of_key in terms.items()}
+        return {key: stack_parameters(of_key) for key, of_key in terms.items()}
 
     def _term_matrices(
         self, number: int, change: Change, core: Real
@@ -401,19 +388,6 @@ class ForwardSensitivities:
         yield ("force", "joints", 0, change.shape), -slopes
 
 
-def _stack_parameters(terms: Sequence[tuple[Integers, Real]]) -> _ParameterGroup:
-    """Return matrices of several Parts side by side, summed if a parameter occurs twice."""
-    indices = np.concatenate([of_part for of_part, _ in terms])
-    matrices = np.concatenate([of_part for _, of_part in terms])
-    numbers, inverse = np.unique(indices, return_inverse=True)
-    if len(numbers) < len(indices):
-        summed = np.zeros((len(numbers), *matrices.shape[1:]))
-        np.add.at(summed, inverse, matrices)
-        indices, matrices = numbers, summed
-    flat = np.ascontiguousarray(matrices.transpose(2, 1, 0))
-    return _ParameterGroup(_as_slice(indices), len(indices), flat.reshape(len(flat), -1))
-
-
 def _flatten(values: Complex) -> Real:
     """Return (m, n_in, n_freq) complex numbers as real numbers in m rows."""
     return np.ascontiguousarray(values).reshape(len(values), -1).view(float)
@@ -424,12 +398,3 @@ def _shape_product(first: _Shape, second: _Shape) -> _Shape:
     if first is None or second is None:
         return second if first is None else first
     return lambda laplace: first(laplace) * second(laplace)
-
-
-def _as_slice(indices: Integers) -> Integers | slice:
-    """Return evenly spaced indices as a slice, which is quicker to add to."""
-    steps = np.unique(np.diff(indices))
-    if len(steps) > 1 or (len(steps) and steps[0] < 1) or not len(indices):
-        return indices
-    step = int(steps[0]) if len(steps) else 1
-    return slice(int(indices[0]), int(indices[-1]) + 1, step)

@@ -6,12 +6,13 @@ from functools import cached_property
 import numpy as np
 
 from identification.words import Complex, Condition, Real
+from mbmodel.frf.channel_factors import input_factor, output_factor
 from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.ports import Ports
 from mbmodel.frf.request import FrfRequest
 from mbmodel.frf.solver import Solver
 from mbmodel.frf.woodbury import WoodburySolver
-from mbmodel.model import Assembly, Model, input_factor, output_factor
+from mbmodel.model import Assembly, Model
 
 
 @dataclass(frozen=True, eq=False)

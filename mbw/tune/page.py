@@ -82,8 +82,8 @@ def _lead(summary: TunedFile) -> str:
     if summary.model_error is None:
         return text + "."
     return text + (
-        f"; beside it, the model is off by {100 * summary.model_error:.2g} % of the motion at each "
-        "sensor."
+        f"; beside it, the residuals show a model error of {100 * summary.model_error:.2g} % of "
+        "each sensor's motion on an ordinary line."
     )
 
 

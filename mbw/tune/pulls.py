@@ -5,11 +5,11 @@ The pull of a tolerance is its shift in units of its prior's standard deviation.
 
 from html import escape
 
+from identification.words import TOLERANCE_BOUND_SIGMA
 from mbw.page.numbers import format_shift, format_tolerance
 from tuning import TunedFile
 from tuning.assessment.parameter_confidence import PLAUSIBLE_PULL_SIGMA
 from tuning.files.schema import ParameterRow
-from tuning.parametrisation.parametrisation import TOLERANCE_BOUND_SIGMA
 
 _TOLERANCE_KINDS = {
     ("body", "mass"): "mass",

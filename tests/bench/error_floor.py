@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from diagnosis.effects import catalogue
 from diagnosis.hypothesis import Scene
-from diagnosis.refits.refitting import _start, posed
+from diagnosis.refits.refitting import asked
 from diagnosis.search.score_test import gains, ranked
 from tests.bench.kept import cases
 from truth import Cause, Plan, Protocol, TruthError, Wanted, draw_campaign, read_station
@@ -88,12 +88,12 @@ def _ranks(folder: Path, truth: tuple[str, str | None]) -> dict[str, object]:
         best.setdefault((score.hypothesis.effect, score.hypothesis.location), score.hypothesis)
     costs = {}
     for site, hypothesis in list(best.items())[:_REFITTED]:
-        inner = posed(scene, hypothesis, session.campaign)
+        task = asked(scene, hypothesis, session.campaign, ())
         refit = fit_at_error_floor(
-            inner.model,
-            inner.campaign,
-            inner.parametrisation,
-            start=_start(scene, inner, hypothesis),
+            task.session.model,
+            task.session.campaign,
+            task.session.parametrisation,
+            start=task.start,
             floor=null.error.floor,
         )
         costs[site] = refit.error

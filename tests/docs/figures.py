@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from tests.docs import (
     calibration_figures,
     diagnosis_figures,
+    dirty_figures,
     headline_figures,
     model_figures,
     modes_figures,
@@ -22,6 +23,7 @@ from tests.docs import (
 FIGURES: Mapping[str, Callable[[], str]] = {
     **headline_figures.FIGURES,
     **diagnosis_figures.FIGURES,
+    **dirty_figures.FIGURES,
     **calibration_figures.FIGURES,
     **model_figures.FIGURES,
     **modes_figures.FIGURES,

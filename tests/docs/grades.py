@@ -109,11 +109,13 @@ def is_right(answer: Mapping, verdict: Mapping) -> bool:
     causes = [(cause["effect"], cause["location"]) for cause in verdict["causes"]]
     truth = [(cause["effect"], cause["location"]) for cause in answer.get("cause", [])]
     if truth:
-        return verdict["verdict"] == "several" and set(causes[: len(truth)]) == set(truth)
+        return verdict["verdict"] in ("several", "partly") and set(causes[: len(truth)]) == set(
+            truth
+        )
     if answer["effect"] in ("none", "unexplained"):
         return bool(verdict["verdict"] == answer["effect"])
     first = causes[:1] == [(answer["effect"], answer["location"])]
-    return first and verdict["verdict"] == "explained"
+    return first and verdict["verdict"] in ("explained", "partly")
 
 
 def seeds_fragment(cases: str) -> Callable[[], str]:

@@ -76,6 +76,20 @@ def flexible(
     return mode * size / relative
 
 
+def mixed_and_late(case: Case, freq: np.ndarray, values: np.ndarray, rigid) -> np.ndarray:
+    """Cross-talk of triaxial sensors, symmetric, and a delay of each channel; within tolerance."""
+    rng = np.random.default_rng([case.seed, 17])
+    count = values.shape[1] // 3
+    pairs = case.tolerance.sensor_cross * rng.normal(size=(count, 3))
+    delays = case.tolerance.sensor_delay * rng.normal(size=3 * count)
+    mixed = values.copy()
+    read = np.array(rigid).reshape(len(freq), count, 3, -1)
+    for pair, (a, b) in enumerate([(0, 1), (0, 2), (1, 2)]):
+        mixed[:, a::3] += pairs[:, pair, None] * read[:, :, b]
+        mixed[:, b::3] += pairs[:, pair, None] * read[:, :, a]
+    return mixed * np.exp(-2j * np.pi * freq[:, None] * delays)[:, :, None]
+
+
 def draw(case: Case) -> Campaign:
     """A campaign of three hits on one axis, noise of H1 known by its variance."""
     rng = np.random.default_rng(case.seed)
@@ -93,6 +107,7 @@ def draw(case: Case) -> Campaign:
     if case.flex is not None:
         values = values + flexible(rng, freq, true.rows(outputs), values, case.flex)
     values = values * (1 + case.tolerance.sensor_gain * rng.normal(size=(len(outputs), 1)))
+    values = mixed_and_late(case, freq, values, [true.rows(outputs) @ h for h in rigid])
     if case.read is not None:
         values = case.read(freq, values)
     level = case.noise * np.sqrt((np.abs(values) ** 2).mean(axis=1, keepdims=True))

@@ -13,7 +13,16 @@ from identification.solid.ranking import _held_out_cost, _restart_null, rank_fau
 from identification.solid.rigid_fit import Moments, RigidFitModel, fit_errors
 from identification.solid.screening import BodyFit
 from identification.solid.sensor_faults import BelievedBody, list_hypotheses
-from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Layout, Test
+from identification.words import (
+    Campaign,
+    Condition,
+    Dof,
+    Frf,
+    FrfEstimate,
+    Layout,
+    Test,
+    Tolerance,
+)
 
 LINES = 200
 
@@ -300,7 +309,9 @@ def test_noise_alone_costs_nothing_in_the_mean():
     # tr(P (G - V)) of a rigid body at the true errors: mean 0, variance 6 a value.
     costs = []
     for seed in range(40):
-        exact = replace(Case(0).tolerance, sensor_gain=0.0, sensor_angle=0.0, sensor_position=0.0)
+        exact = Tolerance(
+            sensor_gain=0, sensor_angle=0, sensor_position=0, sensor_delay=0, sensor_cross=0
+        )
         campaign = draw(Case(2300 + seed, lines=60, tolerance=exact, averages=200))
         data = body_data(join_tests(campaign), campaign, "body0")
         spread = data.sensors.spread(campaign.tolerance)

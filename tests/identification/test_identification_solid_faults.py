@@ -104,7 +104,13 @@ def test_a_place_far_outside_its_body_is_no_exchange_of_sensors(seed, noise):
 
 def in_a_square(seed: int, offset: np.ndarray, noise: float) -> Campaign:
     """Four world-aligned triaxials about a small stage, the third somewhere else."""
-    exact = Tolerance(sensor_gain=1e-6, sensor_angle=1e-6, sensor_position=1e-6)
+    exact = Tolerance(
+        sensor_gain=1e-6,
+        sensor_angle=1e-6,
+        sensor_position=1e-6,
+        sensor_delay=0,
+        sensor_cross=0,
+    )
     campaign = draw(Case(seed, lines=LINES, noise=noise, tolerance=exact))
     corners = np.array([[-0.16, -0.14, 0.05], [0.16, -0.14, 0.05], [0.16, 0.14, 0.05]])
     corners = np.vstack([corners, [-0.16, 0.14, 0.05]]) + campaign.layout.centres[0]

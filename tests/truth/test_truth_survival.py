@@ -1,20 +1,24 @@
 """The linearised refit against least squares made another way, and against what it must mean."""
 
+import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+from truth.campaign.bounded_least_squares import BOUND
 from truth.campaign.cause import Cause, Wanted
 from truth.campaign.draw import Tolerance, draw_hammers, stream
 from truth.campaign.frf_sensitivities import Jacobian, jacobian_again
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import Protocol, occasions, takes
-from truth.campaign.survival import BOUND, refit_of
+from truth.campaign.survival import refit_of
 from truth.campaign.virtual_test import Plan, draw_campaign
 from truth.effects import CATALOGUE, Scene
+from truth.errors import NoPlaceError
 from truth.machine.machine_on_test import Machine
+from truth.machine.random_tree import draw_tree
 from truth.machine.rig import Occasion, accelerance
 
 TOLERANCE = Tolerance()
@@ -237,3 +241,25 @@ def test_an_effect_is_made_as_strong_as_is_wanted(two_bodies):
         text = draw_campaign(two_bodies, plan).answer.decode()
         (line,) = [one for one in text.splitlines() if one.startswith("ratio")]
         assert float(line.split()[2]) == pytest.approx(ratio, rel=0.09)
+
+
+def test_an_effect_may_be_sized_for_a_parameter_of_its_answer(two_bodies):
+    wanted = Wanted("sensor_delay", "sensor:acc1", parameter=("delay", 3e-4))
+    plan = Plan(7, Cause((wanted,)), Protocol((1,)))
+    answer = tomllib.loads(draw_campaign(two_bodies, plan).answer.decode())
+    assert answer["parameters"]["delay"] == pytest.approx(3e-4)
+    assert "ratio" not in answer
+    too_large = replace(plan, cause=Cause((replace(wanted, parameter=("delay", 9.0)),)))
+    with pytest.raises(NoPlaceError, match="no draw of 20 can have the delay 9"):
+        draw_campaign(two_bodies, too_large)
+
+
+def test_more_corrections_come_nearer_to_a_ratio_that_further_steps_hide():
+    tree, off = draw_tree(2, 2), []
+    protocol = Protocol((tree.first_aim(),), lines=201, resolution_hz=1.0)
+    for corrections in (0, 1, 4):
+        cause = Cause((Wanted("viscoelastic", None, 4.0, corrections),))
+        answer = draw_campaign(tree, Plan(2, cause, protocol)).answer.decode()
+        off.append(abs(np.log(tomllib.loads(answer)["ratio"] / 4.0)))
+    assert off[2] < 0.1
+    assert off[2] < off[1] < off[0]

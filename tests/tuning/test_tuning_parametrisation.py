@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_machine import TOLERANCE, unit_coordinate
 
+from identification.words import TOLERANCE_BOUND_SIGMA
 from mbmodel import Model, body_parts
 from tuning import build_toleranced_model, parametrise
-from tuning.parametrisation.parametrisation import TOLERANCE_BOUND_SIGMA
 from tuning.solvers.gauss_newton import LARGEST_STEP
 
 

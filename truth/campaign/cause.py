@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
+from scipy.optimize import brentq
 
 from truth.campaign.draw import stream
 from truth.campaign.survival import Refit
@@ -31,11 +32,18 @@ class Wanted:
         effect: its name in the catalogue.
         place: such as ``joint:ty``; drawn if None.
         ratio: survival ratio that its size is chosen for; None: the size is drawn.
+        corrections: how often the size is corrected for what the further steps of a refit hide.
+        parameter: name and value of the parameter of its answer that its size is chosen for,
+            instead of a ratio.
+        draws: of place and shape at most, until one can be as strong as that.
     """
 
     effect: str
     place: str | None = None
     ratio: float | None = None
+    corrections: int = 1
+    parameter: tuple[str, float] | None = None
+    draws: int = _DRAWS
 
 
 @dataclass(frozen=True)
@@ -118,42 +126,73 @@ def _drawn(
 ) -> tuple[Drawn, int]:
     """Draw one effect; of draws that all fail the one that comes nearest to its ratio is kept."""
     best: Drawn | None = None
-    for number in range(_DRAWS):
+    for number in range(wanted.draws):
         effect = _KNOWN[wanted.effect](random, scene, wanted.place)
         if effect is None:
             raise NoPlaceError(f"{wanted.effect}: {machine.station.name} has no place for it")
         if effect.answer().location in taken and wanted.place is None and taken != {""}:
             continue
+        sized = effect if wanted.parameter is None else _with_parameter(effect, *wanted.parameter)
+        if sized is None:
+            continue
         if wanted.ratio is None or refit is None:
-            return Drawn(effect, None), number
-        drawn, near = _strong(effect, machine, wanted.ratio, refit)
+            return Drawn(sized, None), number
+        drawn, near = _strong(effect, machine, wanted.ratio, refit, wanted.corrections)
         if near:
             return drawn, number
         if best is None or _off(drawn, wanted.ratio) < _off(best, wanted.ratio):
             best = drawn
     if best is None:
-        raise NoPlaceError(f"{wanted.effect}: every place of {machine.station.name} is taken")
-    return best if refit is None else _whole(best, machine, refit), _DRAWS
+        full = f"every place of {machine.station.name} is taken"
+        if wanted.parameter is not None:
+            name, value = wanted.parameter
+            full = f"no draw of {wanted.draws} can have the {name} {value:g}"
+        raise NoPlaceError(f"{wanted.effect}: {full}")
+    return best if refit is None else _whole(best, machine, refit), wanted.draws
 
 
 def _off(drawn: Drawn, ratio: float) -> float:
     return abs(float(np.log(max(drawn.ratio or 0.0, 1e-9) / ratio)))
 
 
-def _strong(effect: Effect, machine: Machine, ratio: float, refit: Refit) -> tuple[Drawn, bool]:
+def _with_parameter(effect: Effect, name: str, value: float) -> Effect | None:
+    """Return the effect at the size at which its answer has a parameter; None if none has it."""
+
+    def off(logarithm: float) -> float:
+        stated = effect.sized(float(np.exp(logarithm))).answer().parameters[name]
+        return float(np.asarray(stated)) - value
+
+    if effect.limits is None:
+        return None
+    low, high = (float(np.log(limit)) for limit in effect.limits)
+    if off(low) * off(high) > 0:
+        return None
+    return effect.sized(float(np.exp(brentq(off, low, high, xtol=1e-12))))
+
+
+def _strong(
+    effect: Effect, machine: Machine, ratio: float, refit: Refit, corrections: int
+) -> tuple[Drawn, bool]:
     """Choose the size for a ratio; whether a refit leaves about as much as was aimed at.
 
-    Its further steps hide more, of some effects much more: once the size is chosen anew for that.
+    Its further steps hide more, of some effects much more: the size is then chosen anew for a
+    ratio of the first step that is larger by what they have hidden.
     """
     least = ratio * float(np.exp(-_HIDDEN))
     first = _first_step(effect, machine, ratio, refit)
+    if effect.size is not None and (first.ratio or 0.0) < least:
+        return first, False  # further steps leave even less
     found = _whole(first, machine, refit, least)
     if effect.size is None:
         return found, True
-    if _off(first, ratio) <= 2 * _CLOSE < _off(found, ratio):
-        aim = ratio * min(ratio / max(found.ratio or 0.0, 1e-9), _MORE)
-        again = _whole(_first_step(effect, machine, aim, refit), machine, refit, least)
-        found = min((found, again), key=lambda one: _off(one, ratio))
+    aim, last = ratio, found
+    for _ in range(corrections):
+        if _off(first, aim) > 2 * _CLOSE or _off(last, ratio) <= 2 * _CLOSE:
+            break
+        aim = min(aim * ratio / max(last.ratio or 0.0, 1e-9), _MORE * ratio)
+        first = _first_step(effect, machine, aim, refit)
+        last = _whole(first, machine, refit, least)
+        found = min((found, last), key=lambda one: _off(one, ratio))
     return found, _off(found, ratio) <= _HIDDEN
 
 

@@ -215,3 +215,21 @@ def _complex_normal(random: np.random.Generator, shape: tuple[int, ...]) -> Comp
     parts = random.standard_normal((2, *shape)) / np.sqrt(2)
     number: Complex = parts[0] + 1j * parts[1]
     return number
+
+
+def frf_deviation(base: Complex, lines: Real, protocol: Protocol, level: float) -> Real:
+    """Return the standard deviation of H1, real plus imaginary part, that a hammer test will have.
+
+    Args:
+        base: FRFs of the machine; (n_line, n_out, n_in).
+        lines: frequencies [Hz]; (n_line,).
+        protocol: averages and spacing of the lines of the test.
+        level: mean peak force [N].
+    """
+    pulse = Pulses(np.array([level]), np.array([PULSE_SECONDS]))
+    force = np.abs(pulse_spectra(lines, pulse)[0]) * np.sqrt(protocol.averages)
+    spacing = protocol.freq_hz[1] - protocol.freq_hz[0]
+    sensor = noise_spectrum(lines, spacing) / force
+    hammer = FORCE_NOISE * np.abs(base) / np.sqrt(protocol.averages)
+    deviation: Real = np.sqrt(sensor[:, None, None] ** 2 + hammer**2)
+    return deviation

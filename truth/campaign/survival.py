@@ -24,16 +24,14 @@ weaker hides a short delay to a hundredth of what they leave.
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
-from scipy.linalg import blas
 
+from truth.campaign.bounded_least_squares import bounded_solution, normal_matrix
 from truth.campaign.draw import Tolerance
 from truth.campaign.frf_sensitivities import Jacobian, jacobian, jacobian_again, stacked, unstacked
 from truth.campaign.measure import (
-    FORCE_NOISE,
     PULSE_SECONDS,
+    frf_deviation,
     linear_frfs,
-    noise_spectrum,
     nonlinear_part,
     pulse_spectra,
 )
@@ -52,12 +50,9 @@ _CAUTION = 1e-3  # of J^T J's diagonal, added to it
 _BOLDER, _WARIER = 0.2, 10.0  # times that after a step that helps, or does not
 _STEPS = 4  # of a refit that tolerates an error of the model
 _LITTLE = 0.01  # of the cost: who gains less has arrived
-BOUND = 2.5  # standard deviations within which a tolerance is kept
 _LINES = 120  # lines of the refit
 _LOWEST_HZ = 5.0  # below, the building's noise drowns a hammer test
-_ROUNDS = 30
 _COARSE_HZ = 4096.0  # samples per second of nonlinear joints, when only a size is looked for
-_RIDGE = 1e-13  # of the diagonal: a joint that no sensor sees
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,7 +207,7 @@ class Refit:
         before = Jacobian(self.shared, self.bounded[: self.shared.shape[1]], self.own)
         weight = self.used[:, None] / self.deviation
         slopes = jacobian_again(known.machine, known.freq_hz, weight, before)
-        normal = _normal(slopes.shared, self.own, self.deviation.shape)
+        normal = normal_matrix(slopes.shared, self.own, self.deviation.shape)
         normal += np.diag(self.bounded.astype(float))
         return replace(
             self, machine=known.machine, known=known, shared=slopes.shared, normal=normal
@@ -278,7 +273,7 @@ class Refit:
         """
         right = self._adjoint(self._weighted(change))
         more = np.where(self.bounded, 0.0, caution * (np.diag(self.normal) + 1))
-        solution = _bounded(self.normal + np.diag(more), right, self.bounded)
+        solution = bounded_solution(self.normal + np.diag(more), right, self.bounded)
         return solution, self._followed(solution, change.shape)
 
     def _by_tolerances(self, change: Complex) -> tuple[Complex, float]:
@@ -286,7 +281,7 @@ class Refit:
         own = np.ix_(self.bounded, self.bounded)
         weighted = self._weighted(change)
         right = self._adjoint(weighted)[self.bounded]
-        found = _bounded(self.normal[own], right, self.bounded[self.bounded])
+        found = bounded_solution(self.normal[own], right, self.bounded[self.bounded])
         solution = np.zeros(len(self.bounded))
         solution[self.bounded] = found
         cost = weighted @ weighted - 2 * right @ found + found @ self.normal[own] @ found
@@ -335,7 +330,7 @@ def refit_of(
     lines = _chosen(protocol)
     known = Known(plain, lines)
     base = known.on(Occasion(node=protocol.nodes[0]))[1]
-    noise = _deviation(base, lines, protocol, takes[0].level)
+    noise = frf_deviation(base, lines, protocol, takes[0].level)
     deviation, excess = noise, 1.0
     points = [(sensor.node, axis) for _, sensor in plain.station.sensors() for axis in (1, 2, 3)]
     used = np.array([point != protocol.dead for point in points])
@@ -377,7 +372,7 @@ def _linearised(
     slopes = jacobian(machine, known.freq_hz, tolerance, used[:, None] / deviation)
     shared, own = slopes.shared, slopes.own
     bounded = np.append(slopes.bounded, np.full(own.shape[0] * own.shape[2], True))
-    normal = _normal(shared, own, deviation.shape) + np.diag(bounded.astype(float))
+    normal = normal_matrix(shared, own, deviation.shape) + np.diag(bounded.astype(float))
     return Refit(
         machine,
         protocol,
@@ -394,57 +389,7 @@ def _linearised(
     )
 
 
-def _normal(shared: Real, own: Real, shape: tuple[int, ...]) -> Real:
-    """J^T J: sensors meet the shared columns, never one another."""
-    split, each = shared.shape[1], own.shape[2]
-    normal = np.zeros((split + len(own) * each,) * 2)
-    half = blas.dsyrk(1.0, shared, trans=1, lower=False)  # in Fortran's order: no copy
-    normal[:split, :split] = np.triu(half) + np.triu(half, 1).T
-    whole = shared.reshape(2, *shape, split)
-    for number, columns in enumerate(own):
-        rows = slice(3 * number, 3 * number + 3)
-        here = slice(split + each * number, split + each * (number + 1))
-        normal[here, here] = columns.T @ columns
-        crossed = whole[:, :, rows].reshape(-1, split).T @ columns
-        normal[:split, here], normal[here, :split] = crossed, crossed.T
-    return normal
-
-
-def _bounded(normal: Real, right: Real, bounded: Mask) -> Real:
-    """Least x^T N x / 2 - b^T x with tolerances within their bound, by an active set."""
-    scale = np.sqrt(np.diag(normal))
-    held = np.zeros(len(right))
-    for _ in range(_ROUNDS):
-        free = held == 0
-        solution = BOUND * held
-        inner = normal[np.ix_(free, free)] / np.outer(scale[free], scale[free])
-        inner[np.diag_indices_from(inner)] += _RIDGE
-        push = (right[free] - normal[np.ix_(free, ~free)] @ solution[~free]) / scale[free]
-        factor = scipy.linalg.cho_factor(inner)
-        solution[free] = np.asarray(scipy.linalg.cho_solve(factor, push), np.float64) / scale[free]
-        beyond = bounded & free & (np.abs(solution) > BOUND)
-        slope = normal @ solution - right
-        inward = ~free & (slope * held > 0)  # the cost falls where the bound is left
-        if not beyond.any() and not inward.any():
-            break
-        held[beyond] = np.sign(solution[beyond])
-        held[inward] = 0
-    limit = np.where(bounded, BOUND, np.inf)
-    return np.minimum(np.maximum(solution, -limit), limit)
-
-
 def _chosen(protocol: Protocol) -> Real:
     """Lines of the refit, evenly from where a hammer test begins to tell."""
     lines = protocol.freq_hz[protocol.freq_hz >= _LOWEST_HZ]
     return lines[:: max(1, len(lines) // _LINES)]
-
-
-def _deviation(base: Complex, lines: Real, protocol: Protocol, level: float) -> Real:
-    """Standard deviation of H1, real plus imaginary part, as the hammer test will have it."""
-    pulse = Pulses(np.array([level]), np.array([PULSE_SECONDS]))
-    force = np.abs(pulse_spectra(lines, pulse)[0]) * np.sqrt(protocol.averages)
-    spacing = protocol.freq_hz[1] - protocol.freq_hz[0]
-    sensor = noise_spectrum(lines, spacing) / force
-    hammer = FORCE_NOISE * np.abs(base) / np.sqrt(protocol.averages)
-    deviation: Real = np.sqrt(sensor[:, None, None] ** 2 + hammer**2)
-    return deviation

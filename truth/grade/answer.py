@@ -89,14 +89,23 @@ def read_answer(path: Path) -> Truth:
         given = tomllib.loads(read_bytes(path).decode("utf-8"))
     except (ValueError, RecursionError) as error:
         raise TruthError(f"{path.name}: is not TOML ({error})") from error
-    table(given, path.name, "effect")
-    effect = text(given["effect"], f"{path.name}: effect")
+    return answer_from(given, path.name)
+
+
+def answer_from(given: Mapping[str, object], name: str) -> Truth:
+    """Read an answer that is parsed already.
+
+    Raises:
+        TruthError: it is no answer.
+    """
+    table(given, name, "effect")
+    effect = text(given["effect"], f"{name}: effect")
     if effect == NONE:
         causes: tuple[TrueCause, ...] = ()
     elif effect == SEVERAL:
         causes = tuple(_cause(one) for one in items(given.get("cause"), "cause"))
         if len(causes) < 2:
-            raise TruthError(f"{path.name}: several effects, but fewer than two [[cause]]")
+            raise TruthError(f"{name}: several effects, but fewer than two [[cause]]")
     else:
         causes = (_cause(given),)
     drawn = table(given.get("drawn", {}), "drawn")

@@ -19,14 +19,13 @@ from truth.grade.verdict import (
     Verdict,
     alone,
     first_of,
-    fits_word,
+    is_word_of,
     twins_of,
 )
 
 FLOOR = 1e-3  # probability below which the log score looks no further
 SEEN = 1.1  # excess from which a gap is one
 _TOP = 3
-_PROBABLE = 0.5  # probability of an established cause
 
 RATES: Mapping[str, str] = MappingProxyType(
     {
@@ -37,13 +36,13 @@ RATES: Mapping[str, str] = MappingProxyType(
         "both_or_twin": "the same, or the truth is in one set of twins with it",
         "top3": "one effect: it is among the three most probable causes, at its place",
         "direction": "of those with both, if the truth has a direction: it is the true one",
-        "verdict_is_first": "the word of the verdict is that of its most probable hypothesis",
+        "verdict_is_first": "the word of the verdict fits its most probable hypothesis",
         "false_alarm": "nothing wrong, or stiffness and damping alone: the verdict, or its most "
         "probable hypothesis, is not none",
         "unknown_rejected": "outside the catalogue: verdict and first hypothesis are unexplained",
         "unknown_placed": "of those rejected: most of the gap is seen at the true place",
-        "several_said": "several effects: the verdict is several",
-        "both_found": "two effects: the verdict is several, the two most probable causes are they",
+        "several_said": "several effects: the verdict is several, or partly with two causes",
+        "both_found": "two effects: several is said so, the two most probable causes are they",
         "largest_first": "several effects: the most probable cause is the largest",
         "where_first": "most of the gap is seen at the true place",
         "where_top3": "the true place is among the three with most of the gap",
@@ -84,9 +83,8 @@ def marks_of(truth: Truth, verdict: Verdict, excess: Excess = NO_EXCESS) -> Mark
         **_of_where(truth, verdict),
         **_of_probability(truth, verdict),
     }
-    found["verdict_is_first"] = float(
-        verdict.verdict != FAILED and fits_word(first, verdict.verdict)
-    )
+    fits = verdict.verdict != FAILED and is_word_of(verdict.verdict, first)
+    found["verdict_is_first"] = float(fits)
     found["twin_set"] = float(len(twins_of(verdict, first.row))) if first.row else None
     found["shrink_share"] = shrink_share(verdict, excess)
     return MappingProxyType(found)
@@ -166,8 +164,9 @@ def _of_kind(truth: Truth, verdict: Verdict, first: First) -> dict[str, float | 
             most = verdict.where[0][0] if verdict.where else ""
             found["unknown_placed"] = float(most in truth.places)
     elif truth.effect == SEVERAL:
-        probable = [row for row in verdict.causes if row.probability >= _PROBABLE]
-        said = verdict.verdict == SEVERAL or (verdict.verdict == PARTLY and len(probable) > 1)
+        said = verdict.verdict == SEVERAL or (
+            verdict.verdict == PARTLY and sum(row.probability >= 0.5 for row in verdict.causes) > 1
+        )
         found["several_said"] = float(said)
         known = [one for one in truth.causes if one.effect != UNEXPLAINED]
         if len(known) == len(truth.causes) == 2:

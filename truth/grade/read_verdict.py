@@ -26,7 +26,16 @@ def read_verdict(path: Path) -> Verdict:
     Raises:
         TruthError: the file is missing, or breaks the contract; one sentence says where.
     """
-    given = table(read_json(path), "verdict file", *_KEYS, _LAST)
+    return verdict_from(read_json(path))
+
+
+def verdict_from(value: object) -> Verdict:
+    """Check a verdict that is read already.
+
+    Raises:
+        TruthError: it breaks the contract; one sentence says where.
+    """
+    given = table(value, "verdict file", *_KEYS, _LAST)
     word = text(given["verdict"], "verdict")
     if word not in WORDS:
         raise TruthError(f"verdict {word[:40]!r}: expected one of {', '.join(WORDS)}")
@@ -114,6 +123,7 @@ def _row(value: object, what: str) -> Row:
     }
     interval = given.get("interval")
     intervals = {} if interval is None else table(interval, f"{what}.interval")
+    after = given.get("excess_after")
     return Row(
         effect=effect,
         location=location,
@@ -125,6 +135,7 @@ def _row(value: object, what: str) -> Row:
             for name, one in intervals.items()
             if one is not None and name in found
         },
+        excess_after=None if after is None else number(after, f"{what}.excess_after", 0.0),
     )
 
 

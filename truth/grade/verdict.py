@@ -24,6 +24,7 @@ class Row:
         dof: empty if it is not stated.
         parameters: SI, by name.
         interval: of parameters, by name.
+        excess_after: excess with the cause in the model; None if it is not stated.
     """
 
     effect: str
@@ -32,6 +33,7 @@ class Row:
     dof: str = ""
     parameters: Mapping[str, Numbers] = field(default_factory=dict)
     interval: Mapping[str, Interval] = field(default_factory=dict)
+    excess_after: float | None = None
 
 
 @dataclass(frozen=True)
@@ -122,20 +124,19 @@ def first_of(verdict: Verdict) -> First:
         First(row.effect, row.location, own, row)
         for row, own in zip(verdict.causes, alone(verdict), strict=True)
     ]
-    best = max(hypotheses, key=lambda one: (one.probability, fits_word(one, verdict.verdict)))
+    best = max(hypotheses, key=lambda one: (one.probability, is_word_of(verdict.verdict, one)))
     return best if best.probability > 0 else First(FAILED, "", 0.0)
 
 
 def word_of(first: First) -> str:
-    """Return the verdict's word for a hypothesis."""
+    """Return the verdict's word for a hypothesis without a rest."""
     return EXPLAINED if first.row else first.effect
 
 
-def fits_word(first: First, word: str) -> bool:
-    """Tell whether a verdict's word fits a hypothesis: ``partly`` fits any with a cause."""
-    if word == PARTLY:
-        return first.row is not None or first.effect == SEVERAL
-    return word_of(first) == word
+def is_word_of(word: str, first: First) -> bool:
+    """Tell whether a verdict's word fits a hypothesis; ``partly`` fits any set of causes."""
+    has_causes = first.row is not None or first.effect == SEVERAL
+    return word == word_of(first) or (word == PARTLY and has_causes)
 
 
 def twins_of(verdict: Verdict, row: Row) -> frozenset[tuple[str, str]]:

@@ -22,7 +22,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from identification.words import Campaign, Complex, FrfEstimate, Real
-from tuning.misfit.weights import FORCE_ERROR_FLOOR
+from tuning.misfit.weights import FORCE_ERROR_FLOOR, point_power_of
 
 _LARGEST_ERROR = 3.0  # relative: a model that is off by more tells nothing
 _LOG_STEP = 1e-3  # of the floor, to which its logarithm is found
@@ -89,9 +89,7 @@ def profile_floor(squares: Real, variance: Real, power: Real) -> ModelError:
 def _residual_rows(model: Complex, estimate: FrfEstimate) -> tuple[Real, Real, Real]:
     """Return |r|^2, var and |H_point|^2 of the values of one test that count; (n_value,) each."""
     values = estimate.frf.values
-    places = [(dof.point, dof.is_rotation) for dof in estimate.frf.outputs]
-    at_point = np.array([[here == there for there in places] for here in places], float)
-    power = np.einsum("ij,fjt->fit", at_point, np.abs(values) ** 2)
+    power = point_power_of(values, estimate.frf.outputs)
     counts = estimate.measured & (np.abs(values) > 0).any(axis=0) & (power > 0)
     residual = np.abs(model - values) ** 2
     return residual[counts], np.asarray(estimate.variance)[counts], power[counts]

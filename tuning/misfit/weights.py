@@ -1,10 +1,11 @@
 """Weights of measured values in a misfit."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.words import Layout, Mask, Real
+from identification.words import Complex, Dof, Layout, Mask, Real
 from tuning.misfit.batch import Batch
 from tuning.misfit.reduction import BodyWeight, body_weights
 
@@ -56,7 +57,7 @@ def weight_batch(
     counts = batch.measured & is_live & ~is_static[:, None, None]
     if logarithmic:
         counts = counts & (size**2 > _MIN_POWER_RATIO * batch.variance) & _is_moving(batch)
-    point_power = _point_power(batch)
+    point_power = point_power_of(batch.values, batch.evaluator.request.outputs)
     total_variance = batch.variance + max(model_error_floor, FORCE_ERROR_FLOOR) ** 2 * point_power
     counts = counts & (total_variance > 0) & counted[:, None, None]
     weight = np.where(counts, 1.0 / np.where(counts, total_variance, 1.0), 0.0)
@@ -91,10 +92,14 @@ def _is_moving(batch: Batch) -> Mask:
     return is_moving
 
 
-def _point_power(batch: Batch) -> Real:
-    """Return |H_point|^2 of each channel: the sum over the directions of its kind at its point."""
-    outputs = batch.evaluator.request.outputs
+def point_power_of(values: Complex, outputs: Sequence[Dof]) -> Real:
+    """Return |H_point|^2 of each channel: the sum over the directions of its kind at its point.
+
+    Args:
+        values: FRFs; (n_freq, n_out, n_test).
+        outputs: labels of the channels; n_out.
+    """
     places = [(dof.point, dof.is_rotation) for dof in outputs]
     at_point = np.array([[here == there for there in places] for here in places], float)
-    power: Real = np.einsum("ij,fjt->fit", at_point, np.abs(batch.values) ** 2)
+    power: Real = np.einsum("ij,fjt->fit", at_point, np.abs(values) ** 2)
     return power

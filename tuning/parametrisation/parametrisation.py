@@ -17,11 +17,9 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.words import Integers, Mask, Real
+from identification.words import TOLERANCE_BOUND_SIGMA, Integers, Mask, Real
 from mbmodel import Parameter
 
-# Bound of a tolerance [standard deviations of its prior]: a wider one would let it absorb a fault.
-TOLERANCE_BOUND_SIGMA = 2.5
 _BOUND_MARGIN = 1e-6  # distance in x below which a coordinate counts as at its bound
 
 

@@ -7,9 +7,9 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
-from identification.words import InputError, Mask, Real, Tolerance
+from identification.words import TOLERANCE_BOUND_SIGMA, InputError, Mask, Real, Tolerance
 from mbmodel import Model, Parameter
-from tuning.parametrisation.parametrisation import TOLERANCE_BOUND_SIGMA, Parametrisation
+from tuning.parametrisation.parametrisation import Parametrisation
 
 _RELATIVE_TOLERANCES = (
     "mass",

@@ -1,0 +1,37 @@
+"""Figures of the bench of real machines; they say so while no campaign was diagnosed."""
+
+from tests.bench.dirty import FIRST
+from tests.bench.dirty_rates import wrong_rows
+from tests.bench.kept import of
+from tests.docs.formats import significant, table
+from tests.docs.results import RESULTS, bench_rows
+
+NAME = f"dirty.{FIRST}"
+NOT_YET = "No campaign was diagnosed yet"
+
+
+def dirty_table() -> str:
+    """Rates of every cell with their intervals, calibration, time, and two engines compared."""
+    rows = bench_rows("dirty") if (RESULTS / "dirty.json").is_file() else ()
+    cells = [(row["figure"], significant(row["value"], 3), row["n"]) for row in rows]
+    return table(("Figure", "Value", "n [95 % interval]"), cells or [(NOT_YET, "", 0)])
+
+
+def dirty_wrong_table() -> str:
+    """Seed, truth and words of every wrong verdict."""
+    wrong = wrong_rows(list(of(NAME).values())) if (RESULTS / "dirty.json").is_file() else []
+    return table(
+        ("Seed", "Cell and truth", "Verdict and its first causes"), wrong or [("", "none", "")], 3
+    )
+
+
+def dirty_campaigns() -> str:
+    """Number of campaigns that were diagnosed."""
+    return str(sum("left_out" not in row for row in of(NAME).values()))
+
+
+FIGURES = {
+    "dirty-table": dirty_table,
+    "dirty-wrong-table": dirty_wrong_table,
+    "dirty-campaigns": dirty_campaigns,
+}
