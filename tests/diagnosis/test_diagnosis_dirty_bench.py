@@ -1,15 +1,23 @@
 """The bench of real machines: its designs are balanced, its figures follow from its rows."""
 
 from collections import Counter
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import pytest
 
 from tests.bench import dirty_campaigns
 from tests.bench.dirty import FIRST, dirt_items, weakest_ratio
-from tests.bench.dirty_campaigns import SIZED, Design, ensure, reported_designs
+from tests.bench.dirty_campaigns import (
+    SIZED,
+    Design,
+    beside_tolerance,
+    ensure,
+    reported_designs,
+)
 from tests.bench.dirty_rates import figures, wrong_rows
 from truth import TruthError
+from truth.campaign.draw import REAL_INSTRUMENTS, draw_hammers
+from truth.machine.random_tree import draw_tree
 
 ANSWER = 'effect = "{}"\nlocation = "{}"\nratio = {}\n'
 FAULT = ("appendage", "body:ty")
@@ -136,6 +144,17 @@ def test_a_wrong_force_channel_is_named_or_within_its_tolerance(
     given = [row(1, design, told, 'effect = "none"\n', None)]
     (name,) = [name for name in values(given) if name.startswith("force, ")]
     assert values(given)[name][0] == 100 * right
+
+
+def test_a_fault_of_the_force_channel_is_that_with_its_tolerance():
+    """On another machine and point than the effect's: the channel is that of the one hammer."""
+    (hammer, *_) = draw_hammers(draw_tree(9), draw_tree(9).first_aim(), REAL_INSTRUMENTS, 9)
+    gain = Design("force", ("hammer_gain",), parameter=("gain", 1.2))
+    name, alone = beside_tolerance(gain, 9)
+    assert (name, alone * hammer.gain) == ("gain", pytest.approx(1.2))
+    name, alone = beside_tolerance(replace(gain, parameter=("delay", -1e-4)), 9)
+    assert (name, alone + hammer.delay) == ("delay", pytest.approx(-1e-4))
+    assert beside_tolerance(SINGLE, 9) is None
 
 
 def test_two_engines_are_compared_on_the_same_campaigns():
