@@ -1,7 +1,8 @@
 """The bench of real machines: its designs are balanced, its figures follow from its rows."""
 
+import tomllib
 from collections import Counter
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import pytest
 
@@ -11,13 +12,12 @@ from tests.bench.dirty_campaigns import (
     SIZED,
     Design,
     beside_tolerance,
+    draw,
     ensure,
     reported_designs,
 )
 from tests.bench.dirty_rates import figures, wrong_rows
 from truth import TruthError
-from truth.campaign.draw import REAL_INSTRUMENTS, draw_hammers
-from truth.machine.random_tree import draw_tree
 
 ANSWER = 'effect = "{}"\nlocation = "{}"\nratio = {}\n'
 FAULT = ("appendage", "body:ty")
@@ -146,15 +146,16 @@ def test_a_wrong_force_channel_is_named_or_within_its_tolerance(
     assert values(given)[name][0] == 100 * right
 
 
-def test_a_fault_of_the_force_channel_is_that_with_its_tolerance():
-    """On another machine and point than the effect's: the channel is that of the one hammer."""
-    (hammer, *_) = draw_hammers(draw_tree(9), draw_tree(9).first_aim(), REAL_INSTRUMENTS, 9)
-    gain = Design("force", ("hammer_gain",), parameter=("gain", 1.2))
-    name, alone = beside_tolerance(gain, 9)
-    assert (name, alone * hammer.gain) == ("gain", pytest.approx(1.2))
-    name, alone = beside_tolerance(replace(gain, parameter=("delay", -1e-4)), 9)
-    assert (name, alone + hammer.delay) == ("delay", pytest.approx(-1e-4))
-    assert beside_tolerance(SINGLE, 9) is None
+@pytest.mark.parametrize(
+    ("effect", "parameter"), [("hammer_gain", ("gain", 1.2)), ("hammer_delay", ("delay", -1e-4))]
+)
+def test_a_fault_of_the_force_channel_is_that_with_its_tolerance(effect, parameter):
+    design = Design("force", (effect,), parameter=parameter, tree=True)
+    answer = tomllib.loads(draw(design, FIRST - 3).answer.decode())
+    assert answer["effect"] == effect
+    assert answer["parameters"][parameter[0]] == pytest.approx(parameter[1])
+    assert beside_tolerance(design, FIRST - 3)[1] != pytest.approx(parameter[1])
+    assert beside_tolerance(SINGLE, FIRST - 3) is None
 
 
 def test_two_engines_are_compared_on_the_same_campaigns():
