@@ -113,8 +113,25 @@ def test_imperfections_alone_may_be_named_if_they_matter():
     told = values(rows)
     assert told["alone: wrong cause with p of 0.5 or more, %"][0] == pytest.approx(100 / 3)
     assert told["alone: verdict unexplained, %"][0] == pytest.approx(100 / 3)
+    assert told["alone, dirt 15 %: wrong cause with p of 0.5 or more, %"][1].startswith("3 [")
     ((seed, true, said),) = wrong_rows(rows)
     assert (seed, true, said) == (2, "alone: nothing", "partly, joint_coupling at joint:ty 0.80")
+
+
+def test_several_faults_are_found_if_all_are_likely():
+    cause = '\n[[cause]]\neffect = "{}"\nlocation = "{}"\nratio = 4.0\n'
+    answer = 'effect = "several"\n' + cause.format(*FAULT) + cause.format(*OTHER)
+    told = verdict((FAULT, 0.5, 3.0), (OTHER, 0.5, 3.0))
+    rows = [
+        row(1, Design("several", ("appendage", "mass_error"), 4.0), told, answer),
+        row(2, Design("several", ("appendage", "mass_error"), 4.0, 5.0), NAMED, answer),
+    ]
+    found = values(rows)
+    assert found["2 effects: all found, %"][0] == 50
+    assert found["2 effects, dirt 0 %: all found, %"][0] == 100
+    assert found["2 effects, dirt 5 %: all found, %"][0] == 0
+    assert found["2 effects: one of them first, %"][0] == 100
+    assert [seed for seed, *_ in wrong_rows(rows)] == [2]
 
 
 @pytest.mark.parametrize(
