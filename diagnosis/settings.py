@@ -25,8 +25,8 @@ class DiagnosisSettings:
         score_stride: frequency lines of the score tests: every ``score_stride``-th.
         max_refits: hypotheses of each round that are refitted, one for each effect and place.
         max_other_shapes: further shapes or directions of the best refit that are refitted.
-        max_distant: of the best refits, so many are repeated from distant starts, where a strong
-            effect may be found that the null model has hidden in stiff springs.
+        max_distant: refits of the best hypothesis from distant starts: a strong effect may be found
+            there that the null model hides in stiff springs.
         bending_start_ratios: starts of the frequency of a body's mode, relative to that of its
             highest peak: free bodies resonate higher than those that carry others.
         max_bending_bodies: bodies that are candidates for bending: each takes several refits.
@@ -54,10 +54,10 @@ class DiagnosisSettings:
     few_frfs: int = 48
     max_starts: int = 16
     score_stride: int = 12
-    max_refits: int = 12
-    max_other_shapes: int = 3
+    max_refits: int = 8
+    max_other_shapes: int = 2
     max_distant: int = 2
-    bending_start_ratios: tuple[float, ...] = (1.0, 2.2, 1.5, 0.67)
+    bending_start_ratios: tuple[float, ...] = (1.0, 1.5, 2.2)
     max_bending_bodies: int = 2
     max_causes: int = 5
     min_closed: float = 0.2

@@ -3,7 +3,14 @@
 from itertools import groupby
 
 from diagnosis.hypothesis import Scene
-from identification.words import DIRECTIONS, Dof, Input, is_hammer_point, node_number
+from identification.words import (
+    DEFAULT_HAMMER,
+    DIRECTIONS,
+    Dof,
+    Input,
+    is_hammer_point,
+    node_number,
+)
 from mbmodel import Machine, parent_bodies
 
 
@@ -43,6 +50,30 @@ def three(prefix: str) -> tuple[str, ...]:
 def gains_of(site: str) -> list[tuple[str, str]]:
     """Return the directions of a sensor's channels with the names of their gains."""
     return [(d, f"{site}.gain_{d[1:] if d[0] == 't' else d}") for d in DIRECTIONS]
+
+
+def delays_of(site: str) -> list[tuple[str, str]]:
+    """Return the directions of a sensor's channels with the names of their delays."""
+    return [(d, f"{site}.delay_{d[1:] if d[0] == 't' else d}") for d in DIRECTIONS]
+
+
+def instruments(scene: Scene) -> tuple[str, ...]:
+    """Return the hammers and drives that made the tests, each once."""
+    tests = scene.session.campaign.tests
+    return tuple(dict.fromkeys(test.condition.instrument for test in tests))
+
+
+def hammer_place(scene: Scene, instrument: str) -> str:
+    """Return the location of a hammer or drive.
+
+    It is its name, or the first point that it hit if the tests name no hammer.
+    """
+    if instrument != DEFAULT_HAMMER:
+        return f"hammer:{instrument}"
+    conditions = (test.condition for test in scene.session.campaign.tests)
+    references = [one.reference for one in conditions if one.instrument == instrument]
+    points = [reference.point for reference in references if isinstance(reference, Dof)]
+    return f"hammer:{points[0] if points else instrument}"
 
 
 def jointed(machine: Machine) -> list[str]:

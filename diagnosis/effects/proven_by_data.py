@@ -22,12 +22,6 @@ PROVEN = {
         means="{place} resonates on its mounting",
         confirm="glue or screw {place} on anew and repeat one hit: the resonance moves up",
     ),
-    "sensor_delay": Effect(
-        _nothing,
-        noun=FAULT_PHRASES["sensor_delay"],
-        means="the channels of {place} come late",
-        confirm="give {place} another input of the analyser and repeat one hit",
-    ),
     "sensor_swap": Effect(
         _nothing,
         noun=FAULT_PHRASES["sensor_swap"],

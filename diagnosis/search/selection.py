@@ -125,31 +125,32 @@ def scene_of(scene: Scene, base: Refit) -> Scene:
 
 
 def _refit_round(
-    scene: Scene,
-    base: Refit,
+    base: Baseline,
+    current: Refit,
     ranked: Sequence[Score],
-    suggested: Sequence[Hypothesis],
     settings: DiagnosisSettings,
 ) -> list[Refit]:
-    """Refit the promising hypotheses, then other shapes and starts of the best of them."""
+    """Refit the promising hypotheses; where a rest remains, other starts and shapes of the best."""
+    scene = base.scene
     promising = _best_of_each_site(ranked)[: settings.max_refits]
-    tasks = [add_to(base, score.hypothesis) for score in promising]
-    tasks += [add_to(base, hypothesis, _first_stages(hypothesis)) for hypothesis in suggested]
+    tasks = [add_to(current, score.hypothesis) for score in promising]
+    tasks += [
+        add_to(current, hypothesis, _first_stages(hypothesis))
+        for hypothesis in _suggested(base, current, settings)
+    ]
     refits = run_refits(scene, tasks, settings.schedule)
-    if not refits:
-        return []
-    leading = sorted(refits, key=lambda refit: refit.objective)[: settings.max_distant]
-    tasks = [task for refit in leading for task in _distant_tasks(base, refit.causes[-1])]
-    refits += run_refits(scene, tasks, settings.schedule)
-    best = min(refits, key=lambda refit: refit.objective)
+    best = min(refits, key=lambda refit: refit.objective, default=None)
+    if best is None or not is_visible(best.gap, base.null.gap, settings):
+        return refits
+    cause = best.causes[-1]
     known = {refit.causes[-1] for refit in refits}
-    site = best.causes[-1].site
     others = [
         score.hypothesis
         for score in ranked
-        if score.hypothesis.site == site and score.hypothesis not in known
+        if score.hypothesis.site == cause.site and score.hypothesis not in known
     ]
-    tasks = [add_to(base, other) for other in _one_each_direction(others, settings)]
+    tasks = _distant_tasks(current, cause)[: settings.max_distant]
+    tasks += [add_to(current, other) for other in _one_each_direction(others, settings)]
     return [*refits, *run_refits(scene, tasks, settings.schedule)]
 
 

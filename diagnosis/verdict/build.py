@@ -24,14 +24,20 @@ from diagnosis.verdict.schema import (
     Where,
 )
 from identification.words import Real
-from mbmodel import HammerPart, SensorPart
+from mbmodel import HammerGainPart, HammerPart, SensorPart
 from tuning import Gap, channel_gaps, predict, summarise_gaps
 
 NONLINEAR = ("friction", "backlash", "hardening")
 # What the spare channels of a body alone can show, and how many that needs.
-_OF_SPARE = ("sensor_delay", "sensor_swap", "mount_resonance", BENDS)
+_OF_SPARE = ("sensor_swap", "mount_resonance", BENDS)
 _SPARE = 2
+<<<<<<< HEAD
 _MIN_PLACE_SHARE = 0.005  # of a place that is worth a row
+=======
+# Tolerance of a sensor that each effect releases.
+_OF_SENSORS = {name: of for name, (of, _) in RELEASED.items()} | {"sensor_delay": "delay"}
+_SMALLEST = 0.005  # share of a place that is worth a row
+>>>>>>> 5dad30ebbb1b48634c5bc6fd338a021a24449176
 
 
 def verdict_of(diagnosis: Diagnosis) -> Verdict:
@@ -220,12 +226,19 @@ def _kept(diagnosis: Diagnosis) -> list[str]:
     for part in diagnosis.session.model.parts:
         ours: dict[str, str] = {}
         if isinstance(part, HammerPart):
-            ours = {"hammer_misalignment": "rotation"}
+            ours = {"hammer_misalignment": "rotation_", "hammer_position": "position_"}
+        elif isinstance(part, HammerGainPart):
+            ours = {"hammer_gain": "gain", "hammer_delay": "delay"}
         elif isinstance(part, SensorPart):
+<<<<<<< HEAD
             body = diagnosis.session.campaign.layout.body_name(part.point.name)
             ours = {} if body in spared else {name: of for name, (of, _) in RELEASED.items()}
+=======
+            body = found.session.campaign.layout.body_name(part.point.name)
+            ours = {} if body in spared else {name: f"{of}_" for name, of in _OF_SENSORS.items()}
+>>>>>>> 5dad30ebbb1b48634c5bc6fd338a021a24449176
         fixed = [one.name for one in part.parameters if one.name not in free]
-        kept |= {name: None for name, of in ours.items() if any(f".{of}_" in x for x in fixed)}
+        kept |= {name: None for name, of in ours.items() if any(f".{of}" in x for x in fixed)}
     return list(kept)
 
 

@@ -28,7 +28,7 @@ from truth import (
     write_answer,
     write_campaign,
 )
-from truth.campaign.draw import REAL_INSTRUMENTS
+from truth.campaign.draw import REAL_INSTRUMENTS, draw_hammers
 from truth.machine.random_tree import draw_tree
 
 STATION = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"
@@ -78,7 +78,7 @@ class Design:
         ratio: survival ratio that each is made for.
         dirt: motion that small imperfections leave of a re-tuned machine [%].
         tree: whether the machine is a random tree of stages instead of the station.
-        parameter: of the only effect, name and value, instead of a ratio.
+        parameter: of the force channel, name and value with its tolerance, instead of a ratio.
     """
 
     cell: str
@@ -190,8 +190,9 @@ def draw(design: Design, seed: int) -> Campaign:
         TruthError: the machine has no place for its effects.
     """
     station = draw_tree(seed) if design.tree else read_station(STATION)
+    parameter = beside_tolerance(design, seed)
     wanted = tuple(
-        Wanted(name, None, design.ratio, _CORRECTIONS, design.parameter, _DRAWS_OF_PLACE)
+        Wanted(name, None, design.ratio, _CORRECTIONS, parameter, _DRAWS_OF_PLACE)
         for name in design.effects
     )
     plan = Plan(
@@ -204,6 +205,18 @@ def draw(design: Design, seed: int) -> Campaign:
     )
     with threadpool_limits(1):  # more threads round otherwise: the bytes would be others
         return draw_campaign(station, plan)
+
+
+def beside_tolerance(design: Design, seed: int) -> tuple[str, float] | None:
+    """Return the parameter of the effect alone, without what the force channel is off anyway.
+
+    Gains multiply and delays add, so that both together are what the design asks for.
+    """
+    if design.parameter is None:
+        return None
+    name, value = design.parameter
+    (hammer, *_) = draw_hammers(read_station(STATION), 11, REAL_INSTRUMENTS, seed)  # any point
+    return name, value / hammer.gain if name == "gain" else value - hammer.delay
 
 
 def campaigns_folder() -> Path:

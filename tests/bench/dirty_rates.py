@@ -105,7 +105,8 @@ def _of_cell(cell: str, here: list[Graded]) -> list[dict[str, object]]:
         ]
     elif kind == "several":
         found += [
-            rate("all found", lambda c: all_found(c.truth, c.verdict)),
+            rate("all found", _has_all),
+            *_by_dirt(cell, here, "all found", _has_all),
             rate("one of them first", lambda c: truth_is_first(c.truth, c.verdict)),
             _mean_probability(cell, here),
         ]
@@ -117,8 +118,20 @@ def _of_cell(cell: str, here: list[Graded]) -> list[dict[str, object]]:
     else:
         words = sorted({case.verdict.verdict for case in here})
         found += [rate(f"verdict {word}", partial(_says, word)) for word in words]
+        found += _by_dirt(cell, here, "wrong cause with p of 0.5 or more", has_wrong_cause)
     found.append(rate("wrong cause with p of 0.5 or more", has_wrong_cause))
     return [*found, *_time(cell, here)]
+
+
+def _by_dirt(cell: str, here: list[Graded], what: str, mark: Mark) -> list[dict[str, object]]:
+    """Return a rate of a cell for each amount of dirt in it."""
+    amounts = sorted({case.row["dirt"] for case in here})
+    parts = [(dirt, [case for case in here if case.row["dirt"] == dirt]) for dirt in amounts]
+    return [_rate(f"{cell}, dirt {dirt:g} %", part, what, mark) for dirt, part in parts]
+
+
+def _has_all(case: Graded) -> bool:
+    return all_found(case.truth, case.verdict)
 
 
 def _says(word: str, case: Graded) -> bool:

@@ -1,5 +1,6 @@
 """The bench of real machines: its designs are balanced, its figures follow from its rows."""
 
+import tomllib
 from collections import Counter
 from dataclasses import asdict
 
@@ -7,7 +8,14 @@ import pytest
 
 from tests.bench import dirty_campaigns
 from tests.bench.dirty import FIRST, dirt_items, weakest_ratio
-from tests.bench.dirty_campaigns import SIZED, Design, ensure, reported_designs
+from tests.bench.dirty_campaigns import (
+    SIZED,
+    Design,
+    beside_tolerance,
+    draw,
+    ensure,
+    reported_designs,
+)
 from tests.bench.dirty_rates import figures, wrong_rows
 from truth import TruthError
 
@@ -105,8 +113,25 @@ def test_imperfections_alone_may_be_named_if_they_matter():
     told = values(rows)
     assert told["alone: wrong cause with p of 0.5 or more, %"][0] == pytest.approx(100 / 3)
     assert told["alone: verdict unexplained, %"][0] == pytest.approx(100 / 3)
+    assert told["alone, dirt 15 %: wrong cause with p of 0.5 or more, %"][1].startswith("3 [")
     ((seed, true, said),) = wrong_rows(rows)
     assert (seed, true, said) == (2, "alone: nothing", "partly, joint_coupling at joint:ty 0.80")
+
+
+def test_several_faults_are_found_if_all_are_likely():
+    cause = '\n[[cause]]\neffect = "{}"\nlocation = "{}"\nratio = 4.0\n'
+    answer = 'effect = "several"\n' + cause.format(*FAULT) + cause.format(*OTHER)
+    told = verdict((FAULT, 0.5, 3.0), (OTHER, 0.5, 3.0))
+    rows = [
+        row(1, Design("several", ("appendage", "mass_error"), 4.0), told, answer),
+        row(2, Design("several", ("appendage", "mass_error"), 4.0, 5.0), NAMED, answer),
+    ]
+    found = values(rows)
+    assert found["2 effects: all found, %"][0] == 50
+    assert found["2 effects, dirt 0 %: all found, %"][0] == 100
+    assert found["2 effects, dirt 5 %: all found, %"][0] == 0
+    assert found["2 effects: one of them first, %"][0] == 100
+    assert [seed for seed, *_ in wrong_rows(rows)] == [2]
 
 
 @pytest.mark.parametrize(
@@ -136,6 +161,18 @@ def test_a_wrong_force_channel_is_named_or_within_its_tolerance(
     given = [row(1, design, told, 'effect = "none"\n', None)]
     (name,) = [name for name in values(given) if name.startswith("force, ")]
     assert values(given)[name][0] == 100 * right
+
+
+@pytest.mark.parametrize(
+    ("effect", "parameter"), [("hammer_gain", ("gain", 1.2)), ("hammer_delay", ("delay", -1e-4))]
+)
+def test_a_fault_of_the_force_channel_is_that_with_its_tolerance(effect, parameter):
+    design = Design("force", (effect,), parameter=parameter, tree=True)
+    answer = tomllib.loads(draw(design, FIRST - 3).answer.decode())
+    assert answer["effect"] == effect
+    assert answer["parameters"][parameter[0]] == pytest.approx(parameter[1])
+    assert beside_tolerance(design, FIRST - 3)[1] != pytest.approx(parameter[1])
+    assert beside_tolerance(SINGLE, FIRST - 3) is None
 
 
 def test_two_engines_are_compared_on_the_same_campaigns():

@@ -37,6 +37,7 @@ def write_torque_campaign(
     extra: str = "",
     factors: Mapping[str, float] | None = None,
     drives: Mapping[str, float] | None = None,
+    force_delay: float = 0.0,
     seed: int = 3,
     lines: int = 160,
     noise: float = 0.01,
@@ -52,6 +53,7 @@ def write_torque_campaign(
         extra: further lines of campaign.toml.
         factors: what channels read per SI unit, by label such as ``acc4:+tx``.
         drives: factor of the FRFs of references, by their labels.
+        force_delay: delay of all FRFs [s], negative for a force channel that lags.
         seed: of the draws.
         lines: number of lines.
         noise: of each channel, over its rms.
@@ -77,6 +79,7 @@ def write_torque_campaign(
     ratio = (AVERAGES - 1) * sigma**2 / np.abs(noisy) ** 2
     noisy = noisy * np.array([(factors or {}).get(str(dof), 1.0) for dof in OUTPUTS])[:, None]
     noisy = noisy * np.array([(drives or {}).get(label, 1.0) for label in labels])
+    noisy = noisy * np.exp(-2j * np.pi * force_delay * freq)[:, None, None]
     np.savez(folder / "test.npz", frf=noisy, coherence=1 / (1 + ratio), freq_hz=freq)
     channels = [str(dof).removeprefix("acc") for dof in OUTPUTS]
     (folder / "campaign.toml").write_text(

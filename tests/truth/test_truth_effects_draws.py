@@ -38,6 +38,9 @@ NAMES = {
     "sensor_delay": (SENSOR, "", {"delay"}),
     "mount_resonance": (SENSOR, "", {"frequency", "damping"}),
     "hammer_misalignment": (r"hammer:(acc|hit)\d+", r"t[xyz]", {"rotation"}),
+    "hammer_gain": (r"hammer:(acc|hit)\d+", "", {"gain"}),
+    "hammer_delay": (r"hammer:(acc|hit)\d+", "", {"delay"}),
+    "hammer_position": (r"hammer:(acc|hit)\d+", "", {"offset"}),
     "drift": (r"joint:\w+", r"acc\d+:\+t[xyz]|\w", {"factor"}),
     "inerter": (r"joint:\w+", ONE, {"inertance"}),
     "fractional_damper": (r"joint:\w+", ONE, {"coefficient", "order"}),
@@ -47,6 +50,7 @@ NAMES = {
 SIZED = sorted(set(NAMES) - {"sensor_polarity", "sensor_swap"})
 VECTORS = {"position": 3, "offset": 3, "rotation": 3, "fraction": 4}
 SENSORS = {name for name in NAMES if name.startswith(("sensor", "mount", "hammer"))}
+HAMMERS = {name for name in NAMES if name.startswith("hammer")}
 UNSYMMETRIC = {"gyroscopic", "crosstalk"}
 ACTIVE = {"feedback_delay", "crosstalk"}
 
@@ -172,7 +176,7 @@ def test_what_is_there_or_not_has_no_size(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_an_effect_goes_to_more_than_one_place_and_where_it_is_sent(name):
     found = locations(name)
-    alone = {"missing_dof", "hammer_misalignment", "parallel_path"}
+    alone = {"missing_dof", "parallel_path", *HAMMERS}
     assert len(found) > 1 or name in alone
     for place in found:
         assert drawn(name, place=place).answer().location == place
@@ -308,7 +312,8 @@ def test_it_has_no_place_for_exactly_these(which, missing):
 
 def test_a_campaign_without_a_hit_has_no_hammer_and_no_drift():
     scene = Scene(chain(), ())
-    assert DRAWS["hammer_misalignment"](random_of(1), scene, None) is None
+    for name in HAMMERS:
+        assert DRAWS[name](random_of(1), scene, None) is None
     assert DRAWS["drift"](random_of(1), scene, None) is None
 
 

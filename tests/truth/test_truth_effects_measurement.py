@@ -7,7 +7,10 @@ import pytest
 from effect_rigs import FREQ, OCCASIONS, chain, frf_of, machine_of, random_of, scene_of
 
 from truth.effects import Scene
+from truth.effects.hammer_delay import HammerDelay
+from truth.effects.hammer_gain import HammerGain
 from truth.effects.hammer_misalignment import HammerMisalignment, draw_hammer_misalignment
+from truth.effects.hammer_position import HammerPosition
 from truth.effects.mount_resonance import MountResonance, draw_mount_resonance
 from truth.effects.sensor_delay import SensorDelay
 from truth.effects.sensor_gain import SensorGain, draw_sensor_gain
@@ -44,6 +47,30 @@ def test_a_wrong_gain_scales_one_direction(sign, gain):
     plain, found = both(SensorGain(NODE, 1, sign, size=0.3))
     np.testing.assert_allclose(found, plain * np.array([1.0, gain, 1.0])[:, None], rtol=1e-12)
     assert SensorGain(NODE, 1, sign, size=0.3).answer().parameters == {"gain": pytest.approx(gain)}
+
+
+@pytest.mark.parametrize(("sign", "gain"), [(1, 1.1), (-1, 0.9)])
+def test_a_wrong_force_channel_scales_all_frfs(sign, gain):
+    effect = HammerGain("acc1", sign, size=0.1)
+    np.testing.assert_allclose(frf_of(chain(), effect), gain * frf_of(chain()), rtol=1e-12)
+    assert effect.answer().parameters == {"gain": pytest.approx(gain)}
+
+
+def test_a_force_channel_that_lags_advances_all_frfs():
+    effect = HammerDelay("acc1", -1, size=2e-4)
+    found = frf_of(chain(), effect)
+    np.testing.assert_allclose(found, np.exp(2e-4 * S)[:, None, None] * frf_of(chain()), rtol=1e-12)
+    assert effect.answer().parameters == {"delay": -2e-4}
+
+
+def test_a_displaced_hit_turns_the_body_too():
+    tested = machine_of(chain(), [])
+    node = tested.hammers[0].node
+    effect = HammerPosition(size=0.02, along=(0.0, 1.0, 0.0), node=node, site=f"acc{node}")
+    moved = machine_of(chain(), [effect])
+    for before, after in zip(tested.hammers, moved.hammers, strict=True):
+        shift = [0.0, 0.02, 0.0] if before.node == node else [0.0] * 3
+        np.testing.assert_allclose(after.position - before.position, shift, atol=1e-15)
 
 
 def test_a_gain_comes_on_top_of_the_tolerance():

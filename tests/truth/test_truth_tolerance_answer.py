@@ -7,7 +7,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from truth.campaign.cause import Cause, Wanted
-from truth.campaign.draw import Tolerance, draw_basis, draw_drawing, draw_hammers, draw_true, stream
+from truth.campaign.draw import (
+    REAL_INSTRUMENTS,
+    Tolerance,
+    draw_basis,
+    draw_drawing,
+    draw_hammers,
+    draw_true,
+    stream,
+)
 from truth.campaign.protocol import Protocol, occasions, takes
 from truth.campaign.tolerance_answer import stated
 from truth.campaign.virtual_test import Plan, draw_campaign
@@ -64,6 +72,29 @@ def test_a_hit_goes_where_the_stated_rotation_takes_its_axis(drawn):
     turned = Rotation.from_rotvec(answer.parameters["rotation"]).apply(np.eye(3)[axis])
     np.testing.assert_allclose(turned, after.hammers[axis].direction, atol=1e-12)
     assert answer.parameters["rotation"][axis] == pytest.approx(0, abs=1e-15)
+
+
+def test_the_force_channel_is_off_by_tolerance_and_effect(two_bodies):
+    true = draw_true(two_bodies, REAL_INSTRUMENTS, SEED)
+    hammers = draw_hammers(two_bodies, 1, REAL_INSTRUMENTS, SEED)
+    real = two_bodies, true, hammers
+    alone, answer, _ = with_effect(real, "hammer_gain", "hammer:acc1")
+    assert answer.parameters["gain"] == pytest.approx(alone.parameters["gain"] * hammers[0].gain)
+    alone, answer, _ = with_effect(real, "hammer_delay", "hammer:acc1")
+    late = alone.parameters["delay"] + hammers[0].delay
+    assert answer.parameters["delay"] == pytest.approx(late)
+
+
+def test_hits_lie_at_the_stated_offset_on_an_average(drawn):
+    drawing, _, hammers = drawn
+    alone, answer, after = with_effect(drawn, "hammer_position", "hammer:acc1")
+    moved = np.array([hammer.position for hammer in after.hammers])
+    before = np.array([hammer.position for hammer in hammers])
+    np.testing.assert_allclose(moved - before, np.tile(alone.parameters["offset"], (3, 1)))
+    _, point = drawing.aim(1)
+    for axis, offset in enumerate(answer.parameters["offset"]):
+        felt = [moved[hit, axis] for hit in range(3) if hit != axis]
+        assert offset == pytest.approx(np.mean(felt) - point[axis])
 
 
 def test_a_mass_sits_at_its_place_from_the_drawn_centre(drawn):

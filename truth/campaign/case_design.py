@@ -33,6 +33,8 @@ _TWINS = (
     ("sensor_misalignment", "sensor_position", "sensor"),
     ("friction", "hardening", "joint"),
 )
+# The decks' plans have no force channel at work, and their cases stay those of earlier results.
+_NOT_IN_DECK = ("none", "hammer_gain", "hammer_delay", "hammer_position")
 _WITHOUT_SIZE = ("sensor_polarity", "sensor_swap")  # never small
 _TRIES = 20  # causes, until one has a place in the machine
 
@@ -109,7 +111,7 @@ def cards(seed: int) -> Iterator[Card]:
         random = stream(seed, f"deck.{turn}")
         found: list[list[Card]] = [[Card("nothing")] for _ in range(_NOTHING)]
         found += [[Card("mistuned")] for _ in range(_MISTUNED)]
-        catalogue = [name for name in CATALOGUE if name != "none"]
+        catalogue = [name for name in CATALOGUE if name not in _NOT_IN_DECK]
         for kind, names in (("one", catalogue), ("outside", list(OUTSIDE))):
             # The four ratios in turn for each effect; with which it starts, the seed says.
             start = stream(seed, f"deck.{kind}").integers(len(RATIOS), size=len(names))
@@ -163,7 +165,7 @@ def _cause(card: Card, station: Station, random: np.random.Generator, turn: int)
         place = f"sensor:acc{node}" if card.place == "sensor" else f"{card.place}:{stage.name}"
     elif turn:  # the machine has no place for it: another effect of the same kind
         among = OUTSIDE if card.kind == "outside" else CATALOGUE
-        never = ("none", *(_WITHOUT_SIZE if card.kind == "many" else ()))
+        never = (*_NOT_IN_DECK, *(_WITHOUT_SIZE if card.kind == "many" else ()))
         names = _several(random, [name for name in among if name not in never], len(names))
     first = Wanted(names[0], place, card.ratio)
     if card.kind == "two":

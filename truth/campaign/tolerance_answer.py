@@ -49,11 +49,33 @@ def stated(answer: Answer, drawing: Station, before: Station, after: Prepared) -
             if hammer.node == node and number % 3 == axis
         )
         found["rotation"] = _tuple(_least_turn(np.eye(3)[axis], hit))
+    elif answer.effect in ("hammer_gain", "hammer_delay"):
+        force = after.hammers[0]  # one force channel for all hits
+        found = _with_channel(found, force.gain, force.delay)
+    elif answer.effect == "hammer_position":
+        found["offset"] = _tuple(_offset(drawing, after, place))
     elif answer.effect == "mass_error":
         index = drawing.index(place)
         shift = before.stages[index].com - drawing.stages[index].com
         found["position"] = _tuple(np.asarray(answer.parameters["position"]) + shift)
     return replace(answer, parameters=found)
+
+
+def _with_channel(found: dict[str, Parameter], gain: float, delay: float) -> dict[str, Parameter]:
+    """Return gain or delay of the force channel with what was within tolerance."""
+    if "gain" in found:
+        return {"gain": gain * float(np.asarray(found["gain"]))}
+    return {"delay": delay + float(np.asarray(found["delay"]))}
+
+
+def _offset(drawing: Station, after: Prepared, site: str) -> Real:
+    """Return where the hits of a point lie, the mean over the directions that feel each axis."""
+    node = int("".join(one for one in site if one.isdigit()))
+    _, point = drawing.aim(node)
+    places = np.array([hammer.position for hammer in after.hammers if hammer.node == node])
+    across = 1 - np.eye(3)  # a force along an axis does not feel where along it
+    mean: Real = (across * (places - point)).sum(axis=0) / across.sum(axis=0)
+    return mean
 
 
 def _sensor(station: Station, site: str) -> Sensor:

@@ -11,7 +11,10 @@ from truth.effects.feedback_delay import draw_feedback_delay
 from truth.effects.flexible_body import draw_flexible_body
 from truth.effects.friction import draw_friction
 from truth.effects.gyroscopic import draw_gyroscopic
+from truth.effects.hammer_delay import draw_hammer_delay
+from truth.effects.hammer_gain import draw_hammer_gain
 from truth.effects.hammer_misalignment import draw_hammer_misalignment
+from truth.effects.hammer_position import draw_hammer_position
 from truth.effects.hardening import draw_hardening
 from truth.effects.joint_coupling import draw_joint_coupling
 from truth.effects.mass_error import draw_mass_error
@@ -55,6 +58,9 @@ CATALOGUE: Mapping[str, Draw] = MappingProxyType(
         "mount_resonance": draw_mount_resonance,
         "hammer_misalignment": draw_hammer_misalignment,
         "drift": draw_drift,
+        "hammer_gain": draw_hammer_gain,
+        "hammer_delay": draw_hammer_delay,
+        "hammer_position": draw_hammer_position,
     }
 )
 NONLINEAR = frozenset({"friction", "backlash", "hardening"})  # they need the time domain

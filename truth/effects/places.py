@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from truth.effects.chance import choose
+from truth.effects.effect import Scene
 from truth.effects.rows import joint_stretch
 from truth.errors import NoPlaceError, TruthError
 from truth.machine.rig import Prepared, Rig
@@ -78,6 +79,16 @@ def draw_sensor(random: np.random.Generator, station: Station, place: str | None
     sensors = [sensor for _, sensor in station.sensors()]
     number = draw_location(random, place, [f"sensor:acc{one.node}" for one in sensors])
     return None if number is None else sensors[number]
+
+
+def draw_hammer(random: np.random.Generator, scene: Scene, place: str | None) -> str | None:
+    """Return the site by which the one hammer is named, that of the first hit; None without hits.
+
+    A random number is spent as if there were several hammers.
+    """
+    sites = [hammer_site(scene.station, occasion.node) for occasion in scene.occasions[:1]]
+    number = draw_location(random, place, [f"hammer:{site}" for site in sites])
+    return None if number is None else sites[number]
 
 
 def direction_of(joint: Joint) -> str:

@@ -54,6 +54,9 @@ CATALOGUE: Mapping[str, Entry] = MappingProxyType(
         "mount_resonance": Entry("sensor", "frequency"),
         "hammer_misalignment": Entry("hammer", "rotation"),
         "drift": Entry("joint", "factor", 1.0),
+        "hammer_gain": Entry("hammer", "gain", 1.0),
+        "hammer_delay": Entry("hammer", "delay"),
+        "hammer_position": Entry("hammer", "offset"),
     }
 )
 

@@ -1,0 +1,34 @@
+"""A force channel or a drive whose gain is beyond its tolerance: a wrong calibration value.
+
+All FRFs of the tests that it made are wrong by one factor, H_measured = gain H. A machine on
+springs with all masses, springs and dampers smaller by that factor has the same FRFs. So only the
+tolerances of the masses speak against such a machine, or a test with a known mass.
+"""
+
+from collections.abc import Iterator
+
+from diagnosis.effects.points import hammer_place, instruments, names_of
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
+
+
+def propose(scene: Scene) -> Iterator[Hypothesis]:
+    """Yield one for each hammer or drive whose gain has a tolerance."""
+    if scene.session.campaign.unknown_gains.hammers:
+        return
+    varying = names_of(scene)
+    for instrument in instruments(scene):
+        name = f"hammer({instrument}).gain"
+        if name in varying:
+            place = hammer_place(scene, instrument)
+            yield released("hammer_gain", place, None, (name,), "gain")
+
+
+EFFECT = Effect(
+    propose,
+    noun="a wrong gain of the force channel",
+    means="the force channel of {place} is wrong by a factor; absolute stiffness rests on it",
+    confirm=(
+        "hit a freely hung body of known mass with the hammer of {place}, or add a known mass to "
+        "the machine and repeat: absolute stiffness rests on the calibration of the hammer"
+    ),
+)

@@ -1,0 +1,45 @@
+"""A sensor whose channels come late by more than their tolerance: another amplifier or filter.
+
+Its readings are multiplied by exp(-i w delay). The delay that is stated is the mean over its
+channels. Where a body has redundant channels, the data checks prove it without a model.
+"""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from diagnosis.effects.points import delays_of, names_of, sensors
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from identification import FAULT_PHRASES
+from identification.words import Dof
+
+
+def propose(scene: Scene) -> Iterator[Hypothesis]:
+    """Yield one for each sensor whose delays have a tolerance."""
+    varying, measured = names_of(scene), set(scene.session.campaign.outputs)
+    for site in sensors(scene):
+        names = tuple(
+            name
+            for direction, name in delays_of(site)
+            if name in varying and Dof(site, f"+{direction}") in measured
+        )
+        if names:
+            yield _released(site, names)
+
+
+def _released(site: str, names: tuple[str, ...]) -> Hypothesis:
+    """Return the hypothesis that releases the delays of a sensor's channels."""
+
+    def state(fitted: Mapping[str, float]) -> dict[str, Value]:
+        return {"delay": float(np.mean([fitted[name] for name in names]))}
+
+    return Hypothesis("sensor_delay", f"sensor:{site}", release=names, state=state)
+
+
+EFFECT = Effect(
+    propose,
+    noun=FAULT_PHRASES["sensor_delay"],
+    means="the channels of {place} come late",
+    confirm="give {place} another input of the analyser and repeat one hit",
+    undoes=True,
+)
