@@ -77,10 +77,7 @@ def select_causes(
         say(f"score tests of all hypotheses for cause {len(current.causes) + 1}")
         ranked = score_hypotheses(scene, current, excluded, settings)
         say("refits of the most promising hypotheses")
-        suggested = (
-            [] if current.causes else list(candidate_hypotheses(base.gate, scene.session, settings))
-        )
-        refits = _refit_round(scene, current, ranked, suggested, settings)
+        refits = _refit_round(base, current, ranked, settings)
         search = replace(
             search, scores=search.scores or tuple(ranked), refits=(*search.refits, *refits)
         )

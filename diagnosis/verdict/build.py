@@ -31,13 +31,8 @@ NONLINEAR = ("friction", "backlash", "hardening")
 # What the spare channels of a body alone can show, and how many that needs.
 _OF_SPARE = ("sensor_swap", "mount_resonance", BENDS)
 _SPARE = 2
-<<<<<<< HEAD
-_MIN_PLACE_SHARE = 0.005  # of a place that is worth a row
-=======
-# Tolerance of a sensor that each effect releases.
-_OF_SENSORS = {name: of for name, (of, _) in RELEASED.items()} | {"sensor_delay": "delay"}
-_SMALLEST = 0.005  # share of a place that is worth a row
->>>>>>> 5dad30ebbb1b48634c5bc6fd338a021a24449176
+            body = diagnosis.session.campaign.layout.body_name(part.point.name)
+            ours = {} if body in spared else {name: f"{of}_" for name, of in _OF_SENSORS.items()}
 
 
 def verdict_of(diagnosis: Diagnosis) -> Verdict:
