@@ -33,6 +33,7 @@ from tuning.session import (
     open_session,
     rebuild_for_machine,
 )
+from tuning.solvers.nlopt_solver import Minimum
 
 __all__ = [
     "CHECKPOINT_FILE",
@@ -50,6 +51,7 @@ __all__ = [
     "Gap",
     "HeldOutFits",
     "LevelFrfs",
+    "Minimum",
     "Misfit",
     "ModelError",
     "ParameterConfidence",
