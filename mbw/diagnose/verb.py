@@ -41,7 +41,7 @@ from mbw.interrupts import INTERRUPTED
 from mbw.messages import SCREEN, allow_one_interrupt
 from mbw.output_folder import ResultOptions
 from mbw.page.numbers import format_percent
-from mbw.remarks import describe_not_in_mjcf
+from mbw.remarks import calibration_sentence, describe_not_in_mjcf
 from mbw.resume import open_checkpoint
 from tuning import Checkpoint, Session, fingerprint, open_session
 
@@ -111,6 +111,7 @@ def run(
     SCREEN.say(f"verdict in {output.path / VERDICT}")
     effect = " with the effect" if diagnosis.after else ""
     SCREEN.say(f"tuned model{effect} in {output.path / AUGMENTED}")
+    SCREEN.say(f"  {calibration_sentence(session.campaign.tolerance.hammer_gain)}")
     if missing := describe_not_in_mjcf(result.shown.not_held_by_mjcf, SHOWN):
         SCREEN.say(f"  {missing}")
     SCREEN.say(f"report in {(output.path / PAGE).absolute().as_uri()}")

@@ -14,7 +14,7 @@ from mbw.gap_text import describe_gap, number_text
 from mbw.interrupts import INTERRUPTED
 from mbw.messages import NOT_CONVERGED, SCREEN, allow_one_interrupt
 from mbw.output_folder import OutputFolder, ResultOptions
-from mbw.remarks import list_remarks
+from mbw.remarks import calibration_sentence, gain_tolerance, list_remarks
 from mbw.resume import open_checkpoint
 from mbw.tune.modes import measured_modes, parse_residuals
 from mbw.tune.page import PAGE, render
@@ -246,6 +246,7 @@ def _say(summary: TunedFile, folder: Path) -> None:
         SCREEN.say(f"  {paired} of {len(summary.pairs)} measured modes match a mode of the model")
     for remark in list_remarks(summary):
         SCREEN.say(f"  {remark}")
+    SCREEN.say(f"  {calibration_sentence(gain_tolerance(summary))}")
     for gain in summary.information[:_MAX_FURTHER_POINTS]:
         where = f"a further hammer point at {gain.place}"
         if gain.what == "sensor":
