@@ -11,13 +11,14 @@ from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import Posterior, judge
 from diagnosis.null_model import fit_baseline
+from diagnosis.refit_record import RefitRecord
 from diagnosis.refits.refitting import Refit, add_to, run_refits
 from diagnosis.search.collect import collect_evidence
 from diagnosis.search.confounded import find_confounded
 from diagnosis.search.selection import Search, refit_null_model, select_causes
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from diagnosis.verdict.established import Present, describe_present, find_present
-from tuning import Gap, Session, channel_gaps, predict, summarise_gaps
+from tuning import Checkpoint, Gap, Session, channel_gaps, predict, summarise_gaps
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +85,7 @@ def diagnose(
     jobs: int = 1,
     tell: Callable[[str], None] | None = None,
     settings: DiagnosisSettings = SETTINGS,
+    checkpoint: Checkpoint | None = None,
 ) -> Diagnosis:
     """Find what the model lacks, where, and how far the gap shrinks with it.
 
@@ -108,6 +110,7 @@ def diagnose(
         jobs: processes and threads; the verdict does not depend on it.
         tell: called with what is being done.
         settings: thresholds and sizes of the search.
+        checkpoint: finished refits, which are not repeated.
 
     Raises:
         UsageError: the band holds too few lines.
@@ -116,7 +119,8 @@ def diagnose(
     say("hits and sensors compared with each other")
     data = check_data(session, settings)
     say("null model: stiffness, damping and tolerances")
-    base = fit_baseline(data, jobs, settings)
+    record = None if checkpoint is None else RefitRecord(checkpoint)
+    base = fit_baseline(data, jobs, settings, record)
     search = select_causes(base, settings, say)
     search = refit_null_model(base, search, settings)
     say("unknown forces at every place")
@@ -130,7 +134,7 @@ def diagnose(
     return Diagnosis(
         session=data.session,
         gate=base.gate,
-        scene=base.scene,
+        scene=replace(base.scene, record=None),
         search=search,
         evidence=evidence,
         posterior=posterior,

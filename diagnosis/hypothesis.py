@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from diagnosis.labels import direction, named
+from diagnosis.refit_record import RefitRecord
 from identification.words import Campaign, Real
 from mbmodel import Machine, Model, Part, RigidDirection
 from tuning import Parametrisation, Session, parametrise
@@ -32,6 +33,7 @@ class Scene:
         jobs: processes for fits that do not wait for each other, threads of a single one.
         there: names of parameters of an effect that the session's model has already.
         independent: whether lines have noise of their own.
+        record: finished refits, which are not repeated; None to keep none.
     """
 
     session: Session
@@ -41,6 +43,7 @@ class Scene:
     jobs: int = 1
     there: frozenset[str] = frozenset()
     independent: bool = False
+    record: RefitRecord | None = None
 
     @property
     def model(self) -> Model:

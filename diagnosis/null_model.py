@@ -8,6 +8,7 @@ from diagnosis.data_checks.candidates import gross_hypotheses
 from diagnosis.data_checks.check_data import CheckedData
 from diagnosis.data_checks.sensors import Gate
 from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.refit_record import RefitRecord
 from diagnosis.refits.refitting import (
     Refit,
     RefitTask,
@@ -40,15 +41,19 @@ class Baseline:
     proven: tuple[Hypothesis, ...]
 
 
-def fit_baseline(data: CheckedData, jobs: int, settings: DiagnosisSettings) -> Baseline:
+def fit_baseline(
+    data: CheckedData, jobs: int, settings: DiagnosisSettings, record: RefitRecord | None = None
+) -> Baseline:
     """Fit the null model to the channels that no gross fault concerns.
 
     Args:
         data: result of the data checks.
         jobs: processes.
         settings: schedules.
+        record: finished refits; None to keep none.
     """
     scene = set_scene(data.session, data.gate, data.directions, jobs, settings)
+    scene = replace(scene, record=record)
     null = fit_null_model(scene, settings)
     proven = gross_hypotheses(data.gate, data.session)
     return Baseline(replace(scene, theta=null.fit.theta), null, data.gate, proven)

@@ -6,7 +6,7 @@ Constants that virtual campaigns calibrate stand in ``inference/calibration.json
 
 from dataclasses import dataclass, field
 
-from tuning import FloorSchedule
+from tuning import MIN_VISIBLE_EXCESS, FloorSchedule
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class DiagnosisSettings:
     max_causes: int = 5
     min_closed: float = 0.2
     min_probability: float = 0.5
-    min_visible_excess: float = 1.1
+    min_visible_excess: float = MIN_VISIBLE_EXCESS
     max_open: float = 0.01
     force_floor_ratio: float = 0.25
     min_local_share: float = 0.5

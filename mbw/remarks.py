@@ -61,6 +61,24 @@ def list_limits(summary: TunedFile) -> list[str]:
     return sentences
 
 
+def calibration_sentence(tolerance: float) -> str:
+    """Return what absolute stiffness rests on: a wrong force scales it as it scales all masses.
+
+    Args:
+        tolerance: relative tolerance of the force channel's gain; 0 if it does not vary.
+    """
+    text = "Absolute stiffness and damping rest on the calibration of the force channel"
+    if not tolerance:
+        return f"{text}, which the intervals take as exact."
+    return f"{text}; its tolerance of {100 * tolerance:.2g} % is in the intervals."
+
+
+def gain_tolerance(summary: TunedFile) -> float:
+    """Return the largest tolerance of a force channel's gain that varied; 0 without one."""
+    gains = [row for row in summary.parameters if re.fullmatch(r"hammer\(.*\)\.gain", row.name)]
+    return max((row.prior or 0.0 for row in gains), default=0.0)
+
+
 def describe_not_in_mjcf(names: Sequence[str], list_file: str) -> str:
     """Return a sentence on what a tuned MJCF cannot hold; sum up sensor gains and hammer hits.
 

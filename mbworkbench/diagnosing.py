@@ -40,8 +40,9 @@ class DiagnosisResult:
         return target
 
     def __repr__(self) -> str:
-        """Return the verdict, the gap and the most probable causes in at most ten lines."""
+        """Return verdict, gap, most probable causes and rest in at most ten lines."""
         verdict, gap = self.verdict, self.verdict.gap
+        rest = [verdict.rest] if verdict.rest and verdict.rest.significant else []
         steps = {"nominal": gap.as_drawn, "re-tuned": gap.retuned, "with the cause": gap.after}
         return "\n".join(
             (
@@ -55,6 +56,11 @@ class DiagnosisResult:
                     f"  {100 * cause.probability:.0f} % {cause.effect} at {cause.location} "
                     f"{cause.dof or ''}".rstrip()
                     for cause in verdict.causes[:3]
+                ),
+                *(
+                    f"  rest: excess {cell_text(row.excess)}, model error "
+                    f"{100 * row.model_error:.2g} %, {row.spread}"
+                    for row in rest
                 ),
             )
         )

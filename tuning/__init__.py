@@ -1,7 +1,15 @@
 """Tuning of a model to a campaign: parametrisation, misfit, fits, gaps and held-out predictions."""
 
 from identification.words import TOLERANCE_BOUND_SIGMA
-from tuning.assessment.gap import ChannelGaps, Gap, channel_gaps, gap_at_bodies, summarise_gaps
+from tuning.assessment.gap import (
+    MIN_VISIBLE_EXCESS,
+    ChannelGaps,
+    Gap,
+    channel_gaps,
+    gap_at_bodies,
+    is_gap_visible,
+    summarise_gaps,
+)
 from tuning.assessment.held_out import HeldOutFits, block_width, fit_held_out
 from tuning.assessment.model_error import ModelError, estimate_model_error
 from tuning.assessment.parameter_confidence import ParameterConfidence, estimate_confidence
@@ -33,10 +41,12 @@ from tuning.session import (
     open_session,
     rebuild_for_machine,
 )
+from tuning.solvers.nlopt_solver import Minimum
 
 __all__ = [
     "CHECKPOINT_FILE",
     "GAUSS_NEWTON",
+    "MIN_VISIBLE_EXCESS",
     "STAGES",
     "TOLERANCE_BOUND_SIGMA",
     "CampaignTuning",
@@ -50,6 +60,7 @@ __all__ = [
     "Gap",
     "HeldOutFits",
     "LevelFrfs",
+    "Minimum",
     "Misfit",
     "ModelError",
     "ParameterConfidence",
@@ -72,6 +83,7 @@ __all__ = [
     "fit_at_error_floor",
     "fit_held_out",
     "gap_at_bodies",
+    "is_gap_visible",
     "mean_channel_variance",
     "modes_in_band",
     "open_campaign",

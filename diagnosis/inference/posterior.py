@@ -1,9 +1,10 @@
 r"""Posterior probabilities of sets of causes, each with or without a rest.
 
 Every set S is fitted at its own model-error floor. Per value, c_S is its mean -ln L, with the cost
-of the tolerances as they count in the fit. Errors of a model are shared among lines, channels and tests, so that the residual of the best set holds N_eff
-independent values (``tuning.residual_statistics``). Relative to the empty set with a rest
-("unexplained"), the log probability of a set is
+of the tolerances as they count in the fit. Errors of a model are shared among lines, channels and
+tests, so that the residual of the best set holds N_eff independent values
+(``tuning.residual_statistics``). Relative to the empty set with a rest ("unexplained"), the log
+probability of a set is
 
     l_S = kappa N_eff [ c_0 - c_S - |S| chance (1 - s) ] - |S| ln M,
 
@@ -31,6 +32,7 @@ from scipy.special import softmax
 from diagnosis.inference.calibration import Calibration, calibrated
 from diagnosis.inference.evidence import Evidence, FittedSet, Key, Pushed
 from diagnosis.settings import SETTINGS, DiagnosisSettings
+from tuning import is_gap_visible
 
 _MIN_GAP = 1e-6  # mean square over that of the noise
 _MIN_CHANCE_SHARE = 1e-6  # of unexplained and none: neither is ever impossible
@@ -169,7 +171,9 @@ def is_visible(gap: float, null_gap: float, settings: DiagnosisSettings = SETTIN
         null_gap: of the null model.
         settings: thresholds.
     """
-    return gap > max(settings.min_visible_excess**2 - 1, settings.max_open * null_gap)
+    return is_gap_visible(
+        gap, settings.min_visible_excess, whole_gap=null_gap, max_open=settings.max_open
+    )
 
 
 def _without_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSet], float]:

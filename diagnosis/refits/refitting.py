@@ -15,13 +15,16 @@ from scipy.stats import chi2, norm
 from diagnosis.hypothesis import Hypothesis, Scene, Value, freed
 from diagnosis.hypothesis_set import together
 from diagnosis.inference.evidence import BADLY_KNOWN, Gapped, Key
-from diagnosis.refits.parallel import side_by_side
+from diagnosis.refit_record import RefitRecord, restore_fit
+from diagnosis.refits.parallel import Call, side_by_side
 from identification.words import Campaign, Real, VarianceSource
 from mbmodel import Model
 from tuning import (
     STAGES,
+    Checkpoint,
     Fit,
     FloorSchedule,
+    Minimum,
     Misfit,
     Parametrisation,
     ResidualStatistics,
@@ -204,11 +207,21 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
     """
     threads = scene.jobs if len(tasks) == 1 else 1
     paced = replace(schedule, stride=schedule.stride * scene.pace)
-    calls = [
+    record = scene.record or RefitRecord(Checkpoint())
+    names = [record.next_name(_words(task)) for task in tasks]
+    finished = [record.recall(name) for name in names]
+    calls: list[Call] = [
         (_refit, (replace(task, hypothesis=None), paced, threads, scene.independent))
-        for task in tasks
+        if kept is None
+        else (_describe_kept, (task.session, kept, paced, scene.independent))
+        for task, kept in zip(tasks, finished, strict=True)
     ]
-    results = islice(side_by_side(calls, scene.jobs), len(tasks))
+    results = []
+    made = islice(side_by_side(calls, scene.jobs), len(tasks))
+    for name, kept, refit in zip(names, finished, made, strict=True):
+        if kept is None:
+            record.keep(name, refit.fit)
+        results.append(refit)
     return [
         replace(
             refit,
@@ -219,6 +232,22 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
         )
         for task, refit in zip(tasks, results, strict=True)
     ]
+
+
+def _words(task: RefitTask) -> str:
+    """Return the causes of a refit in words."""
+    if task.hypothesis is None:
+        return "no cause"
+    causes = task.hypothesis.members or (task.hypothesis,)
+    return " + ".join(cause.words for cause in causes)
+
+
+def _describe_kept(
+    session: Session, kept: Minimum, schedule: FloorSchedule, independent: bool
+) -> Refit:
+    """Return a refit that an interrupted run finished."""
+    fit = restore_fit(kept, session.parametrisation, schedule)
+    return describe_fit(session, fit, schedule.stride, independent)
 
 
 def measured_frfs(campaign: Campaign) -> int:

@@ -17,6 +17,7 @@ from tuning.files.result import final_folder
 VERDICT, EVIDENCE = "verdict.json", "evidence.json"
 SHOWN, ARRAYS, PAGE = "diagnosis.json", "diagnosis.npz", "report.html"
 AUGMENTED = "augmented.xml"
+CHECKPOINT = "diagnose.checkpoint.json"
 NAMES = (VERDICT, EVIDENCE, SHOWN, ARRAYS, AUGMENTED, PAGE)
 _VERB = "mbw diagnose"
 

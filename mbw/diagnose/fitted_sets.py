@@ -44,7 +44,7 @@ def fitted_rows(evidence: Evidence, settings: DiagnosisSettings = SETTINGS) -> l
     reasons = [_rejection(fitted, id(fitted) in material, settings) for fitted in evidence.sets]
     best: dict[frozenset[Key], tuple[FittedSet, str]] = {}
     rows = zip(evidence.sets, reasons, strict=True)
-    for fitted, reason in sorted(rows, key=lambda row: (bool(row[1]), row[0].cost)):
+    for fitted, reason in sorted(rows, key=lambda row: (bool(row[1]), row[0].objective)):
         best.setdefault(frozenset(fitted.keys), (fitted, reason))
     weighed = [fitted for fitted, reason in best.values() if not reason]
     odds = dict(zip(weighed, set_log_odds(evidence, weighed, calibrated()).tolist(), strict=True))
@@ -52,7 +52,7 @@ def fitted_rows(evidence: Evidence, settings: DiagnosisSettings = SETTINGS) -> l
     sets += [
         (fitted, _row(fitted, null, odds.get(fitted), reason)) for fitted, reason in best.values()
     ]
-    return [row for _, row in sorted(sets, key=lambda pair: pair[0].cost)]
+    return [row for _, row in sorted(sets, key=lambda pair: pair[0].objective)]
 
 
 def key_words(key: Key) -> str:

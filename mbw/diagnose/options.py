@@ -22,6 +22,9 @@ def diagnose(  # noqa: PLR0913  # one for each option
     explain: Annotated[
         bool, typer.Option("--explain", help="Print the hypotheses that were tried and rejected.")
     ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue an interrupted run of the same call.")
+    ] = False,
     seed: Seed = 0,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
@@ -40,6 +43,7 @@ def diagnose(  # noqa: PLR0913  # one for each option
         band=band,
         jobs=jobs,
         explain=explain,
+        resume=resume,
         overwrite=overwrite,
         quiet=quiet,
     )

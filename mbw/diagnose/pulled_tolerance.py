@@ -3,9 +3,8 @@
 import numpy as np
 
 from diagnosis import Diagnosis, Verdict
-from tuning import TOLERANCE_BOUND_SIGMA
+from tuning import TOLERANCE_BOUND_SIGMA, is_gap_visible
 
-_MIN_EXCESS = 1.1  # gap of a re-tuned model over the noise that needs an explanation
 _MAX_NAMED_TOLERANCES = 3  # tolerances that the sentence names
 
 
@@ -24,7 +23,7 @@ def pull_sentence(verdict: Verdict, diagnosis: Diagnosis) -> str | None:
         The sentence; None if something is missing, the gap is small, or no tolerance is beyond.
     """
     excess = verdict.gap.retuned.excess
-    if verdict.verdict != "none" or excess is None or excess < _MIN_EXCESS:
+    if verdict.verdict != "none" or excess is None or not is_gap_visible(excess**2 - 1):
         return None
     fit, outlier = diagnosis.null.fit, diagnosis.settings.outlier_sigma
     sizes = np.where(fit.parametrisation.has_prior, np.abs(fit.x), 0.0)

@@ -2,14 +2,17 @@
 
 from pathlib import Path
 
+import typer
 from rich.progress import Progress
 from rich.table import Table
 
 from diagnosis import Diagnosis, Verdict, diagnose
-from diagnosis.effects import check_others
+from diagnosis.effects import catalogue, check_others
+from diagnosis.settings import SETTINGS
 from mbw.band import check_band
 from mbw.diagnose.files import (
     AUGMENTED,
+    CHECKPOINT,
     NAMES,
     PAGE,
     SHOWN,
@@ -34,11 +37,13 @@ from mbw.diagnose.sentences import (
 from mbw.files import write_json
 from mbw.gain_text import gain_sentence
 from mbw.gap_text import describe_gap
+from mbw.interrupts import INTERRUPTED
 from mbw.messages import SCREEN, allow_one_interrupt
 from mbw.output_folder import ResultOptions
 from mbw.page.numbers import format_percent
-from mbw.remarks import describe_not_in_mjcf
-from tuning import Session, open_session
+from mbw.remarks import calibration_sentence, describe_not_in_mjcf
+from mbw.resume import open_checkpoint
+from tuning import Checkpoint, Session, fingerprint, open_session
 
 _MAX_LISTED_CAUSES = 8  # causes that the terminal lists, and hypotheses without a refit
 _MAX_LISTED_SETS = 16  # sets of causes that --explain lists
@@ -52,12 +57,13 @@ def run_options(  # one for each option
     band: tuple[float, float] | None,
     jobs: int,
     explain: bool,
+    resume: bool,
     overwrite: bool,
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.diagnose.options`` describes them."""
     check_band(band)
     outputs = ResultOptions(out, json, overwrite)
-    run(campaign, outputs, band=band, jobs=jobs, explain=explain)
+    run(campaign, outputs, band=band, jobs=jobs, explain=explain, resume=resume)
 
 
 def run(
@@ -67,6 +73,7 @@ def run(
     band: tuple[float, float] | None = None,
     jobs: int = 1,
     explain: bool = False,
+    resume: bool = False,
 ) -> Path:
     """Diagnose, write the verdict and its page, print a summary.
 
@@ -76,18 +83,26 @@ def run(
         band: lowest and highest frequency [Hz]; None for the frequency lines with coherence.
         jobs: number of processes; the verdict does not depend on it.
         explain: whether to print the hypotheses that were tested and rejected.
+        resume: whether to continue from the refits that an interrupted run finished.
 
     Returns:
         The folder of the result.
+
+    Raises:
+        typer.Exit: the search was interrupted after a refit had finished (code 130).
     """
     session = open_session(campaign, band)
     check_others(session)
     with outputs.open("diagnose", session.source, "diagnosed", NAMES) as output:
-        diagnosis = _diagnose(session, jobs)
+        checkpoint = open_checkpoint(
+            output.path / CHECKPOINT, _fingerprint(session), "search", resume=resume
+        )
+        diagnosis = _diagnose(session, jobs, checkpoint)
         with output.write() as place:
             result = collect_result(diagnosis, write_augmented(diagnosis, place / AUGMENTED))
             write_files(result, place)
             (place / PAGE).write_text(render(result), encoding="utf-8")
+        checkpoint.close()
     if outputs.json is not None:
         write_json(result.verdict.model_dump_json(indent=1), outputs.json)
     if explain and not SCREEN.quiet:
@@ -96,19 +111,37 @@ def run(
     SCREEN.say(f"verdict in {output.path / VERDICT}")
     effect = " with the effect" if diagnosis.after else ""
     SCREEN.say(f"tuned model{effect} in {output.path / AUGMENTED}")
+    SCREEN.say(f"  {calibration_sentence(session.campaign.tolerance.hammer_gain)}")
     if missing := describe_not_in_mjcf(result.shown.not_held_by_mjcf, SHOWN):
         SCREEN.say(f"  {missing}")
     SCREEN.say(f"report in {(output.path / PAGE).absolute().as_uri()}")
     return output.path
 
 
-def _diagnose(session: Session, jobs: int) -> Diagnosis:
-    """Diagnose with a progress bar, and print the remarks on the data."""
+def _fingerprint(session: Session) -> str:
+    """Return a hash of all that determines the verdict: inputs, effects and settings."""
+    effects = {name: effect.means for name, effect in catalogue().items()}
+    return fingerprint(session, {"effects": effects, "settings": SETTINGS})
+
+
+def _diagnose(session: Session, jobs: int, checkpoint: Checkpoint) -> Diagnosis:
+    """Diagnose with a progress bar, and print the remarks on the data.
+
+    Raises:
+        typer.Exit: the search was interrupted after a refit had finished (code 130).
+    """
     for text in session.campaign.remarks:
         SCREEN.say(text)
-    with SCREEN.progress() as progress, allow_one_interrupt() as ignore_interrupts:
-        diagnosis = diagnose(session, jobs=jobs, tell=_ProgressReporter(progress).show_step)
-        ignore_interrupts()
+    try:
+        with SCREEN.progress() as progress, allow_one_interrupt() as ignore_interrupts:
+            tell = _ProgressReporter(progress).show_step
+            diagnosis = diagnose(session, jobs=jobs, tell=tell, checkpoint=checkpoint)
+            ignore_interrupts()
+    except KeyboardInterrupt:
+        if not len(checkpoint):
+            raise
+        SCREEN.error(f"interrupted, continue with --resume: {len(checkpoint)} refits are finished")
+        raise typer.Exit(INTERRUPTED) from None
     for text in diagnosis.session.campaign.remarks[len(session.campaign.remarks) :]:
         SCREEN.say(text)
     return diagnosis

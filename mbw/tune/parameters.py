@@ -1,10 +1,10 @@
 """Table of stiffness and damping, the parameters without a prior, with their intervals."""
 
 import math
-import re
 from html import escape
 
 from mbw.page.numbers import format_four_digits
+from mbw.remarks import calibration_sentence, gain_tolerance
 from tuning import TunedFile
 from tuning.files.schema import ParameterRow
 
@@ -22,14 +22,7 @@ def interval_note(summary: TunedFile) -> str:
         "An interval holds the true value in 95 of 100 tests if the model lacks nothing and no "
         "tolerance is larger than stated."
     )
-    gains = [row for row in summary.parameters if re.fullmatch(r"hammer\(.*\)\.gain", row.name)]
-    tolerance = max((row.prior or 0.0 for row in gains), default=0.0)
-    text += " All stiffness and damping scale with the calibration of the force channel, "
-    text += (
-        f"whose tolerance of {100 * tolerance:.2g} % is in the intervals."
-        if tolerance
-        else "which the intervals take as exact."
-    )
+    text += f" {calibration_sentence(gain_tolerance(summary))}"
     if summary.fit.doubts:
         text += " The doubts above speak against that: the true value may lie outside."
     return text

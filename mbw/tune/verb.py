@@ -14,14 +14,14 @@ from mbw.gap_text import describe_gap, number_text
 from mbw.interrupts import INTERRUPTED
 from mbw.messages import NOT_CONVERGED, SCREEN, allow_one_interrupt
 from mbw.output_folder import OutputFolder, ResultOptions
-from mbw.remarks import list_remarks
+from mbw.remarks import calibration_sentence, gain_tolerance, list_remarks
+from mbw.resume import open_checkpoint
 from mbw.tune.modes import measured_modes, parse_residuals
 from mbw.tune.page import PAGE, render
 from tuning import (
     CHECKPOINT_FILE,
     GAUSS_NEWTON,
     CampaignTuning,
-    Checkpoint,
     FitProgress,
     FrfPlace,
     Parametrisation,
@@ -136,7 +136,9 @@ def run(  # noqa: PLR0913  # one for each option
     )
     with outputs.open("tune", session.source, "tuned", NAMES) as output:
         options = {"starts": starts, "seed": seed, "search": search}
-        checkpoint = _open_checkpoint(output.path, fingerprint(session, options), resume=resume)
+        checkpoint = open_checkpoint(
+            output.path / CHECKPOINT_FILE, fingerprint(session, options), "tuning", resume=resume
+        )
         measured = measured_modes(session.campaign, search.residuals, search.modes)
         for text in session.campaign.remarks:
             SCREEN.say(text)
@@ -167,16 +169,6 @@ def run(  # noqa: PLR0913  # one for each option
             checkpoint.close()
     _exit_unless_converged(tuned)
     return output.path
-
-
-def _open_checkpoint(folder: Path, key: str, *, resume: bool) -> Checkpoint:
-    """Open the checkpoint of a run; say so where it is not used, and where there is none."""
-    file = folder / CHECKPOINT_FILE
-    if file.is_file() and not resume:
-        SCREEN.say(f"{file} of an interrupted run is not used: --resume would continue from it")
-    if resume and not file.exists():
-        SCREEN.say(f"{folder} holds no interrupted run to resume: the tuning starts anew")
-    return Checkpoint(file, key, resume=resume)
 
 
 def _write(tuned: CampaignTuning, output: OutputFolder, outputs: ResultOptions) -> TunedFile:
@@ -254,6 +246,7 @@ def _say(summary: TunedFile, folder: Path) -> None:
         SCREEN.say(f"  {paired} of {len(summary.pairs)} measured modes match a mode of the model")
     for remark in list_remarks(summary):
         SCREEN.say(f"  {remark}")
+    SCREEN.say(f"  {calibration_sentence(gain_tolerance(summary))}")
     for gain in summary.information[:_MAX_FURTHER_POINTS]:
         where = f"a further hammer point at {gain.place}"
         if gain.what == "sensor":

@@ -18,8 +18,9 @@ from threadpoolctl import threadpool_limits
 
 from diagnosis.effects import catalogue
 from diagnosis.hypothesis import Scene
-from diagnosis.refits.refitting import asked
-from diagnosis.search.score_test import gains, ranked
+from diagnosis.refits.refitting import add_hypothesis, start_values
+from diagnosis.search.score_test import scores
+from diagnosis.settings import SETTINGS
 from tests.bench.kept import cases
 from truth import Cause, Plan, Protocol, TruthError, Wanted, draw_campaign, read_station
 from truth.campaign.draw import REAL_INSTRUMENTS
@@ -82,18 +83,18 @@ def _ranks(folder: Path, truth: tuple[str, str | None]) -> dict[str, object]:
     null = fit_at_error_floor(session.model, session.campaign, session.parametrisation)
     scene = Scene(session, null.fit.theta)
     proposals = [one for effect in catalogue().values() for one in effect(scene)]
-    scores = ranked(proposals, gains(scene, null.fit, proposals, null.error.floor))
+    ranked = scores(scene, null.fit, proposals, null.error.floor, SETTINGS.score_stride)
     best = {}
-    for score in scores:
+    for score in ranked:
         best.setdefault((score.hypothesis.effect, score.hypothesis.location), score.hypothesis)
     costs = {}
     for site, hypothesis in list(best.items())[:_REFITTED]:
-        task = asked(scene, hypothesis, session.campaign, ())
+        inner = add_hypothesis(session, hypothesis)
         refit = fit_at_error_floor(
-            task.session.model,
-            task.session.campaign,
-            task.session.parametrisation,
-            start=task.start,
+            inner.model,
+            inner.campaign,
+            inner.parametrisation,
+            start=start_values(scene, inner, hypothesis),
             floor=null.error.floor,
         )
         costs[site] = refit.error

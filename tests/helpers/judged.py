@@ -13,6 +13,7 @@ def fitted(*keys, cost, gap, floor=0.02, shifts=()):
         floor=floor,
         cost=cost,
         values=VALUES,
+        fitted_values=VALUES,
         noise_share=0.1,
         effective_values=0.5 * VALUES,
         chi_square=1 + gap,

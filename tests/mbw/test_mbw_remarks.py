@@ -5,7 +5,13 @@ from campaign_folder import write_folder
 from typer.testing import CliRunner
 
 from mbw.command import app
-from mbw.remarks import describe_not_in_mjcf, list_limits, list_remarks
+from mbw.remarks import (
+    calibration_sentence,
+    describe_not_in_mjcf,
+    gain_tolerance,
+    list_limits,
+    list_remarks,
+)
 from tuning import read_result
 from tuning.files.schema import UnseenRow
 
@@ -100,3 +106,13 @@ def test_limits_of_the_figures_are_no_doubts_of_the_fit(summary):
         "Some held-out fits did not converge: the held-out error may be too high."
     ]
     assert list_limits(failed)[0] in list_remarks(failed)
+
+
+def test_absolute_stiffness_is_said_to_rest_on_the_force_channel(summary):
+    assert calibration_sentence(0.02) == (
+        "Absolute stiffness and damping rest on the calibration of the force channel; its "
+        "tolerance of 2 % is in the intervals."
+    )
+    assert calibration_sentence(0.0).endswith("channel, which the intervals take as exact.")
+    gains = [row for row in summary.parameters if row.name.endswith(").gain")]
+    assert gain_tolerance(summary) == max((row.prior for row in gains), default=0.0)

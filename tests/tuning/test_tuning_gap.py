@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from small_machine import virtual_campaign
 
+from diagnosis.inference import posterior
 from mbmodel import modes_of_matrices
 from tuning import (
     STAGES,
@@ -14,6 +15,7 @@ from tuning import (
     fit,
     fit_held_out,
     gap_at_bodies,
+    is_gap_visible,
     predict,
     summarise_gaps,
 )
@@ -173,3 +175,14 @@ def test_the_gap_at_the_bodies_is_that_of_the_reduced_tests(model, true_theta):
     assert {dof.point for dof in reduced.tests[0].estimate.frf.outputs} == {"base", "head"}
     gap = summarise_gaps(channel_gaps(predict(model, true_theta, reduced), reduced))
     assert gap.excess == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("excess", "whole", "is_visible"),
+    [(1.09, 1.0, False), (1.11, 1.0, True), (2.5, 30.0, False), (3.5, 30.0, True)],
+)
+def test_tuning_and_diagnosis_call_the_same_gap_visible(excess, whole, is_visible):
+    gap, null = excess**2 - 1, whole**2 - 1
+    assert posterior.is_visible(gap, null) is is_visible
+    assert is_gap_visible(gap) is (excess > 1.1)
+    assert is_gap_visible(gap, whole_gap=null, max_open=0.01) is is_visible

@@ -17,6 +17,7 @@ import numpy as np
 from identification import reduce_to_bodies
 from identification.words import Campaign, Complex, Dof, Real
 
+MIN_VISIBLE_EXCESS = 1.1  # over the noise; less is next to nothing, in a tuning and in a verdict
 _MAX_NOISE_RATIO = 0.3  # noise_c of a channel whose error can be told from noise
 
 
@@ -54,6 +55,24 @@ class Gap:
     noise: float | None
     channels: int
     quiet: int
+
+
+def is_gap_visible(
+    gap: float,
+    min_excess: float = MIN_VISIBLE_EXCESS,
+    *,
+    whole_gap: float = 0.0,
+    max_open: float = 0.0,
+) -> bool:
+    """Return whether a gap is more than next to nothing.
+
+    Args:
+        gap: mean square of the gap over that of the noise, excess^2 - 1.
+        min_excess: excess up to which it is next to nothing.
+        whole_gap: gap of which this one remains; 0 for none.
+        max_open: part of that which is next to nothing as well.
+    """
+    return gap > max(min_excess**2 - 1, max_open * whole_gap)
 
 
 def channel_gaps(predicted: Sequence[Complex], campaign: Campaign) -> ChannelGaps:

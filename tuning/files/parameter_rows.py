@@ -5,6 +5,7 @@ import shlex
 import numpy as np
 
 from identification.words import Real
+from tuning.assessment.gap import is_gap_visible
 from tuning.assessment.parameter_confidence import (
     PLAUSIBLE_PULL_SIGMA,
     UNIDENTIFIABLE_SD,
@@ -14,9 +15,6 @@ from tuning.campaign_tuning import CampaignTuning
 from tuning.files.schema import FitRow, LevelGap, ParameterRow, StartRow
 from tuning.fitting.fitter import Fit
 
-# Highest excess of a model without missing dynamics. On held-out lines it is slightly above 1, by
-# what the parameters take from each value.
-_MAX_TRUSTED_EXCESS = 1.1
 _MAX_NAMES_IN_SENTENCE = 5  # in one sentence or row
 _MIN_START_FACTOR = 1.2  # between parameters of two starts, to be reported
 
@@ -97,8 +95,9 @@ def _doubts(tuned: CampaignTuning, gap: LevelGap) -> list[str]:
     campaign_folder = tuned.session.source.parent
     excess = (gap.held_out or gap.tuned).excess
     values = len(tuned.session.campaign.freq_hz) * gap.channels
-    highest = _MAX_TRUSTED_EXCESS * np.sqrt(1 + 2 * fit.parametrisation.size / max(values, 1))
-    if excess is not None and excess > highest:
+    # A model that lacks nothing exceeds 1 on held-out lines by what its parameters took there.
+    taken = 1 + 2 * fit.parametrisation.size / max(values, 1)
+    if excess is not None and is_gap_visible(excess**2 / taken - 1):
         doubts.append(
             f"something may be missing: run mbw diagnose {shlex.quote(str(campaign_folder))}"
         )

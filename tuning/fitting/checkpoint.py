@@ -43,6 +43,10 @@ class Checkpoint:
         if resume and file is not None and os.path.lexists(file):
             self._steps = _read(file, fingerprint)
 
+    def __len__(self) -> int:
+        """Return the number of finished steps."""
+        return len(self._steps)
+
     def recall(self, step: str) -> Minimum | None:
         """Return a finished step, or None."""
         record = self._steps.get(step)

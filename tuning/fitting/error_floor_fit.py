@@ -38,6 +38,12 @@ class FloorSchedule:
     max_rise: float = 1.5
     min_change: float = 0.05
 
+    def stage(self, floor: float) -> Stage:
+        """Return the stage of a fit at a floor."""
+        return replace(
+            STAGES[3], model_error_floor=floor, stride=self.stride, max_steps=self.max_steps
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class FloorFit:
@@ -87,18 +93,12 @@ def fit_at_error_floor(
     theta = start
     counted = thin_lines(campaign, schedule.stride // 2)
     for turn in range(1, schedule.max_turns + 1):
-        linear = replace(
-            STAGES[3],
-            model_error_floor=floor,
-            stride=schedule.stride,
-            max_steps=schedule.max_steps,
-        )
         current = fit(
             model,
             campaign,
             parametrisation=parametrisation,
             starts=None if theta is None else (theta,),
-            stages=(*stages, linear),
+            stages=(*stages, schedule.stage(floor)),
             jobs=jobs,
         )
         if current.outcome == "interrupted":
