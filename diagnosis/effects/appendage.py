@@ -48,30 +48,30 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     lowest = max(float(band[band > 0].min()), _LOWEST * float(band[-1]))
     highest = _HIGHEST * float(band[-1])
     for number, body in enumerate(bodies):
-        own = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
-        if not own[0, 0] > 0:
+        inertia = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
+        if not inertia[0, 0] > 0:
             continue  # the coordinate of a body's mode
-        unit = _UNIT * float(own[0, 0])
-        reach = _FARTHEST * float(np.sqrt(np.trace(own[3:, 3:]) / own[0, 0]))
+        unit = _UNIT * float(inertia[0, 0])
+        reach = _FARTHEST * float(np.sqrt(np.trace(inertia[3:, 3:]) / inertia[0, 0]))
         frame = np.zeros((6 * len(bodies), 6))
         frame[6 * number : 6 * number + 6] = np.eye(6)
         for at, frequency in enumerate(np.geomspace(lowest, highest, _SCANNED)):
-            one = _Appendage(
+            appendage = _Appendage(
                 f"{body}.appendage{at}",
                 frame,
                 unit,
                 float(frequency),
-                partial(_hung, machine, number),
+                partial(_write_masses, machine, number),
             )
             yield Hypothesis(
                 "appendage",
                 f"body:{body}",
-                parts=(one.part(f"body:{body}"),),
-                scored=one.masses,
+                parts=(appendage.part(f"body:{body}"),),
+                scored=appendage.masses,
                 signed=True,
-                bounds=one.bounds(lowest, highest, reach),
-                state=one.state,
-                along=one.along,
+                bounds=appendage.bounds(lowest, highest, reach),
+                state=appendage.state,
+                along=appendage.along,
             )
 
 
@@ -136,9 +136,9 @@ class _Appendage:
         changes = [self._change(core, _resonator(omega, zeta))]
         if theta[:3].any():
             for place, shape in ((3, _by_frequency(omega, zeta)), (4, _by_damping(omega, zeta))):
-                own = np.zeros((8, 6, 6))
-                own[place] = moved.T @ pushed
-                changes.append(self._change(own, shape))
+                sensitivity = np.zeros((8, 6, 6))
+                sensitivity[place] = moved.T @ pushed
+                changes.append(self._change(sensitivity, shape))
         return tuple(changes)
 
     def written(self, theta: Real) -> tuple[Addition, ...]:
@@ -146,11 +146,11 @@ class _Appendage:
         omega, zeta = self._at(theta)
         return self.hung(self.unit * theta[:3], omega, zeta, _ARM * theta[5:])
 
-    def state(self, found: Mapping[str, float]) -> dict[str, Value]:
+    def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
         """What the verdict calls them."""
-        omega, zeta = self._at(np.array([0.0] * 3 + [found[name] for name in self.tuned]))
-        masses = np.array([found[name] for name in self.masses])
-        place = np.array([_ARM * found[name] for name in self.place])
+        omega, zeta = self._at(np.array([0.0] * 3 + [fitted[name] for name in self.tuned]))
+        masses = np.array([fitted[name] for name in self.masses])
+        place = np.array([_ARM * fitted[name] for name in self.place])
         alone = _alone(masses)
         near = np.where(alone, 0.0, place).tolist()
         return {
@@ -160,9 +160,9 @@ class _Appendage:
             "position": Vague(near) if alone.any() else tuple(near),
         }
 
-    def along(self, found: Mapping[str, float]) -> str | None:
+    def along(self, fitted: Mapping[str, float]) -> str | None:
         """The axis, if it moves along one alone."""
-        alone = _alone(np.array([found[name] for name in self.masses]))
+        alone = _alone(np.array([fitted[name] for name in self.masses]))
         return f"t{'xyz'[int(np.argmax(alone))]}" if alone.any() else None
 
 
@@ -175,20 +175,20 @@ def _alone(masses: Real) -> Mask:
     return large if large.sum() == 1 else np.zeros(3, bool)
 
 
-def _hung(
+def _write_masses(
     machine: Machine, number: int, masses: Real, omega: float, zeta: float, place: Real
 ) -> tuple[Addition, ...]:
     body, centre = machine.layout.bodies[number], machine.layout.centres[number]
-    found: list[Addition] = []
+    additions: list[Addition] = []
     alone = _alone(masses)
     for axis in np.flatnonzero(masses > _NOTHING * masses.max()):
         sizes = masses[axis] * np.array([1.0, omega**2, 2 * zeta * omega])
         near = np.where(alone, 0.0, place) if alone[axis] else place
         along = centre + near, np.eye(3)[axis]
-        found += suspended_mass_elements(
+        additions += suspended_mass_elements(
             f"{body}.appendage_{'xyz'[axis]}", machine, body, along, sizes
         )
-    return tuple(found)
+    return tuple(additions)
 
 
 @lru_cache(1024)  # those of all bodies are one: their columns are formed together

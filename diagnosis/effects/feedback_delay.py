@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from diagnosis.effects.points import jointed, names_of, springs_of
+from diagnosis.effects.points import names_of, springs_of, sprung_stages
 from diagnosis.effects.spring_laws import Shape
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
@@ -34,7 +34,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     called = {axle.joint: axle.dof for axle in machine.axles}
     drawn = {spring.name: spring.damping for spring in machine.springs}
     unit = _TURN / (2 * np.pi * float(scene.session.campaign.freq_hz[-1]))
-    for stage in jointed(machine):
+    for stage in sprung_stages(machine):
         for spring in springs_of(machine, stage):
             stiffness = f"{spring}.stiffness"
             if stiffness not in tuned:
@@ -95,9 +95,9 @@ class _Loop:
         whole[..., 0, 0, 0] = core
         return Change("joint", self._frame, self._frame, whole, shape=shape)
 
-    def state(self, found: Mapping[str, float]) -> dict[str, Value]:
+    def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
         """The delay [s]."""
-        return {"delay": self._tau * found[self.size]}
+        return {"delay": self._tau * fitted[self.size]}
 
 
 @lru_cache(1024)  # those of all springs are one: their columns are formed together

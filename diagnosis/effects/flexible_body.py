@@ -26,7 +26,7 @@ def propose(scene: Scene) -> tuple[Hypothesis, ...]:
     return ()
 
 
-def bent(
+def bending_hypothesis(
     fault: Fault, bodies: Sequence[str], session: Session, good: Campaign, times: float = 1.0
 ) -> Hypothesis:
     """The hypothesis of a body that bends.
@@ -47,10 +47,10 @@ def bent(
     if seen is None:
         return base
 
-    def reformed(machine: Machine) -> Machine:
+    def reform_machine(machine: Machine) -> Machine:
         return reduce(add_bending_mode, bodies, machine)
 
-    machine = reformed(session.model.machine)
+    machine = reform_machine(session.model.machine)
     layout = machine.layout
     sites = dict.fromkeys(dof.point for dof in session.campaign.outputs)
     read = tuple(site for site in sites if layout.body_name(site) == body)
@@ -66,14 +66,14 @@ def bent(
         parts=(part.part(),),
         begin=part.start_values(begin),
         bounds=dict.fromkeys(part.names[:2], (-_FARTHEST, _FARTHEST)),
-        reform=reformed,
+        reform=reform_machine,
         is_held=True,
-        state=partial(_stated, part, float(session.campaign.freq_hz[-1])),
+        state=partial(_state_mode, part, float(session.campaign.freq_hz[-1])),
     )
 
 
-def _stated(part: BendingMode, highest: float, found: Mapping[str, float]) -> dict[str, Value]:
-    steps = np.array([found.get(name, 0.0) for name in part.names[:2]])
+def _state_mode(part: BendingMode, highest: float, fitted: Mapping[str, float]) -> dict[str, Value]:
+    steps = np.array([fitted.get(name, 0.0) for name in part.names[:2]])
     frequency, damping = part.frequency_and_damping(np.clip(steps, -_FARTHEST, _FARTHEST))
     return {"frequency": frequency, "damping": damping} if frequency <= highest else {}
 

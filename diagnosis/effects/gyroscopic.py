@@ -33,10 +33,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         parameters = tuple(Parameter(name, 0.0, "10 kg m^2/s", positive=False) for name in names)
         spin = Change("body", frame, frame, core)
         part = AddedPart.linear(f"body:{body}", parameters, (spin,), when)
-        part = replace(part, written=partial(_written, body))
+        part = replace(part, written=partial(_explain_rotor, body))
 
-        def state(found: Mapping[str, float], spin: tuple[str, ...] = names) -> dict[str, Value]:
-            size = float(np.linalg.norm([found[name] for name in spin]))
+        def state(fitted: Mapping[str, float], spin: tuple[str, ...] = names) -> dict[str, Value]:
+            size = float(np.linalg.norm([fitted[name] for name in spin]))
             return {"angular_momentum": _UNIT * size}
 
         yield Hypothesis("gyroscopic", f"body:{body}", parts=(part,), state=state)
@@ -50,7 +50,7 @@ def _by_speed(speeds: Sequence[float]) -> Callable[[Condition], float] | None:
     return lambda condition: condition.spindle_speed / highest
 
 
-def _written(body: str, theta: Real) -> tuple[NotInMjcf, ...]:
+def _explain_rotor(body: str, theta: Real) -> tuple[NotInMjcf, ...]:
     """MuJoCo holds it as a motion, not as an element."""
     spin = ", ".join(f"{_UNIT * value:.4g}" for value in theta)
     why = f"draw the rotor as a body on a hinge of {body} and let it spin"

@@ -29,11 +29,11 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     machine = scene.model.machine
     bodies = machine.layout.bodies
     for number, body in enumerate(bodies):
-        own = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
-        if not (own[0, 0] > 0 and np.trace(own[3:, 3:]) > 0):
+        inertia = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
+        if not (inertia[0, 0] > 0 and np.trace(inertia[3:, 3:]) > 0):
             continue  # a point, or the coordinate of a body's mode: it has no radius of gyration
-        mass = _UNIT * float(own[0, 0])
-        arm = float(np.sqrt(np.trace(own[3:, 3:]) / own[0, 0]))
+        mass = _UNIT * float(inertia[0, 0])
+        arm = float(np.sqrt(np.trace(inertia[3:, 3:]) / inertia[0, 0]))
         frame = np.zeros((6 * len(bodies), 6))
         frame[6 * number : 6 * number + 6] = np.eye(6)
         core = np.zeros((10, 3, 6, 6))
@@ -50,9 +50,9 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             *(f"{body}.added_inertia_{_AXES[i]}{_AXES[j]}" for i, j in _PAIRS),
         )
         parameters = tuple(Parameter(name, 0.0, f"{mass:g} kg", positive=False) for name in names)
-        own_inertia = np.diag(own[3:, 3:]) / (own[0, 0] * arm**2)
+        relative_inertia = np.diag(inertia[3:, 3:]) / (inertia[0, 0] * arm**2)
         ends = [(_LEAST, _MOST), *[(-_MOST, _MOST)] * 3]
-        ends += [(_LEAST * own_inertia[i] if i == j else -_SPREAD, _SPREAD) for i, j in _PAIRS]
+        ends += [(_LEAST * relative_inertia[i] if i == j else -_SPREAD, _SPREAD) for i, j in _PAIRS]
         bounds = {
             n: (low / _UNIT, high / _UNIT) for n, (low, high) in zip(names, ends, strict=True)
         }
@@ -60,16 +60,16 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         part = replace(part, weighs=partial(np.tensordot, b=core[:, 2], axes=1))
 
         def state(
-            found: Mapping[str, float],
+            fitted: Mapping[str, float],
             moved: tuple[str, ...] = names[:4],
-            one: float = mass,
+            unit_mass: float = mass,
             lever: float = arm,
         ) -> dict[str, Value]:
-            size = found[moved[0]]
+            size = fitted[moved[0]]
             if not size:
                 return {"mass": 0.0}
-            place = tuple(lever * found[name] / size for name in moved[1:])
-            return {"mass": one * size, "position": place}
+            place = tuple(lever * fitted[name] / size for name in moved[1:])
+            return {"mass": unit_mass * size, "position": place}
 
         yield Hypothesis(
             "mass_error",

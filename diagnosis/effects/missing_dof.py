@@ -56,7 +56,7 @@ def _usual(scene: Scene, held: RigidDirection) -> float:
     machine = scene.model.machine
     kind = {axle.joint: axle.turns for axle in machine.axles if axle.stage == held.stage}
     turns = held.dof.startswith("r")
-    alike = tuple(one for one in springs_of(machine, held.stage) if kind.get(one) is turns)
+    alike = tuple(spring for spring in springs_of(machine, held.stage) if kind.get(spring) is turns)
     known = scene.stiffness(alike)
     return float(np.median(known[known > 0])) if (known > 0).any() else held.reference
 
@@ -110,16 +110,18 @@ class _Way:
     def written(self, theta: Real) -> tuple[Addition, ...]:
         """A joint."""
         stiffness, tau = self._at(theta)
-        own = self.held.coordinate
-        axle = next(one for one in self.machine.axles if one.coordinate == own)
+        coordinate = self.held.coordinate
+        axle = next(
+            candidate for candidate in self.machine.axles if candidate.coordinate == coordinate
+        )
         sizes = np.array([stiffness, stiffness * tau])
         return released_joint_elements(
             f"{self.held.stage}_{self.held.dof}", self.machine, axle, sizes
         )
 
-    def state(self, found: Mapping[str, float]) -> dict[str, Value]:
+    def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
         """Stiffness and damping in SI."""
-        stiffness, tau = self._at(np.array([found[name] for name in self.names]))
+        stiffness, tau = self._at(np.array([fitted[name] for name in self.names]))
         return {"stiffness": stiffness, "damping": stiffness * tau}
 
 

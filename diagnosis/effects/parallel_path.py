@@ -23,7 +23,7 @@ from itertools import combinations
 
 import numpy as np
 
-from diagnosis.effects.points import joined, springs_of
+from diagnosis.effects.points import are_joined, springs_of
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import (
@@ -53,7 +53,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     band = scene.session.campaign.freq_hz
     omega = 2 * np.pi * float(np.sqrt(band[band > 0].min() * band[-1]))
     for low, high in combinations(range(len(bodies)), 2):
-        if not joined(machine, bodies[low], bodies[high]):
+        if not are_joined(machine, bodies[low], bodies[high]):
             for at in range(len(_SCANNED)):
                 link = _Link(machine, (low, high), omega, at)
                 yield Hypothesis(
@@ -102,11 +102,11 @@ class _Link:
     @property
     def firm(self) -> tuple[dict[str, float], ...]:
         """As stiff as the slides of the upper body's joint are drawn; none where none is sprung."""
-        own = springs_of(self._machine, self._bodies[1])
-        slides = [s.stiffness for s in self._machine.springs if s.name in own and not s.angular]
+        springs = springs_of(self._machine, self._bodies[1])
+        slides = [s.stiffness for s in self._machine.springs if s.name in springs and not s.angular]
         if not any(slides):
             return ()
-        size = float(np.median([one for one in slides if one > 0])) / float(self._units[0])
+        size = float(np.median([value for value in slides if value > 0])) / float(self._units[0])
         return (dict.fromkeys(self.along_axes[:3], size),)
 
     @property
@@ -118,8 +118,8 @@ class _Link:
     @property
     def _start(self) -> Real:
         """Where the point begins [m]."""
-        found: Real = self._centres.mean(axis=0) + self._begin
-        return found
+        start: Real = self._centres.mean(axis=0) + self._begin
+        return start
 
     @property
     def part(self) -> AddedPart:
@@ -134,11 +134,11 @@ class _Link:
 
     def _matrices(self, theta: Real) -> Real:
         """K and C in their units; (2, 3, 3)."""
-        found = np.zeros((2, 3, 3))
+        matrices = np.zeros((2, 3, 3))
         for number, (row, column) in enumerate(_PAIRS):
             entry = theta[[number, number + 3]] if number < 3 else theta[[number + 3, number + 6]]
-            found[:, row, column] = found[:, column, row] = entry
-        return found
+            matrices[:, row, column] = matrices[:, column, row] = entry
+        return matrices
 
     def _moves(self, theta: Real) -> Real:
         """R; (3, 12)."""
@@ -171,15 +171,15 @@ class _Link:
             core[12 + axis] = half + half.swapaxes(-1, -2)
         return (self._change(core * self._units[:, None, None]),)
 
-    def state(self, found: Mapping[str, float]) -> dict[str, Value]:
+    def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
         """Stiffness and damping in SI; none is less than nothing."""
-        stiffness, damping = self._matrices(np.array([found[name] for name in self._names]))
+        stiffness, damping = self._matrices(np.array([fitted[name] for name in self._names]))
         sizes, axes = np.linalg.eigh(stiffness)
         stiffness = (axes * np.maximum(sizes, 0.0)) @ axes.T
         weight = stiffness if stiffness.any() else np.eye(3)
-        means = [np.trace(weight @ one) / np.trace(weight) for one in (stiffness, damping)]
-        found_k, found_c = (self._units * np.maximum(means, 0.0)).tolist()
-        return {"stiffness": found_k, "damping": found_c}
+        means = [np.trace(weight @ matrix) / np.trace(weight) for matrix in (stiffness, damping)]
+        mean_stiffness, mean_damping = (self._units * np.maximum(means, 0.0)).tolist()
+        return {"stiffness": mean_stiffness, "damping": mean_damping}
 
     def written(self, theta: Real) -> tuple[Addition | NotInMjcf, ...]:
         """A tendon along each axis of the springs, and of the dampers where these are others."""
@@ -192,22 +192,22 @@ class _Link:
             _, axes = np.linalg.eigh(stiffness / self._units[0] + np.pi * damping / self._units[1])
             rows = [("", axis, (axis @ stiffness @ axis, axis @ damping @ axis)) for axis in axes.T]
         else:
-            of_springs, of_dampers = (np.linalg.eigh(one)[1].T for one in both)
+            of_springs, of_dampers = (np.linalg.eigh(matrix)[1].T for matrix in both)
             rows = [("k", axis, (axis @ stiffness @ axis, 0.0)) for axis in of_springs]
             rows += [("c", axis, (0.0, axis @ damping @ axis)) for axis in of_dampers]
-        found: list[Addition | NotInMjcf] = []
+        additions: list[Addition | NotInMjcf] = []
         largest = np.abs(both).max(axis=(1, 2))
         for number, (kind, axis, sizes) in enumerate(rows):
             name = f"{self.name}.{kind}{number % 3}"
             if any(sizes < -_SLIGHT * largest):
-                found.append(NotInMjcf(name, "a spring or damper of less than nothing"))
+                additions.append(NotInMjcf(name, "a spring or damper of less than nothing"))
             elif any(np.abs(sizes) > _SLIGHT * largest):
                 low, high = self._bodies
                 along = point, axis
-                found += link_elements(
+                additions += link_elements(
                     name, self._machine, (low, high), along, np.maximum(sizes, 0.0)
                 )
-        return tuple(found)
+        return tuple(additions)
 
 
 EFFECT = Effect(

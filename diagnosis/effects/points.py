@@ -35,7 +35,7 @@ def hits(scene: Scene) -> tuple[Dof, ...]:
     )
 
 
-def three(prefix: str) -> tuple[str, ...]:
+def vector_names(prefix: str) -> tuple[str, ...]:
     """Names of a vector in world axes."""
     return tuple(f"{prefix}{axis}" for axis in "xyz")
 
@@ -45,7 +45,7 @@ def gains_of(site: str) -> list[tuple[str, str]]:
     return [(d, f"{site}.gain_{d[1:] if d[0] == 't' else d}") for d in DIRECTIONS]
 
 
-def jointed(machine: Machine) -> list[str]:
+def sprung_stages(machine: Machine) -> list[str]:
     """Stages with springs of their own joints."""
     named = {spring.name for spring in machine.springs}
     stages = groupby(machine.axles, key=lambda axle: axle.stage)
@@ -58,7 +58,7 @@ def springs_of(machine: Machine, stage: str) -> tuple[str, ...]:
     return tuple(a.joint for a in machine.axles if a.stage == stage and a.joint in named)
 
 
-def joined(machine: Machine, lower: str, upper: str) -> bool:
+def are_joined(machine: Machine, lower: str, upper: str) -> bool:
     """Whether a joint joins two bodies."""
     parents = parent_bodies(machine)
     return parents.get(upper) == lower or parents.get(lower) == upper

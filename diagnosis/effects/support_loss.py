@@ -23,7 +23,7 @@ from itertools import combinations
 
 import numpy as np
 
-from diagnosis.effects.points import jointed, springs_of
+from diagnosis.effects.points import springs_of, sprung_stages
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Complex, Real
 from mbmodel import AddedPart, Change, Parameter, joint_coupling_writer
@@ -39,7 +39,7 @@ _TINY = 1e-30  # complex step, of each parameter's size
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each joint that may stand on four supports."""
-    for stage in jointed(scene.model.machine):
+    for stage in sprung_stages(scene.model.machine):
         springs = _six(scene, stage)
         if springs is not None and (scene.stiffness(springs) > 0).all():
             stand = _Stand(scene, stage, springs)
@@ -75,7 +75,9 @@ class _Stand:
         self._own = np.array([name in tuned for name in names])
         self._drawn = np.concatenate([scene.stiffness(springs), scene.damping(springs)])
         self.follow = {
-            f"{stage}.lost({name})": name for name, own in zip(names, self._own, strict=True) if own
+            f"{stage}.lost({name})": name
+            for name, is_tuned in zip(names, self._own, strict=True)
+            if is_tuned
         }
 
     @property
@@ -113,22 +115,22 @@ class _Stand:
         sizes[self._own] = theta[6:]
         stiffness, damping = sizes[:6], sizes[6:]
         far = _levers(stiffness, 1 - theta[4:6])
-        near = _least(_levers(damping, 1 - theta[4:6]), far)
+        near = _smaller_levers(_levers(damping, 1 - theta[4:6]), far)
         core = np.zeros((3, 6, 6), complex)
         for lost, corner in zip(theta[:4], _CORNERS, strict=True):
             for power, values, levers in ((0, stiffness, far), (1, damping, near)):
-                rows = _felt(corner, levers)
+                rows = _stretch(corner, levers)
                 core[power] -= lost / 4 * (rows.T * values[:3]) @ rows
         return core
 
-    def state(self, found: Mapping[str, float]) -> dict[str, Value]:
+    def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
         """What each support carries of what the best of them does: 0 to 1.
 
         What all have lost alike is a softer joint, whose stiffness is fitted beside.
         """
-        carried = [max(1 - found[name], 0.0) for name in self.lost]
+        carried = [max(1 - fitted[name], 0.0) for name in self.lost]
         most = max(*carried, _LEAST)
-        return {"fraction": tuple(one / most for one in carried)}
+        return {"fraction": tuple(share / most for share in carried)}
 
 
 def _six(scene: Scene, stage: str) -> tuple[str, ...] | None:
@@ -157,16 +159,16 @@ def _levers(along: Complex, share: Real | Complex) -> Complex:
     a, b = (np.sqrt(ry / tz), np.sqrt(rx / tz)) if tz.real > 0 else (zero, zero)
     a, b = a * share[0], b * share[1]
     twist = b**2 * tx + a**2 * ty
-    one = np.ones((), complex)
-    flat = np.sqrt(rz / twist) if twist.real > rz.real else one
+    unit = np.ones((), complex)
+    flat = np.sqrt(rz / twist) if twist.real > rz.real else unit
     return np.array([a, b, flat])
 
 
-def _least(one: Complex, other: Complex) -> Complex:
-    return np.where(one.real <= other.real, one, other)
+def _smaller_levers(first: Complex, second: Complex) -> Complex:
+    return np.where(first.real <= second.real, first, second)
 
 
-def _felt(corner: tuple[int, int], levers: Complex) -> Complex:
+def _stretch(corner: tuple[int, int], levers: Complex) -> Complex:
     """Stretch of the three slides at a support per joint coordinate tx .. rz; (3, 6)."""
     a, b, flat = levers
     x, y = corner[0] * a, corner[1] * b

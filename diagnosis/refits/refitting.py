@@ -12,8 +12,8 @@ from itertools import islice
 import numpy as np
 from scipy.stats import chi2, norm
 
-from diagnosis.hypothesis import Hypothesis, Scene, Value, freed
-from diagnosis.hypothesis_set import together
+from diagnosis.hypothesis import Hypothesis, Scene, Value, extend_parametrisation
+from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.evidence import BADLY_KNOWN, Gapped, Key
 from diagnosis.refits.parallel import side_by_side
 from identification.words import Campaign, Real, VarianceSource
@@ -160,7 +160,7 @@ def add_hypothesis(session: Session, hypothesis: Hypothesis) -> Session:
         session,
         model=model,
         campaign=session.campaign if correct is None else correct(session.campaign),
-        parametrisation=freed(session.parametrisation, model, session, hypothesis),
+        parametrisation=extend_parametrisation(session.parametrisation, model, session, hypothesis),
     )
 
 
@@ -188,7 +188,7 @@ def add_to(base: Refit, hypothesis: Hypothesis, first_stages: tuple[Stage, ...] 
     """Return the task of a refit with one more cause, from where a refit ended."""
     session = add_hypothesis(base.session, hypothesis)
     start = start_values(base, session, hypothesis)
-    causes = together((*base.causes, hypothesis))
+    causes = join_hypotheses((*base.causes, hypothesis))
     return RefitTask(causes, session, start, base.floor, first_stages)
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from diagnosis.data_checks.candidates import candidate_hypotheses
 from diagnosis.effects import catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.hypothesis_set import together
+from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.calibration import calibrated
 from diagnosis.inference.collect import fitted_set
 from diagnosis.inference.evidence import Evidence
@@ -201,7 +201,7 @@ def _eliminate(
     tasks = []
     removable = [cause for cause in best.causes[:-1] if cause.reform is None]
     for left_out in removable:  # Parts of others refer to the coordinates of a body's mode
-        kept = together([cause for cause in best.causes if cause is not left_out])
+        kept = join_hypotheses([cause for cause in best.causes if cause is not left_out])
         session = add_hypothesis(scene.session, kept)
         start = start_values(best, session, None)
         tasks.append(RefitTask(kept, session, start, best.floor))

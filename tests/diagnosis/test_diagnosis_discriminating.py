@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS
-from diagnosis.corrections import masked
+from diagnosis.corrections import mask_channels
 from diagnosis.next_test.discriminating import (
     Experiment,
     _before,
@@ -171,7 +171,7 @@ def at_two_levels(session, silent=()):
         replace(test, condition=replace(test.condition, level_n=900.0)) for test in campaign.tests
     ]
     both = replace(campaign, tests=(*campaign.tests, *harder))
-    heard = masked(both, lambda dof: campaign.layout.body_name(dof.point) in silent)
+    heard = mask_channels(both, lambda dof: campaign.layout.body_name(dof.point) in silent)
     return replace(session, campaign=heard)
 
 

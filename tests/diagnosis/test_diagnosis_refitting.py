@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.corrections import doubted, masked
+from diagnosis.corrections import doubted, mask_channels
 from diagnosis.estimates.intervals import fit_parameters
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.null_model import fit_null_model, fit_unbounded, refit_from
@@ -200,7 +200,7 @@ def test_lines_where_a_body_bends_are_doubted_by_as_much(case):
 def test_of_few_frfs_the_null_model_is_fitted_from_many_starts(tmp_path):
     session, _ = drawn(tmp_path, 72_064, None, lines=161)
     kept = {str(dof) for dof in session.campaign.outputs[::9]}
-    few = masked(session.campaign, lambda dof: str(dof) not in kept)
+    few = mask_channels(session.campaign, lambda dof: str(dof) not in kept)
     names = [parameter.name for parameter in session.model.parameters]
     stiff = np.array([name.startswith("stage2") and name.endswith("stiffness") for name in names])
     model = replace(session, campaign=few).model
