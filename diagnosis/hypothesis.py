@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from diagnosis.labels import direction, named
+from diagnosis.labels import direction, name_place
 from identification.words import Campaign, Real
 from mbmodel import Machine, Model, Part, RigidDirection
 from tuning import Parametrisation, Session, parametrise
@@ -187,10 +187,10 @@ class Effect:
         """A sentence about it at a place."""
         towards = direction(dof)
         return what.format(
-            place=named(place),
+            place=name_place(place),
             dof=dof or "this direction",
             direction=towards or "in this direction",
-            channel=f"{named(place)} {towards}".rstrip(),
+            channel=f"{name_place(place)} {towards}".rstrip(),
         )
 
 

@@ -28,7 +28,7 @@ from itertools import combinations
 import numpy as np
 from scipy.special import softmax
 
-from diagnosis.inference.calibration import Calibration, calibrated
+from diagnosis.inference.calibration import Calibration, load_calibration
 from diagnosis.inference.evidence import Evidence, FittedSet, Key, Pushed
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 
@@ -90,7 +90,7 @@ def judge(
         calibration: the committed one if None.
         settings: thresholds.
     """
-    constants = calibration or calibrated()
+    constants = calibration or load_calibration()
     sets, gap = _without_outliers(evidence, settings.outlier_sigma)
     sets = _best_fits(material_sets(evidence.null, sets, settings))
     log_none = (
@@ -244,6 +244,6 @@ def force_shares(
     if not forces:
         return {}
     gains = np.array([max(force.gain, 0.0) for force in forces])
-    scale = (constants or calibrated()).force_scale
+    scale = (constants or load_calibration()).force_scale
     shares = softmax(gains / (scale * max(float(gains.max()), 1.0))).tolist()
     return {force.location: share for force, share in zip(forces, shares, strict=True)}

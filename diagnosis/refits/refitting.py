@@ -96,7 +96,7 @@ class Refit(Gapped):
         """Effect, location and direction of each cause."""
         return tuple(cause.key for cause in self.causes)
 
-    def stated(self, cause: Hypothesis) -> dict[str, Value]:
+    def state_parameters(self, cause: Hypothesis) -> dict[str, Value]:
         """Return the parameters of a cause as the verdict states them."""
         return cause.state(values_by_name(self.fit.parametrisation, self.fit.theta))
 

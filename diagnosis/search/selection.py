@@ -13,7 +13,7 @@ from diagnosis.data_checks.candidates import candidate_hypotheses
 from diagnosis.effects import catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
-from diagnosis.inference.calibration import calibrated
+from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.collect import fitted_set
 from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import is_visible, material_sets, set_log_odds, site_of
@@ -229,7 +229,9 @@ def _is_more_probable(search: Search, refit: Refit, base: Refit) -> bool:
         hypotheses=search.hypotheses,
         variance=variance_source(search.null.session.campaign),
     )
-    first, second = set_log_odds(evidence, [fitted_set(refit), fitted_set(base)], calibrated())
+    first, second = set_log_odds(
+        evidence, [fitted_set(refit), fitted_set(base)], load_calibration()
+    )
     return bool(first > second)
 
 
