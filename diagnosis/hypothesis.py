@@ -52,7 +52,7 @@ class Scene:
         return self._along(springs, "stiffness")
 
     def damping(self, springs: tuple[str, ...]) -> Real:
-        """The same of their damping."""
+        """Fitted damping of springs, the drawn one where it does not vary, in their order."""
         return self._along(springs, "damping")
 
     def _along(self, springs: tuple[str, ...], what: str) -> Real:

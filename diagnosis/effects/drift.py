@@ -26,7 +26,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             def acts(condition: Condition, at: str = when) -> bool:
                 return at in (str(condition.reference.positive), condition.setup)
 
-            drift = Law(scene, place, springs, f"{stage}.drift({when})", constant, acts)
+            drift = Law.of(scene, place, springs, f"{stage}.drift({when})", constant, acts)
 
             def state(fitted: Mapping[str, float], spring_law: Law = drift) -> dict[str, Value]:
                 return {"factor": 1 + fitted[spring_law.size]}

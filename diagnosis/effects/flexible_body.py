@@ -10,14 +10,16 @@ from functools import partial, reduce
 
 import numpy as np
 
+from diagnosis.effects.scales import MAX_LOG_STEPS
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification import Fault, estimate_bending_shape
 from identification.words import Campaign, Dof
 from mbmodel import BendingMode, Machine, add_bending_mode
 from tuning import Session
 
-_FARTHEST = 20.0  # units of the logarithms of frequency and damping
-_SHOWN = 0.5  # what the sensor that moves most begins with, per unit of the mode's coordinate
+_START_READING = (
+    0.5  # what the sensor that moves most begins with, per unit of the mode's coordinate
+)
 
 
 def propose(scene: Scene) -> tuple[Hypothesis, ...]:
@@ -60,12 +62,12 @@ def bending_hypothesis(
     known = {*layout.points, *layout.bodies}
     hit = tuple(p for p in points if p in known and layout.body_name(p) == body)
     part = BendingMode(machine, body, times * seen.frequency, read, hit)
-    begin = {f"{d.point}_{d.direction[-1]}": _SHOWN * v for d, v in seen.readings.items()}
+    begin = {f"{d.point}_{d.direction[-1]}": _START_READING * v for d, v in seen.readings.items()}
     return replace(
         base,
         parts=(part.part(),),
         begin=part.start_values(begin),
-        bounds=dict.fromkeys(part.names[:2], (-_FARTHEST, _FARTHEST)),
+        bounds=dict.fromkeys(part.names[:2], (-MAX_LOG_STEPS, MAX_LOG_STEPS)),
         reform=reform_machine,
         is_held=True,
         state=partial(_state_mode, part, float(session.campaign.freq_hz[-1])),
@@ -74,7 +76,7 @@ def bending_hypothesis(
 
 def _state_mode(part: BendingMode, highest: float, fitted: Mapping[str, float]) -> dict[str, Value]:
     steps = np.array([fitted.get(name, 0.0) for name in part.names[:2]])
-    frequency, damping = part.frequency_and_damping(np.clip(steps, -_FARTHEST, _FARTHEST))
+    frequency, damping = part.frequency_and_damping(np.clip(steps, -MAX_LOG_STEPS, MAX_LOG_STEPS))
     return {"frequency": frequency, "damping": damping} if frequency <= highest else {}
 
 

@@ -15,7 +15,7 @@ from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import AddedPart, Change, Parameter, joint_coupling_writer
 
-_UNIT = 0.01  # m per unit of the parameters
+_OFFSET_UNIT_M = 0.01  # m per unit of the parameters
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -37,7 +37,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             for i, slide in enumerate(springs):
                 for j, hinge in enumerate(springs):
                     if slide in holding and axles[hinge].turns and not axles[slide].turns:
-                        arm = np.cross(axles[hinge].axis, _UNIT * unit)
+                        arm = np.cross(axles[hinge].axis, _OFFSET_UNIT_M * unit)
                         felt[k, i, j] = axles[slide].axis @ arm
         if not felt.any():
             continue
@@ -63,7 +63,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         )
 
         def state(fitted: Mapping[str, float], offset: tuple[str, ...] = names) -> dict[str, Value]:
-            return {"offset": tuple(_UNIT * fitted[name] for name in offset)}
+            return {"offset": tuple(_OFFSET_UNIT_M * fitted[name] for name in offset)}
 
         yield Hypothesis(
             "joint_coupling", f"joint:{stage}", parts=(part,), follow=follow, state=state

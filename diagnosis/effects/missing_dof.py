@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from diagnosis.effects.points import springs_of
+from diagnosis.effects.scales import LOG_TIME_UNIT, MAX_LOG_STEPS
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import (
@@ -27,9 +28,6 @@ from mbmodel import (
     RigidDirection,
     released_joint_elements,
 )
-
-_STEP = 0.5  # of the logarithm of tau per unit of its parameter
-_FARTHEST = 20.0  # steps
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -45,7 +43,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             parts=(way.part,),
             scored=(way.names[0],),
             signed=True,
-            bounds={way.names[1]: (-_FARTHEST, _FARTHEST)},
+            bounds={way.names[1]: (-MAX_LOG_STEPS, MAX_LOG_STEPS)},
             otherwise=({way.names[0]: way.compliance(_usual(scene, held))},),
             state=way.state,
         )
@@ -78,11 +76,11 @@ class _Way:
             Parameter(self.names[1], 0.0, "50 %", positive=False),
         )
         place = f"joint:{self.held.stage}"
-        return AddedPart(place, parameters, self.finite, self.derivatives, written=self.written)
+        return AddedPart(place, parameters, self.finite, self.derivatives, written=self.write)
 
     def _at(self, theta: Real) -> tuple[float, float]:
         stiffness = 1 / (1 / self.held.stiffness + max(float(theta[0]), 0.0) * self.unit)
-        return stiffness, self.held.time_constant * float(np.exp(_STEP * theta[1]))
+        return stiffness, self.held.time_constant * float(np.exp(LOG_TIME_UNIT * theta[1]))
 
     def compliance(self, stiffness: float) -> float:
         """The parameter for a stiffness."""
@@ -103,11 +101,11 @@ class _Way:
         stiffness, tau = self._at(theta)
         softer = -self.unit * stiffness**2
         # While all is held nothing shows the time constant: next to no curvature, a wild step.
-        damping = _STEP * stiffness * tau if theta[0] > 0 else 0.0
+        damping = LOG_TIME_UNIT * stiffness * tau if theta[0] > 0 else 0.0
         core = np.array([[softer, softer * tau, 0.0], [0.0, damping, 0.0]])
         return (self._change(core),)
 
-    def written(self, theta: Real) -> tuple[Addition, ...]:
+    def write(self, theta: Real) -> tuple[Addition, ...]:
         """A joint."""
         stiffness, tau = self._at(theta)
         coordinate = self.held.coordinate

@@ -20,7 +20,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     machine = scene.model.machine
     for stage in sprung_stages(machine):
         place = f"joint:{stage}"
-        loss = Law(scene, place, springs_of(machine, stage), f"{stage}.loss", lossy)
+        loss = Law.of(scene, place, springs_of(machine, stage), f"{stage}.loss", lossy)
 
         def state(fitted: Mapping[str, float], spring_law: Law = loss) -> dict[str, Value]:
             return {"loss_factor": fitted[spring_law.size]}

@@ -6,7 +6,7 @@ from diagnosis.algorithm import Diagnosis
 from identification.words import Campaign, Dof
 from mbmodel import Machine, parent_bodies
 
-_MIN_CHANNELS = (
+_MIN_BODY_CHANNELS = (
     6  # channels on a body, as of two triaxial sensors: its motion is known but for a turn
 )
 
@@ -39,7 +39,7 @@ def _at(place: str, machine: Machine, campaign: Campaign) -> str:
     if not beside:
         return f"look at {place or 'the joints'}, and hit other bodies at each level as well"
     channels = Counter(campaign.layout.body_name(dof.point) for dof in _heard(campaign))
-    blind = [body for body in beside if channels[body] < _MIN_CHANNELS]
+    blind = [body for body in beside if channels[body] < _MIN_BODY_CHANNELS]
     if blind:
         return (
             f"put two triaxial sensors or more on {' and '.join(blind)}, and hit there: something "

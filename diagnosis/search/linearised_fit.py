@@ -17,7 +17,7 @@ Gained = tuple[float, Real]  # gain in cost [nats]; step of the coordinates
 
 
 @dataclass(frozen=True, eq=False)
-class LinearisedFit:
+class ScoredFit:
     """A fit, linearised.
 
     Args:

@@ -17,7 +17,7 @@ import numpy as np
 
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.inference.evidence import Key
-from diagnosis.search.linearised_fit import Factor, Gained, LinearisedFit
+from diagnosis.search.linearised_fit import Factor, Gained, ScoredFit
 from identification.words import Real
 from mbmodel import Model
 from tuning import (
@@ -123,7 +123,7 @@ def _score_together(
     probed = Misfit(model, thin, varies, model_error_floor=model_error_floor).probe_coordinates(
         fit.x, probes
     )
-    fitted = LinearisedFit(fit.parametrisation, fit.x, probed)
+    fitted = ScoredFit(fit.parametrisation, fit.x, probed)
     place = {name: k for k, name in enumerate((*varies.names, *probes.names))}
     for hypothesis in hypotheses:
         yield fitted.score(

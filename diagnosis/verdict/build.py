@@ -159,7 +159,7 @@ def _spread(whole: float | None, without: list[float | None]) -> tuple[float, fl
 def _spread_of_sizes(
     whole: float | None, without: list[float | None]
 ) -> tuple[float, float] | None:
-    """The same of what is never below zero, by its logarithm."""
+    """Return the jackknife interval of a positive number, by its logarithm."""
     if not whole or not all(without):
         return None
     spread = _spread(

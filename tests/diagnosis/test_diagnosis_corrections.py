@@ -213,7 +213,7 @@ def test_where_most_bodies_seem_to_bend_small_faults_of_sensors_are_no_more_beli
             "diagnosis.data_checks.sensors.check_bodies", lambda _, drawn=drawn: tuple(drawn)
         )
         gate = sensor_gate(session.campaign)
-        small = set() if many == 3 else {"flexible_body", "sensor_gain"}
+        small = {"flexible_body"} if many == 3 else {"flexible_body", "sensor_gain"}
         assert {one.effect for one in gate.faults} == {"sensor_polarity", *small}
 
 
