@@ -57,7 +57,7 @@ class Posterior:
     where: tuple[tuple[str, float], ...]
     sets: tuple[tuple[Keys, float], ...] = ()
 
-    def confounded(self, settings: DiagnosisSettings = SETTINGS) -> tuple[tuple[Site, Site], ...]:
+    def confounded_pairs(self, settings: DiagnosisSettings = SETTINGS) -> tuple[tuple[Site, Site], ...]:
         """Return pairs of causes whose sets, otherwise alike, differ by less than 3 nats."""
         shares: dict[frozenset[Site], float] = {}
         for keys, share in self.sets:
