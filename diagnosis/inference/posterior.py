@@ -1,9 +1,10 @@
 r"""Posterior probabilities of sets of causes, each with or without a rest.
 
 Every set S is fitted at its own model-error floor. Per value, c_S is its mean -ln L, with the cost
-of the tolerances as they count in the fit. Errors of a model are shared among lines, channels and tests, so that the residual of the best set holds N_eff
-independent values (``tuning.residual_statistics``). Relative to the empty set with a rest
-("unexplained"), the log probability of a set is
+of the tolerances as they count in the fit. Errors of a model are shared among lines, channels and
+tests, so that the residual of the best set holds N_eff independent values
+(``tuning.residual_statistics``). Relative to the empty set with a rest ("unexplained"), the log
+probability of a set is
 
     l_S = kappa N_eff [ c_0 - c_S - |S| chance (1 - s) ] - |S| ln M,
 
@@ -57,7 +58,9 @@ class Posterior:
     where: tuple[tuple[str, float], ...]
     sets: tuple[tuple[Keys, float], ...] = ()
 
-    def confounded_pairs(self, settings: DiagnosisSettings = SETTINGS) -> tuple[tuple[Site, Site], ...]:
+    def confounded_pairs(
+        self, settings: DiagnosisSettings = SETTINGS
+    ) -> tuple[tuple[Site, Site], ...]:
         """Return pairs of causes whose sets, otherwise alike, differ by less than 3 nats."""
         shares: dict[frozenset[Site], float] = {}
         for keys, share in self.sets:

@@ -15,8 +15,9 @@ from scipy.stats import chi2, norm
 from diagnosis.hypothesis import Hypothesis, Scene, Value, extend_parametrisation
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.evidence import BADLY_KNOWN, Gapped, Key
+from diagnosis.refits.measured import variance_source
 from diagnosis.refits.parallel import side_by_side
-from identification.words import Campaign, Real, VarianceSource
+from identification.words import Real
 from mbmodel import Model
 from tuning import (
     STAGES,
@@ -219,17 +220,6 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
         )
         for task, refit in zip(tasks, results, strict=True)
     ]
-
-
-def measured_frfs(campaign: Campaign) -> int:
-    """Return the number of FRFs."""
-    return sum(int(test.estimate.measured.sum()) for test in campaign.tests)
-
-
-def variance_source(campaign: Campaign) -> VarianceSource:
-    """Return where the noise's variance comes from; the worse source if there are two."""
-    sources = {test.estimate.variance_source for test in campaign.tests}
-    return "coherence" if sources == {"coherence"} else "differences"
 
 
 def _refit(task: RefitTask, schedule: FloorSchedule, threads: int, independent: bool) -> Refit:

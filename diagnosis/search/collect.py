@@ -4,7 +4,7 @@ from diagnosis.inference.collect import fitted_set
 from diagnosis.inference.evidence import Evidence, Scored
 from diagnosis.inference.posterior import is_visible
 from diagnosis.null_model import Baseline, fit_unbounded
-from diagnosis.refits.refitting import variance_source
+from diagnosis.refits.measured import variance_source
 from diagnosis.search.free_force import fit_free_forces
 from diagnosis.search.selection import Search, scene_of
 from diagnosis.settings import DiagnosisSettings

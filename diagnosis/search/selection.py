@@ -18,6 +18,7 @@ from diagnosis.inference.collect import fitted_set
 from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import is_visible, material_sets, set_log_odds, site_of
 from diagnosis.null_model import Baseline, refit_from
+from diagnosis.refits.measured import variance_source
 from diagnosis.refits.refitting import (
     FROM_AFAR,
     Refit,
@@ -26,7 +27,6 @@ from diagnosis.refits.refitting import (
     add_to,
     run_refits,
     start_values,
-    variance_source,
 )
 from diagnosis.search.score_test import Score, scores
 from diagnosis.settings import DiagnosisSettings
@@ -144,16 +144,18 @@ def _refit_round(
     best = min(refits, key=lambda refit: refit.objective)
     known = {refit.causes[-1] for refit in refits}
     site = best.causes[-1].site
-    others = [
+    further = [
         score.hypothesis
         for score in ranked
         if score.hypothesis.site == site and score.hypothesis not in known
     ]
-    tasks = [add_to(base, other) for other in _one_each_direction(others, settings)]
+    tasks = [add_to(base, hypothesis) for hypothesis in _one_each_direction(further, settings)]
     return [*refits, *run_refits(scene, tasks, settings.schedule)]
 
 
-def _suggested(base: Baseline, current: Refit, settings: DiagnosisSettings) -> list[Hypothesis]:
+def _suggest_candidates(
+    base: Baseline, current: Refit, settings: DiagnosisSettings
+) -> list[Hypothesis]:
     """Return the faults that redundant channels prove and that no cause of the set is yet."""
     sites = {cause.site for cause in current.causes}
     session = base.scene.session
@@ -215,14 +217,14 @@ def _eliminate(
 
 def _is_accepted(search: Search, refit: Refit, base: Refit, settings: DiagnosisSettings) -> bool:
     """Return whether a set with one more cause is material, and more probable."""
-    sets = [fitted_set(one) for one in (*search.refits, refit)]
+    sets = [fitted_set(candidate) for candidate in (*search.refits, refit)]
     material = {fitted.keys for fitted in material_sets(fitted_set(search.null), sets, settings)}
     return refit.keys in material and _is_more_probable(search, refit, base)
 
 
 def _is_more_probable(search: Search, refit: Refit, base: Refit) -> bool:
     """Return whether the posterior prefers a set to another one."""
-    sets = [fitted_set(one) for one in (*search.refits, refit)]
+    sets = [fitted_set(candidate) for candidate in (*search.refits, refit)]
     evidence = Evidence(
         null=fitted_set(search.null),
         sets=tuple(sets),
