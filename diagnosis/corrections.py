@@ -20,37 +20,39 @@ def channels_of(location: str, dof: str | None) -> Callable[[Dof], bool]:
     sites = location.partition(":")[2].split("+")
     axes = None if dof is None else dof.split("+")
 
-    def concerned(channel: Dof) -> bool:
+    def concerns(channel: Dof) -> bool:
         return channel.point in sites and (axes is None or channel.direction[1:] in axes)
 
-    return concerned
+    return concerns
 
 
-def masked(campaign: Campaign, concerned: Callable[[Dof], bool]) -> Campaign:
+def mask_channels(campaign: Campaign, concerns: Callable[[Dof], bool]) -> Campaign:
     """Without some channels: their cells count as not measured."""
 
     def edit(estimate: FrfEstimate) -> FrfEstimate:
-        kept = np.array([not concerned(dof) for dof in estimate.frf.outputs])
-        return _only(estimate, kept)
+        kept = np.array([not concerns(dof) for dof in estimate.frf.outputs])
+        return _keep_channels(estimate, kept)
 
-    return _edited(campaign, edit)
+    return _edit_estimates(campaign, edit)
 
 
-def divided(campaign: Campaign, concerned: Callable[[Dof], bool], reading: Reading) -> Campaign:
+def divide_channels(
+    campaign: Campaign, concerns: Callable[[Dof], bool], reading: Reading
+) -> Campaign:
     """Channels divided by what they read per motion."""
 
     def edit(estimate: FrfEstimate) -> FrfEstimate:
-        rows = np.array([concerned(dof) for dof in estimate.frf.outputs])
+        rows = np.array([concerns(dof) for dof in estimate.frf.outputs])
         read = reading(estimate.frf.freq_hz)[:, None, None]
         values, variance = estimate.frf.values.copy(), estimate.variance.copy()
         values[:, rows] /= read
         variance[:, rows] /= np.abs(read) ** 2
         return replace(estimate, frf=replace(estimate.frf, values=values), variance=variance)
 
-    return _edited(campaign, edit)
+    return _edit_estimates(campaign, edit)
 
 
-def exchanged(campaign: Campaign, pairs: tuple[tuple[Dof, Dof], ...]) -> Campaign:
+def exchange_channels(campaign: Campaign, pairs: tuple[tuple[Dof, Dof], ...]) -> Campaign:
     """Channels that bear each other's labels; where one of two is missing both are masked."""
     partner = {a.positive: b.positive for a, b in pairs} | {
         b.positive: a.positive for a, b in pairs
@@ -62,11 +64,11 @@ def exchanged(campaign: Campaign, pairs: tuple[tuple[Dof, Dof], ...]) -> Campaig
         rows, signs = np.arange(len(outputs)), np.ones(len(outputs))
         kept = np.ones(len(outputs), bool)
         for row, dof in enumerate(outputs):
-            other = place.get(partner.get(dof.positive, dof.positive))
-            kept[row] = other is not None
-            if other is not None:
-                rows[row] = other
-                signs[row] = dof.sign * outputs[other].sign
+            counterpart = place.get(partner.get(dof.positive, dof.positive))
+            kept[row] = counterpart is not None
+            if counterpart is not None:
+                rows[row] = counterpart
+                signs[row] = dof.sign * outputs[counterpart].sign
         values = estimate.frf.values[:, rows] * signs[:, None]
         moved = replace(
             estimate,
@@ -75,16 +77,16 @@ def exchanged(campaign: Campaign, pairs: tuple[tuple[Dof, Dof], ...]) -> Campaig
             measured=estimate.measured[rows],
             coherence=None if estimate.coherence is None else estimate.coherence[:, rows],
         )
-        return _only(moved, kept)
+        return _keep_channels(moved, kept)
 
-    return _edited(campaign, edit)
+    return _edit_estimates(campaign, edit)
 
 
-def _only(estimate: FrfEstimate, kept: Mask) -> FrfEstimate:
+def _keep_channels(estimate: FrfEstimate, kept: Mask) -> FrfEstimate:
     frf = replace(estimate.frf, values=estimate.frf.values * kept[:, None])
     return replace(estimate, frf=frf, measured=estimate.measured & kept[:, None])
 
 
-def _edited(campaign: Campaign, edit: Callable[[FrfEstimate], FrfEstimate]) -> Campaign:
+def _edit_estimates(campaign: Campaign, edit: Callable[[FrfEstimate], FrfEstimate]) -> Campaign:
     tests = tuple(replace(test, estimate=edit(test.estimate)) for test in campaign.tests)
     return replace(campaign, tests=tests)

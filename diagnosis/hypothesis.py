@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from diagnosis.labels import direction, named
+from diagnosis.labels import direction, name_place
 from diagnosis.refit_record import RefitRecord
 from identification.words import Campaign, Real
 from mbmodel import Machine, Model, Part, RigidDirection
@@ -55,24 +55,26 @@ class Scene:
         return self._along(springs, "stiffness")
 
     def damping(self, springs: tuple[str, ...]) -> Real:
-        """The same of their damping."""
+        """Fitted damping of springs, the drawn one where it does not vary, in their order."""
         return self._along(springs, "damping")
 
     def _along(self, springs: tuple[str, ...], what: str) -> Real:
-        fitted = dict(zip((one.name for one in self.model.parameters), self.theta, strict=True))
+        fitted = dict(
+            zip((parameter.name for parameter in self.model.parameters), self.theta, strict=True)
+        )
         drawn = {spring.name: getattr(spring, what) for spring in self.model.machine.springs}
         return np.array([fitted.get(f"{name}.{what}", drawn[name]) for name in springs])
 
 
-def unsaid(found: Mapping[str, float]) -> dict[str, Value]:
+def state_nothing(fitted: Mapping[str, float]) -> dict[str, Value]:
     """No parameter to state."""
-    del found
+    del fitted
     return {}
 
 
-def nowhere(found: Mapping[str, float]) -> str | None:
+def find_no_direction(fitted: Mapping[str, float]) -> str | None:
     """No direction."""
-    del found
+    del fitted
     return None
 
 
@@ -123,8 +125,8 @@ class Hypothesis:
     believed: Mapping[str, float] = field(default_factory=dict)
     is_held: bool = True
     members: tuple["Hypothesis", ...] = ()
-    state: Callable[[Mapping[str, float]], dict[str, Value]] = unsaid
-    along: Callable[[Mapping[str, float]], str | None] = nowhere
+    state: Callable[[Mapping[str, float]], dict[str, Value]] = state_nothing
+    along: Callable[[Mapping[str, float]], str | None] = find_no_direction
 
     @property
     def key(self) -> tuple[str, str, str | None]:
@@ -141,8 +143,8 @@ class Hypothesis:
         """Names of what is scored."""
         if self.scored:
             return self.scored
-        own = (p.name for part in self.parts for p in part.parameters)
-        return (*self.release, *(name for name in own if name not in self.follow))
+        added = (p.name for part in self.parts for p in part.parameters)
+        return (*self.release, *(name for name in added if name not in self.follow))
 
     @property
     def names(self) -> frozenset[str]:
@@ -188,14 +190,14 @@ class Effect:
         """A sentence about it at a place."""
         towards = direction(dof)
         return what.format(
-            place=named(place),
+            place=name_place(place),
             dof=dof or "this direction",
             direction=towards or "in this direction",
-            channel=f"{named(place)} {towards}".rstrip(),
+            channel=f"{name_place(place)} {towards}".rstrip(),
         )
 
 
-def released(
+def release_tolerance(
     effect: str, location: str, dof: str | None, names: tuple[str, ...], stated: str
 ) -> Hypothesis:
     """A tolerance whose prior and bounds go, stated as one number or as a vector.
@@ -208,15 +210,15 @@ def released(
         stated: what the verdict calls their value.
     """
 
-    def state(found: Mapping[str, float]) -> dict[str, Value]:
-        values = tuple(found[name] for name in names)
+    def state(fitted: Mapping[str, float]) -> dict[str, Value]:
+        values = tuple(fitted[name] for name in names)
         return {stated: values if len(values) > 1 else values[0]}
 
     return Hypothesis(effect, location, dof, release=names, state=state)
 
 
-def freed(
-    varies: Parametrisation, model: Model, session: Session, one: Hypothesis
+def extend_parametrisation(
+    varies: Parametrisation, model: Model, session: Session, hypothesis: Hypothesis
 ) -> Parametrisation:
     """What varies under a hypothesis.
 
@@ -224,29 +226,35 @@ def freed(
         varies: without it.
         model: with its Parts.
         session: whose tolerances hold.
-        one: the hypothesis.
+        hypothesis: the hypothesis.
     """
     extended = (
-        varies.extend(parametrise(model, session.campaign.tolerance)) if one.parts else varies
+        varies.extend(parametrise(model, session.campaign.tolerance))
+        if hypothesis.parts
+        else varies
     )
-    free = extended.tie_parameters(one.follow).release_priors(one.release).vary_linearly(one.linear)
+    free = (
+        extended.tie_parameters(hypothesis.follow)
+        .release_priors(hypothesis.release)
+        .vary_linearly(hypothesis.linear)
+    )
     fixed = free.fixed.copy()
     for k, parameter in enumerate(free.parameters):
         if (
-            parameter.name in one.begin and free.coordinate_of[k] < 0
+            parameter.name in hypothesis.begin and free.coordinate_of[k] < 0
         ):  # a user has fixed it: as was found
-            fixed[k] = one.begin[parameter.name]
+            fixed[k] = hypothesis.begin[parameter.name]
     lower, upper = free.lower.copy(), free.upper.copy()
     scale, has_prior = free.scale.copy(), free.has_prior.copy()
-    for each in one.members or (one,):
-        if each.signed:
-            sizes = np.isin(np.array(free.names), each.coordinates)
+    for member in hypothesis.members or (hypothesis,):
+        if member.signed:
+            sizes = np.isin(np.array(free.names), member.coordinates)
             lower = np.where(sizes, 0.0, lower)
         for k, name in enumerate(free.names):
-            if name in each.bounds:
-                lower[k], upper[k] = each.bounds[name]
-            if name in each.believed:
-                deviation = each.believed[name]
+            if name in member.bounds:
+                lower[k], upper[k] = member.bounds[name]
+            if name in member.believed:
+                deviation = member.believed[name]
                 scale[free.coordinate_of == k], has_prior[k] = deviation, True
                 lower[k], upper[k] = lower[k] / deviation, upper[k] / deviation
     return replace(free, fixed=fixed, lower=lower, upper=upper, scale=scale, has_prior=has_prior)

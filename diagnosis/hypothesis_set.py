@@ -8,27 +8,31 @@ from diagnosis.hypothesis import Hypothesis
 from identification.words import Campaign
 
 
-def together(several: Sequence[Hypothesis]) -> Hypothesis:
+def join_hypotheses(several: Sequence[Hypothesis]) -> Hypothesis:
     """Several at once, called by the name of the first; what reforms the machine is one of them.
 
     Bodies that bend know of each other: each reforms the machine for all.
     """
     if len(several) == 1:
         return several[0]
-    corrections = [one.correct for one in several if one.correct is not None]
+    corrections = [hypothesis.correct for hypothesis in several if hypothesis.correct is not None]
 
     def correct(campaign: Campaign) -> Campaign:
-        return reduce(lambda seen, own: own(seen), corrections, campaign)
+        return reduce(lambda seen, correction: correction(seen), corrections, campaign)
 
     return replace(
         several[0],
-        release=tuple(name for one in several for name in one.release),
-        parts=tuple(part for one in several for part in one.parts),
-        begin={name: value for one in several for name, value in one.begin.items()},
-        follow={name: other for one in several for name, other in one.follow.items()},
-        linear=tuple(name for one in several for name in one.linear),
+        release=tuple(name for hypothesis in several for name in hypothesis.release),
+        parts=tuple(part for hypothesis in several for part in hypothesis.parts),
+        begin={name: value for hypothesis in several for name, value in hypothesis.begin.items()},
+        follow={
+            name: target for hypothesis in several for name, target in hypothesis.follow.items()
+        },
+        linear=tuple(name for hypothesis in several for name in hypothesis.linear),
         correct=correct if corrections else None,
-        reform=next((one.reform for one in several if one.reform is not None), None),
-        is_held=all(one.is_held for one in several),
+        reform=next(
+            (hypothesis.reform for hypothesis in several if hypothesis.reform is not None), None
+        ),
+        is_held=all(hypothesis.is_held for hypothesis in several),
         members=tuple(several),
     )

@@ -22,33 +22,35 @@ def told_of(answer: Mapping[str, Any]) -> Fault | None:
     return Fault(answer["effect"], answer["location"], answer.get("dof"), 1.0, parameters, 1.0)
 
 
-def oracle(found: Diagnosis, told: Fault, jobs: int = 1) -> HeldOutGap | None:
+def oracle(diagnosis: Diagnosis, fault: Fault, jobs: int = 1) -> HeldOutGap | None:
     """Fit with the effect that is there.
 
     Args:
-        found: the diagnosis, made without knowing it.
-        told: effect, place and direction; what a fit cannot find by itself, its parameters too.
+        diagnosis: the diagnosis, made without knowing it.
+        fault: effect, place and direction; what a fit cannot find by itself, its parameters too.
         jobs: threads.
 
     Returns:
         The gap with it; None of an effect that is no Part yet.
     """
-    causes = found.present.causes
-    if found.after is not None and causes and _same(causes[0], told):
-        return found.after
-    one = _hypothesis(found, told)
-    return None if one is None else gap_with(found, one, jobs)
+    causes = diagnosis.present.causes
+    if diagnosis.after is not None and causes and _same(causes[0], fault):
+        return diagnosis.after
+    hypothesis = _hypothesis(diagnosis, fault)
+    return None if hypothesis is None else gap_with(diagnosis, hypothesis, jobs)
 
 
-def _same(one: Hypothesis, told: Fault) -> bool:
-    return (one.effect, one.location) == (told.effect, told.location) and (
-        told.dof is None or one.dof in (None, told.dof)
+def _same(hypothesis: Hypothesis, fault: Fault) -> bool:
+    return (hypothesis.effect, hypothesis.location) == (fault.effect, fault.location) and (
+        fault.dof is None or hypothesis.dof in (None, fault.dof)
     )
 
 
-def _hypothesis(found: Diagnosis, told: Fault) -> Hypothesis | None:
-    if told.location.startswith("sensor:") or told.effect == BENDS:
-        return hypothesis_of(told, found.session, (told.location.partition(":")[2],))
+def _hypothesis(diagnosis: Diagnosis, fault: Fault) -> Hypothesis | None:
+    if fault.location.startswith("sensor:") or fault.effect == BENDS:
+        return hypothesis_of(fault, diagnosis.session, (fault.location.partition(":")[2],))
     # Scores come the most promising first: of a scan, the shape that is nearest.
-    alike = (one.hypothesis for one in found.search.scores if _same(one.hypothesis, told))
+    alike = (
+        score.hypothesis for score in diagnosis.search.scores if _same(score.hypothesis, fault)
+    )
     return next(alike, None)

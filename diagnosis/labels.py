@@ -17,7 +17,7 @@ def direction(dof: str | None) -> str:
         return f"set-up {dof}"
 
 
-def named(location: str) -> str:
+def name_place(location: str) -> str:
     """``ty`` of ``joint:ty``, ``acc1 and acc2`` of ``sensor:acc1+acc2``."""
     what, _, name = location.partition(":")
     return name.replace("+", " and ") if what == "sensor" else name

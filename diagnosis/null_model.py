@@ -9,13 +9,8 @@ from diagnosis.data_checks.check_data import CheckedData
 from diagnosis.data_checks.sensors import Gate
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.refit_record import RefitRecord
-from diagnosis.refits.refitting import (
-    Refit,
-    RefitTask,
-    measured_frfs,
-    run_refits,
-    start_values,
-)
+from diagnosis.refits.measured import measured_frfs
+from diagnosis.refits.refitting import Refit, RefitTask, run_refits, start_values
 from diagnosis.settings import DiagnosisSettings
 from identification import lines_are_independent
 from mbmodel import RigidDirection
@@ -115,7 +110,9 @@ def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
     return min(refits, key=lambda refit: refit.objective)
 
 
-def refit_from(scene: Scene, null: Refit, other: Refit, settings: DiagnosisSettings) -> Refit:
+def refit_from(
+    scene: Scene, null: Refit, refit_with_causes: Refit, settings: DiagnosisSettings
+) -> Refit:
     """Refit the null model from where another refit ended, and return the better.
 
     A cause may lead around a barrier that springs and dampers alone do not cross, and then vanish.
@@ -123,10 +120,10 @@ def refit_from(scene: Scene, null: Refit, other: Refit, settings: DiagnosisSetti
     Args:
         scene: campaign and nominal model.
         null: the null model.
-        other: refit with causes.
+        refit_with_causes: refit with causes.
         settings: schedule.
     """
-    start = start_values(other, null.session, None)
+    start = start_values(refit_with_causes, null.session, None)
     (refit,) = run_refits(
         scene, [RefitTask(None, null.session, start, null.floor)], settings.schedule
     )

@@ -11,11 +11,17 @@ from functools import partial, reduce
 
 import numpy as np
 
-from diagnosis.corrections import Reading, channels_of, divided, exchanged, masked
-from diagnosis.effects.flexible_body import bent
-from diagnosis.effects.points import gains_of, three
-from diagnosis.effects.sensor_polarity import turned
-from diagnosis.hypothesis import Hypothesis, Value, released
+from diagnosis.corrections import (
+    Reading,
+    channels_of,
+    divide_channels,
+    exchange_channels,
+    mask_channels,
+)
+from diagnosis.effects.flexible_body import bending_hypothesis
+from diagnosis.effects.points import gains_of, vector_names
+from diagnosis.effects.sensor_polarity import read_inverted
+from diagnosis.hypothesis import Hypothesis, Value, release_tolerance
 from diagnosis.inference.evidence import BENDS, Key
 from identification import (
     BodyCheck,
@@ -99,40 +105,40 @@ def sensor_gate(campaign: Campaign) -> Gate:
         proven = {key: fault for key, fault in proven.items() if key[0] in (BENDS, *_GROSS)}
     faults = tuple(fault for fault in proven.values() if _is_heard(fault, campaign, none))
     dead = [fault for fault in faults if fault.effect in _TELLS_NOTHING]
-    heard = masked(campaign, lambda dof: dof.positive in none) if none else campaign
+    heard = mask_channels(campaign, lambda dof: dof.positive in none) if none else campaign
     alive = _without(heard, dead)
     gross = [fault for fault in faults if fault.effect in (*_GROSS, *_TELLS_NOTHING)]
     return Gate(checks, faults, alive, _without(heard, gross))
 
 
-def _is_heard(one: Fault, campaign: Campaign, none: Collection[Dof]) -> bool:
+def _is_heard(fault: Fault, campaign: Campaign, none: Collection[Dof]) -> bool:
     """Whether a fault may be believed: of channels that read noise alone, no more than that.
 
     Args:
-        one: proven, as it seems.
+        fault: proven, as it seems.
         campaign: all that was measured.
         none: channels that read noise alone.
     """
-    if one.effect in _TELLS_NOTHING or not one.location.startswith("sensor:"):
+    if fault.effect in _TELLS_NOTHING or not fault.location.startswith("sensor:"):
         return True
-    concerned = channels_of(one.location, one.dof)
-    return any(concerned(dof) and dof.positive not in none for dof in campaign.outputs)
+    concerns = channels_of(fault.location, fault.dof)
+    return any(concerns(dof) and dof.positive not in none for dof in campaign.outputs)
 
 
-def _exported_twice(one: Fault, same: frozenset[Dof]) -> list[Fault]:
+def _exported_twice(fault: Fault, same: frozenset[Dof]) -> list[Fault]:
     """What is wrong with a sensor if its channels hold the numbers of others: no known fault.
 
     Args:
-        one: fault of a sensor, or of a body.
+        fault: fault of a sensor, or of a body.
         same: channels that hold the numbers of others.
     """
-    if not one.location.startswith("sensor:"):
+    if not fault.location.startswith("sensor:"):
         return []
-    concerned = channels_of(one.location, one.dof)
+    concerns = channels_of(fault.location, fault.dof)
     return [
-        replace(one, effect=_UNKNOWN, location=f"sensor:{dof.point}", dof=dof.direction[1:])
+        replace(fault, effect=_UNKNOWN, location=f"sensor:{dof.point}", dof=dof.direction[1:])
         for dof in sorted(same, key=str)
-        if concerned(dof)
+        if concerns(dof)
     ]
 
 
@@ -143,22 +149,26 @@ def _one_cause(check: BodyCheck, sure: list[Fault]) -> list[Fault]:
     then a gain, or a place, of its own, and a few of them explain a shape to the noise. But faults
     are rare and do not come in pairs. Gross ones stand out beside a shape too.
     """
-    small = [one for one in sure if one.effect not in (BENDS, *_GROSS)]
-    others = [one for one in sure if one not in small]
-    if not any(one.effect == BENDS for one in sure):
-        if len({one.location for one in small}) < _TOO_MANY:
+    small = [fault for fault in sure if fault.effect not in (BENDS, *_GROSS)]
+    remaining = [fault for fault in sure if fault not in small]
+    if not any(fault.effect == BENDS for fault in sure):
+        if len({fault.location for fault in small}) < _TOO_MANY:
             return sure
-        after = min(one.excess_after for one in small)
-        return [Fault(BENDS, f"body:{check.body}", None, PROVEN, {}, after), *others]
+        after = min(fault.excess_after for fault in small)
+        return [Fault(BENDS, f"body:{check.body}", None, PROVEN, {}, after), *remaining]
     if check.deviation[-1] > 0.5 * check.deviation.max():  # no peak of a mode lies in the band
-        others = [replace(one, parameters={}) if one.effect == BENDS else one for one in others]
-    return others
+        remaining = [
+            replace(fault, parameters={}) if fault.effect == BENDS else fault for fault in remaining
+        ]
+    return remaining
 
 
 def _without(campaign: Campaign, faults: Sequence[Fault]) -> Campaign:
     """All channels but those that faults of sensors concern."""
-    sensors = [one for one in faults if one.location.startswith("sensor:")]
-    return reduce(masked, (channels_of(one.location, one.dof) for one in sensors), campaign)
+    sensors = [fault for fault in faults if fault.location.startswith("sensor:")]
+    return reduce(
+        mask_channels, (channels_of(fault.location, fault.dof) for fault in sensors), campaign
+    )
 
 
 def hypothesis_of(
@@ -178,28 +188,28 @@ def hypothesis_of(
         times: where a mode's frequency begins, over that of its highest peak.
     """
     if fault.effect == BENDS:
-        return bent(fault, bodies, session, good or session.campaign, times)
+        return bending_hypothesis(fault, bodies, session, good or session.campaign, times)
     base = Hypothesis(fault.effect, fault.location, fault.dof)
     site = fault.location.partition(":")[2]
-    concerned = channels_of(fault.location, fault.dof)
+    concerns = channels_of(fault.location, fault.dof)
     if fault.effect in RELEASED:
         tolerance, stated = RELEASED[fault.effect]
         prefix = f"{site}.{tolerance}_"
-        names = three(prefix) if fault.dof is None else (dict(gains_of(site))[fault.dof],)
-        one = released(fault.effect, fault.location, fault.dof, names, stated)
+        names = vector_names(prefix) if fault.dof is None else (dict(gains_of(site))[fault.dof],)
+        hypothesis = release_tolerance(fault.effect, fault.location, fault.dof, names, stated)
         values = np.ravel(fault.parameters[stated]).tolist()
-        return replace(one, begin=dict(zip(names, values, strict=True)))
+        return replace(hypothesis, begin=dict(zip(names, values, strict=True)))
     if fault.effect == "sensor_polarity":
-        return replace(base, correct=lambda c: divided(c, concerned, turned))
+        return replace(base, correct=lambda c: divide_channels(c, concerns, read_inverted))
     if fault.effect == "sensor_swap":
         pairs = _pairs(fault, session.campaign)
-        return replace(base, correct=lambda c: exchanged(c, pairs))
+        return replace(base, correct=lambda c: exchange_channels(c, pairs))
     reading = _reading(fault)
     if reading is None:
         return None
     return replace(
         base,
-        correct=lambda c: divided(c, concerned, reading),
+        correct=lambda c: divide_channels(c, concerns, reading),
         state=lambda _: dict(fault.parameters),
     )
 

@@ -1,7 +1,7 @@
 """The catalogue: one file for each effect, which proposes its hypotheses for a machine.
 
-A package of others adds to it by an entry point of the group ``mbw.effects`` whose name is the
-effect's and whose object is an ``Effect``; what these propose is checked (``guarded``).
+A package adds to it by an entry point of the group ``mbw.effects``: its name is that of the effect,
+its object an ``Effect``. The hypotheses that it proposes are checked (``plugins.py``).
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from pkgutil import iter_modules
 
-from diagnosis.effects.plugins import GROUP, loaded, named
+from diagnosis.effects.plugins import GROUP, describe_entry_point, load_effect
 from diagnosis.effects.proven_by_data import PROVEN
 from diagnosis.hypothesis import Effect, Scene
 from identification.words import InputError
@@ -26,29 +26,30 @@ EFFECTS: Mapping[str, Effect] = {
 
 @cache
 def catalogue() -> Mapping[str, Effect]:
-    """All effects by name: ours, and those of installed packages.
+    """Return all effects by name: of this project, and of installed packages.
 
     Raises:
         InputError: an entry point cannot be loaded, is no Effect, or takes a name that is taken.
     """
-    found = dict(EFFECTS)
+    effects = dict(EFFECTS)
     for point in entry_points(group=GROUP):
-        if point.name in found or point.name in PROVEN:
+        if point.name in effects or point.name in PROVEN:
             raise InputError(
-                f"{named(point.name)}: that effect is known already: give it another name, or "
-                "uninstall its package"
+                f"{describe_entry_point(point.name)}: that effect is known already: give it "
+                "another name, or uninstall its package"
             )
-        found[point.name] = loaded(point)
-    return found
+        effects[point.name] = load_effect(point)
+    return effects
 
 
 def check_others(session: Session) -> None:
-    """Refuse effects of other packages that cannot be fitted, before anything is.
+    """Refuse effects of other packages that cannot be fitted, before any fit.
 
-    They propose for the drawing, as they will for fits; where there are none it takes no time.
+    They propose for the nominal model, as they will for fits. Without such packages nothing is
+    computed.
 
     Args:
-        session: campaign and drawn model.
+        session: campaign and nominal model.
 
     Raises:
         InputError: a hypothesis that cannot be fitted, or parameters with names that are taken.
@@ -58,14 +59,14 @@ def check_others(session: Session) -> None:
         return
     owners = {parameter.name: "the model" for parameter in session.model.parameters}
     for name, effect in known.items():
-        made = effect(Scene(session, session.model.drawn))
-        parts = dict.fromkeys(part for one in made for part in one.parts)
+        proposed = effect(Scene(session, session.model.drawn))
+        parts = dict.fromkeys(part for hypothesis in proposed for part in hypothesis.parts)
         for parameter in (parameter for part in parts for parameter in part.parameters):
             owner = owners.setdefault(parameter.name, name)
             if owner != name:
                 raise InputError(
-                    f"{named(name)}: its parameter {parameter.name} has a name of {owner}: give "
-                    "it another"
+                    f"{describe_entry_point(name)}: its parameter {parameter.name} has a name of "
+                    f"{owner}: give it another"
                 )
 
 

@@ -6,7 +6,7 @@ to all tests. A test is one reference of one file, a set-up all tests of that na
 
 from collections.abc import Iterator, Mapping
 
-from diagnosis.effects.points import jointed, references, springs_of
+from diagnosis.effects.points import references, springs_of, sprung_stages
 from diagnosis.effects.spring_laws import Law, constant
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Condition
@@ -16,20 +16,20 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each joint and each reference or set-up, where there are several."""
     machine = scene.model.machine
     conditions = [test.condition for test in scene.session.campaign.tests]
-    setups = sorted({one.setup for one in conditions if one.setup is not None})
+    setups = sorted({condition.setup for condition in conditions if condition.setup is not None})
     labels = [str(reference) for reference in references(scene)]
     whens = [*(labels if len(labels) > 1 else ()), *(setups if len(setups) > 1 else ())]
-    for stage in jointed(machine):
+    for stage in sprung_stages(machine):
         springs, place = springs_of(machine, stage), f"joint:{stage}"
         for when in whens:
 
             def acts(condition: Condition, at: str = when) -> bool:
                 return at in (str(condition.reference.positive), condition.setup)
 
-            drift = Law(scene, place, springs, f"{stage}.drift({when})", constant, acts)
+            drift = Law.of(scene, place, springs, f"{stage}.drift({when})", constant, acts)
 
-            def state(found: Mapping[str, float], one: Law = drift) -> dict[str, Value]:
-                return {"factor": 1 + found[one.size]}
+            def state(fitted: Mapping[str, float], spring_law: Law = drift) -> dict[str, Value]:
+                return {"factor": 1 + fitted[spring_law.size]}
 
             yield from drift.hypotheses("drift", when, state, signed=False)
 

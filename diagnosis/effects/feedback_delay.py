@@ -14,15 +14,17 @@ from functools import lru_cache
 
 import numpy as np
 
-from diagnosis.effects.points import jointed, names_of, springs_of
+from diagnosis.effects.points import names_of, springs_of, sprung_stages
 from diagnosis.effects.spring_laws import Shape
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import AddedPart, Change, Parameter
 
-_TURN, _SCANNED = 0.6, 8  # rad at the highest line; so many times that
-_ALIKE = 0.03  # of the gain: nothing tells how long a delay is; from far too long no fit comes back
-_MOST = 90.0  # times the joint's drawn damping
+_PHASE_STEP_RAD, _DELAYS = 0.6, 8  # rad at the highest line; so many times that
+_ALIKE_SHARE = (
+    0.03  # of the gain: nothing tells how long a delay is; from far too long no fit comes back
+)
+_MAX_DAMPING_RATIO = 90.0  # times the joint's drawn damping
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -33,17 +35,17 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     directions = {spring.name: spring.direction for spring in machine.springs}
     called = {axle.joint: axle.dof for axle in machine.axles}
     drawn = {spring.name: spring.damping for spring in machine.springs}
-    unit = _TURN / (2 * np.pi * float(scene.session.campaign.freq_hz[-1]))
-    for stage in jointed(machine):
+    unit = _PHASE_STEP_RAD / (2 * np.pi * float(scene.session.campaign.freq_hz[-1]))
+    for stage in sprung_stages(machine):
         for spring in springs_of(machine, stage):
             stiffness = f"{spring}.stiffness"
             if stiffness not in tuned:
                 continue
             (k,), (c,) = scene.stiffness((spring,)).tolist(), scene.damping((spring,)).tolist()
-            for number in range(1, _SCANNED + 1):
+            for number in range(1, _DELAYS + 1):
                 tau = number * unit
                 damping = f"{spring}.damping"
-                if damping in varies and c + k * tau > _MOST * drawn[spring]:
+                if damping in varies and c + k * tau > _MAX_DAMPING_RATIO * drawn[spring]:
                     break  # the damper that makes up for it is beyond its bound
                 loop = _Loop(f"{spring}.delayed{number}", directions[spring][:, None], tau, k)
                 yield Hypothesis(
@@ -55,7 +57,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                     scored=(loop.size,),
                     follow={loop.follows: stiffness},
                     linear=(damping,) if damping in varies else (),
-                    alike=_ALIKE,
+                    alike=_ALIKE_SHARE,
                     signed=True,
                     state=loop.state,
                 )
@@ -95,9 +97,9 @@ class _Loop:
         whole[..., 0, 0, 0] = core
         return Change("joint", self._frame, self._frame, whole, shape=shape)
 
-    def state(self, found: Mapping[str, float]) -> dict[str, Value]:
+    def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
         """The delay [s]."""
-        return {"delay": self._tau * found[self.size]}
+        return {"delay": self._tau * fitted[self.size]}
 
 
 @lru_cache(1024)  # those of all springs are one: their columns are formed together

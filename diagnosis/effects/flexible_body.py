@@ -10,14 +10,16 @@ from functools import partial, reduce
 
 import numpy as np
 
+from diagnosis.effects.scales import MAX_LOG_STEPS
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification import Fault, estimate_bending_shape
 from identification.words import Campaign, Dof
 from mbmodel import BendingMode, Machine, add_bending_mode
 from tuning import Session
 
-_FARTHEST = 20.0  # units of the logarithms of frequency and damping
-_SHOWN = 0.5  # what the sensor that moves most begins with, per unit of the mode's coordinate
+_START_READING = (
+    0.5  # what the sensor that moves most begins with, per unit of the mode's coordinate
+)
 
 
 def propose(scene: Scene) -> tuple[Hypothesis, ...]:
@@ -26,7 +28,7 @@ def propose(scene: Scene) -> tuple[Hypothesis, ...]:
     return ()
 
 
-def bent(
+def bending_hypothesis(
     fault: Fault, bodies: Sequence[str], session: Session, good: Campaign, times: float = 1.0
 ) -> Hypothesis:
     """The hypothesis of a body that bends.
@@ -47,10 +49,10 @@ def bent(
     if seen is None:
         return base
 
-    def reformed(machine: Machine) -> Machine:
+    def reform_machine(machine: Machine) -> Machine:
         return reduce(add_bending_mode, bodies, machine)
 
-    machine = reformed(session.model.machine)
+    machine = reform_machine(session.model.machine)
     layout = machine.layout
     sites = dict.fromkeys(dof.point for dof in session.campaign.outputs)
     read = tuple(site for site in sites if layout.body_name(site) == body)
@@ -60,21 +62,21 @@ def bent(
     known = {*layout.points, *layout.bodies}
     hit = tuple(p for p in points if p in known and layout.body_name(p) == body)
     part = BendingMode(machine, body, times * seen.frequency, read, hit)
-    begin = {f"{d.point}_{d.direction[-1]}": _SHOWN * v for d, v in seen.readings.items()}
+    begin = {f"{d.point}_{d.direction[-1]}": _START_READING * v for d, v in seen.readings.items()}
     return replace(
         base,
         parts=(part.part(),),
         begin=part.start_values(begin),
-        bounds=dict.fromkeys(part.names[:2], (-_FARTHEST, _FARTHEST)),
-        reform=reformed,
+        bounds=dict.fromkeys(part.names[:2], (-MAX_LOG_STEPS, MAX_LOG_STEPS)),
+        reform=reform_machine,
         is_held=True,
-        state=partial(_stated, part, float(session.campaign.freq_hz[-1])),
+        state=partial(_state_mode, part, float(session.campaign.freq_hz[-1])),
     )
 
 
-def _stated(part: BendingMode, highest: float, found: Mapping[str, float]) -> dict[str, Value]:
-    steps = np.array([found.get(name, 0.0) for name in part.names[:2]])
-    frequency, damping = part.frequency_and_damping(np.clip(steps, -_FARTHEST, _FARTHEST))
+def _state_mode(part: BendingMode, highest: float, fitted: Mapping[str, float]) -> dict[str, Value]:
+    steps = np.array([fitted.get(name, 0.0) for name in part.names[:2]])
+    frequency, damping = part.frequency_and_damping(np.clip(steps, -MAX_LOG_STEPS, MAX_LOG_STEPS))
     return {"frequency": frequency, "damping": damping} if frequency <= highest else {}
 
 

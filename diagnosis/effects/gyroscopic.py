@@ -16,7 +16,7 @@ from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Condition, Real
 from mbmodel import AddedPart, Change, NotInMjcf, Parameter
 
-_UNIT = 10.0  # kg m2/s per unit of the parameters
+_MOMENTUM_UNIT = 10.0  # kg m2/s per unit of the parameters
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -28,16 +28,16 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         frame[6 * number + 3 : 6 * number + 6] = np.eye(3)
         core = np.zeros((3, 3, 3, 3))
         for k, unit in enumerate(np.eye(3)):
-            core[k, 1] = _UNIT * np.cross(unit, np.eye(3))  # rows of -[u]x
+            core[k, 1] = _MOMENTUM_UNIT * np.cross(unit, np.eye(3))  # rows of -[u]x
         names = tuple(f"{body}.angular_momentum_{axis}" for axis in "xyz")
         parameters = tuple(Parameter(name, 0.0, "10 kg m^2/s", positive=False) for name in names)
         spin = Change("body", frame, frame, core)
         part = AddedPart.linear(f"body:{body}", parameters, (spin,), when)
-        part = replace(part, written=partial(_written, body))
+        part = replace(part, written=partial(_explain_rotor, body))
 
-        def state(found: Mapping[str, float], spin: tuple[str, ...] = names) -> dict[str, Value]:
-            size = float(np.linalg.norm([found[name] for name in spin]))
-            return {"angular_momentum": _UNIT * size}
+        def state(fitted: Mapping[str, float], spin: tuple[str, ...] = names) -> dict[str, Value]:
+            size = float(np.linalg.norm([fitted[name] for name in spin]))
+            return {"angular_momentum": _MOMENTUM_UNIT * size}
 
         yield Hypothesis("gyroscopic", f"body:{body}", parts=(part,), state=state)
 
@@ -50,9 +50,9 @@ def _by_speed(speeds: Sequence[float]) -> Callable[[Condition], float] | None:
     return lambda condition: condition.spindle_speed / highest
 
 
-def _written(body: str, theta: Real) -> tuple[NotInMjcf, ...]:
+def _explain_rotor(body: str, theta: Real) -> tuple[NotInMjcf, ...]:
     """MuJoCo holds it as a motion, not as an element."""
-    spin = ", ".join(f"{_UNIT * value:.4g}" for value in theta)
+    spin = ", ".join(f"{_MOMENTUM_UNIT * value:.4g}" for value in theta)
     why = f"draw the rotor as a body on a hinge of {body} and let it spin"
     return (NotInMjcf(f"{body}: angular momentum ({spin}) kg m2/s", why),)
 

@@ -7,7 +7,7 @@ motion has a negative delay.
 from collections.abc import Iterator
 
 from diagnosis.effects.points import hammer_place, instruments, names_of
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, release_tolerance
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -17,7 +17,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         name = f"hammer({instrument}).delay"
         if name in varying:
             place = hammer_place(scene, instrument)
-            yield released("hammer_delay", place, None, (name,), "delay")
+            yield release_tolerance("hammer_delay", place, None, (name,), "delay")
 
 
 EFFECT = Effect(

@@ -8,7 +8,7 @@ tolerances of the masses speak against such a machine, or a test with a known ma
 from collections.abc import Iterator
 
 from diagnosis.effects.points import hammer_place, instruments, names_of
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, release_tolerance
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -20,7 +20,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         name = f"hammer({instrument}).gain"
         if name in varying:
             place = hammer_place(scene, instrument)
-            yield released("hammer_gain", place, None, (name,), "gain")
+            yield release_tolerance("hammer_gain", place, None, (name,), "gain")
 
 
 EFFECT = Effect(

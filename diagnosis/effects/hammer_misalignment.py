@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.effects.points import hits, names_of, three
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value, released
+from diagnosis.effects.points import hits, names_of, vector_names
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value, release_tolerance
 from identification.words import Real
 from mbmodel import rotation_matrix
 
@@ -22,28 +22,28 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     known, layout = names_of(scene), scene.model.machine.layout
     for dof in hits(scene):
         direction = dof.direction[1:]
-        names = three(f"hammer({dof.point}:{direction}).rotation_")
+        names = vector_names(f"hammer({dof.point}:{direction}).rotation_")
         if known.issuperset(names):
             place = f"hammer:{dof.point}"
-            whole = released("hammer_misalignment", place, direction, names, "rotation")
+            whole = release_tolerance("hammer_misalignment", place, direction, names, "rotation")
             across = tuple(name for name in names if name[-1] != direction[-1])
             drawn = layout.axes[layout.points.index(dof.point)][:, dof.axis]
 
             def state(
-                found: Mapping[str, float],
-                own: tuple[str, ...] = names,
+                fitted: Mapping[str, float],
+                components: tuple[str, ...] = names,
                 drawn: Real = drawn,
             ) -> dict[str, Value]:
-                turn = rotation_matrix(np.array([found[name] for name in own]))
+                turn = rotation_matrix(np.array([fitted[name] for name in components]))
                 return {"rotation": tuple(_shortest(drawn, turn @ drawn).tolist())}
 
             yield replace(whole, release=across, state=state)
 
 
-def _shortest(one: Real, other: Real) -> Real:
+def _shortest(start: Real, end: Real) -> Real:
     """Rotation vector that brings a unit vector to another; (3,)."""
-    axis = np.cross(one, other)
-    sine, cosine = float(np.linalg.norm(axis)), float(one @ other)
+    axis = np.cross(start, end)
+    sine, cosine = float(np.linalg.norm(axis)), float(start @ end)
     angle: Real = axis * (np.arctan2(sine, cosine) / sine if sine > 0 else 1.0)
     return angle
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from diagnosis.effects.points import hits, names_of, three
+from diagnosis.effects.points import hits, names_of, vector_names
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Dof
 
@@ -21,18 +21,18 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         if varying.issuperset(_offset(dof)):
             points.setdefault(dof.point, []).append(dof)
     for point, directions in points.items():
-        yield _released(scene, point, None, directions)
+        yield _hypothesis(scene, point, None, directions)
         if len(directions) > 1:
             for dof in directions:
-                yield _released(scene, point, dof.direction[1:], [dof])
+                yield _hypothesis(scene, point, dof.direction[1:], [dof])
 
 
 def _offset(dof: Dof) -> tuple[str, ...]:
     """Return the names of the offset of one direction's hits."""
-    return three(f"hammer({dof.point}:{dof.direction[1:]}).position_")
+    return vector_names(f"hammer({dof.point}:{dof.direction[1:]}).position_")
 
 
-def _released(scene: Scene, point: str, dof: str | None, directions: list[Dof]) -> Hypothesis:
+def _hypothesis(scene: Scene, point: str, dof: str | None, directions: list[Dof]) -> Hypothesis:
     """Return the hypothesis that releases the offset of these directions across each of them."""
     layout = scene.model.machine.layout
     axes = layout.axes[layout.points.index(point)]

@@ -10,12 +10,12 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from diagnosis.effects.points import jointed, springs_of
+from diagnosis.effects.points import springs_of, sprung_stages
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import AddedPart, Change, Parameter, joint_coupling_writer
 
-_UNIT = 0.01  # m per unit of the parameters
+_OFFSET_UNIT_M = 0.01  # m per unit of the parameters
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -23,7 +23,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     machine = scene.model.machine
     directions = {spring.name: spring.direction for spring in machine.springs}
     tuned = {parameter.name for parameter in scene.model.parameters}
-    for stage in jointed(machine):
+    for stage in sprung_stages(machine):
         springs = springs_of(machine, stage)
         # What is drawn as zero stays zero; a free drive has a damper alone.
         stiff, damped = (
@@ -37,14 +37,14 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             for i, slide in enumerate(springs):
                 for j, hinge in enumerate(springs):
                     if slide in holding and axles[hinge].turns and not axles[slide].turns:
-                        arm = np.cross(axles[hinge].axis, _UNIT * unit)
+                        arm = np.cross(axles[hinge].axis, _OFFSET_UNIT_M * unit)
                         felt[k, i, j] = axles[slide].axis @ arm
         if not felt.any():
             continue
         frame = np.array([directions[name] for name in springs]).T
         slides = [springs[k] for k in np.flatnonzero(felt.any(axis=(0, 2)))]
-        held, slowed = ([name for name in slides if name in own] for own in (stiff, damped))
-        acting = [[springs.index(name) for name in own] for own in (held, slowed)]
+        held, slowed = ([name for name in slides if name in subset] for subset in (stiff, damped))
+        acting = [[springs.index(name) for name in subset] for subset in (held, slowed)]
         coupling = _Coupling(felt, frame, acting)
         names = tuple(f"{stage}.offset_{axis}" for axis in "xyz")
         parameters = [Parameter(name, 0.0, "cm", positive=False) for name in names]
@@ -62,8 +62,8 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             written=joint_coupling_writer(f"{stage}.coupling", machine, coupling.finite),
         )
 
-        def state(found: Mapping[str, float], offset: tuple[str, ...] = names) -> dict[str, Value]:
-            return {"offset": tuple(_UNIT * found[name] for name in offset)}
+        def state(fitted: Mapping[str, float], offset: tuple[str, ...] = names) -> dict[str, Value]:
+            return {"offset": tuple(_OFFSET_UNIT_M * fitted[name] for name in offset)}
 
         yield Hypothesis(
             "joint_coupling", f"joint:{stage}", parts=(part,), follow=follow, state=state
@@ -97,27 +97,27 @@ class _Coupling:
         turned = np.tensordot(theta[:3], self.felt, 1)
         sizes = np.split(theta[3:], [len(self.acting[0])])
         for size, acting in zip(sizes, self.acting, strict=True):
-            own = np.eye(self.felt.shape[1])[acting]
-            yield own + turned[acting], own, self.felt[:, acting], size
+            unit_rows = np.eye(self.felt.shape[1])[acting]
+            yield unit_rows + turned[acting], unit_rows, self.felt[:, acting], size
 
     def finite(self, theta: Real) -> tuple[Change, ...]:
         """Of an offset."""
-        found = [
-            (rows.T * size) @ rows - (own.T * size) @ own
-            for rows, own, _, size in self._terms(theta)
+        cores = [
+            (rows.T * size) @ rows - (unit_rows.T * size) @ unit_rows
+            for rows, unit_rows, _, size in self._terms(theta)
         ]
-        return (self._change(np.array(found)),)
+        return (self._change(np.array(cores)),)
 
     def derivatives(self, theta: Real) -> tuple[Change, ...]:
         """By its coordinates, then by each stiffness and damping."""
         core = np.zeros((len(theta), 2, *self.felt.shape[1:]))
         start = 3
-        for power, (rows, own, felt, size) in enumerate(self._terms(theta)):
+        for power, (rows, unit_rows, felt, size) in enumerate(self._terms(theta)):
             half = felt.swapaxes(1, 2) @ (size[:, None] * rows)
             core[:3, power] = half + half.swapaxes(1, 2)
             end = start + len(size)
             core[start:end, power] = rows[:, :, None] * rows[:, None, :]
-            core[start:end, power] -= own[:, :, None] * own[:, None, :]
+            core[start:end, power] -= unit_rows[:, :, None] * unit_rows[:, None, :]
             start = end
         return (self._change(core),)
 

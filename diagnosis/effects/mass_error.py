@@ -13,15 +13,18 @@ from functools import partial
 
 import numpy as np
 
+from diagnosis.effects.scales import MASS_SHARE_UNIT
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from mbmodel import AddedPart, Change, Parameter
 
-_UNIT = 0.01  # of the body's mass per unit of the parameters
-_LEAST = -0.9  # of the body's own mass, or moment of inertia about an axis
-_MOST, _SPREAD = 3.0, 10.0  # of its mass, also at the radius of gyration; of that radius squared
-_BELIEVED = 1.0  # of its mass at that radius: one standard deviation of inertia
-_AXES = "xyz"
-_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+_MIN_SHARE = -0.9  # of the body's own mass, or moment of inertia about an axis
+_MAX_SHARE, _MAX_SPREAD = (
+    3.0,
+    10.0,
+)  # of its mass, also at the radius of gyration; of that radius squared
+_INERTIA_SIGMA = 1.0  # of its mass at that radius: one standard deviation of inertia
+_AXIS_NAMES = "xyz"
+_ADDED_INERTIA_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -29,11 +32,11 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     machine = scene.model.machine
     bodies = machine.layout.bodies
     for number, body in enumerate(bodies):
-        own = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
-        if not (own[0, 0] > 0 and np.trace(own[3:, 3:]) > 0):
+        inertia = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
+        if not (inertia[0, 0] > 0 and np.trace(inertia[3:, 3:]) > 0):
             continue  # a point, or the coordinate of a body's mode: it has no radius of gyration
-        mass = _UNIT * float(own[0, 0])
-        arm = float(np.sqrt(np.trace(own[3:, 3:]) / own[0, 0]))
+        mass = MASS_SHARE_UNIT * float(inertia[0, 0])
+        arm = float(np.sqrt(np.trace(inertia[3:, 3:]) / inertia[0, 0]))
         frame = np.zeros((6 * len(bodies), 6))
         frame[6 * number : 6 * number + 6] = np.eye(6)
         core = np.zeros((10, 3, 6, 6))
@@ -42,41 +45,48 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             turned = mass * arm * np.cross(np.eye(3), unit)  # [e_k]x
             core[1 + k, 2, :3, 3:] = -turned
             core[1 + k, 2, 3:, :3] = turned
-        for k, (i, j) in enumerate(_PAIRS):
+        for k, (i, j) in enumerate(_ADDED_INERTIA_ENTRIES):
             core[4 + k, 2, 3 + i, 3 + j] = core[4 + k, 2, 3 + j, 3 + i] = mass * arm**2
         names = (
             f"{body}.added_mass",
-            *(f"{body}.added_moment_{axis}" for axis in _AXES),
-            *(f"{body}.added_inertia_{_AXES[i]}{_AXES[j]}" for i, j in _PAIRS),
+            *(f"{body}.added_moment_{axis}" for axis in _AXIS_NAMES),
+            *(
+                f"{body}.added_inertia_{_AXIS_NAMES[i]}{_AXIS_NAMES[j]}"
+                for i, j in _ADDED_INERTIA_ENTRIES
+            ),
         )
         parameters = tuple(Parameter(name, 0.0, f"{mass:g} kg", positive=False) for name in names)
-        own_inertia = np.diag(own[3:, 3:]) / (own[0, 0] * arm**2)
-        ends = [(_LEAST, _MOST), *[(-_MOST, _MOST)] * 3]
-        ends += [(_LEAST * own_inertia[i] if i == j else -_SPREAD, _SPREAD) for i, j in _PAIRS]
+        relative_inertia = np.diag(inertia[3:, 3:]) / (inertia[0, 0] * arm**2)
+        ends = [(_MIN_SHARE, _MAX_SHARE), *[(-_MAX_SHARE, _MAX_SHARE)] * 3]
+        ends += [
+            (_MIN_SHARE * relative_inertia[i] if i == j else -_MAX_SPREAD, _MAX_SPREAD)
+            for i, j in _ADDED_INERTIA_ENTRIES
+        ]
         bounds = {
-            n: (low / _UNIT, high / _UNIT) for n, (low, high) in zip(names, ends, strict=True)
+            n: (low / MASS_SHARE_UNIT, high / MASS_SHARE_UNIT)
+            for n, (low, high) in zip(names, ends, strict=True)
         }
         part = AddedPart.linear(f"body:{body}", parameters, (Change("body", frame, frame, core),))
         part = replace(part, weighs=partial(np.tensordot, b=core[:, 2], axes=1))
 
         def state(
-            found: Mapping[str, float],
+            fitted: Mapping[str, float],
             moved: tuple[str, ...] = names[:4],
-            one: float = mass,
+            unit_mass: float = mass,
             lever: float = arm,
         ) -> dict[str, Value]:
-            size = found[moved[0]]
+            size = fitted[moved[0]]
             if not size:
                 return {"mass": 0.0}
-            place = tuple(lever * found[name] / size for name in moved[1:])
-            return {"mass": one * size, "position": place}
+            place = tuple(lever * fitted[name] / size for name in moved[1:])
+            return {"mass": unit_mass * size, "position": place}
 
         yield Hypothesis(
             "mass_error",
             f"body:{body}",
             parts=(part,),
             bounds=bounds,
-            believed=dict.fromkeys(names[4:], _BELIEVED / _UNIT),
+            believed=dict.fromkeys(names[4:], _INERTIA_SIGMA / MASS_SHARE_UNIT),
             state=state,
         )
 

@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from diagnosis.effects.points import springs_of
+from diagnosis.effects.scales import LOG_TIME_UNIT, MAX_LOG_STEPS
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import (
@@ -27,9 +28,6 @@ from mbmodel import (
     RigidDirection,
     released_joint_elements,
 )
-
-_STEP = 0.5  # of the logarithm of tau per unit of its parameter
-_FARTHEST = 20.0  # steps
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -45,7 +43,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             parts=(way.part,),
             scored=(way.names[0],),
             signed=True,
-            bounds={way.names[1]: (-_FARTHEST, _FARTHEST)},
+            bounds={way.names[1]: (-MAX_LOG_STEPS, MAX_LOG_STEPS)},
             otherwise=({way.names[0]: way.compliance(_usual(scene, held))},),
             state=way.state,
         )
@@ -56,7 +54,7 @@ def _usual(scene: Scene, held: RigidDirection) -> float:
     machine = scene.model.machine
     kind = {axle.joint: axle.turns for axle in machine.axles if axle.stage == held.stage}
     turns = held.dof.startswith("r")
-    alike = tuple(one for one in springs_of(machine, held.stage) if kind.get(one) is turns)
+    alike = tuple(spring for spring in springs_of(machine, held.stage) if kind.get(spring) is turns)
     known = scene.stiffness(alike)
     return float(np.median(known[known > 0])) if (known > 0).any() else held.reference
 
@@ -78,11 +76,11 @@ class _Way:
             Parameter(self.names[1], 0.0, "50 %", positive=False),
         )
         place = f"joint:{self.held.stage}"
-        return AddedPart(place, parameters, self.finite, self.derivatives, written=self.written)
+        return AddedPart(place, parameters, self.finite, self.derivatives, written=self.write)
 
     def _at(self, theta: Real) -> tuple[float, float]:
         stiffness = 1 / (1 / self.held.stiffness + max(float(theta[0]), 0.0) * self.unit)
-        return stiffness, self.held.time_constant * float(np.exp(_STEP * theta[1]))
+        return stiffness, self.held.time_constant * float(np.exp(LOG_TIME_UNIT * theta[1]))
 
     def compliance(self, stiffness: float) -> float:
         """The parameter for a stiffness."""
@@ -103,23 +101,25 @@ class _Way:
         stiffness, tau = self._at(theta)
         softer = -self.unit * stiffness**2
         # While all is held nothing shows the time constant: next to no curvature, a wild step.
-        damping = _STEP * stiffness * tau if theta[0] > 0 else 0.0
+        damping = LOG_TIME_UNIT * stiffness * tau if theta[0] > 0 else 0.0
         core = np.array([[softer, softer * tau, 0.0], [0.0, damping, 0.0]])
         return (self._change(core),)
 
-    def written(self, theta: Real) -> tuple[Addition, ...]:
+    def write(self, theta: Real) -> tuple[Addition, ...]:
         """A joint."""
         stiffness, tau = self._at(theta)
-        own = self.held.coordinate
-        axle = next(one for one in self.machine.axles if one.coordinate == own)
+        coordinate = self.held.coordinate
+        axle = next(
+            candidate for candidate in self.machine.axles if candidate.coordinate == coordinate
+        )
         sizes = np.array([stiffness, stiffness * tau])
         return released_joint_elements(
             f"{self.held.stage}_{self.held.dof}", self.machine, axle, sizes
         )
 
-    def state(self, found: Mapping[str, float]) -> dict[str, Value]:
+    def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
         """Stiffness and damping in SI."""
-        stiffness, tau = self._at(np.array([found[name] for name in self.names]))
+        stiffness, tau = self._at(np.array([fitted[name] for name in self.names]))
         return {"stiffness": stiffness, "damping": stiffness * tau}
 
 

@@ -42,7 +42,7 @@ def hits(scene: Scene) -> tuple[Dof, ...]:
     )
 
 
-def three(prefix: str) -> tuple[str, ...]:
+def vector_names(prefix: str) -> tuple[str, ...]:
     """Names of a vector in world axes."""
     return tuple(f"{prefix}{axis}" for axis in "xyz")
 
@@ -76,7 +76,7 @@ def hammer_place(scene: Scene, instrument: str) -> str:
     return f"hammer:{points[0] if points else instrument}"
 
 
-def jointed(machine: Machine) -> list[str]:
+def sprung_stages(machine: Machine) -> list[str]:
     """Stages with springs of their own joints."""
     named = {spring.name for spring in machine.springs}
     stages = groupby(machine.axles, key=lambda axle: axle.stage)
@@ -89,7 +89,7 @@ def springs_of(machine: Machine, stage: str) -> tuple[str, ...]:
     return tuple(a.joint for a in machine.axles if a.stage == stage and a.joint in named)
 
 
-def joined(machine: Machine, lower: str, upper: str) -> bool:
+def are_joined(machine: Machine, lower: str, upper: str) -> bool:
     """Whether a joint joins two bodies."""
     parents = parent_bodies(machine)
     return parents.get(upper) == lower or parents.get(lower) == upper

@@ -24,10 +24,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             if name in varying and Dof(site, f"+{direction}") in measured
         )
         if names:
-            yield _released(site, names)
+            yield _hypothesis(site, names)
 
 
-def _released(site: str, names: tuple[str, ...]) -> Hypothesis:
+def _hypothesis(site: str, names: tuple[str, ...]) -> Hypothesis:
     """Return the hypothesis that releases the delays of a sensor's channels."""
 
     def state(fitted: Mapping[str, float]) -> dict[str, Value]:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from diagnosis.effects.points import gains_of, names_of, sensors
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, release_tolerance
 from identification import FAULT_PHRASES
 
 
@@ -14,7 +14,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     for site in (site for site in sensors(scene) if site not in unknown):
         for direction, name in gains_of(site):
             if name in known:
-                yield released("sensor_gain", f"sensor:{site}", direction, (name,), "gain")
+                yield release_tolerance("sensor_gain", f"sensor:{site}", direction, (name,), "gain")
 
 
 EFFECT = Effect(

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from diagnosis.effects.points import names_of, sensors, three
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
+from diagnosis.effects.points import names_of, sensors, vector_names
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, release_tolerance
 from identification import FAULT_PHRASES
 
 
@@ -11,9 +11,11 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each sensor whose angles have a tolerance."""
     known = names_of(scene)
     for site in sensors(scene):
-        names = three(f"{site}.rotation_")
+        names = vector_names(f"{site}.rotation_")
         if known.issuperset(names):
-            yield released("sensor_misalignment", f"sensor:{site}", None, names, "rotation")
+            yield release_tolerance(
+                "sensor_misalignment", f"sensor:{site}", None, names, "rotation"
+            )
 
 
 EFFECT = Effect(

@@ -9,14 +9,14 @@ from functools import partial
 
 import numpy as np
 
-from diagnosis.corrections import channels_of, divided
+from diagnosis.corrections import channels_of, divide_channels
 from diagnosis.effects.points import gains_of, names_of, sensors
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from identification import FAULT_PHRASES
 from identification.words import Complex, Real
 
 
-def turned(freq_hz: Real) -> Complex:
+def read_inverted(freq_hz: Real) -> Complex:
     """What a turned channel reads per motion."""
     return np.full(len(freq_hz), -1.0 + 0.0j)
 
@@ -29,8 +29,8 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         for direction, gain in gains_of(site):
             if gain in known:
                 place = f"sensor:{site}"
-                concerned = channels_of(place, direction)
-                correct = partial(divided, concerned=concerned, reading=turned)
+                concerns = channels_of(place, direction)
+                correct = partial(divide_channels, concerns=concerns, reading=read_inverted)
                 yield Hypothesis(
                     "sensor_polarity", place, direction, scored=(gain,), correct=correct
                 )

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from diagnosis.effects.points import names_of, sensors, three
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, released
+from diagnosis.effects.points import names_of, sensors, vector_names
+from diagnosis.hypothesis import Effect, Hypothesis, Scene, release_tolerance
 from identification import FAULT_PHRASES
 
 
@@ -13,9 +13,9 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     # A rotation of a solid body reads the same everywhere on it.
     moving = {dof.point for dof in scene.session.campaign.outputs if not dof.is_rotation}
     for site in (site for site in sensors(scene) if site in moving):
-        names = three(f"{site}.position_")
+        names = vector_names(f"{site}.position_")
         if known.issuperset(names):
-            yield released("sensor_position", f"sensor:{site}", None, names, "offset")
+            yield release_tolerance("sensor_position", f"sensor:{site}", None, names, "offset")
 
 
 EFFECT = Effect(

@@ -13,7 +13,7 @@ from diagnosis.hypothesis import Hypothesis, Scene, Value
 from identification.words import Complex, Condition, Real
 from mbmodel import AddedPart, Change, Parameter
 
-_FARTHEST = 6.0  # of the logarithm of a time, from where it was scanned
+_MAX_LOG_TIME = 6.0  # of the logarithm of a time, from where it was scanned
 Shape = Callable[[Complex], Complex]
 State = Callable[[Mapping[str, float]], dict[str, Value]]
 
@@ -41,7 +41,7 @@ class Timed:
     @property
     def farthest(self) -> float:
         """The parameter, where it ends."""
-        return _FARTHEST / self.step
+        return _MAX_LOG_TIME / self.step
 
 
 def constant(laplace: Complex) -> Complex:
@@ -49,49 +49,79 @@ def constant(laplace: Complex) -> Complex:
     return np.ones_like(laplace)
 
 
+@dataclass(frozen=True, eq=False)
 class Law:
     """A law of some springs.
 
     Args:
-        scene: in whose model they are.
-        location: of the joint.
-        springs: their names.
-        name: what the parameters' names begin with.
-        law: f(s), with a time of its own or without.
-        when: in which tests it holds; in all if None.
+        location: joint of the springs.
+        name: beginning of the parameters' names.
+        law: f(s), with a time to be fitted or without.
+        when: whether it holds in a test; in all if None.
+        frame: directions of the springs; (nv, n_spring).
+        follow: the model's stiffness that each parameter follows, by name.
+        start: fitted stiffness of each spring.
     """
 
-    def __init__(
-        self,
+    location: str
+    name: str
+    law: Shape | Timed
+    when: Callable[[Condition], bool] | None
+    frame: Real
+    follow: Mapping[str, str]
+    start: tuple[float, ...]
+
+    @classmethod
+    def of(
+        cls,
         scene: Scene,
         location: str,
         springs: tuple[str, ...],
         name: str,
         law: Shape | Timed,
         when: Callable[[Condition], bool] | None = None,
-    ) -> None:
+    ) -> "Law":
+        """Return the law of those springs whose stiffness is tuned.
+
+        Args:
+            scene: model with the springs.
+            location: their joint.
+            springs: their names.
+            name: beginning of the parameters' names.
+            law: f(s), with a time to be fitted or without.
+            when: whether it holds in a test; in all if None.
+        """
         tuned = {parameter.name for parameter in scene.model.parameters}
-        own = tuple(one for one in springs if f"{one}.stiffness" in tuned)
-        directions = {one.name: one.direction for one in scene.model.machine.springs}
-        self._frame = np.array([directions[one] for one in own]).T.reshape(
-            len(scene.model.machine.coordinates), len(own)
+        sprung = tuple(spring for spring in springs if f"{spring}.stiffness" in tuned)
+        directions = {spring.name: spring.direction for spring in scene.model.machine.springs}
+        frame = np.array([directions[spring] for spring in sprung]).T.reshape(
+            len(scene.model.machine.coordinates), len(sprung)
         )
-        self._law, self._when, self._location = law, when, location
-        self.size, self.time = f"{name}.size", f"{name}.time"
-        self.follow = {f"{name}({one})": f"{one}.stiffness" for one in own}
-        self._begin = scene.stiffness(own).tolist()
+        follow = {f"{name}({spring})": f"{spring}.stiffness" for spring in sprung}
+        start = tuple(scene.stiffness(sprung).tolist())
+        return cls(location, name, law, when, frame, follow, start)
+
+    @property
+    def size(self) -> str:
+        """Name of theta."""
+        return f"{self.name}.size"
+
+    @property
+    def time(self) -> str:
+        """Name of the time's parameter."""
+        return f"{self.name}.time"
 
     @property
     def part(self) -> AddedPart:
-        """As a Part."""
+        """Part with the law."""
         names = [(self.size, "1")]
-        if isinstance(self._law, Timed):
-            names.append((self.time, f"{self._law.step:.0%}"))
+        if isinstance(self.law, Timed):
+            names.append((self.time, f"{self.law.step:.0%}"))
         parameters = [Parameter(name, 0.0, unit, positive=False) for name, unit in names]
-        for name, value in zip(self.follow, self._begin, strict=True):
+        for name, value in zip(self.follow, self.start, strict=True):
             parameters.append(Parameter(name, value, "N/m or N m/rad"))
         finite, slopes = self._finite, self._derivatives
-        return AddedPart(self._location, tuple(parameters), finite, slopes, self._when)
+        return AddedPart(self.location, tuple(parameters), finite, slopes, self.when)
 
     def hypotheses(
         self,
@@ -102,19 +132,19 @@ class Law:
         signed: bool = True,
         otherwise: tuple[float, ...] = (),
     ) -> Iterator[Hypothesis]:
-        """The one that it holds; none where no spring has a stiffness.
+        """Yield the hypothesis of the law; none where no spring has a stiffness.
 
         Args:
             effect: as the verdict calls it.
-            dof: likewise.
+            dof: direction or test, as the verdict calls it.
             state: parameters of the verdict from the fitted ones.
-            signed: whether its size is none below zero.
-            otherwise: sizes at which it may begin as well.
+            signed: whether its size is not below zero.
+            otherwise: further sizes at which it may begin.
         """
         if self.follow:
             yield Hypothesis(
                 effect,
-                self._location,
+                self.location,
                 dof,
                 parts=(self.part,),
                 scored=(self.size,),
@@ -127,38 +157,38 @@ class Law:
 
     @property
     def _bounds(self) -> dict[str, tuple[float, float]]:
-        law = self._law
+        law = self.law
         return {self.time: (-law.farthest, law.farthest)} if isinstance(law, Timed) else {}
 
-    def tau(self, found: Mapping[str, float]) -> float:
-        """The fitted time [s].
+    def tau(self, fitted: Mapping[str, float]) -> float:
+        """Return the fitted time [s].
 
         Raises:
             TypeError: a law without one.
         """
-        if not isinstance(self._law, Timed):
+        if not isinstance(self.law, Timed):
             raise TypeError("a law without a time")
-        return self._law.at(found[self.time])
+        return self.law.at(fitted[self.time])
 
     def _change(self, core: Real, shape: Shape) -> Change:
-        """Cores (.., n_spring, n_spring) of s^0."""
+        """Return a change with cores (.., n_spring, n_spring) of s^0."""
         whole = np.zeros((*core.shape[:-2], 3, *core.shape[-2:]))
         whole[..., 0, :, :] = core
-        return Change("joint", self._frame, self._frame, whole, shape=shape)
+        return Change("joint", self.frame, self.frame, whole, shape=shape)
 
     def _shape(self, theta: Real) -> Shape:
-        law = self._law
+        law = self.law
         return law.shape(law.at(float(theta[1]))) if isinstance(law, Timed) else law
 
     def _stiffness(self, theta: Real) -> Real:
         return theta[len(theta) - len(self.follow) :]
 
     def _finite(self, theta: Real) -> tuple[Change, ...]:
-        """What the law changes."""
+        """Return the change of the law."""
         return (self._change(theta[0] * np.diag(self._stiffness(theta)), self._shape(theta)),)
 
     def _derivatives(self, theta: Real) -> tuple[Change, ...]:
-        """By the size, the time if there is one, and each stiffness."""
+        """Return slopes by the size, the time if there is one, and each stiffness."""
         count, n = len(theta), len(self.follow)
         stiffness = np.diag(self._stiffness(theta))
         core = np.zeros((count, n, n))
@@ -166,8 +196,8 @@ class Law:
         each = np.arange(n)
         core[count - n + each, each, each] = theta[0]
         changes = [self._change(core, self._shape(theta))]
-        if isinstance(self._law, Timed):
+        if isinstance(self.law, Timed):
             late = np.zeros((count, n, n))
-            late[1] = theta[0] * self._law.step * stiffness
-            changes.append(self._change(late, self._law.slope(self._law.at(float(theta[1])))))
+            late[1] = theta[0] * self.law.step * stiffness
+            changes.append(self._change(late, self.law.slope(self.law.at(float(theta[1])))))
         return tuple(changes)

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from diagnosis.effects.points import jointed, springs_of
+from diagnosis.effects.points import springs_of, sprung_stages
 from diagnosis.effects.spring_laws import Law
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Complex
@@ -18,12 +18,12 @@ def lossy(laplace: Complex) -> Complex:
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each joint."""
     machine = scene.model.machine
-    for stage in jointed(machine):
+    for stage in sprung_stages(machine):
         place = f"joint:{stage}"
-        loss = Law(scene, place, springs_of(machine, stage), f"{stage}.loss", lossy)
+        loss = Law.of(scene, place, springs_of(machine, stage), f"{stage}.loss", lossy)
 
-        def state(found: Mapping[str, float], one: Law = loss) -> dict[str, Value]:
-            return {"loss_factor": found[one.size]}
+        def state(fitted: Mapping[str, float], spring_law: Law = loss) -> dict[str, Value]:
+            return {"loss_factor": fitted[spring_law.size]}
 
         yield from loss.hypotheses("structural_damping", None, state)
 

@@ -10,12 +10,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from diagnosis.effects.points import jointed, springs_of
+from diagnosis.effects.points import springs_of, sprung_stages
 from diagnosis.effects.spring_laws import Law, Shape, Timed
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 
-_SCANNED = 6
-_STEP = 0.3
+_TIME_CONSTANTS = 6
+_LOG_TAU_UNIT = 0.3
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -23,14 +23,16 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     machine = scene.model.machine
     omega = 2 * np.pi * scene.session.campaign.freq_hz
     lowest = float(omega[omega > 0].min())
-    for stage in jointed(machine):
+    for stage in sprung_stages(machine):
         springs, place = springs_of(machine, stage), f"joint:{stage}"
-        for number, tau in enumerate(np.geomspace(1 / float(omega[-1]), 2 / lowest, _SCANNED)):
-            law = Timed(float(tau), _STEP, _maxwell, _by_time)
-            branch = Law(scene, place, springs, f"{stage}.maxwell{number}", law)
+        for number, tau in enumerate(
+            np.geomspace(1 / float(omega[-1]), 2 / lowest, _TIME_CONSTANTS)
+        ):
+            law = Timed(float(tau), _LOG_TAU_UNIT, _maxwell, _by_time)
+            branch = Law.of(scene, place, springs, f"{stage}.maxwell{number}", law)
 
-            def state(found: Mapping[str, float], one: Law = branch) -> dict[str, Value]:
-                return {"ratio": found[one.size], "tau": one.tau(found)}
+            def state(fitted: Mapping[str, float], spring_law: Law = branch) -> dict[str, Value]:
+                return {"ratio": fitted[spring_law.size], "tau": spring_law.tau(fitted)}
 
             yield from branch.hypotheses("viscoelastic", None, state, otherwise=(1.0,))
 

@@ -5,7 +5,7 @@ from functools import cached_property
 
 from diagnosis.estimates.intervals import FittedParameters, fit_parameters
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.hypothesis_set import together
+from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.null_model import Baseline
 from diagnosis.refits.parallel import Call, side_by_side
 from diagnosis.refits.refitting import (
@@ -152,9 +152,9 @@ def _refit_whole(
     causes = (*(cause for cause in proven if cause.is_held), *best.causes)
     tasks = [RefitTask(None, whole, start_values(null, whole, None), null.floor)]
     if causes:
-        joined = together(causes)
+        joined = join_hypotheses(causes)
         session = add_hypothesis(whole, joined)
-        new = together(proven) if proven else None
+        new = join_hypotheses(proven) if proven else None
         tasks.append(RefitTask(joined, session, start_values(best, session, new), best.floor))
     refits = run_refits(scene, tasks, settings.schedule)
     return refits[0], refits[-1]

@@ -18,12 +18,15 @@ from tuning import (
 )
 from tuning.assessment.parameter_confidence import NORMAL_QUANTILE_95, PLAUSIBLE_PULL_SIGMA
 
-_BESIDE, _STEP = 1e-5, 1e-7  # standard deviations: where slopes are taken, and over what
-_FLAT = 1e-6  # of a slope, what is none
+_SLOPE_OFFSET_SIGMA, _SLOPE_STEP_SIGMA = (
+    1e-5,
+    1e-7,
+)  # standard deviations: where slopes are taken, and over what
+_MIN_SINGULAR_SHARE = 1e-6  # of a slope, what is none
 _EXACT_NOISE_SHARE = 0.95  # of the variance: little but noise remains
 # Of 100000 values 0.03 nats: a quarter of a standard deviation.
 FINAL_STAGE = replace(STAGES[5], tolerance=3e-7, max_steps=60, exact_curvature=True)
-_STREWN = 100  # points of the ellipsoid, and as many across
+_RANDOM_DIRECTIONS = 100  # points of the ellipsoid, and as many across
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +45,11 @@ class FittedParameters:
     confidence: ParameterConfidence
     converged: bool = True
 
-    def stated(self, one: Hypothesis) -> dict[str, Value]:
+    def state_parameters(self, hypothesis: Hypothesis) -> dict[str, Value]:
         """What the verdict states of a hypothesis."""
-        return one.state(values_by_name(self.parametrisation, self.theta))
+        return hypothesis.state(values_by_name(self.parametrisation, self.theta))
 
-    def intervals(self, one: Hypothesis) -> dict[str, Ends]:
+    def intervals(self, hypothesis: Hypothesis) -> dict[str, Ends]:
         """Of a hypothesis' parameters, 95 %; none of those that were not fitted.
 
         With C the covariance of the coordinates x, an interval is from the least to the most that a
@@ -63,53 +66,59 @@ class FittedParameters:
         mass: a quotient has bounds only where its divisor is not zero (Fieller 1954).
         """
         read = _Read(values_by_name(self.parametrisation, self.theta))
-        middle = one.state(read)
-        own = [k for k, name in enumerate(self.parametrisation.names) if name in read.names]
-        if not own or not middle:
+        middle = hypothesis.state(read)
+        stating = [k for k, name in enumerate(self.parametrisation.names) if name in read.names]
+        if not stating or not middle:
             return {}
-        deviation = self.confidence.deviation[own]
-        correlation = self.confidence.covariance[np.ix_(own, own)] / np.outer(deviation, deviation)
-        sizes = one.scored or self.parametrisation.names
-        shapes = [k for k in own if self.parametrisation.names[k] not in sizes]
+        deviation = self.confidence.deviation[stating]
+        correlation = self.confidence.covariance[np.ix_(stating, stating)] / np.outer(
+            deviation, deviation
+        )
+        sizes = hypothesis.scored or self.parametrisation.names
+        shapes = [k for k in stating if self.parametrisation.names[k] not in sizes]
         ends = self.parametrisation.lower[shapes], self.parametrisation.upper[shapes]
 
         def at(units: Real) -> Real:
             x = self.confidence.x.copy()
-            x[own] += deviation * units
+            x[stating] += deviation * units
             x[shapes] = np.clip(x[shapes], *ends)
-            stated = middle | one.state(
+            values = middle | hypothesis.state(
                 values_by_name(self.parametrisation, self.parametrisation.theta(x))
             )
-            return _flat({name: stated[name] for name in middle})
+            return _flatten({name: values[name] for name in middle})
 
-        slopes = _slopes(at, self._inwards(own))
+        slopes = _slopes(at, self._inwards(stating))
         kept = _row_space(slopes)
         root = _root(kept @ correlation @ kept)
-        ways = np.vstack([slopes @ root, _strewn(len(own))])
+        ways = np.vstack([slopes @ root, _random_directions(len(stating))])
         ways = ways[ways.any(axis=1)]
         farthest = NORMAL_QUANTILE_95 * ways / np.linalg.norm(ways, axis=1)[:, None] @ root
-        points = [_flat(middle), *(at(sign * one) for one in farthest for sign in (-1, 1))]
-        return _told(_paired(middle, np.min(points, axis=0), np.max(points, axis=0)))
+        points = [_flatten(middle), *(at(sign * point) for point in farthest for sign in (-1, 1))]
+        return _drop_undetermined(
+            _pair_ends(middle, np.min(points, axis=0), np.max(points, axis=0))
+        )
 
-    def _inwards(self, own: list[int]) -> Real:
+    def _inwards(self, stating: list[int]) -> Real:
         """Where no two are equal, a little inside of bounds: 1e-5 of a deviation away."""
-        x = self.confidence.x[own]
-        above = self.parametrisation.upper[own] - x < x - self.parametrisation.lower[own]
-        away = _BESIDE * np.arange(1, len(own) + 1) / len(own)
+        x = self.confidence.x[stating]
+        above = self.parametrisation.upper[stating] - x < x - self.parametrisation.lower[stating]
+        away = _SLOPE_OFFSET_SIGMA * np.arange(1, len(stating) + 1) / len(stating)
         return np.where(above, -away, away)
 
 
 def _slopes(at: Callable[[Real], Real], units: Real) -> Real:
     """Central differences of all stated numbers by each coordinate; (n_number, n_coordinate)."""
-    steps = _STEP * np.eye(len(units))
-    return np.array([(at(units + one) - at(units - one)) / (2 * _STEP) for one in steps]).T
+    steps = _SLOPE_STEP_SIGMA * np.eye(len(units))
+    return np.array(
+        [(at(units + step) - at(units - step)) / (2 * _SLOPE_STEP_SIGMA) for step in steps]
+    ).T
 
 
 def _row_space(slopes: Real) -> Real:
     """P: what of a change of the coordinates changes anything that is stated, to first order."""
     sizes = np.linalg.norm(slopes, axis=1)
     _, values, ways = np.linalg.svd(slopes[sizes > 0] / sizes[sizes > 0, None])
-    felt = ways[: len(values)][values > _FLAT]
+    felt = ways[: len(values)][values > _MIN_SINGULAR_SHARE]
     projector: Real = felt.T @ felt
     return projector
 
@@ -121,16 +130,16 @@ def _root(matrix: Real) -> Real:
     return root
 
 
-def _strewn(count: int) -> Real:
+def _random_directions(count: int) -> Real:
     """Directions at random, always the same; (n, count)."""
-    return np.random.default_rng(0).standard_normal((_STREWN, count))
+    return np.random.default_rng(0).standard_normal((_RANDOM_DIRECTIONS, count))
 
 
-def _told(found: dict[str, Ends]) -> dict[str, Ends]:
+def _drop_undetermined(intervals: dict[str, Ends]) -> dict[str, Ends]:
     """Without what goes with a size that may be nothing."""
-    rows = {name: np.array(ends) for name, ends in found.items()}
+    rows = {name: np.array(ends) for name, ends in intervals.items()}
     doubtful = {name for name, row in rows.items() if row.ndim == 1 and row[0] < 0 < row[1]}
-    return {name: ends for name, ends in found.items() if not doubtful or name in doubtful}
+    return {name: ends for name, ends in intervals.items() if not doubtful or name in doubtful}
 
 
 class _Read(dict[str, float]):
@@ -188,20 +197,20 @@ def fit_parameters(refit: Refit, pace: int = 1) -> FittedParameters:
     return FittedParameters(fitted.parametrisation, fitted.theta, confidence, fitted.converged)
 
 
-def _flat(stated: Mapping[str, Value]) -> Real:
+def _flatten(stated: Mapping[str, Value]) -> Real:
     """All numbers in a row."""
     return np.concatenate([np.ravel(value) for value in stated.values()] or [np.zeros(0)])
 
 
-def _paired(stated: Mapping[str, Value], low: Real, high: Real) -> dict[str, Ends]:
+def _pair_ends(stated: Mapping[str, Value], low: Real, high: Real) -> dict[str, Ends]:
     """Low and high of each number, of a vector those of each component."""
-    found: dict[str, Ends] = {}
+    intervals: dict[str, Ends] = {}
     place = 0
     for name, value in stated.items():
         size = int(np.size(value))
         span = slice(place, place + size)
         pairs = tuple(zip(low[span].tolist(), high[span].tolist(), strict=True))
         if (high[span] > low[span]).any() and not isinstance(value, Vague):
-            found[name] = pairs if isinstance(value, tuple) else pairs[0]
+            intervals[name] = pairs if isinstance(value, tuple) else pairs[0]
         place += size
-    return found
+    return intervals

@@ -42,14 +42,14 @@ def residual_shares(gaps: ChannelGaps, layout: Layout) -> tuple[ResidualShare, .
     total = squares.sum()
     shares = []
     for body in layout.bodies:
-        mine = (bodies == body) & known
-        if mine.any() and total > 0:
+        is_on_body = (bodies == body) & known
+        if is_on_body.any() and total > 0:
             shares.append(
                 ResidualShare(
                     body=body,
-                    share=float(squares[mine].sum() / total),
-                    excess=float(np.sqrt(squares[mine].mean())),
-                    channels=int(mine.sum()),
+                    share=float(squares[is_on_body].sum() / total),
+                    excess=float(np.sqrt(squares[is_on_body].mean())),
+                    channels=int(is_on_body.sum()),
                 )
             )
     return tuple(sorted(shares, key=lambda share: -share.share))

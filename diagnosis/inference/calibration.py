@@ -38,7 +38,7 @@ class Calibration(BaseModel):
 
 
 @cache
-def calibrated() -> Calibration:
+def load_calibration() -> Calibration:
     """Return the committed calibration."""
     text = (files("diagnosis.inference") / "calibration.json").read_text("utf-8")
     return Calibration.model_validate(json.loads(text))

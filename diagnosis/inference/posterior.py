@@ -29,7 +29,7 @@ from itertools import combinations
 import numpy as np
 from scipy.special import softmax
 
-from diagnosis.inference.calibration import Calibration, calibrated
+from diagnosis.inference.calibration import Calibration, load_calibration
 from diagnosis.inference.evidence import Evidence, FittedSet, Key, Pushed
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from tuning import is_gap_visible
@@ -59,7 +59,9 @@ class Posterior:
     where: tuple[tuple[str, float], ...]
     sets: tuple[tuple[Keys, float], ...] = ()
 
-    def confounded(self, settings: DiagnosisSettings = SETTINGS) -> tuple[tuple[Site, Site], ...]:
+    def confounded_pairs(
+        self, settings: DiagnosisSettings = SETTINGS
+    ) -> tuple[tuple[Site, Site], ...]:
         """Return pairs of causes whose sets, otherwise alike, differ by less than 3 nats."""
         shares: dict[frozenset[Site], float] = {}
         for keys, share in self.sets:
@@ -92,7 +94,7 @@ def judge(
         calibration: the committed one if None.
         settings: thresholds.
     """
-    constants = calibration or calibrated()
+    constants = calibration or load_calibration()
     sets, gap = _without_outliers(evidence, settings.outlier_sigma)
     sets = _best_fits(material_sets(evidence.null, sets, settings))
     log_none = (
@@ -248,6 +250,6 @@ def force_shares(
     if not forces:
         return {}
     gains = np.array([max(force.gain, 0.0) for force in forces])
-    scale = (constants or calibrated()).force_scale
+    scale = (constants or load_calibration()).force_scale
     shares = softmax(gains / (scale * max(float(gains.max()), 1.0))).tolist()
     return {force.location: share for force, share in zip(forces, shares, strict=True)}

@@ -6,29 +6,31 @@ from diagnosis.algorithm import Diagnosis
 from identification.words import Campaign, Dof
 from mbmodel import Machine, parent_bodies
 
-_SEEN = 6  # channels on a body, as of two triaxial sensors: its motion is known but for a turn
+_MIN_BODY_CHANNELS = (
+    6  # channels on a body, as of two triaxial sensors: its motion is known but for a turn
+)
 
 
-def of_unknown(found: Diagnosis) -> str:
+def of_unknown(diagnosis: Diagnosis) -> str:
     """Where something pushes, and whether it depends on the level if that is not known yet.
 
     Args:
-        found: the diagnosis.
+        diagnosis: the diagnosis.
     """
-    known = {cause.location for cause in found.present.causes}
-    places = [place for place, _ in found.posterior.where if place not in known]
+    known = {cause.location for cause in diagnosis.present.causes}
+    places = [place for place, _ in diagnosis.posterior.where if place not in known]
     first = places[0] if places else ""
-    if first in found.gate.unknown:
+    if first in diagnosis.gate.unknown:
         sensor = first.partition(":")[2]
         return f"exchange {sensor}, its cable and its amplifier with those of another and repeat"
-    campaign = found.session.campaign
+    campaign = diagnosis.session.campaign
     if len({test.condition.level_n for test in campaign.tests}) < 2:
         where = f"{first}, where something pushes" if first else "the joints"
         return (
             "repeat at a quarter and at four times the level: friction, backlash and hardening "
             f"change with it; look at {where}"
         )
-    return _at(first, found.session.model.machine, campaign)
+    return _at(first, diagnosis.session.model.machine, campaign)
 
 
 def _at(place: str, machine: Machine, campaign: Campaign) -> str:
@@ -37,7 +39,7 @@ def _at(place: str, machine: Machine, campaign: Campaign) -> str:
     if not beside:
         return f"look at {place or 'the joints'}, and hit other bodies at each level as well"
     channels = Counter(campaign.layout.body_name(dof.point) for dof in _heard(campaign))
-    blind = [body for body in beside if channels[body] < _SEEN]
+    blind = [body for body in beside if channels[body] < _MIN_BODY_CHANNELS]
     if blind:
         return (
             f"put two triaxial sensors or more on {' and '.join(blind)}, and hit there: something "

@@ -27,13 +27,15 @@ def side_by_side(calls: Sequence[Call], jobs: int) -> Iterator[Any]:
     beside = Parallel(
         n_jobs=max(1, min(jobs, len(calls))), return_as="generator", max_nbytes=None, batch_size=1
     )
-    with _undisturbed():
-        made: Iterator[Any] = beside(delayed(_alone)(function, given) for function, given in calls)
-    return made
+    with _ignore_interrupts():
+        results: Iterator[Any] = beside(
+            delayed(_run_alone)(function, given) for function, given in calls
+        )
+    return results
 
 
 @contextmanager
-def _undisturbed() -> Iterator[None]:
+def _ignore_interrupts() -> Iterator[None]:
     """Processes that begin here ignore Ctrl-C, which reaches all: who asked ends them.
 
     Else each that waits or still begins says so with a traceback of its own.
@@ -48,6 +50,6 @@ def _undisturbed() -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
 
 
-def _alone(function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
+def _run_alone(function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
     with threadpool_limits(1):
         return function(*given)

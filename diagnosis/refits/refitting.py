@@ -12,12 +12,13 @@ from itertools import islice
 import numpy as np
 from scipy.stats import chi2, norm
 
-from diagnosis.hypothesis import Hypothesis, Scene, Value, freed
-from diagnosis.hypothesis_set import together
+from diagnosis.hypothesis import Hypothesis, Scene, Value, extend_parametrisation
+from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.evidence import BADLY_KNOWN, Gapped, Key
 from diagnosis.refit_record import RefitRecord, restore_fit
+from diagnosis.refits.measured import variance_source
 from diagnosis.refits.parallel import Call, side_by_side
-from identification.words import Campaign, Real, VarianceSource
+from identification.words import Real
 from mbmodel import Model
 from tuning import (
     STAGES,
@@ -99,7 +100,7 @@ class Refit(Gapped):
         """Effect, location and direction of each cause."""
         return tuple(cause.key for cause in self.causes)
 
-    def stated(self, cause: Hypothesis) -> dict[str, Value]:
+    def state_parameters(self, cause: Hypothesis) -> dict[str, Value]:
         """Return the parameters of a cause as the verdict states them."""
         return cause.state(values_by_name(self.fit.parametrisation, self.fit.theta))
 
@@ -163,7 +164,7 @@ def add_hypothesis(session: Session, hypothesis: Hypothesis) -> Session:
         session,
         model=model,
         campaign=session.campaign if correct is None else correct(session.campaign),
-        parametrisation=freed(session.parametrisation, model, session, hypothesis),
+        parametrisation=extend_parametrisation(session.parametrisation, model, session, hypothesis),
     )
 
 
@@ -191,7 +192,7 @@ def add_to(base: Refit, hypothesis: Hypothesis, first_stages: tuple[Stage, ...] 
     """Return the task of a refit with one more cause, from where a refit ended."""
     session = add_hypothesis(base.session, hypothesis)
     start = start_values(base, session, hypothesis)
-    causes = together((*base.causes, hypothesis))
+    causes = join_hypotheses((*base.causes, hypothesis))
     return RefitTask(causes, session, start, base.floor, first_stages)
 
 
@@ -248,17 +249,6 @@ def _describe_kept(
     """Return a refit that an interrupted run finished."""
     fit = restore_fit(kept, session.parametrisation, schedule)
     return describe_fit(session, fit, schedule.stride, independent)
-
-
-def measured_frfs(campaign: Campaign) -> int:
-    """Return the number of FRFs."""
-    return sum(int(test.estimate.measured.sum()) for test in campaign.tests)
-
-
-def variance_source(campaign: Campaign) -> VarianceSource:
-    """Return where the noise's variance comes from; the worse source if there are two."""
-    sources = {test.estimate.variance_source for test in campaign.tests}
-    return "coherence" if sources == {"coherence"} else "differences"
 
 
 def _refit(task: RefitTask, schedule: FloorSchedule, threads: int, independent: bool) -> Refit:

@@ -4,8 +4,8 @@ from diagnosis.inference.collect import fitted_set
 from diagnosis.inference.evidence import Evidence, Scored
 from diagnosis.inference.posterior import is_visible
 from diagnosis.null_model import Baseline, fit_unbounded
-from diagnosis.refits.refitting import variance_source
-from diagnosis.search.free_force import pushes
+from diagnosis.refits.measured import variance_source
+from diagnosis.search.free_force import fit_free_forces
 from diagnosis.search.selection import Search, scene_of
 from diagnosis.settings import DiagnosisSettings
 
@@ -31,7 +31,7 @@ def collect_evidence(
     is_left = bool(selected.causes) and is_visible(selected.gap, null.gap, settings)
     ratio = settings.force_floor_ratio
     inner = scene_of(base.scene, selected)
-    rest = pushes(inner, selected.fit, ratio * selected.floor) if is_left else ()
+    rest = fit_free_forces(inner, selected.fit, ratio * selected.floor) if is_left else ()
     return Evidence(
         proven=tuple(hypothesis.key for hypothesis in base.proven),
         unknown=base.gate.unknown,
@@ -39,7 +39,7 @@ def collect_evidence(
         unbounded=unbounded,
         largest_shift=largest_shift,
         sets=tuple(fitted_set(refit) for refit in search.refits),
-        pushed=pushes(base.scene, null.fit, ratio * null.floor),
+        pushed=fit_free_forces(base.scene, null.fit, ratio * null.floor),
         rest_pushed=rest,
         hypotheses=len(best_gain),
         variance=variance_source(null.session.campaign),

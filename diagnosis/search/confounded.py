@@ -24,7 +24,7 @@ def find_confounded(
         for score in reversed(search.scores)
         if score.hypothesis.key in listed and score.step.any()
     }
-    pairs = [frozenset(map("@".join, pair)) for pair in posterior.confounded(settings)]
+    pairs = [frozenset(map("@".join, pair)) for pair in posterior.confounded_pairs(settings)]
     scored = list(leading.values())
     if len(scored) > 1:
         null = search.null

@@ -24,32 +24,32 @@ import numpy as np
 
 from diagnosis.hypothesis import Scene
 from diagnosis.inference.evidence import Pushed
-from diagnosis.search.score_test import Factor
+from diagnosis.search.linearised_fit import Factor
 from identification.words import Campaign, Integers, Real
 from tuning import Fit, Misfit, thin_lines
 from tuning.misfit.accumulation import FreeForceReduction
 
-_STRIDE = 16
-_COMMON = 100.0  # p |u|^2 of the median line, for all directions
-_OTHERS = (1.0, 10.0, 1e3, 1e4)  # for the best of them
-_BEST = 12
-_AT_ONCE = 2**24  # numbers of normal equations
+_FORCE_STRIDE = 16
+_COMMON_POWER = 100.0  # p |u|^2 of the median line, for all directions
+_FURTHER_POWERS = (1.0, 10.0, 1e3, 1e4)  # for the best of them
+_MAX_REFINED = 12
+_MAX_NUMBERS_AT_ONCE = 2**24  # numbers of normal equations
 
 
-def pushes(scene: Scene, found: Fit, model_error_floor: float) -> tuple[Pushed, ...]:
+def fit_free_forces(scene: Scene, fit: Fit, model_error_floor: float) -> tuple[Pushed, ...]:
     """Free forces, the best direction of every joint and body; what explains most first.
 
     Args:
         scene: campaign and drawn model.
-        found: the fit about which all is linear.
+        fit: the fit about which all is linear.
         model_error_floor: relative model error that it tolerates.
     """
     directions = list(_directions(scene))
     forces = np.array([force for _, _, force in directions]).T
-    work = _Work.about(scene, found, model_error_floor)
-    gains = work.gains(forces, _COMMON)
-    best = np.argsort(-gains)[:_BEST]
-    for power in _OTHERS:
+    work = _Work.about(scene, fit, model_error_floor)
+    gains = work.gains(forces, _COMMON_POWER)
+    best = np.argsort(-gains)[:_MAX_REFINED]
+    for power in _FURTHER_POWERS:
         gains[best] = np.maximum(gains[best], work.gains(forces[:, best], power))
     rows: dict[str, Pushed] = {}
     for k in np.argsort(-gains, kind="stable"):
@@ -63,7 +63,10 @@ def pushes(scene: Scene, found: Fit, model_error_floor: float) -> tuple[Pushed, 
 def _directions(scene: Scene) -> Iterator[tuple[str, str, Real]]:
     """Place, direction and force at the joints' coordinates; (nv,)."""
     machine = scene.model.machine
-    unit, held = np.eye(len(machine.coordinates)), {one.coordinate: one.dof for one in scene.held}
+    unit, held = (
+        np.eye(len(machine.coordinates)),
+        {direction.coordinate: direction.dof for direction in scene.held},
+    )
     for axle in machine.axles:
         dof = held.get(axle.coordinate, axle.dof)
         yield f"joint:{axle.stage}", dof, unit[axle.coordinate]
@@ -93,23 +96,23 @@ class _Work:
     data_cost: float
 
     @classmethod
-    def about(cls, scene: Scene, found: Fit, model_error_floor: float) -> "_Work":
+    def about(cls, scene: Scene, fit: Fit, model_error_floor: float) -> "_Work":
         """Linearise about a fit."""
-        varies, model = found.parametrisation, scene.session.model
-        thin = thin_lines(scene.session.campaign, _STRIDE * scene.pace)
+        varies, model = fit.parametrisation, scene.session.model
+        thin = thin_lines(scene.session.campaign, _FORCE_STRIDE * scene.pace)
 
         def misfit(campaign: Campaign) -> Misfit:
             return Misfit(model, campaign, varies, model_error_floor=model_error_floor)
 
         whole = misfit(thin)
-        value, gradient, normal = whole.quadratic_model(found.x)
+        value, gradient, normal = whole.quadratic_model(fit.x)
         return cls(
-            found.x,
-            tuple(misfit(campaign) for campaign in _apart(thin)),
+            fit.x,
+            tuple(misfit(campaign) for campaign in _split_by_reference(thin)),
             gradient,
             normal.dense() + np.diag(varies.has_prior.astype(float)),
-            np.flatnonzero(~varies.coordinates_at_bound(found.x)),
-            max(value - whole.prior(found.x), np.finfo(float).tiny),
+            np.flatnonzero(~varies.coordinates_at_bound(fit.x)),
+            max(value - whole.prior(fit.x), np.finfo(float).tiny),
         )
 
     @property
@@ -118,28 +121,28 @@ class _Work:
 
     def gains(self, forces: Real, power: float) -> Real:
         """Of free forces with a variance relative to the median line's answer; (n_force,)."""
-        step = max(1, _AT_ONCE // max(self.matrix.size, 1))
+        step = max(1, _MAX_NUMBERS_AT_ONCE // max(self.matrix.size, 1))
         starts = range(0, forces.shape[1], step)
-        return np.concatenate([self._some(forces[:, k : k + step], power) for k in starts])
+        return np.concatenate([self._gains_of_some(forces[:, k : k + step], power) for k in starts])
 
-    def _some(self, forces: Real, power: float) -> Real:
-        before = self._left(self.matrix, self.gradient)
-        found = FreeForceReduction.zeros(forces.shape[1], len(self.x))
+    def _gains_of_some(self, forces: Real, power: float) -> Real:
+        before = self._explained_cost(self.matrix, self.gradient)
+        reduction = FreeForceReduction.zeros(forces.shape[1], len(self.x))
         for runs in self.runs:
-            runs.add_force_reduction(self.x, forces, power, found)
-        gains = found.value - found.expected_gain
-        for k, (normal, slope) in enumerate(zip(found.normal, found.gradient, strict=True)):
-            gains[k] += self._left(self.matrix - normal, self.gradient - slope) - before
+            runs.add_force_reduction(self.x, forces, power, reduction)
+        gains = reduction.value - reduction.expected_gain
+        for k, (normal, slope) in enumerate(zip(reduction.normal, reduction.gradient, strict=True)):
+            gains[k] += self._explained_cost(self.matrix - normal, self.gradient - slope) - before
         return gains
 
-    def _left(self, matrix: Real, gradient: Real) -> float:
+    def _explained_cost(self, matrix: Real, gradient: Real) -> float:
         """1/2 g' A^-1 g over what no bound holds."""
         chosen = self.free
         factor = Factor.of(matrix[np.ix_(chosen, chosen)], self._scale[chosen])
         return 0.5 * float(gradient[chosen] @ factor.solve(gradient[chosen][:, None])[:, 0])
 
 
-def _apart(campaign: Campaign) -> list[Campaign]:
+def _split_by_reference(campaign: Campaign) -> list[Campaign]:
     """Tests of one reference one by one: levels and set-ups have forces of their own."""
     rounds: list[list[int]] = []
     seen: dict[str, int] = {}
@@ -149,4 +152,6 @@ def _apart(campaign: Campaign) -> list[Campaign]:
         if turn == len(rounds):
             rounds.append([])
         rounds[turn].append(number)
-    return [replace(campaign, tests=tuple(campaign.tests[k] for k in one)) for one in rounds]
+    return [
+        replace(campaign, tests=tuple(campaign.tests[k] for k in numbers)) for numbers in rounds
+    ]

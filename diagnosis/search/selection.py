@@ -12,12 +12,13 @@ from dataclasses import dataclass, replace
 from diagnosis.data_checks.candidates import candidate_hypotheses
 from diagnosis.effects import catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.hypothesis_set import together
-from diagnosis.inference.calibration import calibrated
+from diagnosis.hypothesis_set import join_hypotheses
+from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.collect import fitted_set
 from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import is_visible, material_sets, set_log_odds, site_of
 from diagnosis.null_model import Baseline, refit_from
+from diagnosis.refits.measured import variance_source
 from diagnosis.refits.refitting import (
     FROM_AFAR,
     Refit,
@@ -26,7 +27,6 @@ from diagnosis.refits.refitting import (
     add_to,
     run_refits,
     start_values,
-    variance_source,
 )
 from diagnosis.search.score_test import Score, scores
 from diagnosis.settings import DiagnosisSettings
@@ -133,7 +133,7 @@ def _refit_round(
     tasks = [add_to(current, score.hypothesis) for score in promising]
     tasks += [
         add_to(current, hypothesis, _first_stages(hypothesis))
-        for hypothesis in _suggested(base, current, settings)
+        for hypothesis in _suggest_candidates(base, current, settings)
     ]
     refits = run_refits(scene, tasks, settings.schedule)
     best = min(refits, key=lambda refit: refit.objective, default=None)
@@ -151,7 +151,9 @@ def _refit_round(
     return [*refits, *run_refits(scene, tasks, settings.schedule)]
 
 
-def _suggested(base: Baseline, current: Refit, settings: DiagnosisSettings) -> list[Hypothesis]:
+def _suggest_candidates(
+    base: Baseline, current: Refit, settings: DiagnosisSettings
+) -> list[Hypothesis]:
     """Return the faults that redundant channels prove and that no cause of the set is yet."""
     sites = {cause.site for cause in current.causes}
     session = base.scene.session
@@ -199,7 +201,7 @@ def _eliminate(
     tasks = []
     removable = [cause for cause in best.causes[:-1] if cause.reform is None]
     for left_out in removable:  # Parts of others refer to the coordinates of a body's mode
-        kept = together([cause for cause in best.causes if cause is not left_out])
+        kept = join_hypotheses([cause for cause in best.causes if cause is not left_out])
         session = add_hypothesis(scene.session, kept)
         start = start_values(best, session, None)
         tasks.append(RefitTask(kept, session, start, best.floor))
@@ -213,21 +215,23 @@ def _eliminate(
 
 def _is_accepted(search: Search, refit: Refit, base: Refit, settings: DiagnosisSettings) -> bool:
     """Return whether a set with one more cause is material, and more probable."""
-    sets = [fitted_set(one) for one in (*search.refits, refit)]
+    sets = [fitted_set(candidate) for candidate in (*search.refits, refit)]
     material = {fitted.keys for fitted in material_sets(fitted_set(search.null), sets, settings)}
     return refit.keys in material and _is_more_probable(search, refit, base)
 
 
 def _is_more_probable(search: Search, refit: Refit, base: Refit) -> bool:
     """Return whether the posterior prefers a set to another one."""
-    sets = [fitted_set(one) for one in (*search.refits, refit)]
+    sets = [fitted_set(candidate) for candidate in (*search.refits, refit)]
     evidence = Evidence(
         null=fitted_set(search.null),
         sets=tuple(sets),
         hypotheses=search.hypotheses,
         variance=variance_source(search.null.session.campaign),
     )
-    first, second = set_log_odds(evidence, [fitted_set(refit), fitted_set(base)], calibrated())
+    first, second = set_log_odds(
+        evidence, [fitted_set(refit), fitted_set(base)], load_calibration()
+    )
     return bool(first > second)
 
 

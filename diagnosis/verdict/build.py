@@ -31,8 +31,9 @@ NONLINEAR = ("friction", "backlash", "hardening")
 # What the spare channels of a body alone can show, and how many that needs.
 _OF_SPARE = ("sensor_swap", "mount_resonance", BENDS)
 _SPARE = 2
-            body = diagnosis.session.campaign.layout.body_name(part.point.name)
-            ours = {} if body in spared else {name: f"{of}_" for name, of in _OF_SENSORS.items()}
+# Tolerance of a sensor that each effect releases.
+_OF_SENSORS = {name: of for name, (of, _) in RELEASED.items()} | {"sensor_delay": "delay"}
+_MIN_PLACE_SHARE = 0.005  # of a place that is worth a row
 
 
 def verdict_of(diagnosis: Diagnosis) -> Verdict:
@@ -54,7 +55,7 @@ def verdict_of(diagnosis: Diagnosis) -> Verdict:
             retuned=_at(retuned),
             after=_at(after.gap) if after else GapAt(error=None, excess=None),
             noise=retuned.noise,
-            closed=_closed(retuned, after.gap) if is_visible and after else None,
+            closed=_closed_part(retuned, after.gap) if is_visible and after else None,
             interval=_interval(diagnosis.retuned, after, visible=is_visible),
         ),
         where=_places(posterior.where, is_known=not is_none),
@@ -90,7 +91,7 @@ def _at(gap: Gap) -> GapAt:
     return GapAt(error=gap.error, excess=gap.excess)
 
 
-def _closed(retuned: Gap, after: Gap) -> float | None:
+def _closed_part(retuned: Gap, after: Gap) -> float | None:
     if after.excess is None or retuned.excess is None or retuned.excess <= 1:
         return None
     return float((retuned.excess**2 - after.excess**2) / (retuned.excess**2 - 1))
@@ -115,13 +116,15 @@ def step_intervals(diagnosis: Diagnosis) -> dict[str, tuple[float, float] | None
     drawn = predict(session.model, session.model.drawn, session.campaign)
     parts = [
         summarise_gaps(
-            channel_gaps([one[lines] for one in drawn], session.campaign.select_lines(lines))
+            channel_gaps([values[lines] for values in drawn], session.campaign.select_lines(lines))
         )
         for lines in kept
     ]
     ends = {
-        "as_drawn": _spread_of_sizes(diagnosis.as_drawn.excess, [one.excess for one in parts]),
-        "noise": _spread_of_sizes(diagnosis.retuned.gap.noise, [one.noise for one in parts]),
+        "as_drawn": _spread_of_sizes(
+            diagnosis.as_drawn.excess, [values.excess for values in parts]
+        ),
+        "noise": _spread_of_sizes(diagnosis.retuned.gap.noise, [values.noise for values in parts]),
     }
     for name, level in levels.items():
         if level is not None:
@@ -138,15 +141,15 @@ def _interval(retuned: HeldOutGap, after: HeldOutGap | None, *, visible: bool) -
     kept = [folds != fold for fold in range(int(folds.max()) + 1)]
     gaps = [(retuned.on(lines), after.on(lines)) for lines in kept]
     return Interval(
-        closed=_spread(_closed(retuned.gap, after.gap), [_closed(*one) for one in gaps])
+        closed=_spread(_closed_part(retuned.gap, after.gap), [_closed_part(*pair) for pair in gaps])
         if visible
         else None,
-        after=_spread_of_sizes(after.gap.excess, [one[1].excess for one in gaps]),
+        after=_spread_of_sizes(after.gap.excess, [pair[1].excess for pair in gaps]),
     )
 
 
 def _spread(whole: float | None, without: list[float | None]) -> tuple[float, float] | None:
-    values: Real = np.array([one for one in without if one is not None])
+    values: Real = np.array([value for value in without if value is not None])
     count = len(without)
     if whole is None or count < 2 or len(values) < count:
         return None
@@ -158,11 +161,11 @@ def _spread(whole: float | None, without: list[float | None]) -> tuple[float, fl
 def _spread_of_sizes(
     whole: float | None, without: list[float | None]
 ) -> tuple[float, float] | None:
-    """The same of what is never below zero, by its logarithm."""
+    """Return the jackknife interval of a positive number, by its logarithm."""
     if not whole or not all(without):
         return None
     spread = _spread(
-        float(np.log(whole)), [None if one is None else float(np.log(one)) for one in without]
+        float(np.log(whole)), [None if value is None else float(np.log(value)) for value in without]
     )
     return None if spread is None else (float(np.exp(spread[0])), float(np.exp(spread[1])))
 
@@ -178,18 +181,21 @@ def _row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:
         location=location,
         dof=dof or (refit.direction_of(cause) if refit and cause else None),
         probability=min(1.0, probability),
-        parameters=refit.stated(cause) if refit and cause else {},
+        parameters=refit.state_parameters(cause) if refit and cause else {},
         interval={},
         excess_after=None,
     )
-    present = next((one for one in diagnosis.present.causes if one.key == key), None)
+    present = next(
+        (cause_present for cause_present in diagnosis.present.causes if cause_present.key == key),
+        None,
+    )
     if present is None:
         return row
     after, parameters = diagnosis.after, diagnosis.parameters
     if after is None or parameters is None:
         return row if present.is_held else row.model_copy(update={"parameters": present.state({})})
     update = {
-        "parameters": parameters.stated(present),
+        "parameters": parameters.state_parameters(present),
         "interval": parameters.intervals(present),
         "excess_after": after.gap.excess,
     }
@@ -200,7 +206,7 @@ def _not_testable(diagnosis: Diagnosis) -> list[str]:
     """What this kind of data cannot show."""
     tests = diagnosis.session.campaign.tests
     levels = {test.condition.level_n for test in tests}
-    missing = [one for one in NONLINEAR if len(levels) < 2 or one not in catalogue()]
+    missing = [effect for effect in NONLINEAR if len(levels) < 2 or effect not in catalogue()]
     references = {str(test.condition.reference) for test in tests}
     setups = {test.condition.setup for test in tests}
     if len(references) < 2 and len(setups) < 2:
@@ -208,37 +214,33 @@ def _not_testable(diagnosis: Diagnosis) -> list[str]:
     named = {effect for (effect, _, _), _ in diagnosis.posterior.causes}
     if any(check.redundant < _SPARE for check in diagnosis.gate.checks):
         missing += [effect for effect in _OF_SPARE if effect not in named]
-    elif BENDS not in named and _bare(diagnosis):
+    elif BENDS not in named and _has_bare_body(diagnosis):
         missing.append(BENDS)
-    return missing + [effect for effect in _kept(diagnosis) if effect not in named]
+    return missing + [effect for effect in _fixed_effects(diagnosis) if effect not in named]
 
 
-def _kept(diagnosis: Diagnosis) -> list[str]:
+def _fixed_effects(diagnosis: Diagnosis) -> list[str]:
     """Effects that release a tolerance which a user keeps as drawn, where no gate asks for them."""
     free = set(diagnosis.session.parametrisation.names)
     spared = {check.body for check in diagnosis.gate.checks if check.redundant >= _SPARE}
     kept: dict[str, None] = {}
     for part in diagnosis.session.model.parts:
-        ours: dict[str, str] = {}
+        released: dict[str, str] = {}
         if isinstance(part, HammerPart):
-            ours = {"hammer_misalignment": "rotation_", "hammer_position": "position_"}
+            released = {"hammer_misalignment": "rotation_", "hammer_position": "position_"}
         elif isinstance(part, HammerGainPart):
-            ours = {"hammer_gain": "gain", "hammer_delay": "delay"}
+            released = {"hammer_gain": "gain", "hammer_delay": "delay"}
         elif isinstance(part, SensorPart):
-<<<<<<< HEAD
             body = diagnosis.session.campaign.layout.body_name(part.point.name)
-            ours = {} if body in spared else {name: of for name, (of, _) in RELEASED.items()}
-=======
-            body = found.session.campaign.layout.body_name(part.point.name)
-            ours = {} if body in spared else {name: f"{of}_" for name, of in _OF_SENSORS.items()}
->>>>>>> 5dad30ebbb1b48634c5bc6fd338a021a24449176
-        fixed = [one.name for one in part.parameters if one.name not in free]
-        kept |= {name: None for name, of in ours.items() if any(f".{of}" in x for x in fixed)}
+            if body not in spared:
+                released = {name: f"{tolerance}_" for name, tolerance in _OF_SENSORS.items()}
+        fixed = [parameter.name for parameter in part.parameters if parameter.name not in free]
+        kept |= {name: None for name, of in released.items() if any(f".{of}" in x for x in fixed)}
     return list(kept)
 
 
-def _bare(diagnosis: Diagnosis) -> bool:
+def _has_bare_body(diagnosis: Diagnosis) -> bool:
     """Whether a body carries no sensor, which the gate has nothing to say of."""
     return set(diagnosis.session.campaign.layout.bodies) > {
-        one.body for one in diagnosis.gate.checks
+        check.body for check in diagnosis.gate.checks
     }

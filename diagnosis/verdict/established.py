@@ -137,8 +137,8 @@ def _closed_by_causes(search: Search, refit: Refit) -> dict[Key, float]:
     whole = max(search.null.gap, np.finfo(float).tiny)
     closed = {}
     for key in refit.keys:
-        others = [other for other in refit.keys if other != key]
-        without = search.refit_of(others) if others else search.null
+        remaining = [cause for cause in refit.keys if cause != key]
+        without = search.refit_of(remaining) if remaining else search.null
         before = search.null.gap if without is None else without.gap
         closed[key] = float((before - refit.gap) / whole)
     return closed

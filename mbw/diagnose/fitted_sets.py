@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from diagnosis.inference.calibration import calibrated
+from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence, FittedSet, Key
 from diagnosis.inference.posterior import material_sets, set_log_odds
 from diagnosis.settings import SETTINGS, DiagnosisSettings
@@ -47,7 +47,9 @@ def fitted_rows(evidence: Evidence, settings: DiagnosisSettings = SETTINGS) -> l
     for fitted, reason in sorted(rows, key=lambda row: (bool(row[1]), row[0].objective)):
         best.setdefault(frozenset(fitted.keys), (fitted, reason))
     weighed = [fitted for fitted, reason in best.values() if not reason]
-    odds = dict(zip(weighed, set_log_odds(evidence, weighed, calibrated()).tolist(), strict=True))
+    odds = dict(
+        zip(weighed, set_log_odds(evidence, weighed, load_calibration()).tolist(), strict=True)
+    )
     sets = [(null, _row(null, null, 0.0, ""))]
     sets += [
         (fitted, _row(fitted, null, odds.get(fitted), reason)) for fitted, reason in best.values()

@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 
 from diagnosis import PROVEN, catalogue
 from diagnosis.inference.evidence import Evidence
-from diagnosis.labels import direction, named
+from diagnosis.labels import direction, name_place
 from diagnosis.verdict.build import NONLINEAR
 from diagnosis.verdict.schema import CauseRow, RemarkRow, Verdict
 from identification import FAULT_PHRASES, exchange_phrase
@@ -67,7 +67,7 @@ def place_name(location: str) -> str:
     """Return a location as text, such as ``joint ty`` or ``sensors acc1 and acc2``."""
     what, _, name = location.partition(":")
     several = "s" if what == "sensor" and "+" in name else ""
-    return f"{what}{several} {named(location)}"
+    return f"{what}{several} {name_place(location)}"
 
 
 def place_phrase(location: str) -> str:

@@ -11,7 +11,7 @@ import pytest
 
 from diagnosis import EFFECTS, PROVEN, Scene, catalogue, diagnose, verdict_of
 from diagnosis.effects import Effect, check_others
-from diagnosis.effects.plugins import GROUP, loaded
+from diagnosis.effects.plugins import GROUP, load_effect
 from identification.words import InputError
 from mbmodel import release_rigid_directions
 from tests.helpers.drawn import drawn
@@ -192,7 +192,7 @@ def test_ours_pass_the_checks_of_others_and_do_not_pay_for_them(session, monkeyp
     scene = Scene(replace(session, model=model), model.drawn, held)
     for name in EFFECTS:
         point = EntryPoint(name, f"diagnosis.effects.{name}:EFFECT", GROUP)
-        assert len(loaded(point)(scene)) == len(list(EFFECTS[name](scene)))
+        assert len(load_effect(point)(scene)) == len(list(EFFECTS[name](scene)))
     monkeypatch.setattr(Effect, "__call__", None)  # nobody is asked
     check_others(session)
 

@@ -7,15 +7,17 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS
-from diagnosis.corrections import masked
+from diagnosis.corrections import mask_channels
 from diagnosis.next_test.discriminating import (
-    Experiment,
-    _before,
-    _by_effort,
-    _known_mass,
-    _left,
-    _posed,
+    _measured_normal,
+    _remaining_cost,
     next_experiment,
+)
+from diagnosis.next_test.experiments import (
+    Experiment,
+    add_experiment,
+    add_known_mass,
+    list_experiments,
 )
 from identification.words import Dof
 from mbmodel import Evaluator, FrfRequest, hammer_parts
@@ -80,10 +82,10 @@ def test_the_gain_is_what_tuning_anew_leaves_of_what_a_rival_foresees(rivals):
     campaign = session.campaign
     inputs = (Dof.of(campaign.outputs[-1].point, 1),)
     asked = Experiment("hit", inputs, lambda machine: hammer_parts(machine, inputs))
-    posed = [_posed(asked, one) for one in (true, rival)]
+    posed = [add_experiment(asked, one) for one in (true, rival)]
     told = told_by(posed[0], campaign, inputs)
-    before = _before(rival)
-    gain = _left(posed[1], told, before, 1.0)
+    before = _measured_normal(rival)
+    gain = _remaining_cost(posed[1], told, before, 1.0)
     # The same by least squares, slopes by differences.
     varies, estimate = posed[1].parametrisation, told.tests[0].estimate
     question = FrfRequest(told.freq_hz, estimate.frf.outputs, inputs, estimate.frf.quantity)
@@ -112,11 +114,13 @@ def test_the_gain_is_what_tuning_anew_leaves_of_what_a_rival_foresees(rivals):
     assert gain < 0.9 * (off**2).sum()
 
 
-def test_a_cause_that_is_taken_out_and_a_known_mass_aretold_by(rivals):
+def test_a_cause_that_is_taken_out_and_a_known_mass_are_foreseen(rivals):
     session, (one, _) = rivals
     thin = thin_lines(session.campaign, 8)
     inputs = (session.campaign.tests[0].condition.reference.positive,)
-    out = told_by(_posed(Experiment("out", inputs, undone=one.hypothesis.key), one), thin, inputs)
+    out = told_by(
+        add_experiment(Experiment("out", inputs, undone=one.hypothesis.key), one), thin, inputs
+    )
     bare, frf = session.model, out.tests[0].estimate.frf
     question = FrfRequest(thin.freq_hz, frf.outputs, inputs, frf.quantity)
     expected = Evaluator(bare, question).at(one.fit.theta[: len(bare.parameters)]).values
@@ -124,7 +128,9 @@ def test_a_cause_that_is_taken_out_and_a_known_mass_aretold_by(rivals):
     # A tenth of its mass at a body's centre is what a mass error of that size would be.
     body = one.hypothesis.location.partition(":")[2]
     number = bare.machine.layout.bodies.index(body)
-    heavier = told_by(_posed(Experiment("add", inputs, _known_mass(number)), one), thin, inputs)
+    heavier = told_by(
+        add_experiment(Experiment("add", inputs, add_known_mass(number)), one), thin, inputs
+    )
     more = one.fit.theta.copy()
     names = [parameter.name for parameter in one.session.model.parameters]
     more[names.index(f"{body}.added_mass")] += 10.0  # hundredths
@@ -137,7 +143,7 @@ def test_a_hit_along_other_axes_of_the_same_point_counts(rivals):
     first = session.campaign.tests[0]
     campaign = replace(session.campaign, tests=(first,))
     reference = first.condition.reference
-    words = [asked.words for asked in next(_by_effort(campaign, (one, other)))]
+    words = [asked.words for asked in next(list_experiments(campaign, (one, other)))]
     axes = [axis for axis in "xyz" if axis != reference.direction[2:]]
     assert f"hit {reference.point} along {' and '.join(axes)} as well" in words
 
@@ -171,7 +177,7 @@ def at_two_levels(session, silent=()):
         replace(test, condition=replace(test.condition, level_n=900.0)) for test in campaign.tests
     ]
     both = replace(campaign, tests=(*campaign.tests, *harder))
-    heard = masked(both, lambda dof: campaign.layout.body_name(dof.point) in silent)
+    heard = mask_channels(both, lambda dof: campaign.layout.body_name(dof.point) in silent)
     return replace(session, campaign=heard)
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.effects.points import joined
-from diagnosis.hypothesis_set import together
+from diagnosis.effects.points import are_joined
+from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.refits.refitting import add_hypothesis
 from identification.words import Condition, Dof
 from mbmodel import Model, PartContext, RigidDirection, load_machine, parent_bodies, rotation_matrix
@@ -241,7 +241,7 @@ def test_the_tree_of_bodies_is_that_of_the_joints(scene):
     for body, parent in parents.items():
         inside = text.index(f'name="{body}"')
         assert parent is None or text.index(f'name="{parent}"') < inside
-        assert parent is None or joined(machine, parent, body)
+        assert parent is None or are_joined(machine, parent, body)
 
 
 def test_a_hit_turned_about_itself_stays_within_tolerance(scene):
@@ -267,7 +267,7 @@ def test_a_hit_turned_about_itself_stays_within_tolerance(scene):
 def test_several_at_once_release_correct_and_add_what_each_does(scene):
     polarity = next(iter(EFFECTS["sensor_polarity"](scene)))
     others = [next(iter(EFFECTS[name](scene))) for name in ("sensor_gain", "gyroscopic")]
-    whole = together([polarity, *others])
+    whole = join_hypotheses([polarity, *others])
     assert whole.key == polarity.key
     assert whole.release == others[0].release
     assert whole.parts == others[1].parts
@@ -275,7 +275,7 @@ def test_several_at_once_release_correct_and_add_what_each_does(scene):
     one, other = whole.correct(campaign), polarity.correct(campaign)
     for test, expected in zip(one.tests, other.tests, strict=True):
         assert np.array_equal(test.estimate.frf.values, expected.estimate.frf.values)
-    assert together([polarity]) is polarity
+    assert join_hypotheses([polarity]) is polarity
 
 
 ROTOR = """<mujoco><option gravity="0 0 0"/><worldbody>

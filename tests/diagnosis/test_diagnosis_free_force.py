@@ -5,7 +5,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from diagnosis.search.free_force import _Work, pushes
+from diagnosis.search.free_force import _Work, fit_free_forces
 from identification import smooth_variance
 from mbmodel import Evaluator, FrfRequest
 from tests.helpers.drawn import drawn
@@ -87,7 +87,7 @@ def test_the_gain_is_that_of_the_dense_covariance(tmp_path):
 def test_what_no_linear_effect_explains_is_found_where_it_pushes(tmp_path, effect, seed):
     scene, answer = begun(tmp_path, seed, effect, ratio=4.0, lines=161)
     null = refit_null(scene)
-    forces = pushes(scene, null.fit, null.floor)
+    forces = fit_free_forces(scene, null.fit, null.floor)
     assert (forces[0].location, forces[0].dof) == (answer["location"], answer["dof"])
     gains = [force.gain for force in forces]
     assert gains == sorted(gains, reverse=True)
@@ -104,4 +104,4 @@ def test_where_nothing_may_vary_forces_are_free_all_the_same(tmp_path):
     scene = early_scene(open_session(tmp_path / "campaign"))
     null = refit_null(scene)
     assert null.fit.parametrisation.size == 0
-    assert max(force.gain for force in pushes(scene, null.fit, null.floor)) > 0
+    assert max(force.gain for force in fit_free_forces(scene, null.fit, null.floor)) > 0

@@ -47,7 +47,9 @@ def test_what_was_drawn_lies_in_the_interval(effect, seed, tmp_path):
     intervals = sure.intervals(one)
     assert set(intervals) == set(answer["parameters"])
     for name, ends in intervals.items():
-        true, said = (np.array(of[name]) for of in (answer["parameters"], sure.stated(one)))
+        true, said = (
+            np.array(of[name]) for of in (answer["parameters"], sure.state_parameters(one))
+        )
         low, high = np.array(ends).T
         assert (low <= true).all()
         assert (true <= high).all()

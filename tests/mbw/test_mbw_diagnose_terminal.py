@@ -6,7 +6,7 @@ from diagnosed import diagnosed
 from typer.testing import CliRunner
 
 from diagnosis import Hypothesis
-from diagnosis.inference.calibration import calibrated
+from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.posterior import set_log_odds
 from diagnosis.settings import SETTINGS
 from diagnosis.verdict.schema import RemarkRow
@@ -45,7 +45,7 @@ def test_the_table_says_why_each_set_is_rejected():
     loose = fitted(("sensor_gain", "sensor:acc1"), cost=-0.02, gap=0.6, shifts=(3.1,))
     told = rows(found(evidence(1.0, [less, best, small, loose]), ("gyroscopic", "body:a")))
     odds = dict(zip(("best", "less"), set_log_odds(
-        evidence(1.0), [best, less], calibrated()
+        evidence(1.0), [best, less], load_calibration()
     ), strict=True))  # fmt: skip
     assert told == [
         ("gyroscopic at body:a", "90", f"{odds['best']:.0f}"),

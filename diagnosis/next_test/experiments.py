@@ -1,0 +1,119 @@
+"""Experiments that can follow a campaign: further hits, a cause taken out, a known mass added."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.effects import PROVEN, catalogue
+from diagnosis.inference.evidence import Key
+from diagnosis.refits.refitting import Refit
+from identification.words import Campaign, Dof, Input, Real, is_hammer_point
+from mbmodel import AddedPart, Change, Machine, Model, Parameter, Part, hammer_parts
+from tuning import Parametrisation, parametrise
+
+_ADDED_MASS_SHARE = 0.1  # of a body's mass: a mass that is added
+_ADDED_MASS_NAME = "known_mass"
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A measurement that can follow.
+
+    Args:
+        words: what to do.
+        inputs: what is hit.
+        parts: that a machine then has as well.
+        undone: the cause that is taken out of the machine; None for none.
+    """
+
+    words: str
+    inputs: tuple[Input, ...]
+    parts: Callable[[Machine], tuple[Part, ...]] = lambda _: ()
+    undone: Key | None = None
+
+
+def list_experiments(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[list[Experiment]]:
+    """Yield further hits, then causes that can be taken out of the machine, then known masses."""
+    machine = rivals[0].session.model.machine
+    layout = machine.layout
+    hits = []
+    for point in layout.points:
+        if point not in layout.sensors and not is_hammer_point(point):
+            continue
+        directions = (Dof.of(point, axis) for axis in range(3))
+        inputs = tuple(dof for dof in directions if dof not in campaign.inputs)
+        if inputs:
+            axes = " and ".join(dof.direction[2:] for dof in inputs)
+            along = "" if len(inputs) == 3 else f" along {axes}"
+            hits.append(Experiment(f"hit {point}{along} as well", inputs, add_hammers(inputs)))
+    yield hits
+    undone = []
+    for key in dict.fromkeys(key for rival in rivals for key in rival.keys):
+        effect, place, dof = key
+        known = catalogue().get(effect) or PROVEN[effect]
+        if known.undoes:
+            words = known.said(known.confirm, place, dof)
+            undone.append(Experiment(words, campaign.inputs, undone=key))
+    yield undone
+    masses = _ADDED_MASS_SHARE * np.diag(machine.body_mass)[::6]
+    yield [
+        Experiment(f"add {mass:.2g} kg at {body} and repeat", campaign.inputs, add_known_mass(k))
+        for k, (mass, body) in enumerate(zip(masses.tolist(), layout.bodies, strict=True))
+    ]
+
+
+def add_hammers(inputs: tuple[Dof, ...]) -> Callable[[Machine], tuple[Part, ...]]:
+    """Return what adds the Parts of further hits to a machine."""
+    return lambda machine: hammer_parts(machine, inputs)
+
+
+def add_known_mass(body: int) -> Callable[[Machine], tuple[Part, ...]]:
+    """Return what adds a mass at a body's centre of mass, a tenth of its own."""
+
+    def parts(machine: Machine) -> tuple[Part, ...]:
+        frame = np.zeros((len(machine.body_mass), 3))
+        frame[6 * body : 6 * body + 3] = np.eye(3)
+        core = np.zeros((1, 3, 3, 3))
+        core[0, 2] = _ADDED_MASS_SHARE * machine.body_mass[6 * body, 6 * body] * np.eye(3)
+        scale = Parameter(_ADDED_MASS_NAME, 1.0, "1", positive=False)
+        place = f"body:{machine.layout.bodies[body]}"
+        return (AddedPart.linear(place, (scale,), (Change("body", frame, frame, core),)),)
+
+    return parts
+
+
+@dataclass(frozen=True, eq=False)
+class RivalModel:
+    """A rival in an experiment.
+
+    Args:
+        model: its model, with the Parts of the experiment.
+        theta: parameters [SI]; (n_parameter,).
+        parametrisation: its coordinates.
+        pinned: names of parameters that cannot vary.
+        floor: relative model error.
+    """
+
+    model: Model
+    theta: Real
+    parametrisation: Parametrisation
+    pinned: frozenset[str]
+    floor: float
+
+
+def add_experiment(experiment: Experiment, rival: Refit) -> RivalModel:
+    """Return the model of a rival in an experiment."""
+    session = rival.session
+    model = Model(
+        session.model.machine, (*session.model.parts, *experiment.parts(session.model.machine))
+    )
+    theta = np.append(rival.fit.theta, model.drawn[len(rival.fit.theta) :])
+    names = [parameter.name for parameter in model.parameters]
+    pinned = {_ADDED_MASS_NAME}
+    for cause in rival.causes:
+        if cause.key == experiment.undone:
+            pinned |= set(cause.coordinates)
+            theta = np.where(np.isin(names, cause.coordinates), model.drawn, theta)
+    varies = session.parametrisation.extend(parametrise(model, session.campaign.tolerance))
+    return RivalModel(model, theta, varies, frozenset(pinned), rival.floor)
