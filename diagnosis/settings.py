@@ -34,8 +34,6 @@ class DiagnosisSettings:
         min_closed: part of the gap that an established cause closes (FORMATS).
         min_probability: probability of an established cause (FORMATS).
         min_visible_excess: excess over the noise below which a rest is next to nothing (FORMATS).
-        max_open: part of the gap that is next to nothing: where the gap was 30 times the noise,
-            the truncation of a mode leaves more than the noise.
         force_floor_ratio: part of the model-error floor that counts for free forces: with a force
             that explains the gap the floor falls.
         min_local_share: part of the rest that a force of any spectrum at one place explains where
@@ -63,7 +61,6 @@ class DiagnosisSettings:
     min_closed: float = 0.2
     min_probability: float = 0.5
     min_visible_excess: float = MIN_VISIBLE_EXCESS
-    max_open: float = 0.01
     force_floor_ratio: float = 0.25
     min_local_share: float = 0.5
     outlier_sigma: float = 4.5

@@ -160,22 +160,9 @@ def material_sets(
     for fitted in sets:
         before = gaps.get(frozenset(fitted.keys[:-1]), null.gap)
         is_closed = before - fitted.gap >= settings.min_closed * null.gap
-        if is_closed or not is_visible(fitted.gap, null.gap, settings):
+        if is_closed or not is_gap_visible(fitted.gap, settings.min_visible_excess):
             material.append(fitted)
     return material
-
-
-def is_visible(gap: float, null_gap: float, settings: DiagnosisSettings = SETTINGS) -> bool:
-    """Return whether a remaining gap is more than next to nothing.
-
-    Args:
-        gap: mean square of the remaining gap over that of the noise.
-        null_gap: of the null model.
-        settings: thresholds.
-    """
-    return is_gap_visible(
-        gap, settings.min_visible_excess, whole_gap=null_gap, max_open=settings.max_open
-    )
 
 
 def _without_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSet], float]:

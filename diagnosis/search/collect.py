@@ -2,12 +2,12 @@
 
 from diagnosis.inference.collect import fitted_set
 from diagnosis.inference.evidence import Evidence, Scored
-from diagnosis.inference.posterior import is_visible
 from diagnosis.null_model import Baseline, fit_unbounded
 from diagnosis.refits.measured import variance_source
 from diagnosis.search.free_force import fit_free_forces
 from diagnosis.search.selection import Search, scene_of
 from diagnosis.settings import DiagnosisSettings
+from tuning import is_gap_visible
 
 
 def collect_evidence(
@@ -28,7 +28,7 @@ def collect_evidence(
         effect, location, dof = score.hypothesis.key
         row = Scored(effect=effect, location=location, dof=dof, gain=score.gain)
         best_gain.setdefault(score.hypothesis.site, row)
-    is_left = bool(selected.causes) and is_visible(selected.gap, null.gap, settings)
+    is_left = bool(selected.causes) and is_gap_visible(selected.gap, settings.min_visible_excess)
     ratio = settings.force_floor_ratio
     inner = scene_of(base.scene, selected)
     rest = fit_free_forces(inner, selected.fit, ratio * selected.floor) if is_left else ()

@@ -16,7 +16,7 @@ from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.collect import fitted_set
 from diagnosis.inference.evidence import Evidence
-from diagnosis.inference.posterior import is_visible, material_sets, set_log_odds, site_of
+from diagnosis.inference.posterior import material_sets, set_log_odds, site_of
 from diagnosis.null_model import Baseline, refit_from
 from diagnosis.refits.measured import variance_source
 from diagnosis.refits.refitting import (
@@ -30,7 +30,7 @@ from diagnosis.refits.refitting import (
 )
 from diagnosis.search.score_test import Score, scores
 from diagnosis.settings import DiagnosisSettings
-from tuning import Stage
+from tuning import Stage, is_gap_visible
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,9 @@ def select_causes(
             break
         best, without_one = _eliminate(scene, search, best, settings)
         search = replace(search, refits=(*search.refits, *without_one), selected=best)
-        if set(best.keys) <= set(current.keys) or not is_visible(best.gap, base.null.gap, settings):
+        if set(best.keys) <= set(current.keys) or not is_gap_visible(
+            best.gap, settings.min_visible_excess
+        ):
             break
     return search
 
@@ -137,7 +139,7 @@ def _refit_round(
     ]
     refits = run_refits(scene, tasks, settings.schedule)
     best = min(refits, key=lambda refit: refit.objective, default=None)
-    if best is None or not is_visible(best.gap, base.null.gap, settings):
+    if best is None or not is_gap_visible(best.gap, settings.min_visible_excess):
         return refits
     cause = best.causes[-1]
     known = {refit.causes[-1] for refit in refits}

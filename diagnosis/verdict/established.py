@@ -14,12 +14,12 @@ import numpy as np
 from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.inference.evidence import Evidence, Key
-from diagnosis.inference.posterior import Posterior, force_shares, is_visible, site_of
+from diagnosis.inference.posterior import Posterior, force_shares, site_of
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refitting import Refit
 from diagnosis.search.selection import Search
 from diagnosis.settings import DiagnosisSettings
-from tuning import TOLERANCE_BOUND_SIGMA, channel_gaps, predict, summarise_gaps
+from tuning import TOLERANCE_BOUND_SIGMA, channel_gaps, is_gap_visible, predict, summarise_gaps
 
 Word = Literal["none", "explained", "several", "partly", "unexplained"]
 Spread = Literal["local", "everywhere"]
@@ -194,7 +194,7 @@ def _rest(
     level = gaps.after or gaps.retuned
     is_significant = not is_none
     if gaps.after is not None:
-        is_significant = is_visible(level.refit.gap, gaps.retuned.refit.gap, settings)
+        is_significant = is_gap_visible(level.refit.gap, settings.min_visible_excess)
     forces = evidence.rest_pushed if refit.causes else evidence.pushed
     share = max((force.share for force in forces), default=0.0)
     shares = sorted(force_shares(forces).items(), key=lambda row: -row[1])

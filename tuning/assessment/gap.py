@@ -57,22 +57,14 @@ class Gap:
     quiet: int
 
 
-def is_gap_visible(
-    gap: float,
-    min_excess: float = MIN_VISIBLE_EXCESS,
-    *,
-    whole_gap: float = 0.0,
-    max_open: float = 0.0,
-) -> bool:
+def is_gap_visible(gap: float, min_excess: float = MIN_VISIBLE_EXCESS) -> bool:
     """Return whether a gap is more than next to nothing.
 
     Args:
         gap: mean square of the gap over that of the noise, excess^2 - 1.
         min_excess: excess up to which it is next to nothing.
-        whole_gap: gap of which this one remains; 0 for none.
-        max_open: part of that which is next to nothing as well.
     """
-    return gap > max(min_excess**2 - 1, max_open * whole_gap)
+    return gap > min_excess**2 - 1
 
 
 def channel_gaps(predicted: Sequence[Complex], campaign: Campaign) -> ChannelGaps:
