@@ -1,7 +1,7 @@
 """What may be the one thing that a model lacks: an effect at a place, ready to be fitted."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from diagnosis.labels import direction, name_place
 from diagnosis.refit_record import RefitRecord
 from identification.words import Campaign, Real
 from mbmodel import Machine, Model, Part, RigidDirection
-from tuning import Parametrisation, Session, parametrise
+from tuning import Session
 
 Value = float | tuple[float, ...]
 Ends = tuple[float, float] | tuple[tuple[float, float], ...]  # of a vector one pair a component
@@ -215,46 +215,3 @@ def release_tolerance(
         return {stated: values if len(values) > 1 else values[0]}
 
     return Hypothesis(effect, location, dof, release=names, state=state)
-
-
-def extend_parametrisation(
-    varies: Parametrisation, model: Model, session: Session, hypothesis: Hypothesis
-) -> Parametrisation:
-    """What varies under a hypothesis.
-
-    Args:
-        varies: without it.
-        model: with its Parts.
-        session: whose tolerances hold.
-        hypothesis: the hypothesis.
-    """
-    extended = (
-        varies.extend(parametrise(model, session.campaign.tolerance))
-        if hypothesis.parts
-        else varies
-    )
-    free = (
-        extended.tie_parameters(hypothesis.follow)
-        .release_priors(hypothesis.release)
-        .vary_linearly(hypothesis.linear)
-    )
-    fixed = free.fixed.copy()
-    for k, parameter in enumerate(free.parameters):
-        if (
-            parameter.name in hypothesis.begin and free.coordinate_of[k] < 0
-        ):  # a user has fixed it: as was found
-            fixed[k] = hypothesis.begin[parameter.name]
-    lower, upper = free.lower.copy(), free.upper.copy()
-    scale, has_prior = free.scale.copy(), free.has_prior.copy()
-    for member in hypothesis.members or (hypothesis,):
-        if member.signed:
-            sizes = np.isin(np.array(free.names), member.coordinates)
-            lower = np.where(sizes, 0.0, lower)
-        for k, name in enumerate(free.names):
-            if name in member.bounds:
-                lower[k], upper[k] = member.bounds[name]
-            if name in member.believed:
-                deviation = member.believed[name]
-                scale[free.coordinate_of == k], has_prior[k] = deviation, True
-                lower[k], upper[k] = lower[k] / deviation, upper[k] / deviation
-    return replace(free, fixed=fixed, lower=lower, upper=upper, scale=scale, has_prior=has_prior)

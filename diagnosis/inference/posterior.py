@@ -1,17 +1,16 @@
 r"""Posterior probabilities of sets of causes, each with or without a rest.
 
-Every set S is fitted at its own model-error floor. Per value, c_S is its mean -ln L, with the cost
-of the tolerances as they count in the fit. Errors of a model are shared among lines, channels and
-tests, so that the residual of the best set holds N_eff independent values
-(``tuning.residual_statistics``). Relative to the empty set with a rest ("unexplained"), the log
-probability of a set is
+Every set S is fitted at its own model-error floor; c_S is its mean -ln L per value, tolerances
+included. Errors of a model are shared, so that the residual of the best set holds N_eff independent
+values (``tuning.residual_statistics``). Relative to the empty set with a rest ("unexplained"), the
+log probability is
 
     l_S = kappa N_eff [ c_0 - c_S - |S| chance (1 - s) ] - |S| ln M,
 
 s the share of the noise in the variance beside the best set. Of M hypotheses the best one gains by
 chance: M in a uniform prior, and ``chance`` per value and share of model error, because errors of a
 real machine resemble effects. kappa and chance are calibrated on virtual machines whose errors are
-known. The empty set without a rest ("none") has the odds
+known. The empty set without a rest ("none") has odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 

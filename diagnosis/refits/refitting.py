@@ -12,10 +12,11 @@ from itertools import islice
 import numpy as np
 from scipy.stats import chi2, norm
 
-from diagnosis.hypothesis import Hypothesis, Scene, Value, extend_parametrisation
+from diagnosis.hypothesis import Hypothesis, Scene, Value
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.evidence import BADLY_KNOWN, Gapped, Key
 from diagnosis.refit_record import RefitRecord, restore_fit
+from diagnosis.refits.extended_parametrisation import extend_parametrisation
 from diagnosis.refits.measured import variance_source
 from diagnosis.refits.parallel import Call, side_by_side
 from identification.words import Real

@@ -8,7 +8,7 @@ import pytest
 from diagnosis import diagnose, verdict_of
 from diagnosis.corrections import channels_of, divide_channels, exchange_channels, mask_channels
 from diagnosis.data_checks.sensors import hypothesis_of, sensor_gate
-from diagnosis.hypothesis import extend_parametrisation
+from diagnosis.refits.extended_parametrisation import extend_parametrisation
 from identification import Fault, check_bodies, mount_response
 from identification.words import Dof
 from tests.helpers.drawn import drawn

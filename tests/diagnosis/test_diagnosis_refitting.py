@@ -67,6 +67,7 @@ def test_intervals_hold_the_truth_and_the_gap_closes(case):
     (cause,) = refit.causes
     assert null.gap > 5
     assert refit.gap < 0.1
+    assert refit.floor < 0.2 * null.floor  # what a cause is worth
     assert refit.state_parameters(cause)["offset"] == pytest.approx(offset, abs=0.03)
     fitted = fit_parameters(refit)
     low, high = np.array(fitted.intervals(cause)["offset"]).T
@@ -208,14 +209,18 @@ def test_the_null_model_is_fitted_once_more_from_where_an_effect_that_vanished_e
         starts=(far,),
         stages=(replace(STAGES[3], max_steps=1, stride=8),),
     )
-    poor = replace(null, fit=stuck, statistics=replace(null.statistics, cost=null.cost + 5.0))
+
+    def at_cost(more):
+        return replace(null.statistics, cost=null.statistics.cost + more)
+
+    poor = replace(null, fit=stuck, statistics=at_cost(5.0))
     seeming = run_refits(scene, [add_to(null, only(scene, "structural_damping")[0])], SHORT)[0]
     better = refit_from(scene, poor, seeming, SETTINGS)
     assert better.causes == ()
-    assert better.cost < poor.cost
+    assert better.objective < poor.objective
     assert better.gap < 0.1
     # Where nothing better is found, the null model stays.
-    best = replace(null, statistics=replace(null.statistics, cost=null.cost - 5.0))
+    best = replace(null, statistics=at_cost(-5.0))
     assert refit_from(scene, best, seeming, SETTINGS) is best
 
 
@@ -243,7 +248,8 @@ def test_how_far_released_tolerances_are_off_counts_how_many_they_are(case):
         x = np.zeros(len(names))
         for name, value in values.items():
             x[names == name] = value
-        return Refit(None, scene.session, Ended(x, scene.session.parametrisation), null.statistics)
+        ended = Ended(x, scene.session.parametrisation)
+        return Refit(None, scene.session, ended, null.statistics, null.fitted_values)
 
     def shift(values, cause):
         return shifted(values).tolerance_shift(cause)

@@ -1,0 +1,52 @@
+"""Coordinates of a session that a hypothesis extends: released, tied, bounded, believed."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.hypothesis import Hypothesis
+from mbmodel import Model
+from tuning import Parametrisation, Session, parametrise
+
+
+def extend_parametrisation(
+    varies: Parametrisation, model: Model, session: Session, hypothesis: Hypothesis
+) -> Parametrisation:
+    """Return the coordinates that vary under a hypothesis.
+
+    Args:
+        varies: without it.
+        model: with its Parts.
+        session: whose tolerances hold.
+        hypothesis: the hypothesis.
+    """
+    extended = (
+        varies.extend(parametrise(model, session.campaign.tolerance))
+        if hypothesis.parts
+        else varies
+    )
+    free = (
+        extended.tie_parameters(hypothesis.follow)
+        .release_priors(hypothesis.release)
+        .vary_linearly(hypothesis.linear)
+    )
+    fixed = free.fixed.copy()
+    for k, parameter in enumerate(free.parameters):
+        if (
+            parameter.name in hypothesis.begin and free.coordinate_of[k] < 0
+        ):  # a user has fixed it: as was found
+            fixed[k] = hypothesis.begin[parameter.name]
+    lower, upper = free.lower.copy(), free.upper.copy()
+    scale, has_prior = free.scale.copy(), free.has_prior.copy()
+    for member in hypothesis.members or (hypothesis,):
+        if member.signed:
+            sizes = np.isin(np.array(free.names), member.coordinates)
+            lower = np.where(sizes, 0.0, lower)
+        for k, name in enumerate(free.names):
+            if name in member.bounds:
+                lower[k], upper[k] = member.bounds[name]
+            if name in member.believed:
+                deviation = member.believed[name]
+                scale[free.coordinate_of == k], has_prior[k] = deviation, True
+                lower[k], upper[k] = lower[k] / deviation, upper[k] / deviation
+    return replace(free, fixed=fixed, lower=lower, upper=upper, scale=scale, has_prior=has_prior)

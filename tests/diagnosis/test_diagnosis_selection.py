@@ -1,0 +1,104 @@
+"""Stepwise selection: causes are found together, proxies dropped, and model error is the rest."""
+
+import tomllib
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from diagnosis import Hypothesis, diagnose, verdict_of
+from diagnosis.search.selection import Search, _eliminate
+from diagnosis.settings import SETTINGS
+from diagnosis.verdict.established import describe_present
+from tests.helpers.drawn import drawn
+from tests.helpers.refits import draw_imperfect, early_scene, propose_at, refit_null, refit_with
+
+
+@pytest.fixture(scope="module")
+def two_effects(tmp_path_factory):
+    """A machine with a drift and a displaced centre of stiffness, diagnosed."""
+    folder = tmp_path_factory.mktemp("two")
+    session, answer = drawn(folder, 72_520, "drift", "joint_coupling", ratio=6.0, lines=161)
+    return diagnose(session), tomllib.loads(answer)
+
+
+def test_two_effects_at_once_are_found_with_their_places(two_effects):
+    found, answer = two_effects
+    verdict = verdict_of(found)
+    assert verdict.verdict == "several"
+    expected = {(cause["effect"], cause["location"]) for cause in answer["cause"]}
+    named = {(c.effect, c.location) for c in verdict.causes if c.probability > 0.9}
+    assert named == expected
+    assert verdict.gap.closed > 0.9
+
+
+def test_a_set_with_the_causes_has_a_lower_floor_than_the_null_model(two_effects):
+    found, _ = two_effects
+    assert found.search.selected.floor < 0.2 * found.null.floor
+    assert found.search.selected.objective < found.null.objective
+
+
+def test_a_proven_fault_that_closes_little_beside_a_larger_gap_is_a_remark(two_effects):
+    found, _ = two_effects
+    swap = ("sensor_swap", "sensor:acc1", "tx+ty")
+    fault = SimpleNamespace(effect=swap[0], location=swap[1], dof=swap[2])
+    base = SimpleNamespace(proven=(), gate=SimpleNamespace(faults=(fault,)))
+    arguments = found.search, found.evidence, found.posterior, found.gaps, SETTINGS
+    present = describe_present(base, *arguments)
+    assert set(present.remarks) == {swap}
+    assert swap not in present.established
+    assert present.word == found.present.word
+
+
+def test_elimination_drops_a_proxy_and_keeps_the_cause(tmp_path):
+    session, text = drawn(tmp_path, 72_012, "drift", ratio=6.0, lines=161)
+    answer = tomllib.loads(text)
+    scene = early_scene(session)
+    null = refit_null(scene)
+    (cause,) = (
+        one for one in propose_at(scene, "drift", answer["location"]) if one.dof == answer["dof"]
+    )
+    proxy = propose_at(scene, "structural_damping", answer["location"])[0]
+    with_proxy = refit_with(scene, null, proxy)
+    both = refit_with(scene, with_proxy, cause)
+    scores = tuple(SimpleNamespace(hypothesis=one) for one in (proxy, cause))
+    search = Search(null, null, scores=scores, refits=(with_proxy, both))
+    best, tried = _eliminate(scene, search, both, SETTINGS)
+    assert best.keys == (cause.key,)
+    assert [refit.keys for refit in tried] == [(cause.key,)]
+
+
+def test_a_single_cause_is_not_eliminated(tmp_path):
+    session, _ = drawn(tmp_path, 72_012, lines=81)
+    hypothesis = Hypothesis("drift", "joint:a")
+    refit = SimpleNamespace(causes=(hypothesis,))
+    assert _eliminate(early_scene(session), Search(refit, refit), refit, SETTINGS) == (refit, [])
+
+
+def test_small_errors_everywhere_are_unexplained_and_no_cause_is_probable(tmp_path):
+    session, _ = draw_imperfect(tmp_path, 72_502, dirt=10.0)
+    verdict = verdict_of(diagnose(session))
+    assert verdict.verdict == "unexplained"
+    assert all(cause.probability < 0.5 for cause in verdict.causes)
+    assert verdict.rest.significant
+    assert verdict.rest.model_error > 0.003
+
+
+def test_a_strong_appendage_beside_small_errors_is_found_and_the_rest_is_everywhere(tmp_path):
+    session, text = draw_imperfect(tmp_path, 72_510, "appendage", dirt=5.0, ratio=8.0)
+    answer = tomllib.loads(text)
+    verdict = verdict_of(diagnose(session))
+    first = verdict.causes[0]
+    assert verdict.verdict == "partly"
+    assert (first.effect, first.location) == ("appendage", answer["location"])
+    assert first.probability > 0.9
+    assert verdict.rest.significant
+    assert verdict.rest.spread == "everywhere"
+
+
+def test_on_a_machine_that_lacks_nothing_no_set_is_selected(tmp_path):
+    session, _ = drawn(tmp_path, 72_010, lines=161)
+    found = diagnose(session, settings=replace(SETTINGS, max_refits=4))
+    assert found.present.word == "none"
+    assert found.search.selected.causes == ()
+    assert found.present.causes == ()
