@@ -12,7 +12,8 @@ from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import Posterior, judge
 from diagnosis.null_model import fit_baseline
 from diagnosis.refit_record import RefitRecord
-from diagnosis.refits.refitting import Refit, add_to, run_refits
+from diagnosis.refits.refit import Refit
+from diagnosis.refits.refitting import add_to, run_refits
 from diagnosis.search.collect import collect_evidence
 from diagnosis.search.confounded import find_confounded
 from diagnosis.search.selection import Search, refit_null_model, select_causes

@@ -10,7 +10,8 @@ from diagnosis.data_checks.sensors import Gate
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.refit_record import RefitRecord
 from diagnosis.refits.measured import measured_frfs
-from diagnosis.refits.refitting import Refit, RefitTask, run_refits, start_values
+from diagnosis.refits.refit import Refit
+from diagnosis.refits.refitting import RefitTask, run_refits, start_values
 from diagnosis.settings import DiagnosisSettings
 from identification import lines_are_independent
 from mbmodel import RigidDirection

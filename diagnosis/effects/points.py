@@ -71,7 +71,9 @@ def hammer_place(scene: Scene, instrument: str) -> str:
     if instrument != DEFAULT_HAMMER:
         return f"hammer:{instrument}"
     conditions = (test.condition for test in scene.session.campaign.tests)
-    references = [one.reference for one in conditions if one.instrument == instrument]
+    references = [
+        condition.reference for condition in conditions if condition.instrument == instrument
+    ]
     points = [reference.point for reference in references if isinstance(reference, Dof)]
     return f"hammer:{points[0] if points else instrument}"
 

@@ -8,13 +8,8 @@ from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.null_model import Baseline
 from diagnosis.refits.parallel import Call, side_by_side
-from diagnosis.refits.refitting import (
-    Refit,
-    RefitTask,
-    add_hypothesis,
-    run_refits,
-    start_values,
-)
+from diagnosis.refits.refit import Refit
+from diagnosis.refits.refitting import RefitTask, add_hypothesis, run_refits, start_values
 from diagnosis.settings import DiagnosisSettings
 from identification.words import Campaign, Complex, Mask, Real
 from tuning import (

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.hypothesis import Ends, Hypothesis, Vague, Value
-from diagnosis.refits.refitting import Refit, values_by_name
+from diagnosis.refits.refit import Refit, values_by_name
 from identification.words import Real
 from tuning import (
     STAGES,

@@ -1,7 +1,7 @@
 """Fits as plain numbers: the evidence of a verdict."""
 
 from diagnosis.inference.evidence import FittedSet
-from diagnosis.refits.refitting import Refit
+from diagnosis.refits.refit import Refit
 
 
 def fitted_set(refit: Refit) -> FittedSet:

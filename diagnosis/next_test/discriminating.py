@@ -30,7 +30,7 @@ from diagnosis.next_test.experiments import (
     list_experiments,
 )
 from diagnosis.next_test.unexplained import of_unknown
-from diagnosis.refits.refitting import Refit
+from diagnosis.refits.refit import Refit
 from identification.words import Campaign, Real
 from tuning import Misfit, mean_channel_variance, predict_tests, thin_lines
 from tuning.assessment.parameter_confidence import FREE_PRIOR_SD

@@ -7,7 +7,7 @@ import numpy as np
 
 from diagnosis.effects import PROVEN, catalogue
 from diagnosis.inference.evidence import Key
-from diagnosis.refits.refitting import Refit
+from diagnosis.refits.refit import Refit
 from identification.words import Campaign, Dof, Input, Real, is_hammer_point
 from mbmodel import AddedPart, Change, Machine, Model, Parameter, Part, hammer_parts
 from tuning import Parametrisation, parametrise

@@ -10,123 +10,30 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
-from scipy.stats import chi2, norm
 
-from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
-from diagnosis.inference.evidence import BADLY_KNOWN, Gapped, Key
+from diagnosis.inference.evidence import BADLY_KNOWN
 from diagnosis.refit_record import RefitRecord, restore_fit
 from diagnosis.refits.extended_parametrisation import extend_parametrisation
 from diagnosis.refits.measured import variance_source
 from diagnosis.refits.parallel import Call, side_by_side
+from diagnosis.refits.refit import Refit, describe_fit
 from identification.words import Real
 from mbmodel import Model
 from tuning import (
     STAGES,
     Checkpoint,
-    Fit,
     FloorSchedule,
     Minimum,
-    Misfit,
-    Parametrisation,
-    ResidualStatistics,
     Session,
     Stage,
     fit_at_error_floor,
-    predict,
     rebuild_for_machine,
-    residual_statistics,
-    thin_lines,
-    thinning_slice,
 )
 
-# Lines apart: a variance from third differences has a part in three lines, a mode spans several.
-SERIAL_LAGS = range(3, 7)
 # A shape that begins as a guess needs the logarithm of the FRFs and its large floor first.
 FROM_AFAR = (replace(STAGES[1], stride=8), replace(STAGES[2], stride=8, max_steps=15))
-
-
-@dataclass(frozen=True, eq=False)
-class Refit(Gapped):
-    """A fit with a set of causes, at its own model-error floor.
-
-    Args:
-        hypothesis: the set of causes; None for the null model.
-        session: campaign as it would be without the causes, model with their Parts.
-        fit: parameters.
-        statistics: model error, noise share and independent values of its residual.
-        fitted_values: number of values that the fit saw.
-        serial: mean product of residuals of neighbouring lines; None where lines share noise.
-        doubt: what chi square may exceed one by because the noise's variance is badly known.
-    """
-
-    hypothesis: Hypothesis | None
-    session: Session
-    fit: Fit
-    statistics: ResidualStatistics
-    fitted_values: int
-    serial: float | None = None
-    doubt: float = BADLY_KNOWN["differences"]
-
-    @property
-    def chi_square(self) -> float:  # type: ignore[override]
-        """Mean square of the residual over the noise."""
-        return self.statistics.chi_square
-
-    @property
-    def floor(self) -> float:
-        """Relative model error."""
-        return self.statistics.floor
-
-    @property
-    def prior(self) -> float:
-        """Cost of the tolerances, half the sum of their squared shifts [nats]."""
-        shifts = self.fit.x[self.fit.parametrisation.has_prior]
-        return float(shifts @ shifts / 2)
-
-    @property
-    def objective(self) -> float:
-        """What the fit minimised, per value [nats]: -ln L at the floor, and the tolerances."""
-        return self.statistics.cost + self.prior / self.fitted_values
-
-    @property
-    def causes(self) -> tuple[Hypothesis, ...]:
-        """Causes of the set."""
-        if self.hypothesis is None:
-            return ()
-        return self.hypothesis.members or (self.hypothesis,)
-
-    @property
-    def keys(self) -> tuple[Key, ...]:
-        """Effect, location and direction of each cause."""
-        return tuple(cause.key for cause in self.causes)
-
-    def state_parameters(self, cause: Hypothesis) -> dict[str, Value]:
-        """Return the parameters of a cause as the verdict states them."""
-        return cause.state(values_by_name(self.fit.parametrisation, self.fit.theta))
-
-    def direction_of(self, cause: Hypothesis) -> str | None:
-        """Return the direction that the fit gives a cause."""
-        return cause.along(values_by_name(self.fit.parametrisation, self.fit.theta))
-
-    def tolerance_shift(self, cause: Hypothesis) -> float | None:
-        """Return how far a cause that only releases tolerances shifts them.
-
-        The shift z is as improbable as that of a single tolerance: with the sum of squares chi
-        square distributed, z = -Phi^-1(p / 2) of its upper tail p.
-
-        Args:
-            cause: cause of the set.
-
-        Returns:
-            z in standard deviations; None for a cause that adds or corrects something.
-        """
-        if cause.parts or cause.correct or cause.reform or not cause.release:
-            return None
-        released = np.isin(np.array(self.fit.parametrisation.names), cause.release)
-        x = self.fit.x[released]
-        tail = max(float(chi2.sf(x @ x, x.size)), np.finfo(float).tiny)
-        return float(norm.isf(tail / 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,12 +53,6 @@ class RefitTask:
     start: Real | None
     floor: float
     first_stages: tuple[Stage, ...] = ()
-
-
-def values_by_name(parametrisation: Parametrisation, theta: Real) -> dict[str, float]:
-    """Return parameters [SI] by name."""
-    names = (parameter.name for parameter in parametrisation.parameters)
-    return dict(zip(names, theta.tolist(), strict=True))
 
 
 def add_hypothesis(session: Session, hypothesis: Hypothesis) -> Session:
@@ -219,8 +120,8 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
         for task, kept in zip(tasks, finished, strict=True)
     ]
     results = []
-    made = islice(side_by_side(calls, scene.jobs), len(tasks))
-    for name, kept, refit in zip(names, finished, made, strict=True):
+    ended = islice(side_by_side(calls, scene.jobs), len(tasks))
+    for name, kept, refit in zip(names, finished, ended, strict=True):
         if kept is None:
             record.keep(name, refit.fit)
         results.append(refit)
@@ -265,30 +166,3 @@ def _refit(task: RefitTask, schedule: FloorSchedule, threads: int, independent: 
         jobs=threads,
     )
     return describe_fit(session, result.fit, schedule.stride, independent)
-
-
-def describe_fit(session: Session, fit: Fit, stride: int, independent: bool) -> Refit:
-    """Return a fit with the statistics of its residual.
-
-    Args:
-        session: model, campaign and coordinates.
-        fit: parameters.
-        stride: every ``stride``-th line was fitted; the statistics are those of twice as many.
-        independent: whether the noise of neighbouring lines is independent.
-
-    Raises:
-        ValueError: no channel moves.
-    """
-    counted = thin_lines(session.campaign, max(1, stride // 2))
-    statistics = residual_statistics(predict(session.model, fit.theta, counted), counted)
-    if statistics is None:
-        raise ValueError("no channel moves, so that no model error shows")
-    serial = None
-    if independent:
-        campaign, lines = session.campaign, len(session.campaign.freq_hz)
-        misfit = Misfit(session.model, campaign, session.parametrisation, model_error_floor=0.0)
-        fitted = np.isin(np.arange(lines), np.arange(lines)[thinning_slice(lines, stride)])
-        serial = misfit.serial_covariance(fit.x, SERIAL_LAGS, fitted)
-    fitted_lines = len(thin_lines(session.campaign, stride).freq_hz)
-    fitted_values = max(1, round(statistics.values * fitted_lines / len(counted.freq_hz)))
-    return Refit(None, session, fit, statistics, fitted_values, serial)

@@ -19,9 +19,9 @@ from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import material_sets, set_log_odds, site_of
 from diagnosis.null_model import Baseline, refit_from
 from diagnosis.refits.measured import variance_source
+from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import (
     FROM_AFAR,
-    Refit,
     RefitTask,
     add_hypothesis,
     add_to,
@@ -143,13 +143,13 @@ def _refit_round(
         return refits
     cause = best.causes[-1]
     known = {refit.causes[-1] for refit in refits}
-    others = [
+    further = [
         score.hypothesis
         for score in ranked
         if score.hypothesis.site == cause.site and score.hypothesis not in known
     ]
     tasks = _distant_tasks(current, cause)[: settings.max_distant]
-    tasks += [add_to(current, other) for other in _one_each_direction(others, settings)]
+    tasks += [add_to(current, shape) for shape in _one_each_direction(further, settings)]
     return [*refits, *run_refits(scene, tasks, settings.schedule)]
 
 

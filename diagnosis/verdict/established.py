@@ -16,7 +16,7 @@ from diagnosis.hypothesis import Hypothesis
 from diagnosis.inference.evidence import Evidence, Key
 from diagnosis.inference.posterior import Posterior, force_shares, site_of
 from diagnosis.null_model import Baseline
-from diagnosis.refits.refitting import Refit
+from diagnosis.refits.refit import Refit
 from diagnosis.search.selection import Search
 from diagnosis.settings import DiagnosisSettings
 from tuning import TOLERANCE_BOUND_SIGMA, channel_gaps, is_gap_visible, predict, summarise_gaps

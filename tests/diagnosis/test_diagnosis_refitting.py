@@ -13,7 +13,8 @@ from diagnosis.corrections import mask_channels
 from diagnosis.estimates.intervals import fit_parameters
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.null_model import fit_null_model, fit_unbounded, refit_from
-from diagnosis.refits.refitting import Refit, add_hypothesis, add_to, run_refits, start_values
+from diagnosis.refits.refit import Refit
+from diagnosis.refits.refitting import add_hypothesis, add_to, run_refits, start_values
 from diagnosis.search.score_test import cosines, scores
 from diagnosis.settings import SETTINGS
 from tests.helpers.drawn import drawn

@@ -4,7 +4,8 @@ from pathlib import Path
 
 from diagnosis import EFFECTS, Hypothesis, Scene
 from diagnosis.null_model import fit_null_model
-from diagnosis.refits.refitting import Refit, add_to, run_refits
+from diagnosis.refits.refit import Refit
+from diagnosis.refits.refitting import add_to, run_refits
 from diagnosis.settings import SETTINGS
 from truth import Cause, Plan, Protocol, Wanted, draw_campaign, write_campaign
 from truth.machine.random_tree import draw_tree
