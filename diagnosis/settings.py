@@ -30,6 +30,8 @@ class DiagnosisSettings:
         bending_start_ratios: starts of the frequency of a body's mode, relative to that of its
             highest peak: free bodies resonate higher than those that carry others.
         max_bending_bodies: bodies that are candidates for bending: each takes several refits.
+        max_improbable: rounds that go on from an improbable set while no cause is selected: where
+            several effects are present, one alone may explain too little.
         max_causes: number of causes of the largest set.
         min_closed: part of the gap that an established cause closes (FORMATS).
         min_probability: probability of an established cause (FORMATS).
@@ -57,6 +59,7 @@ class DiagnosisSettings:
     max_distant: int = 2
     bending_start_ratios: tuple[float, ...] = (1.0, 1.5, 2.2)
     max_bending_bodies: int = 2
+    max_improbable: int = 2
     max_causes: int = 5
     min_closed: float = 0.2
     min_probability: float = 0.5

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from diagnosis.estimates.intervals import FittedParameters, fit_parameters
+from diagnosis.estimates.jackknife import jackknife_interval_of_size
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.null_model import Baseline
@@ -72,6 +73,14 @@ class HeldOutGap:
         """Number of fits without a fold that did not converge."""
         held = self.held_out
         return 0 if held is None else sum(outcome != "converged" for outcome in held.outcomes)
+
+    def excess_interval(self) -> tuple[float, float] | None:
+        """Return the 95 % interval of the excess; None without held-out lines."""
+        if self.held_out is None:
+            return None
+        folds = self.held_out.folds
+        without = [self.on(folds != fold).excess for fold in range(int(folds.max()) + 1)]
+        return jackknife_interval_of_size(self.gap.excess, without)
 
     def on(self, lines: Mask) -> Gap:
         """Return the gap on some lines; (n_freq,)."""

@@ -70,26 +70,29 @@ def select_causes(
         settings: sizes of the search.
         say: told what is being done.
     """
-    scene, search = base.scene, Search(base.null, base.null)
+    search, path, missed = Search(base.null, base.null), base.null, 0
     excluded = frozenset(hypothesis.location for hypothesis in base.proven)
-    while len(search.selected.causes) < settings.max_causes:
-        current = search.selected
-        say(f"score tests of all hypotheses for cause {len(current.causes) + 1}")
-        ranked = score_hypotheses(scene, current, excluded, settings)
+    while len(path.causes) < settings.max_causes:
+        say(f"score tests of all hypotheses for cause {len(path.causes) + 1}")
+        ranked = score_hypotheses(base.scene, path, excluded, settings)
         say("refits of the most promising hypotheses")
-        refits = _refit_round(base, current, ranked, settings)
+        refits = _refit_round(base, path, ranked, settings)
         search = replace(
             search, scores=search.scores or tuple(ranked), refits=(*search.refits, *refits)
         )
         best = min(refits, key=lambda refit: refit.objective, default=None)
-        if best is None or not _is_accepted(search, best, current, settings):
+        if best is None:
             break
-        best, without_one = _eliminate(scene, search, best, settings)
-        search = replace(search, refits=(*search.refits, *without_one), selected=best)
-        if set(best.keys) <= set(current.keys) or not is_gap_visible(
-            best.gap, settings.min_visible_excess
-        ):
+        if _is_accepted(search, best, search.selected, settings):
+            search = _eliminate(base.scene, search, best, settings)
+            has_grown = len(search.selected.causes) > len(path.causes)
+            path, missed = search.selected, 0
+            if not (has_grown and is_gap_visible(path.gap, settings.min_visible_excess)):
+                break
+        elif search.selected.causes or missed == settings.max_improbable:
             break
+        else:  # of several effects at once none may be probable before the others are there
+            path, missed = best, missed + 1
     return search
 
 
@@ -191,28 +194,22 @@ def _distant_tasks(base: Refit, hypothesis: Hypothesis) -> list[RefitTask]:
     ]
 
 
-def _eliminate(
-    scene: Scene,
-    search: Search,
-    best: Refit,
-    settings: DiagnosisSettings,
-) -> tuple[Refit, list[Refit]]:
+def _eliminate(scene: Scene, search: Search, best: Refit, settings: DiagnosisSettings) -> Search:
     """Leave out each earlier cause in turn; drop it if the set without it is as probable."""
-    if len(best.causes) < 2:
-        return best, []
-    tasks = []
+    # Parts of other causes refer to the coordinates of a body's mode, which therefore stays.
     removable = [cause for cause in best.causes[:-1] if cause.reform is None]
-    for left_out in removable:  # Parts of others refer to the coordinates of a body's mode
+    tasks = []
+    for left_out in removable:
         kept = join_hypotheses([cause for cause in best.causes if cause is not left_out])
         session = add_hypothesis(scene.session, kept)
         start = start_values(best, session, None)
         tasks.append(RefitTask(kept, session, start, best.floor))
     refits = run_refits(scene, tasks, settings.schedule)
-    whole = replace(search, refits=(*search.refits, *refits))
+    search = replace(search, refits=(*search.refits, *refits))
     for refit in refits:
-        if not _is_more_probable(whole, best, refit):
+        if not _is_more_probable(search, best, refit):
             best = refit
-    return best, refits
+    return replace(search, selected=best)
 
 
 def _is_accepted(search: Search, refit: Refit, base: Refit, settings: DiagnosisSettings) -> bool:

@@ -2,13 +2,11 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-from scipy.stats import t as student
-
 from diagnosis.algorithm import Diagnosis
 from diagnosis.data_checks.sensors import RELEASED
 from diagnosis.effects import catalogue
 from diagnosis.estimates.held_out_gap import HeldOutGap
+from diagnosis.estimates.jackknife import jackknife_interval, jackknife_interval_of_size
 from diagnosis.inference.evidence import BENDS, Key
 from diagnosis.next_test.discriminating import next_experiment
 from diagnosis.verdict.gains import list_channel_gains
@@ -23,7 +21,6 @@ from diagnosis.verdict.schema import (
     Verdict,
     Where,
 )
-from identification.words import Real
 from mbmodel import HammerGainPart, HammerPart, SensorPart
 from tuning import Gap, channel_gaps, predict, summarise_gaps
 
@@ -121,15 +118,17 @@ def step_intervals(diagnosis: Diagnosis) -> dict[str, tuple[float, float] | None
         for lines in kept
     ]
     ends = {
-        "as_drawn": _spread_of_sizes(
+        "as_drawn": jackknife_interval_of_size(
             diagnosis.as_drawn.excess, [values.excess for values in parts]
         ),
-        "noise": _spread_of_sizes(diagnosis.retuned.gap.noise, [values.noise for values in parts]),
+        "noise": jackknife_interval_of_size(
+            diagnosis.retuned.gap.noise, [values.noise for values in parts]
+        ),
     }
     for name, level in levels.items():
         if level is not None:
             gaps = [level.on(lines).excess for lines in kept]
-            ends[name] = _spread_of_sizes(level.gap.excess, gaps)
+            ends[name] = jackknife_interval_of_size(level.gap.excess, gaps)
     return {name: ends.get(name) for name in ("as_drawn", *levels, "noise")}
 
 
@@ -141,33 +140,13 @@ def _interval(retuned: HeldOutGap, after: HeldOutGap | None, *, visible: bool) -
     kept = [folds != fold for fold in range(int(folds.max()) + 1)]
     gaps = [(retuned.on(lines), after.on(lines)) for lines in kept]
     return Interval(
-        closed=_spread(_closed_part(retuned.gap, after.gap), [_closed_part(*pair) for pair in gaps])
+        closed=jackknife_interval(
+            _closed_part(retuned.gap, after.gap), [_closed_part(*pair) for pair in gaps]
+        )
         if visible
         else None,
-        after=_spread_of_sizes(after.gap.excess, [pair[1].excess for pair in gaps]),
+        after=jackknife_interval_of_size(after.gap.excess, [pair[1].excess for pair in gaps]),
     )
-
-
-def _spread(whole: float | None, without: list[float | None]) -> tuple[float, float] | None:
-    values: Real = np.array([value for value in without if value is not None])
-    count = len(without)
-    if whole is None or count < 2 or len(values) < count:
-        return None
-    deviation = np.sqrt((count - 1) / count * ((values - values.mean()) ** 2).sum())
-    half = float(student.ppf(0.975, count - 1) * deviation)
-    return whole - half, whole + half
-
-
-def _spread_of_sizes(
-    whole: float | None, without: list[float | None]
-) -> tuple[float, float] | None:
-    """Return the jackknife interval of a positive number, by its logarithm."""
-    if not whole or not all(without):
-        return None
-    spread = _spread(
-        float(np.log(whole)), [None if value is None else float(np.log(value)) for value in without]
-    )
-    return None if spread is None else (float(np.exp(spread[0])), float(np.exp(spread[1])))
 
 
 def _row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:

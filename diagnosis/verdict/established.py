@@ -110,7 +110,8 @@ def describe_present(
     established = tuple(
         cause.key
         for cause in causes
-        if closes.get(cause.key, 0.0) >= settings.min_closed or not cause.is_held
+        if (closes.get(cause.key, 0.0) >= settings.min_closed or not cause.is_held)
+        and _closes_held_out_gap(gaps, settings)
     )
     is_none = not established and posterior.none >= settings.min_probability
     rest = _rest(evidence, refit, gaps, settings, is_none=is_none)
@@ -121,7 +122,7 @@ def describe_present(
     elif rest.is_significant or evidence.unknown:
         word = "partly"
     else:
-        word = "explained" if len(established) == 1 else "several"
+        word = "explained" if len(causes) == 1 else "several"
     proven = ((fault.effect, fault.location, fault.dof) for fault in base.gate.faults)
     named = {site_of(cause.key) for cause in causes}
     remarks = {
@@ -142,6 +143,18 @@ def _closed_by_causes(search: Search, refit: Refit) -> dict[Key, float]:
         before = search.null.gap if without is None else without.gap
         closed[key] = float((before - refit.gap) / whole)
     return closed
+
+
+def _closes_held_out_gap(gaps: GapEstimates, settings: DiagnosisSettings) -> bool:
+    """Return whether all causes together close enough of the gap on held-out lines.
+
+    A gap that is hardly visible on held-out lines is judged by the fits alone.
+    """
+    before = gaps.retuned.gap.excess
+    after = None if gaps.after is None else gaps.after.gap.excess
+    if before is None or after is None or not is_gap_visible(before**2 - 1):
+        return True
+    return before**2 - after**2 >= settings.min_closed * (before**2 - 1)
 
 
 def _closed_alone(search: Search, key: Key) -> float | None:
@@ -194,7 +207,12 @@ def _rest(
     level = gaps.after or gaps.retuned
     is_significant = not is_none
     if gaps.after is not None:
-        is_significant = is_gap_visible(level.refit.gap, settings.min_visible_excess)
+        interval = level.excess_interval()
+        least = 1.0 if interval is None else interval[0]
+        is_significant = any(
+            is_gap_visible(gap, settings.min_visible_excess)
+            for gap in (level.refit.gap, least**2 - 1)
+        )
     forces = evidence.rest_pushed if refit.causes else evidence.pushed
     share = max((force.share for force in forces), default=0.0)
     shares = sorted(force_shares(forces).items(), key=lambda row: -row[1])
