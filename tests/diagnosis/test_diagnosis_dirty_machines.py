@@ -17,7 +17,6 @@ from truth.grade.beside_background import right_first
 from truth.machine.random_tree import draw_tree
 
 SEED, DIRT = 410_002, 5.0
-BEYOND_DIRT = pytest.mark.xfail(reason="fits go down to the noise, where dirt is proven as a cause")
 
 
 def row_of(folder, *effects):
@@ -52,7 +51,6 @@ def test_the_rotor_is_first_beside_the_dirt(rotor):
     assert 0 < rotor.row["seconds"] < 150
 
 
-@BEYOND_DIRT
 def test_the_rotor_is_the_only_cause_and_a_rest_remains(rotor):
     assert rotor.verdict.verdict in ("partly", "explained")
     assert not has_wrong_cause(rotor)

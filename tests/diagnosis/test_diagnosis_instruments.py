@@ -7,9 +7,9 @@ import pytest
 
 from diagnosis import EFFECTS, Scene
 from diagnosis.effects.points import hammer_place, instruments
-from diagnosis.estimates.intervals import known
-from diagnosis.refits.refitting import FIRST, LAST, refit
+from diagnosis.estimates.intervals import fit_parameters
 from diagnosis.search.score_test import scores
+from diagnosis.settings import SETTINGS
 from mbmodel import (
     Machine,
     Part,
@@ -18,8 +18,9 @@ from mbmodel import (
     sensor_parts,
     spring_parts,
 )
+from tests.helpers.refits import refit_null, refit_with
 from tests.helpers.torque_campaign import OUTPUTS, REFERENCES, write_torque_campaign
-from tuning import STAGES, Session, fit, open_session
+from tuning import Session, open_session
 
 HITS = ("3:+x", "3:-y", "3:+z")
 DISPLACED = {
@@ -66,21 +67,19 @@ def proposed(scene: Scene):
 def test_the_effect_is_scored_first_and_recovers_its_parameter(tmp_path, effect):
     fault, place, truth = CASES[effect]
     session = opened(tmp_path / "case", fault)
-    early = fit(
-        session.model, session.campaign, parametrisation=session.parametrisation, stages=STAGES[:3]
-    )
-    scene = Scene(session, early.theta)
-    floor = STAGES[2].model_error_floor
-    best = scores(scene, early, proposed(scene), floor)[0].hypothesis
+    null = refit_null(Scene(session, session.model.drawn))
+    scene = Scene(session, null.fit.theta)
+    ranked = scores(scene, null.fit, proposed(scene), null.floor, SETTINGS.score_stride)
+    best = ranked[0].hypothesis
     assert best.key == (effect, place, None)
-    ended = refit(scene, best, session.campaign, (*FIRST, *LAST))
+    ended = refit_with(scene, null, best)
     free = dict(
         zip(ended.fit.parametrisation.names, ended.fit.parametrisation.has_prior, strict=True)
     )
     assert not any(free[name] for name in best.release)
-    (ends,) = known(ended, ended.fit.theta, 1).intervals(best).values()
+    (ends,) = fit_parameters(ended).intervals(best).values()
     ((name, true),) = truth.items()
-    assert set(ended.parameters()) == {name}
+    assert set(ended.state_parameters(best)) == {name}
     low, high = np.reshape(ends, (-1, 2)).T
     slack = 0.5 * (high - low)
     assert (low - slack < true).all(), (ends, true)

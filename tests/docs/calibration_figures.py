@@ -5,15 +5,16 @@ from collections.abc import Sequence
 from functools import cache
 from importlib import import_module
 
+from diagnosis.inference.calibration import load_calibration
+from tests.bench.calibrate import log_likelihood
 from tests.docs.formats import percent, significant, table
 from tests.docs.grades import seeds_fragment
-from tests.docs.results import bench_cases, bench_rows, grade_tables
+from tests.docs.results import bench_cases, grade_tables
 
 STATED = re.compile(
     r"true of causes stated (?P<low>[\d.]+) to (?P<high>[\d.]+), (?P<mean>[\d.]+) in the mean, "
     r"of doubt, catalogue and protocols, % \[(?P<least>[\d.]+), (?P<most>[\d.]+)\]"
 )
-NATS = re.compile(r"nats a campaign, n = (\d+)")
 
 
 @cache
@@ -53,25 +54,26 @@ def doubt_hidden() -> str:
 
 
 def constants_table() -> str:
-    """Calibrated constants of the posterior probabilities, before and after the fit."""
+    """Calibrated constants of the posterior probabilities."""
+    constants = load_calibration()
     rows = [
-        (f"`{row['constant']}`", significant(row["began"]), significant(row["value"]))
-        for row in bench_rows("calibrate")
-        if NATS.fullmatch(row["constant"]) is None
+        (f"`hidden.{source}`", significant(value)) for source, value in constants.hidden.items()
     ]
-    return table(("Constant", "Start", "Calibrated"), rows)
+    rows += [
+        (f"`{name}`", significant(getattr(constants, name)))
+        for name in ("hidden_width", "tempering", "chance", "force_scale")
+    ]
+    return table(("Constant", "Value"), rows)
 
 
 def calibration_campaigns() -> str:
     """Number of campaigns that the constants are calibrated on."""
-    match = NATS.fullmatch(bench_rows("calibrate")[-1]["constant"])
-    return "" if match is None else match[1]
+    return str(load_calibration().campaigns)
 
 
 def calibration_surprise() -> str:
-    """Mean -ln(probability of the truth) before and after calibration."""
-    row = bench_rows("calibrate")[-1]
-    return f"{row['began']:.3f} before and {row['value']:.3f} after"
+    """Mean -ln(probability of the truth) of these campaigns."""
+    return f"{-log_likelihood(load_calibration()) / load_calibration().campaigns:.2f}"
 
 
 FIGURES = {
