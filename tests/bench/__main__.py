@@ -13,6 +13,7 @@ from rich.table import Table
 from threadpoolctl import threadpool_limits
 
 from tests.bench import (
+    ablation,
     algorithms,
     calibrate,
     catalogue,
@@ -40,6 +41,7 @@ from tests.bench import (
 from tests.bench.kept import only_kept
 
 BENCHES = {
+    "ablation": ablation.run,
     "algorithms": algorithms.run,
     "calibrate": calibrate.run,
     "catalogue": catalogue.run,

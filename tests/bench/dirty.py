@@ -75,7 +75,7 @@ def _case(number: int) -> dict[str, object]:
 
 def diagnosed(stored: Stored) -> dict[str, object]:
     """Return verdict and cost of a campaign's diagnosis, or the error that it ended with."""
-    began, spent = time.perf_counter(), _core_seconds()
+    began, spent = time.perf_counter(), core_seconds()
     found: dict[str, object]
     with threadpool_limits(1):
         try:
@@ -83,7 +83,7 @@ def diagnosed(stored: Stored) -> dict[str, object]:
             found = {"verdict": verdict.model_dump(mode="json")}
         except Exception as error:  # graded as a failure, the other cases go on
             found = {"error": f"{type(error).__name__}: {error}"}
-    seconds = {"seconds": _core_seconds() - spent, "wall": time.perf_counter() - began}
+    seconds = {"seconds": core_seconds() - spent, "wall": time.perf_counter() - began}
     return found | seconds
 
 
@@ -100,7 +100,7 @@ def dirt_items(answer: str) -> list[str]:
     return sorted({f"{item['effect']}@{item['location']}" for item in items})
 
 
-def _core_seconds() -> float:
+def core_seconds() -> float:
     """Return the processor time of this process and of its children that have ended [s]."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + children.ru_utime + children.ru_stime

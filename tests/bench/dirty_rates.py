@@ -229,7 +229,7 @@ def wrong_rows(rows: Sequence[dict]) -> list[tuple[int, str, str]]:
     """Return seed, truth and what was said of every row whose verdict is wrong."""
     found = []
     for case in (graded(row) for row in rows):
-        if case is not None and not _is_right(case):
+        if case is not None and not is_right_row(case):
             true = ", ".join(f"{c.effect} at {c.location}" for c in case.truth.causes) or "nothing"
             causes = [
                 f"{c.effect} at {c.location} {c.probability:.2f}" for c in case.verdict.causes
@@ -239,7 +239,8 @@ def wrong_rows(rows: Sequence[dict]) -> list[tuple[int, str, str]]:
     return found
 
 
-def _is_right(case: Graded) -> bool:
+def is_right_row(case: Graded) -> bool:
+    """Tell whether the verdict of a row is right, by what its cell asks for."""
     kind = case.row["cell"]
     if kind == "single":
         return right_first(case.truth, case.verdict)
