@@ -34,7 +34,9 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     bodies = machine.layout.bodies
     band = scene.session.campaign.freq_hz
     omega = 2 * np.pi * float(np.sqrt(band[band > 0].min() * band[-1]))
-    for low, high in combinations(range(len(bodies)), 2):
+    # The coordinate of a body's mode is a point: nothing is tied to it.
+    solid = [k for k in range(len(bodies)) if machine.body_mass[6 * k + 3, 6 * k + 3] > 0]
+    for low, high in combinations(solid, 2):
         if not are_joined(machine, bodies[low], bodies[high]):
             for at in range(len(START_POINTS)):
                 link = Link(machine, (low, high), omega, at)

@@ -8,6 +8,7 @@ from diagnosis.estimates.jackknife import jackknife_interval_of_size
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.null_model import Baseline
+from diagnosis.refits.measured import fitted_stride
 from diagnosis.refits.parallel import Call, side_by_side
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import RefitTask, add_hypothesis, run_refits, start_values
@@ -166,10 +167,11 @@ def _refit_whole(
 
 def _held_out_fits(refit: Refit, pace: int, width: int | None) -> HeldOutFits | None:
     """Fit all folds of the lines but one, for each fold, at the refit's model-error floor."""
-    stage: Stage = replace(
-        STAGES[4], model_error_floor=refit.floor, stride=4 * pace, tolerance=1e-3, max_steps=6
-    )
     session = refit.session
+    stride = fitted_stride(len(session.campaign.freq_hz), 8 * pace) // 2
+    stage: Stage = replace(
+        STAGES[4], model_error_floor=refit.floor, stride=stride, tolerance=1e-3, max_steps=6
+    )
     full_fit = replace(refit.fit, last_stage=stage)
     return fit_held_out(
         session.model,

@@ -2,6 +2,8 @@
 
 from identification.words import Campaign, VarianceSource
 
+MIN_FITTED_LINES = 96  # of a campaign that has them: 800 lines by a stride of 8
+
 
 def measured_frfs(campaign: Campaign) -> int:
     """Return the number of FRFs."""
@@ -12,3 +14,15 @@ def variance_source(campaign: Campaign) -> VarianceSource:
     """Return where the noise's variance comes from; the worse source if there are two."""
     sources = {test.estimate.variance_source for test in campaign.tests}
     return "coherence" if sources == {"coherence"} else "differences"
+
+
+def fitted_stride(lines: int, stride: int) -> int:
+    """Return the stride of the lines that a fit counts: enough remain to see sharp modes.
+
+    At least every second line stays unseen, which tells a gap by neighbouring lines.
+
+    Args:
+        lines: number of frequency lines.
+        stride: wanted stride.
+    """
+    return max(2, min(stride, lines // MIN_FITTED_LINES))

@@ -16,7 +16,7 @@ from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.evidence import BADLY_KNOWN
 from diagnosis.refit_record import RefitRecord, restore_fit
 from diagnosis.refits.extended_parametrisation import extend_parametrisation
-from diagnosis.refits.measured import variance_source
+from diagnosis.refits.measured import fitted_stride, variance_source
 from diagnosis.refits.parallel import Call, side_by_side
 from diagnosis.refits.refit import Refit, describe_fit
 from identification.words import Real
@@ -109,7 +109,8 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
         schedule: fits in turn with their floor.
     """
     threads = scene.jobs if len(tasks) == 1 else 1
-    paced = replace(schedule, stride=schedule.stride * scene.pace)
+    lines = len(scene.session.campaign.freq_hz)
+    paced = replace(schedule, stride=fitted_stride(lines, schedule.stride * scene.pace))
     record = scene.record or RefitRecord(Checkpoint())
     names = [record.next_name(_words(task)) for task in tasks]
     finished = [record.recall(name) for name in names]

@@ -192,7 +192,7 @@ def test_of_few_frfs_the_null_model_is_fitted_from_many_starts(tmp_path):
     stiff = np.array([name.startswith("stage2") and name.endswith("stiffness") for name in names])
     model = replace(session, campaign=few).model
     scene = Scene(replace(session, campaign=few), np.where(stiff, 1e3, 1.0) * model.drawn)
-    assert fit_null_model(scene, SETTINGS).gap < 0.1
+    assert fit_null_model(scene, SETTINGS).gap < 0.2
 
 
 def test_the_null_model_is_fitted_once_more_from_where_an_effect_that_vanished_ended(tmp_path):

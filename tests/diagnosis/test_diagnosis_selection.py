@@ -63,16 +63,18 @@ def test_elimination_drops_a_proxy_and_keeps_the_cause(tmp_path):
     both = refit_with(scene, with_proxy, cause)
     scores = tuple(SimpleNamespace(hypothesis=one) for one in (proxy, cause))
     search = Search(null, null, scores=scores, refits=(with_proxy, both))
-    best, tried = _eliminate(scene, search, both, SETTINGS)
-    assert best.keys == (cause.key,)
-    assert [refit.keys for refit in tried] == [(cause.key,)]
+    after = _eliminate(scene, search, both, SETTINGS)
+    assert after.selected.keys == (cause.key,)
+    assert [refit.keys for refit in after.refits[2:]] == [(cause.key,)]
 
 
 def test_a_single_cause_is_not_eliminated(tmp_path):
     session, _ = drawn(tmp_path, 72_012, lines=81)
     hypothesis = Hypothesis("drift", "joint:a")
     refit = SimpleNamespace(causes=(hypothesis,))
-    assert _eliminate(early_scene(session), Search(refit, refit), refit, SETTINGS) == (refit, [])
+    after = _eliminate(early_scene(session), Search(refit, refit), refit, SETTINGS)
+    assert after.selected is refit
+    assert after.refits == ()
 
 
 def test_small_errors_everywhere_are_unexplained_and_no_cause_is_probable(tmp_path):
