@@ -14,10 +14,6 @@ DIRTY = (
         "dirt 5 %, ratio 4: effect and place first, %",
     ),
     (
-        "One fault beside 5 % of small errors, ratio 2: first",
-        "dirt 5 %, ratio 2: effect and place first, %",
-    ),
-    (
         "One fault beside 15 % of small errors, ratio 2: first",
         "dirt 15 %, ratio 2: effect and place first, %",
     ),
@@ -26,7 +22,6 @@ DIRTY = (
     ("Small errors alone: a wrong cause is named", "alone: wrong cause with p of 0.5 or more, %"),
     ("Two effects at once: both found", "2 effects: all found, %"),
     ("Core seconds per diagnosis, median", "all: core seconds, median"),
-    ("Core seconds per diagnosis, largest", "all: core seconds, largest"),
 )
 
 
