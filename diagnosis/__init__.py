@@ -1,4 +1,4 @@
-"""What the model lacks: where the gap lies, which effect causes it, how far it shrinks with it."""
+"""Diagnosis of the gap between model and test: its place, its causes, and what they close."""
 
 from diagnosis.algorithm import Diagnosis, diagnose
 from diagnosis.effects import EFFECTS, PROVEN, Effect, catalogue

@@ -1,4 +1,4 @@
-"""What may be the one thing that a model lacks: an effect at a place, ready to be fitted."""
+"""Hypothesis: an effect at a place, ready to be fitted."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ class Vague(tuple[float, ...]):
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What hypotheses are made from.
+    """Fit from which hypotheses are proposed.
 
     Args:
         session: campaign, drawn model, what varies.

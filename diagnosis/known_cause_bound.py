@@ -1,4 +1,4 @@
-"""What a refit leaves that is told the effect and its place: the most that can be reached."""
+"""Gap of a refit with the true cause: the bound that a diagnosis can reach."""
 
 from collections.abc import Mapping
 from typing import Any

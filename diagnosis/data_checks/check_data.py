@@ -13,7 +13,7 @@ from tuning import Session
 
 @dataclass(frozen=True, eq=False)
 class CheckedData:
-    """What the data checks found.
+    """Result of the data checks.
 
     Args:
         session: campaign without channels that tell nothing; model whose rigid directions may give

@@ -50,7 +50,7 @@ RELEASED = {
 
 @dataclass(frozen=True, eq=False)
 class Gate:
-    """What redundant channels prove.
+    """Faults that redundant channels prove.
 
     Args:
         checks: of every body.
@@ -73,8 +73,8 @@ class Gate:
     @property
     def small(self) -> tuple[Fault, ...]:
         """Faults by some amount: candidates among all others."""
-        known = (*_GROSS, _UNKNOWN)
-        return tuple(fault for fault in self.faults if fault.effect not in known)
+        taken_out = (*_GROSS, _UNKNOWN)
+        return tuple(fault for fault in self.faults if fault.effect not in taken_out)
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -126,7 +126,7 @@ def _is_heard(fault: Fault, campaign: Campaign, none: Collection[Dof]) -> bool:
 
 
 def _exported_twice(fault: Fault, same: frozenset[Dof]) -> list[Fault]:
-    """What is wrong with a sensor if its channels hold the numbers of others: no known fault.
+    """Return the unknown faults of channels that hold the numbers of other channels.
 
     Args:
         fault: fault of a sensor, or of a body.
@@ -215,7 +215,7 @@ def hypothesis_of(
 
 
 def _reading(fault: Fault) -> Reading | None:
-    """What a channel with the fault reads per motion; None of another kind of fault."""
+    """Return the reading of a faulty channel per motion; None for another kind of fault."""
     if fault.effect == "sensor_delay":
         return partial(delay_response, delay=_number(fault.parameters["delay"]))
     if fault.effect == "mount_resonance":

@@ -54,11 +54,11 @@ def check_others(session: Session) -> None:
     Raises:
         InputError: a hypothesis that cannot be fitted, or parameters with names that are taken.
     """
-    known = catalogue()
-    if len(known) == len(EFFECTS):
+    effects = catalogue()
+    if len(effects) == len(EFFECTS):
         return
     owners = {parameter.name: "the model" for parameter in session.model.parameters}
-    for name, effect in known.items():
+    for name, effect in effects.items():
         proposed = effect(Scene(session, session.model.drawn))
         parts = dict.fromkeys(part for hypothesis in proposed for part in hypothesis.parts)
         for parameter in (parameter for part in parts for parameter in part.parameters):

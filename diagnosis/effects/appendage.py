@@ -149,7 +149,7 @@ class _Appendage:
         return self.hung(self.unit * theta[:3], omega, zeta, ARM_UNIT_M * theta[5:])
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
-        """What the verdict calls them."""
+        """Return the parameters as the verdict names them."""
         omega, zeta = self._at(np.array([0.0] * 3 + [fitted[name] for name in self.tuned]))
         masses = np.array([fitted[name] for name in self.masses])
         place = np.array([ARM_UNIT_M * fitted[name] for name in self.place])

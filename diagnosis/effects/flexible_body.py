@@ -59,8 +59,8 @@ def bending_hypothesis(
     points = dict.fromkeys(
         reference.point for reference in session.campaign.inputs if isinstance(reference, Dof)
     )
-    known = {*layout.points, *layout.bodies}
-    hit = tuple(p for p in points if p in known and layout.body_name(p) == body)
+    named_points = {*layout.points, *layout.bodies}
+    hit = tuple(p for p in points if p in named_points and layout.body_name(p) == body)
     part = BendingMode(machine, body, times * seen.frequency, read, hit)
     begin = {f"{d.point}_{d.direction[-1]}": _START_READING * v for d, v in seen.readings.items()}
     return replace(

@@ -6,18 +6,13 @@ motion has a negative delay.
 
 from collections.abc import Iterator
 
-from diagnosis.effects.points import hammer_place, instruments, names_of
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, release_tolerance
+from diagnosis.effects.points import release_of_hammers
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """Yield one for each hammer or drive whose delay has a tolerance."""
-    varying = names_of(scene)
-    for instrument in instruments(scene):
-        name = f"hammer({instrument}).delay"
-        if name in varying:
-            place = hammer_place(scene, instrument)
-            yield release_tolerance("hammer_delay", place, None, (name,), "delay")
+    """Return one for each hammer or drive whose delay has a tolerance."""
+    return release_of_hammers(scene, "hammer_delay", "delay")
 
 
 EFFECT = Effect(

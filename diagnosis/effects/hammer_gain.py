@@ -7,20 +7,15 @@ tolerances of the masses speak against such a machine, or a test with a known ma
 
 from collections.abc import Iterator
 
-from diagnosis.effects.points import hammer_place, instruments, names_of
-from diagnosis.hypothesis import Effect, Hypothesis, Scene, release_tolerance
+from diagnosis.effects.points import release_of_hammers
+from diagnosis.hypothesis import Effect, Hypothesis, Scene
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """Yield one for each hammer or drive whose gain has a tolerance."""
+    """Return one for each hammer or drive whose gain has a tolerance."""
     if scene.session.campaign.unknown_gains.hammers:
-        return
-    varying = names_of(scene)
-    for instrument in instruments(scene):
-        name = f"hammer({instrument}).gain"
-        if name in varying:
-            place = hammer_place(scene, instrument)
-            yield release_tolerance("hammer_gain", place, None, (name,), "gain")
+        return iter(())
+    return release_of_hammers(scene, "hammer_gain", "gain")
 
 
 EFFECT = Effect(

@@ -55,12 +55,12 @@ def _usual(scene: Scene, held: RigidDirection) -> float:
     kind = {axle.joint: axle.turns for axle in machine.axles if axle.stage == held.stage}
     turns = held.dof.startswith("r")
     alike = tuple(spring for spring in springs_of(machine, held.stage) if kind.get(spring) is turns)
-    known = scene.stiffness(alike)
-    return float(np.median(known[known > 0])) if (known > 0).any() else held.reference
+    sizes = scene.stiffness(alike)
+    return float(np.median(sizes[sizes > 0])) if (sizes > 0).any() else held.reference
 
 
 class _Way:
-    """What a direction has lost of the stiffness that holds it."""
+    """Stiffness that a direction has lost of the one that holds it."""
 
     def __init__(self, machine: Machine, held: RigidDirection, frame: Real) -> None:
         self.machine, self.held, self.frame = machine, held, frame
@@ -90,7 +90,7 @@ class _Way:
         return Change("joint", self.frame, self.frame, core[..., None, None])
 
     def finite(self, theta: Real) -> tuple[Change, ...]:
-        """What is left less what was there."""
+        """Stiffness that remains, less the original one."""
         stiffness, tau = self._at(theta)
         held = self.held.stiffness
         damping = stiffness * tau - held * self.held.time_constant

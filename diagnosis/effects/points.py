@@ -1,8 +1,9 @@
 """Sensors, hits and joints of a scene, by name."""
 
+from collections.abc import Iterator
 from itertools import groupby
 
-from diagnosis.hypothesis import Scene
+from diagnosis.hypothesis import Hypothesis, Scene, release_tolerance
 from identification.words import (
     DEFAULT_HAMMER,
     DIRECTIONS,
@@ -15,7 +16,7 @@ from mbmodel import Machine, parent_bodies
 
 
 def names_of(scene: Scene) -> set[str]:
-    """What varies."""
+    """Return the names of the parameters that vary."""
     return set(scene.session.parametrisation.names)
 
 
@@ -76,6 +77,22 @@ def hammer_place(scene: Scene, instrument: str) -> str:
     ]
     points = [reference.point for reference in references if isinstance(reference, Dof)]
     return f"hammer:{points[0] if points else instrument}"
+
+
+def release_of_hammers(scene: Scene, effect: str, parameter: str) -> Iterator[Hypothesis]:
+    """Yield the release of a tolerance of each hammer or drive whose parameter varies.
+
+    Args:
+        scene: fit from which hypotheses are proposed.
+        effect: name of the effect.
+        parameter: ``gain`` or ``delay``.
+    """
+    varying = names_of(scene)
+    for instrument in instruments(scene):
+        name = f"hammer({instrument}).{parameter}"
+        if name in varying:
+            place = hammer_place(scene, instrument)
+            yield release_tolerance(effect, place, None, (name,), parameter)
 
 
 def sprung_stages(machine: Machine) -> list[str]:

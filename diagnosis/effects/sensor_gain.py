@@ -9,11 +9,11 @@ from identification import FAULT_PHRASES
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each channel whose gain has a tolerance."""
-    known = names_of(scene)
+    varying = names_of(scene)
     unknown = scene.session.campaign.unknown_gains.sensors
     for site in (site for site in sensors(scene) if site not in unknown):
         for direction, name in gains_of(site):
-            if name in known:
+            if name in varying:
                 yield release_tolerance("sensor_gain", f"sensor:{site}", direction, (name,), "gain")
 
 

@@ -9,10 +9,10 @@ from identification import FAULT_PHRASES
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each sensor whose angles have a tolerance."""
-    known = names_of(scene)
+    varying = names_of(scene)
     for site in sensors(scene):
         names = vector_names(f"{site}.rotation_")
-        if known.issuperset(names):
+        if varying.issuperset(names):
             yield release_tolerance(
                 "sensor_misalignment", f"sensor:{site}", None, names, "rotation"
             )

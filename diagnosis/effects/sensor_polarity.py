@@ -17,17 +17,17 @@ from identification.words import Complex, Real
 
 
 def read_inverted(freq_hz: Real) -> Complex:
-    """What a turned channel reads per motion."""
+    """Return the reading of a reversed channel per motion."""
     return np.full(len(freq_hz), -1.0 + 0.0j)
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each channel."""
-    known = names_of(scene)
+    varying = names_of(scene)
     unknown = scene.session.campaign.unknown_gains.sensors
     for site in (site for site in sensors(scene) if site not in unknown):
         for direction, gain in gains_of(site):
-            if gain in known:
+            if gain in varying:
                 place = f"sensor:{site}"
                 concerns = channels_of(place, direction)
                 correct = partial(divide_channels, concerns=concerns, reading=read_inverted)

@@ -9,12 +9,12 @@ from identification import FAULT_PHRASES
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each sensor whose place has a tolerance."""
-    known = names_of(scene)
+    varying = names_of(scene)
     # A rotation of a solid body reads the same everywhere on it.
     moving = {dof.point for dof in scene.session.campaign.outputs if not dof.is_rotation}
     for site in (site for site in sensors(scene) if site in moving):
         names = vector_names(f"{site}.position_")
-        if known.issuperset(names):
+        if varying.issuperset(names):
             yield release_tolerance("sensor_position", f"sensor:{site}", None, names, "offset")
 
 

@@ -63,7 +63,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 @dataclass(frozen=True, eq=False)
 class _Stand:
-    """What four supports have lost; the joint's own stiffness and damping say where they are.
+    """Loss of four supports; the joint's own stiffness and damping say where they stand.
 
     Args:
         machine: of the scene.
@@ -127,7 +127,7 @@ class _Stand:
         return AddedPart(place, parameters, self.finite, self.derivatives, written=written)
 
     def finite(self, theta: Real) -> tuple[Change, ...]:
-        """What is taken from the joint."""
+        """Stiffness and damping that are taken from the joint."""
         return (self._change(self._sum_losses(theta).real),)
 
     def derivatives(self, theta: Real) -> tuple[Change, ...]:
@@ -158,7 +158,7 @@ class _Stand:
         return core
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
-        """What each support carries of what the best of them does: 0 to 1.
+        """Return the load of each support, relative to the one that carries most: 0 to 1.
 
         What all have lost alike is a softer joint, whose stiffness is fitted beside.
         """

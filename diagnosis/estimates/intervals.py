@@ -1,4 +1,4 @@
-"""What is known of a refit's parameters: their intervals, as the verdict states them."""
+"""Parameters of a refit with their intervals, as the verdict states them."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -46,7 +46,7 @@ class FittedParameters:
     converged: bool = True
 
     def state_parameters(self, hypothesis: Hypothesis) -> dict[str, Value]:
-        """What the verdict states of a hypothesis."""
+        """Return the parameters of a hypothesis as the verdict states them."""
         return hypothesis.state(values_by_name(self.parametrisation, self.theta))
 
     def intervals(self, hypothesis: Hypothesis) -> dict[str, Ends]:

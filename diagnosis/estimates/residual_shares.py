@@ -36,13 +36,13 @@ def residual_shares(gaps: ChannelGaps, layout: Layout) -> tuple[ResidualShare, .
         gaps: of each channel; those without noise are left out, since they have no excess.
         layout: which point sits on which body.
     """
-    known = gaps.noise > 0
-    squares = np.where(known, gaps.error / np.where(known, gaps.noise, 1.0), 0.0) ** 2
+    has_noise = gaps.noise > 0
+    squares = np.where(has_noise, gaps.error / np.where(has_noise, gaps.noise, 1.0), 0.0) ** 2
     bodies = np.array([layout.body_name(dof.point) for dof in gaps.outputs])
     total = squares.sum()
     shares = []
     for body in layout.bodies:
-        is_on_body = (bodies == body) & known
+        is_on_body = (bodies == body) & has_noise
         if is_on_body.any() and total > 0:
             shares.append(
                 ResidualShare(

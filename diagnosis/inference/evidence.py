@@ -39,8 +39,8 @@ class Scored(_Named):
     gain: float
 
 
-class Gapped:
-    """What a fit leaves beyond the noise.
+class FitSummary:
+    """Objective of a fit, and its residual gap beyond the noise.
 
     The residual's mean square over the stated variance exceeds one by the gap only if that variance
     is right, which from a few hits it is not. Neighbouring lines share the gap, but not the noise
@@ -52,11 +52,22 @@ class Gapped:
         chi_square: mean square of residual over noise; 1 is noise alone.
         serial: mean product of the residuals of neighbouring lines; None where lines share noise.
         doubt: what chi square may exceed one by where nothing is missing.
+        cost: -ln L at the floor, mean of all values [nats].
+        prior: cost of the tolerances, half the sum of their squared shifts [nats].
+        fitted_values: number of values that the fit saw.
     """
 
     chi_square: float
     serial: float | None
     doubt: float
+    cost: float
+    prior: float
+    fitted_values: int
+
+    @property
+    def objective(self) -> float:
+        """Objective of the fit per value [nats]: -ln L at the floor, and cost of tolerances."""
+        return self.cost + self.prior / self.fitted_values
 
     @property
     def gap(self) -> float:
@@ -65,7 +76,7 @@ class Gapped:
         return beyond if self.serial is None else max(self.serial, beyond - self.doubt)
 
 
-class FittedSet(_Row, Gapped):
+class FittedSet(_Row, FitSummary):
     """A set of causes, fitted at its own model-error floor; the empty set is the null model.
 
     Args:
@@ -77,7 +88,7 @@ class FittedSet(_Row, Gapped):
         fitted_values: number of those that the fit saw.
         noise_share: mean share of the noise in the variance of a value.
         effective_values: number of independent values in the residual.
-        chi_square, serial, doubt: as of ``Gapped``.
+        chi_square, serial, doubt: as of ``FitSummary``.
         shifts: of each cause that only releases tolerances, how far these are shifted [standard
             deviations of a single one]; else None.
     """
@@ -95,14 +106,9 @@ class FittedSet(_Row, Gapped):
     doubt: float = BADLY_KNOWN["differences"]
     shifts: tuple[float | None, ...] = ()
 
-    @property
-    def objective(self) -> float:
-        """What the fit minimised, per value [nats]: data and tolerances."""
-        return self.cost + self.prior / self.fitted_values
 
-
-class Pushed(_Row):
-    """What a force of any spectrum explains at one place, in its best direction.
+class ForceGain(_Row):
+    """Gain of an unknown force of any spectrum at one place, in its best direction.
 
     Args:
         location: a joint or body.
@@ -141,8 +147,8 @@ class Evidence(_Row):
     unbounded: float | None = None
     largest_shift: float = 0.0
     sets: tuple[FittedSet, ...] = ()
-    pushed: tuple[Pushed, ...] = ()
-    rest_pushed: tuple[Pushed, ...] = ()
+    pushed: tuple[ForceGain, ...] = ()
+    rest_pushed: tuple[ForceGain, ...] = ()
     hypotheses: int = 0
     variance: VarianceSource
     unsteady: int = 0
@@ -150,5 +156,5 @@ class Evidence(_Row):
 
     @property
     def gap_source(self) -> str:
-        """What the gap is known by: neighbouring lines, or the variance and where that is from."""
+        """Source of the gap: neighbouring lines, or the origin of the noise's variance."""
         return self.variance if self.null.serial is None else "lines"

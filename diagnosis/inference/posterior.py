@@ -29,7 +29,7 @@ import numpy as np
 from scipy.special import softmax
 
 from diagnosis.inference.calibration import Calibration, load_calibration
-from diagnosis.inference.evidence import Evidence, FittedSet, Key, Pushed
+from diagnosis.inference.evidence import Evidence, FittedSet, ForceGain, Key
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from tuning import is_gap_visible
 
@@ -230,7 +230,7 @@ def _places(
 
 
 def force_shares(
-    forces: Sequence[Pushed], constants: Calibration | None = None
+    forces: Sequence[ForceGain], constants: Calibration | None = None
 ) -> dict[str, float]:
     """Return the share of each place at which an unknown force may act."""
     if not forces:

@@ -55,8 +55,8 @@ def next_experiment(diagnosis: Diagnosis) -> str | None:
         return "".join(proven) + of_unknown(diagnosis)
     rivals = find_rivals(diagnosis)
     if len(rivals) > 1:
-        known = [(refit, share) for _, refit, share in rivals]
-        best, gain = best_experiment(diagnosis.session.campaign, known)
+        refits = [(refit, share) for _, refit, share in rivals]
+        best, gain = best_experiment(diagnosis.session.campaign, refits)
         (first, _, _), (second, _, _), *_ = rivals
         if gain > _MIN_TELLING_NATS:
             pair = f"{_without(first, second)} from {_without(second, first)}"
@@ -91,16 +91,16 @@ def _without(several: Keys, excluded: Keys) -> str:
 
 
 def _confirm_cause(cause: Key) -> str:
-    """What confirms a cause."""
+    """Return the experiment that confirms a cause."""
     effect, place, dof = cause
-    known = catalogue().get(effect) or PROVEN[effect]
-    return known.said(known.confirm, place, dof)
+    entry = catalogue().get(effect) or PROVEN[effect]
+    return entry.said(entry.confirm, place, dof)
 
 
 def best_experiment(
     campaign: Campaign, rivals: Sequence[tuple[Refit, float]]
 ) -> tuple[Experiment, float]:
-    """What tells rivals apart best, and its gain in nats; of what decides the least effort.
+    """Return the experiment that separates rivals best, and its gain [nats].
 
     Args:
         campaign: what was measured.

@@ -51,9 +51,9 @@ def list_experiments(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[li
     undone = []
     for key in dict.fromkeys(key for rival in rivals for key in rival.keys):
         effect, place, dof = key
-        known = catalogue().get(effect) or PROVEN[effect]
-        if known.undoes:
-            words = known.said(known.confirm, place, dof)
+        entry = catalogue().get(effect) or PROVEN[effect]
+        if entry.undoes:
+            words = entry.said(entry.confirm, place, dof)
             undone.append(Experiment(words, campaign.inputs, undone=key))
     yield undone
     masses = _ADDED_MASS_SHARE * np.diag(machine.body_mass)[::6]

@@ -1,4 +1,4 @@
-"""What to measure next where something is missing that no effect of the catalogue explains."""
+"""Next experiment where no effect of the catalogue explains the gap."""
 
 from collections import Counter
 
@@ -12,13 +12,13 @@ _MIN_BODY_CHANNELS = (
 
 
 def of_unknown(diagnosis: Diagnosis) -> str:
-    """Where something pushes, and whether it depends on the level if that is not known yet.
+    """Return an experiment where the missing force acts, or at other levels if there is one.
 
     Args:
         diagnosis: the diagnosis.
     """
-    known = {cause.location for cause in diagnosis.present.causes}
-    places = [place for place, _ in diagnosis.posterior.where if place not in known]
+    explained = {cause.location for cause in diagnosis.present.causes}
+    places = [place for place, _ in diagnosis.posterior.where if place not in explained]
     first = places[0] if places else ""
     if first in diagnosis.gate.unknown:
         sensor = first.partition(":")[2]
@@ -34,7 +34,7 @@ def of_unknown(diagnosis: Diagnosis) -> str:
 
 
 def _at(place: str, machine: Machine, campaign: Campaign) -> str:
-    """What shows that something pushes at a place: sensors beside it, else that it is held."""
+    """Return the experiment that shows a force at a place: sensors beside it, or clamping it."""
     beside = _beside(place, machine)
     if not beside:
         return f"look at {place or 'the joints'}, and hit other bodies at each level as well"

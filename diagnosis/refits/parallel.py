@@ -17,7 +17,7 @@ Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
 
 def side_by_side(calls: Sequence[Call], jobs: int) -> Iterator[Any]:
-    """What functions return, in the order in which they are given; it does not depend on jobs.
+    """Yield the results of functions in the order of the calls, whatever the number of jobs.
 
     Args:
         calls: functions with their arguments.

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from diagnosis.hypothesis import Hypothesis, Value
-from diagnosis.inference.evidence import BADLY_KNOWN, Gapped, Key
+from diagnosis.inference.evidence import BADLY_KNOWN, FitSummary, FittedSet, Key
 from identification.words import Real
 from tuning import (
     Fit,
@@ -25,7 +25,7 @@ SERIAL_LAGS = range(3, 7)
 
 
 @dataclass(frozen=True, eq=False)
-class Refit(Gapped):
+class Refit(FitSummary):
     """A fit with a set of causes, at its own model-error floor.
 
     Args:
@@ -57,15 +57,15 @@ class Refit(Gapped):
         return self.statistics.floor
 
     @property
-    def prior(self) -> float:
+    def prior(self) -> float:  # type: ignore[override]
         """Cost of the tolerances, half the sum of their squared shifts [nats]."""
         shifts = self.fit.x[self.fit.parametrisation.has_prior]
         return float(shifts @ shifts / 2)
 
     @property
-    def objective(self) -> float:
-        """What the fit minimised, per value [nats]: -ln L at the floor, and the tolerances."""
-        return self.statistics.cost + self.prior / self.fitted_values
+    def cost(self) -> float:  # type: ignore[override]
+        """-ln L at the floor, mean of all values [nats]."""
+        return self.statistics.cost
 
     @property
     def causes(self) -> tuple[Hypothesis, ...]:
@@ -138,3 +138,22 @@ def describe_fit(session: Session, fit: Fit, stride: int, independent: bool) -> 
     fitted_lines = len(thin_lines(session.campaign, stride).freq_hz)
     fitted_values = max(1, round(statistics.values * fitted_lines / len(counted.freq_hz)))
     return Refit(None, session, fit, statistics, fitted_values, serial)
+
+
+def fitted_set(refit: Refit) -> FittedSet:
+    """Return a refit as plain numbers."""
+    statistics = refit.statistics
+    return FittedSet(
+        keys=refit.keys,
+        floor=statistics.floor,
+        cost=statistics.cost,
+        prior=refit.prior,
+        values=statistics.values,
+        fitted_values=refit.fitted_values,
+        noise_share=statistics.noise_share,
+        effective_values=statistics.effective_values,
+        chi_square=statistics.chi_square,
+        serial=refit.serial,
+        doubt=refit.doubt,
+        shifts=tuple(refit.tolerance_shift(cause) for cause in refit.causes),
+    )

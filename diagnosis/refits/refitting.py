@@ -79,11 +79,12 @@ def start_values(base: Refit | Scene, session: Session, hypothesis: Hypothesis |
         hypothesis: new parameters begin at its values.
     """
     theta = base.theta if isinstance(base, Scene) else base.fit.theta
-    known = dict(zip((p.name for p in base.session.model.parameters), theta.tolist(), strict=True))
+    parameters = base.session.model.parameters
+    fitted = dict(zip((p.name for p in parameters), theta.tolist(), strict=True))
     names = [parameter.name for parameter in session.model.parameters]
-    begin = {} if hypothesis is None else {**known, **hypothesis.begin}
+    begin = {} if hypothesis is None else {**fitted, **hypothesis.begin}
     follow = {} if hypothesis is None else hypothesis.follow
-    values = [begin.get(name, known.get(name, 0.0)) for name in names]
+    values = [begin.get(name, fitted.get(name, 0.0)) for name in names]
     for k, name in enumerate(names):
         if name in follow:
             values[k] = values[names.index(follow[name])]

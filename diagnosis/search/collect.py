@@ -1,9 +1,9 @@
 """Everything that was fitted, as the evidence of a verdict."""
 
-from diagnosis.inference.collect import fitted_set
 from diagnosis.inference.evidence import Evidence, Scored
 from diagnosis.null_model import Baseline, fit_unbounded
 from diagnosis.refits.measured import variance_source
+from diagnosis.refits.refit import fitted_set
 from diagnosis.search.free_force import fit_free_forces
 from diagnosis.search.selection import Search, scene_of
 from diagnosis.settings import DiagnosisSettings

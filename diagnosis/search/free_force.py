@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.hypothesis import Scene
-from diagnosis.inference.evidence import Pushed
+from diagnosis.inference.evidence import ForceGain
 from diagnosis.search.linearised_fit import Factor
 from identification.words import Campaign, Integers, Real
 from tuning import Fit, Misfit, thin_lines
@@ -36,7 +36,7 @@ _MAX_REFINED = 12
 _MAX_NUMBERS_AT_ONCE = 2**24  # numbers of normal equations
 
 
-def fit_free_forces(scene: Scene, fit: Fit, model_error_floor: float) -> tuple[Pushed, ...]:
+def fit_free_forces(scene: Scene, fit: Fit, model_error_floor: float) -> tuple[ForceGain, ...]:
     """Free forces, the best direction of every joint and body; what explains most first.
 
     Args:
@@ -51,11 +51,11 @@ def fit_free_forces(scene: Scene, fit: Fit, model_error_floor: float) -> tuple[P
     best = np.argsort(-gains)[:_MAX_REFINED]
     for power in _FURTHER_POWERS:
         gains[best] = np.maximum(gains[best], work.gains(forces[:, best], power))
-    rows: dict[str, Pushed] = {}
+    rows: dict[str, ForceGain] = {}
     for k in np.argsort(-gains, kind="stable"):
         place, dof, _ = directions[k]
         gain = float(gains[k])
-        row = Pushed(location=place, dof=dof, gain=gain, share=gain / work.data_cost)
+        row = ForceGain(location=place, dof=dof, gain=gain, share=gain / work.data_cost)
         rows.setdefault(place, row)
     return tuple(rows.values())
 
@@ -77,7 +77,7 @@ def _directions(scene: Scene) -> Iterator[tuple[str, str, Real]]:
 
 @dataclass(frozen=True, eq=False)
 class _Work:
-    """What all directions share.
+    """Linearised fit that all directions share.
 
     Args:
         x: coordinates of the fit; (n_x,).

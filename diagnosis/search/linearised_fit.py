@@ -48,7 +48,7 @@ class ScoredFit:
         return self._factor(self._free)
 
     def score(self, hypothesis: Hypothesis, chosen: Integers) -> Gained:
-        """What one hypothesis would gain; chosen are its coordinates, probes behind what varies."""
+        """Return the predicted gain of a hypothesis; its ``chosen`` coordinates, probes last."""
         count, probed, normal = len(self.x), self.probed, self._normal
         old, new = chosen[chosen < count], chosen[chosen >= count] - count
         tuned = self._free[~np.isin(self._free, old)]

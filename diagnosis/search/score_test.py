@@ -31,7 +31,7 @@ from tuning import (
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """What a hypothesis would gain.
+    """Predicted gain of a hypothesis.
 
     Args:
         hypothesis: which.

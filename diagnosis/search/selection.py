@@ -14,12 +14,11 @@ from diagnosis.effects import catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.calibration import load_calibration
-from diagnosis.inference.collect import fitted_set
 from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import material_sets, set_log_odds, site_of
 from diagnosis.null_model import Baseline, refit_from
 from diagnosis.refits.measured import variance_source
-from diagnosis.refits.refit import Refit
+from diagnosis.refits.refit import Refit, fitted_set
 from diagnosis.refits.refitting import (
     FROM_AFAR,
     RefitTask,
@@ -145,11 +144,11 @@ def _refit_round(
     if best is None or not is_gap_visible(best.gap, settings.min_visible_excess):
         return refits
     cause = best.causes[-1]
-    known = {refit.causes[-1] for refit in refits}
+    refitted = {refit.causes[-1] for refit in refits}
     further = [
         score.hypothesis
         for score in ranked
-        if score.hypothesis.site == cause.site and score.hypothesis not in known
+        if score.hypothesis.site == cause.site and score.hypothesis not in refitted
     ]
     tasks = _distant_tasks(current, cause)[: settings.max_distant]
     tasks += [add_to(current, shape) for shape in _one_each_direction(further, settings)]

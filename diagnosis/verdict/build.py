@@ -182,7 +182,7 @@ def _row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:
 
 
 def _not_testable(diagnosis: Diagnosis) -> list[str]:
-    """What this kind of data cannot show."""
+    """Return the effects that this kind of data cannot show."""
     tests = diagnosis.session.campaign.tests
     levels = {test.condition.level_n for test in tests}
     missing = [effect for effect in NONLINEAR if len(levels) < 2 or effect not in catalogue()]

@@ -27,7 +27,7 @@ Spread = Literal["local", "everywhere"]
 
 @dataclass(frozen=True)
 class Rest:
-    """What remains with the present causes.
+    """Rest: the gap that remains with the present causes.
 
     Args:
         excess: over the noise, on held-out lines.
@@ -152,7 +152,11 @@ def _closes_held_out_gap(gaps: GapEstimates, settings: DiagnosisSettings) -> boo
     """
     before = gaps.retuned.gap.excess
     after = None if gaps.after is None else gaps.after.gap.excess
-    if before is None or after is None or not is_gap_visible(before**2 - 1):
+    if (
+        before is None
+        or after is None
+        or not is_gap_visible(before**2 - 1, settings.min_visible_excess)
+    ):
         return True
     return before**2 - after**2 >= settings.min_closed * (before**2 - 1)
 

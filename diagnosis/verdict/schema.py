@@ -64,7 +64,7 @@ class CauseRow(_Row):
 
 
 class RestRow(_Row):
-    """What remains with the established causes."""
+    """Rest: the gap that remains with the established causes."""
 
     excess: float | None
     model_error: float

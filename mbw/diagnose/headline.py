@@ -1,6 +1,6 @@
 """Headline of a diagnosis: the verdict in one or two sentences, probabilities, warnings."""
 
-from diagnosis.inference.evidence import Pushed
+from diagnosis.inference.evidence import ForceGain
 from diagnosis.labels import direction
 from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.effect_parameters import number
@@ -92,7 +92,7 @@ def times(excess: float | None) -> str:
     return "an unknown number of times" if excess is None else f"{number(excess)} times"
 
 
-def located_forces(result: StoredDiagnosis) -> list[Pushed]:
+def located_forces(result: StoredDiagnosis) -> list[ForceGain]:
     """Return the places where a free force explains much of the gap, the best place first."""
     return [force for force in result.evidence.pushed if force.gain > _MIN_FORCE_GAIN_NATS]
 

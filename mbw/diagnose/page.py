@@ -4,7 +4,7 @@ from html import escape
 
 import numpy as np
 
-from diagnosis.inference.evidence import Pushed
+from diagnosis.inference.evidence import ForceGain
 from diagnosis.labels import direction
 from identification.words import Dof, Real
 from mbw.diagnose.effect_parameters import number
@@ -211,7 +211,7 @@ def _places(result: StoredDiagnosis) -> list[dict[str, object]]:
     ]
 
 
-def located_rest(result: StoredDiagnosis) -> tuple[Pushed, ...]:
+def located_rest(result: StoredDiagnosis) -> tuple[ForceGain, ...]:
     """Return the free forces of what is to be located: the rest, or the gap of the null model."""
     evidence = result.evidence
     return evidence.rest_pushed if result.verdict.verdict == "partly" else evidence.pushed

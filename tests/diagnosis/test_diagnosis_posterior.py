@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from diagnosis.inference.calibration import Calibration
-from diagnosis.inference.evidence import Evidence, FittedSet, Pushed
+from diagnosis.inference.evidence import Evidence, FittedSet, ForceGain
 from diagnosis.inference.posterior import Posterior, judge, material_sets, set_log_odds
 from diagnosis.settings import SETTINGS
 
@@ -39,7 +39,9 @@ def fitted(keys, cost, gap, **more):
 def evidence(sets=(), gap=10.0, **more):
     """Evidence with a null model of cost zero."""
     numbers = {"hypotheses": 50, "variance": "coherence"} | more
-    forces = tuple(Pushed(location=f"joint:{k}", dof=None, gain=100.0 / (k + 1)) for k in range(3))
+    forces = tuple(
+        ForceGain(location=f"joint:{k}", dof=None, gain=100.0 / (k + 1)) for k in range(3)
+    )
     return Evidence(null=fitted((), 0.0, gap), sets=tuple(sets), pushed=forces, **numbers)
 
 

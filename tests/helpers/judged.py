@@ -1,6 +1,6 @@
 """Plain evidence, to be judged."""
 
-from diagnosis.inference.evidence import Evidence, FittedSet, Pushed, Scored
+from diagnosis.inference.evidence import Evidence, FittedSet, ForceGain, Scored
 
 PLACES = ("body:a", "joint:b", "sensor:acc1")
 VALUES = 10_000
@@ -35,7 +35,7 @@ def evidence(gap, sets=(), proven=(), gains=(5.0, 3.0, 1.0), **further):
             for place, gain in zip(PLACES, gains, strict=True)
         ),
         pushed=tuple(
-            Pushed(location=place, dof=None, gain=gain)
+            ForceGain(location=place, dof=None, gain=gain)
             for place, gain in zip(PLACES, gains, strict=True)
         ),
         variance="coherence",

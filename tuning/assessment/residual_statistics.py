@@ -20,6 +20,7 @@ import numpy as np
 from identification import smooth_variance
 from identification.words import Campaign, Complex, Real
 from tuning.assessment.model_error import profile_floor
+from tuning.misfit.weights import point_power_of
 
 
 @dataclass(frozen=True)
@@ -59,15 +60,12 @@ def residual_statistics(
         estimate = test.estimate
         dofs = estimate.frf.outputs
         rows = [outputs[dof.positive] for dof in dofs]
-        at_point = np.array(
-            [[(a.point, a.is_rotation) == (b.point, b.is_rotation) for b in dofs] for a in dofs],
-            float,
-        )
         values = estimate.frf.values[:, :, 0]
         counts = estimate.measured[:, 0] & (np.abs(values) > 0).any(axis=0)
         residual[:, rows, column] = np.where(counts, model[:, :, 0] - values, 0.0)
         variance[:, rows, column] = smooth_variance(estimate)[:, :, 0]
-        power[:, rows, column] = np.where(counts, np.abs(values) ** 2 @ at_point, 0.0)
+        point_power = point_power_of(estimate.frf.values, dofs)[:, :, 0]
+        power[:, rows, column] = np.where(counts, point_power, 0.0)
     counted = power > 0
     if not counted.any():
         return None
