@@ -2,7 +2,8 @@
 
 from identification.shapes.fe_file import read_shapes
 from identification.shapes.fe_shapes import Shapes
-from identification.shapes.rigid_mass import RigidModes, check_mass, rigid_modes
+from identification.shapes.mass_check import MassCheck, compare_mass
+from identification.shapes.rigid_mass import RigidModes, rigid_modes
 from identification.shapes.sensor_placement import (
     ModeDistinction,
     antinodes,
@@ -12,13 +13,14 @@ from identification.shapes.sensor_placement import (
 from identification.shapes.sensor_shapes import ShapeSampling, closest_barycentric, shapes_at
 
 __all__ = [
+    "MassCheck",
     "ModeDistinction",
     "RigidModes",
     "ShapeSampling",
     "Shapes",
     "antinodes",
-    "check_mass",
     "closest_barycentric",
+    "compare_mass",
     "distinguish_modes",
     "effective_independence",
     "read_shapes",

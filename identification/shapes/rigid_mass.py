@@ -135,35 +135,6 @@ def _find_supported(shapes: Shapes, rigid: Mask) -> Mask:
     return supported
 
 
-def check_mass(modes: RigidModes, stated: float, tolerance: float, source: str) -> None:
-    """Compare the mass by rigid modes with a stated mass.
-
-    Args:
-        modes: rigid modes of the model.
-        stated: stated mass of the structure [kg].
-        tolerance: relative difference, at most.
-        source: file of the shapes, for the message.
-
-    Raises:
-        InputError: the mass cannot be determined, or differs.
-    """
-    if modes.mass is None:
-        raise InputError(
-            f"{source}: {int(modes.is_rigid.sum())} modes are rigid, none is a pure translation, "
-            "so that its mass is unknown. Solve it unconstrained, with all six rigid modes."
-        )
-    if not modes.is_mass_normalised:
-        raise InputError(
-            f"{source}: the shapes are not normalised by mass, so that it cannot be determined. "
-            "Write them with unit modal mass."
-        )
-    if abs(modes.mass / stated - 1) > tolerance:
-        raise InputError(
-            f"{source} weighs {modes.mass:.4g} kg by its rigid modes, {stated:.4g} kg was stated. "
-            "Correct its densities and added masses, or normalise its shapes by mass."
-        )
-
-
 def _fit_rigid_motions(arms: Real, vectors: Real) -> tuple[Real, Real]:
     """Fit a rigid motion (t, w) to each shape by least squares.
 

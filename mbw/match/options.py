@@ -19,8 +19,12 @@ def match(  # noqa: PLR0913  # one for each option
     out: Annotated[Path | None, out_option("<campaign>-matched beside it")] = None,
     frequencies: Frequencies = None,
     mass: Annotated[
-        float | None,
-        typer.Option(metavar="KG", help="Mass of the structure; the shapes must agree within 5 %."),
+        str | None,
+        typer.Option(
+            metavar="KG[+-KG]",
+            help="Mass of the structure, as 800+-40; a model of another mass gets a remark. "
+            "Default tolerance: 5 %.",
+        ),
     ] = None,
     nearest: Annotated[
         bool,

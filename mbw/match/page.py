@@ -9,7 +9,14 @@ import numpy as np
 from identification.words import Complex, Dof, Real
 from mbw.match.result import MatchResult
 from mbw.match.schema import MatchFile
-from mbw.page.html import fill_template, pack_complex, pack_integers, pack_magnitudes, pack_real
+from mbw.page.html import (
+    fill_template,
+    pack_complex,
+    pack_integers,
+    pack_magnitudes,
+    pack_real,
+    warning_boxes,
+)
 
 _MAX_PICTURE_TRIANGLES = (
     40_000  # in the picture; of a larger mesh only every n-th triangle is drawn
@@ -29,6 +36,7 @@ def render(result: MatchResult) -> str:
             f"shapes of {Path(summary.shapes).name}"
         ),
         lead=escape(lead(summary)),
+        warnings=warning_boxes(_warnings(summary)),
         alike=escape(_similar_pairs(summary)),
         scripts=["page/picture.js", "page/modes.js", "match/page.js"],
     )
@@ -52,9 +60,17 @@ def lead(summary: MatchFile) -> str:
     if summary.unseen:
         unseen = ", ".join(map(str, summary.unseen))
         sentences.append(f"Simulated modes that do not move at these channels: {unseen}")
-    if summary.mass is not None:
+    if summary.mass_check is not None and summary.mass_check.agrees:
+        sentences.append(summary.mass_check.remark)
+    elif summary.mass is not None:
         sentences.append(f"The simulated structure weighs {summary.mass:.4g} kg by its rigid modes")
     return ". ".join(sentences) + "."
+
+
+def _warnings(summary: MatchFile) -> list[str]:
+    """Return the remarks that a reader must not miss."""
+    check = summary.mass_check
+    return [] if check is None or check.agrees else [f"{check.remark}."]
 
 
 def _similar_pairs(summary: MatchFile) -> str:

@@ -17,9 +17,9 @@ from identification.matching import (
     match_by_ratios,
 )
 from identification.readers.result_files import read_result_arrays, read_result_json
-from identification.shapes import RigidModes, Shapes, distinguish_modes
+from identification.shapes import MassCheck, RigidModes, Shapes, distinguish_modes
 from identification.words import Integers
-from mbw.match.schema import HandRow, MatchFile, MatchRow
+from mbw.match.schema import HandRow, MassRow, MatchFile, MatchRow
 
 MATCH_JSON, MATCH_NPZ, PAGE = "match.json", "match.npz", "match.html"
 NAMES = MATCH_JSON, MATCH_NPZ, PAGE
@@ -47,6 +47,7 @@ def collect_result(
     campaign: ImpactCampaign,
     match: ModeMatch,
     width_hz: float,
+    mass: MassCheck | None = None,
 ) -> MatchResult:
     """Collect the result of a match.
 
@@ -56,10 +57,11 @@ def collect_result(
         campaign: campaign of impacts.
         match: match of the measured modes with the elastic ones.
         width_hz: width of the sliding average of amplitudes [Hz].
+        mass: comparison with a stated mass; None without one.
     """
     spectra = campaign.spectra(_ZERO_PADDING)
     number = np.flatnonzero(rigid.supported) + 1
-    summary = _summary(shapes, rigid, campaign, spectra, match)
+    summary = _summary(shapes, rigid, campaign, spectra, match, mass)
     readings: tuple[RatioReference, ...] = ("reference", "largest")
     printed, largest = (
         match_by_ratios(
@@ -110,6 +112,7 @@ def _summary(
     campaign: ImpactCampaign,
     spectra: ImpactSpectra,
     match: ModeMatch,
+    mass: MassCheck | None,
 ) -> MatchFile:
     number = np.flatnonzero(rigid.supported) + 1
     names = [str(dof) for dof in spectra.dofs]
@@ -125,6 +128,14 @@ def _summary(
         band=list(campaign.band),
         lines=len(spectra.freq_hz) // _ZERO_PADDING,
         mass=rigid.mass if rigid.is_mass_normalised else None,
+        mass_check=None
+        if mass is None
+        else MassRow(
+            stated=mass.stated,
+            tolerance=mass.tolerance,
+            agrees=mass.agrees,
+            remark=mass.remark(Path(shapes.source).name),
+        ),
         channels=names,
         impacts=list(spectra.sources),
         modes=[

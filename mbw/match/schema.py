@@ -57,6 +57,21 @@ class MatchRow(BaseModel):
     by_hand: list[HandRow]
 
 
+class MassRow(BaseModel):
+    """Mass of the simulated structure beside the mass that the user states.
+
+    Args:
+        stated, tolerance: mass of the structure and its tolerance [kg].
+        agrees: whether the simulated mass lies within the tolerance; null if it is unknown.
+        remark: the comparison in one sentence.
+    """
+
+    stated: Finite
+    tolerance: Finite
+    agrees: bool | None
+    remark: str
+
+
 class MatchFile(BaseModel):
     """Content of ``match.json``.
 
@@ -66,6 +81,7 @@ class MatchFile(BaseModel):
         lines: number of independent frequency lines in the band.
         mass: mass of the simulated structure by its rigid modes [kg]; null if they are not
             normalised by mass.
+        mass_check: comparison with the mass that the user states; null without one.
         channels: labels of the channels, such as ``acc1:+tx``.
         impacts: files of the records.
         modes: measured modes, by rising frequency.
@@ -81,6 +97,7 @@ class MatchFile(BaseModel):
     band: list[Finite]
     lines: int
     mass: Finite | None
+    mass_check: MassRow | None = None
     channels: list[str]
     impacts: list[str]
     modes: list[MatchRow]

@@ -3,15 +3,21 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
 import typer
 
 from identification.impacts import read_impacts
 from identification.matching import match_modes
-from identification.shapes import RigidModes, ShapeSampling, check_mass, read_shapes, rigid_modes
+from identification.shapes import (
+    RigidModes,
+    ShapeSampling,
+    compare_mass,
+    read_shapes,
+    rigid_modes,
+)
 from identification.words import InputError
 from mbw.band import check_band
 from mbw.files import write_json
+from mbw.match.mass_text import read_mass
 from mbw.match.page import render
 from mbw.match.result import NAMES, PAGE, collect_result, write_result
 from mbw.match.schema import MatchFile
@@ -26,17 +32,14 @@ class SimulatedShapes:
     Args:
         path: mesh with the shapes as point data.
         frequencies: table of their frequencies; None if the names of the shapes state them.
-        mass: mass of the structure [kg]; None if the user does not state it.
+        mass: mass of the structure and its tolerance [kg]; None if the user does not state it.
         sampling: how shapes are read at the sensors.
     """
 
     path: Path
     frequencies: Path | None = None
-    mass: float | None = None
+    mass: tuple[float, float] | None = None
     sampling: ShapeSampling = "interpolated"
-
-
-_MASS_TOLERANCE = 0.05  # relative difference to a stated mass
 
 
 def run_options(  # noqa: PLR0913  # one for each option
@@ -45,7 +48,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     *,
     out: Path | None,
     frequencies: Path | None,
-    mass: float | None,
+    mass: str | None,
     nearest: bool,
     width: float,
     band: tuple[float, float] | None,
@@ -56,7 +59,8 @@ def run_options(  # noqa: PLR0913  # one for each option
     check_band(band)
     sampling: ShapeSampling = "nearest" if nearest else "interpolated"
     outputs = ResultOptions(out, json, overwrite)
-    run(SimulatedShapes(shapes, frequencies, mass, sampling), campaign, outputs, width, band)
+    stated = None if mass is None else read_mass(mass)
+    run(SimulatedShapes(shapes, frequencies, stated, sampling), campaign, outputs, width, band)
 
 
 def run(
@@ -79,7 +83,7 @@ def run(
         The folder of the result.
 
     Raises:
-        InputError: a file cannot be used, the shapes have another mass, or no mode is elastic.
+        InputError: a file cannot be used, or no mode is elastic.
     """
     campaign = read_impacts(folder)
     campaign = campaign if band is None else replace(campaign, band=band)
@@ -88,7 +92,10 @@ def run(
         for remark in shapes.remarks:
             SCREEN.say(remark)
         rigid = rigid_modes(shapes)
-        _check_shapes(simulated, rigid)
+        if not rigid.supported.any():
+            raise InputError(
+                f"{simulated.path} has rigid modes alone: give a mesh with elastic modes too"
+            )
         with SCREEN.status("clocks, spectra, modes"):
             matched = match_modes(
                 shapes.select(rigid.supported),
@@ -96,7 +103,8 @@ def run(
                 campaign.spectra(),
                 simulated.sampling,
             )
-            result = collect_result(shapes, rigid, campaign, matched, width_hz)
+            mass = None if simulated.mass is None else compare_mass(rigid, *simulated.mass)
+            result = collect_result(shapes, rigid, campaign, matched, width_hz, mass)
         with output.write() as place:
             write_result(result, place)
             (place / PAGE).write_text(render(result), encoding="utf-8")
@@ -108,20 +116,6 @@ def run(
     SCREEN.say(f"match in {output.path}")
     SCREEN.say(f"pictures in {(output.path / PAGE).absolute().as_uri()}")
     return output.path
-
-
-def _check_shapes(simulated: SimulatedShapes, rigid: RigidModes) -> None:
-    """Refuse shapes of another mass than the stated one, and shapes without an elastic mode."""
-    if simulated.mass is not None:
-        if not 0 < simulated.mass < np.inf:
-            raise InputError(
-                f"--mass {simulated.mass:g} is no mass: give the mass of the structure in kg"
-            )
-        check_mass(rigid, simulated.mass, _MASS_TOLERANCE, str(simulated.path))
-    if not rigid.supported.any():
-        raise InputError(
-            f"{simulated.path} has rigid modes alone: give a mesh with elastic modes too"
-        )
 
 
 def _print(result: MatchFile) -> None:
@@ -140,7 +134,9 @@ def _print(result: MatchFile) -> None:
 
 
 def _say(result: MatchFile, rigid: RigidModes) -> None:
-    if result.mass is not None:
+    if result.mass_check is not None:
+        SCREEN.say(result.mass_check.remark)
+    elif result.mass is not None:
         SCREEN.say(f"the simulated structure weighs {result.mass:.4g} kg by its rigid modes")
     elif rigid.is_rigid.sum() == 6:
         SCREEN.say("the mass is unknown: the simulated shapes are not normalised by mass")
