@@ -4,6 +4,7 @@ from identification.matching.assignment import best_matching, pair_probabilities
 from identification.matching.hand_methods import HandEstimate, estimate_by_hand
 from identification.matching.likelihood import MatchingPriors, pairing_odds
 from identification.matching.measured_modes import ImpactModes, impact_modes, rotate_to_real
+from identification.matching.mode_circles import ChannelCircle, ModeCircles, fit_mode_circles
 from identification.matching.mode_matching import (
     ModeMatch,
     channel_geometry,
@@ -18,9 +19,11 @@ from identification.matching.ratio_method import (
 )
 
 __all__ = [
+    "ChannelCircle",
     "HandEstimate",
     "ImpactModes",
     "MatchingPriors",
+    "ModeCircles",
     "ModeMatch",
     "RatioMatch",
     "RatioReference",
@@ -28,6 +31,7 @@ __all__ = [
     "channel_geometry",
     "choose_reference",
     "estimate_by_hand",
+    "fit_mode_circles",
     "impact_modes",
     "match_by_ratios",
     "match_modes",

@@ -15,6 +15,7 @@ import numpy as np
 
 from identification.impacts import ImpactSpectra
 from identification.matching.measured_modes import ImpactModes
+from identification.matching.resonance_phase import rotate_to_imaginary, strongest_impact
 from identification.modal import (
     half_power_damping,
     least_squares_amplitude,
@@ -24,6 +25,7 @@ from identification.modal import (
 from identification.words import Dof, InputError
 
 _MIN_PEAK_LINES = 3  # lines between the half-power points, for a least-squares amplitude
+_MIN_SHAPE_SHARE = 0.05  # motion over that of the largest channel, below which noise peaks too
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,8 @@ def estimate_by_hand(
     """Compute tables 2 and 3 for a mode, at the channels that move most.
 
     The impact is the one that excites the mode most. A channel has no row if its peak does not fall
-    by 3 dB on both sides, because of another mode beside it, or if the peak is narrower than three
-    lines.
+    by 3 dB on both sides, because of another mode beside it, if the peak is narrower than three
+    lines, or if the channel hardly moves.
 
     Args:
         spectra: spectra of all impacts.
@@ -65,15 +67,15 @@ def estimate_by_hand(
         mode: number of the mode.
         max_rows: number of channels, at most.
     """
-    freq, impact = spectra.freq_hz, int(np.argmax(modes.excitation[mode]))
+    freq, impact = spectra.freq_hz, strongest_impact(modes, mode)
     natural, damping = float(modes.frequencies[mode]), float(modes.dampings[mode])
-    values = spectra.values[:, :, impact]
-    rotation = np.sqrt((values[np.argmin(np.abs(freq - natural))] ** 2).sum())
-    values = 1j * values * np.conj(rotation) / max(abs(rotation), 1e-300)
+    values = rotate_to_imaginary(spectra, modes, mode)
     reach = max(damping * natural, 2 * float(freq[1] - freq[0]))
     nearby = np.flatnonzero(np.abs(freq - natural) <= reach)
     rows = []
-    for channel in np.argsort(-np.abs(modes.shapes[mode]), kind="stable"):
+    motion = np.abs(modes.shapes[mode])
+    moving = np.flatnonzero(motion >= _MIN_SHAPE_SHARE * motion.max())
+    for channel in moving[np.argsort(-motion[moving], kind="stable")]:
         amplitude = np.abs(values[:, channel])
         peak = int(nearby[np.argmax(amplitude[nearby])])
         try:

@@ -1,7 +1,7 @@
 // Measured and simulated modes: table, spectra, match probabilities, ratios, amplitudes by hand.
 const MODES = DATA.modes, FREQ = floats(DATA.freq), PLACES = DATA.places, IMPACTS = DATA.impacts;
 const state = {mode: 0, amplitude: 5, playing: !matchMedia("(prefers-reduced-motion: reduce)").matches,
-               place: 0, above: 0, below: Math.max(0, PLACES.indexOf(DATA.reference)), reading: "reference"};
+               place: 0, sensor: 0, above: 0, below: Math.max(0, PLACES.indexOf(DATA.reference)), reading: "reference"};
 state.above = Math.max(0, PLACES.findIndex((_, k) => k !== state.below));
 const AMPLITUDE = shorts(DATA.amplitude), RATIOS = floats(DATA.ratios);
 const CLOSENESS = {reference: shorts(DATA.closeness), largest: shorts(DATA.closeness_largest)};
@@ -31,7 +31,7 @@ function choose(k) {
   const mode = MODES[k], simulated = mode.simulated === null ? "no simulated mode" : "simulated mode " + mode.simulated + " at " + digits(mode.simulated_frequency) + " Hz";
   turn(k, (isMeasured(mode) ? digits(mode.frequency) + " Hz measured, " : "not measured, ") + simulated);
   byId("evidence").textContent = isMeasured(mode) ? "Channels that distinguish this match from the next candidate: " + mode.telling.map(label).join(", ") + "." : "";
-  spectra(); ratio(); closeness();
+  spectra(); ratio(); closeness(); circles();
 }
 
 // ---- along frequency -----------------------------------------------------------------------
@@ -131,7 +131,7 @@ function hands() {
     const line = element("tr"), off = Math.abs(hand.maximum - hand.least_squares) / Math.abs(hand.least_squares);
     const name = text => element("td", text, {className: "name"});
     line.append(element("td", n ? "" : String(k + 1)), name(label(hand.channel)), name(hand.impact.replace(/.*[\\/]/, "")),
-      ...[digits(hand.lower), digits(hand.peak), digits(hand.upper), (100 * hand.damping).toFixed(2), n ? "" : (100 * mode.damping).toFixed(2),
+      ...[digits(hand.lower), digits(hand.peak), digits(hand.upper), (100 * hand.damping).toFixed(2), percentOf(circleOf(mode, hand.channel).damping), n ? "" : (100 * mode.damping).toFixed(2),
         hand.least_squares.toPrecision(4), hand.maximum.toPrecision(4), (100 * off).toFixed(1)].map(text => element("td", text)));
     body.append(line);
   }));
@@ -146,6 +146,7 @@ pick("over", "below", "over", ratio);
 byId("matches").hidden = !DATA.measured || !DATA.shown.length;
 if (!byId("matches").hidden) { heat("probability", DATA.probability, "Probability"); heat("mac", DATA.mac, "MAC of signed shapes"); }
 hands();
+sensors();
 film();
 start();
 chooseFirst();

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from identification.words import Complex, Dof, Real
+from mbw.match.circles import base_channel, pack_circles
 from mbw.match.result import MatchResult
 from mbw.match.schema import MatchFile
 from mbw.page.html import (
@@ -38,7 +39,7 @@ def render(result: MatchResult) -> str:
         lead=escape(lead(summary)),
         warnings=warning_boxes(_warnings(summary)),
         alike=escape(_similar_pairs(summary)),
-        scripts=["page/picture.js", "page/modes.js", "match/page.js"],
+        scripts=["page/picture.js", "page/modes.js", "match/circles.js", "match/page.js"],
     )
 
 
@@ -88,7 +89,7 @@ def _data(result: MatchResult) -> dict[str, object]:
     shown = arrays["shown"].tolist()
     column = {int(number): k for k, number in enumerate(arrays["numbers"])}
     columns = [column[number] for number in shown]
-    rows = [_row(row.model_dump(), shown) for row in summary.modes]
+    rows = [_row(row.model_dump(), shown) | {"base": base_channel(row)} for row in summary.modes]
     rows += [
         {"simulated": number, "simulated_frequency": float(arrays["shown_hz"][shown.index(number)])}
         | {"at": shown.index(number), "frequency": None}
@@ -112,6 +113,7 @@ def _data(result: MatchResult) -> dict[str, object]:
         "closeness_largest": pack_magnitudes(arrays["closeness_largest"].transpose(1, 2, 0)),
         "probability": pack_real(arrays["probability"][:, columns]),
         "mac": pack_real(arrays["mac"][:, columns]),
+        "circles": pack_circles(summary, arrays),
     }
 
 

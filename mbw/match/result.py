@@ -9,16 +9,19 @@ import numpy as np
 from identification.impacts import ImpactCampaign, ImpactSpectra
 from identification.matching import (
     HandEstimate,
+    ModeCircles,
     ModeMatch,
     RatioReference,
     channel_geometry,
     choose_reference,
     estimate_by_hand,
+    fit_mode_circles,
     match_by_ratios,
 )
 from identification.readers.result_files import read_result_arrays, read_result_json
 from identification.shapes import MassCheck, RigidModes, Shapes, distinguish_modes
 from identification.words import Integers
+from mbw.match.circles import circle_arrays, circle_row
 from mbw.match.schema import HandRow, MassRow, MatchFile, MatchRow
 
 MATCH_JSON, MATCH_NPZ, PAGE = "match.json", "match.npz", "match.html"
@@ -61,7 +64,16 @@ def collect_result(
     """
     spectra = campaign.spectra(_ZERO_PADDING)
     number = np.flatnonzero(rigid.supported) + 1
-    summary = _summary(shapes, rigid, campaign, spectra, match, mass)
+    circles = [
+        fit_mode_circles(spectra, match.measured, mode)
+        for mode in range(len(match.measured.frequencies))
+    ]
+    rows = [
+        _row(match, spectra, mode, number, circles[mode])
+        for mode in range(len(match.measured.frequencies))
+    ]
+    summary = _summary(shapes, rigid, campaign, spectra, match, rows)
+    summary.mass_check = None if mass is None else _mass_row(mass, shapes.source)
     readings: tuple[RatioReference, ...] = ("reference", "largest")
     printed, largest = (
         match_by_ratios(
@@ -96,7 +108,7 @@ def collect_result(
         "vectors": vectors.astype(np.float32),
         "channel_places": places,
         "channel_axes": axes,
-    }
+    } | circle_arrays(circles, spectra)
     return MatchResult(summary, arrays)
 
 
@@ -112,7 +124,7 @@ def _summary(
     campaign: ImpactCampaign,
     spectra: ImpactSpectra,
     match: ModeMatch,
-    mass: MassCheck | None,
+    rows: list[MatchRow],
 ) -> MatchFile:
     number = np.flatnonzero(rigid.supported) + 1
     names = [str(dof) for dof in spectra.dofs]
@@ -128,20 +140,9 @@ def _summary(
         band=list(campaign.band),
         lines=len(spectra.freq_hz) // _ZERO_PADDING,
         mass=rigid.mass if rigid.is_mass_normalised else None,
-        mass_check=None
-        if mass is None
-        else MassRow(
-            stated=mass.stated,
-            tolerance=mass.tolerance,
-            agrees=mass.agrees,
-            remark=mass.remark(Path(shapes.source).name),
-        ),
         channels=names,
         impacts=list(spectra.sources),
-        modes=[
-            _row(match, spectra, mode, number, names)
-            for mode in range(len(match.measured.frequencies))
-        ],
+        modes=rows,
         unmatched=unmatched,
         alike=[[int(in_band[i]), int(in_band[j])] for i, j in similarity.confused],
         alike_told_by=[
@@ -157,8 +158,9 @@ def _summary(
 
 
 def _row(
-    match: ModeMatch, spectra: ImpactSpectra, mode: int, number: Integers, names: list[str]
+    match: ModeMatch, spectra: ImpactSpectra, mode: int, number: Integers, circles: ModeCircles
 ) -> MatchRow:
+    names = [str(dof) for dof in spectra.dofs]
     pair = match.pairs.get(mode)
     no_match = 1 - float(match.probability[mode].sum())
     estimates = estimate_by_hand(spectra, match.measured, mode)
@@ -174,6 +176,18 @@ def _row(
         telling=[names[channel] for channel in match.telling_channels(mode)],
         shape=match.measured.shapes[mode].tolist(),
         by_hand=[_hand_row(estimate, spectra) for estimate in estimates],
+        circles=[
+            circle_row(channel, spectra.sources[circles.impact]) for channel in circles.channels
+        ],
+    )
+
+
+def _mass_row(mass: MassCheck, source: str) -> MassRow:
+    return MassRow(
+        stated=mass.stated,
+        tolerance=mass.tolerance,
+        agrees=mass.agrees,
+        remark=mass.remark(Path(source).name),
     )
 
 

@@ -29,6 +29,28 @@ class HandRow(BaseModel):
     maximum: Finite
 
 
+class CircleRow(BaseModel):
+    """Circle of one mode at one channel in the Nyquist plane, as in fig. 7 of the gondola's paper.
+
+    Args:
+        channel: label of the channel, such as ``acc1:+tx``.
+        impact: file of the impact.
+        frequency, damping: natural frequency [Hz] and damping ratio by the angle along the circle;
+            null without a circle.
+        amplitude: amplitude C by the diameter, signed [m/s]; null without a circle.
+        scatter: rms distance of the lines from the circle, relative to its radius.
+        reason: why there is no circle; empty if there is one.
+    """
+
+    channel: str
+    impact: str
+    frequency: Finite | None
+    damping: Finite | None
+    amplitude: Finite | None
+    scatter: Finite | None
+    reason: str
+
+
 class MatchRow(BaseModel):
     """Measured mode and the simulated mode that matches it.
 
@@ -42,6 +64,7 @@ class MatchRow(BaseModel):
         telling: channels that distinguish this match from the next candidate.
         shape: real shape at ``channels``, of unit norm.
         by_hand: estimates by hand at the channels that move most.
+        circles: circle of every channel, in the impact that excites the mode most.
     """
 
     frequency: Finite
@@ -55,6 +78,7 @@ class MatchRow(BaseModel):
     telling: list[str]
     shape: list[Finite]
     by_hand: list[HandRow]
+    circles: list[CircleRow]
 
 
 class MassRow(BaseModel):

@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from mbw.command import app
+from mbw.match.circles import base_channel
 from mbw.match.page import render
 from mbw.match.result import read_result
 from tests.helpers.browser import CHROMIUM, GL, browse, data_of, unpacked
@@ -25,6 +26,15 @@ PROBE = """<script>setTimeout(() => {
     found.moved = Math.max(...vertices().x.map((v, k) => Math.abs(v - SURFACE.points[3 * k])));
     found.ratio = byId("ratio").data.map(t => t.name);
     found.close = byId("closeness").data.length;
+    const circle = () => byId("circle").data;
+    found.circles = document.querySelectorAll("#circles tbody tr").length;
+    found.traces = circle().map(t => t.name);
+    const points = trace => trace.x.map((x, k) => [x, trace.y[k]]);
+    found.half = [...points(circle()[3]), points(circle()[4])[1]];
+    const first = byId("circle").layout.title.text;
+    document.querySelectorAll("#circles tbody tr")[0].click();
+    found.titles = [first, byId("circle").layout.title.text];
+    found.sentence = byId("circle-text").textContent;
     found.lines = byId("spectra").layout.shapes.length;
     document.body.append(element("pre", JSON.stringify(found), {id: "found"}));
   }, 1500);
@@ -64,6 +74,27 @@ def test_sensors_are_drawn_in_the_size_of_the_simulated_shape(matched):
     assert len(surface) == len(rows) * arrays["points"].size
 
 
+def test_circles_of_the_page_are_those_of_the_result(matched):
+    result = read_result(matched)
+    packed = data_of((matched / "match.html").read_text("utf-8"))["circles"]
+    count, channels = len(result.summary.modes), len(result.summary.channels)
+    values = unpacked(packed["values"], "<c8").reshape(count, channels, packed["lines"])
+    centre = unpacked(packed["centre"], "<c8").reshape(count, channels)
+    radius = unpacked(packed["radius"]).reshape(count, channels)
+    fitted = unpacked(packed["fitted"], "<i4").reshape(count, -1).astype(bool)
+    for number, row in enumerate(result.summary.modes[:6]):  # the seventh is at the band's end
+        assert [circle.channel for circle in row.circles] == result.summary.channels
+        strongest = row.circles[base_channel(row)]
+        assert strongest.frequency == pytest.approx(row.frequency, rel=0.01)
+        assert strongest.damping == pytest.approx(row.damping, rel=0.25)
+        k = result.summary.channels.index(strongest.channel)
+        # The lines of the fit lie on the circle, within its scatter.
+        distance = np.abs(values[number, k, fitted[number]] - centre[number, k])
+        rms = np.sqrt(np.mean((distance / radius[number, k] - 1) ** 2))
+        assert rms == pytest.approx(strongest.scatter, abs=0.02)
+        assert rms < 0.1
+
+
 def test_a_report_of_a_match_is_its_page_again(matched, tmp_path):
     target = str(tmp_path / "again.html")
     done = CliRunner().invoke(app, ["report", str(matched), "--out", target])
@@ -93,3 +124,12 @@ def test_the_page_works_in_a_browser(matched, tmp_path):
     assert found["ratio"][-1].startswith("simulated mode")
     assert found["close"] == 4
     assert found["lines"] >= 4 * 6
+    assert found["circles"] == 21
+    assert found["traces"][2:] == ["circle", "half-power points", "natural frequency"]
+    low, high, top = np.array(found["half"])
+    across, up = high - low, top - (low + high) / 2
+    assert abs(across @ up) < 1e-6 * np.linalg.norm(across) * np.linalg.norm(up)
+    assert np.cross([*(low - (low + high) / 2), 0], [*up, 0])[2] < 0  # 9 o'clock is below the peak
+    assert found["titles"][0] != found["titles"][1]
+    assert found["titles"][1] == "acc1 x, mode 4"
+    assert found["sentence"].startswith("acc1 x, ")
