@@ -25,6 +25,7 @@ from identification.solid import (
     mount_response,
     reconstruct,
     reduce_to_bodies,
+    reduction_covariance,
 )
 
 __all__ = [
@@ -53,6 +54,7 @@ __all__ = [
     "read_settings",
     "reconstruct",
     "reduce_to_bodies",
+    "reduction_covariance",
     "remove_overstated_noise",
     "select_band",
     "smooth_variance",

@@ -44,6 +44,7 @@ VERBS = {
     "match": Verb("mbw.match.options", "Match measured modes to finite-element modes."),
     "place": Verb("mbw.match.place_options", "Propose places for a few sensors."),
     "predict": Verb("mbw.predict.options", "Print a model's modes, FRFs and state space."),
+    "view": Verb("mbw.view.options", "Show a machine in MuJoCo's viewer, or in a picture."),
     "tune": Verb("mbw.tune.options", "Tune a model to a measurement."),
     "diagnose": Verb(
         "mbw.diagnose.options", "Find effects that the model lacks, and their places."

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 
 def out_option(default: str) -> Any:
@@ -19,6 +20,29 @@ def out_option(default: str) -> Any:
     return typer.Option(metavar="DIR", help=f"Folder of the results; default: {default}.")
 
 
+class PairsCommand(TyperCommand):
+    """Command with options of two words, which Typer lacks: ``--animate 3 mode3.gif``.
+
+    Both words are joined by a space before the options are read.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Join the words of each option whose placeholder is ``PAIR_METAVAR``, and read all."""
+        pairs = {name for option in self.params for name in option.opts if _takes_pair(option)}
+        joined, rest = [], list(args)
+        while rest:
+            word = rest.pop(0)
+            joined.append(word)
+            if word in pairs and len(rest) >= 2 and not rest[1].startswith("-"):
+                joined.append(f"{rest.pop(0)} {rest.pop(0)}")
+        return super().parse_args(ctx, joined)
+
+
+def _takes_pair(option: Any) -> bool:
+    return bool(option.metavar == PAIR_METAVAR)
+
+
+PAIR_METAVAR = "NUMBER FILE"
 Band = Annotated[
     tuple[float, float] | None,
     typer.Option(

@@ -28,6 +28,7 @@ ONLY_BEHIND = {
     "plotly": {"mbw/page/html.py", "mbworkbench/plots.py"},
     "typer": {"mbw", "truth"},
     "rich": {"mbw"},
+    "PIL": {"mbw/animation"},
     "truth": {"truth", "mbw/blind"},
 }
 WORDS_MAY_IMPORT = {"numpy", "identification"}

@@ -15,6 +15,7 @@ from identification.hits.recorded_window import combine_windows, detect_recorded
 from identification.hits.rejection import reject_hits
 from identification.hits.remarks import hit_remarks
 from identification.hits.settings import HitSettings
+from identification.hits.traces import record_traces
 from identification.hits.windows import (
     choose_tau,
     exponential_windows,
@@ -139,6 +140,7 @@ def _estimate(hits: _UsableHits, settings: HitSettings, tau: float) -> HitEstima
     """Estimate the FRFs of one reference from its usable hits."""
     blocks = hits.blocks
     records, plan = blocks.records, blocks.plan
+    whole_record, first_block = record_traces(blocks)
     decay, total = exponential_windows(blocks, tau), combine_windows(tau, settings.window_tau)
     force = scipy.fft.rfft(blocks.force * decay)
     motion = np.moveaxis(scipy.fft.rfft(blocks.motion * decay[:, None, :]), 1, 2)
@@ -172,6 +174,8 @@ def _estimate(hits: _UsableHits, settings: HitSettings, tau: float) -> HitEstima
         pretrigger_s=plan.pretrigger / records.rate_hz,
         force_window_s=float((hits.window > 0).sum(axis=1).max()) / records.rate_hz,
         residual_response=hits.residual_response,
+        whole_record=whole_record,
+        first_block=first_block,
         densities=hit_densities(blocks),
         noise=hits.noise,
     )

@@ -2,7 +2,12 @@
 
 from identification.solid.bending_shapes import BendingShape, estimate_bending_shape
 from identification.solid.body_check import BodyCheck, Fault, check_bodies
-from identification.solid.reduction import body_inverse, reconstruct, reduce_to_bodies
+from identification.solid.reduction import (
+    body_inverse,
+    reconstruct,
+    reduce_to_bodies,
+    reduction_covariance,
+)
 from identification.solid.sensor_faults import delay_response, mount_response
 from identification.solid.sentences import FAULT_PHRASES, exchange_phrase
 
@@ -19,4 +24,5 @@ __all__ = [
     "mount_response",
     "reconstruct",
     "reduce_to_bodies",
+    "reduction_covariance",
 ]

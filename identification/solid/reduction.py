@@ -53,6 +53,35 @@ def reduce_to_bodies(estimate: FrfEstimate, layout: Layout) -> FrfEstimate:
     )
 
 
+def reduction_covariance(estimate: FrfEstimate, layout: Layout) -> Real:
+    """Compute the covariance of the motions that ``reduce_to_bodies`` returns.
+
+    With P = pinv(R) and independent errors of the channels, the errors e of a body's six motions
+    have E[e e^H] = P diag(var y) P', which is real. Bodies share no channel, so motions of
+    different bodies are uncorrelated. Only the noise of the channels counts, not the tolerances of
+    the sensors.
+
+    Args:
+        estimate: measured FRFs at points of the layout.
+        layout: bodies and points.
+
+    Returns:
+        Covariance [unit of the FRFs squared], rows and columns tx ty tz rx ry rz; zero for a motion
+        that the channels do not determine; (n_freq, n_in, n_body, 6, 6).
+    """
+    rows = layout.rows(estimate.frf.outputs)
+    n_freq, _, n_in = estimate.variance.shape
+    covariance = np.zeros((n_freq, n_in, len(layout.bodies), 6, 6))
+    for column in range(n_in):
+        for body in range(len(layout.bodies)):
+            block = rows[:, 6 * body : 6 * body + 6]
+            local = estimate.measured[:, column] & block.any(axis=1)
+            inverse, _ = body_inverse(block[local])
+            weighted = estimate.variance[:, None, local, column] * inverse
+            covariance[:, column, body] = weighted @ inverse.T
+    return covariance
+
+
 def reconstruct(reduced: Frf, outputs: tuple[Dof, ...], layout: Layout) -> Frf:
     """Compute the readings of sensors on solid bodies (seed, ch. 2.2).
 

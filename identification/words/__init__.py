@@ -22,7 +22,14 @@ from identification.words.dof import DIRECTIONS, Dof, distinct_dofs
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
 from identification.words.frf import DERIVATIVE_ORDER, Frf, FrfEstimate, Quantity, VarianceSource
 from identification.words.gains import NominalGain, UnknownGains
-from identification.words.hits import Estimator, Hit, HitEstimate, HitRejection, SpectralDensities
+from identification.words.hits import (
+    Estimator,
+    Hit,
+    HitEstimate,
+    HitRejection,
+    SignalTraces,
+    SpectralDensities,
+)
 from identification.words.layout import Layout, is_hammer_point, node_number
 from identification.words.modal import ModalModel, drive_point_scale, modal_sum
 from identification.words.motor import Input, Motor
@@ -61,6 +68,7 @@ __all__ = [
     "Quantity",
     "Real",
     "Records",
+    "SignalTraces",
     "SpectralDensities",
     "Test",
     "Tolerance",

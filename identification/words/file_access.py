@@ -93,15 +93,28 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         InputError: the file cannot be written, for example because the disk is full.
     """
+    write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all, as ``write_text`` does.
+
+    Args:
+        path: the file, in a folder that exists.
+        content: its content.
+
+    Raises:
+        InputError: the file cannot be written, for example because the disk is full.
+    """
     try:
         target = real_path(path)
         if target.exists() and not target.is_file():
-            target.write_text(text, encoding="utf-8")
+            target.write_bytes(content)
             return
         new = target.with_name(f".{target.name[:_MAX_NAME_CHARACTERS]}.{os.getpid()}.new")
         try:
-            with new.open("w", encoding="utf-8") as stream:
-                stream.write(text)
+            with new.open("wb") as stream:
+                stream.write(content)
                 stream.flush()
                 os.fsync(stream.fileno())
             new.replace(target)

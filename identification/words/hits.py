@@ -74,6 +74,31 @@ class SpectralDensities:
 
 
 @dataclass(frozen=True, eq=False)
+class SignalTraces:
+    """Force and motion in time, for pictures: signals with many samples are envelopes.
+
+    Args:
+        record: number of the record, from 1.
+        time_s: time from the start of the record [s]; (n_point,).
+        force: force as recorded [N]; (n_point,).
+        motion: motion as recorded [unit of the records]; (n_point, n_out).
+    """
+
+    record: int
+    time_s: Real
+    force: Real
+    motion: Real
+
+    def __post_init__(self) -> None:
+        """Validate and freeze."""
+        time = frozen_array(self.time_s, np.float64, (None,), "time_s")
+        object.__setattr__(self, "time_s", time)
+        object.__setattr__(self, "force", frozen_array(self.force, np.float64, time.shape, "force"))
+        motion = frozen_array(self.motion, np.float64, (time.size, None), "motion")
+        object.__setattr__(self, "motion", motion)
+
+
+@dataclass(frozen=True, eq=False)
 class HitEstimate:
     """FRFs estimated from the hits of one reference, with the settings that were used.
 
@@ -91,6 +116,8 @@ class HitEstimate:
         force_window_s: longest part of a block in which the force was kept [s].
         residual_response: amplitude of the response at the end of the blocks over its largest
             amplitude, before the exponential window, in the channel that rings longest.
+        whole_record: signals of the record that holds the first kept hit.
+        first_block: signals of the block of that hit.
         densities: spectral densities of the kept blocks, before the exponential window.
         noise: spectral densities before the hits, or None if the records start with a hit.
         remarks: sentences that a reader of the result must know.
@@ -107,6 +134,8 @@ class HitEstimate:
     pretrigger_s: float
     force_window_s: float
     residual_response: float
+    whole_record: SignalTraces
+    first_block: SignalTraces
     densities: SpectralDensities
     noise: SpectralDensities | None = None
     remarks: tuple[str, ...] = ()

@@ -96,13 +96,7 @@ def machine_geometry(machine: Machine) -> MachineGeometry:
     Raises:
         InputError: the MJCF has changed since the machine was read.
     """
-    model = compile_mjcf(machine.source)
-    start = pose_data(model, choose_keyframe(model, machine.source, machine.keyframe))
-    data = find_equilibrium(model, machine.source, start).data
-    moving = stage_bodies(model)
-    names: dict[int, str | None] = {0: None}
-    names.update(zip(moving, machine.layout.bodies, strict=True))
-    stage_names = [names[number] for number in stage_numbers(model).tolist()]
+    model, data, stage_names = pose_machine(machine)
     shown = [_surface(model, data, geom, stage_names) for geom in range(model.ngeom)]
     surfaces = [surface for surface in shown if surface is not None]
     with_geom = {surface.stage for surface in surfaces}
@@ -110,6 +104,29 @@ def machine_geometry(machine: Machine) -> MachineGeometry:
     return MachineGeometry(
         (*surfaces, *_boxes(machine, boxed)), tuple(_lines(model, data, stage_names)), boxed
     )
+
+
+def pose_machine(
+    machine: Machine,
+) -> tuple[mujoco.MjModel, mujoco.MjData, list[str | None]]:
+    """Return a machine's compiled MJCF at static equilibrium, and the stage of each MuJoCo body.
+
+    Args:
+        machine: read from an MJCF that still exists.
+
+    Returns:
+        Model, data, and the name of the stage of each body; None for the world.
+
+    Raises:
+        InputError: the MJCF has changed since the machine was read.
+    """
+    model = compile_mjcf(machine.source)
+    start = pose_data(model, choose_keyframe(model, machine.source, machine.keyframe))
+    data = find_equilibrium(model, machine.source, start).data
+    moving = stage_bodies(model)
+    names: dict[int, str | None] = {0: None}
+    names.update(zip(moving, machine.layout.bodies, strict=True))
+    return model, data, [names[number] for number in stage_numbers(model).tolist()]
 
 
 def _surface(

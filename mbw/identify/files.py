@@ -12,7 +12,17 @@ import scipy.io
 from identification.modal import ScaledModes, full_matrix_model
 from identification.readers.result_files import read_result_arrays, read_result_json
 from identification.readers.uff_modes_write import NodeShapes, node_shapes, write_uff_modes
-from identification.words import Dof, InputError, Layout, ModalModel, Quantity
+from identification.words import (
+    Dof,
+    Frf,
+    FrfEstimate,
+    InputError,
+    Layout,
+    ModalModel,
+    Motor,
+    Quantity,
+)
+from mbw.identify.body_frfs import BODY_MAT, BODY_NPZ, reduce_to_centres, write_body_frfs
 from mbw.identify.result import IdentificationResult
 from mbw.identify.schema import IdentifiedModesFile
 
@@ -20,7 +30,7 @@ MODES_JSON, MODES_NPZ, PAGE = "modes.json", "modes.npz", "identify.html"
 FULL_NPZ = "full_matrix.npz"
 NAMES = (
     MODES_JSON, MODES_NPZ, PAGE, FULL_NPZ, "modes.csv", "shapes.csv", "synthesis.csv",
-    "modes.unv", "modes.mat",
+    "modes.unv", "modes.mat", BODY_NPZ, BODY_MAT,
 )  # fmt: skip
 
 
@@ -34,6 +44,23 @@ def write_files(result: IdentificationResult, folder: Path) -> None:
     title = f"{result.summary.campaign}: measured modes, {result.summary.normalisation}"
     write_uff_modes(folder / "modes.unv", nodes_of(result), title, datetime.now().astimezone())
     scipy.io.savemat(folder / "modes.mat", _matlab(result), do_compression=True)
+    reduced = reduce_to_centres(_measured_estimate(result), result.layout)
+    if reduced is not None:
+        write_body_frfs(reduced, result.layout, float(result.arrays["decay"]), folder)
+
+
+def _measured_estimate(result: IdentificationResult) -> FrfEstimate:
+    """Return the measured FRFs of a result with their variance."""
+    summary, arrays = result.summary, result.arrays
+    frf = Frf(
+        arrays["freq_hz"],
+        arrays["measured"],
+        tuple(Dof.parse(label) for label in summary.outputs),
+        tuple(Dof.parse(text) if ":" in text else Motor(text) for text in summary.inputs),
+        cast(Quantity, summary.quantity),
+    )
+    variance = arrays["noise_sd"].astype(float) ** 2
+    return FrfEstimate(frf, variance, "differences", arrays["is_measured"])
 
 
 def nodes_of(result: IdentificationResult) -> NodeShapes:

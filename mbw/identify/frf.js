@@ -197,5 +197,6 @@ macPlot("other-mac", DATA.other.mac, DATA.other.freq, ["MAC of measured shapes w
 comacPlot("other-comac", DATA.other.comac, "COMAC of each channel over all mode pairs with " + escaped(DATA.other.name));
 comacPlot("solid-comac", DATA.comac, "COMAC of each channel: measured shapes and shapes of its body as a solid");
 solid();
+reconstructions();
 chooseFirst();
 start();

@@ -7,17 +7,8 @@ import numpy as np
 from identification import reconstruct, reduce_to_bodies
 from identification.checks.roving_hammer import is_roving_hammer
 from identification.modal import MeasuredFrfs
-from identification.words import (
-    DERIVATIVE_ORDER,
-    Campaign,
-    Complex,
-    Frf,
-    FrfEstimate,
-    Layout,
-    Mask,
-    Motor,
-    Real,
-)
+from identification.words import Campaign, Complex, Layout, Mask, Motor, Real
+from mbw.identify.body_frfs import measured_estimate
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,10 +70,7 @@ def _solid(measured: MeasuredFrfs, layout: Layout) -> tuple[Complex, Mask]:
     A body needs at least one redundant channel: with six channels the reconstruction equals the
     measurement whatever the body does.
     """
-    quantity = next(name for name, order in DERIVATIVE_ORDER.items() if order == measured.order)
-    frf = Frf(measured.freq_hz, measured.values, measured.outputs, measured.inputs, quantity)
-    estimate = FrfEstimate(frf, measured.variance, "differences", measured.measured)
-    reduced = reduce_to_bodies(estimate, layout)
+    reduced = reduce_to_bodies(measured_estimate(measured), layout)
     values, has_solid = np.zeros_like(measured.values), np.zeros_like(measured.measured)
     bodies = np.array([layout.body_name(dof.point) for dof in measured.outputs])
     for body in layout.bodies:

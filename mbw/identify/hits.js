@@ -1,5 +1,6 @@
 // Hits of raw records: averages of each reference, spectral densities of force and motion.
-Object.assign(state, {hits: 0, channel: 0});
+Object.assign(state, {hits: 0, channel: 0, signal: "record"});
+const RED = "#b0413e";
 const KIND = {accelerance: ["acceleration", "m/s²", "rad/s²"], mobility: ["velocity", "m/s", "rad/s"], receptance: ["displacement", "m", "rad"]};
 const turns = name => /:[+-]r/.test(name);
 const short = value => String(Number(value.toPrecision(3)));
@@ -15,9 +16,9 @@ const HIT_COLUMNS = [
   ["peaks / N", "", row => Array.from(new Set([row.peaks[0], row.peaks[row.peaks.length - 1]].map(short))).join(" .. ")],
   ["estimator", "name", row => row.estimator],
   ["rate / Hz", "", row => String(Number(row.rate.toPrecision(6)))],
-  ["block / s", "", row => row.block.toPrecision(4)],
+  ["block / s", "", row => row.block_s.toPrecision(4)],
   ["before the hit / s", "", row => short(row.pretrigger)],
-  ["force window / s", "", row => row.force_window >= row.block ? "none" : short(row.force_window)],
+  ["force window / s", "", row => row.force_window >= row.block_s ? "none" : short(row.force_window)],
   ["exponential τ / s", "", row => row.exponential_tau ? short(row.exponential_tau) : "none"],
   ["added to ζ / %", "", row => row.exponential_tau ? "≤ " + (100 * row.added).toPrecision(2) : "-"],
   ["response at block end / %", "", row => short(100 * row.left)],
@@ -49,6 +50,7 @@ function hitsChooser() {
   force.onchange = () => { state.hits = Number(force.value); hitsChannels(); hitsPlot(); };
   motion.onchange = () => { state.channel = Number(motion.value); hitsPlot(); };
   byId("hits-chosen").append("force at ", force, " and motion at ", motion);
+  if (DATA.hits[0].record) buttons(byId("hits-chosen"), "signal", [["record", "record"], ["block", "first averaged hit"]], hitsTime);
 }
 
 // The channels of the chosen reference; the one shown before stays where it has it.
@@ -84,6 +86,42 @@ function hitsPlot() {
     yaxis2: {...y, domain: [0, 0.48], ...logAxis(motion.map(t => t.y)), title: {text: (turns(output) ? "angular " : "") + word + " / (" + unit + ")"}},
     legend: {orientation: "h", x: 0, y: 1.01, xanchor: "left", yanchor: "bottom"}}, CONFIG);
   byId("hits-force").value = state.hits; byId("hits-motion").value = state.channel;
+  hitsTime();
+  hitsNormalised();
+}
+
+// Words and units of the chosen force and motion.
+function hitsUnits() {
+  const row = DATA.hits[state.hits], output = row.outputs[state.channel], [word, metres, radians] = KIND[DATA.quantity];
+  return {row, output, push: turns(row.reference) ? ["moment", "N m"] : ["force", "N"], motion: [(turns(output) ? "angular " : "") + word, turns(output) ? radians : metres]};
+}
+
+const channelOf = source => { const values = floats(source.motion), n = floats(source.force).length; return values.slice(state.channel * n, (state.channel + 1) * n); };
+
+// Signals as recorded (seed, fig. 1.5a); dotted lines: averaged hits, grey: hits left out.
+function hitsTime() {
+  const {row, output, push, motion} = hitsUnits(), source = row[state.signal];
+  if (!source) return;
+  const x = floats(source.time), last = x[x.length - 1], isWhole = state.signal === "record";
+  const trace = (y, axis, name, color) => ({type: "scatter", mode: "lines", x, y, yaxis: axis, name, line: {color, width: 1.2}, hovertemplate: "%{x:.5g} s: %{y:.4g}<extra>" + escaped(name) + "</extra>"});
+  const mark = (time, color) => ({type: "line", xref: "x", yref: "paper", x0: time, x1: time, y0: 0, y1: 1, layer: "below", line: {color, width: 1, dash: "dot"}});
+  Plotly.react("hits-time", [trace(floats(source.force), "y", push[0] + " " + row.reference, RED), trace(channelOf(source), "y2", motion[0] + " " + output, BLUE)],
+    {...PLOT, height: 380, margin: {l: 76, r: 12, t: 34, b: 44}, shapes: isWhole ? [...source.kept.map(t => mark(t, INK)), ...source.rejected.map(t => mark(t, "#d0d5dd"))] : [],
+    xaxis: {title: {text: "time in record " + source.number + " / s" + (isWhole ? "; dotted: hits, grey where left out" : ""), standoff: 4}, range: [x[0], last], gridcolor: GRID, zeroline: false, ticks: "outside", anchor: "y2"},
+    yaxis: {domain: [0.54, 1], gridcolor: GRID, title: {text: push[0] + " / " + push[1]}}, yaxis2: {domain: [0, 0.46], gridcolor: GRID, title: {text: motion[0] + " / " + motion[1]}},
+    legend: {orientation: "h", x: 0, y: 1.01, xanchor: "left", yanchor: "bottom"}}, CONFIG);
+  press(byId("hits-chosen"));
+}
+
+// Both densities over their largest value, in one axis (seed, fig. 1.5b).
+function hitsNormalised() {
+  const {row, output} = hitsUnits(), source = row.densities, last = floats(source.freq);
+  const curve = (values, name, color) => { const most = Math.max(...values); return density(source, Array.from(values, v => v / most), "y", name, {color, width: 1.5}); };
+  const data = [curve(channelOf(source), "motion " + output, BLUE), curve(floats(source.force), "force " + row.reference, RED)];
+  Plotly.react("hits-normalised", data, {...PLOT, height: 300, margin: {l: 76, r: 12, t: 34, b: 44},
+    xaxis: {title: {text: "frequency / Hz", standoff: 4}, range: [0, last[last.length - 1]], gridcolor: GRID, zeroline: false, ticks: "outside"},
+    yaxis: {type: "log", gridcolor: GRID, zeroline: false, exponentformat: "power", ...logAxis(data.map(t => t.y)), title: {text: "amplitude spectral density<br>over its largest value"}},
+    legend: {orientation: "h", x: 0, y: 1.01, xanchor: "left", yanchor: "bottom"}}, CONFIG);
 }
 
 function hits() {

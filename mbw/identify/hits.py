@@ -4,7 +4,14 @@ from typing import Any
 
 import numpy as np
 
-from identification.words import Campaign, HitEstimate, Real, SpectralDensities, Test
+from identification.words import (
+    Campaign,
+    HitEstimate,
+    Real,
+    SignalTraces,
+    SpectralDensities,
+    Test,
+)
 from mbw.identify.schema import HitsRow, IdentifiedModeRow, KeptHit, RejectedHit
 from mbw.page.html import pack_real, read_asset
 
@@ -52,16 +59,29 @@ def hits_arrays(campaign: Campaign) -> dict[str, Any]:
 
     ``hits_1_force`` [N/sqrt(Hz)] (n_line,) and ``hits_1_motion`` [unit of the records/sqrt(Hz)]
     (n_line, n_out) stand on the frequency lines ``hits_1_freq_hz``. Names with ``hits_1_noise_``
-    are those of the signals before the hits, if any. The number is the row of ``modes.json``,
-    from 1.
+    are those of the signals before the hits, if any. ``hits_1_record_force`` [N] (n_point,) and
+    ``hits_1_record_motion`` (n_point, n_out) are the signals of one record at
+    ``hits_1_record_time_s``, those with ``hits_1_block_`` of its first averaged
+    hit. The number is the row of ``modes.json``, from 1.
     """
     arrays: dict[str, Any] = {}
     estimates = (test.hits for test in campaign.tests if test.hits is not None)
     for number, hits in enumerate(estimates, start=1):
         arrays |= _density_arrays(f"hits_{number}_", hits.densities, hits.usable_limit_hz)
+        for name, traces in (("record", hits.whole_record), ("block", hits.first_block)):
+            arrays |= _trace_arrays(f"hits_{number}_{name}_", traces)
         if hits.noise is not None:
             arrays |= _density_arrays(f"hits_{number}_noise_", hits.noise, hits.usable_limit_hz)
     return arrays
+
+
+def _trace_arrays(prefix: str, traces: SignalTraces) -> dict[str, Any]:
+    return {
+        f"{prefix}number": traces.record,
+        f"{prefix}time_s": traces.time_s,
+        f"{prefix}force": traces.force.astype(np.float32),
+        f"{prefix}motion": traces.motion.astype(np.float32),
+    }
 
 
 def _density_arrays(prefix: str, densities: SpectralDensities, highest_hz: float) -> dict[str, Any]:
@@ -104,12 +124,15 @@ def hits_data(rows: list[HitsRow], arrays: dict[str, Any]) -> list[dict[str, obj
     """
     return [
         {
-            **row.model_dump(exclude={"kept", "added_damping"}),
+            **row.model_dump(exclude={"kept", "added_damping", "block"}),
             "kept": len(row.kept),
+            "block_s": row.block,
             "peaks": sorted((hit.peak for hit in row.kept), key=abs),
             "added": max(row.added_damping, default=0.0),
             "densities": _pack_densities(arrays, f"hits_{number}_"),
             "noise": _pack_densities(arrays, f"hits_{number}_noise_"),
+            "record": _pack_traces(arrays, f"hits_{number}_record_", row),
+            "block": _pack_traces(arrays, f"hits_{number}_block_", row),
         }
         for number, row in enumerate(rows, start=1)
     ]
@@ -122,4 +145,19 @@ def _pack_densities(arrays: dict[str, Any], prefix: str) -> dict[str, str] | Non
         "freq": pack_real(arrays[f"{prefix}freq_hz"]),
         "force": pack_real(arrays[f"{prefix}force"]),
         "motion": pack_real(arrays[f"{prefix}motion"].T),
+    }
+
+
+def _pack_traces(arrays: dict[str, Any], prefix: str, row: HitsRow) -> dict[str, object] | None:
+    """Return signals in time, with the times of averaged and rejected hits in their record."""
+    if f"{prefix}force" not in arrays:
+        return None
+    number, time = int(arrays[f"{prefix}number"]), arrays[f"{prefix}time_s"]
+    return {
+        "number": number,
+        "time": pack_real(time),
+        "force": pack_real(arrays[f"{prefix}force"]),
+        "motion": pack_real(arrays[f"{prefix}motion"].T),
+        "kept": [hit.time for hit in row.kept if hit.record == number],
+        "rejected": [hit.time for hit in row.rejected if hit.record == number],
     }

@@ -7,10 +7,12 @@ import typer
 
 from mbw.loader import run_verb
 from mbw.options import (
+    PAIR_METAVAR,
     Band,
     CampaignFolder,
     Json,
     Overwrite,
+    PairsCommand,
     Pictures,
     Quiet,
     SingleJob,
@@ -20,7 +22,7 @@ from mbw.options import (
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
 
-@app.command()
+@app.command(cls=PairsCommand)
 def identify(  # noqa: PLR0913  # one for each option
     campaign: CampaignFolder,
     *,
@@ -85,6 +87,13 @@ def identify(  # noqa: PLR0913  # one for each option
     full: Annotated[
         bool, typer.Option("--full", help="Write the full matrix of synthesised FRFs.")
     ] = False,
+    animate: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar=PAIR_METAVAR,
+            help="Write mode NUMBER as .gif, .webp, .mp4, .webm, or .png (still); repeatable.",
+        ),
+    ] = None,
     pictures: Pictures = True,
     jobs: SingleJob = 1,
     quiet: Quiet = False,
@@ -110,6 +119,7 @@ def identify(  # noqa: PLR0913  # one for each option
         force=force or [],
         against=against,
         full=full,
+        animate=animate or [],
         pictures=pictures,
         overwrite=overwrite,
         quiet=quiet,

@@ -6,11 +6,11 @@ from typing import Any, cast
 import numpy as np
 
 from identification.modal import UNIT_MASS
-from identification.words import DERIVATIVE_ORDER, Complex, Dof, Layout, Quantity
+from identification.words import DERIVATIVE_ORDER, Dof, Quantity
 from mbmodel import MachineGeometry
-from mbmodel.geometry.surfaces import TendonLine
 from mbw.identify.files import nodes_of
 from mbw.identify.hits import hits_data, hits_section
+from mbw.identify.moving_machine import body_motion, sensor_spokes
 from mbw.identify.remarks import lead, list_remarks
 from mbw.identify.result import IdentificationResult
 from mbw.identify.solid import solid_data
@@ -28,7 +28,7 @@ def render(result: IdentificationResult, geometry: MachineGeometry | None) -> st
     """
     summary = result.summary
     shared_scripts = ("picture", "modes", "bode")
-    page_scripts = ("page", "hits", "solid", "frf")
+    page_scripts = ("page", "hits", "solid", "reconstruction", "frf")
     return fill_template(
         "identify/template.html",
         _data(result, geometry),
@@ -43,6 +43,11 @@ def render(result: IdentificationResult, geometry: MachineGeometry | None) -> st
         compared=escape(summary.compared_with),
         column="as drawn" if summary.compared_with.endswith("as drawn") else "reference",
         hits=hits_section(summary.hits),
+        body_frfs=escape(
+            f" The FRFs at the centres of mass are in {summary.body_frfs}."
+            if summary.body_frfs
+            else ""
+        ),
         scripts=[
             *(f"page/{name}.js" for name in shared_scripts),
             *(f"identify/{name}.js" for name in page_scripts),
@@ -146,7 +151,7 @@ def _reference_data(result: IdentificationResult) -> dict[str, object]:
 def _picture(result: IdentificationResult, geometry: MachineGeometry | None) -> dict[str, object]:
     layout = result.layout
     nodes = nodes_of(result)
-    picture = picture_data(layout, geometry or _spokes(layout, result), _body_motion(result))
+    picture = picture_data(layout, geometry or sensor_spokes(result), body_motion(result))
     picture["points"] = [
         point
         for point in picture["points"]  # type: ignore[attr-defined]
@@ -158,33 +163,3 @@ def _picture(result: IdentificationResult, geometry: MachineGeometry | None) -> 
         "vectors": pack_complex(nodes.values.transpose(2, 0, 1)),
     }
     return picture
-
-
-def _body_motion(result: IdentificationResult) -> Complex:
-    """Return the motion of each centre of mass; (n_mode, 6 n_body).
-
-    It is zero for a body that lacks a direction.
-    """
-    layout, summary = result.layout, result.summary
-    motion = np.zeros((6 * len(layout.bodies), len(summary.modes)), complex)
-    for label, shape in zip(summary.body_directions, result.arrays["body_shapes"], strict=True):
-        dof = Dof.parse(label)
-        if dof.point not in summary.undetermined_bodies:
-            motion[6 * layout.bodies.index(dof.point) + dof.axis] = shape
-    return motion.T
-
-
-def _spokes(layout: Layout, result: IdentificationResult) -> MachineGeometry:
-    """Return lines from each centre of mass to its sensors, for a machine without surfaces."""
-    points = list(dict.fromkeys(Dof.parse(label).point for label in result.summary.outputs))
-    lines = []
-    for body, name in enumerate(layout.bodies):
-        places = [
-            layout.positions[layout.points.index(point)]
-            for point in points
-            if layout.body_name(point) == name
-        ]
-        path = [part for place in places for part in (layout.centres[body], place)]
-        if path:
-            lines.append(TendonLine(name, np.array(path), (name,) * len(path), None))
-    return MachineGeometry((), tuple(lines), ())

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from identification import BodyCheck
+from identification import BodyCheck, reduce_to_bodies
 from identification.checks.roving_hammer import is_roving_hammer
 from identification.checks.setups import SetupCheck
 from identification.modal import (
@@ -22,6 +22,7 @@ from identification.modal import (
 from identification.words import Campaign, Layout, ModalModel, Real
 from mbw.gain_text import unknown_gain_sentences
 from mbw.identify.arrays import collect_arrays
+from mbw.identify.body_frfs import BODY_NPZ, measured_estimate
 from mbw.identify.hits import hits_rows
 from mbw.identify.reference_shapes import ReferenceModes
 from mbw.identify.result_parts import MAX_NOISE_RATIO, ResultParts, derive_parts
@@ -103,6 +104,7 @@ def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> Iden
         roved=is_roving_hammer(parts.campaign),
         body_directions=[str(dof) for dof in parts.body_shapes.dofs],
         undetermined_bodies=list(parts.body_shapes.undetermined),
+        body_frfs=_body_frf_file(parts),
         normalisation=scaled.normalisation,
         misfit=parts.identified.misfit,
         error=_rms(error, error.error),
@@ -120,6 +122,13 @@ def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> Iden
             *(check.sentence for check in checks.setups if check.agrees is False),
         ],
     )
+
+
+def _body_frf_file(parts: ResultParts) -> str | None:
+    """Return the file of the FRFs at the centres of mass; None if no motion is determined."""
+    estimate = measured_estimate(parts.measured)
+    first_line = estimate.select_lines(slice(0, 1))
+    return BODY_NPZ if reduce_to_bodies(first_line, parts.campaign.layout).frf.outputs else None
 
 
 def _rms(error: SynthesisError, values: Real) -> float | None:

@@ -209,6 +209,7 @@ class IdentifiedModesFile(BaseModel):
             and inputs the sensors.
         body_directions: determined directions at centres of mass, in world axes.
         undetermined_bodies: bodies of which the sensors do not determine all six directions.
+        body_frfs: file of the FRFs at the centres of mass; null if no motion is determined.
         normalisation: scale of the shapes: ``unit modal mass`` (kg^-1/2, ``a_r`` = 2 i Im ``s_r``
             kg) or ``largest entry 1``.
         misfit: squared error over the variance of the noise, per degree of freedom of the fit.
@@ -236,6 +237,7 @@ class IdentifiedModesFile(BaseModel):
     roved: bool
     body_directions: list[str]
     undetermined_bodies: list[str]
+    body_frfs: str | None = None
     normalisation: str
     misfit: Finite
     error: Finite | None

@@ -25,6 +25,12 @@ from identification.words import Campaign, UsageError, WorkbenchError
 from mbmodel import Machine, load_machine, machine_geometry
 from mbw.band import check_band
 from mbw.files import write_json
+from mbw.identify.animate import (
+    ModeAnimation,
+    parse_animations,
+    refuse_missing_modes,
+    write_animations,
+)
 from mbw.identify.files import (
     NAMES,
     PAGE,
@@ -56,12 +62,14 @@ class IdentifyChoices:
         modes: modes to add, to drop, to force.
         against: universal file with reference shapes; None for the nominal model.
         full: whether to write the FRFs between all outputs.
+        animations: modes to be written as pictures.
     """
 
     tolerances: ModeCriteria
     modes: ModeChoices
     against: Path | None
     full: bool = False
+    animations: tuple[ModeAnimation, ...] = ()
 
 
 def run_options(  # noqa: PLR0913  # one for each option
@@ -82,6 +90,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     force: list[str],
     against: Path | None,
     full: bool,
+    animate: list[str],
     pictures: bool,
     overwrite: bool,
 ) -> None:
@@ -101,7 +110,8 @@ def run_options(  # noqa: PLR0913  # one for each option
     )
     modes = ModeChoices(add=tuple(add), drop=tuple(drop), force=parse_forced_modes(force))
     outputs = ResultOptions(out, json, overwrite, pictures)
-    run(campaign, outputs, IdentifyChoices(tolerances, modes, against, full), band)
+    animations = parse_animations(animate)
+    run(campaign, outputs, IdentifyChoices(tolerances, modes, against, full, animations), band)
 
 
 def run(
@@ -124,6 +134,7 @@ def run(
     source, machine, band_campaign = _open_campaign(campaign, band)
     with outputs.open("identify", source, "modes", NAMES) as output:
         result = _identify(machine, band_campaign, choices)
+        refuse_missing_modes(choices.animations, len(result.summary.modes))
         with output.write() as place:
             write_files(result, place)
             if choices.full:
@@ -131,6 +142,7 @@ def run(
             if outputs.pictures:
                 geometry = None if machine is None else machine_geometry(machine)
                 (place / PAGE).write_text(render(result, geometry), encoding="utf-8")
+    write_animations(result, machine, choices.animations)
     if outputs.json is not None:
         write_json(result.summary.model_dump_json(indent=1), outputs.json)
     if not (outputs.has_json_on_stdout or SCREEN.quiet):

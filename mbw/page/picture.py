@@ -94,6 +94,14 @@ def _palette(geometry: MachineGeometry, bodies: Sequence[str]) -> dict[str | Non
     }
 
 
+def body_colours(bodies: Sequence[str]) -> dict[str | None, str]:
+    """Return a colour for each body, and that of the world for None."""
+    colours: dict[str | None, str] = {None: _WORLD_COLOUR}
+    for number, name in enumerate(bodies):
+        colours[name] = _BODY_COLOURS[number % len(_BODY_COLOURS)]
+    return colours
+
+
 def _stack_indices(surfaces: Sequence[Surface], name: str) -> Integers:
     """Return the triangles or edges of several surfaces as indices of their joint vertices."""
     parts, first = [], 0

@@ -40,6 +40,13 @@ const wait = ms => new Promise(done => setTimeout(done, ms));
   await wait(200);
   found.second = [curve("y"), curve("y2")];
   found.chosen = [byId("hits-force").value, byId("hits-motion").value];
+  const curves = id => byId(id).data.map(t => [t.name, Array.from(t.x), Array.from(t.y)]);
+  found.normalised = curves("hits-normalised");
+  found.record = curves("hits-time");
+  found.marks = byId("hits-time").layout.shapes.map(mark => mark.x0);
+  document.querySelector("#hits-chosen button[data-value=block]").click();
+  await wait(200);
+  found.block = curves("hits-time");
   found.coherence = Array.from(byId("frf").data.find(t => t.name === "coherence").y);
   found.faults = FAULTS;
   document.body.append(element("pre", JSON.stringify(found), {id: "found"}));
@@ -225,3 +232,30 @@ def test_a_click_on_a_reference_chooses_it(found):
 def test_coherence_of_records_is_under_their_frfs(found, result):
     assert result.arrays["has_coherence"].all()
     np.testing.assert_allclose(found["coherence"], result.arrays["coherence"][:, 0, 0], rtol=1e-6)
+
+
+def test_force_and_motion_are_shown_in_time_with_their_hits(found, content, result):
+    second = content["hits"][1]
+    (force, time, pushes), (motion, _, moves) = found["record"]
+    assert [force, motion] == ["force acc3:-ty", "acceleration acc3:+tz"]
+    np.testing.assert_allclose(pushes, result.arrays["hits_2_record_force"], rtol=1e-6)
+    np.testing.assert_allclose(moves, result.arrays["hits_2_record_motion"][:, 8], rtol=1e-6)
+    assert time[-1] == pytest.approx(8.0, abs=0.01)
+    number = int(result.arrays["hits_2_record_number"])
+    expected = [hit["time"] for hit in second["kept"] if hit["record"] == number]
+    np.testing.assert_allclose(found["marks"], expected)
+    _, block_time, block_force = found["block"][0]
+    assert block_time[-1] - block_time[0] == pytest.approx(second["block"], rel=0.01)
+    assert max(block_force) == pytest.approx(abs(second["kept"][0]["peak"]), rel=0.05)
+
+
+def test_both_densities_stand_in_one_axis_over_their_largest_values(found, result):
+    (motion, freq, moves), (force, _, pushes) = found["normalised"]
+    assert [motion, force] == ["motion acc3:+tz", "force acc3:-ty"]
+    np.testing.assert_allclose(freq, result.arrays["hits_2_freq_hz"], rtol=1e-6)
+    for shown, density in (
+        (moves, result.arrays["hits_2_motion"][:, 8]),
+        (pushes, result.arrays["hits_2_force"]),
+    ):
+        assert max(shown) == 1
+        np.testing.assert_allclose(shown, density / density.max(), rtol=1e-5)

@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("identification", "mbmodel", "tuning", "diagnosis", "mbw", "mbworkbench")
 COMMON = {"--out", "--json", "--jobs", "--quiet", "--overwrite"}
 SHAPES = ROOT / "assets" / "gondola" / "shapes.vtu"
-WITHOUT_BAND = {"report"}
+WITHOUT_BAND = {"report", "view"}
 WITH_SEED = {"demo", "tune", "diagnose", "blind"}
 
 

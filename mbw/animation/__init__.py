@@ -1,0 +1,1 @@
+"""Modes of a machine as animated pictures and videos to paste."""

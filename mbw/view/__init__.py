@@ -1,0 +1,1 @@
+"""``mbw view``: a machine at rest or in a mode, in MuJoCo's viewer or in a picture."""

@@ -1,0 +1,54 @@
+"""Options of ``mbw view``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mbw.loader import run_verb
+from mbw.options import Json, Overwrite, Quiet, SingleJob
+
+app = typer.Typer(rich_markup_mode=None, add_completion=False)
+
+
+@app.command()
+def view(
+    model: Annotated[Path, typer.Argument(help="MJCF of a machine.")],
+    *,
+    mode: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="Number of the mode in the table of mbw predict; default: at rest."
+        ),
+    ] = None,
+    key: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Keyframe that gives pose and controls; default: home if there is one.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write a .gif, .webp, .mp4, .webm or .png (still) and open no window.",
+        ),
+    ] = None,
+    json: Json = None,
+    jobs: SingleJob = 1,
+    quiet: Quiet = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Show a machine in MuJoCo's viewer, at rest or moving in a mode; or write a picture."""
+    del jobs
+    run_verb(
+        "mbw.view.verb",
+        model,
+        mode=mode,
+        key=key,
+        out=out,
+        json=json,
+        overwrite=overwrite,
+        quiet=quiet,
+    )
