@@ -11,8 +11,8 @@ from mbmodel.additions import (
 )
 from mbmodel.compliance.flexible_body import BendingMode, add_bending_mode
 from mbmodel.compliance.released_directions import RigidDirection, release_rigid_directions
+from mbmodel.export.linear_response import respond_linearly
 from mbmodel.export.state_space import state_space
-from mbmodel.export.transient import simulate
 from mbmodel.frf.forward_sensitivities import ForwardSensitivities
 from mbmodel.frf.linearised import Evaluator, Linearised, linearise
 from mbmodel.frf.ports import parse_input
@@ -45,7 +45,10 @@ from mbmodel.parts import (
     sensor_parts,
     spring_parts,
 )
+from mbmodel.simulation.response import TimeResponse, simulate
 from mbmodel.spatial import rotation_matrix, transport
+from mbmodel.virtual_test.hammer_test import VirtualTest, strike
+from mbmodel.virtual_test.plan import HammerTestPlan, HitScatter, Noise, RecordedFile
 
 silence_mujoco_log()
 
@@ -61,6 +64,8 @@ __all__ = [
     "FrfRequest",
     "HammerGainPart",
     "HammerPart",
+    "HammerTestPlan",
+    "HitScatter",
     "Linearised",
     "LinearisedModes",
     "Machine",
@@ -69,14 +74,18 @@ __all__ = [
     "ModeEvaluator",
     "Model",
     "Modes",
+    "Noise",
     "NotInMjcf",
     "Parameter",
     "Part",
     "PartContext",
+    "RecordedFile",
     "RigidDirection",
     "SensorPart",
     "Spring",
     "SpringPart",
+    "TimeResponse",
+    "VirtualTest",
     "add_bending_mode",
     "as_drawn",
     "body_parts",
@@ -96,12 +105,14 @@ __all__ = [
     "parse_input",
     "release_rigid_directions",
     "released_joint_elements",
+    "respond_linearly",
     "rotation_matrix",
     "sensor_parts",
     "shapes_at",
     "simulate",
     "spring_parts",
     "state_space",
+    "strike",
     "suspended_mass_elements",
     "transport",
     "write_mjcf",

@@ -26,7 +26,11 @@ from mbmodel.spatial import spatial_inertia
 
 
 def load_machine(
-    path: Path, spin: Mapping[str, float] | None = None, key: str | None = None
+    path: Path,
+    spin: Mapping[str, float] | None = None,
+    key: str | None = None,
+    *,
+    without_friction: bool = False,
 ) -> Machine:
     """Read an MJCF, find its static equilibrium, and linearise the machine there.
 
@@ -38,13 +42,15 @@ def load_machine(
         spin: rates of the hinges that turn steadily [rad/s], by name; their angle is frozen.
         key: name of the keyframe that gives the pose and the controls, empty for none; by default
             the keyframe ``home`` if there is one, else none.
+        without_friction: whether dry friction (``frictionloss``), which has no linear model, is
+            left out instead of refused.
 
     Raises:
         InputError: what cannot be read or linearised, with the element and a remedy.
         ConvergenceError: no static equilibrium.
         UsageError: a spinning joint that is no hinge of the machine.
     """
-    model, compiler_remarks = compile_with_remarks(path)
+    model, compiler_remarks = compile_with_remarks(path, without_friction=without_friction)
     if not model.nv:
         raise InputError(f"{path}: no body has a joint: give at least one body a joint")
     keyframe = choose_keyframe(model, path, key)

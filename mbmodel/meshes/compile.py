@@ -1,6 +1,6 @@
 """Compilation of an MJCF with its meshes: those that give mass are checked and summed exactly."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import mujoco
@@ -22,7 +22,10 @@ _VOLUME_INERTIAS = (_MESH_INERTIA.mjMESH_INERTIA_LEGACY, _MESH_INERTIA.mjMESH_IN
 _READABLE_SUFFIXES = (".stl", ".obj", ".msh", ".vtu")
 
 
-def compile_with_meshes(path: Path) -> mujoco.MjModel:
+SpecChange = Callable[[mujoco.MjSpec], None]  # adds elements to a specification, in place
+
+
+def compile_with_meshes(path: Path, change: SpecChange | None = None) -> mujoco.MjModel:
     """Compile an MJCF so that its meshes have the mass of the volume that they enclose.
 
     MuJoCo's default overestimates the volume of shapes that are not convex. Its exact sum accepts
@@ -34,6 +37,7 @@ def compile_with_meshes(path: Path) -> mujoco.MjModel:
 
     Args:
         path: the MJCF.
+        change: adds elements before the specification is compiled; None for none.
 
     Raises:
         InputError: a mesh that gives mass encloses no definite volume, or cannot be read.
@@ -60,6 +64,8 @@ def compile_with_meshes(path: Path) -> mujoco.MjModel:
         ):
             # A shell always has an inertia: shapes for display need not be closed.
             mesh.inertia = _MESH_INERTIA.mjMESH_INERTIA_SHELL
+    if change is not None:
+        change(spec)
     model = spec.compile()
     _check_compiled(path, model, unchecked)
     return model

@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 
 from identification.words import InputError
-from mbmodel.meshes.compile import compile_with_meshes
+from mbmodel.meshes.compile import SpecChange, compile_with_meshes
 from mbmodel.mjcf.refusals import refuse_unlinearisable
 from mbmodel.mjcf.source_files import named_files, read_source_files
 
@@ -32,11 +32,16 @@ def compile_mjcf(path: Path) -> mujoco.MjModel:
     return compile_with_remarks(path)[0]
 
 
-def compile_with_remarks(path: Path) -> tuple[mujoco.MjModel, tuple[str, ...]]:
+def compile_with_remarks(
+    path: Path, *, without_friction: bool = False, change: SpecChange | None = None
+) -> tuple[mujoco.MjModel, tuple[str, ...]]:
     """Compile an MJCF file and refuse what has no linear model.
 
     Args:
         path: the file.
+        without_friction: whether dry friction (``frictionloss``) is switched off instead of
+            refused.
+        change: adds elements before the file is compiled; None for none.
 
     Returns:
         The compiled model, and MuJoCo's own warnings as remarks.
@@ -50,11 +55,13 @@ def compile_with_remarks(path: Path) -> tuple[mujoco.MjModel, tuple[str, ...]]:
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
-            model = compile_with_meshes(path)
+            model = compile_with_meshes(path, change)
     except (ValueError, mujoco.FatalError) as error:
         raise InputError(_explain(path, str(error))) from error
     model.opt.enableflags &= ~int(_STEPPING_OPTIONS)
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    if without_friction:
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS
     _refuse_colons(path, model)
     refuse_unlinearisable(path, model)
     sentences = dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught)

@@ -8,7 +8,7 @@ from mbmodel_examples import STATION, mass_on_spring, mjcf
 from test_mbmodel_inputs import driven
 
 from identification.words import Dof, Motor, UsageError
-from mbmodel import FrfRequest, as_drawn, load_machine, simulate, state_space
+from mbmodel import FrfRequest, as_drawn, load_machine, respond_linearly, state_space
 
 LEGS = STATION.with_name("station_legs.xml")
 
@@ -25,7 +25,7 @@ def test_one_mass_follows_its_closed_form_under_a_parabola(from_text):
     model = as_drawn(from_text(mjcf(mass_on_spring(m, k, c))))
     time_s = np.linspace(0, 0.5, 41)
     dof = (Dof("acc1", "+tz"),)
-    response = simulate(
+    response = respond_linearly(
         model,
         model.drawn,
         FrfRequest(np.ones(1), dof, dof, "receptance"),
@@ -53,7 +53,7 @@ def test_python_control_gives_the_same_at_a_fine_step(from_text, quantity):
     signals = [
         np.stack([burst(t), 2 * burst(t, low=50), -burst(t, high=90)], 1) for t in (coarse, fine)
     ]
-    response = simulate(model, model.drawn, frf_request, coarse, signals[0])
+    response = respond_linearly(model, model.drawn, frf_request, coarse, signals[0])
     system = state_space(model, model.drawn, frf_request)
     expected = control.forced_response(system, fine, signals[1].T).outputs.T[::20]
     # The first-order hold errs by (w dt)^2 / 12 = 2e-4 at 160 Hz and 50 us, the spline by 1e-5.
@@ -98,7 +98,7 @@ def test_the_station_moves_as_in_mujoco_at_small_motion(path):
     time_s = np.arange(samples * 8) * time_end / samples / 8
     force = 3 * burst(time_s)  # at 30 N the kinematics of a rotation squared show: 1.4e-5
     frf_request = FrfRequest(np.ones(1), dofs, (Dof("acc11", "+ty"),), "receptance")
-    response = simulate(model, model.drawn, frf_request, time_s, force[:, None])[::8]
+    response = respond_linearly(model, model.drawn, frf_request, time_s, force[:, None])[::8]
     step, before = 2e-5, None
     for _ in range(5):
         expected = mujoco_response(path, lambda t: 3 * burst(np.array(t)), time_end, step, outputs)
@@ -115,8 +115,14 @@ def test_uneven_time_and_ill_fitting_signals_are_refused(station_model):
     dof = (Dof("acc1", "+tx"),)
     frf_request = FrfRequest(np.ones(1), dof, dof)
     with pytest.raises(UsageError, match="not evenly spaced"):
-        simulate(station_model, station_model.drawn, frf_request, [0, 1, 3, 4], np.zeros((4, 1)))
+        respond_linearly(
+            station_model, station_model.drawn, frf_request, [0, 1, 3, 4], np.zeros((4, 1))
+        )
     with pytest.raises(UsageError, match="at least 4"):
-        simulate(station_model, station_model.drawn, frf_request, [0, 1, 2], np.zeros((3, 1)))
+        respond_linearly(
+            station_model, station_model.drawn, frf_request, [0, 1, 2], np.zeros((3, 1))
+        )
     with pytest.raises(UsageError, match=r"expected \(5, 1\)"):
-        simulate(station_model, station_model.drawn, frf_request, np.arange(5), np.zeros((4, 1)))
+        respond_linearly(
+            station_model, station_model.drawn, frf_request, np.arange(5), np.zeros((4, 1))
+        )

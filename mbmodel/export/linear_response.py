@@ -12,8 +12,10 @@ from mbmodel.model import Model
 _MAX_STEP_UNEVENNESS = 1e-6  # relative to the step: rounding of a time axis in a file
 
 
-def simulate(model: Model, theta: Real, request: FrfRequest, time_s: Real, signals: Real) -> Real:
-    """Simulate the time response from rest.
+def respond_linearly(
+    model: Model, theta: Real, request: FrfRequest, time_s: Real, signals: Real
+) -> Real:
+    """Compute the time response of the linear model from rest.
 
     A cubic spline u interpolates the samples of each input. Over one step x' = A x + B u is solved
     exactly, since (u, u', u'', u''') obeys a linear equation of its own. The matrix exponential of
@@ -39,7 +41,7 @@ def simulate(model: Model, theta: Real, request: FrfRequest, time_s: Real, signa
         UsageError: an uneven time axis, or shapes that do not fit.
     """
     time_s, signals = np.asarray(time_s, float), np.asarray(signals, float)
-    step = _step(time_s)
+    step = even_step(time_s)
     if signals.shape != (len(time_s), len(request.inputs)):
         raise UsageError(
             f"signals have shape {signals.shape}, expected ({len(time_s)}, {len(request.inputs)}):"
@@ -59,8 +61,15 @@ def simulate(model: Model, theta: Real, request: FrfRequest, time_s: Real, signa
     return outputs
 
 
-def _step(time_s: Real) -> float:
-    """Return the step of an evenly spaced time axis [s]."""
+def even_step(time_s: Real) -> float:
+    """Return the step of an evenly spaced time axis [s].
+
+    Args:
+        time_s: instants [s]; (n_time,).
+
+    Raises:
+        UsageError: fewer than 4 instants, or uneven ones.
+    """
     if time_s.ndim != 1 or len(time_s) < 4:
         raise UsageError(f"the time axis has shape {time_s.shape}: give at least 4 instants")
     steps = np.diff(time_s)

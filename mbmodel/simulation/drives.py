@@ -1,0 +1,157 @@
+r"""Inputs of the machine in time: what each of them applies to MuJoCo.
+
+MuJoCo takes controls of actuators, generalised forces at joints, and wrenches at bodies' centres of
+mass. A force at a point is a wrench at the centre of its stage, with the arm of the machine at
+rest. An acceleration a of the floor is the inertia force -m a at every body, and the readings then
+gain the floor's own motion.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from identification.words import Dof, Input, Motor, Real, UsageError
+from mbmodel.frf.ports import find_ports, is_floor, parse_input
+from mbmodel.machine import Machine
+from mbmodel.mjcf.names import actuator_name
+from mbmodel.simulation.time_model import TimeModel, joint_coordinate
+
+JOINT_PREFIX = "joint:"  # of labels of joints, such as joint:ty_tx
+_CONTROL, _JOINT_FORCE, _WRENCH = (
+    mujoco.mjtState.mjSTATE_CTRL,
+    mujoco.mjtState.mjSTATE_QFRC_APPLIED,
+    mujoco.mjtState.mjSTATE_XFRC_APPLIED,
+)
+CONTROL_SPEC = int(_CONTROL) | int(_JOINT_FORCE) | int(_WRENCH)  # in this order in a vector
+
+
+@dataclass(frozen=True)
+class JointDof:
+    """The coordinate of a slide or hinge, by the joint's name.
+
+    Args:
+        joint: name of the joint.
+    """
+
+    joint: str
+
+    def __str__(self) -> str:
+        """Return the label ``joint:<name>``."""
+        return f"{JOINT_PREFIX}{self.joint}"
+
+
+def parse_drive(machine: Machine, text: str) -> Input | JointDof:
+    """Return the motor, joint or direction that a text names.
+
+    Raises:
+        UsageError: it names none of these.
+    """
+    return _parse_joint(machine, text) or parse_input(machine, text)
+
+
+def parse_reading(machine: Machine, text: str) -> Dof | JointDof:
+    """Return the joint or direction whose motion a text names.
+
+    Raises:
+        UsageError: it names none of these.
+    """
+    return _parse_joint(machine, text) or Dof.parse(text)
+
+
+def _parse_joint(machine: Machine, text: str) -> JointDof | None:
+    """Return the joint of a label ``joint:<name>``; None for other labels."""
+    name = text.removeprefix(JOINT_PREFIX)
+    if name == text:
+        return None
+    joints = [axle.joint for axle in machine.axles]
+    if name not in joints:
+        raise UsageError(
+            f"{text!r}: the model has no slide or hinge of this name: choose one of "
+            f"{', '.join(joints)}"
+        )
+    return JointDof(name)
+
+
+@dataclass(frozen=True, eq=False)
+class Drives:
+    """What inputs apply to MuJoCo, and how the floor moves with them.
+
+    Args:
+        gain: entries of the control vector per unit of each input; (n_control, n_in).
+        floor: acceleration of the floor per unit of each input, in world axes; (3, n_in).
+    """
+
+    gain: Real
+    floor: Real
+
+
+def rest_controls(model: TimeModel) -> Real:
+    """Return the control vector that keeps the machine in its state of rest; (n_control,)."""
+    return np.concatenate([model.controls, model.holding, np.zeros(6 * model.compiled.nbody)])
+
+
+def wrench_gain(model: TimeModel, wrenches: Real) -> Real:
+    """Return the entries of the control vector for wrenches at the stages' centres of mass.
+
+    Args:
+        model: the machine.
+        wrenches: force and moment at the centre of each stage; (6 n_stage, n_in).
+
+    Returns:
+        (n_control, n_in).
+    """
+    applied = np.zeros((model.compiled.nbody, 6, wrenches.shape[1]))
+    parts = wrenches.reshape(-1, 6, wrenches.shape[1])
+    for body, centre, part in zip(model.lead, model.machine.layout.centres, parts, strict=True):
+        arm = centre - model.centres[body]
+        applied[body, :3] = part[:3]
+        applied[body, 3:] = part[3:] + np.cross(arm, part[:3], axisb=0, axisc=0)
+    empty = np.zeros((len(model.controls) + len(model.holding), wrenches.shape[1]))
+    return np.vstack([empty, applied.reshape(-1, wrenches.shape[1])])
+
+
+def find_drives(model: TimeModel, inputs: Sequence[Input | JointDof]) -> Drives:
+    """Return what each input applies.
+
+    Args:
+        model: the machine.
+        inputs: points, bodies, motors, joints, or the floor.
+
+    Raises:
+        UsageError: the machine has no such input, or the floor would turn.
+    """
+    machine = model.machine
+    gain = np.zeros((len(rest_controls(model)), len(inputs)))
+    floor = np.zeros((3, len(inputs)))
+    for column, drive in enumerate(inputs):
+        if isinstance(drive, Motor):
+            find_ports(machine, (), (drive,))  # refuses an unknown motor
+            gain[_control_number(model, drive.name), column] = 1.0
+        elif isinstance(drive, JointDof):
+            gain[len(model.controls) + joint_coordinate(model.compiled, drive.joint), column] = 1.0
+        else:
+            ports = find_ports(machine, (), (drive,))
+            if is_floor(machine, drive):
+                if drive.is_rotation:
+                    raise UsageError(
+                        f"{drive}: a turning floor is not simulated: move it along tx, ty or tz"
+                    )
+                floor[drive.axis, column] = drive.sign
+            wrench = ports.force - machine.body_mass @ ports.floor
+            gain[:, column] += wrench_gain(model, wrench)[:, 0]
+    return Drives(gain, floor)
+
+
+def _control_number(model: TimeModel, name: str) -> int:
+    """Return the place of a motor's control in the control vector."""
+    compiled = model.compiled
+    for actuator in range(compiled.nactuator):
+        first = int(compiled.actuator_ctrladr[actuator])
+        count = int(compiled.actuator_ctrlnum[actuator])
+        base = actuator_name(compiled, actuator)
+        names = [base] if count == 1 else [f"{base}.{k}" for k in range(count)]
+        if name in names:
+            return first + names.index(name)
+    raise UsageError(f"{name!r} is no motor of the model")

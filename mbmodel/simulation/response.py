@@ -1,0 +1,125 @@
+"""Time response of a machine to signals at its inputs, by MuJoCo, nonlinear joints included."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline, PPoly
+
+from identification.words import DERIVATIVE_ORDER, Dof, Input, Quantity, Real, UsageError
+from mbmodel.export.linear_response import even_step
+from mbmodel.machine import Machine
+from mbmodel.simulation.drives import JointDof, find_drives
+from mbmodel.simulation.integration import InputMeans, TimeStep, integrate
+from mbmodel.simulation.readings import find_readings
+from mbmodel.simulation.time_model import TimeModel, build_time_model
+from mbmodel.simulation.time_step import Recorder, choose_time_step
+
+_ESTIMATED_SHARE = 0.1  # of the signals, over which the error of the step is estimated
+_MAX_ESTIMATED_S = 0.5  # s: longer spans cost more than they tell
+
+
+@dataclass(frozen=True, eq=False)
+class TimeResponse:
+    """Response of a machine in time.
+
+    Args:
+        time_s: instants [s]; (n_time,).
+        outputs: motion relative to rest, in the order of the labels [m, m/s or m/s^2, rad for
+            rotations; positions for joints]; (n_time, n_out).
+        step: integrator and step with the estimated error.
+    """
+
+    time_s: Real
+    outputs: Real
+    step: TimeStep
+
+
+def simulate(
+    machine: Machine,
+    inputs: Sequence[Input | JointDof],
+    outputs: Sequence[Dof | JointDof],
+    time_s: Real,
+    signals: Real,
+    *,
+    quantity: Quantity = "accelerance",
+    spin: Mapping[str, float] | None = None,
+) -> TimeResponse:
+    """Simulate a machine's motion from static equilibrium, without linearising it.
+
+    A cubic spline interpolates the samples of each input. Its mean over each step is applied.
+    Integrator and step follow from an error estimate.
+
+    Args:
+        machine: as loaded from its MJCF.
+        inputs: points, bodies, motors, joints or the floor [N, N m, unit of control, m/s^2].
+        outputs: points, bodies or joints.
+        time_s: evenly spaced [s]; (n_time,), at least 4.
+        signals: of the inputs; (n_time, n_in).
+        quantity: receptance gives displacements, mobility velocities, accelerance accelerations;
+            joints give positions always.
+        spin: rates of the hinges that turn steadily [rad/s], by name.
+
+    Raises:
+        UsageError: an uneven time axis, shapes that do not fit, or an unknown label.
+        ConvergenceError: the motion grows without bound.
+    """
+    time_s, signals = np.asarray(time_s, float), np.asarray(signals, float)
+    rate = 1 / even_step(time_s)
+    if signals.shape != (len(time_s), len(inputs)) or not np.isfinite(signals).all():
+        raise UsageError(
+            f"signals have shape {signals.shape}: give finite numbers of shape ({len(time_s)}, "
+            f"{len(inputs)}), one row per sample and one column per input"
+        )
+    readings = find_readings(machine, outputs)
+    order = DERIVATIVE_ORDER[quantity]
+    model = build_time_model(machine, readings.probes, readings.encoders, order=order, spin=spin)
+    drives = find_drives(model, inputs)
+    spline = CubicSpline(time_s - time_s[0], signals)
+
+    def means_of(step_s: float) -> InputMeans:
+        return _spline_means(spline.antiderivative(), step_s, time_s[-1] - time_s[0])
+
+    recorder = Recorder(readings.readout, rate, np.zeros(len(outputs)), is_filtered=False)
+    duration = time_s[-1] - time_s[0]
+    span = min(_ESTIMATED_SHARE * duration, _MAX_ESTIMATED_S)
+    gains = drives.gain[None]
+    step = choose_time_step(model, gains, means_of, recorder, span)
+    count = round((duration + 2 / rate) / step.step_s)
+    chunks = integrate(model, gains, means_of(step.step_s), count, step)
+    motion = recorder.record(chunks, step.step_s)[0, :, : len(time_s)].T
+    floor = _floor_motion(spline, drives.floor, time_s - time_s[0], order)
+    return TimeResponse(time_s, motion + floor @ _world_axes(model, outputs).T, step)
+
+
+def _spline_means(primitive: PPoly, step_s: float, end_s: float) -> InputMeans:
+    """Return the means of a spline over the steps; behind its end the inputs keep their values."""
+    last = primitive(end_s, 1)
+
+    def means(start: int, stop: int) -> Real:
+        edges = np.arange(start, stop + 1) * step_s
+        inside = np.minimum(edges, end_s)
+        impulse = primitive(inside) + (edges - inside)[:, None] * last
+        over_step: Real = np.diff(impulse, axis=0) / step_s
+        return over_step[None]
+
+    return means
+
+
+def _floor_motion(spline: CubicSpline, floor: Real, time_s: Real, order: int) -> Real:
+    """Return the floor's own motion at the instants, in world axes; (n_time, 3)."""
+    primitive = spline
+    for _ in range(2 - order):
+        primitive = primitive.antiderivative()
+    moved: Real = primitive(time_s) @ floor.T
+    return moved
+
+
+def _world_axes(model: TimeModel, outputs: Sequence[Dof | JointDof]) -> Real:
+    """Return the reading of each output per translation of the whole machine; (n_out, 3)."""
+    rows = np.zeros((len(outputs), 3))
+    readings = find_readings(model.machine, outputs)
+    probes = len(readings.probes)
+    for k in range(probes):
+        rows += readings.readout[:, 6 * k : 6 * k + 3]
+    return rows

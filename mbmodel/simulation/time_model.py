@@ -1,0 +1,217 @@
+"""A machine ready for integration in time: MuJoCo's model with probes, at static equilibrium.
+
+A probe is a point that is fixed to a stage. MuJoCo reports its velocity, or its place, at every
+step, so that no Python code runs between steps.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from identification.words import Integers, Real, UsageError
+from mbmodel.linearisation.equilibrium import find_equilibrium
+from mbmodel.linearisation.force_slopes import compute_forces, net_force
+from mbmodel.linearisation.spin import spin_velocity
+from mbmodel.machine import Machine
+from mbmodel.mjcf.keyframes import pose_data
+from mbmodel.mjcf.names import joint_name
+from mbmodel.mjcf.read import compile_with_remarks
+from mbmodel.mjcf.stages import stage_bodies
+
+PROBE_CHANNELS = 6  # along x y z and about x y z, in world axes
+_PREFIX = "mbw probe"  # of the names of sites and sensors that are added
+_SENSOR = mujoco.mjtSensor
+# What a probe reads, by the number of differentiations of the motion.
+_SENSORS_OF_ORDER = {
+    0: (_SENSOR.mjSENS_FRAMEPOS, _SENSOR.mjSENS_FRAMEQUAT),
+    1: (_SENSOR.mjSENS_FRAMELINVEL, _SENSOR.mjSENS_FRAMEANGVEL),
+    2: (_SENSOR.mjSENS_FRAMELINVEL, _SENSOR.mjSENS_FRAMEANGVEL),
+}
+FULL_STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
+
+
+@dataclass(frozen=True, eq=False)
+class Probe:
+    """A point that moves with a stage.
+
+    Args:
+        stage: name of the stage.
+        position: at rest, in world axes [m]; (3,).
+    """
+
+    stage: str
+    position: Real
+
+
+@dataclass(frozen=True, eq=False)
+class TimeModel:
+    """A machine with its probes, at static equilibrium.
+
+    Args:
+        machine: the machine, for labels and its linear model.
+        compiled: MuJoCo's model, with the probes' sensors.
+        start: MuJoCo's full physics state at rest; (n_state,).
+        controls: of the actuators at rest; (n_control,).
+        holding: generalised forces that keep a spinning rotor at its rate; (nv,).
+        centres: place of each MJCF body's centre of mass at rest [m]; (n_body, 3).
+        lead: number of the MJCF body that leads each stage; n_stage.
+        order: number of differentiations of the motion that the probes read: 0, 1, 2.
+        probe_columns: columns of MuJoCo's sensor data; (n_probe, 7 or 6).
+        encoder_columns: columns of MuJoCo's sensor data, one for each joint; n_joint.
+        rest: sensor data at rest; (n_sensor,).
+    """
+
+    machine: Machine
+    compiled: mujoco.MjModel
+    start: Real
+    controls: Real
+    holding: Real
+    centres: Real
+    lead: Integers
+    order: int
+    probe_columns: Integers
+    encoder_columns: Integers
+    rest: Real
+
+    @property
+    def channel_count(self) -> int:
+        """Number of channels: six for each probe, then one for each encoder."""
+        return PROBE_CHANNELS * len(self.probe_columns) + len(self.encoder_columns)
+
+
+def build_time_model(
+    machine: Machine,
+    probes: Sequence[Probe],
+    encoders: Sequence[str] = (),
+    *,
+    order: int = 2,
+    spin: Mapping[str, float] | None = None,
+) -> TimeModel:
+    """Compile a machine's MJCF with probes, and bring it to static equilibrium.
+
+    Dry friction is left out in the search for equilibrium, and acts from then on.
+
+    Args:
+        machine: as loaded from its MJCF.
+        probes: points whose motion is read.
+        encoders: joints whose position is read, relative to rest.
+        order: number of differentiations of the motion that the probes read: 0, 1, 2.
+        spin: rates of the hinges that turn steadily [rad/s], by name.
+
+    Raises:
+        InputError: the MJCF cannot be read any more.
+        UsageError: there is no such joint, or it is neither a slide nor a hinge.
+    """
+    flags: list[int] = []
+
+    def add_probes(spec: mujoco.MjSpec) -> None:
+        flags.append(int(spec.option.disableflags))
+        _add_probes(spec, machine, probes, order)
+        _add_encoders(spec, encoders)
+
+    compiled, _ = compile_with_remarks(machine.source, without_friction=True, change=add_probes)
+    data = find_equilibrium(compiled, machine.source, pose_data(compiled, machine.keyframe)).data
+    compiled.opt.disableflags = flags[0]
+    velocity = spin_velocity(compiled, spin or {})
+    data.qvel[:] = velocity
+    compute_forces(compiled, data)
+    holding = -net_force(compiled, data) if velocity.any() else np.zeros(compiled.nv)
+    mujoco.mj_sensorPos(compiled, data)
+    mujoco.mj_sensorVel(compiled, data)
+    start = np.zeros(mujoco.mj_stateSize(compiled, FULL_STATE))
+    mujoco.mj_getState(compiled, data, start, FULL_STATE)
+    widths = [_width(kind) for kind in _SENSORS_OF_ORDER[order]]
+    return TimeModel(
+        machine,
+        compiled,
+        start,
+        data.ctrl.copy(),
+        holding,
+        data.xipos.copy(),
+        np.array(stage_bodies(compiled), np.intp),
+        order,
+        np.array(
+            [
+                _columns(compiled, [f"{_PREFIX} {k} {part}" for part in range(len(widths))])
+                for k in range(len(probes))
+            ],
+            np.intp,
+        ).reshape(len(probes), sum(widths)),
+        _columns(compiled, [f"{_PREFIX} joint {k}" for k in range(len(encoders))]),
+        data.sensordata.copy(),
+    )
+
+
+def _width(kind: mujoco.mjtSensor) -> int:
+    return 4 if kind == _SENSOR.mjSENS_FRAMEQUAT else 3
+
+
+def _columns(compiled: mujoco.MjModel, names: Sequence[str]) -> Integers:
+    """Return the columns of sensor data of some sensors, one after the other."""
+    spans = [
+        range(int(compiled.sensor(name).adr[0]), int(compiled.sensor(name).adr[0] + count))
+        for name in names
+        for count in compiled.sensor(name).dim
+    ]
+    return np.array([column for span in spans for column in span], np.intp)
+
+
+def _add_probes(spec: mujoco.MjSpec, machine: Machine, probes: Sequence[Probe], order: int) -> None:
+    """Add a site in world axes, and its sensors, for each probe."""
+    bodies = {body.name: body for body in spec.bodies}
+    for number, probe in enumerate(probes):
+        drawn = machine.drawing.bodies[probe.stage]
+        if probe.stage not in bodies:
+            raise UsageError(f"body {probe.stage!r} has no name in the MJCF: name it")
+        turn = np.zeros(4)
+        mujoco.mju_mat2Quat(turn, np.ascontiguousarray(drawn.frame.T).ravel())
+        name = f"{_PREFIX} {number}"
+        bodies[probe.stage].add_site(
+            name=name, pos=drawn.frame.T @ (probe.position - drawn.origin), quat=turn
+        )
+        for part, kind in enumerate(_SENSORS_OF_ORDER[order]):
+            spec.add_sensor(
+                name=f"{name} {part}",
+                type=kind,
+                objtype=mujoco.mjtObj.mjOBJ_SITE,
+                objname=name,
+            )
+
+
+def _add_encoders(spec: mujoco.MjSpec, encoders: Sequence[str]) -> None:
+    """Add a sensor of the position of each joint."""
+    kinds = {joint.name: joint.type for joint in spec.joints}
+    single = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+    for number, name in enumerate(encoders):
+        if kinds.get(name) not in single:
+            choice = ", ".join(joint for joint, kind in kinds.items() if kind in single and joint)
+            raise UsageError(
+                f"{name!r} is no slide or hinge of the model: choose one of {choice or 'none'}"
+            )
+        spec.add_sensor(
+            name=f"{_PREFIX} joint {number}",
+            type=_SENSOR.mjSENS_JOINTPOS,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            objname=name,
+        )
+
+
+def joint_coordinate(compiled: mujoco.MjModel, name: str) -> int:
+    """Return the number of a slide's or hinge's coordinate.
+
+    Raises:
+        UsageError: there is no such joint.
+    """
+    single = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+    coordinates = {
+        joint_name(compiled, joint): int(compiled.jnt_dofadr[joint])
+        for joint in range(compiled.njnt)
+        if mujoco.mjtJoint(compiled.jnt_type[joint]) in single
+    }
+    if name not in coordinates:
+        raise UsageError(
+            f"{name!r} is no slide or hinge of the model: choose one of {', '.join(coordinates)}"
+        )
+    return coordinates[name]

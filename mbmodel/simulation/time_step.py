@@ -1,0 +1,141 @@
+"""Choice of integrator and step by an error estimate: a short span with a step and its half."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.words import ConvergenceError, Real
+from mbmodel.machine import Machine
+from mbmodel.model import as_drawn
+from mbmodel.simulation.integration import InputMeans, TimeStep, integrate
+from mbmodel.simulation.low_pass import Decimator, filter_taps, half_width_s
+from mbmodel.simulation.time_model import TimeModel
+
+# Steps per sample of a recorder: at 0.4 of the rate, a force held over a step loses 1.3e-3.
+MIN_STEPS_PER_SAMPLE = 20
+_MIN_STEPS_PER_SIGNAL_SAMPLE = 4  # where the signal's own samples are the output's
+_MAX_STEPS_PER_SAMPLE = 1280
+# |lambda| h up to which RK4 is stable is 2.78 on the real axis and 2.83 on the imaginary one.
+_MAX_RK4_POLE_TIMES_STEP = 2.0
+_MAX_ERROR = 3e-3  # of each channel's rms: accelerometers are calibrated to 1e-2
+_MIN_SPAN_SAMPLES = 96  # of the recorder, over which the error is estimated
+# Of the largest channel's rms: smaller channels, such as those of rigid directions, do not count.
+_MIN_CHANNEL_SHARE = 1e-3
+_RICHARDSON_FACTOR = 4 / 3  # the error of a step's result over its difference to half the step
+
+
+def largest_pole(machine: Machine) -> float:
+    """Return the largest magnitude of the linear machine's poles [rad/s]."""
+    model = as_drawn(machine)
+    matrices = model.matrices(model.drawn)
+    size = len(matrices.mass)
+    dynamics = np.zeros((2 * size, 2 * size))
+    dynamics[:size, size:] = np.eye(size)
+    dynamics[size:] = -np.linalg.solve(
+        matrices.mass, np.hstack([matrices.stiffness, matrices.damping])
+    )
+    return float(np.abs(np.linalg.eigvals(dynamics)).max())
+
+
+@dataclass(frozen=True, eq=False)
+class Recorder:
+    """How readings are taken from the integration's channels.
+
+    Args:
+        readout: readings per channel; (n_out, n_channel).
+        rate_hz: samples per second [Hz].
+        delays_s: of the readings [s]; (n_out,).
+        is_filtered: whether an anti-alias filter acts, as in a recorder; else a sample is the mean
+            of the two steps beside it.
+    """
+
+    readout: Real
+    rate_hz: float
+    delays_s: Real
+    is_filtered: bool = True
+
+    def taps(self, step_s: float) -> Real:
+        """Return the taps of every reading; (n_out, n)."""
+        if self.is_filtered:
+            return filter_taps(self.rate_hz, step_s, self.delays_s)
+        return np.full((len(self.readout), 2), 0.5)
+
+    def record(self, chunks: Iterable[Real], step_s: float) -> Real:
+        """Return the readings at the recorder's rate; (n_record, n_out, n_sample).
+
+        Args:
+            chunks: motion in the middle of the steps; (n_record, n_step, n_channel).
+            step_s: a whole fraction of the time between samples [s].
+        """
+        decimator = Decimator(self.taps(step_s), round(1 / (step_s * self.rate_hz)))
+        parts = [decimator.push(chunk @ self.readout.T) for chunk in chunks]
+        return np.concatenate(parts, axis=2)
+
+    @property
+    def lead_s(self) -> float:
+        """Time beyond the last sample that a sample needs [s]."""
+        return half_width_s(self.rate_hz) + 2 / self.rate_hz
+
+
+def choose_time_step(
+    model: TimeModel,
+    gains: Real,
+    means_of: Callable[[float], InputMeans],
+    recorder: Recorder,
+    span_s: float,
+) -> TimeStep:
+    """Choose integrator and step, with an estimate of the error.
+
+    The step is a whole fraction of the recorder's. It is halved until the recorded readings of a
+    short span differ from those with half the step by less than 0.3 % of their rms. The error is
+    of second order in the step, since forces are held over a step, so it is 4/3 of the difference.
+
+    Runge and Kutta's method of fourth order is used where it is stable with at most 1280 steps per
+    sample, and MuJoCo's ``implicitfast`` else.
+
+    Args:
+        model: the machine at rest.
+        gains: of the inputs; (n_record, n_control, n_in).
+        means_of: for a step's length, the mean of the inputs over each step.
+        recorder: how the readings are taken.
+        span_s: time over which the error is estimated [s].
+    """
+    rate_hz = recorder.rate_hz
+    fewest = MIN_STEPS_PER_SAMPLE if recorder.is_filtered else _MIN_STEPS_PER_SIGNAL_SAMPLE
+    steps = fewest
+    pole = largest_pole(model.machine)
+    while pole / (steps * rate_hz) > _MAX_RK4_POLE_TIMES_STEP and steps < _MAX_STEPS_PER_SAMPLE:
+        steps *= 2
+    is_stable = pole / (steps * rate_hz) <= _MAX_RK4_POLE_TIMES_STEP
+    integrator = "RK4" if is_stable else "implicitfast"
+    steps = steps if is_stable else fewest
+    span = max(span_s, _MIN_SPAN_SAMPLES / rate_hz)
+
+    def record(count: int) -> Real | None:
+        step = TimeStep(integrator, 1 / (count * rate_hz))
+        try:
+            chunks = integrate(model, gains, means_of(step.step_s), round(span / step.step_s), step)
+            return recorder.record(chunks, step.step_s)
+        except ConvergenceError:
+            return None
+
+    coarse = record(steps)
+    while True:
+        fine = record(2 * steps)
+        error = _relative_error(coarse, fine)
+        if error <= _MAX_ERROR or 2 * steps > _MAX_STEPS_PER_SAMPLE:
+            return TimeStep(integrator, 1 / (steps * rate_hz), error, span)
+        coarse, steps = fine, 2 * steps
+
+
+def _relative_error(coarse: Real | None, fine: Real | None) -> float:
+    """Return the largest relative error of the readings; infinite if an integration failed."""
+    if coarse is None or fine is None:
+        return float("inf")
+    count = min(coarse.shape[2], fine.shape[2])
+    difference = coarse[:, :, :count] - fine[:, :, :count]
+    size = np.sqrt((fine**2).mean(axis=(0, 2)))
+    rms = np.sqrt((difference**2).mean(axis=(0, 2)))
+    counts = size > _MIN_CHANNEL_SHARE * size.max(initial=0.0)
+    return float(_RICHARDSON_FACTOR * (rms[counts] / size[counts]).max(initial=0.0))

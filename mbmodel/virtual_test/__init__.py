@@ -1,0 +1,1 @@
+"""Virtual hammer test: hits on the machine in time, accelerometers with errors, raw records."""

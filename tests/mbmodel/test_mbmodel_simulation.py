@@ -1,0 +1,130 @@
+"""The machine in time by MuJoCo: against the linear model, and by closed form."""
+
+import numpy as np
+import pytest
+from small_machine import MJCF
+
+from identification.words import ConvergenceError, Dof, UsageError
+from mbmodel import FrfRequest, as_drawn, load_machine, respond_linearly, simulate
+from mbmodel.simulation.drives import parse_drive, parse_reading
+from mbmodel.simulation.low_pass import Decimator, filter_taps
+
+TIME_S = np.arange(0, 0.4, 1e-3)
+PULSE = np.where(TIME_S < 0.012, 20 * np.sin(np.pi * TIME_S / 0.012) ** 2, 0.0)
+MOTOR = '<actuator><motor name="drive" joint="head_tx" gear="3"/></actuator></mujoco>'
+
+
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory):
+    path = tmp_path_factory.mktemp("pair") / "pair.xml"
+    text = MJCF.replace('gravity="0 0 0"', 'gravity="0 0 -9.81"').replace("</mujoco>", MOTOR)
+    path.write_text(text, encoding="utf-8")
+    return load_machine(path)
+
+
+@pytest.mark.parametrize(
+    ("drive", "quantity"),
+    [
+        ("acc3:-tx", "accelerance"),
+        ("acc4:+rz", "mobility"),
+        ("drive", "receptance"),
+        ("floor:+tx", "accelerance"),
+        ("floor:-tz", "receptance"),
+    ],
+)
+def test_at_small_amplitude_the_motion_is_that_of_the_linear_model(machine, drive, quantity):
+    inputs = (parse_drive(machine, drive),)
+    outputs = tuple(Dof.parse(text) for text in ("acc1:+tx", "acc4:-rz", "head:+ty", "base:+ry"))
+    small = 1e-2 * PULSE[:, None]
+    model = as_drawn(machine)
+    request = FrfRequest(np.ones(1), outputs, inputs, quantity)
+    reference = respond_linearly(model, model.drawn, request, TIME_S, small)
+    response = simulate(machine, inputs, outputs, TIME_S, small, quantity=quantity)
+    size = np.sqrt((reference**2).mean(axis=0))
+    error = np.sqrt(((response.outputs - reference) ** 2).mean(axis=0))
+    counts = size > 1e-3 * size.max()
+    assert counts.sum() > 1
+    assert (error[counts] < 4e-3 * size[counts]).all()
+    assert response.step.error < 3e-3
+
+
+def test_a_joint_is_driven_and_read_by_its_name(machine):
+    # A force at one slide moves it, long after, by force over stiffness.
+    joint = parse_drive(machine, "joint:head_tx")
+    reading = parse_reading(machine, "joint:head_tx")
+    time_s = np.arange(0, 1.5, 2e-3)
+    force = 8.0 * (1 - np.exp(-time_s / 0.05))
+    response = simulate(machine, (joint,), (reading,), time_s, force[:, None])
+    assert response.outputs[-1, 0] == pytest.approx(8.0 / 8e6, rel=2e-3)
+
+
+def test_a_cubic_spring_moves_less_than_the_linear_model_says(tmp_path):
+    # k x + k3 x^3 under a slow force: the static solution, 7 % less than the linear one.
+    path = tmp_path / "cubic.xml"
+    path.write_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body name="mass">'
+        '<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/><joint name="mass_tx" type="slide" '
+        'axis="1 0 0" stiffness="2e4 0 2e9" damping="120"/><site name="acc1"/>'
+        "</body></worldbody></mujoco>",
+        encoding="utf-8",
+    )
+    machine = load_machine(path)
+    time_s = np.arange(0, 1.0, 2e-3)
+    force = 20.0 * np.sin(np.pi * time_s / 2) ** 2
+    response = simulate(
+        machine,
+        (Dof.parse("acc1:+tx"),),
+        (Dof.parse("acc1:+tx"),),
+        time_s,
+        force[:, None],
+        quantity="receptance",
+    )
+    static = max(np.roots([2e9, 0, 2e4, -20.0]).real)
+    assert static < 0.94 * 20.0 / 2e4
+    assert response.outputs[:, 0].max() == pytest.approx(static, rel=5e-3)
+
+
+def test_what_cannot_be_driven_is_refused(machine):
+    outputs = (Dof.parse("acc1:+tx"),)
+    for drive in ("floor:+rz", "joint:nothing", "acc99:+tx"):
+        with pytest.raises(UsageError):
+            simulate(machine, (parse_drive(machine, drive),), outputs, TIME_S, PULSE[:, None])
+    with pytest.raises(UsageError, match="shape"):
+        simulate(machine, (), outputs, TIME_S, PULSE[:, None])
+
+
+def test_an_unstable_machine_ends_with_a_sentence(tmp_path):
+    path = tmp_path / "unstable.xml"
+    path.write_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body name="mass">'
+        '<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/><joint name="mass_tx" type="slide" '
+        'axis="1 0 0" stiffness="2e4 0 -2e13"/><site name="acc1"/></body></worldbody></mujoco>',
+        encoding="utf-8",
+    )
+    machine = load_machine(path)
+    dof = (Dof.parse("acc1:+tx"),)
+    with pytest.raises(ConvergenceError, match="grows without bound"):
+        simulate(machine, dof, dof, TIME_S, np.full((len(TIME_S), 1), 50.0))
+
+
+def test_the_filter_passes_the_band_and_delays_exactly():
+    # A sine of 150 Hz, recorded at 512 Hz with a delay of 30 us, through steps of 1/10240 s.
+    rate, factor, delay = 512.0, 20, 3e-5
+    step = 1 / (rate * factor)
+    middle = (np.arange(12000) + 0.5) * step
+    chunks = np.array_split(np.sin(2 * np.pi * 150 * middle)[None, :, None], 7, axis=1)
+    decimator = Decimator(filter_taps(rate, step, np.array([delay])), factor)
+    samples = np.concatenate([decimator.push(chunk) for chunk in chunks], axis=2)[0, 0]
+    time_s = np.arange(len(samples)) / rate
+    wanted = np.sin(2 * np.pi * 150 * (time_s - delay))
+    inside = slice(40, -1)
+    assert np.abs(samples[inside] - wanted[inside]).max() < 1e-4
+
+
+def test_the_filter_stops_what_would_fold_into_the_band():
+    rate, factor = 512.0, 20
+    step = 1 / (rate * factor)
+    middle = (np.arange(12000) + 0.5) * step
+    wave = np.sin(2 * np.pi * 0.62 * rate * middle)[None, :, None]
+    decimator = Decimator(filter_taps(rate, step, np.zeros(1)), factor)
+    assert np.abs(decimator.push(wave)[0, 0, 40:]).max() < 3e-5
