@@ -22,12 +22,12 @@ from mbmodel.mjcf.stages import stage_bodies
 
 PROBE_CHANNELS = 6  # along x y z and about x y z, in world axes
 _PREFIX = "mbw probe"  # of the names of sites and sensors that are added
-_SENSOR = mujoco.mjtSensor
+_SENSOR_TYPE = mujoco.mjtSensor
 # What a probe reads, by the number of differentiations of the motion.
 _SENSORS_OF_ORDER = {
-    0: (_SENSOR.mjSENS_FRAMEPOS, _SENSOR.mjSENS_FRAMEQUAT),
-    1: (_SENSOR.mjSENS_FRAMELINVEL, _SENSOR.mjSENS_FRAMEANGVEL),
-    2: (_SENSOR.mjSENS_FRAMELINVEL, _SENSOR.mjSENS_FRAMEANGVEL),
+    0: (_SENSOR_TYPE.mjSENS_FRAMEPOS, _SENSOR_TYPE.mjSENS_FRAMEQUAT),
+    1: (_SENSOR_TYPE.mjSENS_FRAMELINVEL, _SENSOR_TYPE.mjSENS_FRAMEANGVEL),
+    2: (_SENSOR_TYPE.mjSENS_FRAMELINVEL, _SENSOR_TYPE.mjSENS_FRAMEANGVEL),
 }
 FULL_STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 
@@ -145,7 +145,7 @@ def build_time_model(
 
 
 def _width(kind: mujoco.mjtSensor) -> int:
-    return 4 if kind == _SENSOR.mjSENS_FRAMEQUAT else 3
+    return 4 if kind == _SENSOR_TYPE.mjSENS_FRAMEQUAT else 3
 
 
 def _columns(compiled: mujoco.MjModel, names: Sequence[str]) -> Integers:
@@ -192,7 +192,7 @@ def _add_encoders(spec: mujoco.MjSpec, encoders: Sequence[str]) -> None:
             )
         spec.add_sensor(
             name=f"{_PREFIX} joint {number}",
-            type=_SENSOR.mjSENS_JOINTPOS,
+            type=_SENSOR_TYPE.mjSENS_JOINTPOS,
             objtype=mujoco.mjtObj.mjOBJ_JOINT,
             objname=name,
         )
