@@ -149,13 +149,13 @@ def write_uff_modes(path: Path, modes: NodeShapes, title: str, written: datetime
         written: date and time of the header.
     """
     name = " ".join(title.split())[:80] or "NONE"
-    parts = [_header(name, written), _units(), *_nodes(modes)]
+    parts = [_header(name, written), units(), *_nodes(modes)]
     for number in range(len(modes.poles)):
         parts += [_shape_55(modes, number, name), _shape_2414(modes, number, name)]
     path.write_text("".join(parts), encoding="ascii", errors="replace")
 
 
-def _dataset(kind: int, lines: Sequence[str]) -> str:
+def dataset(kind: int, lines: Sequence[str]) -> str:
     """Return a dataset between its two marks."""
     return "".join([_MARK_LINE, f"{kind:6d}\n", *(line + "\n" for line in lines), _MARK_LINE])
 
@@ -165,14 +165,14 @@ def _header(name: str, written: datetime) -> str:
     stamp = f"{written:%d-%b-%y} {written:%H:%M:%S} "
     date = f"{stamp[:10]:10}{stamp[10:20]:10}"
     lines = [name, "modal model", "mbworkbench", f"{date}{0:10d}{0:10d}{0:10d}", date]
-    return _dataset(151, [*lines, "mbworkbench", date])
+    return dataset(151, [*lines, "mbworkbench", date])
 
 
-def _units() -> str:
+def units() -> str:
     """Return the units, dataset 164: SI, with factors of one."""
     factors = f"{1:25.16E}{1:25.16E}{1:25.16E}".replace("E", "D")
     offset = f"{273.15:25.16E}".replace("E", "D")
-    return _dataset(164, [f"{1:10d}{'SI: Meter (newton)':20}{2:10d}", factors, offset])
+    return dataset(164, [f"{1:10d}{'SI: Meter (newton)':20}{2:10d}", factors, offset])
 
 
 def _nodes(modes: NodeShapes) -> tuple[str, str]:
@@ -182,7 +182,7 @@ def _nodes(modes: NodeShapes) -> tuple[str, str]:
     double = [
         f"{n:10d}{0:10d}{0:10d}{0:10d}\n" + "".join(f"{v:25.16E}" for v in p) for n, p in rows
     ]
-    return _dataset(15, single), _dataset(2411, double)
+    return dataset(15, single), dataset(2411, double)
 
 
 def _eigenvalue(modes: NodeShapes, number: int) -> str:
@@ -216,7 +216,7 @@ def _shape_55(modes: NodeShapes, number: int, name: str) -> str:
     kinds = "".join(f"{kind:10d}" for kind in (1, 3, 2, 8, 5, 3))
     head = [*_identity(modes, number, name), kinds]
     count = "".join(f"{k:10d}" for k in (2, 6, 1, number + 1))
-    return _dataset(55, [*head, count, _eigenvalue(modes, number), *_values(modes, number)])
+    return dataset(55, [*head, count, _eigenvalue(modes, number), *_values(modes, number)])
 
 
 def _shape_2414(modes: NodeShapes, number: int, name: str) -> str:
@@ -225,7 +225,7 @@ def _shape_2414(modes: NodeShapes, number: int, name: str) -> str:
     head = [f"{number + 1:10d}", name, f"{1:10d}", *_identity(modes, number, name), kinds]
     integers = "".join(f"{k:10d}" for k in (0, 0, 1, 0, 1, number + 1, 0, 0))
     reserved = f"{0:10d}{0:10d}"
-    return _dataset(
+    return dataset(
         2414,
         [
             *head, integers, reserved, _row([0j, 0j, 0j]),

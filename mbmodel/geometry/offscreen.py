@@ -21,6 +21,10 @@ Image = NDArray[np.uint8]
 _MAX_GEOMS = 20_000  # of a scene, sites and tendons included
 _BOX_COLOUR = np.array([0.42, 0.53, 0.68, 1.0], np.float32)  # of a body without a geom
 _AMBIENT, _DIFFUSE = 0.3, 0.55  # of the light at the camera: dark stages stay visible
+_FLAG = mujoco.mjtRndFlag
+# A picture to paste shows the machine alone, on white.
+_SWITCHED_OFF = (_FLAG.mjRND_SHADOW, _FLAG.mjRND_REFLECTION, _FLAG.mjRND_SKYBOX, _FLAG.mjRND_HAZE)
+_GROUND = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
 _FAR = 1.0  # depth of a pixel that shows nothing
 _NO_RENDERER = ("disable", "disabled", "off", "false", "0")  # values of MUJOCO_GL, as in MuJoCo
 
@@ -34,8 +38,8 @@ def render_machine(
 ) -> Iterator[tuple[Image, NDArray[np.bool_]]] | None:
     """Render a machine whose bodies are moved from rest.
 
-    The bodies move as given, whatever their joints allow: a measured shape has motions that a
-    model lacks.
+    The picture shows the machine alone: neither sky nor planes. Bodies move as given, whatever
+    their joints allow: a measured shape has motions that a model lacks.
 
     Args:
         machine: read from an MJCF that still exists.
@@ -97,8 +101,10 @@ def _pictures(
     width, height = model.vis.global_.offwidth, model.vis.global_.offheight
     rest = [np.array(values) for values in (data.geom_xpos, data.geom_xmat, data.site_xpos)]
     scene = mujoco.MjvScene(model, _MAX_GEOMS)
-    for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+    for flag in _SWITCHED_OFF:
         scene.flags[flag] = 0
+    for geom in np.flatnonzero(np.isin(model.geom_type, _GROUND)):
+        model.geom_matid[geom], model.geom_rgba[geom, 3] = -1, 0.0
     eye = mujoco.MjvCamera()
     eye.type = mujoco.mjtCamera.mjCAMERA_FREE
     eye.lookat, eye.distance = camera.centre, camera.distance

@@ -1,4 +1,4 @@
-"""FRFs at the centres of mass (seed, eq. 2.5), written as ``body_frfs.npz`` and ``.mat``."""
+"""FRFs at the centres of mass (seed, eq. 2.5): ``body_frfs.npz``, ``.mat`` and ``.uff``."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,10 +9,11 @@ import scipy.io
 
 from identification import reduce_to_bodies, reduction_covariance
 from identification.modal import MeasuredFrfs
+from identification.readers.uff_frfs_write import number_bodies, write_uff_frfs
 from identification.words import DERIVATIVE_ORDER, Frf, FrfEstimate, Layout, Real
 from mbw.page.numbers import frf_unit
 
-BODY_NPZ, BODY_MAT = "body_frfs.npz", "body_frfs.mat"
+BODY_NPZ, BODY_MAT, BODY_UFF = "body_frfs.npz", "body_frfs.mat", "body_frfs.uff"
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +47,8 @@ def reduce_to_centres(estimate: FrfEstimate, layout: Layout) -> BodyFrfs | None:
 def write_body_frfs(reduced: BodyFrfs, layout: Layout, decay: float, folder: Path) -> None:
     """Write the FRFs at the centres of mass with their covariance, labels and units.
 
-    Axes are (freq, out, in) in the .npz file and (out, in, freq) in the .mat file.
+    Axes are (freq, out, in) in the .npz file and (out, in, freq) in the .mat file. The universal
+    file holds the FRFs without their covariance.
 
     Args:
         reduced: FRFs to write.
@@ -92,3 +94,9 @@ def write_body_frfs(reduced: BodyFrfs, layout: Layout, decay: float, folder: Pat
         **shared,
     }
     scipy.io.savemat(folder / BODY_MAT, content, do_compression=True)
+    write_uff_frfs(
+        folder / BODY_UFF,
+        reduced.estimate,
+        number_bodies(layout.bodies, layout.points),
+        dict(zip(layout.bodies, layout.centres, strict=True)),
+    )

@@ -22,15 +22,17 @@ from identification.words import (
     Motor,
     Quantity,
 )
-from mbw.identify.body_frfs import BODY_MAT, BODY_NPZ, reduce_to_centres, write_body_frfs
+from mbw.identify.body_frfs import BODY_MAT, BODY_NPZ, BODY_UFF, reduce_to_centres, write_body_frfs
 from mbw.identify.result import IdentificationResult
 from mbw.identify.schema import IdentifiedModesFile
+from mbw.identify.tips import TIPS_JSON, TIPS_PAGE
 
 MODES_JSON, MODES_NPZ, PAGE = "modes.json", "modes.npz", "identify.html"
 FULL_NPZ = "full_matrix.npz"
 NAMES = (
     MODES_JSON, MODES_NPZ, PAGE, FULL_NPZ, "modes.csv", "shapes.csv", "synthesis.csv",
-    "modes.unv", "modes.mat", BODY_NPZ, BODY_MAT,
+    "modes.unv", "modes.mat", BODY_NPZ, BODY_MAT, BODY_UFF,
+    TIPS_JSON, TIPS_PAGE,
 )  # fmt: skip
 
 

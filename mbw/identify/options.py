@@ -87,6 +87,13 @@ def identify(  # noqa: PLR0913  # one for each option
     full: Annotated[
         bool, typer.Option("--full", help="Write the full matrix of synthesised FRFs.")
     ] = False,
+    compare: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="CAMPAIGN",
+            help="Campaign with another hammer tip, shown side by side in tips.html; repeatable.",
+        ),
+    ] = None,
     animate: Annotated[
         list[str] | None,
         typer.Option(
@@ -119,6 +126,7 @@ def identify(  # noqa: PLR0913  # one for each option
         force=force or [],
         against=against,
         full=full,
+        compare=compare or [],
         animate=animate or [],
         pictures=pictures,
         overwrite=overwrite,

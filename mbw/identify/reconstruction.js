@@ -6,7 +6,7 @@ const CHECKED = Array.from(new Set(DATA.bodies)).map(body => ({body, check: DATA
 // Verdict of the check in a few words, and whether it is good (null: no check is possible).
 function verdictOf({check}) {
   if (!check || !check.spare) return ["no redundant channel: not checked", null];
-  const faults = check.faults.length ? ", " + check.faults.length + (check.faults.length > 1 ? " faults" : " fault") : "";
+  const faults = check.faults.length > 1 ? ", " + check.faults.length + " faults" : check.faults.map(([effect, place]) => ", " + place + ": " + effect).join("");
   if (check.solid_to === null) return ["not a solid" + faults, false];
   const isWhole = check.solid_to >= FREQ[LINES - 1] * (1 - 1e-9);
   return ["solid up to " + Number(check.solid_to.toPrecision(4)) + " Hz" + (isWhole ? "" : " only") + faults, isWhole && !faults];

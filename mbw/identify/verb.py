@@ -48,6 +48,7 @@ from mbw.identify.reference_shapes import (
 from mbw.identify.remarks import list_remarks
 from mbw.identify.result import IdentificationResult, MeasurementChecks, collect_result
 from mbw.identify.schema import IdentifiedModesFile
+from mbw.identify.tips import TIPS_PAGE, TipComparison, compare_tips, write_tips
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
 from tuning import open_campaign
@@ -63,6 +64,7 @@ class IdentifyChoices:
         against: universal file with reference shapes; None for the nominal model.
         full: whether to write the FRFs between all outputs.
         animations: modes to be written as pictures.
+        compared: campaigns with other hammer tips.
     """
 
     tolerances: ModeCriteria
@@ -70,6 +72,7 @@ class IdentifyChoices:
     against: Path | None
     full: bool = False
     animations: tuple[ModeAnimation, ...] = ()
+    compared: tuple[Path, ...] = ()
 
 
 def run_options(  # noqa: PLR0913  # one for each option
@@ -90,6 +93,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     force: list[str],
     against: Path | None,
     full: bool,
+    compare: list[Path],
     animate: list[str],
     pictures: bool,
     overwrite: bool,
@@ -111,7 +115,8 @@ def run_options(  # noqa: PLR0913  # one for each option
     modes = ModeChoices(add=tuple(add), drop=tuple(drop), force=parse_forced_modes(force))
     outputs = ResultOptions(out, json, overwrite, pictures)
     animations = parse_animations(animate)
-    run(campaign, outputs, IdentifyChoices(tolerances, modes, against, full, animations), band)
+    choices = IdentifyChoices(tolerances, modes, against, full, animations, tuple(compare))
+    run(campaign, outputs, choices, band)
 
 
 def run(
@@ -132,6 +137,7 @@ def run(
         The folder of the result.
     """
     source, machine, band_campaign = _open_campaign(campaign, band)
+    comparison = _compare_tips(band_campaign, choices.compared, band)
     with outputs.open("identify", source, "modes", NAMES) as output:
         result = _identify(machine, band_campaign, choices)
         refuse_missing_modes(choices.animations, len(result.summary.modes))
@@ -139,6 +145,8 @@ def run(
             write_files(result, place)
             if choices.full:
                 write_full_matrix(result, place)
+            if comparison is not None:
+                write_tips(comparison, place, has_page=outputs.pictures)
             if outputs.pictures:
                 geometry = None if machine is None else machine_geometry(machine)
                 (place / PAGE).write_text(render(result, geometry), encoding="utf-8")
@@ -148,6 +156,7 @@ def run(
     if not (outputs.has_json_on_stdout or SCREEN.quiet):
         _print(result.summary)
     _say(result)
+    _say_tips(comparison, output.path, has_page=outputs.pictures)
     SCREEN.say(f"modal model in {output.path}")
     if outputs.pictures:
         SCREEN.say(f"pictures in {(output.path / PAGE).absolute().as_uri()}")
@@ -199,6 +208,24 @@ def _open_campaign(
     layout = correct_layout(source, settings, read_layout(source.parent / settings.layout))
     all_lines = read_campaign(source, settings, layout)
     return source, None, select_band(all_lines, band, source)
+
+
+def _compare_tips(
+    campaign: Campaign, compared: tuple[Path, ...], band: tuple[float, float] | None
+) -> TipComparison | None:
+    """Compare the hammer tips of campaigns; None if no other campaign is named."""
+    if not compared:
+        return None
+    return compare_tips([campaign, *(_open_campaign(path, band)[2] for path in compared)])
+
+
+def _say_tips(comparison: TipComparison | None, folder: Path, *, has_page: bool) -> None:
+    if comparison is None:
+        return
+    for text in comparison.sentences:
+        SCREEN.say(text)
+    if has_page:
+        SCREEN.say(f"hammer tips in {(folder / TIPS_PAGE).absolute().as_uri()}")
 
 
 def render_result(path: Path) -> str:

@@ -10,7 +10,10 @@ from mbmodel.geometry.camera import Camera, frame_camera
 from mbmodel.geometry.motion import WORLD, cycle, geometry_points, motion_scale, move_points
 from mbmodel.geometry.offscreen import render_machine
 
-BALL = """<mujoco><worldbody>
+BALL = """<mujoco><asset>
+  <texture name="sky" type="skybox" builtin="flat" rgb1="0 0 1" width="8" height="48"/>
+</asset><worldbody>
+  <geom type="plane" size="5 5 0.1" pos="0 0 -0.3" contype="0" conaffinity="0"/>
   <body name="ball" pos="0.3 -0.2 0.4"><joint type="slide" axis="0 0 1" stiffness="1e6"/>
     <geom type="sphere" size="0.05" mass="1" rgba="1 0 0 1"/></body>
 </worldbody></mujoco>"""
@@ -163,7 +166,7 @@ def test_the_viewer_shows_the_joints_move_in_the_mode(ball, monkeypatch):
     monkeypatch.setattr(FakeWindow, "__exit__", lambda *_: None)
     viewer.open_viewer(ball, np.array([0.02 + 0j]))
     joint = np.array([qpos[0] for qpos, _ in windows[0].seen])
-    height = np.array([places[0, 2] for _, places in windows[0].seen])
+    height = np.array([places[1, 2] for _, places in windows[0].seen])
     assert len(joint) == 12
     assert np.ptp(joint) > 0.02
     assert np.abs(joint).max() < 0.021

@@ -4,10 +4,13 @@ import json
 
 import numpy as np
 import pytest
+import pyuff
 import scipy.io
 from campaign_folder import write_folder
 from typer.testing import CliRunner
 
+from identification.readers.uff_frfs import read_uff
+from identification.words import Dof
 from mbw.command import app
 
 RUNNER = CliRunner()
@@ -117,3 +120,44 @@ def test_without_a_determined_motion_no_file_is_named(folder, tmp_path):
     content = json.loads((tmp_path / "out" / "modes.json").read_text("utf-8"))
     assert content["body_frfs"] is None
     assert not (tmp_path / "out" / "body_frfs.npz").exists()
+
+
+def test_pyuff_reads_the_same_frfs_at_the_nodes_of_the_bodies(out):
+    sets = pyuff.UFF(str(out / "body_frfs.uff")).read_sets()
+    nodes = next(data for data in sets if data["type"] == 15)
+    functions = [data for data in sets if data["type"] == 58]
+    with np.load(out / "body_frfs.npz") as written:
+        assert list(nodes["node_nums"]) == [1001, 1002]
+        places = np.column_stack([nodes[axis] for axis in "xyz"])
+        np.testing.assert_allclose(places, written["centres"], atol=1e-5)
+        assert len(functions) == written["measured"].sum()
+        inputs = [(3, 1), (3, -2 if "-" in str(written["inputs"][1]) else 2), (3, 3)]
+        seen = set()
+        for data in functions:
+            body = str(written["bodies"][int(data["rsp_node"]) - 1001])
+            direction = ("tx", "ty", "tz", "rx", "ry", "rz")[int(data["rsp_dir"]) - 1]
+            row = list(written["outputs"]).index(f"{body}:+{direction}")
+            column = inputs.index((int(data["ref_node"]), int(data["ref_dir"])))
+            seen.add((row, column))
+            np.testing.assert_allclose(data["data"], written["frf"][:, row, column], rtol=1e-10)
+            np.testing.assert_allclose(data["x"], written["freq_hz"], rtol=1e-5)
+            unit = "rad/s^2" if direction.startswith("r") else "m/s^2"
+            assert data["ordinate_axis_units_lab"].strip() == unit
+        assert len(seen) == len(functions)
+
+
+def test_the_reader_of_campaigns_reads_the_universal_file(out):
+    table = read_uff(out / "body_frfs.uff")
+    assert table.quantity == "accelerance"
+    with np.load(out / "body_frfs.npz") as written:
+        for label, values in zip(
+            written["outputs"], written["frf"].transpose(1, 0, 2), strict=True
+        ):
+            body, direction = label.split(":")
+            node = 1001 + list(written["bodies"]).index(body)
+            row = table.responses.index(Dof.parse(f"{node}:{direction}"))
+            for column, dof in enumerate(table.references):
+                place = list(written["inputs"]).index(f"acc{dof}")
+                np.testing.assert_allclose(
+                    table.values[:, row, column], values[:, place], rtol=1e-9
+                )

@@ -97,7 +97,7 @@ def test_the_page_opens_with_the_worst_body_and_its_verdict(found, content):
     assert head["faults"]
     assert found["first"]["body"] == "head"
     assert found["first"]["verdict"]["text"].startswith("head: solid up to ")
-    assert found["first"]["verdict"]["text"].endswith(", 1 fault")
+    assert found["first"]["verdict"]["text"].endswith(", acc4: gain")
     assert found["first"]["verdict"]["bgcolor"] == "#b42318"
     assert found["first"]["words"] == head["words"]
     assert sorted(found["dots"]) == ["dot good", "dot trouble"]
