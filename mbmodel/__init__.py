@@ -28,6 +28,14 @@ from mbmodel.modes.energy_shares import EnergyShares, energy_shares
 from mbmodel.modes.model_modes import Modes, model_modes, modes_of_matrices, shapes_at
 from mbmodel.modes.sensitivities import LinearisedModes, ModeEvaluator
 from mbmodel.mujoco_log import silence_mujoco_log
+from mbmodel.nonlinear_joints.files import read_nonlinear_joints, write_nonlinear_joints
+from mbmodel.nonlinear_joints.laws import (
+    DryFriction,
+    GapSpring,
+    JenkinsElement,
+    NonlinearJoint,
+    PolynomialSpring,
+)
 from mbmodel.parts import (
     AddedPart,
     Change,
@@ -45,6 +53,7 @@ from mbmodel.parts import (
     sensor_parts,
     spring_parts,
 )
+from mbmodel.simulation.integration import TimeStep
 from mbmodel.simulation.response import TimeResponse, simulate
 from mbmodel.spatial import rotation_matrix, transport
 from mbmodel.virtual_test.hammer_test import VirtualTest, strike
@@ -57,15 +66,18 @@ __all__ = [
     "Addition",
     "BendingMode",
     "Change",
+    "DryFriction",
     "Edit",
     "EnergyShares",
     "Evaluator",
     "ForwardSensitivities",
     "FrfRequest",
+    "GapSpring",
     "HammerGainPart",
     "HammerPart",
     "HammerTestPlan",
     "HitScatter",
+    "JenkinsElement",
     "Linearised",
     "LinearisedModes",
     "Machine",
@@ -75,16 +87,19 @@ __all__ = [
     "Model",
     "Modes",
     "Noise",
+    "NonlinearJoint",
     "NotInMjcf",
     "Parameter",
     "Part",
     "PartContext",
+    "PolynomialSpring",
     "RecordedFile",
     "RigidDirection",
     "SensorPart",
     "Spring",
     "SpringPart",
     "TimeResponse",
+    "TimeStep",
     "VirtualTest",
     "add_bending_mode",
     "as_drawn",
@@ -103,6 +118,7 @@ __all__ = [
     "modes_of_matrices",
     "parent_bodies",
     "parse_input",
+    "read_nonlinear_joints",
     "release_rigid_directions",
     "released_joint_elements",
     "respond_linearly",
@@ -116,4 +132,5 @@ __all__ = [
     "suspended_mass_elements",
     "transport",
     "write_mjcf",
+    "write_nonlinear_joints",
 ]

@@ -45,6 +45,9 @@ VERBS = {
     "place": Verb("mbw.match.place_options", "Propose places for a few sensors."),
     "predict": Verb("mbw.predict.options", "Print a model's modes, FRFs and state space."),
     "view": Verb("mbw.view.options", "Show a machine in MuJoCo's viewer, or in a picture."),
+    "simulate": Verb(
+        "mbw.simulate.options", "Make a virtual hammer test, or play a signal, in time."
+    ),
     "tune": Verb("mbw.tune.options", "Tune a model to a measurement."),
     "diagnose": Verb(
         "mbw.diagnose.options", "Find effects that the model lacks, and their places."

@@ -232,7 +232,7 @@ def _apply(document: minidom.Document, edit: Edit) -> str | None:
         numbers = [value] if isinstance(value, float) else list(value)
         words = [f"{number:.17g}" for number in numbers]
         if edit.kind == "spring":
-            words += element.getAttribute(attribute).split()[1:]
+            words += element.getAttribute(attribute).split()[len(words) :]
         element.setAttribute(attribute, " ".join(words))
     return None
 

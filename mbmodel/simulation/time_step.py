@@ -15,7 +15,7 @@ from mbmodel.simulation.time_model import TimeModel
 # Steps per sample of a recorder: at 0.4 of the rate, a force held over a step loses 1.3e-3.
 MIN_STEPS_PER_SAMPLE = 20
 _MIN_STEPS_PER_SIGNAL_SAMPLE = 4  # where the signal's own samples are the output's
-_MAX_STEPS_PER_SAMPLE = 1280
+_MAX_STEPS_PER_SAMPLE = 320
 # |lambda| h up to which RK4 is stable is 2.78 on the real axis and 2.83 on the imaginary one.
 _MAX_RK4_POLE_TIMES_STEP = 2.0
 _MAX_ERROR = 3e-3  # of each channel's rms: accelerometers are calibrated to 1e-2
@@ -91,7 +91,7 @@ def choose_time_step(
     short span differ from those with half the step by less than 0.3 % of their rms. The error is
     of second order in the step, since forces are held over a step, so it is 4/3 of the difference.
 
-    Runge and Kutta's method of fourth order is used where it is stable with at most 1280 steps per
+    Runge and Kutta's method of fourth order is used where it is stable with at most 320 steps per
     sample, and MuJoCo's ``implicitfast`` else.
 
     Args:

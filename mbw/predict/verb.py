@@ -1,7 +1,6 @@
 """``mbw predict``: modes, FRFs and state space of a model."""
 
 import csv
-import math
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -42,6 +41,7 @@ from mbw.predict.curves import Curves, drive_points, requested_curves
 from mbw.predict.page import PAGE, render
 from mbw.predict.prediction import Prediction, modes_file, predict, table
 from mbw.site_kinds import hammer_sites, sensor_sites
+from mbw.spin_rates import parse_spin_rates
 
 _DEFAULT_BAND_HZ = (0.0, 200.0)
 _MIN_SHOWN_FREQUENCY = 0.1  # of the default band's upper limit; a mode above it is shown well
@@ -136,7 +136,7 @@ def run(
         InputError: the model cannot be read or linearised, or a file cannot be written.
     """
     _check(targets)
-    rates = _rates(spin)
+    rates = parse_spin_rates(spin)
     model = as_drawn(load_machine(path, rates, key))
     frf_request = _frf_request(model.machine, request, targets)
     options = targets.options
@@ -180,23 +180,6 @@ def _check(targets: PredictOutputs) -> None:
             raise UsageError("--json - and --frf both go to stdout: name a file for the JSON")
     if out is not None and out.is_file():
         raise UsageError(f"--out {out} is a file: name a folder for the pictures")
-
-
-def _rates(texts: Sequence[str]) -> dict[str, float]:
-    """Return the rates [rad/s] of texts ``JOINT=RATE``."""
-    rates: dict[str, float] = {}
-    for text in texts:
-        joint, equals, number = text.rpartition("=")
-        try:
-            rate = float(number)
-        except ValueError:
-            rate = math.nan
-        if not (equals and joint and math.isfinite(rate)):
-            raise UsageError(f"--spin {text!r}: write JOINT=RATE in rad/s, such as spindle_rz=6.28")
-        if joint in rates:
-            raise UsageError(f"--spin names {joint!r} twice: give it one rate")
-        rates[joint] = rate
-    return rates
 
 
 def _frf_request(

@@ -1,0 +1,130 @@
+"""Nonlinear joints written into an MJCF, and read from one."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import mujoco
+
+from identification.words import InputError
+from mbmodel.mjcf.edit import Addition, Edit, write_mjcf
+from mbmodel.mjcf.names import joint_name
+from mbmodel.mjcf.read import compile_with_remarks
+from mbmodel.mjcf.tendons import is_fixed_tendon
+from mbmodel.nonlinear_joints.laws import (
+    PRELOAD_STIFFNESS_RATIO,
+    DryFriction,
+    GapSpring,
+    JenkinsElement,
+    NonlinearJoint,
+    PolynomialSpring,
+)
+
+_SINGLE = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
+_RATIO_MARGIN = 10.0  # a spring this many times stiffer than a preload's is no preload
+
+
+def write_nonlinear_joints(source: Path, target: Path, joints: Sequence[NonlinearJoint]) -> None:
+    """Write a copy of an MJCF in which some joints are nonlinear.
+
+    Args:
+        source: the MJCF.
+        target: the new file; its folder exists.
+        joints: laws by the name of a slide or hinge.
+
+    Raises:
+        InputError: the file has no such joint, or cannot hold the law there.
+    """
+    compiled, _ = compile_with_remarks(source, without_friction=True)
+    numbers = {joint_name(compiled, k): k for k in _single_joints(compiled)}
+    changes: list[Edit | Addition] = []
+    for law in joints:
+        if law.joint not in numbers:
+            raise InputError(
+                f"{source}: there is no slide or hinge {law.joint!r}: choose one of "
+                f"{', '.join(numbers)}"
+            )
+        changes += law.changes(_spring_reference(compiled, numbers[law.joint]))
+    if refused := write_mjcf(source, target, changes):
+        raise InputError(f"{source}: {refused[0]}: write the joint into the file itself")
+
+
+def read_nonlinear_joints(path: Path) -> tuple[NonlinearJoint, ...]:
+    """Read the nonlinear joints of an MJCF.
+
+    Args:
+        path: of the MJCF.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    compiled, _ = compile_with_remarks(path, without_friction=True)
+    laws: list[NonlinearJoint] = []
+    for joint in _single_joints(compiled):
+        laws += _read_joint(compiled, joint)
+    return tuple(laws)
+
+
+def _single_joints(compiled: mujoco.MjModel) -> list[int]:
+    """Return the numbers of the slides and hinges."""
+    kinds = [mujoco.mjtJoint(kind) for kind in compiled.jnt_type]
+    return [joint for joint, kind in enumerate(kinds) if kind in _SINGLE]
+
+
+def _read_joint(compiled: mujoco.MjModel, joint: int) -> list[NonlinearJoint]:
+    """Return the laws of one joint: polynomial, friction, gap."""
+    name, laws = joint_name(compiled, joint), list[NonlinearJoint]()
+    k2, k3 = (float(value) for value in compiled.jnt_stiffnesspoly[joint][:2])
+    k = float(compiled.jnt_stiffness[joint])
+    if compiled.jnt_plasticadr[joint] >= 0:
+        laws.append(JenkinsElement(name, k, k * float(compiled.jnt_springyield[joint])))
+    elif k2 or k3:
+        laws.append(PolynomialSpring(name, k, k2, k3))
+    loss = float(compiled.dof_frictionloss[compiled.jnt_dofadr[joint]])
+    if loss > 0:
+        laws.append(DryFriction(name, loss))
+    tendons = _tendons_over(compiled, joint)
+    for tendon in tendons:
+        stiffness = float(compiled.tendon_stiffness[tendon])
+        low, high = (float(value) for value in compiled.tendon_lengthspring[tendon])
+        if compiled.tendon_plasticadr[tendon] >= 0:
+            limit = stiffness * float(compiled.tendon_springyield[tendon])
+            laws.append(JenkinsElement(name, stiffness, limit))
+        elif high > low:
+            preload = _preload(compiled, tendons, stiffness, (low + high) / 2)
+            laws.append(GapSpring(name, stiffness, (high - low) / 2, preload))
+    return laws
+
+
+def _tendons_over(compiled: mujoco.MjModel, joint: int) -> list[int]:
+    """Return the fixed tendons whose length is the coordinate of one joint."""
+    tendons = []
+    for tendon in range(compiled.ntendon):
+        first = int(compiled.tendon_adr[tendon])
+        is_single = is_fixed_tendon(compiled, tendon) and compiled.tendon_num[tendon] == 1
+        if (
+            is_single
+            and compiled.wrap_objid[first] == joint
+            and compiled.wrap_prm[first] == 1.0
+            and compiled.tendon_stiffness[tendon] > 0
+        ):
+            tendons.append(tendon)
+    return tendons
+
+
+def _preload(
+    compiled: mujoco.MjModel, tendons: Sequence[int], stops: float, centre: float
+) -> float:
+    """Return the force of the weak springs over a joint at the middle of its gap."""
+    largest = _RATIO_MARGIN * PRELOAD_STIFFNESS_RATIO * stops
+    return sum(
+        float(
+            compiled.tendon_stiffness[tendon] * (compiled.tendon_lengthspring[tendon, 0] - centre)
+        )
+        for tendon in tendons
+        if compiled.tendon_stiffness[tendon] <= largest
+    )
+
+
+def _spring_reference(compiled: mujoco.MjModel, joint: int) -> float:
+    """Return the coordinate at which a joint's spring is free."""
+    return float(compiled.qpos_spring[compiled.jnt_qposadr[joint]])

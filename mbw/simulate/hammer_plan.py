@@ -1,0 +1,224 @@
+"""Plan of a virtual hammer test from the options, or from a campaign that it shall be like."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from identification import read_settings
+from identification.words import (
+    MAX_FREQUENCY_HZ,
+    Campaign,
+    Dof,
+    InputError,
+    Motor,
+    Tolerance,
+    UsageError,
+)
+from mbmodel import (
+    HammerTestPlan,
+    HitScatter,
+    Machine,
+    Noise,
+    RecordedFile,
+    as_drawn,
+    model_modes,
+)
+from mbmodel.virtual_test.instruments import NO_ERRORS
+from mbmodel.virtual_test.plan import BAND_SHARE
+from mbw.site_kinds import hammer_sites, sensor_sites
+from tuning import open_campaign
+
+_DEFAULT_LEVEL_N = 200.0
+_DEFAULT_HITS = 10
+_RECORDER_RATE_HZ = 512.0
+_DEFAULT_BLOCK_SAMPLES = 2048
+_MODES_OF_BAND = 12  # modes that the default band holds where they lie above 200 Hz
+_BAND_OVER_MODES = 1.5  # upper limit of the default band over the highest of those modes
+
+
+@dataclass(frozen=True)
+class TestOptions:
+    """Values of the options of a virtual hammer test; None and empty for the defaults.
+
+    Args:
+        hammer: hammer points or directions.
+        like: campaign whose test is imitated.
+        levels: mean peak forces [N].
+        hits: hits along each direction.
+        setups: number of roving set-ups.
+        rate_hz: samples per second.
+        block_s: length of a record [s].
+        pulse_s: duration of the pulse [s].
+        double_share: share of the hits that bounce.
+        exact: whether nothing is noisy or off.
+        outputs: channels.
+    """
+
+    __test__ = False
+
+    hammer: Sequence[str]
+    like: Path | None
+    levels: Sequence[float]
+    hits: int | None
+    setups: int
+    rate_hz: float | None
+    block_s: float | None
+    pulse_s: float | None
+    double_share: float
+    exact: bool
+    outputs: Sequence[str]
+
+
+@dataclass(frozen=True)
+class PlannedTest:
+    """Plan of a test and the tolerances of its instruments.
+
+    Args:
+        plan: files, recorder, scatter and noise.
+        drawn: tolerances within which errors are drawn.
+        stated: tolerances that campaign.toml states.
+    """
+
+    plan: HammerTestPlan
+    drawn: Tolerance
+    stated: Tolerance
+
+
+def plan_test(machine: Machine, options: TestOptions, suffix: str) -> PlannedTest:
+    """Plan a virtual hammer test.
+
+    Args:
+        machine: with its sensors and hammer points.
+        options: of the user.
+        suffix: of the files, such as ``.npz``.
+
+    Raises:
+        UsageError: an option does not fit the machine.
+        InputError: the campaign to be imitated cannot be read, or motors drive it.
+    """
+    if options.like is None:
+        files = _files(machine, options, suffix)
+        rate = options.rate_hz or _default_rate(machine)
+        block, stated = options.block_s or _DEFAULT_BLOCK_SAMPLES / rate, Tolerance()
+    else:
+        files, rate, block, stated = _imitate(options, suffix)
+        rate, block = options.rate_hz or rate, options.block_s or block
+    scatter = HitScatter(double_share=options.double_share)
+    noise, drawn = Noise(), stated
+    if options.exact:
+        scatter = replace(scatter, angle=0.0, place=0.0)
+        noise, drawn = Noise(0.0, 0.0), NO_ERRORS
+        machine_tolerances = ("mass", "inertia", "com", "joint_position")
+        stated = replace(NO_ERRORS, **{name: getattr(stated, name) for name in machine_tolerances})
+    plan = HammerTestPlan(files, rate, block, options.pulse_s or 0.0, scatter, noise)
+    return PlannedTest(plan, drawn, stated)
+
+
+def _files(machine: Machine, options: TestOptions, suffix: str) -> tuple[RecordedFile, ...]:
+    """Return a file for each level and set-up."""
+    references = _references(machine, options.hammer)
+    outputs = tuple(Dof.parse(text) for text in options.outputs) or tuple(
+        Dof.of(site, axis) for site in sensor_sites(machine.layout) for axis in range(3)
+    )
+    sites = list(dict.fromkeys(dof.point for dof in outputs))
+    if options.setups > len(sites):
+        raise UsageError(
+            f"--setups {options.setups}: there are {len(sites)} accelerometers: give at most as "
+            "many set-ups"
+        )
+    files = []
+    for level in options.levels or (_DEFAULT_LEVEL_N,):
+        for number, group in enumerate(np.array_split(np.arange(len(sites)), options.setups)):
+            setup = chr(ord("a") + number) if options.setups > 1 else None
+            chosen = {sites[k] for k in group}
+            files.append(
+                RecordedFile(
+                    file=f"hits_{level:g}N{f'_{setup}' if setup else ''}{suffix}",
+                    level_n=level,
+                    outputs=tuple(dof for dof in outputs if dof.point in chosen),
+                    references=references,
+                    hits=options.hits or _DEFAULT_HITS,
+                    setup=setup,
+                )
+            )
+    if len({file.file for file in files}) < len(files):
+        raise UsageError("--level gives one level twice: remove one")
+    return tuple(files)
+
+
+def _references(machine: Machine, texts: Sequence[str]) -> tuple[Dof, ...]:
+    """Return the directions of the hammer; three for a point without a direction."""
+    layout = machine.layout
+    references: list[Dof] = []
+    for text in texts or hammer_sites(layout):
+        point, colon, direction = text.partition(":")
+        if point.isdecimal():
+            site = layout.hammer_at_node(int(point))
+            if site is None:
+                raise UsageError(f"--hammer {text}: no site of the model ends in {point}")
+            point = site
+        layout.body_name(point)  # refuses an unknown point
+        references += (
+            [Dof.parse(f"{point}:{direction}")]
+            if colon
+            else [Dof.of(point, axis) for axis in range(3)]
+        )
+    if not references:
+        raise UsageError(
+            "the model has no hammer point hit<node>: name one by --hammer, such as "
+            f"{next(iter(layout.points), 'a site')}"
+        )
+    return tuple(dict.fromkeys(references))
+
+
+def _default_rate(machine: Machine) -> float:
+    """Return 512 Hz if a mode lies below 200 Hz; else a rate whose band holds twelve modes."""
+    model = as_drawn(machine)
+    modes = model_modes(model, model.drawn)
+    natural = np.sort(modes.freq_hz[modes.oscillates])
+    if not natural.size or natural[0] < BAND_SHARE * _RECORDER_RATE_HZ:
+        return _RECORDER_RATE_HZ
+    top = _BAND_OVER_MODES * natural[:_MODES_OF_BAND][-1]
+    return float(np.ceil(top / BAND_SHARE))
+
+
+def _imitate(
+    options: TestOptions, suffix: str
+) -> tuple[tuple[RecordedFile, ...], float, float, Tolerance]:
+    """Return files, rate [Hz], block [s] and tolerances of a campaign."""
+    source, settings = read_settings(options.like or Path())
+    if settings.model is None:
+        raise InputError(f"{source} names no model: --like needs a campaign with one")
+    _, _, campaign = open_campaign(source, (0.0, MAX_FREQUENCY_HZ))
+    freq = campaign.freq_hz
+    hits = [test.hits for test in campaign.tests if test.hits is not None]
+    rate = hits[0].rate_hz if hits else float(np.round(freq[-1] / BAND_SHARE, 6))
+    block = hits[0].block_s if hits else float(1 / np.median(np.diff(freq)))
+    names = dict.fromkeys(test.condition.test for test in campaign.tests)
+    files = [_imitate_file(campaign, name, options, suffix) for name in names]
+    return tuple(files), rate, block, campaign.tolerance
+
+
+def _imitate_file(campaign: Campaign, name: str, options: TestOptions, suffix: str) -> RecordedFile:
+    """Return the file of a virtual test that is like a file of a campaign."""
+    tests = [test for test in campaign.tests if test.condition.test == name]
+    references: list[Dof] = []
+    for test in tests:
+        if isinstance(test.condition.reference, Motor):
+            raise InputError(
+                f"{name}: {test.condition.reference} is a motor, which no hammer replaces: play a "
+                "signal at it instead"
+            )
+        references.append(test.condition.reference)
+    condition, estimate = tests[0].condition, tests[0].estimate
+    return RecordedFile(
+        file=Path(name).with_suffix(suffix).name,
+        level_n=(options.levels or (condition.level_n or _DEFAULT_LEVEL_N,))[0],
+        outputs=estimate.frf.outputs,
+        references=tuple(references),
+        hits=options.hits or estimate.averages or _DEFAULT_HITS,
+        setup=condition.setup,
+        hammer=condition.hammer,
+    )

@@ -1,0 +1,198 @@
+"""Options of ``mbw simulate``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mbw.loader import run_verb
+from mbw.options import Json, Overwrite, Quiet, Seed, out_option
+
+app = typer.Typer(rich_markup_mode=None, add_completion=False)
+
+
+@app.command()
+def simulate(  # noqa: PLR0913  # one for each option
+    model: Annotated[Path, typer.Argument(help="MJCF of a machine.")],
+    *,
+    hammer: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="POINT",
+            help="Hammer point: hit11, 11, or one direction, acc11:+tx; repeatable. "
+            "Default: all sites hit<node>.",
+        ),
+    ] = None,
+    like: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="CAMPAIGN",
+            help="Take hammer points, channels, levels, hits, set-ups, rate and tolerances of "
+            "this campaign.",
+        ),
+    ] = None,
+    level: Annotated[
+        list[float] | None,
+        typer.Option(metavar="N", help="Mean peak force [N]; repeatable. Default: 200."),
+    ] = None,
+    hits: Annotated[
+        int | None, typer.Option(min=1, max=1000, help="Hits along each direction. Default: 10.")
+    ] = None,
+    setups: Annotated[
+        int, typer.Option(min=1, max=26, help="Roving set-ups that share the accelerometers.")
+    ] = 1,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ", help="Samples per second. Default: 512, or more for faster modes."
+        ),
+    ] = None,
+    block: Annotated[
+        float | None,
+        typer.Option(metavar="S", help="Length of the record of a hit [s]. Default: 2048 samples."),
+    ] = None,
+    pulse: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S", help="Duration of the half-sine pulse [s]. Default: 2.9 over the rate."
+        ),
+    ] = None,
+    double_hits: Annotated[
+        float, typer.Option(min=0, max=1, help="Share of the hits that bounce.")
+    ] = 0.0,
+    exact: Annotated[
+        bool, typer.Option("--exact", help="No noise, no errors of instruments, steady aim.")
+    ] = False,
+    nominal: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="MJCF that the campaign names instead of the simulated one."
+        ),
+    ] = None,
+    signals: Annotated[
+        Path | None,
+        typer.Option(
+            "--input",
+            metavar="FILE",
+            help="Play a CSV: a column of time [s], then one for each input's label.",
+        ),
+    ] = None,
+    signal: Annotated[
+        str | None,
+        typer.Option(metavar="KIND", help="Play step, chirp, noise or psd at the place --at."),
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LABEL",
+            help="Input: hit11:+tx, a body, floor:+tx, joint:<name> or a motor.",
+        ),
+    ] = None,
+    amplitude: Annotated[
+        float,
+        typer.Option(help="Height of a step or chirp, rms of noise [N, N m, m/s^2, control]."),
+    ] = 1.0,
+    duration: Annotated[float, typer.Option(metavar="S", help="Length of the signal [s].")] = 2.0,
+    band: Annotated[
+        tuple[float, float] | None,
+        typer.Option(metavar="LOW HIGH", help="Band of chirp and noise [Hz]. Default: 5 to 200."),
+    ] = None,
+    psd: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Table of frequency [Hz] and one-sided power density of a signal."
+        ),
+    ] = None,
+    outputs: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--output",
+            metavar="LABEL",
+            help="Channel: acc7:+tx, a body, joint:<name>; repeatable. "
+            "Default: all accelerometers.",
+        ),
+    ] = None,
+    quantity: Annotated[
+        str,
+        typer.Option(
+            help="Motion of a played signal's outputs: receptance, mobility or accelerance."
+        ),
+    ] = "accelerance",
+    file_format: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            metavar="KIND",
+            help="npz or mat for records; csv, npz or mat for a played signal.",
+        ),
+    ] = None,
+    animate: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the motion as .gif, .webp, .mp4 or .webm."),
+    ] = None,
+    spin: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT=RATE", help="Hinge that spins at this rate [rad/s]; repeatable."
+        ),
+    ] = None,
+    key: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Keyframe that gives pose and controls; default: home if there is one.",
+        ),
+    ] = None,
+    out: Annotated[Path | None, out_option("<model>-simulated beside it")] = None,
+    json: Json = None,
+    seed: Seed = 0,
+    jobs: Annotated[
+        int | None, typer.Option(min=1, help="Number of threads. Default: all cores.")
+    ] = None,
+    quiet: Quiet = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Simulate a machine in time: a virtual hammer test as a campaign, or a signal that is played.
+
+    Without --input and --signal it is a hammer test.
+    """
+    run_verb(
+        "mbw.simulate.verb",
+        model,
+        test={
+            "hammer": hammer or [],
+            "like": like,
+            "levels": level or [],
+            "hits": hits,
+            "setups": setups,
+            "rate_hz": rate,
+            "block_s": block,
+            "pulse_s": pulse,
+            "double_share": double_hits,
+            "exact": exact,
+            "outputs": outputs or [],
+        },
+        played={
+            "signals": signals,
+            "kind": signal,
+            "at": at,
+            "amplitude": amplitude,
+            "duration_s": duration,
+            "rate_hz": rate,
+            "band": band,
+            "psd": psd,
+            "outputs": outputs or [],
+            "quantity": quantity,
+            "animate": animate,
+        },
+        nominal=nominal,
+        file_format=file_format,
+        spin=spin or [],
+        key=key,
+        out=out,
+        json=json,
+        seed=seed,
+        jobs=jobs,
+        quiet=quiet,
+        overwrite=overwrite,
+    )

@@ -1,0 +1,37 @@
+"""Summary of a simulation for ``--json`` and the terminal."""
+
+from typing import Annotated
+
+from pydantic import BaseModel, Field
+
+Number = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class SimulationSummary(BaseModel):
+    """Summary of ``mbw simulate``.
+
+    Args:
+        model: path of the MJCF.
+        kind: ``hammer test`` or ``signal``.
+        integrator: ``RK4`` or ``implicitfast``.
+        step: of the integration [s].
+        error: estimated error of the channels, relative to their rms; null if an estimate failed.
+        span: time over which it was estimated [s].
+        files: files that were written.
+        hits: number of hits of a hammer test; null for a signal.
+        rate: samples per second of records and responses [Hz].
+        duration: of one record [s].
+        seconds: of simulated time.
+    """
+
+    model: str
+    kind: str
+    integrator: str
+    step: Number
+    error: Number | None
+    span: Number
+    files: list[str]
+    hits: int | None
+    rate: Number
+    duration: Number
+    seconds: Number

@@ -1,0 +1,247 @@
+"""``mbw simulate``: a virtual hammer test as a campaign, or the response to a signal."""
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import typer
+
+from identification.words import Dof, InputError, UsageError
+from mbmodel import Machine, TimeStep, load_machine, simulate, strike, write_mjcf
+from mbmodel.simulation.drives import parse_drive, parse_reading
+from mbw.files import write_json
+from mbw.messages import SCREEN
+from mbw.output_folder import ResultOptions
+from mbw.simulate.campaign_folder import ANSWER, CAMPAIGN, MODEL, write_campaign
+from mbw.simulate.hammer_plan import TestOptions, plan_test
+from mbw.simulate.played_signal import PlayOptions, load_signal, parse_quantity, write_response
+from mbw.simulate.summary import SimulationSummary
+from mbw.simulate.units import input_unit, output_unit
+from mbw.site_kinds import sensor_sites
+from mbw.spin_rates import parse_spin_rates
+
+_RECORD_FORMATS, _RESPONSE_FORMATS = ("npz", "mat"), ("csv", "npz", "mat")
+_RESPONSE_STEM = "response"
+
+
+def run_options(  # noqa: PLR0913  # one for each option
+    model: Path,
+    *,
+    test: Mapping[str, Any],
+    played: Mapping[str, Any],
+    nominal: Path | None,
+    file_format: str | None,
+    spin: list[str],
+    key: str | None,
+    out: Path | None,
+    json: Path | None,
+    seed: int,
+    jobs: int | None,
+    overwrite: bool,
+) -> None:
+    """Run the verb with the values of its options, as ``mbw.simulate.options`` describes them."""
+    test_options, play_options = TestOptions(**test), PlayOptions(**played)
+    outputs = ResultOptions(out, json, overwrite, pictures=False)
+    rates = parse_spin_rates(spin)
+    machine = load_machine(model, rates, key, without_friction=True)
+    for remark in machine.remarks:
+        SCREEN.say(remark)
+    if play_options.is_asked:
+        _refuse_test_options(test_options, nominal)
+        summary = play(machine, play_options, outputs, rates, file_format or "csv", seed)
+    else:
+        summary = hit(
+            machine,
+            test_options,
+            outputs,
+            rates,
+            file_format or "npz",
+            nominal=nominal,
+            seed=seed,
+            threads=jobs or os.cpu_count() or 1,
+        )
+    if json is not None:
+        write_json(summary.model_dump_json(indent=1), json)
+
+
+def _refuse_test_options(options: TestOptions, nominal: Path | None) -> None:
+    """Refuse options of a hammer test beside a played signal."""
+    given = {
+        "--hammer": options.hammer,
+        "--like": options.like,
+        "--level": options.levels,
+        "--hits": options.hits,
+        "--block": options.block_s,
+        "--pulse": options.pulse_s,
+        "--exact": options.exact,
+        "--nominal": nominal,
+    }
+    wrong = [name for name, value in given.items() if value]
+    if wrong:
+        raise UsageError(f"{wrong[0]} belongs to a hammer test, but a signal is played: drop one")
+
+
+def hit(
+    machine: Machine,
+    options: TestOptions,
+    outputs: ResultOptions,
+    rates: Mapping[str, float],
+    file_format: str,
+    *,
+    nominal: Path | None,
+    seed: int,
+    threads: int,
+) -> SimulationSummary:
+    """Make a virtual hammer test and write it as a campaign.
+
+    Args:
+        machine: to be hit.
+        options: of the test.
+        outputs: where the campaign is written.
+        rates: of spinning hinges [rad/s].
+        file_format: of the records.
+        nominal: MJCF that campaign.toml names; None for the machine's own.
+        seed: of all random numbers.
+        threads: that work at the same time.
+    """
+    _check_format(file_format, _RECORD_FORMATS)
+    _check_nominal(machine, nominal)
+    planned = plan_test(machine, options, f".{file_format}")
+    plan = planned.plan
+    names = [CAMPAIGN, MODEL, ANSWER, *(file.file for file in plan.files)]
+    total = sum(file.hits * len(file.references) for file in plan.files)
+    with outputs.open("simulate", machine.source, "simulated", names) as output:
+        with SCREEN.progress() as progress:
+            task = progress.add_task("hits", total=total)
+            test = strike(
+                machine,
+                plan,
+                tolerance=planned.drawn,
+                spin=rates,
+                seed=seed,
+                threads=threads,
+                count_hits=lambda count: progress.advance(task, count),
+            )
+        with output.write() as place:
+            write_campaign(place, planned, test, seed)
+            write_mjcf(nominal or machine.source, place / MODEL, (), output.path)
+    summary = _summary(
+        machine,
+        test.step,
+        kind="hammer test",
+        files=names,
+        rate=plan.rate_hz,
+        duration=plan.block_s,
+    ).model_copy(update={"hits": total, "seconds": total * plan.block_s})
+    _say_step(test.step)
+    SCREEN.say(f"{total} hits, {len(plan.files)} files: campaign in {output.path}")
+    if not (outputs.has_json_on_stdout or SCREEN.quiet):
+        typer.echo(f"mbw identify {output.path}")
+    return summary
+
+
+def _check_nominal(machine: Machine, nominal: Path | None) -> None:
+    """Refuse a model that the campaign could not name: other verbs could not read it."""
+    try:
+        load_machine(nominal or machine.source, key=machine.keyframe)
+    except InputError as error:
+        if nominal is not None:
+            raise
+        raise InputError(
+            f"{error}, or name a nominal model without it by --nominal, which the campaign then "
+            "states"
+        ) from error
+
+
+def play(
+    machine: Machine,
+    options: PlayOptions,
+    outputs: ResultOptions,
+    rates: Mapping[str, float],
+    file_format: str,
+    seed: int,
+) -> SimulationSummary:
+    """Play a signal and write the response.
+
+    Args:
+        machine: to be driven.
+        options: of the signal.
+        outputs: where the response is written.
+        rates: of spinning hinges [rad/s].
+        file_format: of the response.
+        seed: of noise.
+    """
+    _check_format(file_format, _RESPONSE_FORMATS)
+    quantity = parse_quantity(options.quantity)
+    signal = load_signal(options, seed)
+    drives = tuple(parse_drive(machine, label) for label in signal.labels)
+    labels = options.outputs or [
+        str(Dof.of(site, axis)) for site in sensor_sites(machine.layout) for axis in range(3)
+    ]
+    readings = tuple(parse_reading(machine, label) for label in labels)
+    if not readings:
+        raise UsageError("the model has no site: name --output, such as body:+tx")
+    name = f"{_RESPONSE_STEM}.{file_format}"
+    names = [f"{_RESPONSE_STEM}.{kind}" for kind in _RESPONSE_FORMATS]
+    with outputs.open("simulate", machine.source, "simulated", names) as output:
+        with SCREEN.status(f"{signal.time_s[-1] - signal.time_s[0]:.3g} s in time"):
+            response = simulate(
+                machine,
+                drives,
+                readings,
+                signal.time_s,
+                signal.values,
+                quantity=quantity,
+                spin=rates,
+            )
+        columns = [
+            (str(drive), input_unit(machine, drive), signal.values[:, k])
+            for k, drive in enumerate(drives)
+        ] + [
+            (str(reading), output_unit(machine, reading, quantity), response.outputs[:, k])
+            for k, reading in enumerate(readings)
+        ]
+        with output.write() as place:
+            write_response(place / name, signal.time_s, columns)
+    _say_step(response.step)
+    SCREEN.say(f"{len(readings)} channels, {len(signal.time_s)} samples in {output.path / name}")
+    duration = float(signal.time_s[-1] - signal.time_s[0])
+    rate = float((len(signal.time_s) - 1) / duration)
+    return _summary(
+        machine, response.step, kind="signal", files=[name], rate=rate, duration=duration
+    )
+
+
+def _check_format(text: str, allowed: tuple[str, ...]) -> None:
+    if text not in allowed:
+        raise UsageError(f"--format {text!r}: write one of {', '.join(allowed)}")
+
+
+def _say_step(step: TimeStep) -> None:
+    """Print integrator, step and estimated error."""
+    error = f"{step.error:.1g}" if math.isfinite(step.error) else "unknown"
+    SCREEN.say(
+        f"integrator {step.integrator}, step {1e6 * step.step_s:.4g} us; estimated error {error} "
+        f"of the channels' rms (against half the step, over {step.span_s:.2g} s)"
+    )
+
+
+def _summary(
+    machine: Machine, step: TimeStep, *, kind: str, files: list[str], rate: float, duration: float
+) -> SimulationSummary:
+    return SimulationSummary(
+        model=str(machine.source),
+        kind=kind,
+        integrator=step.integrator,
+        step=step.step_s,
+        error=step.error if np.isfinite(step.error) else None,
+        span=step.span_s,
+        files=files,
+        hits=None,
+        rate=rate,
+        duration=duration,
+        seconds=duration,
+    )

@@ -1,0 +1,182 @@
+"""``mbw simulate``: a virtual hammer test that other verbs read, and played signals."""
+
+import csv
+import json
+import tomllib
+
+import numpy as np
+import pytest
+import scipy.io
+from small_machine import MJCF
+from typer.testing import CliRunner
+
+from identification import read_settings
+from mbmodel.nonlinear_joints.files import write_nonlinear_joints
+from mbmodel.nonlinear_joints.laws import DryFriction
+from mbw.command import app
+from tuning import open_campaign
+
+RUNNER = CliRunner()
+SHORT = ("--hits", "3", "--rate", "256", "--block", "0.5", "--jobs", "1")
+
+
+def run(*arguments, code=0):
+    result = RUNNER.invoke(app, ["simulate", *map(str, arguments)])
+    assert result.exit_code == code, result.output
+    return " ".join(result.output.split())
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    path = tmp_path_factory.mktemp("machine") / "pair.xml"
+    path.write_text(MJCF, encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def campaign(model):
+    out = model.with_name("test")
+    levels = ("--level", "20", "--level", "50", "--setups", "2")
+    run(model, "--hammer", "3:-ty", "--hammer", "acc4:+tz", *levels, *SHORT, "--out", out)
+    return out
+
+
+def test_a_virtual_test_is_a_campaign_with_levels_and_setups(campaign):
+    _, settings = read_settings(campaign)
+    assert {(test.level, test.setup) for test in settings.test} == {
+        (20.0, "a"),
+        (20.0, "b"),
+        (50.0, "a"),
+        (50.0, "b"),
+    }
+    _, machine, tests = open_campaign(campaign)
+    assert machine.name == "pair"
+    assert len(tests.tests) == 8
+    assert {str(test.condition.reference) for test in tests.tests} == {"acc3:-ty", "acc4:+tz"}
+    # Of three hits the identification may leave out one whose aim was off.
+    assert all(len(test.hits.kept) + len(test.hits.rejected) == 3 for test in tests.tests)
+    peaks = [abs(hit.peak_n) for test in tests.tests[4:] for hit in test.hits.kept]
+    assert 30 < np.mean(peaks) < 55
+
+
+def test_identify_finds_the_modes_of_the_model(campaign, tmp_path):
+    result = RUNNER.invoke(
+        app, ["identify", str(campaign), "--out", str(tmp_path / "modes"), "--no-pictures"]
+    )
+    assert result.exit_code == 0, result.output
+    modes = json.loads((tmp_path / "modes" / "modes.json").read_text())["modes"]
+    assert [mode["frequency"] for mode in modes][:2] == pytest.approx([45.67, 65.9], rel=5e-3)
+
+
+def test_the_answer_holds_the_drawn_errors(campaign):
+    answer = tomllib.loads((campaign / "answer.toml").read_text())
+    assert len(answer["sensor"]) == 6
+    gains = np.array([sensor["gains"] for sensor in answer["sensor"].values()])
+    assert 0.003 < np.std(gains - 1) < 0.03
+    assert set(answer["hammer"]) == {"acc3:+ty", "acc4:+tz"}
+
+
+def test_a_test_like_another_has_its_channels_lines_and_tolerances(model, campaign, tmp_path):
+    summary = tmp_path / "summary.json"
+    run(
+        model,
+        "--like",
+        campaign,
+        "--exact",
+        "--jobs",
+        1,
+        "--out",
+        tmp_path / "a",
+        "--json",
+        summary,
+    )
+    _, _, first = open_campaign(campaign, (10.0, 90.0))
+    _, _, second = open_campaign(tmp_path / "a", (10.0, 90.0))
+    assert np.array_equal(first.freq_hz, second.freq_hz)
+    for one_test, like_it in zip(first.tests, second.tests, strict=True):
+        assert one_test.condition.reference == like_it.condition.reference
+        assert one_test.condition.setup == like_it.condition.setup
+        assert one_test.estimate.frf.outputs == like_it.estimate.frf.outputs
+    assert second.tolerance.sensor_gain == 0.0
+    assert second.tolerance.mass == first.tolerance.mass
+    content = json.loads(summary.read_text())
+    assert content["hits"] == 24
+    assert content["error"] < 3e-3
+
+
+@pytest.mark.parametrize("kind", ["step", "chirp", "noise"])
+def test_a_signal_is_played(model, tmp_path, kind):
+    place = ("--signal", kind, "--at", "acc3:+tx", "--duration", 0.5, "--amplitude", 30)
+    run(model, *place, "--output", "head:+tx", "--output", "joint:head_tx", "--out", tmp_path)
+    with (tmp_path / "response.csv").open(newline="") as file:
+        header, *rows = csv.reader(file)
+    assert header == ["time [s]", "acc3:+tx [N]", "head:+tx [m/s^2]", "joint:head_tx [m]"]
+    table = np.array(rows, float)
+    assert len(table) == 1025
+    if kind == "step":  # long after, the joint carries 30 N
+        assert table[-1, 3] == pytest.approx(30 / 8e6, rel=0.1)
+    if kind == "noise":
+        assert table[:, 1].std() == pytest.approx(30, rel=0.2)
+
+
+def test_a_csv_is_played_into_a_mat_file(model, tmp_path):
+    signal = tmp_path / "in.csv"
+    time = np.arange(0, 0.3, 1e-3)
+    force = 10 * np.sin(2 * np.pi * 20 * time)
+    lines = [f"{t:.6f},{f:.6f}" for t, f in zip(time, force, strict=True)]
+    signal.write_text("time,floor:+tx\n" + "\n".join(lines), encoding="utf-8")
+    quantity = ("--quantity", "receptance", "--format", "mat")
+    run(model, "--input", signal, *quantity, "--output", "base:+tx", "--out", tmp_path / "o")
+    content = scipy.io.loadmat(tmp_path / "o" / "response.mat")
+    assert content["values"].shape == (300, 2)
+    assert np.abs(content["values"][:, 1]).max() > 1e-4
+
+
+def test_a_power_density_is_played(model, tmp_path):
+    table = tmp_path / "psd.csv"
+    table.write_text("freq,density\n10,0\n20,1\n60,1\n70,0\n", encoding="utf-8")
+    place = ("--psd", table, "--at", "floor:+tz", "--duration", 4, "--rate", 512, "--seed", 3)
+    run(model, *place, "--output", "base:+tz", "--format", "npz", "--out", tmp_path / "o")
+    with np.load(tmp_path / "o" / "response.npz") as content:
+        signal = content["values"][:, 0]
+    # 40 Hz of density 1 and two ramps of 10 Hz: a mean square of 50.
+    assert (signal**2).mean() == pytest.approx(50, rel=0.2)
+
+
+def test_dry_friction_needs_a_nominal_model(model, tmp_path):
+    rough = tmp_path / "rough.xml"
+    write_nonlinear_joints(model, rough, [DryFriction("head_tx", 0.1)])
+    out = tmp_path / "rough-test"
+    assert "--nominal" in run(rough, "--hammer", "3", *SHORT, "--out", out, code=3)
+    run(rough, "--hammer", "3:+tx", *SHORT, "--nominal", model, "--out", out)
+    assert "frictionloss" not in (out / "model.xml").read_text()
+    open_campaign(out)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), "no hammer point"),
+        (("--hammer", "99"), "ends in 99"),
+        (("--hammer", "nothing"), "neither a point nor a body"),
+        (("--hammer", "3", "--setups", "9"), "at most as many"),
+        (("--hammer", "3", "--rate", "-1"), "rate"),
+        (("--hammer", "3", "--block", "0.01"), "samples"),
+        (("--signal", "sine", "--at", "acc3:+tx"), "one of step"),
+        (("--signal", "step"), "--at"),
+        (("--signal", "step", "--at", "acc3:+tx", "--hits", "3"), "--hits"),
+        (("--signal", "chirp", "--at", "acc3:+tx", "--band", "50", "9"), "LOW below HIGH"),
+        (("--signal", "step", "--at", "joint:none"), "joint:none"),
+        (("--hammer", "3", "--format", "csv"), "--format"),
+    ],
+)
+def test_a_wrong_call_ends_with_one_sentence(model, arguments, words):
+    assert words in run(model, *arguments, code=2)
+
+
+def test_a_wrong_table_is_refused_with_its_row(model, tmp_path):
+    signal = tmp_path / "in.csv"
+    signal.write_text("time,acc3:+tx\n0,1\n0.001,x\n", encoding="utf-8")
+    assert "row 3" in run(model, "--input", signal, code=3)
+    signal.write_text("time,acc3:+tx\n0,1\n0.001,nan\n", encoding="utf-8")
+    assert "NaN" in run(model, "--input", signal, code=3)
