@@ -212,13 +212,14 @@ def _imitate_file(campaign: Campaign, name: str, options: TestOptions, suffix: s
                 "signal at it instead"
             )
         references.append(test.condition.reference)
-    condition, estimate = tests[0].condition, tests[0].estimate
+    condition, estimate, hits = tests[0].condition, tests[0].estimate, tests[0].hits
+    count = estimate.averages if hits is None else len(hits.kept) + len(hits.rejected)
     return RecordedFile(
         file=Path(name).with_suffix(suffix).name,
         level_n=(options.levels or (condition.level_n or _DEFAULT_LEVEL_N,))[0],
         outputs=estimate.frf.outputs,
         references=tuple(references),
-        hits=options.hits or estimate.averages or _DEFAULT_HITS,
+        hits=options.hits or count or _DEFAULT_HITS,
         setup=condition.setup,
         hammer=condition.hammer,
     )

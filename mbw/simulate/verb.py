@@ -51,9 +51,9 @@ def run_options(  # noqa: PLR0913  # one for each option
         SCREEN.say(remark)
     if play_options.is_asked:
         _refuse_test_options(test_options, nominal)
-        summary = play(machine, play_options, outputs, rates, file_format or "csv", seed)
+        summary = play_signal(machine, play_options, outputs, rates, file_format or "csv", seed)
     else:
-        summary = hit(
+        summary = make_test(
             machine,
             test_options,
             outputs,
@@ -84,7 +84,7 @@ def _refuse_test_options(options: TestOptions, nominal: Path | None) -> None:
         raise UsageError(f"{wrong[0]} belongs to a hammer test, but a signal is played: drop one")
 
 
-def hit(
+def make_test(
     machine: Machine,
     options: TestOptions,
     outputs: ResultOptions,
@@ -156,7 +156,7 @@ def _check_nominal(machine: Machine, nominal: Path | None) -> None:
         ) from error
 
 
-def play(
+def play_signal(
     machine: Machine,
     options: PlayOptions,
     outputs: ResultOptions,

@@ -18,7 +18,7 @@ PACKAGES = ("identification", "mbmodel", "tuning", "diagnosis", "mbw", "mbworkbe
 COMMON = {"--out", "--json", "--jobs", "--quiet", "--overwrite"}
 SHAPES = ROOT / "assets" / "gondola" / "shapes.vtu"
 WITHOUT_BAND = {"report", "view"}
-WITH_SEED = {"demo", "tune", "diagnose", "blind"}
+WITH_SEED = {"demo", "tune", "diagnose", "blind", "simulate"}
 
 
 def options(verb):
