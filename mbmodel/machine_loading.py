@@ -22,6 +22,7 @@ from mbmodel.mjcf.keyframes import choose_keyframe, keyframe_remarks, pose_data
 from mbmodel.mjcf.names import body_name, coordinate_names, joint_name
 from mbmodel.mjcf.read import compile_with_remarks
 from mbmodel.mjcf.stages import stage_bodies, stage_members, stage_of
+from mbmodel.nonlinear_joints.remarks import nonlinear_remarks
 from mbmodel.spatial import spatial_inertia
 
 
@@ -90,6 +91,7 @@ def load_machine(
             *spin_remarks(model, data, spin or {}),
             *layout_remarks,
             *motor_remarks,
+            *nonlinear_remarks(model),
         ),
     )
     check_linear_model(model, data, machine, path, velocity)

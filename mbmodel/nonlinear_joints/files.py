@@ -58,6 +58,11 @@ def read_nonlinear_joints(path: Path) -> tuple[NonlinearJoint, ...]:
         InputError: the file cannot be read.
     """
     compiled, _ = compile_with_remarks(path, without_friction=True)
+    return find_nonlinear_joints(compiled)
+
+
+def find_nonlinear_joints(compiled: mujoco.MjModel) -> tuple[NonlinearJoint, ...]:
+    """Return the nonlinear joints of a compiled model, in the order of the joints."""
     laws: list[NonlinearJoint] = []
     for joint in _single_joints(compiled):
         laws += _read_joint(compiled, joint)

@@ -160,7 +160,8 @@ def _columns(compiled: mujoco.MjModel, names: Sequence[str]) -> Integers:
 
 def _add_probes(spec: mujoco.MjSpec, machine: Machine, probes: Sequence[Probe], order: int) -> None:
     """Add a site in world axes, and its sensors, for each probe."""
-    bodies = {body.name: body for body in spec.bodies}
+    # MuJoCo numbers bodies in the order of the file, so names that it lacks follow from it.
+    bodies = {body.name or f"body{number}": body for number, body in enumerate(spec.bodies)}
     for number, probe in enumerate(probes):
         drawn = machine.drawing.bodies[probe.stage]
         if probe.stage not in bodies:

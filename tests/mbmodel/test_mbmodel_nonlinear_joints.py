@@ -141,3 +141,12 @@ def test_what_has_no_linear_model_or_no_meaning_is_refused(drawing):
     for wrong in ({"k": 0.0, "limit": 1.0}, {"k": 1.0, "limit": -1.0}, {"k": np.nan, "limit": 1.0}):
         with pytest.raises(UsageError):
             JenkinsElement("slide", **wrong)
+
+
+def test_a_remark_says_what_the_linear_model_keeps(drawing):
+    assert load_machine(drawing).remarks == ()
+    (stuck,) = load_machine(written(drawing, JenkinsElement("slide", 4e4, 3.0))).remarks
+    assert "'slide' has friction that sticks as a spring (k = 4e+04, limit = 3)" in stuck
+    path = written(drawing, DryFriction("slide", 2.0))
+    (dry,) = load_machine(path, without_friction=True).remarks
+    assert "leaves it out" in dry

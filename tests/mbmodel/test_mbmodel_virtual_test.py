@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from mbmodel_examples import mjcf
+from mbmodel_examples import STATION, mjcf
 
 from identification.hits.hit_frfs import estimate_hit_frf
 from identification.words import Dof, Tolerance, UsageError
@@ -128,3 +128,24 @@ def test_a_plan_out_of_range_is_refused(machine):
         plan(hits=0)
     with pytest.raises(UsageError, match="rate"):
         HammerTestPlan((), rate_hz=0.0)
+
+
+def test_the_station_answers_as_its_linear_model():
+    # One hit and one second: the exponential window of the estimation is in both.
+    machine = load_machine(STATION)
+    sites = machine.layout.sensors
+    outputs = tuple(Dof.of(site, axis) for site in sites for axis in range(3))
+    file = RecordedFile("hits.npz", 200.0, outputs, (Dof.parse("acc11:+tx"),), 1)
+    quiet = HammerTestPlan((file,), 512.0, 1.0, scatter=STEADY_AIM, noise=Noise(0.0, 0.0))
+    (records,) = strike(machine, quiet).records["hits.npz"]
+    estimate = estimate_hit_frf(records).estimate
+    frf = estimate.frf
+    lines = (frf.freq_hz > 4) & (frf.freq_hz < 199)
+    model = as_drawn(machine)
+    request = FrfRequest(
+        frf.freq_hz[lines], outputs, (records.reference,), window_tau=estimate.window_tau
+    )
+    linear = Evaluator(model, request).at(model.drawn).values
+    error = np.sqrt((np.abs(frf.values[lines] - linear) ** 2).mean(axis=0))
+    assert len(outputs) == 69
+    assert (error < 5e-3 * np.sqrt((np.abs(linear) ** 2).mean(axis=0))).all()
