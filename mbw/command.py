@@ -39,7 +39,7 @@ class Verb:
 
 
 VERBS = {
-    "demo": Verb("mbw.demo.options", "Identify, tune and diagnose the built-in station."),
+    "demo": Verb("mbw.demo.options", "Show all steps on a built-in machine: station or gondola."),
     "identify": Verb("mbw.identify.options", "Identify the modal model of a measurement."),
     "match": Verb("mbw.match.options", "Match measured modes to finite-element modes."),
     "place": Verb("mbw.match.place_options", "Propose places for a few sensors."),

@@ -8,14 +8,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from equivalent_shell import DENSITY, PANEL, equal_bending_thickness
 from numpy.typing import NDArray
 
 Real = NDArray[np.float64]
 LENGTH, WIDTH, HEIGHT = 1.4, 1.6, 2.4  # m
 FLANGE = 0.2  # m, of an L-corner
 SIDE = 0.2  # m, of an element
-PANEL = 0.0124  # m: two 0.5 mm sheets 24.9 mm apart bend like this much aluminium
-DENSITY = 523.0  # kg/m3: as heavy as the panel
+BOTTOM_PANELS = 2  # bonded; the bottom weighs as much
+BOTTOM = equal_bending_thickness(BOTTOM_PANELS)  # m: 19.65 mm
 EDGE = 1.5  # kg/m: joining sheets, fasteners, glue
 BATTERY, BATTERIES = 18.0, ((0.1, 0.5), (0.1, -0.5), (0.5, 0.7), (0.5, -0.7))  # kg, at x, y
 WHEEL, RADIUS = 45.0, 0.5  # kg on a ring, m
@@ -46,7 +47,7 @@ class Build:
         bending: factor of the panels' modulus; a core that shears makes it less.
         density: factor of the panels' density.
         edges: factor of what the edges weigh.
-        bottom: thickness of the bottom, in panels.
+        bottom: factor of the bottom's thickness, at the drawing's density.
         thickness: factors of panels by name, mass left as it is.
         lumps: further masses [kg] at points (x, y, z) [m].
         frames: inner frames.
@@ -55,7 +56,7 @@ class Build:
     bending: float = 1.0
     density: float = 1.0
     edges: float = 1.0
-    bottom: float = 2.0
+    bottom: float = 1.0
     thickness: Mapping[str, float] = field(default_factory=dict)
     lumps: tuple[tuple[float, tuple[float, float, float]], ...] = ()
     frames: tuple[Frame, ...] = ()
@@ -138,8 +139,9 @@ def _weighed(
     area = 0.5 * np.linalg.norm(np.cross(*across), axis=1)
     centres = corners.mean(axis=1)
     bottom = panels == "bottom"
-    thickness = np.where(bottom, build.bottom * PANEL, PANEL)
-    mass = area * thickness * DENSITY * build.density
+    thickness = np.where(bottom, build.bottom * BOTTOM, PANEL)
+    layers = np.where(bottom, build.bottom * BOTTOM_PANELS, 1.0)
+    mass = area * layers * PANEL * DENSITY * build.density
     mass += build.edges * EDGE * _edges(elements, points)
     for place in BATTERIES:
         mass += _spread(BATTERY, bottom & _near(centres, np.array([*place, 0.0]), 0.25))

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from equivalent_shell import MODULUS, POISSON
 from panels import Frame, Panels, Real
 
-MODULUS, POISSON = 69e9, 0.33  # of the face sheets, AL3003-H18
 _CLASSES = 6  # digits of thickness and density that tell sections apart
 
 

@@ -9,7 +9,8 @@ struck points, and which mode of the drawing each of its modes is, by the whole 
 """
 
 import numpy as np
-from panels import PANEL, WIDTH, Build, Frame, Panels, Real, panels_of
+from equivalent_shell import PANEL
+from panels import WIDTH, Build, Frame, Panels, Real, panels_of
 from places import Place
 from scipy.optimize import linear_sum_assignment
 from solver import Modes, modes_of
@@ -42,7 +43,7 @@ def build(seed: int, number: int) -> Build:
         bending=random.uniform(0.84, 0.9),
         density=random.uniform(1.0, 1.1),
         edges=random.uniform(0.8, 1.5),
-        bottom=random.uniform(1.7, 2.1),
+        bottom=random.uniform(0.85, 1.05),
         thickness={name: random.uniform(0.94, 1.06) for name in names},
         lumps=tuple((float(m), tuple(map(float, at))) for m, at in boxes),
         frames=(frame,),

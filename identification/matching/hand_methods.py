@@ -25,6 +25,7 @@ from identification.modal import (
 from identification.words import Dof, InputError
 
 _MIN_PEAK_LINES = 3  # lines between the half-power points, for a least-squares amplitude
+_MIN_IMAGINARY_SHARE = 0.5  # of the value at the peak: within 60 degrees of the axis
 _MIN_SHAPE_SHARE = 0.05  # motion over that of the largest channel, below which noise peaks too
 
 
@@ -59,7 +60,7 @@ def estimate_by_hand(
 
     The impact is the one that excites the mode most. A channel has no row if its peak does not fall
     by 3 dB on both sides, because of another mode beside it, if the peak is narrower than three
-    lines, or if the channel hardly moves.
+    lines, if its value is far from the imaginary axis, or if the channel hardly moves.
 
     Args:
         spectra: spectra of all impacts.
@@ -78,6 +79,8 @@ def estimate_by_hand(
     for channel in moving[np.argsort(-motion[moving], kind="stable")]:
         amplitude = np.abs(values[:, channel])
         peak = int(nearby[np.argmax(amplitude[nearby])])
+        if abs(values[peak, channel].imag) < _MIN_IMAGINARY_SHARE * amplitude[peak]:
+            continue
         try:
             zeta, lower, upper = half_power_damping(freq, amplitude, peak)
         except InputError:  # another mode is close in this channel

@@ -27,6 +27,7 @@ _FITTED_HALF_WIDTH = 1.5
 # Half-width of the lines that a plot shows, over zeta f_r: the circle is seen to close.
 _PLOT_HALF_WIDTH = 3.0
 _MAX_PLOT_LINES = 121  # lines of a plot: more points than a circle of some centimetres shows
+_MAX_SCATTER = 0.25  # rms distance of the lines over the radius: beyond, they show no circle
 _MOBILITY = 1  # the spectrum of a decay goes round a circle as a mobility does
 
 
@@ -98,6 +99,9 @@ def _fit_channel(dof: Dof, freq_hz: Real, values: Complex) -> ChannelCircle:
             f"the circle in {freq_hz[0]:.4g}..{freq_hz[-1]:.4g} Hz has its resonance outside, at "
             f"{circle.natural_hz:.4g} Hz: another mode dominates there"
         )
+        return ChannelCircle(dof, None, None, reason)
+    if circle.scatter > _MAX_SCATTER:
+        reason = f"the lines scatter by {100 * circle.scatter:.0f} % of the radius around a circle"
         return ChannelCircle(dof, None, None, reason)
     # |C| = 2 zeta times the diameter; the sign is the side of the real axis at resonance.
     size = 4 * circle.damping * circle.radius

@@ -68,20 +68,30 @@ class Trial:
         seconds: of a record.
         quiet: before the impact [s].
         noise: of a channel [m/s2].
+        tick: of the clocks that stamp samples [s]; 0 for stamps without rounding.
+        step: of the converter [m/s2]; 0 for values without rounding.
     """
 
     seed: int
     seconds: float = 20.0
     quiet: float = 1.0
     noise: float = 0.02
+    tick: float = 0.0
+    step: float = 0.0
+
+
+def damping_of(structure: Structure, trial: Trial) -> Real:
+    """Damping ratio of each mode of a structure in a trial; (n_mode,)."""
+    damping = np.random.default_rng(trial.seed).uniform(*_DAMPING, len(structure.frequencies))
+    damping[structure.frequencies < 1.0] = 0.02
+    return damping
 
 
 def strike(structure: Structure, trial: Trial, point: str) -> dict[str, tuple[Real, Real]]:
     """Stamps and values of every channel for one impact, by names such as ``acc1_x``."""
     own = structure.places.index(point)
     random = np.random.default_rng([trial.seed, own])
-    damping = np.random.default_rng(trial.seed).uniform(*_DAMPING, len(structure.frequencies))
-    damping[structure.frequencies < 1.0] = 0.02
+    damping = damping_of(structure, trial)
     fine = 1 / (_FINE * RATE)
     time = np.arange(0.0, trial.seconds + 2 / RATE, fine)
     force = _half_sine(time - trial.quiet, random.uniform(*_PULSE)) * random.uniform(*_FORCE)
@@ -101,10 +111,10 @@ def strike(structure: Structure, trial: Trial, point: str) -> dict[str, tuple[Re
             continue
         for letter in axes:
             value = shapes["xyz".index(letter)] @ motions
-            stamps = _stamps(random, trial.seconds)
+            stamps = _rounded(_stamps(random, trial.seconds), trial.tick)
             read = make_interp_spline(time, value, k=3)(stamps)
             noise = trial.noise * random.standard_normal(len(stamps))
-            found[f"{place}_{letter}"] = stamps, read + noise
+            found[f"{place}_{letter}"] = stamps, _rounded(read + noise, trial.step)
     return found
 
 
@@ -133,8 +143,17 @@ def _stamps(random: np.random.Generator, seconds: float) -> Real:
     return found
 
 
+def _rounded(values: Real, step: float) -> Real:
+    return np.round(values / step) * step if step else values
+
+
 def write_impacts(
-    folder: Path, structure: Structure, trial: Trial, points: tuple[str, ...], layout: Path
+    folder: Path,
+    structure: Structure,
+    trial: Trial,
+    points: tuple[str, ...],
+    layout: Path,
+    kind: type = float,
 ) -> None:
     """A campaign of impacts: records, layout, campaign.toml.
 
@@ -144,14 +163,15 @@ def write_impacts(
         trial: how.
         points: where, one impact each.
         layout: of the sensors, which is copied.
+        kind: of the numbers in the records.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "layout.toml").write_text(layout.read_text("utf-8"), encoding="utf-8")
-    lines = ['layout = "layout.toml"', f"band = [{BAND[0]}, {BAND[1]}]"]
+    (folder / layout.name).write_text(layout.read_text("utf-8"), encoding="utf-8")
+    lines = [f'layout = "{layout.name}"', f"band = [{BAND[0]}, {BAND[1]}]"]
     for point in points:
         arrays: dict[str, Real] = {}
         for name, (time, value) in strike(structure, trial, point).items():
-            arrays |= {f"time_{name}": time, f"value_{name}": value}
+            arrays |= {f"time_{name}": time.astype(kind), f"value_{name}": value.astype(kind)}
         np.savez_compressed(folder / f"{point}.npz", allow_pickle=False, **arrays)
         lines += ["", "[[impact]]", f'file = "{point}.npz"']
     (folder / "campaign.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -83,6 +83,16 @@ def test_a_channel_that_another_mode_dominates_has_a_reason_and_no_circle():
     assert found.channels[3].reason
 
 
+def test_a_channel_of_noise_alone_has_no_circle():
+    random = np.random.default_rng(6)
+    values = decay_spectrum(HZ, 0.02, C)
+    values[:, 3] = random.standard_normal((2, len(FREQ))).T @ [1.0, 1.0j]
+    noise = fit_mode_circles(impact_of(values), mode_of(HZ, 0.02), 0).channels[3]
+    assert noise.circle is None
+    assert noise.amplitude is None
+    assert noise.reason
+
+
 def test_noise_scatters_the_lines_and_leaves_the_circle():
     random = np.random.default_rng(5)
     values = decay_spectrum(HZ, 0.02, C)
