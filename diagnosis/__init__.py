@@ -1,11 +1,11 @@
 """Diagnosis of the gap between model and test: its place, its causes, and what they close."""
 
 from diagnosis.algorithm import Diagnosis, diagnose
-from diagnosis.effects import EFFECTS, PROVEN, Effect, catalogue
-from diagnosis.estimates.residual_shares import ResidualShare, residual_shares
+from diagnosis.effects import EFFECTS, PROVEN, Effect, load_catalogue
+from diagnosis.estimates.residual_shares import ResidualShare, compute_residual_shares
 from diagnosis.hypothesis import Hypothesis, Scene
-from diagnosis.known_cause_bound import oracle, told_of
-from diagnosis.verdict.build import step_intervals, verdict_of
+from diagnosis.known_cause_bound import read_fault, refit_true_cause
+from diagnosis.verdict.build import build_verdict, estimate_step_intervals
 from diagnosis.verdict.schema import Verdict
 
 __all__ = [
@@ -17,11 +17,11 @@ __all__ = [
     "ResidualShare",
     "Scene",
     "Verdict",
-    "catalogue",
+    "build_verdict",
+    "compute_residual_shares",
     "diagnose",
-    "oracle",
-    "residual_shares",
-    "step_intervals",
-    "told_of",
-    "verdict_of",
+    "estimate_step_intervals",
+    "load_catalogue",
+    "read_fault",
+    "refit_true_cause",
 ]

@@ -9,11 +9,11 @@ from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, estimate_
 from diagnosis.estimates.intervals import FittedParameters
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.inference.evidence import Evidence
-from diagnosis.inference.posterior import Posterior, judge
+from diagnosis.inference.posterior import Posterior, compute_posterior
 from diagnosis.null_model import fit_baseline
 from diagnosis.refit_record import RefitRecord
 from diagnosis.refits.refit import Refit
-from diagnosis.refits.refitting import add_to, run_refits
+from diagnosis.refits.refitting import add_cause, run_refits
 from diagnosis.search.collect import collect_evidence
 from diagnosis.search.confounded import find_confounded
 from diagnosis.search.selection import Search, refit_null_model, select_causes
@@ -37,7 +37,7 @@ class Diagnosis:
         twins: pairs of confounded causes.
         as_drawn: gap of the nominal model.
         gaps: gap of the null model and with all present causes, on held-out lines.
-        gate_hypotheses: hypotheses of the proven faults.
+        gross_hypotheses: hypotheses of the proven faults.
         settings: thresholds and sizes of the search.
     """
 
@@ -51,7 +51,7 @@ class Diagnosis:
     twins: tuple[tuple[str, str], ...]
     as_drawn: Gap
     gaps: GapEstimates
-    gate_hypotheses: tuple[Hypothesis, ...] = ()
+    gross_hypotheses: tuple[Hypothesis, ...] = ()
     settings: DiagnosisSettings = SETTINGS
 
     @property
@@ -126,7 +126,7 @@ def diagnose(
     search = refit_null_model(base, search, settings)
     say("unknown forces at every place")
     evidence = collect_evidence(base, search, data.unsteady, settings)
-    posterior = judge(evidence, settings=settings)
+    posterior = compute_posterior(evidence, settings=settings)
     causes = find_present(search, posterior, settings)
     say("the gap on held-out lines")
     gaps = estimate_gaps(base, data.session, search.null, causes, settings)
@@ -143,12 +143,12 @@ def diagnose(
         twins=find_confounded(base.scene, search, posterior, settings),
         as_drawn=summarise_gaps(channel_gaps(nominal, data.session.campaign)),
         gaps=gaps,
-        gate_hypotheses=base.proven,
+        gross_hypotheses=base.proven,
         settings=settings,
     )
 
 
-def gap_with(diagnosis: Diagnosis, hypothesis: Hypothesis, jobs: int = 1) -> HeldOutGap:
+def estimate_gap_with(diagnosis: Diagnosis, hypothesis: Hypothesis, jobs: int = 1) -> HeldOutGap:
     """Return the held-out gap with a hypothesis, whether it was among the best or not.
 
     Args:
@@ -157,6 +157,6 @@ def gap_with(diagnosis: Diagnosis, hypothesis: Hypothesis, jobs: int = 1) -> Hel
         jobs: number of processes and threads.
     """
     scene = replace(diagnosis.scene, jobs=jobs)
-    task = add_to(diagnosis.retuned.refit, hypothesis)
+    task = add_cause(diagnosis.retuned.refit, hypothesis)
     (refit,) = run_refits(scene, [task], SETTINGS.null_schedule)
     return hold_out(scene, refit, diagnosis.retuned.width)

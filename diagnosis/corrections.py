@@ -10,7 +10,7 @@ from identification.words import Campaign, Complex, Dof, FrfEstimate, Mask, Real
 Reading = Callable[[Real], Complex]
 
 
-def channels_of(location: str, dof: str | None) -> Callable[[Dof], bool]:
+def match_channels(location: str, dof: str | None) -> Callable[[Dof], bool]:
     """Tells which channels a fault concerns.
 
     Args:

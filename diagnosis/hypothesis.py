@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from diagnosis.labels import direction, name_place
+from diagnosis.labels import name_direction, name_place
 from diagnosis.refit_record import RefitRecord
 from identification.words import Campaign, Real
 from mbmodel import Machine, Model, Part, RigidDirection
@@ -38,11 +38,11 @@ class Scene:
 
     session: Session
     theta: Real
-    held: tuple[RigidDirection, ...] = ()
-    pace: int = 1
+    rigid_directions: tuple[RigidDirection, ...] = ()
+    stride_factor: int = 1
     jobs: int = 1
     there: frozenset[str] = frozenset()
-    independent: bool = False
+    has_independent_lines: bool = False
     record: RefitRecord | None = None
 
     @property
@@ -50,11 +50,11 @@ class Scene:
         """The model that was fitted."""
         return self.session.model
 
-    def stiffness(self, springs: tuple[str, ...]) -> Real:
+    def find_stiffness(self, springs: tuple[str, ...]) -> Real:
         """Fitted stiffness of springs, the drawn one where it does not vary, in their order."""
         return self._along(springs, "stiffness")
 
-    def damping(self, springs: tuple[str, ...]) -> Real:
+    def find_damping(self, springs: tuple[str, ...]) -> Real:
         """Fitted damping of springs, the drawn one where it does not vary, in their order."""
         return self._along(springs, "damping")
 
@@ -101,7 +101,7 @@ class Hypothesis:
         bounds: lowest and highest value of parameters of Parts, by name.
         believed: one standard deviation of parameters of Parts that are believed to be nearly as
             they begin, by name.
-        is_held: whether its Parts, or the corrected measurement, hold all of it.
+        is_modelled: whether its Parts, or the corrected measurement, hold all of it.
         members: of several at once, each; empty of a single one.
         state: parameters of the verdict from the fitted ones, by name.
         along: its direction from the fitted ones, where it has none before it is fitted.
@@ -119,11 +119,11 @@ class Hypothesis:
     scored: tuple[str, ...] = ()
     follow: Mapping[str, str] = field(default_factory=dict)
     linear: tuple[str, ...] = ()
-    alike: float = 0.0
+    tie_share: float = 0.0
     signed: bool = False
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     believed: Mapping[str, float] = field(default_factory=dict)
-    is_held: bool = True
+    is_modelled: bool = True
     members: tuple["Hypothesis", ...] = ()
     state: Callable[[Mapping[str, float]], dict[str, Value]] = state_nothing
     along: Callable[[Mapping[str, float]], str | None] = find_no_direction
@@ -186,13 +186,13 @@ class Effect:
         """Its hypotheses for a scene."""
         return self.propose(scene)
 
-    def said(self, what: str, place: str, dof: str | None) -> str:
+    def describe(self, what: str, place: str, dof: str | None) -> str:
         """A sentence about it at a place."""
-        towards = direction(dof)
+        towards = name_direction(dof)
         return what.format(
             place=name_place(place),
             dof=dof or "this direction",
-            direction=towards or "in this direction",
+            name_direction=towards or "in this direction",
             channel=f"{name_place(place)} {towards}".rstrip(),
         )
 

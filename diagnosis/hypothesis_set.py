@@ -33,6 +33,6 @@ def join_hypotheses(several: Sequence[Hypothesis]) -> Hypothesis:
         reform=next(
             (hypothesis.reform for hypothesis in several if hypothesis.reform is not None), None
         ),
-        is_held=all(hypothesis.is_held for hypothesis in several),
+        is_modelled=all(hypothesis.is_modelled for hypothesis in several),
         members=tuple(several),
     )

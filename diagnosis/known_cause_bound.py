@@ -3,15 +3,15 @@
 from collections.abc import Mapping
 from typing import Any
 
-from diagnosis.algorithm import Diagnosis, gap_with
-from diagnosis.data_checks.sensors import hypothesis_of
+from diagnosis.algorithm import Diagnosis, estimate_gap_with
+from diagnosis.data_checks.sensors import build_fault_hypothesis
 from diagnosis.estimates.held_out_gap import HeldOutGap
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.inference.evidence import BENDS
 from identification import Fault
 
 
-def told_of(answer: Mapping[str, Any]) -> Fault | None:
+def read_fault(answer: Mapping[str, Any]) -> Fault | None:
     """The one effect of an answer as its TOML has it; None of nothing or several."""
     if "location" not in answer or "cause" in answer:
         return None
@@ -22,7 +22,7 @@ def told_of(answer: Mapping[str, Any]) -> Fault | None:
     return Fault(answer["effect"], answer["location"], answer.get("dof"), 1.0, parameters, 1.0)
 
 
-def oracle(diagnosis: Diagnosis, fault: Fault, jobs: int = 1) -> HeldOutGap | None:
+def refit_true_cause(diagnosis: Diagnosis, fault: Fault, jobs: int = 1) -> HeldOutGap | None:
     """Fit with the effect that is there.
 
     Args:
@@ -37,7 +37,7 @@ def oracle(diagnosis: Diagnosis, fault: Fault, jobs: int = 1) -> HeldOutGap | No
     if diagnosis.after is not None and causes and _same(causes[0], fault):
         return diagnosis.after
     hypothesis = _hypothesis(diagnosis, fault)
-    return None if hypothesis is None else gap_with(diagnosis, hypothesis, jobs)
+    return None if hypothesis is None else estimate_gap_with(diagnosis, hypothesis, jobs)
 
 
 def _same(hypothesis: Hypothesis, fault: Fault) -> bool:
@@ -48,7 +48,7 @@ def _same(hypothesis: Hypothesis, fault: Fault) -> bool:
 
 def _hypothesis(diagnosis: Diagnosis, fault: Fault) -> Hypothesis | None:
     if fault.location.startswith("sensor:") or fault.effect == BENDS:
-        return hypothesis_of(fault, diagnosis.session, (fault.location.partition(":")[2],))
+        return build_fault_hypothesis(fault, diagnosis.session, (fault.location.partition(":")[2],))
     # Scores come the most promising first: of a scan, the shape that is nearest.
     alike = (
         score.hypothesis for score in diagnosis.search.scores if _same(score.hypothesis, fault)

@@ -3,7 +3,7 @@
 from identification.words import Dof, UsageError
 
 
-def direction(dof: str | None) -> str:
+def name_direction(dof: str | None) -> str:
     """``along z``, ``about x``, ``x and y``, ``hit at acc11:+ty``, ``set-up b``; empty for none."""
     if dof is None:
         return ""

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.data_checks.candidates import gross_hypotheses
+from diagnosis.data_checks.candidates import build_gross_hypotheses
 from diagnosis.data_checks.check_data import CheckedData
 from diagnosis.data_checks.sensors import Gate
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.refit_record import RefitRecord
-from diagnosis.refits.measured import measured_frfs
+from diagnosis.refits.measured import count_measured_frfs
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import RefitTask, run_refits, start_values
 from diagnosis.settings import DiagnosisSettings
@@ -51,7 +51,7 @@ def fit_baseline(
     scene = set_scene(data.session, data.gate, data.directions, jobs, settings)
     scene = replace(scene, record=record)
     null = fit_null_model(scene, settings)
-    proven = gross_hypotheses(data.gate, data.session)
+    proven = build_gross_hypotheses(data.gate, data.session)
     return Baseline(replace(scene, theta=null.fit.theta), null, data.gate, proven)
 
 
@@ -72,14 +72,14 @@ def set_scene(
         settings: sizes of the search.
     """
     campaign = gate.campaign
-    values = measured_frfs(campaign) * len(campaign.freq_hz)
+    values = count_measured_frfs(campaign) * len(campaign.freq_hz)
     return Scene(
         replace(session, campaign=campaign),
         session.model.drawn,
         directions,
-        pace=max(1, round(values / settings.enough_values)),
+        stride_factor=max(1, round(values / settings.enough_values)),
         jobs=jobs,
-        independent=lines_are_independent(session.campaign),
+        has_independent_lines=lines_are_independent(session.campaign),
     )
 
 
@@ -93,7 +93,8 @@ def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
     session = scene.session
     tasks = [RefitTask(None, session, None, _START_FLOOR)]
     count = min(
-        settings.max_starts, round(settings.few_frfs / max(1, measured_frfs(session.campaign)))
+        settings.max_starts,
+        round(settings.few_frfs / max(1, count_measured_frfs(session.campaign))),
     )
     if count > 1:
         many = fit(

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from diagnosis import Diagnosis, Verdict, verdict_of
+from diagnosis import Diagnosis, Verdict, build_verdict
 from diagnosis import diagnose as diagnose_session
 from mbworkbench.campaign import MeasuredCampaign
 from mbworkbench.labels import AnyPath, as_path, check_count
@@ -106,7 +106,7 @@ def diagnose(
     check_count("jobs", jobs)
     session = open_together(campaign, model, band)
     diagnosis = diagnose_session(session, jobs=jobs)
-    return DiagnosisResult(session.campaign.name, verdict_of(diagnosis), diagnosis)
+    return DiagnosisResult(session.campaign.name, build_verdict(diagnosis), diagnosis)
 
 
 def _value_text(value: object) -> str:

@@ -4,20 +4,20 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from diagnosis.data_checks.sensors import Gate, hypothesis_of
+from diagnosis.data_checks.sensors import Gate, build_fault_hypothesis
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.inference.evidence import BENDS
 from diagnosis.settings import DiagnosisSettings
 from tuning import Session
 
 
-def gross_hypotheses(gate: Gate, session: Session) -> tuple[Hypothesis, ...]:
+def build_gross_hypotheses(gate: Gate, session: Session) -> tuple[Hypothesis, ...]:
     """Return the hypotheses of gross faults, which every set of causes has."""
-    hypotheses = (hypothesis_of(fault, session) for fault in gate.gross)
+    hypotheses = (build_fault_hypothesis(fault, session) for fault in gate.gross)
     return tuple(hypothesis for hypothesis in hypotheses if hypothesis is not None)
 
 
-def candidate_hypotheses(
+def build_candidates(
     gate: Gate, session: Session, settings: DiagnosisSettings
 ) -> Iterator[Hypothesis]:
     """Yield the hypotheses of the other faults, which compete with all effects of the catalogue.
@@ -40,6 +40,6 @@ def candidate_hypotheses(
             continue
         ratios = settings.bending_start_ratios if fault.effect == BENDS else (1.0,)
         for ratio in ratios:
-            hypothesis = hypothesis_of(fault, session, (body,), gate.campaign, ratio)
-            if hypothesis is not None and hypothesis.is_held:
+            hypothesis = build_fault_hypothesis(fault, session, (body,), gate.campaign, ratio)
+            if hypothesis is not None and hypothesis.is_modelled:
                 yield hypothesis

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from diagnosis.data_checks.sensors import Gate, sensor_gate
+from diagnosis.data_checks.sensors import Gate, check_sensors
 from diagnosis.released_session import release_session
 from diagnosis.settings import DiagnosisSettings
 from identification import find_overstated_noise, remove_overstated_noise
@@ -47,6 +47,6 @@ def check_data(session: Session, settings: DiagnosisSettings) -> CheckedData:
         )
     changing = find_overstated_noise(session.campaign)
     campaign = remove_overstated_noise(session.campaign, changing)
-    gate = sensor_gate(campaign)
+    gate = check_sensors(campaign)
     released, directions = release_session(replace(session, campaign=gate.alive))
     return CheckedData(released, gate, directions, len(changing))

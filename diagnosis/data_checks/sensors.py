@@ -13,13 +13,13 @@ import numpy as np
 
 from diagnosis.corrections import (
     Reading,
-    channels_of,
     divide_channels,
     exchange_channels,
     mask_channels,
+    match_channels,
 )
-from diagnosis.effects.flexible_body import bending_hypothesis
-from diagnosis.effects.points import gains_of, vector_names
+from diagnosis.effects.flexible_body import build_bending_hypothesis
+from diagnosis.effects.points import list_gains, name_vector
 from diagnosis.effects.sensor_polarity import read_inverted
 from diagnosis.hypothesis import Hypothesis, Value, release_tolerance
 from diagnosis.inference.evidence import BENDS, Key
@@ -83,7 +83,7 @@ class Gate:
         return tuple(dict.fromkeys(places))
 
 
-def sensor_gate(campaign: Campaign) -> Gate:
+def check_sensors(campaign: Campaign) -> Gate:
     """Check every body by its redundant channels, and take gross faults out.
 
     Args:
@@ -121,7 +121,7 @@ def _is_heard(fault: Fault, campaign: Campaign, none: Collection[Dof]) -> bool:
     """
     if fault.effect in _TELLS_NOTHING or not fault.location.startswith("sensor:"):
         return True
-    concerns = channels_of(fault.location, fault.dof)
+    concerns = match_channels(fault.location, fault.dof)
     return any(concerns(dof) and dof.positive not in none for dof in campaign.outputs)
 
 
@@ -134,7 +134,7 @@ def _exported_twice(fault: Fault, same: frozenset[Dof]) -> list[Fault]:
     """
     if not fault.location.startswith("sensor:"):
         return []
-    concerns = channels_of(fault.location, fault.dof)
+    concerns = match_channels(fault.location, fault.dof)
     return [
         replace(fault, effect=_UNKNOWN, location=f"sensor:{dof.point}", dof=dof.direction[1:])
         for dof in sorted(same, key=str)
@@ -167,11 +167,11 @@ def _without(campaign: Campaign, faults: Sequence[Fault]) -> Campaign:
     """All channels but those that faults of sensors concern."""
     sensors = [fault for fault in faults if fault.location.startswith("sensor:")]
     return reduce(
-        mask_channels, (channels_of(fault.location, fault.dof) for fault in sensors), campaign
+        mask_channels, (match_channels(fault.location, fault.dof) for fault in sensors), campaign
     )
 
 
-def hypothesis_of(
+def build_fault_hypothesis(
     fault: Fault,
     session: Session,
     bodies: Sequence[str] = (),
@@ -188,14 +188,14 @@ def hypothesis_of(
         times: where a mode's frequency begins, over that of its highest peak.
     """
     if fault.effect == BENDS:
-        return bending_hypothesis(fault, bodies, session, good or session.campaign, times)
+        return build_bending_hypothesis(fault, bodies, session, good or session.campaign, times)
     base = Hypothesis(fault.effect, fault.location, fault.dof)
     site = fault.location.partition(":")[2]
-    concerns = channels_of(fault.location, fault.dof)
+    concerns = match_channels(fault.location, fault.dof)
     if fault.effect in RELEASED:
         tolerance, stated = RELEASED[fault.effect]
         prefix = f"{site}.{tolerance}_"
-        names = vector_names(prefix) if fault.dof is None else (dict(gains_of(site))[fault.dof],)
+        names = name_vector(prefix) if fault.dof is None else (dict(list_gains(site))[fault.dof],)
         hypothesis = release_tolerance(fault.effect, fault.location, fault.dof, names, stated)
         values = np.ravel(fault.parameters[stated]).tolist()
         return replace(hypothesis, begin=dict(zip(names, values, strict=True)))

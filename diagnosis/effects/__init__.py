@@ -25,7 +25,7 @@ EFFECTS: Mapping[str, Effect] = {
 
 
 @cache
-def catalogue() -> Mapping[str, Effect]:
+def load_catalogue() -> Mapping[str, Effect]:
     """Return all effects by name: of this project, and of installed packages.
 
     Raises:
@@ -54,7 +54,7 @@ def check_others(session: Session) -> None:
     Raises:
         InputError: a hypothesis that cannot be fitted, or parameters with names that are taken.
     """
-    effects = catalogue()
+    effects = load_catalogue()
     if len(effects) == len(EFFECTS):
         return
     owners = {parameter.name: "the model" for parameter in session.model.parameters}

@@ -6,8 +6,8 @@ to all tests. A test is one reference of one file, a set-up all tests of that na
 
 from collections.abc import Iterator, Mapping
 
-from diagnosis.effects.points import references, springs_of, sprung_stages
-from diagnosis.effects.spring_laws import Law, constant
+from diagnosis.effects.points import find_own_springs, find_sprung_stages, list_references
+from diagnosis.effects.spring_laws import Law, evaluate_constant
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Condition
 
@@ -17,21 +17,23 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     machine = scene.model.machine
     conditions = [test.condition for test in scene.session.campaign.tests]
     setups = sorted({condition.setup for condition in conditions if condition.setup is not None})
-    labels = [str(reference) for reference in references(scene)]
+    labels = [str(reference) for reference in list_references(scene)]
     whens = [*(labels if len(labels) > 1 else ()), *(setups if len(setups) > 1 else ())]
-    for stage in sprung_stages(machine):
-        springs, place = springs_of(machine, stage), f"joint:{stage}"
+    for stage in find_sprung_stages(machine):
+        springs, place = find_own_springs(machine, stage), f"joint:{stage}"
         for when in whens:
 
             def acts(condition: Condition, at: str = when) -> bool:
                 return at in (str(condition.reference.positive), condition.setup)
 
-            drift = Law.of(scene, place, springs, f"{stage}.drift({when})", constant, acts)
+            drift = Law.for_springs(
+                scene, place, springs, f"{stage}.drift({when})", evaluate_constant, acts
+            )
 
             def state(fitted: Mapping[str, float], spring_law: Law = drift) -> dict[str, Value]:
                 return {"factor": 1 + fitted[spring_law.size]}
 
-            yield from drift.hypotheses("drift", when, state, signed=False)
+            yield from drift.propose("drift", when, state, signed=False)
 
 
 EFFECT = Effect(

@@ -14,7 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from diagnosis.effects.points import names_of, springs_of, sprung_stages
+from diagnosis.effects.points import find_own_springs, find_sprung_stages, list_varying_names
 from diagnosis.effects.spring_laws import Shape
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
@@ -31,17 +31,20 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each spring of each joint and delay."""
     machine = scene.model.machine
     tuned = {parameter.name for parameter in scene.model.parameters}
-    varies = names_of(scene)
+    varies = list_varying_names(scene)
     directions = {spring.name: spring.direction for spring in machine.springs}
     called = {axle.joint: axle.dof for axle in machine.axles}
     drawn = {spring.name: spring.damping for spring in machine.springs}
     unit = _PHASE_STEP_RAD / (2 * np.pi * float(scene.session.campaign.freq_hz[-1]))
-    for stage in sprung_stages(machine):
-        for spring in springs_of(machine, stage):
+    for stage in find_sprung_stages(machine):
+        for spring in find_own_springs(machine, stage):
             stiffness = f"{spring}.stiffness"
             if stiffness not in tuned:
                 continue
-            (k,), (c,) = scene.stiffness((spring,)).tolist(), scene.damping((spring,)).tolist()
+            (k,), (c,) = (
+                scene.find_stiffness((spring,)).tolist(),
+                scene.find_damping((spring,)).tolist(),
+            )
             for number in range(1, _DELAYS + 1):
                 tau = number * unit
                 damping = f"{spring}.damping"
@@ -57,7 +60,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                     scored=(loop.size,),
                     follow={loop.follows: stiffness},
                     linear=(damping,) if damping in varies else (),
-                    alike=_ALIKE_SHARE,
+                    tie_share=_ALIKE_SHARE,
                     signed=True,
                     state=loop.state,
                 )

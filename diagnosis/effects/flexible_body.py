@@ -28,7 +28,7 @@ def propose(scene: Scene) -> tuple[Hypothesis, ...]:
     return ()
 
 
-def bending_hypothesis(
+def build_bending_hypothesis(
     fault: Fault, bodies: Sequence[str], session: Session, good: Campaign, times: float = 1.0
 ) -> Hypothesis:
     """The hypothesis of a body that bends.
@@ -43,7 +43,7 @@ def bending_hypothesis(
     """
     body = fault.location.partition(":")[2]
     base = Hypothesis(
-        fault.effect, fault.location, is_held=False, state=lambda _: dict(fault.parameters)
+        fault.effect, fault.location, is_modelled=False, state=lambda _: dict(fault.parameters)
     )
     seen = estimate_bending_shape(good, body)
     if seen is None:
@@ -69,7 +69,7 @@ def bending_hypothesis(
         begin=part.start_values(begin),
         bounds=dict.fromkeys(part.names[:2], (-MAX_LOG_STEPS, MAX_LOG_STEPS)),
         reform=reform_machine,
-        is_held=True,
+        is_modelled=True,
         state=partial(_state_mode, part, float(session.campaign.freq_hz[-1])),
     )
 

@@ -6,13 +6,13 @@ motion has a negative delay.
 
 from collections.abc import Iterator
 
-from diagnosis.effects.points import release_of_hammers
+from diagnosis.effects.points import release_hammers
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Return one for each hammer or drive whose delay has a tolerance."""
-    return release_of_hammers(scene, "hammer_delay", "delay")
+    return release_hammers(scene, "hammer_delay", "delay")
 
 
 EFFECT = Effect(

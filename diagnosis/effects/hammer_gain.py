@@ -7,7 +7,7 @@ tolerances of the masses speak against such a machine, or a test with a known ma
 
 from collections.abc import Iterator
 
-from diagnosis.effects.points import release_of_hammers
+from diagnosis.effects.points import release_hammers
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 
 
@@ -15,7 +15,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Return one for each hammer or drive whose gain has a tolerance."""
     if scene.session.campaign.unknown_gains.hammers:
         return iter(())
-    return release_of_hammers(scene, "hammer_gain", "gain")
+    return release_hammers(scene, "hammer_gain", "gain")
 
 
 EFFECT = Effect(

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.effects.points import hits, names_of, vector_names
+from diagnosis.effects.points import hits, list_varying_names, name_vector
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value, release_tolerance
 from identification.words import Real
 from mbmodel import rotation_matrix
@@ -19,10 +19,10 @@ from mbmodel import rotation_matrix
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each direction of each point that was hit."""
-    known, layout = names_of(scene), scene.model.machine.layout
+    known, layout = list_varying_names(scene), scene.model.machine.layout
     for dof in hits(scene):
         direction = dof.direction[1:]
-        names = vector_names(f"hammer({dof.point}:{direction}).rotation_")
+        names = name_vector(f"hammer({dof.point}:{direction}).rotation_")
         if known.issuperset(names):
             place = f"hammer:{dof.point}"
             whole = release_tolerance("hammer_misalignment", place, direction, names, "rotation")

@@ -8,14 +8,14 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from diagnosis.effects.points import hits, names_of, vector_names
+from diagnosis.effects.points import hits, list_varying_names, name_vector
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Dof
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Yield one for each point, and one for each of its directions if it has several."""
-    varying = names_of(scene)
+    varying = list_varying_names(scene)
     points: dict[str, list[Dof]] = {}
     for dof in hits(scene):
         if varying.issuperset(_offset(dof)):
@@ -29,7 +29,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 def _offset(dof: Dof) -> tuple[str, ...]:
     """Return the names of the offset of one direction's hits."""
-    return vector_names(f"hammer({dof.point}:{dof.direction[1:]}).position_")
+    return name_vector(f"hammer({dof.point}:{dof.direction[1:]}).position_")
 
 
 def _hypothesis(scene: Scene, point: str, dof: str | None, directions: list[Dof]) -> Hypothesis:

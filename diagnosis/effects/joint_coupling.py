@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from diagnosis.effects.points import springs_of, sprung_stages
+from diagnosis.effects.points import find_own_springs, find_sprung_stages
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import AddedPart, Change, Parameter, joint_coupling_writer
@@ -23,8 +23,8 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     machine = scene.model.machine
     directions = {spring.name: spring.direction for spring in machine.springs}
     tuned = {parameter.name for parameter in scene.model.parameters}
-    for stage in sprung_stages(machine):
-        springs = springs_of(machine, stage)
+    for stage in find_sprung_stages(machine):
+        springs = find_own_springs(machine, stage)
         # What is drawn as zero stays zero; a free drive has a damper alone.
         stiff, damped = (
             {name for name in springs if f"{name}.{what}" in tuned}
@@ -50,7 +50,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         parameters = [Parameter(name, 0.0, "cm", positive=False) for name in names]
         units = {f"{name}.stiffness": "N/m" for name in held}
         units |= {f"{name}.damping": "N s/m" for name in slowed}
-        drawn = [*scene.stiffness(tuple(held)), *scene.damping(tuple(slowed))]
+        drawn = [*scene.find_stiffness(tuple(held)), *scene.find_damping(tuple(slowed))]
         follow = {f"{stage}.coupling({name})": name for name in units}
         for name, measure, value in zip(follow, units.values(), drawn, strict=True):
             parameters.append(Parameter(name, float(value), measure))

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from diagnosis.effects.points import springs_of
+from diagnosis.effects.points import find_own_springs
 from diagnosis.effects.scales import ARM_UNIT_M, MASS_SHARE_UNIT, SYMMETRIC_ENTRIES
 from diagnosis.hypothesis import Value
 from identification.words import Real
@@ -107,7 +107,7 @@ class Link:
     @property
     def firm(self) -> tuple[dict[str, float], ...]:
         """As stiff as the slides of the upper body's joint are drawn; none where none is sprung."""
-        springs = springs_of(self.machine, self.bodies[1])
+        springs = find_own_springs(self.machine, self.bodies[1])
         slides = [s.stiffness for s in self.machine.springs if s.name in springs and not s.angular]
         if not any(slides):
             return ()

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from diagnosis.effects.points import springs_of
+from diagnosis.effects.points import find_own_springs
 from diagnosis.effects.scales import LOG_TIME_UNIT, MAX_LOG_STEPS
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
@@ -32,7 +32,7 @@ from mbmodel import (
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each rigid direction of each joint."""
-    for held in scene.held:
+    for held in scene.rigid_directions:
         frame = np.zeros((len(scene.model.machine.coordinates), 1))
         frame[held.coordinate] = 1.0
         way = _Way(scene.model.machine, held, frame)
@@ -54,8 +54,10 @@ def _usual(scene: Scene, held: RigidDirection) -> float:
     machine = scene.model.machine
     kind = {axle.joint: axle.turns for axle in machine.axles if axle.stage == held.stage}
     turns = held.dof.startswith("r")
-    alike = tuple(spring for spring in springs_of(machine, held.stage) if kind.get(spring) is turns)
-    sizes = scene.stiffness(alike)
+    alike = tuple(
+        spring for spring in find_own_springs(machine, held.stage) if kind.get(spring) is turns
+    )
+    sizes = scene.find_stiffness(alike)
     return float(np.median(sizes[sizes > 0])) if (sizes > 0).any() else held.reference
 
 

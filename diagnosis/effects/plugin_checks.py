@@ -70,7 +70,7 @@ def _find_misfit(hypothesis: Hypothesis, scene: Scene) -> str | None:
     """Return what is wrong with changes of Parts and their slopes, where the fit begins."""
     machine, campaign = scene.model.machine, scene.session.campaign
     laplace = np.asarray(2j * np.pi * campaign.freq_hz[campaign.freq_hz > 0], complex)
-    begins = start_values(hypothesis, scene)
+    begins = list_start_values(hypothesis, scene)
     for part in hypothesis.parts:
         names = [parameter.name for parameter in part.parameters]
         theta = np.array([begins[name] for name in names])
@@ -168,7 +168,7 @@ def _find_unfit(
     return None
 
 
-def start_values(hypothesis: Hypothesis, scene: Scene) -> dict[str, float]:
+def list_start_values(hypothesis: Hypothesis, scene: Scene) -> dict[str, float]:
     """Return all parameters [SI] by name, where a fit of the hypothesis begins."""
     there = zip(scene.model.parameters, scene.theta.tolist(), strict=True)
     begins = {parameter.name: value for parameter, value in there}

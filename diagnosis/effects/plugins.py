@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from importlib.metadata import EntryPoint
 from typing import Any
 
-from diagnosis.effects.plugin_checks import find_fault, read_numbers, start_values
+from diagnosis.effects.plugin_checks import find_fault, list_start_values, read_numbers
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import InputError, Real
 from mbmodel import AddedPart, Addition, NotInMjcf, Part
@@ -38,7 +38,7 @@ def load_effect(point: EntryPoint) -> Effect:
             raise InputError(f"{who}: its {name} is {text!r}, expected words: {_MEND}")
         keys = "{place}, {dof}, {direction} and {channel}"
         with _blame(f"{who}: filling in {name}, which may name {keys},"):
-            effect.said(text, "joint:stage", "tx")
+            effect.describe(text, "joint:stage", "tx")
     return replace(effect, propose=_CheckedProposal(point.name, effect.propose))
 
 
@@ -92,7 +92,7 @@ class _CheckedProposal:
             if fault:
                 raise InputError(f"{owner}: {fault}")
             with _blame(f"{owner}: state, at the values where the fit begins,"):
-                read_numbers(hypothesis.state(start_values(hypothesis, scene)))
+                read_numbers(hypothesis.state(list_start_values(hypothesis, scene)))
             guarded = tuple(_guard_part(part, owner) for part in hypothesis.parts)
             checked.append(
                 replace(hypothesis, parts=guarded, state=_GuardedStatement(owner, hypothesis.state))

@@ -15,12 +15,12 @@ from identification.words import (
 from mbmodel import Machine, parent_bodies
 
 
-def names_of(scene: Scene) -> set[str]:
+def list_varying_names(scene: Scene) -> set[str]:
     """Return the names of the parameters that vary."""
     return set(scene.session.parametrisation.names)
 
 
-def sensors(scene: Scene) -> list[str]:
+def list_sensors(scene: Scene) -> list[str]:
     """Sites that some test reads, in the order of the layout."""
     read = {dof.point for test in scene.session.campaign.tests for dof in test.estimate.frf.outputs}
     points = scene.model.machine.layout.points
@@ -29,7 +29,7 @@ def sensors(scene: Scene) -> list[str]:
     ]
 
 
-def references(scene: Scene) -> tuple[Input, ...]:
+def list_references(scene: Scene) -> tuple[Input, ...]:
     """Return the forces and torques at points and the motors that drove the tests."""
     return scene.session.campaign.inputs
 
@@ -38,33 +38,33 @@ def hits(scene: Scene) -> tuple[Dof, ...]:
     """Return the points and directions that forces hit: neither torques nor motors."""
     return tuple(
         reference
-        for reference in references(scene)
+        for reference in list_references(scene)
         if isinstance(reference, Dof) and not reference.is_rotation
     )
 
 
-def vector_names(prefix: str) -> tuple[str, ...]:
+def name_vector(prefix: str) -> tuple[str, ...]:
     """Names of a vector in world axes."""
     return tuple(f"{prefix}{axis}" for axis in "xyz")
 
 
-def gains_of(site: str) -> list[tuple[str, str]]:
+def list_gains(site: str) -> list[tuple[str, str]]:
     """Return the directions of a sensor's channels with the names of their gains."""
     return [(d, f"{site}.gain_{d[1:] if d[0] == 't' else d}") for d in DIRECTIONS]
 
 
-def delays_of(site: str) -> list[tuple[str, str]]:
+def list_delays(site: str) -> list[tuple[str, str]]:
     """Return the directions of a sensor's channels with the names of their delays."""
     return [(d, f"{site}.delay_{d[1:] if d[0] == 't' else d}") for d in DIRECTIONS]
 
 
-def instruments(scene: Scene) -> tuple[str, ...]:
+def list_instruments(scene: Scene) -> tuple[str, ...]:
     """Return the hammers and drives that made the tests, each once."""
     tests = scene.session.campaign.tests
     return tuple(dict.fromkeys(test.condition.instrument for test in tests))
 
 
-def hammer_place(scene: Scene, instrument: str) -> str:
+def locate_hammer(scene: Scene, instrument: str) -> str:
     """Return the location of a hammer or drive.
 
     It is its name, or the first point that it hit if the tests name no hammer.
@@ -79,7 +79,7 @@ def hammer_place(scene: Scene, instrument: str) -> str:
     return f"hammer:{points[0] if points else instrument}"
 
 
-def release_of_hammers(scene: Scene, effect: str, parameter: str) -> Iterator[Hypothesis]:
+def release_hammers(scene: Scene, effect: str, parameter: str) -> Iterator[Hypothesis]:
     """Yield the release of a tolerance of each hammer or drive whose parameter varies.
 
     Args:
@@ -87,22 +87,22 @@ def release_of_hammers(scene: Scene, effect: str, parameter: str) -> Iterator[Hy
         effect: name of the effect.
         parameter: ``gain`` or ``delay``.
     """
-    varying = names_of(scene)
-    for instrument in instruments(scene):
+    varying = list_varying_names(scene)
+    for instrument in list_instruments(scene):
         name = f"hammer({instrument}).{parameter}"
         if name in varying:
-            place = hammer_place(scene, instrument)
+            place = locate_hammer(scene, instrument)
             yield release_tolerance(effect, place, None, (name,), parameter)
 
 
-def sprung_stages(machine: Machine) -> list[str]:
+def find_sprung_stages(machine: Machine) -> list[str]:
     """Stages with springs of their own joints."""
     named = {spring.name for spring in machine.springs}
     stages = groupby(machine.axles, key=lambda axle: axle.stage)
     return [stage for stage, axles in stages if any(axle.joint in named for axle in axles)]
 
 
-def springs_of(machine: Machine, stage: str) -> tuple[str, ...]:
+def find_own_springs(machine: Machine, stage: str) -> tuple[str, ...]:
     """Names of the springs of a stage's joints."""
     named = {spring.name for spring in machine.springs}
     return tuple(a.joint for a in machine.axles if a.stage == stage and a.joint in named)

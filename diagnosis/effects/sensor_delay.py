@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from diagnosis.effects.points import delays_of, names_of, sensors
+from diagnosis.effects.points import list_delays, list_sensors, list_varying_names
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification import FAULT_PHRASES
 from identification.words import Dof
@@ -16,11 +16,11 @@ from identification.words import Dof
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Yield one for each sensor whose delays have a tolerance."""
-    varying, measured = names_of(scene), set(scene.session.campaign.outputs)
-    for site in sensors(scene):
+    varying, measured = list_varying_names(scene), set(scene.session.campaign.outputs)
+    for site in list_sensors(scene):
         names = tuple(
             name
-            for direction, name in delays_of(site)
+            for direction, name in list_delays(site)
             if name in varying and Dof(site, f"+{direction}") in measured
         )
         if names:

@@ -2,17 +2,17 @@
 
 from collections.abc import Iterator
 
-from diagnosis.effects.points import gains_of, names_of, sensors
+from diagnosis.effects.points import list_gains, list_sensors, list_varying_names
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, release_tolerance
 from identification import FAULT_PHRASES
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each channel whose gain has a tolerance."""
-    varying = names_of(scene)
+    varying = list_varying_names(scene)
     unknown = scene.session.campaign.unknown_gains.sensors
-    for site in (site for site in sensors(scene) if site not in unknown):
-        for direction, name in gains_of(site):
+    for site in (site for site in list_sensors(scene) if site not in unknown):
+        for direction, name in list_gains(site):
             if name in varying:
                 yield release_tolerance("sensor_gain", f"sensor:{site}", direction, (name,), "gain")
 

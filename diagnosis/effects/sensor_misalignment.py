@@ -2,16 +2,16 @@
 
 from collections.abc import Iterator
 
-from diagnosis.effects.points import names_of, sensors, vector_names
+from diagnosis.effects.points import list_sensors, list_varying_names, name_vector
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, release_tolerance
 from identification import FAULT_PHRASES
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each sensor whose angles have a tolerance."""
-    varying = names_of(scene)
-    for site in sensors(scene):
-        names = vector_names(f"{site}.rotation_")
+    varying = list_varying_names(scene)
+    for site in list_sensors(scene):
+        names = name_vector(f"{site}.rotation_")
         if varying.issuperset(names):
             yield release_tolerance(
                 "sensor_misalignment", f"sensor:{site}", None, names, "rotation"

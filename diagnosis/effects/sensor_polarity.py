@@ -9,8 +9,8 @@ from functools import partial
 
 import numpy as np
 
-from diagnosis.corrections import channels_of, divide_channels
-from diagnosis.effects.points import gains_of, names_of, sensors
+from diagnosis.corrections import divide_channels, match_channels
+from diagnosis.effects.points import list_gains, list_sensors, list_varying_names
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 from identification import FAULT_PHRASES
 from identification.words import Complex, Real
@@ -23,13 +23,13 @@ def read_inverted(freq_hz: Real) -> Complex:
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each channel."""
-    varying = names_of(scene)
+    varying = list_varying_names(scene)
     unknown = scene.session.campaign.unknown_gains.sensors
-    for site in (site for site in sensors(scene) if site not in unknown):
-        for direction, gain in gains_of(site):
+    for site in (site for site in list_sensors(scene) if site not in unknown):
+        for direction, gain in list_gains(site):
             if gain in varying:
                 place = f"sensor:{site}"
-                concerns = channels_of(place, direction)
+                concerns = match_channels(place, direction)
                 correct = partial(divide_channels, concerns=concerns, reading=read_inverted)
                 yield Hypothesis(
                     "sensor_polarity", place, direction, scored=(gain,), correct=correct

@@ -44,7 +44,7 @@ class Timed:
         return _MAX_LOG_TIME / self.step
 
 
-def constant(laplace: Complex) -> Complex:
+def evaluate_constant(laplace: Complex) -> Complex:
     """The law ``f = 1``."""
     return np.ones_like(laplace)
 
@@ -72,7 +72,7 @@ class Law:
     start: tuple[float, ...]
 
     @classmethod
-    def of(
+    def for_springs(
         cls,
         scene: Scene,
         location: str,
@@ -98,7 +98,7 @@ class Law:
             len(scene.model.machine.coordinates), len(sprung)
         )
         follow = {f"{name}({spring})": f"{spring}.stiffness" for spring in sprung}
-        start = tuple(scene.stiffness(sprung).tolist())
+        start = tuple(scene.find_stiffness(sprung).tolist())
         return cls(location, name, law, when, frame, follow, start)
 
     @property
@@ -123,7 +123,7 @@ class Law:
         finite, slopes = self._finite, self._derivatives
         return AddedPart(self.location, tuple(parameters), finite, slopes, self.when)
 
-    def hypotheses(
+    def propose(
         self,
         effect: str,
         dof: str | None,

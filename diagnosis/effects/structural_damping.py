@@ -4,13 +4,13 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from diagnosis.effects.points import springs_of, sprung_stages
+from diagnosis.effects.points import find_own_springs, find_sprung_stages
 from diagnosis.effects.spring_laws import Law
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Complex
 
 
-def lossy(laplace: Complex) -> Complex:
+def evaluate_loss(laplace: Complex) -> Complex:
     """The law ``i sign(w)``; (n_freq,)."""
     return np.asarray(1j * np.sign(laplace.imag), complex)
 
@@ -18,14 +18,16 @@ def lossy(laplace: Complex) -> Complex:
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each joint."""
     machine = scene.model.machine
-    for stage in sprung_stages(machine):
+    for stage in find_sprung_stages(machine):
         place = f"joint:{stage}"
-        loss = Law.of(scene, place, springs_of(machine, stage), f"{stage}.loss", lossy)
+        loss = Law.for_springs(
+            scene, place, find_own_springs(machine, stage), f"{stage}.loss", evaluate_loss
+        )
 
         def state(fitted: Mapping[str, float], spring_law: Law = loss) -> dict[str, Value]:
             return {"loss_factor": fitted[spring_law.size]}
 
-        yield from loss.hypotheses("structural_damping", None, state)
+        yield from loss.propose("structural_damping", None, state)
 
 
 EFFECT = Effect(

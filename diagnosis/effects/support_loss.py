@@ -24,7 +24,7 @@ from itertools import combinations
 
 import numpy as np
 
-from diagnosis.effects.points import springs_of, sprung_stages
+from diagnosis.effects.points import find_own_springs, find_sprung_stages
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Complex, Mask, Real
 from mbmodel import AddedPart, Change, Machine, Parameter, joint_coupling_writer
@@ -40,9 +40,9 @@ _COMPLEX_STEP = 1e-30  # complex step, of each parameter's size
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """One for each joint that may stand on four supports."""
-    for stage in sprung_stages(scene.model.machine):
+    for stage in find_sprung_stages(scene.model.machine):
         springs = _find_six_springs(scene, stage)
-        if springs is not None and (scene.stiffness(springs) > 0).all():
+        if springs is not None and (scene.find_stiffness(springs) > 0).all():
             stand = _Stand.of(scene, stage, springs)
             yield Hypothesis(
                 "support_loss",
@@ -95,7 +95,7 @@ class _Stand:
             np.array([along[name] * directions[name] for name in springs]).T,
             names,
             np.array([name in tuned for name in names]),
-            np.concatenate([scene.stiffness(springs), scene.damping(springs)]),
+            np.concatenate([scene.find_stiffness(springs), scene.find_damping(springs)]),
         )
 
     @property
@@ -170,7 +170,7 @@ class _Stand:
 def _find_six_springs(scene: Scene, stage: str) -> tuple[str, ...] | None:
     """Springs in the order tx .. rz, if the stage has just these, through one point."""
     machine = scene.model.machine
-    springs = springs_of(machine, stage)
+    springs = find_own_springs(machine, stage)
     axles = {axle.joint: axle for axle in machine.axles if axle.stage == stage}
     if len(springs) != 6 or len(axles) != 6:
         return None

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from diagnosis.effects.points import springs_of, sprung_stages
+from diagnosis.effects.points import find_own_springs, find_sprung_stages
 from diagnosis.effects.spring_laws import Law, Shape, Timed
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 
@@ -23,18 +23,18 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     machine = scene.model.machine
     omega = 2 * np.pi * scene.session.campaign.freq_hz
     lowest = float(omega[omega > 0].min())
-    for stage in sprung_stages(machine):
-        springs, place = springs_of(machine, stage), f"joint:{stage}"
+    for stage in find_sprung_stages(machine):
+        springs, place = find_own_springs(machine, stage), f"joint:{stage}"
         for number, tau in enumerate(
             np.geomspace(1 / float(omega[-1]), 2 / lowest, _TIME_CONSTANTS)
         ):
             law = Timed(float(tau), _LOG_TAU_UNIT, _maxwell, _by_time)
-            branch = Law.of(scene, place, springs, f"{stage}.maxwell{number}", law)
+            branch = Law.for_springs(scene, place, springs, f"{stage}.maxwell{number}", law)
 
             def state(fitted: Mapping[str, float], spring_law: Law = branch) -> dict[str, Value]:
                 return {"ratio": fitted[spring_law.size], "tau": spring_law.tau(fitted)}
 
-            yield from branch.hypotheses("viscoelastic", None, state, otherwise=(1.0,))
+            yield from branch.propose("viscoelastic", None, state, otherwise=(1.0,))
 
 
 @lru_cache(1024)  # those of all joints are one: their columns are formed together

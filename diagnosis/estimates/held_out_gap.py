@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from diagnosis.estimates.intervals import FittedParameters, fit_parameters
-from diagnosis.estimates.jackknife import jackknife_interval_of_size
+from diagnosis.estimates.jackknife import estimate_size_jackknife
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.null_model import Baseline
-from diagnosis.refits.measured import fitted_stride
-from diagnosis.refits.parallel import Call, side_by_side
+from diagnosis.refits.measured import choose_stride
+from diagnosis.refits.parallel import Call, run_in_parallel
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import RefitTask, add_hypothesis, run_refits, start_values
 from diagnosis.settings import DiagnosisSettings
@@ -80,10 +80,10 @@ class HeldOutGap:
         if self.held_out is None:
             return None
         folds = self.held_out.folds
-        without = [self.on(folds != fold).excess for fold in range(int(folds.max()) + 1)]
-        return jackknife_interval_of_size(self.gap.excess, without)
+        without = [self.select_lines(folds != fold).excess for fold in range(int(folds.max()) + 1)]
+        return estimate_size_jackknife(self.gap.excess, without)
 
-    def on(self, lines: Mask) -> Gap:
+    def select_lines(self, lines: Mask) -> Gap:
         """Return the gap on some lines; (n_freq,)."""
         return summarise_gaps(
             channel_gaps(
@@ -126,11 +126,11 @@ def estimate_gaps(
     if not last.causes:
         return GapEstimates(hold_out(scene, first, width), None, None)
     calls: list[Call] = [
-        (_held_out_fits, (replace(last, hypothesis=None), scene.pace, width)),
-        (fit_parameters, (replace(last, hypothesis=None), scene.pace)),
-        (_held_out_fits, (replace(first, hypothesis=None), scene.pace, width)),
+        (_held_out_fits, (replace(last, hypothesis=None), scene.stride_factor, width)),
+        (fit_parameters, (replace(last, hypothesis=None), scene.stride_factor)),
+        (_held_out_fits, (replace(first, hypothesis=None), scene.stride_factor, width)),
     ]
-    after, parameters, retuned = side_by_side(calls, scene.jobs)
+    after, parameters, retuned = run_in_parallel(calls, scene.jobs)
     return GapEstimates(_gap(first, retuned), _gap(last, after), parameters)
 
 
@@ -142,7 +142,7 @@ def hold_out(scene: Scene, refit: Refit, width: int | None) -> HeldOutGap:
         refit: the refit.
         width: lines in a block.
     """
-    return _gap(refit, _held_out_fits(refit, scene.pace, width))
+    return _gap(refit, _held_out_fits(refit, scene.stride_factor, width))
 
 
 def _refit_whole(
@@ -154,7 +154,7 @@ def _refit_whole(
 ) -> tuple[Refit, Refit]:
     """Refit null model and causes to all channels, from where the fits without some ended."""
     null, best = fits
-    causes = (*(cause for cause in proven if cause.is_held), *best.causes)
+    causes = (*(cause for cause in proven if cause.is_modelled), *best.causes)
     tasks = [RefitTask(None, whole, start_values(null, whole, None), null.floor)]
     if causes:
         joined = join_hypotheses(causes)
@@ -168,7 +168,7 @@ def _refit_whole(
 def _held_out_fits(refit: Refit, pace: int, width: int | None) -> HeldOutFits | None:
     """Fit all folds of the lines but one, for each fold, at the refit's model-error floor."""
     session = refit.session
-    stride = fitted_stride(len(session.campaign.freq_hz), 8 * pace) // 2
+    stride = choose_stride(len(session.campaign.freq_hz), 8 * pace) // 2
     stage: Stage = replace(
         STAGES[4], model_error_floor=refit.floor, stride=stride, tolerance=1e-3, max_steps=6
     )

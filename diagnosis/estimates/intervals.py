@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.hypothesis import Ends, Hypothesis, Vague, Value
-from diagnosis.refits.refit import Refit, values_by_name
+from diagnosis.refits.refit import Refit, map_values
 from identification.words import Real
 from tuning import (
     STAGES,
@@ -47,9 +47,9 @@ class FittedParameters:
 
     def state_parameters(self, hypothesis: Hypothesis) -> dict[str, Value]:
         """Return the parameters of a hypothesis as the verdict states them."""
-        return hypothesis.state(values_by_name(self.parametrisation, self.theta))
+        return hypothesis.state(map_values(self.parametrisation, self.theta))
 
-    def intervals(self, hypothesis: Hypothesis) -> dict[str, Ends]:
+    def estimate_intervals(self, hypothesis: Hypothesis) -> dict[str, Ends]:
         """Of a hypothesis' parameters, 95 %; none of those that were not fitted.
 
         With C the covariance of the coordinates x, an interval is from the least to the most that a
@@ -65,7 +65,7 @@ class FittedParameters:
         None is said of what goes with a size that may as well be nothing, such as the place of a
         mass: a quotient has bounds only where its divisor is not zero (Fieller 1954).
         """
-        read = _Read(values_by_name(self.parametrisation, self.theta))
+        read = _Read(map_values(self.parametrisation, self.theta))
         middle = hypothesis.state(read)
         stating = [k for k, name in enumerate(self.parametrisation.names) if name in read.names]
         if not stating or not middle:
@@ -83,7 +83,7 @@ class FittedParameters:
             x[stating] += deviation * units
             x[shapes] = np.clip(x[shapes], *ends)
             values = middle | hypothesis.state(
-                values_by_name(self.parametrisation, self.parametrisation.theta(x))
+                map_values(self.parametrisation, self.parametrisation.theta(x))
             )
             return _flatten({name: values[name] for name in middle})
 

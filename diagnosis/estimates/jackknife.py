@@ -6,7 +6,7 @@ from scipy.stats import t as student
 from identification.words import Real
 
 
-def jackknife_interval(
+def estimate_jackknife(
     whole: float | None, without: list[float | None]
 ) -> tuple[float, float] | None:
     """Return the 95 % interval of a number by the delete-group jackknife (Student, folds - 1).
@@ -27,13 +27,13 @@ def jackknife_interval(
     return whole - half, whole + half
 
 
-def jackknife_interval_of_size(
+def estimate_size_jackknife(
     whole: float | None, without: list[float | None]
 ) -> tuple[float, float] | None:
     """Return the jackknife interval of a positive number, by its logarithm; see above."""
     if not whole or not all(without):
         return None
-    spread = jackknife_interval(
+    spread = estimate_jackknife(
         float(np.log(whole)), [None if value is None else float(np.log(value)) for value in without]
     )
     return None if spread is None else (float(np.exp(spread[0])), float(np.exp(spread[1])))

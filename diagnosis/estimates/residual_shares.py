@@ -29,7 +29,7 @@ class ResidualShare:
     channels: int
 
 
-def residual_shares(gaps: ChannelGaps, layout: Layout) -> tuple[ResidualShare, ...]:
+def compute_residual_shares(gaps: ChannelGaps, layout: Layout) -> tuple[ResidualShare, ...]:
     """Divide the excess among the bodies, the largest first.
 
     Args:

@@ -58,13 +58,13 @@ class Posterior:
     where: tuple[tuple[str, float], ...]
     sets: tuple[tuple[Keys, float], ...] = ()
 
-    def confounded_pairs(
+    def find_confounded_pairs(
         self, settings: DiagnosisSettings = SETTINGS
     ) -> tuple[tuple[Site, Site], ...]:
         """Return pairs of causes whose sets, otherwise alike, differ by less than 3 nats."""
         shares: dict[frozenset[Site], float] = {}
         for keys, share in self.sets:
-            sites = frozenset(map(site_of, keys))
+            sites = frozenset(map(read_site, keys))
             shares[sites] = shares.get(sites, 0.0) + share
         likely = [row for row in shares.items() if row[1] >= settings.min_row_probability]
         pairs: list[tuple[Site, Site]] = []
@@ -76,12 +76,12 @@ class Posterior:
         return tuple(dict.fromkeys(pairs))
 
 
-def site_of(key: Key) -> Site:
+def read_site(key: Key) -> Site:
     """Return effect and location: in several directions it is one cause."""
     return key[0], key[1]
 
 
-def judge(
+def compute_posterior(
     evidence: Evidence,
     calibration: Calibration | None = None,
     settings: DiagnosisSettings = SETTINGS,
@@ -95,13 +95,13 @@ def judge(
     """
     constants = calibration or load_calibration()
     sets, gap = _without_outliers(evidence, settings.outlier_sigma)
-    sets = _best_fits(material_sets(evidence.null, sets, settings))
+    sets = _best_fits(select_material_sets(evidence.null, sets, settings))
     log_none = (
         np.log(constants.hidden[evidence.gap_source]) - np.log(max(gap, _MIN_GAP))
     ) / constants.hidden_width
     if evidence.unsteady:
         log_none = min(log_none, 0.0)
-    logs = set_log_odds(evidence, sets, constants)
+    logs = compute_log_odds(evidence, sets, constants)
     shares = softmax(np.concatenate([[log_none, 0.0], logs]))
     none, unexplained = (max(float(share), _MIN_CHANCE_SHARE) for share in shares[:2])
     probabilities = {
@@ -121,7 +121,7 @@ def judge(
     return Posterior(none, unexplained, several, causes, where, ordered)
 
 
-def set_log_odds(
+def compute_log_odds(
     evidence: Evidence, sets: Sequence[FittedSet], constants: Calibration
 ) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
     """Return l_S of sets, relative to the empty set with a rest; (n_set,)."""
@@ -141,7 +141,7 @@ def set_log_odds(
     )
 
 
-def material_sets(
+def select_material_sets(
     null: FittedSet, sets: Sequence[FittedSet], settings: DiagnosisSettings = SETTINGS
 ) -> list[FittedSet]:
     """Return the sets each of whose causes is material when it is added.
@@ -190,7 +190,7 @@ def _best_fits(sets: Sequence[FittedSet]) -> list[FittedSet]:
 
 def _count(keys: Keys) -> int:
     """Return the number of causes of a set."""
-    return len({site_of(key) for key in keys})
+    return len({read_site(key) for key in keys})
 
 
 def _presence(sets: Mapping[Keys, float], min_probability: float) -> Shares:
@@ -198,10 +198,10 @@ def _presence(sets: Mapping[Keys, float], min_probability: float) -> Shares:
     present: dict[Site, float] = {}
     directions: dict[Site, dict[Key, float]] = {}
     for keys, share in sets.items():
-        for site in dict.fromkeys(map(site_of, keys)):
+        for site in dict.fromkeys(map(read_site, keys)):
             present[site] = present.get(site, 0.0) + share
         for key in keys:
-            shares = directions.setdefault(site_of(key), {})
+            shares = directions.setdefault(read_site(key), {})
             shares[key] = shares.get(key, 0.0) + share
     rows = [
         (max(directions[site], key=lambda key: directions[site][key]), probability)
@@ -221,7 +221,7 @@ def _places(
     for place in evidence.unknown:
         shares[place] = shares.get(place, 0.0) + unexplained / len(evidence.unknown)
     if not evidence.unknown:
-        forces = force_shares(evidence.pushed, constants)
+        forces = compute_force_shares(evidence.pushed, constants)
         for place, share in forces.items():
             shares[place] = shares.get(place, 0.0) + max(unexplained, 1e-3) * share
     total = sum(shares.values())
@@ -229,7 +229,7 @@ def _places(
     return tuple((place, share / total) for place, share in order)
 
 
-def force_shares(
+def compute_force_shares(
     forces: Sequence[ForceGain], constants: Calibration | None = None
 ) -> dict[str, float]:
     """Return the share of each place at which an unknown force may act."""

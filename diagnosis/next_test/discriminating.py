@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from diagnosis.algorithm import Diagnosis
-from diagnosis.effects import PROVEN, catalogue
+from diagnosis.effects import PROVEN, load_catalogue
 from diagnosis.inference.evidence import Key
 from diagnosis.inference.posterior import Keys
 from diagnosis.next_test.experiments import (
@@ -29,7 +29,7 @@ from diagnosis.next_test.experiments import (
     add_experiment,
     list_experiments,
 )
-from diagnosis.next_test.unexplained import of_unknown
+from diagnosis.next_test.unexplained import propose_unexplained_test
 from diagnosis.refits.refit import Refit
 from identification.words import Campaign, Real
 from tuning import Misfit, mean_channel_variance, predict_tests, thin_lines
@@ -41,7 +41,7 @@ _MIN_TELLING_NATS = 3.0  # nats: what gains less tells nothing
 _MIN_RIVAL_PROBABILITY, _MAX_RIVALS = 0.05, 6  # of sets that an experiment is to tell apart
 
 
-def next_experiment(diagnosis: Diagnosis) -> str | None:
+def propose_experiment(diagnosis: Diagnosis) -> str | None:
     """One sentence; None where nothing is missing.
 
     Args:
@@ -52,11 +52,11 @@ def next_experiment(diagnosis: Diagnosis) -> str | None:
         return None
     if word == "unexplained" or not causes:
         proven = [f"{_confirm_cause(cause.key)}; then " for cause in diagnosis.present.causes]
-        return "".join(proven) + of_unknown(diagnosis)
+        return "".join(proven) + propose_unexplained_test(diagnosis)
     rivals = find_rivals(diagnosis)
     if len(rivals) > 1:
         refits = [(refit, share) for _, refit, share in rivals]
-        best, gain = best_experiment(diagnosis.session.campaign, refits)
+        best, gain = find_best_experiment(diagnosis.session.campaign, refits)
         (first, _, _), (second, _, _), *_ = rivals
         if gain > _MIN_TELLING_NATS:
             pair = f"{_without(first, second)} from {_without(second, first)}"
@@ -73,8 +73,8 @@ def find_rivals(diagnosis: Diagnosis) -> list[tuple[Keys, Refit, float]]:
     Returns:
         Causes, refit and probability of each set, the most probable first.
     """
-    count = len(diagnosis.present.causes) - len(diagnosis.gate_hypotheses)
-    proven = {cause.key for cause in diagnosis.gate_hypotheses}
+    count = len(diagnosis.present.causes) - len(diagnosis.gross_hypotheses)
+    proven = {cause.key for cause in diagnosis.gross_hypotheses}
     rivals = []
     for keys, share in diagnosis.posterior.sets:
         added = tuple(key for key in keys if key not in proven)
@@ -93,11 +93,11 @@ def _without(several: Keys, excluded: Keys) -> str:
 def _confirm_cause(cause: Key) -> str:
     """Return the experiment that confirms a cause."""
     effect, place, dof = cause
-    entry = catalogue().get(effect) or PROVEN[effect]
-    return entry.said(entry.confirm, place, dof)
+    entry = load_catalogue().get(effect) or PROVEN[effect]
+    return entry.describe(entry.confirm, place, dof)
 
 
-def best_experiment(
+def find_best_experiment(
     campaign: Campaign, rivals: Sequence[tuple[Refit, float]]
 ) -> tuple[Experiment, float]:
     """Return the experiment that separates rivals best, and its gain [nats].

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.effects import PROVEN, catalogue
+from diagnosis.effects import PROVEN, load_catalogue
 from diagnosis.inference.evidence import Key
 from diagnosis.refits.refit import Refit
 from identification.words import Campaign, Dof, Input, Real, is_hammer_point
@@ -51,9 +51,9 @@ def list_experiments(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[li
     undone = []
     for key in dict.fromkeys(key for rival in rivals for key in rival.keys):
         effect, place, dof = key
-        entry = catalogue().get(effect) or PROVEN[effect]
+        entry = load_catalogue().get(effect) or PROVEN[effect]
         if entry.undoes:
-            words = entry.said(entry.confirm, place, dof)
+            words = entry.describe(entry.confirm, place, dof)
             undone.append(Experiment(words, campaign.inputs, undone=key))
     yield undone
     masses = _ADDED_MASS_SHARE * np.diag(machine.body_mass)[::6]

@@ -11,7 +11,7 @@ _MIN_BODY_CHANNELS = (
 )
 
 
-def of_unknown(diagnosis: Diagnosis) -> str:
+def propose_unexplained_test(diagnosis: Diagnosis) -> str:
     """Return an experiment where the missing force acts, or at other levels if there is one.
 
     Args:

@@ -16,7 +16,7 @@ from threadpoolctl import threadpool_limits
 Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
 
-def side_by_side(calls: Sequence[Call], jobs: int) -> Iterator[Any]:
+def run_in_parallel(calls: Sequence[Call], jobs: int) -> Iterator[Any]:
     """Yield the results of functions in the order of the calls, whatever the number of jobs.
 
     Args:

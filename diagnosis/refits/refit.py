@@ -81,11 +81,11 @@ class Refit(FitSummary):
 
     def state_parameters(self, cause: Hypothesis) -> dict[str, Value]:
         """Return the parameters of a cause as the verdict states them."""
-        return cause.state(values_by_name(self.fit.parametrisation, self.fit.theta))
+        return cause.state(map_values(self.fit.parametrisation, self.fit.theta))
 
-    def direction_of(self, cause: Hypothesis) -> str | None:
+    def find_direction(self, cause: Hypothesis) -> str | None:
         """Return the direction that the fit gives a cause."""
-        return cause.along(values_by_name(self.fit.parametrisation, self.fit.theta))
+        return cause.along(map_values(self.fit.parametrisation, self.fit.theta))
 
     def tolerance_shift(self, cause: Hypothesis) -> float | None:
         """Return how far a cause that only releases tolerances shifts them.
@@ -107,7 +107,7 @@ class Refit(FitSummary):
         return float(norm.isf(tail / 2))
 
 
-def values_by_name(parametrisation: Parametrisation, theta: Real) -> dict[str, float]:
+def map_values(parametrisation: Parametrisation, theta: Real) -> dict[str, float]:
     """Return parameters [SI] by name."""
     names = (parameter.name for parameter in parametrisation.parameters)
     return dict(zip(names, theta.tolist(), strict=True))
@@ -140,7 +140,7 @@ def describe_fit(session: Session, fit: Fit, stride: int, independent: bool) -> 
     return Refit(None, session, fit, statistics, fitted_values, serial)
 
 
-def fitted_set(refit: Refit) -> FittedSet:
+def summarise_refit(refit: Refit) -> FittedSet:
     """Return a refit as plain numbers."""
     statistics = refit.statistics
     return FittedSet(

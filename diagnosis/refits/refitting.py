@@ -16,8 +16,8 @@ from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.evidence import BADLY_KNOWN
 from diagnosis.refit_record import RefitRecord, restore_fit
 from diagnosis.refits.extended_parametrisation import extend_parametrisation
-from diagnosis.refits.measured import fitted_stride, variance_source
-from diagnosis.refits.parallel import Call, side_by_side
+from diagnosis.refits.measured import choose_stride, find_variance_source
+from diagnosis.refits.parallel import Call, run_in_parallel
 from diagnosis.refits.refit import Refit, describe_fit
 from identification.words import Real
 from mbmodel import Model
@@ -91,7 +91,9 @@ def start_values(base: Refit | Scene, session: Session, hypothesis: Hypothesis |
     return np.array(values)
 
 
-def add_to(base: Refit, hypothesis: Hypothesis, first_stages: tuple[Stage, ...] = ()) -> RefitTask:
+def add_cause(
+    base: Refit, hypothesis: Hypothesis, first_stages: tuple[Stage, ...] = ()
+) -> RefitTask:
     """Return the task of a refit with one more cause, from where a refit ended."""
     session = add_hypothesis(base.session, hypothesis)
     start = start_values(base, session, hypothesis)
@@ -111,18 +113,18 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
     """
     threads = scene.jobs if len(tasks) == 1 else 1
     lines = len(scene.session.campaign.freq_hz)
-    paced = replace(schedule, stride=fitted_stride(lines, schedule.stride * scene.pace))
+    paced = replace(schedule, stride=choose_stride(lines, schedule.stride * scene.stride_factor))
     record = scene.record or RefitRecord(Checkpoint())
     names = [record.next_name(_words(task)) for task in tasks]
     finished = [record.recall(name) for name in names]
     calls: list[Call] = [
-        (_refit, (replace(task, hypothesis=None), paced, threads, scene.independent))
+        (_refit, (replace(task, hypothesis=None), paced, threads, scene.has_independent_lines))
         if kept is None
-        else (_describe_kept, (task.session, kept, paced, scene.independent))
+        else (_describe_kept, (task.session, kept, paced, scene.has_independent_lines))
         for task, kept in zip(tasks, finished, strict=True)
     ]
     results = []
-    ended = islice(side_by_side(calls, scene.jobs), len(tasks))
+    ended = islice(run_in_parallel(calls, scene.jobs), len(tasks))
     for name, kept, refit in zip(names, finished, ended, strict=True):
         if kept is None:
             record.keep(name, refit.fit)
@@ -133,7 +135,7 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
             hypothesis=task.hypothesis,
             session=task.session,
             fit=replace(refit.fit, parametrisation=task.session.parametrisation),
-            doubt=BADLY_KNOWN[variance_source(task.session.campaign)],
+            doubt=BADLY_KNOWN[find_variance_source(task.session.campaign)],
         )
         for task, refit in zip(tasks, results, strict=True)
     ]

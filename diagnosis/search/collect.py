@@ -2,10 +2,10 @@
 
 from diagnosis.inference.evidence import Evidence, Scored
 from diagnosis.null_model import Baseline, fit_unbounded
-from diagnosis.refits.measured import variance_source
-from diagnosis.refits.refit import fitted_set
+from diagnosis.refits.measured import find_variance_source
+from diagnosis.refits.refit import summarise_refit
 from diagnosis.search.free_force import fit_free_forces
-from diagnosis.search.selection import Search, scene_of
+from diagnosis.search.selection import Search, move_scene
 from diagnosis.settings import DiagnosisSettings
 from tuning import is_gap_visible
 
@@ -30,19 +30,19 @@ def collect_evidence(
         best_gain.setdefault(score.hypothesis.site, row)
     is_left = bool(selected.causes) and is_gap_visible(selected.gap, settings.min_visible_excess)
     ratio = settings.force_floor_ratio
-    inner = scene_of(base.scene, selected)
+    inner = move_scene(base.scene, selected)
     rest = fit_free_forces(inner, selected.fit, ratio * selected.floor) if is_left else ()
     return Evidence(
         proven=tuple(hypothesis.key for hypothesis in base.proven),
         unknown=base.gate.unknown,
-        null=fitted_set(null),
+        null=summarise_refit(null),
         unbounded=unbounded,
         largest_shift=largest_shift,
-        sets=tuple(fitted_set(refit) for refit in search.refits),
+        sets=tuple(summarise_refit(refit) for refit in search.refits),
         pushed=fit_free_forces(base.scene, null.fit, ratio * null.floor),
         rest_pushed=rest,
         hypotheses=len(best_gain),
-        variance=variance_source(null.session.campaign),
+        variance=find_variance_source(null.session.campaign),
         unsteady=unsteady,
         scored=tuple(best_gain.values()),
     )

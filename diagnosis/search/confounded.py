@@ -2,7 +2,7 @@
 
 from diagnosis.hypothesis import Scene
 from diagnosis.inference.posterior import Posterior
-from diagnosis.search.score_test import cosines
+from diagnosis.search.score_test import compute_cosines
 from diagnosis.search.selection import Search
 from diagnosis.settings import DiagnosisSettings
 
@@ -24,11 +24,11 @@ def find_confounded(
         for score in reversed(search.scores)
         if score.hypothesis.key in listed and score.step.any()
     }
-    pairs = [frozenset(map("@".join, pair)) for pair in posterior.confounded_pairs(settings)]
+    pairs = [frozenset(map("@".join, pair)) for pair in posterior.find_confounded_pairs(settings)]
     scored = list(leading.values())
     if len(scored) > 1:
         null = search.null
-        alike = cosines(scene, null.fit, scored, null.floor, settings.score_stride)
+        alike = compute_cosines(scene, null.fit, scored, null.floor, settings.score_stride)
         pairs += [
             frozenset((first.hypothesis.site, second.hypothesis.site))
             for i, first in enumerate(scored)

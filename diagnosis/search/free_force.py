@@ -65,7 +65,7 @@ def _directions(scene: Scene) -> Iterator[tuple[str, str, Real]]:
     machine = scene.model.machine
     unit, held = (
         np.eye(len(machine.coordinates)),
-        {direction.coordinate: direction.dof for direction in scene.held},
+        {direction.coordinate: direction.dof for direction in scene.rigid_directions},
     )
     for axle in machine.axles:
         dof = held.get(axle.coordinate, axle.dof)
@@ -99,7 +99,7 @@ class _Work:
     def about(cls, scene: Scene, fit: Fit, model_error_floor: float) -> "_Work":
         """Linearise about a fit."""
         varies, model = fit.parametrisation, scene.session.model
-        thin = thin_lines(scene.session.campaign, _FORCE_STRIDE * scene.pace)
+        thin = thin_lines(scene.session.campaign, _FORCE_STRIDE * scene.stride_factor)
 
         def misfit(campaign: Campaign) -> Misfit:
             return Misfit(model, campaign, varies, model_error_floor=model_error_floor)

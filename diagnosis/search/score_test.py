@@ -60,7 +60,7 @@ def scores(
         model_error_floor: of that fit.
         stride: every ``stride``-th line counts.
     """
-    return rank_scores(hypotheses, gains(scene, fit, hypotheses, model_error_floor, stride))
+    return rank_scores(hypotheses, compute_gains(scene, fit, hypotheses, model_error_floor, stride))
 
 
 def rank_scores(hypotheses: Sequence[Hypothesis], gained: Sequence[Gained]) -> list[Score]:
@@ -75,12 +75,12 @@ def rank_scores(hypotheses: Sequence[Hypothesis], gained: Sequence[Gained]) -> l
 
     def rank_gain(row: Score) -> float:
         most = best[row.hypothesis.key]
-        return most if row.gain >= (1 - row.hypothesis.alike) * most else row.gain
+        return most if row.gain >= (1 - row.hypothesis.tie_share) * most else row.gain
 
     return sorted(scored, key=lambda row: -rank_gain(row))
 
 
-def gains(
+def compute_gains(
     scene: Scene,
     fit: Fit,
     hypotheses: Sequence[Hypothesis],
@@ -119,7 +119,7 @@ def _score_together(
     asked = np.array([name in wanted for name in whole.names[count:]], bool)
     varies = whole.restrict(np.arange(whole.size) < count, x)
     probes = whole.restrict(np.append(np.zeros(count, bool), asked), x)
-    thin = thin_lines(scene.session.campaign, stride * scene.pace)
+    thin = thin_lines(scene.session.campaign, stride * scene.stride_factor)
     probed = Misfit(model, thin, varies, model_error_floor=model_error_floor).probe_coordinates(
         fit.x, probes
     )
@@ -131,7 +131,7 @@ def _score_together(
         )
 
 
-def cosines(
+def compute_cosines(
     scene: Scene, fit: Fit, leading: Sequence[Score], model_error_floor: float, stride: int
 ) -> Real:
     """How alike the changes of FRFs are that hypotheses make, all else projected out.
@@ -151,7 +151,7 @@ def cosines(
     """
     model, whole, x = _extend_model(scene, fit, [score.hypothesis for score in leading])
     count = fit.parametrisation.size
-    thin = thin_lines(scene.session.campaign, stride * scene.pace)
+    thin = thin_lines(scene.session.campaign, stride * scene.stride_factor)
     normal = (
         Misfit(model, thin, whole, model_error_floor=model_error_floor)
         .quadratic_model(x)[2]

@@ -9,21 +9,21 @@ the same search, from a model that has the first (Draper and Smith 1998, ch. 15)
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from diagnosis.data_checks.candidates import candidate_hypotheses
-from diagnosis.effects import catalogue
+from diagnosis.data_checks.candidates import build_candidates
+from diagnosis.effects import load_catalogue
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence
-from diagnosis.inference.posterior import material_sets, set_log_odds, site_of
+from diagnosis.inference.posterior import compute_log_odds, read_site, select_material_sets
 from diagnosis.null_model import Baseline, refit_from
-from diagnosis.refits.measured import variance_source
-from diagnosis.refits.refit import Refit, fitted_set
+from diagnosis.refits.measured import find_variance_source
+from diagnosis.refits.refit import Refit, summarise_refit
 from diagnosis.refits.refitting import (
     FROM_AFAR,
     RefitTask,
+    add_cause,
     add_hypothesis,
-    add_to,
     run_refits,
     start_values,
 )
@@ -108,18 +108,18 @@ def score_hypotheses(
     scene: Scene, base: Refit, excluded: frozenset[str], settings: DiagnosisSettings
 ) -> list[Score]:
     """Score all hypotheses about a refit, the most promising first."""
-    inner = scene_of(scene, base)
+    inner = move_scene(scene, base)
     sites = {cause.site for cause in base.causes}
     hypotheses = [
         hypothesis
-        for effect in catalogue().values()
+        for effect in load_catalogue().values()
         for hypothesis in effect(inner)
         if hypothesis.location not in excluded and hypothesis.site not in sites
     ]
     return scores(inner, base.fit, hypotheses, base.floor, settings.score_stride)
 
 
-def scene_of(scene: Scene, base: Refit) -> Scene:
+def move_scene(scene: Scene, base: Refit) -> Scene:
     """Return the scene of a refit: further hypotheses are proposed about it."""
     names = frozenset(name for cause in base.causes for name in cause.names)
     return replace(scene, session=base.session, theta=base.fit.theta, there=names)
@@ -134,9 +134,9 @@ def _refit_round(
     """Refit the promising hypotheses; where a rest remains, other starts and shapes of the best."""
     scene = base.scene
     promising = _best_of_each_site(ranked)[: settings.max_refits]
-    tasks = [add_to(current, score.hypothesis) for score in promising]
+    tasks = [add_cause(current, score.hypothesis) for score in promising]
     tasks += [
-        add_to(current, hypothesis, _first_stages(hypothesis))
+        add_cause(current, hypothesis, _first_stages(hypothesis))
         for hypothesis in _suggest_candidates(base, current, settings)
     ]
     refits = run_refits(scene, tasks, settings.schedule)
@@ -151,7 +151,7 @@ def _refit_round(
         if score.hypothesis.site == cause.site and score.hypothesis not in refitted
     ]
     tasks = _distant_tasks(current, cause)[: settings.max_distant]
-    tasks += [add_to(current, shape) for shape in _one_each_direction(further, settings)]
+    tasks += [add_cause(current, shape) for shape in _one_each_direction(further, settings)]
     return [*refits, *run_refits(scene, tasks, settings.schedule)]
 
 
@@ -163,7 +163,7 @@ def _suggest_candidates(
     session = base.scene.session
     return [
         hypothesis
-        for hypothesis in candidate_hypotheses(base.gate, session, settings)
+        for hypothesis in build_candidates(base.gate, session, settings)
         if hypothesis.site not in sites and (hypothesis.reform is None or not current.causes)
     ]
 
@@ -188,7 +188,7 @@ def _one_each_direction(
 def _distant_tasks(base: Refit, hypothesis: Hypothesis) -> list[RefitTask]:
     """Return refits that begin far from the null model, where a strong effect may be found."""
     return [
-        add_to(base, replace(hypothesis, begin={**hypothesis.begin, **start}), FROM_AFAR)
+        add_cause(base, replace(hypothesis, begin={**hypothesis.begin, **start}), FROM_AFAR)
         for start in hypothesis.otherwise
     ]
 
@@ -213,22 +213,24 @@ def _eliminate(scene: Scene, search: Search, best: Refit, settings: DiagnosisSet
 
 def _is_accepted(search: Search, refit: Refit, base: Refit, settings: DiagnosisSettings) -> bool:
     """Return whether a set with one more cause is material, and more probable."""
-    sets = [fitted_set(candidate) for candidate in (*search.refits, refit)]
-    material = {fitted.keys for fitted in material_sets(fitted_set(search.null), sets, settings)}
+    sets = [summarise_refit(candidate) for candidate in (*search.refits, refit)]
+    material = {
+        fitted.keys for fitted in select_material_sets(summarise_refit(search.null), sets, settings)
+    }
     return refit.keys in material and _is_more_probable(search, refit, base)
 
 
 def _is_more_probable(search: Search, refit: Refit, base: Refit) -> bool:
     """Return whether the posterior prefers a set to another one."""
-    sets = [fitted_set(candidate) for candidate in (*search.refits, refit)]
+    sets = [summarise_refit(candidate) for candidate in (*search.refits, refit)]
     evidence = Evidence(
-        null=fitted_set(search.null),
+        null=summarise_refit(search.null),
         sets=tuple(sets),
         hypotheses=search.hypotheses,
-        variance=variance_source(search.null.session.campaign),
+        variance=find_variance_source(search.null.session.campaign),
     )
-    first, second = set_log_odds(
-        evidence, [fitted_set(refit), fitted_set(base)], load_calibration()
+    first, second = compute_log_odds(
+        evidence, [summarise_refit(refit), summarise_refit(base)], load_calibration()
     )
     return bool(first > second)
 
@@ -238,5 +240,5 @@ def _best_of_each_site(ranked: Sequence[Score]) -> list[Score]:
     best: dict[tuple[str, str], Score] = {}
     for score in ranked:
         if score.gain > 0 or score.hypothesis.otherwise:
-            best.setdefault(site_of(score.hypothesis.key), score)
+            best.setdefault(read_site(score.hypothesis.key), score)
     return list(best.values())

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 
 from diagnosis.algorithm import Diagnosis
 from diagnosis.data_checks.sensors import RELEASED
-from diagnosis.effects import catalogue
+from diagnosis.effects import load_catalogue
 from diagnosis.estimates.held_out_gap import HeldOutGap
-from diagnosis.estimates.jackknife import jackknife_interval, jackknife_interval_of_size
+from diagnosis.estimates.jackknife import estimate_jackknife, estimate_size_jackknife
 from diagnosis.inference.evidence import BENDS, Key
-from diagnosis.next_test.discriminating import next_experiment
+from diagnosis.next_test.discriminating import propose_experiment
 from diagnosis.verdict.gains import list_channel_gains
 from diagnosis.verdict.schema import (
     CauseRow,
@@ -33,7 +33,7 @@ _OF_SENSORS = {name: of for name, (of, _) in RELEASED.items()} | {"sensor_delay"
 _MIN_PLACE_SHARE = 0.005  # of a place that is worth a row
 
 
-def verdict_of(diagnosis: Diagnosis) -> Verdict:
+def build_verdict(diagnosis: Diagnosis) -> Verdict:
     """Return the content of verdict.json."""
     posterior, present, settings = diagnosis.posterior, diagnosis.present, diagnosis.settings
     retuned, after = diagnosis.retuned.gap, diagnosis.after
@@ -66,7 +66,7 @@ def verdict_of(diagnosis: Diagnosis) -> Verdict:
         ),
         twins=list(diagnosis.twins),
         not_testable=_not_testable(diagnosis),
-        next_experiment=next_experiment(diagnosis),
+        next_experiment=propose_experiment(diagnosis),
         remarks=[
             RemarkRow(effect=key[0], location=key[1], dof=key[2], closed=closed)
             for key, closed in present.remarks.items()
@@ -94,7 +94,7 @@ def _closed_part(retuned: Gap, after: Gap) -> float | None:
     return float((retuned.excess**2 - after.excess**2) / (retuned.excess**2 - 1))
 
 
-def step_intervals(diagnosis: Diagnosis) -> dict[str, tuple[float, float] | None]:
+def estimate_step_intervals(diagnosis: Diagnosis) -> dict[str, tuple[float, float] | None]:
     """95 % intervals of what the gap's steps are: of excess, of the noise of error.
 
     By leaving one fold of the blocks out, as in the verdict; None where no fold can be left out.
@@ -118,17 +118,17 @@ def step_intervals(diagnosis: Diagnosis) -> dict[str, tuple[float, float] | None
         for lines in kept
     ]
     ends = {
-        "as_drawn": jackknife_interval_of_size(
+        "as_drawn": estimate_size_jackknife(
             diagnosis.as_drawn.excess, [values.excess for values in parts]
         ),
-        "noise": jackknife_interval_of_size(
+        "noise": estimate_size_jackknife(
             diagnosis.retuned.gap.noise, [values.noise for values in parts]
         ),
     }
     for name, level in levels.items():
         if level is not None:
-            gaps = [level.on(lines).excess for lines in kept]
-            ends[name] = jackknife_interval_of_size(level.gap.excess, gaps)
+            gaps = [level.select_lines(lines).excess for lines in kept]
+            ends[name] = estimate_size_jackknife(level.gap.excess, gaps)
     return {name: ends.get(name) for name in ("as_drawn", *levels, "noise")}
 
 
@@ -138,14 +138,14 @@ def _interval(retuned: HeldOutGap, after: HeldOutGap | None, *, visible: bool) -
         return Interval()
     folds = after.held_out.folds
     kept = [folds != fold for fold in range(int(folds.max()) + 1)]
-    gaps = [(retuned.on(lines), after.on(lines)) for lines in kept]
+    gaps = [(retuned.select_lines(lines), after.select_lines(lines)) for lines in kept]
     return Interval(
-        closed=jackknife_interval(
+        closed=estimate_jackknife(
             _closed_part(retuned.gap, after.gap), [_closed_part(*pair) for pair in gaps]
         )
         if visible
         else None,
-        after=jackknife_interval_of_size(after.gap.excess, [pair[1].excess for pair in gaps]),
+        after=estimate_size_jackknife(after.gap.excess, [pair[1].excess for pair in gaps]),
     )
 
 
@@ -158,7 +158,7 @@ def _row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:
     row = CauseRow(
         effect=effect,
         location=location,
-        dof=dof or (refit.direction_of(cause) if refit and cause else None),
+        dof=dof or (refit.find_direction(cause) if refit and cause else None),
         probability=min(1.0, probability),
         parameters=refit.state_parameters(cause) if refit and cause else {},
         interval={},
@@ -172,10 +172,12 @@ def _row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:
         return row
     after, parameters = diagnosis.after, diagnosis.parameters
     if after is None or parameters is None:
-        return row if present.is_held else row.model_copy(update={"parameters": present.state({})})
+        return (
+            row if present.is_modelled else row.model_copy(update={"parameters": present.state({})})
+        )
     update = {
         "parameters": parameters.state_parameters(present),
-        "interval": parameters.intervals(present),
+        "interval": parameters.estimate_intervals(present),
         "excess_after": after.gap.excess,
     }
     return row.model_copy(update=update)
@@ -185,7 +187,7 @@ def _not_testable(diagnosis: Diagnosis) -> list[str]:
     """Return the effects that this kind of data cannot show."""
     tests = diagnosis.session.campaign.tests
     levels = {test.condition.level_n for test in tests}
-    missing = [effect for effect in NONLINEAR if len(levels) < 2 or effect not in catalogue()]
+    missing = [effect for effect in NONLINEAR if len(levels) < 2 or effect not in load_catalogue()]
     references = {str(test.condition.reference) for test in tests}
     setups = {test.condition.setup for test in tests}
     if len(references) < 2 and len(setups) < 2:

@@ -14,7 +14,7 @@ import numpy as np
 from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.inference.evidence import Evidence, Key
-from diagnosis.inference.posterior import Posterior, force_shares, site_of
+from diagnosis.inference.posterior import Posterior, compute_force_shares, read_site
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
 from diagnosis.search.selection import Search
@@ -73,11 +73,11 @@ def find_present(search: Search, posterior: Posterior, settings: DiagnosisSettin
         posterior: their probabilities.
         settings: least probability.
     """
-    probability = {site_of(key): share for key, share in posterior.causes}
+    probability = {read_site(key): share for key, share in posterior.causes}
 
     def is_probable(refit: Refit) -> bool:
         return bool(refit.causes) and all(
-            probability.get(site_of(key), 0.0) >= settings.min_probability for key in refit.keys
+            probability.get(read_site(key), 0.0) >= settings.min_probability for key in refit.keys
         )
 
     candidates = [refit for refit in search.refits if is_probable(refit)]
@@ -110,7 +110,7 @@ def describe_present(
     established = tuple(
         cause.key
         for cause in causes
-        if (closes.get(cause.key, 0.0) >= settings.min_closed or not cause.is_held)
+        if (closes.get(cause.key, 0.0) >= settings.min_closed or not cause.is_modelled)
         and _closes_held_out_gap(gaps, settings)
     )
     is_none = not established and posterior.none >= settings.min_probability
@@ -124,11 +124,11 @@ def describe_present(
     else:
         word = "explained" if len(causes) == 1 else "several"
     proven = ((fault.effect, fault.location, fault.dof) for fault in base.gate.faults)
-    named = {site_of(cause.key) for cause in causes}
+    named = {read_site(cause.key) for cause in causes}
     remarks = {
         key: closes.get(key, _closed_alone(search, key))
         for key in proven
-        if key not in established and site_of(key) not in named
+        if key not in established and read_site(key) not in named
     }
     return Present(word, causes, closes, established, remarks, rest)
 
@@ -180,7 +180,7 @@ def _closed_by_proven(base: Baseline, gaps: GapEstimates) -> dict[Key, float]:
     closed = {}
     for cause in base.proven:
         without = _excess_without(cause, after, gaps.retuned)
-        is_known = without is not None and cause.is_held and cause.reform is None
+        is_known = without is not None and cause.is_modelled and cause.reform is None
         share = (without**2 - least**2) / (before**2 - 1) if is_known and without else 1.0
         closed[cause.key] = float(share)
     return closed
@@ -219,7 +219,7 @@ def _rest(
         )
     forces = evidence.rest_pushed if refit.causes else evidence.pushed
     share = max((force.share for force in forces), default=0.0)
-    shares = sorted(force_shares(forces).items(), key=lambda row: -row[1])
+    shares = sorted(compute_force_shares(forces).items(), key=lambda row: -row[1])
     return Rest(
         excess=level.gap.excess,
         model_error=level.refit.floor,

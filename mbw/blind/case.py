@@ -13,7 +13,7 @@ from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from diagnosis import diagnose, oracle, told_of, verdict_of
+from diagnosis import build_verdict, diagnose, read_fault, refit_true_cause
 from identification.words import InputError, WorkbenchError
 from identification.words.file_access import write_text
 from truth import TruthError, draw_case, read_station, write_answer, write_campaign
@@ -162,9 +162,9 @@ def _judge(case: BlindCase) -> None:
         return
     case.oracle.unlink(missing_ok=True)
     diagnosis = diagnose(open_session(case.campaign, case.band))
-    _write(case.verdict, verdict_of(diagnosis).model_dump_json(indent=1))
-    true_cause = told_of(tomllib.loads(case.sealed.read_text("utf-8")))
-    bound = None if true_cause is None else oracle(diagnosis, true_cause)
+    _write(case.verdict, build_verdict(diagnosis).model_dump_json(indent=1))
+    true_cause = read_fault(tomllib.loads(case.sealed.read_text("utf-8")))
+    bound = None if true_cause is None else refit_true_cause(diagnosis, true_cause)
     if bound is not None:
         _write(case.oracle, json.dumps({"excess": bound.gap.excess}, allow_nan=False))
     _write(case.refit, json.dumps({"excess": diagnosis.retuned.gap.excess}, allow_nan=False))

@@ -11,7 +11,7 @@ from pathlib import Path
 import typer
 from joblib import Parallel, delayed
 
-from diagnosis import catalogue
+from diagnosis import load_catalogue
 from identification.words import InputError, WorkbenchError
 from identification.words.file_access import read_bytes
 from mbw.band import check_band
@@ -74,7 +74,7 @@ def run(options: BlindOptions) -> Path:
         InputError: the model cannot be read, or the folder holds another test.
         WorkbenchError: no case could be drawn; InputError if the model is the reason.
     """
-    catalogue()  # refuses an invalid effect of another package before anything is drawn
+    load_catalogue()  # refuses an invalid effect of another package before anything is drawn
     request = _request(options)
     with options.outputs.open("blind", Path(options.model), "blind", ()) as output:
         out = output.path.absolute()

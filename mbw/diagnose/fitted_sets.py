@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence, FittedSet, Key
-from diagnosis.inference.posterior import material_sets, set_log_odds
+from diagnosis.inference.posterior import compute_log_odds, select_material_sets
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 
 _MIN_LOG_ODDS_DIFFERENCE_NATS = 0.05  # below, two sets are equally probable
@@ -40,7 +40,7 @@ def fitted_rows(evidence: Evidence, settings: DiagnosisSettings = SETTINGS) -> l
         settings: thresholds of the posterior.
     """
     null = evidence.null
-    material = {id(fitted) for fitted in material_sets(null, evidence.sets, settings)}
+    material = {id(fitted) for fitted in select_material_sets(null, evidence.sets, settings)}
     reasons = [_rejection(fitted, id(fitted) in material, settings) for fitted in evidence.sets]
     best: dict[frozenset[Key], tuple[FittedSet, str]] = {}
     rows = zip(evidence.sets, reasons, strict=True)
@@ -48,7 +48,7 @@ def fitted_rows(evidence: Evidence, settings: DiagnosisSettings = SETTINGS) -> l
         best.setdefault(frozenset(fitted.keys), (fitted, reason))
     weighed = [fitted for fitted, reason in best.values() if not reason]
     odds = dict(
-        zip(weighed, set_log_odds(evidence, weighed, load_calibration()).tolist(), strict=True)
+        zip(weighed, compute_log_odds(evidence, weighed, load_calibration()).tolist(), strict=True)
     )
     sets = [(null, _row(null, null, 0.0, ""))]
     sets += [

@@ -1,7 +1,7 @@
 """Headline of a diagnosis: the verdict in one or two sentences, probabilities, warnings."""
 
 from diagnosis.inference.evidence import ForceGain
-from diagnosis.labels import direction
+from diagnosis.labels import name_direction
 from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.effect_parameters import number
 from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
@@ -137,7 +137,7 @@ def _unexplained_lead(result: StoredDiagnosis) -> str:
         return text
     if forces:
         first = forces[0]
-        towards = direction(first.dof)
+        towards = name_direction(first.dof)
         text += (
             f" The missing force most probably acts {place_phrase(first.location)}"
             f"{towards and ', ' + towards}"

@@ -5,7 +5,7 @@ from html import escape
 import numpy as np
 
 from diagnosis.inference.evidence import ForceGain
-from diagnosis.labels import direction
+from diagnosis.labels import name_direction
 from identification.words import Dof, Real
 from mbw.diagnose.effect_parameters import number
 from mbw.diagnose.headline import badges, doubts, lead
@@ -191,7 +191,7 @@ def _places(result: StoredDiagnosis) -> list[dict[str, object]]:
     shares = {row.location: row.share for row in verdict.where if verdict.verdict != "none"}
     forces = located_rest(result)
     gains = {force.location: max(force.gain, 0.0) for force in forces}
-    towards = {force.location: direction(force.dof) for force in forces}
+    towards = {force.location: name_direction(force.dof) for force in forces}
     places = result.shown.places
     named = [name for name in shares if shares[name]]
     named += [cause.location for cause in verdict.causes] + twin_locations(verdict)

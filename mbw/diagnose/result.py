@@ -6,7 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis import PROVEN, Diagnosis, Verdict, catalogue, step_intervals, verdict_of
+from diagnosis import (
+    PROVEN,
+    Diagnosis,
+    Verdict,
+    build_verdict,
+    estimate_step_intervals,
+    load_catalogue,
+)
 from diagnosis.estimates.held_out_gap import HeldOutGap
 from diagnosis.inference.evidence import Evidence
 from diagnosis.verdict.schema import CauseRow
@@ -65,7 +72,7 @@ def collect_result(diagnosis: Diagnosis, not_in_mjcf: Sequence[NotInMjcf] = ()) 
         diagnosis: diagnosis with its fits.
         not_in_mjcf: parameters that the augmented MJCF does not hold.
     """
-    verdict = verdict_of(diagnosis)
+    verdict = build_verdict(diagnosis)
     campaign, machine = diagnosis.retuned.campaign, diagnosis.session.model.machine
     gaps = diagnosis.retuned.channels
     cells = list(zip(gaps.tests, gaps.outputs, strict=True))
@@ -93,7 +100,7 @@ def collect_result(diagnosis: Diagnosis, not_in_mjcf: Sequence[NotInMjcf] = ()) 
             for test, dof in cells
         ],
         corrected=corrected,
-        steps=StepsRow(**step_intervals(diagnosis)),
+        steps=StepsRow(**estimate_step_intervals(diagnosis)),
         centres=_centres(diagnosis),
         means=[_meaning(cause) for cause in verdict.causes],
         established=list_established(diagnosis, verdict),
@@ -173,8 +180,8 @@ def _centres(diagnosis: Diagnosis) -> list[CentresRow]:
 
 
 def _meaning(row: CauseRow) -> str:
-    effect = catalogue().get(row.effect) or PROVEN.get(row.effect)
-    return effect.said(effect.means, row.location, row.dof) if effect else ""
+    effect = load_catalogue().get(row.effect) or PROVEN.get(row.effect)
+    return effect.describe(effect.means, row.location, row.dof) if effect else ""
 
 
 def _frfs(diagnosis: Diagnosis, cells: Sequence[Cell]) -> tuple[dict[str, Any], list[int]]:

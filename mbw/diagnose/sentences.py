@@ -2,9 +2,9 @@
 
 from collections.abc import Collection, Sequence
 
-from diagnosis import PROVEN, catalogue
+from diagnosis import PROVEN, load_catalogue
 from diagnosis.inference.evidence import Evidence
-from diagnosis.labels import direction, name_place
+from diagnosis.labels import name_direction, name_place
 from diagnosis.verdict.build import NONLINEAR
 from diagnosis.verdict.schema import CauseRow, RemarkRow, Verdict
 from identification import FAULT_PHRASES, exchange_phrase
@@ -57,7 +57,7 @@ _UNTESTED: tuple[tuple[Collection[str], str], ...] = (
 
 def effect_noun(effect: str) -> str:
     """Return the noun of an effect, such as ``a wrong gain``."""
-    entry = catalogue().get(effect) or PROVEN.get(effect)
+    entry = load_catalogue().get(effect) or PROVEN.get(effect)
     if entry is not None:
         return entry.noun
     return _OTHER_NOUNS.get(effect, effect.replace("_", " "))
@@ -80,7 +80,7 @@ def place_phrase(location: str) -> str:
 
 def cause_words(row: CauseRow | RemarkRow) -> str:
     """Return effect, place and direction of a cause."""
-    towards = direction(row.dof)
+    towards = name_direction(row.dof)
     towards = f", {towards}" if towards else ""
     return f"{effect_noun(row.effect)} {place_phrase(row.location)}{towards}"
 
@@ -206,7 +206,7 @@ def sensor_check_sentences(shown: ShownFile) -> list[str]:
             sentences.append(swap_sentence(fault.location, fault.dof))
             continue
         channels = "channel" if fault.dof is not None and "+" not in fault.dof else "channels"
-        towards = direction(fault.dof)
+        towards = name_direction(fault.dof)
         towards = f" {towards}" if towards else ""
         text = place_name(fault.location)
         sentences.append(

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from diagnosis.inference.evidence import Key
-from diagnosis.labels import direction
+from diagnosis.labels import name_direction
 from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.effect_parameters import (
     ParameterText,
@@ -93,7 +93,7 @@ def _direction(row: CauseRow, places: Mapping[str, PlaceRow]) -> str:
     """Return the direction of a cause; of a link its stiffest axis, in world axes."""
     place = places.get(row.location)
     if place is None or not place.line or row.dof is not None:
-        return direction(row.dof)
+        return name_direction(row.dof)
     if row.excess_after is None:  # a rival: its stiffness matrix is not kept
         return ""
     return f"{axis_words(place.axis)}, world axes" if place.axis else axis_words(None)
@@ -172,7 +172,7 @@ def _effect_names(keys: Sequence[Key]) -> str:
 
 def _hypothesis(key: Key) -> str:
     effect, location, dof = key
-    towards = direction(dof)
+    towards = name_direction(dof)
     text = f"{effect.replace('_', ' ')}, {place_name(location)}"
     return escape(f"{text} {towards}" if towards else text)
 

@@ -7,7 +7,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from diagnosis import Diagnosis, Verdict, diagnose
-from diagnosis.effects import catalogue, check_others
+from diagnosis.effects import check_others, load_catalogue
 from diagnosis.settings import SETTINGS
 from mbw.band import check_band
 from mbw.diagnose.files import (
@@ -120,7 +120,7 @@ def run(
 
 def _fingerprint(session: Session) -> str:
     """Return a hash of all that determines the verdict: inputs, effects and settings."""
-    effects = {name: effect.means for name, effect in catalogue().items()}
+    effects = {name: effect.means for name, effect in load_catalogue().items()}
     return fingerprint(session, {"effects": effects, "settings": SETTINGS})
 
 
@@ -249,7 +249,7 @@ def hypothesis_table(diagnosis: Diagnosis) -> Table:
         "score and log odds: nats; error: of the model after the refit; closed: part of the gap"
     )
     rows = [row for row in fitted_rows(evidence, diagnosis.settings) if row.keys]
-    proven = {hypothesis.key for hypothesis in diagnosis.gate_hypotheses}
+    proven = {hypothesis.key for hypothesis in diagnosis.gross_hypotheses}
     named = frozenset(cause.key for cause in diagnosis.present.causes) - proven
     scores = {score.key[:2]: score.gain for score in evidence.scored}
     for row, why in list(zip(rows, rejection_reasons(rows, named), strict=True))[:_MAX_LISTED_SETS]:

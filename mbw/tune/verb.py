@@ -7,7 +7,7 @@ from pathlib import Path
 import typer
 from rich.progress import Progress, TaskID
 
-from diagnosis import residual_shares
+from diagnosis import compute_residual_shares
 from mbw.band import check_band
 from mbw.files import write_json
 from mbw.gap_text import describe_gap, number_text
@@ -193,7 +193,7 @@ def _remaining_gap(tuned: CampaignTuning) -> list[ShareRow]:
     gaps = sensors.channels(sensors.held_out or sensors.bounded)
     return [
         ShareRow(body=share.body, share=share.share, excess=share.excess)
-        for share in residual_shares(gaps, tuned.session.campaign.layout)
+        for share in compute_residual_shares(gaps, tuned.session.campaign.layout)
     ]
 
 

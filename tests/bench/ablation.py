@@ -11,7 +11,7 @@ from functools import partial
 
 from threadpoolctl import threadpool_limits
 
-from diagnosis import diagnose, verdict_of
+from diagnosis import build_verdict, diagnose
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from tests.bench.dirty import core_seconds, dirt_items
 from tests.bench.dirty_campaigns import ensure, reported_designs
@@ -85,6 +85,6 @@ def _case(rung: str, number: int) -> dict[str, object]:
         "drawn_ratio": None,
         "answer": stored.answer.partition("\n[dirt]")[0],
         "items": dirt_items(stored.answer),
-        "verdict": verdict_of(diagnosis).model_dump(mode="json"),
+        "verdict": build_verdict(diagnosis).model_dump(mode="json"),
         "seconds": core_seconds() - began,
     }

@@ -22,7 +22,7 @@ import numpy as np
 
 from diagnosis.inference.calibration import Calibration, load_calibration
 from diagnosis.inference.evidence import Evidence
-from diagnosis.inference.posterior import Posterior, judge, site_of
+from diagnosis.inference.posterior import Posterior, compute_posterior, read_site
 
 ROWS = Path(__file__).parent / "results" / "calibrate.390000.json.gz"
 FILE = Path(__file__).parents[2] / "diagnosis" / "inference" / "calibration.json"
@@ -71,14 +71,14 @@ def log_likelihood(constants: Calibration) -> float:
 
 def log_probability(row: dict, constants: Calibration) -> float:
     """Return the logarithm of the probability of a campaign's truth."""
-    posterior = judge(Evidence.model_validate(row["evidence"]), constants)
+    posterior = compute_posterior(Evidence.model_validate(row["evidence"]), constants)
     probability = truth_probability(row, posterior)
     return float(np.log(min(1.0, max(probability, MIN_TRUTH_PROBABILITY))))
 
 
 def truth_probability(row: dict, posterior: Posterior) -> float:
     """Return the probability of what is true."""
-    present = {site_of(key): probability for key, probability in posterior.causes}
+    present = {read_site(key): probability for key, probability in posterior.causes}
     truth = [tuple(site) for site in row["truth"]]
     if truth:
         shares = [max(present.get(site, 0.0), MIN_TRUTH_PROBABILITY) for site in truth]

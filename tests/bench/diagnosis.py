@@ -22,9 +22,9 @@ from pydantic import ValidationError
 from rich.console import Console
 from threadpoolctl import threadpool_limits
 
-from diagnosis import diagnose, oracle, told_of, verdict_of
+from diagnosis import build_verdict, diagnose, read_fault, refit_true_cause
 from diagnosis.inference.evidence import Evidence, Scored
-from diagnosis.inference.posterior import judge
+from diagnosis.inference.posterior import compute_posterior
 from diagnosis.settings import SETTINGS
 from identification import Fault
 from tests.bench.kept import cases, only_kept
@@ -171,7 +171,7 @@ def stale(row: dict) -> bool:
     if row.get("verdict") is None:
         return False
     try:
-        found = judge(Evidence.model_validate(row["evidence"]))
+        found = compute_posterior(Evidence.model_validate(row["evidence"]))
     except ValidationError:  # of a diagnosis before this one
         return True
     first = [(one["effect"], one["location"]) for one in row["verdict"]["causes"][:1]]
@@ -183,7 +183,7 @@ def rejudged(row: dict) -> dict:
     told = row["verdict"]
     if told is None or stale(row):
         return told
-    found = judge(Evidence.model_validate(row["evidence"]))
+    found = compute_posterior(Evidence.model_validate(row["evidence"]))
     of_sites: dict[tuple[str, str], float] = {}
     for key, probability in found.causes:
         of_sites.setdefault(key[:2], probability)
@@ -225,16 +225,16 @@ def case(one: Deck, number: int) -> dict[str, object]:
         begun = time.process_time()
         try:
             found = diagnose(open_session(WORK / f"{seed}"))
-            verdict = verdict_of(found)
+            verdict = build_verdict(found)
         except Exception as error:  # a failure is graded as one, the other cases go on
             return row | {"answer": drawn, "error": f"{type(error).__name__}: {error}"}
         seconds = time.process_time() - begun
-        told = told_of(tomllib.loads(drawn))
-        known = None if told is None else oracle(found, told)
+        told = read_fault(tomllib.loads(drawn))
+        known = None if told is None else refit_true_cause(found, told)
         row["oracle"] = None if known is None else known.gap.excess
         row["ranks"] = None if told is None else ranks(found.evidence.scored, told)
         if number % TWICE == 0:
-            row["same"] = verdict_of(diagnose(open_session(WORK / f"{seed}"), jobs=2)) == verdict
+            row["same"] = build_verdict(diagnose(open_session(WORK / f"{seed}"), jobs=2)) == verdict
     # The judgement needs no scores.
     evidence = found.evidence.model_dump(mode="json", exclude={"scored"})
     kept = {"evidence": evidence, "verdict": verdict.model_dump(mode="json"), "answer": drawn}

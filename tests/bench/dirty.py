@@ -28,7 +28,7 @@ from functools import cache
 
 from threadpoolctl import threadpool_limits
 
-from diagnosis import diagnose, verdict_of
+from diagnosis import build_verdict, diagnose
 from tests.bench.dirty_campaigns import Design, Stored, ensure, reported_designs
 from tests.bench.dirty_rates import figures
 from tests.bench.kept import cases, of
@@ -79,7 +79,7 @@ def diagnosed(stored: Stored) -> dict[str, object]:
     found: dict[str, object]
     with threadpool_limits(1):
         try:
-            verdict = verdict_of(diagnose(open_session(stored.folder)))
+            verdict = build_verdict(diagnose(open_session(stored.folder)))
             found = {"verdict": verdict.model_dump(mode="json")}
         except Exception as error:  # graded as a failure, the other cases go on
             found = {"error": f"{type(error).__name__}: {error}"}

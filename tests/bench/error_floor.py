@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from diagnosis.effects import catalogue
+from diagnosis.effects import load_catalogue
 from diagnosis.hypothesis import Scene
 from diagnosis.refits.refitting import add_hypothesis, start_values
 from diagnosis.search.score_test import scores
@@ -82,7 +82,7 @@ def _ranks(folder: Path, truth: tuple[str, str | None]) -> dict[str, object]:
     session = open_session(folder)
     null = fit_at_error_floor(session.model, session.campaign, session.parametrisation)
     scene = Scene(session, null.fit.theta)
-    proposals = [one for effect in catalogue().values() for one in effect(scene)]
+    proposals = [one for effect in load_catalogue().values() for one in effect(scene)]
     ranked = scores(scene, null.fit, proposals, null.error.floor, SETTINGS.score_stride)
     best = {}
     for score in ranked:

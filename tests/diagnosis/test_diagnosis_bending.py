@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis import diagnose, verdict_of
-from diagnosis.known_cause_bound import oracle
+from diagnosis import build_verdict, diagnose
+from diagnosis.known_cause_bound import refit_true_cause
 from identification import Fault, estimate_bending_shape
 from tests.helpers.drawn import drawn
 from tuning import rebuild_for_machine
@@ -21,7 +21,7 @@ def case(tmp_path_factory):
 
 def test_the_mode_is_found_and_the_gap_closes(case):
     found, answer = case
-    verdict = verdict_of(found)
+    verdict = build_verdict(found)
     (cause, *_) = verdict.causes
     assert (cause.effect, cause.location) == (answer["effect"], answer["location"])
     assert verdict.gap.retuned.excess > 2
@@ -36,11 +36,11 @@ def test_the_mode_is_found_and_the_gap_closes(case):
 def test_who_is_told_the_effect_does_no_better(case):
     found, answer = case
     told = Fault(answer["effect"], answer["location"], None, 1.0, {}, 1.0)
-    assert oracle(found, told) is found.after
+    assert refit_true_cause(found, told) is found.after
     # Made anew, as where the diagnosis had named something else.
-    level = oracle(replace(found, gaps=replace(found.gaps, after=None)), told)
+    level = refit_true_cause(replace(found, gaps=replace(found.gaps, after=None)), told)
     assert level is not None
-    assert level.gap.excess == pytest.approx(verdict_of(found).gap.after.excess, rel=0.02)
+    assert level.gap.excess == pytest.approx(build_verdict(found).gap.after.excess, rel=0.02)
 
 
 def test_a_first_guess_is_the_peak_and_no_rigid_motion(case):

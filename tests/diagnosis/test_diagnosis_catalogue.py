@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis import EFFECTS, PROVEN, Scene, catalogue, diagnose, verdict_of
+from diagnosis import EFFECTS, PROVEN, Scene, build_verdict, diagnose, load_catalogue
 from diagnosis.effects import Effect, check_others
 from diagnosis.effects.plugins import GROUP, load_effect
 from identification.words import InputError
@@ -36,10 +36,10 @@ def installed(tmp_path, monkeypatch):
             text = text.replace(old, new)
         (place / "inerter_effect.py").write_text(text)
         monkeypatch.syspath_prepend(str(place))
-        catalogue.cache_clear()
+        load_catalogue.cache_clear()
 
     yield install
-    catalogue.cache_clear()
+    load_catalogue.cache_clear()
     sys.modules.pop("inerter_effect", None)
 
 
@@ -59,7 +59,7 @@ def session(tmp_path_factory):
 def test_every_effect_says_what_it_means_and_what_would_confirm_it():
     for effect in (*EFFECTS.values(), *PROVEN.values()):
         for words in (effect.means, effect.confirm):
-            said = effect.said(words, "joint:tilt", "ry")
+            said = effect.describe(words, "joint:tilt", "ry")
             assert len(said) > 10
             assert "{" not in said
             assert said[0].islower()
@@ -69,10 +69,10 @@ def test_every_effect_says_what_it_means_and_what_would_confirm_it():
 @pytest.mark.parametrize("name", sorted({*EFFECTS, *PROVEN}))
 def test_what_confirms_an_effect_says_where(name):
     effect = {**EFFECTS, **PROVEN}[name]
-    assert "acc1 and acc2" in effect.said(effect.confirm, "sensor:acc1+acc2", None)
-    assert "tilt" in effect.said(effect.confirm, "joint:tilt", "ry")
+    assert "acc1 and acc2" in effect.describe(effect.confirm, "sensor:acc1+acc2", None)
+    assert "tilt" in effect.describe(effect.confirm, "joint:tilt", "ry")
     for words in (effect.means, effect.confirm):  # a rotation is about an axis
-        assert "along ry" not in effect.said(words, "joint:tilt", "ry")
+        assert "along ry" not in effect.describe(words, "joint:tilt", "ry")
 
 
 @pytest.mark.parametrize(
@@ -90,11 +90,11 @@ def test_what_confirms_an_effect_says_where(name):
 )
 def test_places_and_directions_stand_in_what_confirms(effect, place, dof, said):
     known = {**EFFECTS, **PROVEN}[effect]
-    assert said in known.said(known.confirm, place, dof)
+    assert said in known.describe(known.confirm, place, dof)
 
 
 def test_a_support_that_carries_little_is_not_said_to_carry_nothing():
-    said = EFFECTS["support_loss"].said(EFFECTS["support_loss"].means, "joint:granite", None)
+    said = EFFECTS["support_loss"].describe(EFFECTS["support_loss"].means, "joint:granite", None)
     assert said == "a support of the joint of granite carries less than its share"
 
 
@@ -102,12 +102,12 @@ def test_an_effect_of_ones_own_is_named_like_ours(installed, tmp_path):
     # Not below stage1: against the ground an inerter is a mass error.
     session, text = drawn(tmp_path, 72_044, "inerter", ratio=6.0, place="joint:stage2", lines=161)
     answer = tomllib.loads(text)
-    stranger = verdict_of(diagnose(session))
+    stranger = build_verdict(diagnose(session))
     assert "inerter" not in {cause.effect for cause in stranger.causes}
     said = tomllib.loads((EXAMPLE / "pyproject.toml").read_text())["project"]["entry-points"]
     installed("inerter", said["mbw.effects"]["inerter"])
-    assert set(catalogue()) == {*EFFECTS, "inerter"}
-    found = verdict_of(diagnose(session))
+    assert set(load_catalogue()) == {*EFFECTS, "inerter"}
+    found = build_verdict(diagnose(session))
     first = found.causes[0]
     assert found.verdict in ("explained", "partly")
     assert (first.effect, first.location) == ("inerter", answer["location"])
@@ -121,14 +121,14 @@ def test_an_effect_of_ones_own_is_named_like_ours(installed, tmp_path):
 def test_what_is_no_effect_or_takes_a_name_is_refused_by_name(installed):
     installed("inerter", "json:dumps")
     with pytest.raises(InputError, match=r"inerter.*json:dumps is no Effect"):
-        catalogue()
+        load_catalogue()
 
 
 @pytest.mark.parametrize("name", ["drift", "sensor_swap"])
 def test_a_name_that_is_taken_is_refused(installed, name):
     installed(name, "inerter_effect:EFFECT")
     with pytest.raises(InputError, match=f"{name}.*known already"):
-        catalogue()
+        load_catalogue()
 
 
 @pytest.mark.parametrize(
@@ -143,7 +143,7 @@ def test_a_name_that_is_taken_is_refused(installed, name):
 def test_what_cannot_be_loaded_or_does_not_speak_is_refused_by_name(installed, old, new, said):
     installed("inerter", changes=[(old, new)])
     with pytest.raises(InputError, match=f"^entry point inerter of mbw.effects: .*{said}"):
-        catalogue()
+        load_catalogue()
 
 
 @pytest.mark.parametrize(
@@ -201,7 +201,7 @@ def test_a_statement_that_fails_at_fitted_values_is_left_out_and_said_once(
     installed, session, caplog
 ):
     installed("inerter", changes=[("unit * found[own]", "unit * found[own] / (found[own] < 2)")])
-    one = next(iter(catalogue()["inerter"](Scene(session, session.model.drawn))))
+    one = next(iter(load_catalogue()["inerter"](Scene(session, session.model.drawn))))
     (name,) = one.coordinates
     assert one.state({name: 1.0})["inertance"] > 0
     assert one.state({name: 3.0}) == one.state({name: 4.0}) == {}
@@ -225,7 +225,7 @@ FAILING = """def _failing(*given):
 def test_a_part_that_fails_far_from_where_it_was_checked_says_whose_it_is(installed, session):
     changes = [("AddedPart.linear(", "_failing("), ("def propose", f"{FAILING}def propose")]
     installed("inerter", changes=changes)
-    one = next(iter(catalogue()["inerter"](Scene(session, session.model.drawn))))
+    one = next(iter(load_catalogue()["inerter"](Scene(session, session.model.drawn))))
     (part,) = one.parts
     near, far = np.array([0.5]), np.array([2.0])
     assert part.finite(near)[0].core.any()

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis import diagnose, verdict_of
-from diagnosis.corrections import channels_of, divide_channels, exchange_channels, mask_channels
-from diagnosis.data_checks.sensors import hypothesis_of, sensor_gate
+from diagnosis import build_verdict, diagnose
+from diagnosis.corrections import divide_channels, exchange_channels, mask_channels, match_channels
+from diagnosis.data_checks.sensors import build_fault_hypothesis, check_sensors
 from diagnosis.refits.extended_parametrisation import extend_parametrisation
 from identification import Fault, check_bodies, mount_response
 from identification.words import Dof
@@ -30,7 +30,7 @@ def sites(session):
 
 def test_masked_channels_count_as_not_measured(session):
     site = sites(session)[0]
-    one = mask_channels(session.campaign, channels_of(f"sensor:{site}", "ty"))
+    one = mask_channels(session.campaign, match_channels(f"sensor:{site}", "ty"))
     for test in one.tests:
         for row, dof in enumerate(test.estimate.frf.outputs):
             off = dof.point == site and dof.direction[1:] == "ty"
@@ -48,7 +48,7 @@ def test_exchanging_twice_and_dividing_back_change_nothing(session):
     assert not np.array_equal(values(once)[0], values(session.campaign)[0])
     for back, original in zip(values(twice), values(session.campaign), strict=True):
         np.testing.assert_array_equal(back, original)
-    concerned = channels_of(f"sensor:{first}", None)
+    concerned = match_channels(f"sensor:{first}", None)
     read = divide_channels(session.campaign, concerned, lambda f: mount_response(f, 90.0, 0.05))
     again = divide_channels(read, concerned, lambda f: 1 / mount_response(f, 90.0, 0.05))
     for back, original in zip(values(again), values(session.campaign), strict=True):
@@ -65,7 +65,9 @@ def test_exchanging_twice_and_dividing_back_change_nothing(session):
 )
 def test_what_a_fit_has_to_find_is_released(session, effect, dof, parameters):
     site = sites(session)[0]
-    one = hypothesis_of(Fault(effect, f"sensor:{site}", dof, 1.0, parameters, 1.0), session)
+    one = build_fault_hypothesis(
+        Fault(effect, f"sensor:{site}", dof, 1.0, parameters, 1.0), session
+    )
     assert set(one.release) <= set(session.parametrisation.names)
     assert list(one.begin.values()) == list(np.ravel(list(parameters.values())))
     said = one.state(one.begin)
@@ -86,11 +88,11 @@ def test_what_is_known_is_corrected(session):
         Fault("mount_resonance", where, "tx", 1.0, parameters, 1.0),
     ]
     for fault in faults:
-        one = hypothesis_of(fault, session)
+        one = build_fault_hypothesis(fault, session)
         assert one.key == (fault.effect, fault.location, fault.dof)
         assert not one.release
         moved = one.correct(session.campaign)
-        concerned = channels_of(fault.location, fault.dof)
+        concerned = match_channels(fault.location, fault.dof)
         for test, before in zip(moved.tests, session.campaign.tests, strict=True):
             for row, dof in enumerate(test.estimate.frf.outputs):
                 same = np.array_equal(
@@ -98,7 +100,7 @@ def test_what_is_known_is_corrected(session):
                 )
                 assert same != concerned(dof), (fault.effect, dof)
     dead = Fault("dead_channel", where, "tx", 1.0, {}, 1.0)
-    assert hypothesis_of(dead, session) is None
+    assert build_fault_hypothesis(dead, session) is None
 
 
 def test_a_turned_channel_is_proven_and_taken_out(session):
@@ -113,11 +115,11 @@ def test_a_turned_channel_is_proven_and_taken_out(session):
         signs = [-1.0 if d.point == site and d.direction[1:] == "tz" else 1.0 for d in frf.outputs]
         turned = replace(frf, values=frf.values * np.array(signs)[:, None])
         tests.append(replace(test, estimate=replace(test.estimate, frf=turned)))
-    gate = sensor_gate(replace(session.campaign, tests=tuple(tests)))
+    gate = check_sensors(replace(session.campaign, tests=tuple(tests)))
     assert [(f.effect, f.location, f.dof) for f in gate.faults] == [
         ("sensor_polarity", f"sensor:{site}", "tz")
     ]
-    assert not sensor_gate(session.campaign).faults
+    assert not check_sensors(session.campaign).faults
     off = [not test.estimate.measured.all() for test in gate.campaign.tests]
     assert all(off)
 
@@ -130,13 +132,13 @@ def test_of_a_channel_that_reads_noise_alone_no_fault_is_believed(session):
         return values * np.where(np.isin(names, turned), -1.0, 1.0)[:, None]
 
     campaign = read_as(session, reading)
-    assert [one.effect for one in sensor_gate(campaign).faults] == ["sensor_polarity"]
+    assert [one.effect for one in check_sensors(campaign).faults] == ["sensor_polarity"]
     tests = []
     for test in campaign.tests:
         row = np.isin(list(map(str, test.estimate.frf.outputs)), turned)
         coherence = np.where(row[:, None], 1e-3, test.estimate.coherence)
         tests.append(replace(test, estimate=replace(test.estimate, coherence=coherence)))
-    gate = sensor_gate(replace(campaign, tests=tuple(tests)))
+    gate = check_sensors(replace(campaign, tests=tuple(tests)))
     assert not gate.faults
     for test in gate.alive.tests:
         assert not test.estimate.measured[list(map(str, test.estimate.frf.outputs)).index(*turned)]
@@ -169,7 +171,7 @@ def test_a_sensor_that_is_wrong_by_no_known_fault_is_left_out_and_named(session)
         return values * wrong
 
     campaign = read_as(session, wobbling)
-    gate = sensor_gate(campaign)
+    gate = check_sensors(campaign)
     assert [(f.effect, f.location, f.dof) for f in gate.faults] == [
         ("sensor_unknown", f"sensor:{site}", "tz")
     ]
@@ -177,7 +179,7 @@ def test_a_sensor_that_is_wrong_by_no_known_fault_is_left_out_and_named(session)
     for test in gate.alive.tests:
         row = list(map(str, test.estimate.frf.outputs)).index(f"{site}:+tz")
         assert not test.estimate.measured[row, 0]
-    found = verdict_of(diagnose(replace(session, campaign=campaign)))
+    found = build_verdict(diagnose(replace(session, campaign=campaign)))
     assert (found.verdict, found.where[0].location) == ("unexplained", f"sensor:{site}")
     assert f"exchange {site}" in found.next_experiment
 
@@ -190,7 +192,7 @@ def test_numbers_exported_twice_are_no_exchanged_channels(session):
         same[:, outputs.index(f"{site}:+tz")] = values[:, outputs.index(f"{site}:+tx")]
         return same
 
-    gate = sensor_gate(read_as(session, twice))
+    gate = check_sensors(read_as(session, twice))
     assert {(f.effect, f.location) for f in gate.faults} == {("sensor_unknown", f"sensor:{site}")}
 
 
@@ -212,7 +214,7 @@ def test_where_most_bodies_seem_to_bend_small_faults_of_sensors_are_no_more_beli
         monkeypatch.setattr(
             "diagnosis.data_checks.sensors.check_bodies", lambda _, drawn=drawn: tuple(drawn)
         )
-        gate = sensor_gate(session.campaign)
+        gate = check_sensors(session.campaign)
         small = {"flexible_body"} if many == 3 else {"flexible_body", "sensor_gain"}
         assert {one.effect for one in gate.faults} == {"sensor_polarity", *small}
 
@@ -220,7 +222,7 @@ def test_where_most_bodies_seem_to_bend_small_faults_of_sensors_are_no_more_beli
 def test_what_a_user_has_fixed_is_taken_as_the_gate_found_it(session):
     site = sites(session)[0]
     fault = Fault("sensor_gain", f"sensor:{site}", "tx", 1.0, {"gain": 1.3}, 1.0)
-    one = hypothesis_of(fault, session)
+    one = build_fault_hypothesis(fault, session)
     wishes = UserSpecification(fix=["*.gain_*"])
     fixed = parametrise(session.model, session.campaign.tolerance, wishes)
     varies = extend_parametrisation(fixed, session.model, session, one)

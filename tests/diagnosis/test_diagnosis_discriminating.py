@@ -11,7 +11,7 @@ from diagnosis.corrections import mask_channels
 from diagnosis.next_test.discriminating import (
     _measured_normal,
     _remaining_cost,
-    next_experiment,
+    propose_experiment,
 )
 from diagnosis.next_test.experiments import (
     Experiment,
@@ -49,7 +49,7 @@ def found(session, refits, word, causes, where=(), present=()):
         present=SimpleNamespace(word=word, causes=named),
         search=SimpleNamespace(refit_of=by_keys.get),
         gate=SimpleNamespace(unknown=()),
-        gate_hypotheses=(),
+        gross_hypotheses=(),
     )
 
 
@@ -63,7 +63,7 @@ def told_by(posed, campaign, inputs):
 def test_rivals_are_told_apart_by_the_hit_that_gains_most(rivals):
     session, (one, other) = rivals
     causes = [(one.hypothesis.key, 0.6), (other.hypothesis.key, 0.3)]
-    said = next_experiment(found(session, (one, other), "explained", causes))
+    said = propose_experiment(found(session, (one, other), "explained", causes))
     assert one.hypothesis.site in said
     assert other.hypothesis.site in said
     campaign = session.campaign
@@ -73,7 +73,7 @@ def test_rivals_are_told_apart_by_the_hit_that_gains_most(rivals):
     # Two that are the same nothing tells apart: what confirms the first is asked for.
     same = replace(one, hypothesis=replace(one.hypothesis, location="body:other"))
     causes = [(one.hypothesis.key, 0.6), (same.hypothesis.key, 0.3)]
-    said = next_experiment(found(session, (one, same), "explained", causes))
+    said = propose_experiment(found(session, (one, same), "explained", causes))
     assert said.startswith("weigh")
 
 
@@ -151,22 +151,22 @@ def test_a_hit_along_other_axes_of_the_same_point_counts(rivals):
 def test_a_single_cause_is_confirmed_in_its_own_way(rivals):
     session, (one, other) = rivals
     causes = [(one.hypothesis.key, 0.95), (other.hypothesis.key, 0.02)]
-    said = next_experiment(found(session, (one, other), "explained", causes))
+    said = propose_experiment(found(session, (one, other), "explained", causes))
     assert said.startswith(f"weigh {one.hypothesis.location.partition(':')[2]}")
     proven = [(("sensor_swap", "sensor:acc1", "tx+ty"), 0.98)]
-    assert "knock" in next_experiment(found(session, (), "explained", proven))
+    assert "knock" in propose_experiment(found(session, (), "explained", proven))
 
 
 def test_what_nobody_explains_is_asked_at_other_levels_where_it_pushes(rivals):
     session, _ = rivals
-    said = next_experiment(found(session, (), "unexplained", [], [("joint:a", 0.8)]))
+    said = propose_experiment(found(session, (), "unexplained", [], [("joint:a", 0.8)]))
     assert "four times the level" in said
     assert "joint:a" in said
-    assert next_experiment(found(session, (), "none", [])) is None
+    assert propose_experiment(found(session, (), "none", [])) is None
     # What is proven beside it is mended first, and is not where to look.
     swap = ("sensor_swap", "sensor:acc1", "tx+ty")
     where = [("sensor:acc1", 0.5), ("joint:a", 0.4)]
-    both = next_experiment(found(session, (), "unexplained", [(swap, 0.5)], where, (swap,)))
+    both = propose_experiment(found(session, (), "unexplained", [(swap, 0.5)], where, (swap,)))
     assert both.index("knock") < both.index("; then repeat") < both.index("look at joint:a")
 
 
@@ -182,7 +182,9 @@ def at_two_levels(session, silent=()):
 
 
 def next_at(session, place):
-    return next_experiment(found(session, (), "unexplained", [], [(place, 0.8)] if place else []))
+    return propose_experiment(
+        found(session, (), "unexplained", [], [(place, 0.8)] if place else [])
+    )
 
 
 def test_with_levels_and_sensors_on_both_sides_the_joint_is_held(rivals):

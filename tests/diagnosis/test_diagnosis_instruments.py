@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS, Scene
-from diagnosis.effects.points import hammer_place, instruments
+from diagnosis.effects.points import list_instruments, locate_hammer
 from diagnosis.estimates.intervals import fit_parameters
 from diagnosis.search.score_test import scores
 from diagnosis.settings import SETTINGS
@@ -77,7 +77,7 @@ def test_the_effect_is_scored_first_and_recovers_its_parameter(tmp_path, effect)
         zip(ended.fit.parametrisation.names, ended.fit.parametrisation.has_prior, strict=True)
     )
     assert not any(free[name] for name in best.release)
-    (ends,) = fit_parameters(ended).intervals(best).values()
+    (ends,) = fit_parameters(ended).estimate_intervals(best).values()
     ((name, true),) = truth.items()
     assert set(ended.state_parameters(best)) == {name}
     low, high = np.reshape(ends, (-1, 2)).T
@@ -91,9 +91,9 @@ def test_the_effect_is_scored_first_and_recovers_its_parameter(tmp_path, effect)
 def test_a_named_hammer_is_its_own_place_and_another_is_not_released(tmp_path):
     session = opened(tmp_path / "case", {})
     scene = Scene(session, session.model.drawn)
-    assert instruments(scene) == ("default",)
-    assert hammer_place(scene, "default") == "hammer:acc3"
-    assert hammer_place(scene, "big") == "hammer:big"
+    assert list_instruments(scene) == ("default",)
+    assert locate_hammer(scene, "default") == "hammer:acc3"
+    assert locate_hammer(scene, "big") == "hammer:big"
 
 
 def test_hits_of_a_point_are_displaced_together_or_one_by_one(tmp_path):

@@ -44,7 +44,7 @@ def test_what_was_drawn_lies_in_the_interval(effect, seed, tmp_path):
     one = propose_at(scene, effect, answer["location"])[0]
     null = refit_null(scene)
     sure = fit_parameters(refit_with(scene, null, one))
-    intervals = sure.intervals(one)
+    intervals = sure.estimate_intervals(one)
     assert set(intervals) == set(answer["parameters"])
     for name, ends in intervals.items():
         true, said = (
@@ -68,7 +68,7 @@ def test_of_what_is_linear_it_is_that_of_the_covariance():
     at = worth([0.3, -0.2, 5.0], root @ root.T)
     names = at.parametrisation.names
     one = stating(lambda found: {"both": tuple(rows @ [found[name] for name in names])})
-    low, high = np.array(at.intervals(one)["both"]).T
+    low, high = np.array(at.estimate_intervals(one)["both"]).T
     spread = QUANTILE * np.sqrt(np.diag(rows @ root @ root.T @ rows.T))
     np.testing.assert_allclose((high - low) / 2, spread, rtol=1e-6)
     np.testing.assert_allclose((high + low) / 2, rows @ at.theta, rtol=1e-6, atol=1e-9)
@@ -79,7 +79,7 @@ def test_what_changes_nothing_stated_does_not_widen_it():
     x, across = np.array([0.5, 1.0]), np.array([1.0, -0.5])
     at = worth(x, 100 * np.outer(x, x) + 1e-4 * np.outer(across, across))
     one = stating(lambda found: {"share": found["a"] / found["b"]})
-    low, high = at.intervals(one)["share"]
+    low, high = at.estimate_intervals(one)["share"]
     half = QUANTILE * 0.01 * (1.0 + 0.5 * 0.5)  # d(a / b) along across
     assert (low, high) == pytest.approx((0.5 - half, 0.5 + half), abs=0.05 * half)  # it bends
 
@@ -93,7 +93,7 @@ def test_what_shapes_an_effect_ends_where_fits_may_reach_and_sizes_do_not(deviat
         scored=("a",),
     )
     either = QUANTILE * np.array([-1, 1])
-    found = at.intervals(one)
+    found = at.estimate_intervals(one)
     assert found["size"] == pytest.approx(9.0 + either, rel=1e-6)
     ends = np.exp(np.clip(-1.5 + deviation * either, -2.0, 2.0))
     assert found["time"] == pytest.approx(ends, rel=1e-6)
@@ -110,7 +110,7 @@ def test_the_largest_of_several_has_an_interval_where_others_may_be_larger(equal
         carried = np.maximum([found[name] for name in names], 0.0)
         return {"fraction": tuple((carried / carried.max()).tolist())}
 
-    low, high = np.array(at.intervals(stating(state))["fraction"]).T
+    low, high = np.array(at.estimate_intervals(stating(state))["fraction"]).T
     assert (low[:3] > 0.85).all()
     assert (low[:3] < 0.99).all()
     assert (high[:3] > 0.999).all()
@@ -123,11 +123,11 @@ def test_the_largest_of_several_has_an_interval_where_others_may_be_larger(equal
 def test_where_a_mass_may_be_nothing_its_place_has_no_interval(mass, said):
     at = worth([mass, 0.5], np.eye(2) * [1.0, 0.01])
     one = stating(lambda found: {"mass": found["a"], "position": (found["b"] / found["a"], 0.0)})
-    assert set(at.intervals(one)) == said
+    assert set(at.estimate_intervals(one)) == said
 
 
 def test_a_vector_of_which_a_component_is_a_convention_has_none():
     at = worth([1.0, 2.0], np.eye(2))
-    assert at.intervals(stating(lambda found: {"place": (0.0, found["a"])}))
-    assert not at.intervals(stating(lambda found: {"place": Vague((0.0, found["a"]))}))
-    assert not at.intervals(stating(lambda _: {}))
+    assert at.estimate_intervals(stating(lambda found: {"place": (0.0, found["a"])}))
+    assert not at.estimate_intervals(stating(lambda found: {"place": Vague((0.0, found["a"]))}))
+    assert not at.estimate_intervals(stating(lambda _: {}))

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from diagnosis import EFFECTS
-from diagnosis.refits.parallel import side_by_side
-from diagnosis.refits.refitting import add_to, run_refits
+from diagnosis.refits.parallel import run_in_parallel
+from diagnosis.refits.refitting import add_cause, run_refits
 from diagnosis.settings import SETTINGS
 from tests.helpers.drawn import drawn
 from tests.helpers.refits import early_scene, refit_null
@@ -21,7 +21,7 @@ from tests.helpers.refits import early_scene, refit_null
 INTERRUPTED = """
 import signal, sys, time
 from pathlib import Path
-from diagnosis.refits.parallel import side_by_side
+from diagnosis.refits.parallel import run_in_parallel
 
 def work(number, folder):
     Path(folder, f"begun{number}").touch()
@@ -29,7 +29,7 @@ def work(number, folder):
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # in a shell's background it is ignored
 try:
-    made = side_by_side([(work, (k, sys.argv[1])) for k in (0, 1)], 2)
+    made = run_in_parallel([(work, (k, sys.argv[1])) for k in (0, 1)], 2)
     Path(sys.argv[1], "asked").touch()
     list(made)
 except KeyboardInterrupt:
@@ -49,19 +49,19 @@ def scene(tmp_path_factory):
 def test_what_is_returned_has_the_order_of_what_is_asked_in_other_processes():
     power = 3
     calls = [(lambda x: (x**power, os.getpid()), (k,)) for k in range(7)]
-    values, places = zip(*side_by_side(calls, 2), strict=True)
+    values, places = zip(*run_in_parallel(calls, 2), strict=True)
     assert values == tuple(k**3 for k in range(7))
     assert os.getpid() not in places
-    alone, here = zip(*side_by_side(calls, 1), strict=True)
+    alone, here = zip(*run_in_parallel(calls, 1), strict=True)
     assert alone == values
     assert set(here) == {os.getpid()}
-    assert list(side_by_side([], 2)) == []
+    assert list(run_in_parallel([], 2)) == []
 
 
 def test_refits_in_processes_are_those_one_after_the_other_and_keep_their_hypotheses(scene):
     null = refit_null(scene)
     hypotheses = list(EFFECTS["joint_coupling"](scene))[:3]
-    tasks = [add_to(null, hypothesis) for hypothesis in hypotheses]
+    tasks = [add_cause(null, hypothesis) for hypothesis in hypotheses]
     alone, beside = (
         run_refits(replace(scene, jobs=jobs), tasks, SETTINGS.schedule) for jobs in (1, 2)
     )

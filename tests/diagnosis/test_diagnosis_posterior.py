@@ -7,7 +7,12 @@ from hypothesis import strategies as some
 
 from diagnosis.inference.calibration import Calibration
 from diagnosis.inference.evidence import Evidence, FittedSet, ForceGain
-from diagnosis.inference.posterior import Posterior, judge, material_sets, set_log_odds
+from diagnosis.inference.posterior import (
+    Posterior,
+    compute_log_odds,
+    compute_posterior,
+    select_material_sets,
+)
 from diagnosis.settings import SETTINGS
 
 CONSTANTS = Calibration(
@@ -51,7 +56,7 @@ def total(posterior):
 
 def test_the_log_odds_of_a_set_are_those_computed_by_hand():
     one, two = fitted((A,), -2.0, 0.5), fitted((A, B), -3.0, 0.0)
-    logs = set_log_odds(evidence(), [one, two], CONSTANTS)
+    logs = compute_log_odds(evidence(), [one, two], CONSTANTS)
     count = 0.1 * 1000.0  # kappa N_eff of the best set
     chance = 0.5 * (1 - 0.2)  # per cause, at the noise share of the best set
     expected = [
@@ -63,17 +68,17 @@ def test_the_log_odds_of_a_set_are_those_computed_by_hand():
 
 def test_the_cost_of_tolerances_counts_with_the_values_that_the_fit_saw():
     free, shifted = fitted((A,), -2.0, 0.5), fitted((B,), -2.0, 0.5, prior=60.0)
-    first, second = set_log_odds(evidence(), [free, shifted], CONSTANTS)
+    first, second = compute_log_odds(evidence(), [free, shifted], CONSTANTS)
     assert first - second == pytest.approx(0.1 * 1000.0 * 60.0 / 6000)
 
 
 def test_log_odds_of_no_set_are_an_empty_array():
-    assert set_log_odds(evidence(), [], CONSTANTS).shape == (0,)
+    assert compute_log_odds(evidence(), [], CONSTANTS).shape == (0,)
 
 
 def test_the_odds_of_none_are_the_power_of_what_may_be_hidden_over_the_gap():
     for gap in (0.05, 0.1, 0.2):
-        posterior = judge(evidence(gap=gap), CONSTANTS)
+        posterior = compute_posterior(evidence(gap=gap), CONSTANTS)
         odds = posterior.none / posterior.unexplained
         assert odds == pytest.approx((0.1 / gap) ** (1 / 0.25), rel=1e-3)
 
@@ -89,7 +94,7 @@ def test_probabilities_of_none_unexplained_and_all_sets_sum_to_one(gap, costs, b
         fitted((key,), cost, 0.0) for key, cost in zip((A, B, C, TOLERANCE), costs, strict=False)
     ]
     sets.append(fitted((A, B), both, 0.0))
-    posterior = judge(evidence(sets, gap, unsteady=unsteady), CONSTANTS)
+    posterior = compute_posterior(evidence(sets, gap, unsteady=unsteady), CONSTANTS)
     assert total(posterior) == pytest.approx(1.0, abs=1e-4)
     assert min(posterior.none, posterior.unexplained) > 0
     assert sum(share for _, share in posterior.where) == pytest.approx(1.0)
@@ -99,7 +104,7 @@ def test_probabilities_of_none_unexplained_and_all_sets_sum_to_one(gap, costs, b
 
 def test_a_cause_is_present_with_the_sum_of_its_sets():
     sets = [fitted((A,), -2.0, 0.0), fitted((B,), -1.999, 0.0), fitted((A, B), -2.5, 0.0)]
-    posterior = judge(evidence(sets), CONSTANTS)
+    posterior = compute_posterior(evidence(sets), CONSTANTS)
     shares = dict(posterior.sets)
     presence = dict(posterior.causes)
     assert presence[A] == pytest.approx(shares[A,] + shares[A, B])
@@ -107,8 +112,10 @@ def test_a_cause_is_present_with_the_sum_of_its_sets():
 
 
 def test_the_same_causes_fitted_twice_are_one_set_the_better():
-    once = judge(evidence([fitted((A,), -2.0, 0.0), fitted((B,), -2.0, 0.0)]), CONSTANTS)
-    again = judge(
+    once = compute_posterior(
+        evidence([fitted((A,), -2.0, 0.0), fitted((B,), -2.0, 0.0)]), CONSTANTS
+    )
+    again = compute_posterior(
         evidence([fitted((A,), -2.0, 0.0), fitted((A,), -2.0, 0.0), fitted((B,), -2.0, 0.0)]),
         CONSTANTS,
     )
@@ -121,30 +128,30 @@ def test_a_cause_that_closes_less_than_a_fifth_is_not_material_unless_nothing_re
     enough = fitted((B,), -1.0, 7.9)
     beside = fitted((B, C), -1.5, 6.5)
     rest = fitted((B, A), -2.0, 0.05)
-    material = material_sets(null, [little, enough, beside, rest], SETTINGS)
+    material = select_material_sets(null, [little, enough, beside, rest], SETTINGS)
     assert [one.keys for one in material] == [(B,), (B, A)]
 
 
 def test_outliers_of_tolerances_are_no_causes_and_explain_what_they_close():
     shifted = fitted((TOLERANCE,), -3.0, 0.01, shifts=(4.0,))
-    posterior = judge(evidence([shifted]), CONSTANTS)
+    posterior = compute_posterior(evidence([shifted]), CONSTANTS)
     assert posterior.causes == ()
     assert posterior.none > 0.9
     broken = fitted((TOLERANCE,), -3.0, 0.01, shifts=(9.0,))
-    assert judge(evidence([broken]), CONSTANTS).causes[0][0] == TOLERANCE
+    assert compute_posterior(evidence([broken]), CONSTANTS).causes[0][0] == TOLERANCE
     # Beside a true cause an outlier makes no second one.
     pair = fitted((A, TOLERANCE), -3.5, 0.0, shifts=(None, 4.0))
-    posterior = judge(evidence([fitted((A,), -2.0, 0.5), pair]), CONSTANTS)
+    posterior = compute_posterior(evidence([fitted((A,), -2.0, 0.5), pair]), CONSTANTS)
     assert [key for key, _ in posterior.causes] == [A]
 
 
 def test_without_bounds_of_tolerances_a_gap_that_an_outlier_closes_is_none():
-    assert judge(evidence(unbounded=0.01, largest_shift=3.0), CONSTANTS).none > 0.9
-    assert judge(evidence(unbounded=0.01, largest_shift=9.0), CONSTANTS).none < 0.1
+    assert compute_posterior(evidence(unbounded=0.01, largest_shift=3.0), CONSTANTS).none > 0.9
+    assert compute_posterior(evidence(unbounded=0.01, largest_shift=9.0), CONSTANTS).none < 0.1
 
 
 def test_proven_faults_are_present_with_certainty_and_others_beside_them():
-    posterior = judge(evidence([fitted((A,), -2.0, 0.0)], proven=(SWAP,)), CONSTANTS)
+    posterior = compute_posterior(evidence([fitted((A,), -2.0, 0.0)], proven=(SWAP,)), CONSTANTS)
     presence = dict(posterior.causes)
     assert presence[SWAP] == pytest.approx(1.0, abs=1e-3)
     assert presence[A] > 0.9
@@ -153,15 +160,15 @@ def test_proven_faults_are_present_with_certainty_and_others_beside_them():
 
 
 def test_a_sensor_that_is_wrong_by_no_known_fault_leaves_nothing_to_none():
-    posterior = judge(evidence(gap=0.01, unknown=("sensor:acc9",)), CONSTANTS)
+    posterior = compute_posterior(evidence(gap=0.01, unknown=("sensor:acc9",)), CONSTANTS)
     assert posterior.none < 1e-3
     assert posterior.unexplained > 0.99
     assert posterior.where[0] == ("sensor:acc9", pytest.approx(1.0))
 
 
 def test_hits_that_met_different_machines_make_none_no_more_probable_than_unexplained():
-    steady = judge(evidence(gap=0.01), CONSTANTS)
-    unsteady = judge(evidence(gap=0.01, unsteady=1), CONSTANTS)
+    steady = compute_posterior(evidence(gap=0.01), CONSTANTS)
+    unsteady = compute_posterior(evidence(gap=0.01, unsteady=1), CONSTANTS)
     assert steady.none > 0.99
     assert unsteady.none == pytest.approx(0.5)
 
@@ -169,7 +176,7 @@ def test_hits_that_met_different_machines_make_none_no_more_probable_than_unexpl
 def test_one_effect_at_one_place_in_two_directions_is_one_cause():
     turned = (*TOLERANCE[:2], "ty")
     sets = [fitted((TOLERANCE,), -2.0, 5.0), fitted((TOLERANCE, turned), -3.0, 0.0)]
-    posterior = judge(evidence(sets), CONSTANTS)
+    posterior = compute_posterior(evidence(sets), CONSTANTS)
     ((key, probability),) = posterior.causes
     assert key[:2] == TOLERANCE[:2]
     assert probability > 0.9
@@ -181,7 +188,7 @@ def test_causes_within_three_nats_of_each_other_are_confounded():
     rows = (((A,), 0.6), ((B,), 0.02), ((turned,), 0.02), ((C,), 0.025), ((TOLERANCE,), 0.003))
     posterior = Posterior(0.1, 0.1, 0.0, (), (), rows)
     # 0.6 to 0.04, two directions of one cause, but not to 0.025; 0.003 is not worth a row.
-    assert posterior.confounded_pairs() == ((A[:2], B[:2]), (B[:2], C[:2]))
+    assert posterior.find_confounded_pairs() == ((A[:2], B[:2]), (B[:2], C[:2]))
     # What is present at once is no alternative; what is present beside the same is.
     both = (((A, B), 0.5), ((A, C), 0.4), ((B,), 0.05))
-    assert Posterior(0.1, 0.1, 0.9, (), (), both).confounded_pairs() == ((B[:2], C[:2]),)
+    assert Posterior(0.1, 0.1, 0.9, (), (), both).find_confounded_pairs() == ((B[:2], C[:2]),)

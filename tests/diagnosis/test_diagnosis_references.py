@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from diagnosis import diagnose, verdict_of
+from diagnosis import build_verdict, diagnose
 from identification.words import Dof
 from mbmodel import (
     Evaluator,
@@ -74,7 +74,7 @@ def test_a_fit_finds_the_springs_and_every_tolerance_keeps_its_place(tmp_path, l
 def test_the_verdict_names_the_one_effect(tmp_path, changed, labels, cause):
     write_torque_campaign(tmp_path / "case", parts, changed=changed, labels=labels)
     result = diagnose(open_session(tmp_path / "case", (5.0, 165.0)))
-    verdict = verdict_of(result)
+    verdict = build_verdict(result)
     assert verdict.verdict == "explained"
     row = verdict.causes[0]
     assert (row.effect, row.location, row.dof) == cause

@@ -14,8 +14,8 @@ from diagnosis.estimates.intervals import fit_parameters
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.null_model import fit_null_model, fit_unbounded, refit_from
 from diagnosis.refits.refit import Refit
-from diagnosis.refits.refitting import add_hypothesis, add_to, run_refits, start_values
-from diagnosis.search.score_test import cosines, scores
+from diagnosis.refits.refitting import add_cause, add_hypothesis, run_refits, start_values
+from diagnosis.search.score_test import compute_cosines, scores
 from diagnosis.settings import SETTINGS
 from tests.helpers.drawn import drawn
 from tests.helpers.refits import early_scene, propose_at, refit_null, refit_with
@@ -71,7 +71,7 @@ def test_intervals_hold_the_truth_and_the_gap_closes(case):
     assert refit.floor < 0.2 * null.floor  # what a cause is worth
     assert refit.state_parameters(cause)["offset"] == pytest.approx(offset, abs=0.03)
     fitted = fit_parameters(refit)
-    low, high = np.array(fitted.intervals(cause)["offset"]).T
+    low, high = np.array(fitted.estimate_intervals(cause)["offset"]).T
     middle = np.array(fitted.state_parameters(cause)["offset"])
     assert (low < middle).all()
     assert (middle < high).all()
@@ -90,7 +90,10 @@ def test_ends_of_a_positive_number_are_those_of_its_logarithm(case):
     one = Hypothesis("missing_dof", "joint:a", state=lambda at: {"damping": at[name]})
     place = fitted.parametrisation.names.index(name)
     width = 1.959964 * fitted.confidence.deviation[place]
-    (low, high), middle = fitted.intervals(one)["damping"], fitted.state_parameters(one)["damping"]
+    (low, high), middle = (
+        fitted.estimate_intervals(one)["damping"],
+        fitted.state_parameters(one)["damping"],
+    )
     logarithm = varied(fitted.parametrisation, fitted.confidence.x, place, width)[name]
     assert high == pytest.approx(logarithm, rel=1e-6)
     assert 0 < low < middle < high
@@ -105,7 +108,9 @@ def test_shared_errors_widen_intervals_by_the_root_of_values_over_independent_on
     def width(share):
         count = share * null.statistics.values
         shared = replace(null.statistics, noise_share=0.5, effective_values=count)
-        low, high = fit_parameters(replace(null, statistics=shared)).intervals(one)["damping"]
+        low, high = fit_parameters(replace(null, statistics=shared)).estimate_intervals(one)[
+            "damping"
+        ]
         return np.log(high / low)
 
     assert width(1 / 400) == pytest.approx(2 * width(1 / 100), rel=0.1)
@@ -133,7 +138,9 @@ def test_what_was_found_does_not_depend_on_the_bounds_of_tolerances(case):
         starts=(refit.fit.theta,),
         stages=(STAGES[4],),
     )
-    low, high = (np.array(ends) for ends in zip(*free.intervals(cause)["offset"], strict=True))
+    low, high = (
+        np.array(ends) for ends in zip(*free.estimate_intervals(cause)["offset"], strict=True)
+    )
     middle, deviation = np.array(free.state_parameters(cause)["offset"]), (high - low) / 3.92
     tightened = replace(refit, fit=replace(tight, parametrisation=varies))
     pushed = tightened.state_parameters(cause)["offset"]
@@ -146,7 +153,7 @@ def test_a_hypothesis_is_confounded_with_itself_and_strangers_are_not(case):
     scene, null, *_ = case
     hypotheses = [*only(scene, "joint_coupling"), *only(scene, "sensor_gain")[:2]]
     ranked = scores(scene, null.fit, hypotheses, 0.1, 8)
-    alike = cosines(scene, null.fit, [ranked[0], *ranked], 0.1, 8)
+    alike = compute_cosines(scene, null.fit, [ranked[0], *ranked], 0.1, 8)
     assert np.diag(alike) == pytest.approx(1.0)
     assert alike[0, 1] == pytest.approx(1.0)
     assert alike == pytest.approx(alike.T)
@@ -215,7 +222,7 @@ def test_the_null_model_is_fitted_once_more_from_where_an_effect_that_vanished_e
         return replace(null.statistics, cost=null.statistics.cost + more)
 
     poor = replace(null, fit=stuck, statistics=at_cost(5.0))
-    seeming = run_refits(scene, [add_to(null, only(scene, "structural_damping")[0])], SHORT)[0]
+    seeming = run_refits(scene, [add_cause(null, only(scene, "structural_damping")[0])], SHORT)[0]
     better = refit_from(scene, poor, seeming, SETTINGS)
     assert better.causes == ()
     assert better.objective < poor.objective

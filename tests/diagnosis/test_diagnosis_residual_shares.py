@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from diagnosis import residual_shares
+from diagnosis import compute_residual_shares
 from identification.words import Dof, Layout
 from tuning import ChannelGaps
 
@@ -24,7 +24,7 @@ def test_the_shares_are_the_parts_of_the_squared_excess():
         error=np.array([0.2, 0.3, 0.4]),
         noise=np.array([0.1, 0.1, 0.1]),
     )
-    head, base = residual_shares(gaps, LAYOUT)
+    head, base = compute_residual_shares(gaps, LAYOUT)
     assert (head.body, base.body) == ("head", "base")
     assert head.share == pytest.approx(25 / 29)
     assert base.share == pytest.approx(4 / 29)
@@ -34,4 +34,4 @@ def test_the_shares_are_the_parts_of_the_squared_excess():
 
 def test_channels_without_noise_have_no_excess_and_are_left_out():
     gaps = ChannelGaps((Dof("acc1", "+tx"),), (0,), np.array([0.2]), np.array([0.0]))
-    assert residual_shares(gaps, LAYOUT) == ()
+    assert compute_residual_shares(gaps, LAYOUT) == ()

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from diagnosis import Hypothesis, diagnose, verdict_of
+from diagnosis import Hypothesis, build_verdict, diagnose
 from diagnosis.search.selection import Search, _eliminate
 from diagnosis.settings import SETTINGS
 from diagnosis.verdict.established import describe_present
@@ -24,7 +24,7 @@ def two_effects(tmp_path_factory):
 
 def test_two_effects_at_once_are_found_with_their_places(two_effects):
     found, answer = two_effects
-    verdict = verdict_of(found)
+    verdict = build_verdict(found)
     assert verdict.verdict == "several"
     expected = {(cause["effect"], cause["location"]) for cause in answer["cause"]}
     named = {(c.effect, c.location) for c in verdict.causes if c.probability > 0.9}
@@ -79,7 +79,7 @@ def test_a_single_cause_is_not_eliminated(tmp_path):
 
 def test_small_errors_everywhere_are_unexplained_and_no_cause_is_probable(tmp_path):
     session, _ = draw_imperfect(tmp_path, 72_502, dirt=10.0)
-    verdict = verdict_of(diagnose(session))
+    verdict = build_verdict(diagnose(session))
     assert verdict.verdict == "unexplained"
     assert all(cause.probability < 0.5 for cause in verdict.causes)
     assert verdict.rest.significant
@@ -89,7 +89,7 @@ def test_small_errors_everywhere_are_unexplained_and_no_cause_is_probable(tmp_pa
 def test_a_strong_appendage_beside_small_errors_is_found_and_the_rest_is_everywhere(tmp_path):
     session, text = draw_imperfect(tmp_path, 72_510, "appendage", dirt=5.0, ratio=8.0)
     answer = tomllib.loads(text)
-    verdict = verdict_of(diagnose(session))
+    verdict = build_verdict(diagnose(session))
     first = verdict.causes[0]
     assert verdict.verdict == "partly"
     assert (first.effect, first.location) == ("appendage", answer["location"])

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis import diagnose, verdict_of
+from diagnosis import build_verdict, diagnose
 from diagnosis.released_session import release_session
 from tests.helpers.drawn import drawn
 from tuning import open_session, predict
@@ -79,7 +79,7 @@ def test_where_nothing_is_missing_slides_are_tuned_to_the_noise(session):
     theta = session.parametrisation.theta(random.normal(0.0, spread))
     session = replace(session, campaign=measured(session, theta, random))
     found = diagnose(session)
-    assert verdict_of(found).verdict == "none"
+    assert build_verdict(found).verdict == "none"
     assert found.null.chi_square == pytest.approx(1.0, abs=0.1)
 
 

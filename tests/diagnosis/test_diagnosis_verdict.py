@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from diagnosis import EFFECTS, diagnose, oracle, verdict_of
+from diagnosis import EFFECTS, build_verdict, diagnose, refit_true_cause
 from diagnosis.inference.evidence import Evidence
-from diagnosis.inference.posterior import judge
+from diagnosis.inference.posterior import compute_posterior
 from diagnosis.search.score_test import scores
 from diagnosis.verdict import build
 from identification import Fault
@@ -40,7 +40,7 @@ def case(request, tmp_path_factory):
 
 def test_effect_and_place_are_named_and_the_gap_closes(case, tmp_path):
     _, answer, found = case
-    verdict = verdict_of(found)
+    verdict = build_verdict(found)
     file = tmp_path / "verdict.json"
     file.write_text(verdict.model_dump_json())
     read_verdict(file)  # as the judge reads it
@@ -75,30 +75,32 @@ def test_who_is_told_the_effect_reaches_what_was_reached(case):
     if answer["effect"] == "none":
         return
     told = Fault(answer["effect"], answer["location"], answer.get("dof"), 1.0, {}, 1.0)
-    assert oracle(found, told) is found.after
+    assert refit_true_cause(found, told) is found.after
     if answer["effect"] == "gyroscopic":  # who is told something else fits that
         other = next(
             one.hypothesis for one in found.search.scores if one.hypothesis.effect == "drift"
         )
-        level = oracle(found, Fault("drift", other.location, other.dof, 1.0, {}, 1.0))
+        level = refit_true_cause(found, Fault("drift", other.location, other.dof, 1.0, {}, 1.0))
         # On lines that it did not see, a wrong effect may do worse than none.
         assert 2 * found.after.gap.excess < level.gap.excess < 3 * found.retuned.gap.excess
-        assert oracle(found, Fault("backlash", other.location, None, 1.0, {}, 1.0)) is None
+        assert (
+            refit_true_cause(found, Fault("backlash", other.location, None, 1.0, {}, 1.0)) is None
+        )
 
 
 def test_what_only_spare_channels_show_is_not_excluded_where_there_are_none(case):
     _, _, found = case
     beside = {"sensor_delay", "sensor_swap", "mount_resonance", "flexible_body"}
-    assert not beside & set(verdict_of(found).not_testable)
+    assert not beside & set(build_verdict(found).not_testable)
     first, *others = found.gate.checks
     gate = replace(found.gate, checks=(replace(first, redundant=1), *others))
-    assert beside < set(verdict_of(replace(found, gate=gate)).not_testable)
+    assert beside < set(build_verdict(replace(found, gate=gate)).not_testable)
 
 
 def test_a_body_without_any_sensor_may_bend_unseen(case):
     _, _, found = case
     gate = replace(found.gate, checks=found.gate.checks[1:])
-    missing = verdict_of(replace(found, gate=gate)).not_testable
+    missing = build_verdict(replace(found, gate=gate)).not_testable
     assert "flexible_body" in missing
     assert "sensor_swap" not in missing  # where there is no sensor none is exchanged
 
@@ -110,24 +112,24 @@ def test_what_no_effect_tests_is_not_excluded_by_hits_of_several_levels(case, mo
     campaign = replace(found.session.campaign, tests=(level, first, *others))
     leveled = replace(found, session=replace(found.session, campaign=campaign))
     unknown = {"friction", "backlash", "hardening"}
-    assert unknown <= set(verdict_of(leveled).not_testable)
-    monkeypatch.setattr(build, "catalogue", lambda: {**EFFECTS, "friction": EFFECTS["drift"]})
-    assert unknown - set(verdict_of(leveled).not_testable) == {"friction"}
-    assert unknown <= set(verdict_of(found).not_testable)  # of one level
+    assert unknown <= set(build_verdict(leveled).not_testable)
+    monkeypatch.setattr(build, "load_catalogue", lambda: {**EFFECTS, "friction": EFFECTS["drift"]})
+    assert unknown - set(build_verdict(leveled).not_testable) == {"friction"}
+    assert unknown <= set(build_verdict(found).not_testable)  # of one level
 
 
 def test_a_tolerance_that_is_kept_as_drawn_is_not_tested_where_no_gate_asks(case):
     _, _, found = case
     session = found.session
     gains = {"sensor_gain", "sensor_position", "hammer_misalignment"}
-    assert not gains & set(verdict_of(found).not_testable)
+    assert not gains & set(build_verdict(found).not_testable)
     fix = UserSpecification(fix=("*.gain_x", "hammer(*).rotation_*"))
     varies = parametrise(session.model, session.campaign.tolerance, fix)
     kept = replace(found, session=replace(session, parametrisation=varies))
-    assert gains & set(verdict_of(kept).not_testable) == {"hammer_misalignment"}
+    assert gains & set(build_verdict(kept).not_testable) == {"hammer_misalignment"}
     checks = tuple(replace(one, redundant=1) for one in found.gate.checks)
     blind = replace(kept, gate=replace(found.gate, checks=checks))
-    assert gains & set(verdict_of(blind).not_testable) == {"sensor_gain", "hammer_misalignment"}
+    assert gains & set(build_verdict(blind).not_testable) == {"sensor_gain", "hammer_misalignment"}
 
 
 def test_the_verdict_is_the_same_with_more_processes_and_by_the_command(case):
@@ -140,10 +142,10 @@ def test_the_verdict_is_the_same_with_more_processes_and_by_the_command(case):
     assert run.exit_code == 0, run.stderr
     stated = json.loads(run.stdout)
     assert stated == json.loads((out / "verdict.json").read_text())
-    assert stated == json.loads(verdict_of(found).model_dump_json())
+    assert stated == json.loads(build_verdict(found).model_dump_json())
     evidence = Evidence.model_validate_json((out / "evidence.json").read_text())
     assert evidence == found.evidence
-    assert judge(evidence) == found.posterior  # without any fit
+    assert compute_posterior(evidence) == found.posterior  # without any fit
 
 
 def test_two_processes_give_the_verdict_of_one(case):
@@ -151,7 +153,7 @@ def test_two_processes_give_the_verdict_of_one(case):
     if answer["effect"] != "sensor_polarity":
         return
     again = diagnose(open_session(folder / "campaign"), jobs=2)
-    assert verdict_of(again) == verdict_of(found)
+    assert build_verdict(again) == build_verdict(found)
 
 
 def test_an_interrupt_ends_it_without_a_verdict(tmp_path, monkeypatch):
@@ -200,7 +202,7 @@ OPEN = Path(__file__).resolve().parents[3] / "shared" / "campaigns" / "open" / "
 @pytest.mark.skipif(not OPEN.exists(), reason="the shared campaigns are not beside the clone")
 def test_a_campaign_of_another_make_is_diagnosed_right():
 
-    verdict = verdict_of(diagnose(open_session(OPEN)))
+    verdict = build_verdict(diagnose(open_session(OPEN)))
     first = verdict.causes[0]
     assert (first.effect, first.location, first.dof) == ("drift", "joint:tilt", "acc11:+ty")
     assert verdict.gap.closed > 0.95

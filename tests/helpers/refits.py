@@ -5,7 +5,7 @@ from pathlib import Path
 from diagnosis import EFFECTS, Hypothesis, Scene
 from diagnosis.null_model import fit_null_model
 from diagnosis.refits.refit import Refit
-from diagnosis.refits.refitting import add_to, run_refits
+from diagnosis.refits.refitting import add_cause, run_refits
 from diagnosis.settings import SETTINGS
 from truth import Cause, Plan, Protocol, Wanted, draw_campaign, write_campaign
 from truth.machine.random_tree import draw_tree
@@ -28,7 +28,7 @@ def refit_null(scene: Scene) -> Refit:
 
 def refit_with(scene: Scene, base: Refit, hypothesis: Hypothesis) -> Refit:
     """Return a refit with one more cause."""
-    (refit,) = run_refits(scene, [add_to(base, hypothesis)], SETTINGS.schedule)
+    (refit,) = run_refits(scene, [add_cause(base, hypothesis)], SETTINGS.schedule)
     return refit
 
 

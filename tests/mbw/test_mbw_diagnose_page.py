@@ -12,7 +12,7 @@ from diagnosis_probe import PROBE
 from drawn import drawn
 from typer.testing import CliRunner
 
-from diagnosis.labels import direction
+from diagnosis.labels import name_direction
 from diagnosis.verdict.schema import RemarkRow
 from mbmodel import load_machine
 from mbw.command import app
@@ -146,7 +146,7 @@ def test_what_no_known_effect_explains_is_located_by_a_free_force(texts, folders
     best = result.evidence.pushed[0]
     lead = lead_of(texts["unexplained"])
     assert lead.startswith("The model lacks something that no effect of the catalogue explains (")
-    towards = f"{place_phrase(best.location)}, {direction(best.dof)}"
+    towards = f"{place_phrase(best.location)}, {name_direction(best.dof)}"
     assert f"The missing force most probably acts {towards}; second comes" in lead
     assert '<span class="badge trouble">unexplained' in texts["unexplained"]
     names = {row["name"]: row for row in data_of(texts["unexplained"])["places"]}

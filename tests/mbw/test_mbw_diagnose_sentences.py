@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from diagnosis.labels import direction
+from diagnosis.labels import name_direction
 from diagnosis.verdict.schema import CauseRow
 from mbw.diagnose.effect_parameters import number, parameter_lines, parameter_words
 from mbw.diagnose.sentences import (
@@ -60,10 +60,10 @@ def test_places_and_directions_are_words():
     assert place_phrase("pair:ty-hexapod") == "between ty-hexapod"
     assert place_phrase("hammer:acc11") == "at hammer acc11"
     assert place_name("sensor:acc1+acc2") == "sensors acc1 and acc2"
-    assert direction("rx") == "about x"
-    assert direction("tx+ty") == "x and y"
-    assert direction("acc11:+ty") == "hit at acc11:+ty"
-    assert direction("b") == "set-up b"
+    assert name_direction("rx") == "about x"
+    assert name_direction("tx+ty") == "x and y"
+    assert name_direction("acc11:+ty") == "hit at acc11:+ty"
+    assert name_direction("b") == "set-up b"
     assert site_words("inerter@joint:ty") == "inerter at joint ty"
 
 

@@ -7,7 +7,7 @@ from typer.testing import CliRunner
 
 from diagnosis import Hypothesis
 from diagnosis.inference.calibration import load_calibration
-from diagnosis.inference.posterior import set_log_odds
+from diagnosis.inference.posterior import compute_log_odds
 from diagnosis.settings import SETTINGS
 from diagnosis.verdict.schema import RemarkRow
 from mbw.command import app
@@ -27,7 +27,7 @@ def found(evidence, *present):
         evidence=evidence,
         settings=SETTINGS,
         present=SimpleNamespace(causes=causes),
-        gate_hypotheses=(),
+        gross_hypotheses=(),
         gate=SimpleNamespace(checks=()),
     )
 
@@ -44,7 +44,7 @@ def test_the_table_says_why_each_set_is_rejected():
     small = fitted(("drift", "joint:b"), cost=-0.01, gap=0.9)
     loose = fitted(("sensor_gain", "sensor:acc1"), cost=-0.02, gap=0.6, shifts=(3.1,))
     told = rows(found(evidence(1.0, [less, best, small, loose]), ("gyroscopic", "body:a")))
-    odds = dict(zip(("best", "less"), set_log_odds(
+    odds = dict(zip(("best", "less"), compute_log_odds(
         evidence(1.0), [best, less], load_calibration()
     ), strict=True))  # fmt: skip
     assert told == [

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from diagnosis import diagnose, verdict_of
+from diagnosis import build_verdict, diagnose
 from identification.words import InputError
 from mbmodel import body_parts, sensor_parts, spring_parts
 from mbw.command import app
@@ -28,7 +28,7 @@ def parts(machine):
     return (*spring_parts(machine), *body_parts(machine), *sensor_parts(machine, OUTPUTS))
 
 
-def gains_of(session, tuned):
+def list_gains(session, tuned):
     names = [parameter.name for parameter in session.model.parameters]
     theta = dict(zip(names, tuned.model_fit.theta, strict=True))
     return {
@@ -62,7 +62,7 @@ def test_gains_of_channels_hammer_and_drive_are_found_with_their_signs(tmp_path,
         assert nominal[key] / gain == pytest.approx(1.0, abs=0.3)
     tuned = tune_campaign(session)
     assert tuned.sensors.gap(tuned.sensors.tuned).excess < 1.1
-    for key, gain in gains_of(session, tuned).items():
+    for key, gain in list_gains(session, tuned).items():
         assert gain == pytest.approx(expected[key], rel=0.02), key
     names = [parameter.name for parameter in session.model.parameters]
     stiffness = dict(zip(names, tuned.model_fit.theta, strict=True))
@@ -88,7 +88,7 @@ def test_two_hammers_have_gains_of_their_own_by_the_names_of_their_tests(tmp_pat
     (gain,) = session.campaign.unknown_gains.nominal
     assert gain.location == "hammer:big"
     tuned = tune_campaign(session)
-    assert gains_of(session, tuned)["hammer:big", None] == pytest.approx(50.0, rel=0.03)
+    assert list_gains(session, tuned)["hammer:big", None] == pytest.approx(50.0, rel=0.03)
     assert tuned.sensors.gap(tuned.sensors.tuned).excess < 1.1
 
 
@@ -128,7 +128,7 @@ def test_an_effect_beside_unknown_gains_is_named_and_no_channel_is_blamed(tmp_pa
         drives=dict.fromkeys(LABELS[:4], HAMMER),
     )
     diagnosis = diagnose(open_session(tmp_path / "case", BAND))
-    verdict = verdict_of(diagnosis)
+    verdict = build_verdict(diagnosis)
     assert verdict.verdict == "explained"
     row = verdict.causes[0]
     assert (row.effect, row.location, row.dof) == ("sensor_gain", "sensor:acc6", "rz")
