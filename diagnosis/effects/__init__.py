@@ -1,7 +1,7 @@
-"""The catalogue: one file for each effect, which proposes its hypotheses for a machine.
+"""Catalogue of effects: one file for each effect, which proposes its hypotheses for a machine.
 
-A package adds to it by an entry point of the group ``mbw.effects``: its name is that of the effect,
-its object an ``Effect``. The hypotheses that it proposes are checked (``plugins.py``).
+Another package adds an effect by an entry point of the group ``mbw.effects``. Its name is that of
+the effect, its object an ``Effect``. The hypotheses of such an effect are checked (``plugins.py``).
 """
 
 from collections.abc import Mapping
@@ -26,10 +26,10 @@ EFFECTS: Mapping[str, Effect] = {
 
 @cache
 def load_catalogue() -> Mapping[str, Effect]:
-    """Return all effects by name: of this project, and of installed packages.
+    """Return all effects of this project and of installed packages, by name.
 
     Raises:
-        InputError: an entry point cannot be loaded, is no Effect, or takes a name that is taken.
+        InputError: an entry point cannot be loaded, is no Effect, or has the name of an effect.
     """
     effects = dict(EFFECTS)
     for point in entry_points(group=GROUP):
@@ -45,14 +45,14 @@ def load_catalogue() -> Mapping[str, Effect]:
 def check_others(session: Session) -> None:
     """Refuse effects of other packages that cannot be fitted, before any fit.
 
-    They propose for the nominal model, as they will for fits. Without such packages nothing is
+    They propose for the nominal model, as later for fits. Without such packages nothing is
     computed.
 
     Args:
         session: campaign and nominal model.
 
     Raises:
-        InputError: a hypothesis that cannot be fitted, or parameters with names that are taken.
+        InputError: a hypothesis cannot be fitted, or has a parameter of another effect.
     """
     effects = load_catalogue()
     if len(effects) == len(EFFECTS):

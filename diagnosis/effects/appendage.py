@@ -1,22 +1,27 @@
 """A small mass on a spring: a cable carrier, a loose cover.
 
-A mass m that moves along an axis on a spring of w0 and zeta adds to the body's dynamic stiffness
+A mass m on a spring of natural frequency w0 and damping ratio zeta moves along one axis of a body.
+It adds to the body's dynamic stiffness along that axis
 
-    m s^2 S / (s^2 + S),   S = 2 zeta w0 s + w0^2
+    m R(s),   R = s^2 S / (s^2 + S),   S = 2 zeta w0 s + w0^2.
 
-along that axis: a mass below its frequency, next to nothing above. It may move along one axis or
-along all, so that each world axis has a mass of its own. The frequency is scanned; from there it is
-fitted, with the damping and the place: with R = s^2 S / (s^2 + S), dR/dS = s^4 / (s^2 + S)^2.
+Far below w0 this is the inertia of a mass, far above w0 it vanishes. The three world axes have a
+mass each, so that the appendage may move along one axis or along all. Score tests scan w0. Refits
+start at the best w0 and fit frequency, damping, masses and place (``resonator.py`` has R).
 """
 
-from collections.abc import Callable, Iterator, Mapping
-from functools import lru_cache, partial
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.effects.scales import ARM_UNIT_M, MASS_SHARE_UNIT
+from diagnosis.effects.points import name_vector
+from diagnosis.effects.resonator import build_resonator, build_resonator_slope
+from diagnosis.effects.scales import ARM_UNIT_M, LOG_UNIT, MASS_SHARE_UNIT, MAX_ADDED_SHARE
+from diagnosis.effects.spring_laws import Shape
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Vague, Value
-from identification.words import Complex, Mask, Real
+from diagnosis.rounding import NEGLIGIBLE_SHARE
+from identification.words import Mask, Real
 from mbmodel import (
     AddedPart,
     Addition,
@@ -27,203 +32,204 @@ from mbmodel import (
     transport,
 )
 
-_FREQUENCIES, _SCAN_DAMPING_RATIO = 80, 0.03  # in steps of 5 %, less than a resonance is wide
-_LOWEST_SHARE, _HIGHEST_SHARE = (
-    1 / 40,
-    1.2,
-)  # of the highest line: it holds on to nothing, it is a mass
-_LOG_UNITS = 0.05, 0.5  # of the logarithms of frequency and damping per unit of theirs
-_DAMPING_BOUNDS = 1e-3, 0.5  # beyond, nothing resonates: it is a mass, or nothing
-_MIN_MOVING_SHARE = 0.02  # of the largest mass: what moves along no other axis to speak of
-_MIN_WRITTEN_SHARE = 1e-5  # of the largest mass: no body of an MJCF
-_MAX_MASS_SHARE = 1.0  # of the body's mass: beyond, it is no small mass
-_MAX_GYRATION_RADII = 3.0  # of the body's radius of gyration: beyond, it hangs on another
-Shape = Callable[[Complex], Complex]
-Hung = Callable[[Real, float, float, Real], tuple[Addition, ...]]  # masses, omega, zeta, place
+# Of the highest line: below the first the appendage acts as free, above the second as a mass.
+_FREQUENCY_ENDS = (1 / 40, 1.2)
+_FREQUENCY_STEP = 0.05  # of the logarithm: step of the scan, less than a resonance is wide; unit
+_SCAN_DAMPING_RATIO = 0.03  # of scanned appendages, and where their damping starts
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each body and frequency."""
+    """Yield one for each body and frequency of the scan."""
     machine = scene.model.machine
-    bodies = machine.layout.bodies
     band = scene.session.campaign.freq_hz
-    lowest = max(float(band[band > 0].min()), _LOWEST_SHARE * float(band[-1]))
-    highest = _HIGHEST_SHARE * float(band[-1])
-    for number, body in enumerate(bodies):
-        inertia = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
-        if not inertia[0, 0] > 0:
+    lowest, highest = (share * float(band[-1]) for share in _FREQUENCY_ENDS)
+    lowest = max(float(band[band > 0].min()), lowest)
+    steps = int(np.ceil(np.log(highest / lowest) / _FREQUENCY_STEP))
+    frequencies = np.geomspace(lowest, highest, steps + 1).tolist()
+    for number, body in enumerate(machine.layout.bodies):
+        if not machine.body_mass[6 * number, 6 * number] > 0:
             continue  # the coordinate of a body's mode
-        unit = MASS_SHARE_UNIT * float(inertia[0, 0])
-        reach = _MAX_GYRATION_RADII * float(np.sqrt(np.trace(inertia[3:, 3:]) / inertia[0, 0]))
-        frame = np.zeros((6 * len(bodies), 6))
-        frame[6 * number : 6 * number + 6] = np.eye(6)
-        for at, frequency in enumerate(np.geomspace(lowest, highest, _FREQUENCIES)):
-            appendage = _Appendage(
-                f"{body}.appendage{at}",
-                frame,
-                unit,
-                float(frequency),
-                partial(_write_masses, machine, number),
-            )
+        frame = np.eye(len(machine.body_mass))[:, 6 * number : 6 * number + 6]
+        for at, frequency in enumerate(frequencies):
+            appendage = _Appendage(machine, number, f"{body}.appendage{at}", frequency, frame)
             yield Hypothesis(
                 "appendage",
                 f"body:{body}",
-                parts=(appendage.part(f"body:{body}"),),
-                scored=appendage.masses,
+                parts=(appendage.part,),
+                scored=appendage.mass_names,
                 signed=True,
-                bounds=appendage.bounds(lowest, highest, reach),
+                bounds=appendage.find_bounds(lowest, highest),
                 state=appendage.state,
-                along=appendage.along,
+                along=appendage.find_axis,
             )
 
 
+@dataclass(frozen=True, eq=False)
 class _Appendage:
     """Masses along three axes at one point, on springs of one frequency and damping.
 
-    With G = [1, -[p]x] the motion of the point p, it adds G' diag(m) G R(s).
+    With G = [1, -[p]x] the motion of the point p per motion of the body, it adds G' diag(m) G R(s).
+
+    Args:
+        machine: machine that carries it.
+        number: number of the body.
+        name: prefix of its parameters.
+        frequency: natural frequency of the scan [Hz].
+        frame: coordinates of the body among those of all bodies; (6 n_body, 6).
     """
 
-    def __init__(self, name: str, frame: Real, unit: float, frequency: float, hung: Hung) -> None:
-        self.name, self.frame, self.unit, self.frequency = name, frame, unit, frequency
-        self.hung = hung
-        self.masses = tuple(f"{name}.mass_{axis}" for axis in "xyz")
-        self.place = tuple(f"{name}.position_{axis}" for axis in "xyz")
-        self.tuned = (f"{name}.frequency", f"{name}.damping")
+    machine: Machine
+    number: int
+    name: str
+    frequency: float
+    frame: Real
 
-    def part(self, location: str) -> AddedPart:
-        """As a Part."""
-        units = [f"{self.unit:g} kg"] * 3 + ["5 %", "50 %"] + [f"{ARM_UNIT_M:g} m"] * 3
-        names = (*self.masses, *self.tuned, *self.place)
+    @property
+    def mass_names(self) -> tuple[str, ...]:
+        """Names of the masses along the world axes."""
+        return name_vector(f"{self.name}.mass_")
+
+    @property
+    def place_names(self) -> tuple[str, ...]:
+        """Names of the components of the place, from the centre of mass."""
+        return name_vector(f"{self.name}.position_")
+
+    @property
+    def resonance_names(self) -> tuple[str, str]:
+        """Names of frequency and damping."""
+        return f"{self.name}.frequency", f"{self.name}.damping"
+
+    @property
+    def _inertia(self) -> Real:
+        """Spatial inertia of the body; (6, 6)."""
+        span = slice(6 * self.number, 6 * self.number + 6)
+        inertia: Real = self.machine.body_mass[span, span]
+        return inertia
+
+    @property
+    def _mass_unit(self) -> float:
+        return MASS_SHARE_UNIT * float(self._inertia[0, 0])
+
+    @property
+    def part(self) -> AddedPart:
+        """Part with the appendage."""
+        units = [f"{self._mass_unit:g} kg"] * 3
+        units += [f"{_FREQUENCY_STEP:.0%}", f"{LOG_UNIT:.0%}"] + [f"{ARM_UNIT_M:g} m"] * 3
+        names = (*self.mass_names, *self.resonance_names, *self.place_names)
         parameters = tuple(
             Parameter(name, 0.0, unit, positive=False)
             for name, unit in zip(names, units, strict=True)
         )
-        return AddedPart(location, parameters, self.finite, self.derivatives, written=self.write)
+        location = f"body:{self.machine.layout.bodies[self.number]}"
+        return AddedPart(
+            location, parameters, self.compute_change, self.compute_slopes, written=self.write
+        )
 
-    def _at(self, theta: Real) -> tuple[float, float]:
-        omega = 2 * np.pi * self.frequency * float(np.exp(_LOG_UNITS[0] * theta[3]))
-        return omega, _SCAN_DAMPING_RATIO * float(np.exp(_LOG_UNITS[1] * theta[4]))
+    def _resonance(self, theta: Real) -> tuple[float, float]:
+        """Return the natural frequency [rad/s] and the damping ratio."""
+        omega = 2 * np.pi * self.frequency * float(np.exp(_FREQUENCY_STEP * theta[3]))
+        return omega, _SCAN_DAMPING_RATIO * float(np.exp(LOG_UNIT * theta[4]))
 
-    def bounds(self, lowest: float, highest: float, reach: float) -> dict[str, tuple[float, float]]:
-        """Where its parameters end, for a range of frequencies [Hz] and a reach [m]."""
-        ends = np.array([[lowest, highest], _DAMPING_BOUNDS])
-        begun = np.array([[self.frequency], [_SCAN_DAMPING_RATIO]])
-        steps = np.log(ends / begun) / np.array(_LOG_UNITS)[:, None]
-        tuned = {name: (low, high) for name, (low, high) in zip(self.tuned, steps, strict=True)}
-        masses = dict.fromkeys(self.masses, (0.0, _MAX_MASS_SHARE / MASS_SHARE_UNIT))
-        return tuned | masses | dict.fromkeys(self.place, (-reach / ARM_UNIT_M, reach / ARM_UNIT_M))
+    def find_bounds(self, lowest: float, highest: float) -> dict[str, tuple[float, float]]:
+        """Return the bounds of the parameters.
 
-    def _change(self, core: Real, shape: Shape) -> Change:
+        The appendage weighs at most as much as the body. Its damping ratio is at most sqrt(1/2),
+        beyond which a resonator has no peak, and as many times less than in the scan.
+
+        Args:
+            lowest: lowest frequency [Hz].
+            highest: highest frequency [Hz].
+        """
+        frequency, damping = self.resonance_names
+        ends = np.log(np.array([lowest, highest]) / self.frequency) / _FREQUENCY_STEP
+        widest = float(np.log(np.sqrt(0.5) / _SCAN_DAMPING_RATIO)) / LOG_UNIT
+        inertia = self._inertia
+        gyration = float(np.sqrt(np.trace(inertia[3:, 3:]) / inertia[0, 0]))
+        reach = MAX_ADDED_SHARE * gyration / ARM_UNIT_M
+        bounds = {frequency: (float(ends[0]), float(ends[1])), damping: (-widest, widest)}
+        bounds |= dict.fromkeys(self.mass_names, (0.0, 1 / MASS_SHARE_UNIT))
+        return bounds | dict.fromkeys(self.place_names, (-reach, reach))
+
+    def _build_change(self, core: Real, shape: Shape) -> Change:
         whole = np.zeros((*core.shape[:-2], 3, 6, 6))
         whole[..., 0, :, :] = core
         return Change("body", self.frame, self.frame, whole, shape=shape)
 
-    def finite(self, theta: Real) -> tuple[Change, ...]:
-        """All three masses on their spring."""
+    def compute_change(self, theta: Real) -> tuple[Change, ...]:
+        """Return the change by all three masses on their springs."""
         moved = transport(ARM_UNIT_M * theta[5:])[:3]
-        core = self.unit * moved.T @ (theta[:3, None] * moved)
-        return (self._change(core, _resonator(*self._at(theta))),)
+        core = self._mass_unit * moved.T @ (theta[:3, None] * moved)
+        return (self._build_change(core, build_resonator(*self._resonance(theta))),)
 
-    def derivatives(self, theta: Real) -> tuple[Change, ...]:
-        """By the masses and the place, then by frequency and damping."""
-        omega, zeta = self._at(theta)
+    def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
+        """Return the slopes by masses and place, then by frequency and damping."""
+        omega, zeta = self._resonance(theta)
+        unit = self._mass_unit
         moved = transport(ARM_UNIT_M * theta[5:])[:3]
-        pushed = self.unit * theta[:3, None] * moved
+        momentum = unit * theta[:3, None] * moved
         core = np.zeros((8, 6, 6))
         for k, row in enumerate(moved):
-            core[k] = self.unit * np.outer(row, row)
-        for k, unit in enumerate(np.eye(3)):
-            turned = transport(ARM_UNIT_M * unit)[:3] - np.eye(3, 6)
-            core[5 + k] = turned.T @ pushed + pushed.T @ turned
-        changes = [self._change(core, _resonator(omega, zeta))]
+            core[k] = unit * np.outer(row, row)
+        for k, direction in enumerate(np.eye(3)):
+            turned = transport(ARM_UNIT_M * direction)[:3] - np.eye(3, 6)
+            core[5 + k] = turned.T @ momentum + momentum.T @ turned
+        changes = [self._build_change(core, build_resonator(omega, zeta))]
         if theta[:3].any():
-            for place, shape in ((3, _by_frequency(omega, zeta)), (4, _by_damping(omega, zeta))):
+            rates = np.array([[2 * zeta * omega, 2 * omega**2], [2 * zeta * omega, 0.0]])
+            rates *= [[_FREQUENCY_STEP], [LOG_UNIT]]
+            for place, (linear, constant) in enumerate(rates.tolist(), start=3):
                 sensitivity = np.zeros((8, 6, 6))
-                sensitivity[place] = moved.T @ pushed
-                changes.append(self._change(sensitivity, shape))
+                sensitivity[place] = moved.T @ momentum
+                shape = build_resonator_slope(omega, zeta, (linear, constant))
+                changes.append(self._build_change(sensitivity, shape))
         return tuple(changes)
 
     def write(self, theta: Real) -> tuple[Addition, ...]:
-        """A body on a slide for each axis."""
-        omega, zeta = self._at(theta)
-        return self.hung(self.unit * theta[:3], omega, zeta, ARM_UNIT_M * theta[5:])
+        """Return a body on a slide for each axis along which a mass moves."""
+        omega, zeta = self._resonance(theta)
+        masses, place = self._mass_unit * theta[:3], ARM_UNIT_M * theta[5:]
+        layout = self.machine.layout
+        body, centre = layout.bodies[self.number], layout.centres[self.number]
+        single = _find_single_axis(masses)
+        additions: list[Addition] = []
+        for axis in np.flatnonzero(masses > NEGLIGIBLE_SHARE * masses.max()):
+            sizes = masses[axis] * np.array([1.0, omega**2, 2 * zeta * omega])
+            nearest = np.where(single, 0.0, place) if single[axis] else place
+            name = f"{body}.appendage_{'xyz'[axis]}"
+            line = centre + nearest, np.eye(3)[axis]
+            additions += suspended_mass_elements(name, self.machine, body, line, sizes)
+        return tuple(additions)
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
-        """Return the parameters as the verdict names them."""
-        omega, zeta = self._at(np.array([0.0] * 3 + [fitted[name] for name in self.tuned]))
-        masses = np.array([fitted[name] for name in self.masses])
-        place = np.array([ARM_UNIT_M * fitted[name] for name in self.place])
-        alone = _alone(masses)
-        near = np.where(alone, 0.0, place).tolist()
+        """Return the parameters of the verdict."""
+        omega, zeta = self._resonance(
+            np.array([0.0] * 3 + [fitted[name] for name in self.resonance_names])
+        )
+        masses = np.array([fitted[name] for name in self.mass_names])
+        place = np.array([ARM_UNIT_M * fitted[name] for name in self.place_names])
+        single = _find_single_axis(masses)
+        nearest = np.where(single, 0.0, place).tolist()
         return {
-            "mass": self.unit * float(masses.max()),
+            "mass": self._mass_unit * float(masses.max()),
             "frequency": omega / (2 * np.pi),
             "damping": zeta,
-            "position": Vague(near) if alone.any() else tuple(near),
+            "position": Vague(nearest) if single.any() else tuple(nearest),
         }
 
-    def along(self, fitted: Mapping[str, float]) -> str | None:
-        """The axis, if it moves along one alone."""
-        alone = _alone(np.array([fitted[name] for name in self.masses]))
-        return f"t{'xyz'[int(np.argmax(alone))]}" if alone.any() else None
+    def find_axis(self, fitted: Mapping[str, float]) -> str | None:
+        """Return the axis, such as ``tx``, of an appendage that moves along one axis alone."""
+        single = _find_single_axis(np.array([fitted[name] for name in self.mass_names]))
+        return f"t{'xyz'[int(np.argmax(single))]}" if single.any() else None
 
 
-def _alone(masses: Real) -> Mask:
-    """The axis, if what hangs there moves along one alone; (3,).
+def _find_single_axis(masses: Real) -> Mask:
+    """Return which axis is the only one along which the appendage moves, if there is one; (3,).
 
-    It may sit anywhere on it, and all its FRFs are the same: of those places the nearest counts.
+    FRFs are equal wherever the appendage lies along that axis: the nearest place is stated. Masses
+    within one unit of zero do not count.
     """
-    large: Mask = masses > _MIN_MOVING_SHARE * masses.max()
-    return large if large.sum() == 1 else np.zeros(3, bool)
-
-
-def _write_masses(
-    machine: Machine, number: int, masses: Real, omega: float, zeta: float, place: Real
-) -> tuple[Addition, ...]:
-    body, centre = machine.layout.bodies[number], machine.layout.centres[number]
-    additions: list[Addition] = []
-    alone = _alone(masses)
-    for axis in np.flatnonzero(masses > _MIN_WRITTEN_SHARE * masses.max()):
-        sizes = masses[axis] * np.array([1.0, omega**2, 2 * zeta * omega])
-        near = np.where(alone, 0.0, place) if alone[axis] else place
-        along = centre + near, np.eye(3)[axis]
-        additions += suspended_mass_elements(
-            f"{body}.appendage_{'xyz'[axis]}", machine, body, along, sizes
-        )
-    return tuple(additions)
-
-
-@lru_cache(1024)  # those of all bodies are one: their columns are formed together
-def _resonator(omega: float, zeta: float) -> Shape:
-    """R(s): dynamic stiffness of a unit mass on its spring."""
-
-    def shape(laplace: Complex) -> Complex:
-        spring = 2 * zeta * omega * laplace + omega**2
-        return np.asarray(laplace**2 * spring / (laplace**2 + spring), complex)
-
-    return shape
-
-
-def _by_frequency(omega: float, zeta: float) -> Shape:
-    """The slope ``dR`` per unit of the frequency's parameter."""
-
-    def shape(laplace: Complex) -> Complex:
-        spring = 2 * zeta * omega * laplace + omega**2
-        rate = _LOG_UNITS[0] * (2 * zeta * omega * laplace + 2 * omega**2)
-        return np.asarray(laplace**4 / (laplace**2 + spring) ** 2 * rate, complex)
-
-    return shape
-
-
-def _by_damping(omega: float, zeta: float) -> Shape:
-    """The slope ``dR`` per unit of the damping's parameter."""
-
-    def shape(laplace: Complex) -> Complex:
-        spring = 2 * zeta * omega * laplace + omega**2
-        rate = _LOG_UNITS[1] * 2 * zeta * omega * laplace
-        return np.asarray(laplace**4 / (laplace**2 + spring) ** 2 * rate, complex)
-
-    return shape
+    is_large: Mask = masses > MASS_SHARE_UNIT * masses.max()
+    return is_large if is_large.sum() == 1 else np.zeros(3, bool)
 
 
 EFFECT = Effect(

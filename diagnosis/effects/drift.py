@@ -1,7 +1,7 @@
 """A joint whose stiffness differs in one test or set-up: the machine warmed up in between.
 
-All springs of the joint are multiplied by one factor there, K += (factor - 1) k, with k as fitted
-to all tests. A test is one reference of one file, a set-up all tests of that name.
+One factor multiplies all springs of the joint in that test: K += (factor - 1) k, with the k fitted
+to all tests. A test is one reference of one file. A set-up is all tests of one name.
 """
 
 from collections.abc import Iterator, Mapping
@@ -13,7 +13,7 @@ from identification.words import Condition
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each joint and each reference or set-up, where there are several."""
+    """Yield one for each joint and each reference or set-up, if there are several."""
     machine = scene.model.machine
     conditions = [test.condition for test in scene.session.campaign.tests]
     setups = sorted({condition.setup for condition in conditions if condition.setup is not None})
@@ -31,7 +31,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             )
 
             def state(fitted: Mapping[str, float], spring_law: Law = drift) -> dict[str, Value]:
-                return {"factor": 1 + fitted[spring_law.size]}
+                return {"factor": 1 + fitted[spring_law.size_name]}
 
             yield from drift.propose("drift", when, state, signed=False)
 

@@ -1,120 +1,160 @@
-r"""A spring that is a control loop with a delay: k exp(-s tau) instead of k.
+r"""A spring that is a control loop with a delay: k exp(-s tau u) instead of k.
 
-    Z += k (exp(-s tau u) - 1) on the spring, tau scanned, u fitted from 1
+The Part adds
 
-The first power of the delay is a damper, which is tuned anyway, so that nothing tells a short delay
-from it but its square: at u = 0 there is no slope to be scored by. What is scored is the whole
-change from u = 0 to 1, for delays from half a radian at the highest line in even steps. A refit
-begins at u = 1, with a damper that makes up for the first power, c + k tau; it varies by itself: by
-its logarithm the valley along which both vary is curved, and fits end in it far from its bottom.
+    k (exp(-s tau u) - 1)
+
+to the dynamic stiffness of the spring. The delay tau is scanned, and u is fitted from 1.
+
+To first order in the delay this is a damper -k tau u s, which is tuned anyway. Only the second
+order shows the delay, so that the slope at u = 0, with dampers projected out, is zero. The score
+test therefore uses the whole change from u = 0 to u = 1. A refit starts at u = 1, with the damping
+c + k tau that makes up for the first order. The damping varies linearly there: by its logarithm,
+the valley along which u and c vary is curved, and fits end far from its bottom.
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from diagnosis.effects.points import find_own_springs, find_sprung_stages, list_varying_names
+from diagnosis.effects.points import find_own_springs, find_sprung_stages
 from diagnosis.effects.spring_laws import Shape
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
-from identification.words import Real
+from identification.words import Complex, Real
 from mbmodel import AddedPart, Change, Parameter
 
-_PHASE_STEP_RAD, _DELAYS = 0.6, 8  # rad at the highest line; so many times that
-_ALIKE_SHARE = (
-    0.03  # of the gain: nothing tells how long a delay is; from far too long no fit comes back
-)
-_MAX_DAMPING_RATIO = 90.0  # times the joint's drawn damping
+_PHASES_RAD = tuple(0.6 * np.arange(1, 9))  # rad at the highest line, of the delays of the scan
+# Of the best score: scores hardly show how long a delay is, and fits do not return from one that is
+# far too long. Of scores this close, that of the shortest delay comes first.
+_DELAY_TIE_SHARE = 0.03
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each spring of each joint and delay."""
+    """Yield one for each spring of each joint and each delay of the scan."""
     machine = scene.model.machine
     tuned = {parameter.name for parameter in scene.model.parameters}
-    varies = list_varying_names(scene)
     directions = {spring.name: spring.direction for spring in machine.springs}
-    called = {axle.joint: axle.dof for axle in machine.axles}
-    drawn = {spring.name: spring.damping for spring in machine.springs}
-    unit = _PHASE_STEP_RAD / (2 * np.pi * float(scene.session.campaign.freq_hz[-1]))
+    dofs = {axle.joint: axle.dof for axle in machine.axles}
+    omega = 2 * np.pi * float(scene.session.campaign.freq_hz[-1])
     for stage in find_sprung_stages(machine):
         for spring in find_own_springs(machine, stage):
-            stiffness = f"{spring}.stiffness"
-            if stiffness not in tuned:
+            if f"{spring}.stiffness" not in tuned:
                 continue
-            (k,), (c,) = (
-                scene.find_stiffness((spring,)).tolist(),
-                scene.find_damping((spring,)).tolist(),
-            )
-            for number in range(1, _DELAYS + 1):
-                tau = number * unit
-                damping = f"{spring}.damping"
-                if damping in varies and c + k * tau > _MAX_DAMPING_RATIO * drawn[spring]:
-                    break  # the damper that makes up for it is beyond its bound
-                loop = _Loop(f"{spring}.delayed{number}", directions[spring][:, None], tau, k)
+            damping, most = f"{spring}.damping", _find_max_damping(scene, spring)
+            k = float(scene.find_stiffness((spring,))[0])
+            c = float(scene.find_damping((spring,))[0])
+            for number, phase in enumerate(_PHASES_RAD, start=1):
+                tau = float(phase) / omega
+                if most is not None and c + k * tau > most:
+                    break
+                loop = _DelayedSpring(
+                    f"{spring}.delayed{number}", directions[spring][:, None], tau, k
+                )
+                damper = {} if most is None else {damping: c + k * tau}
                 yield Hypothesis(
                     "feedback_delay",
                     f"joint:{stage}",
-                    called[spring],
-                    parts=(loop.part(f"joint:{stage}"),),
-                    begin={loop.size: 1.0} | ({damping: c + k * tau} if damping in varies else {}),
-                    scored=(loop.size,),
-                    follow={loop.follows: stiffness},
-                    linear=(damping,) if damping in varies else (),
-                    tie_share=_ALIKE_SHARE,
+                    dofs[spring],
+                    parts=(loop.build_part(f"joint:{stage}"),),
+                    begin={loop.size_name: 1.0} | damper,
+                    scored=(loop.size_name,),
+                    follow={loop.stiffness_name: f"{spring}.stiffness"},
+                    linear=tuple(damper),
+                    tie_share=_DELAY_TIE_SHARE,
                     signed=True,
                     state=loop.state,
                 )
 
 
-class _Loop:
-    """One spring that acts late; theta is u and the spring's stiffness."""
+def _find_max_damping(scene: Scene, spring: str) -> float | None:
+    """Return the upper bound of a spring's damping; None if the damping does not vary."""
+    parametrisation = scene.session.parametrisation
+    name = f"{spring}.damping"
+    if name not in parametrisation.names:
+        return None
+    names = [parameter.name for parameter in parametrisation.parameters]
+    return float(parametrisation.theta(parametrisation.upper)[names.index(name)])
 
-    def __init__(self, name: str, frame: Real, tau: float, stiffness: float) -> None:
-        self._frame, self._tau, self._begin = frame, tau, stiffness
-        self.size, self.follows = f"{name}.size", f"{name}.stiffness"
 
-    def part(self, location: str) -> AddedPart:
-        """As a Part."""
+@dataclass(frozen=True, eq=False)
+class _DelayedSpring:
+    """One spring that acts late; its parameters are u and the stiffness of the spring.
+
+    Args:
+        name: prefix of the parameters.
+        frame: direction of the spring; (nv, 1).
+        tau: delay of the scan [s].
+        stiffness: fitted stiffness of the spring, where it starts.
+    """
+
+    name: str
+    frame: Real
+    tau: float
+    stiffness: float
+
+    @property
+    def size_name(self) -> str:
+        """Name of u."""
+        return f"{self.name}.size"
+
+    @property
+    def stiffness_name(self) -> str:
+        """Name of the stiffness that follows that of the spring."""
+        return f"{self.name}.stiffness"
+
+    def build_part(self, location: str) -> AddedPart:
+        """Return the Part with the delay."""
         parameters = (
-            Parameter(self.size, 0.0, f"{self._tau:g} s", positive=False),
-            Parameter(self.follows, self._begin, "N/m or N m/rad"),
+            Parameter(self.size_name, 0.0, f"{self.tau:g} s", positive=False),
+            Parameter(self.stiffness_name, self.stiffness, "N/m or N m/rad"),
         )
-        return AddedPart(location, parameters, self.finite, self.derivatives)
+        return AddedPart(location, parameters, self.compute_change, self.compute_slopes)
 
-    def finite(self, theta: Real) -> tuple[Change, ...]:
-        """The law ``k (exp(-s tau u) - 1)``; nothing without a delay."""
-        late = _late(self._tau * float(theta[0]))
-        return (self._change(np.array(theta[1]), late),) if theta[0] else ()
+    def compute_change(self, theta: Real) -> tuple[Change, ...]:
+        """Return the change k (exp(-s tau u) - 1); none without a delay."""
+        shape = _delay_difference(self.tau * float(theta[0]))
+        return (self._build_change(np.array(theta[1]), shape),) if theta[0] else ()
 
-    def derivatives(self, theta: Real) -> tuple[Change, ...]:
-        """By u and k; by u at zero the whole change up to one."""
+    def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
+        """Return the slopes by u and k; at u = 0, the change up to u = 1 in place of that by u."""
         u, k = theta.tolist()
-        shape = _turning(self._tau, u) if u else _late(self._tau)
-        changes = [self._change(np.array([k, 0.0]), shape)]
+        shape = _delay_slope(self.tau, u) if u else _delay_difference(self.tau)
+        changes = [self._build_change(np.array([k, 0.0]), shape)]
         if u:
-            changes.append(self._change(np.array([0.0, 1.0]), _late(self._tau * u)))
+            by_stiffness = _delay_difference(self.tau * u)
+            changes.append(self._build_change(np.array([0.0, 1.0]), by_stiffness))
         return tuple(changes)
 
-    def _change(self, core: Real, shape: Shape) -> Change:
+    def _build_change(self, core: Real, shape: Shape) -> Change:
         whole = np.zeros((*core.shape, 3, 1, 1))
         whole[..., 0, 0, 0] = core
-        return Change("joint", self._frame, self._frame, whole, shape=shape)
+        return Change("joint", self.frame, self.frame, whole, shape=shape)
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
-        """The delay [s]."""
-        return {"delay": self._tau * fitted[self.size]}
+        """Return the delay [s]."""
+        return {"delay": self.tau * fitted[self.size_name]}
 
 
-@lru_cache(1024)  # those of all springs are one: their columns are formed together
-def _late(tau: float) -> Shape:
-    """Exp(-s tau) - 1."""
-    return lambda laplace: np.asarray(np.expm1(-laplace * tau), complex)
+@lru_cache(1024)  # all springs share it: their columns are formed together
+def _delay_difference(tau: float) -> Shape:
+    """Return exp(-s tau) - 1."""
+
+    def shape(laplace: Complex) -> Complex:
+        return np.asarray(np.expm1(-laplace * tau), complex)
+
+    return shape
 
 
 @lru_cache(1024)
-def _turning(tau: float, u: float) -> Shape:
-    """-s tau exp(-s tau u)."""
-    return lambda laplace: np.asarray(-laplace * tau * np.exp(-laplace * tau * u), complex)
+def _delay_slope(tau: float, u: float) -> Shape:
+    """Return -s tau exp(-s tau u)."""
+
+    def shape(laplace: Complex) -> Complex:
+        return np.asarray(-laplace * tau * np.exp(-laplace * tau * u), complex)
+
+    return shape
 
 
 EFFECT = Effect(

@@ -1,7 +1,7 @@
-"""A body that bends in a mode of its own: a gate proves it, a fit finds how.
+"""A body that bends in a mode: the data checks prove it, and a fit finds the mode.
 
 Frequency and damping are those of the free body (``mbmodel.compliance.flexible_body``). A mode
-whose peak lies above the band is seen as a compliance alone: its frequency is not stated.
+above the band shows as a compliance alone, so that its frequency is not stated.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,36 +17,36 @@ from identification.words import Campaign, Dof
 from mbmodel import BendingMode, Machine, add_bending_mode
 from tuning import Session
 
-_START_READING = (
-    0.5  # what the sensor that moves most begins with, per unit of the mode's coordinate
-)
-
 
 def propose(scene: Scene) -> tuple[Hypothesis, ...]:
-    """None: spare channels of the body prove it before anything is fitted."""
+    """Return none: the data checks prove it before any fit."""
     del scene
     return ()
 
 
 def build_bending_hypothesis(
-    fault: Fault, bodies: Sequence[str], session: Session, good: Campaign, times: float = 1.0
+    fault: Fault,
+    bodies: Sequence[str],
+    session: Session,
+    correct_campaign: Campaign,
+    frequency_ratio: float = 1.0,
 ) -> Hypothesis:
-    """The hypothesis of a body that bends.
+    """Return the hypothesis of a body that bends.
 
     Args:
-        fault: what the gate has proven of it.
-        bodies: all that bend.
-        session: campaign and model as drawn.
-        good: the campaign without channels that are wrong, for a first guess.
-        times: the frequency of the highest peak, where that of the mode begins: what the body
-            stands on and carries moves the peak.
+        fault: bending that the data checks prove.
+        bodies: all bodies that bend.
+        session: campaign and nominal model.
+        correct_campaign: campaign without wrong channels, for the start of the shape.
+        frequency_ratio: start of the frequency of the mode, relative to its highest peak. The
+            joints below and the load above the body move the peak.
     """
     body = fault.location.partition(":")[2]
     base = Hypothesis(
         fault.effect, fault.location, is_modelled=False, state=lambda _: dict(fault.parameters)
     )
-    seen = estimate_bending_shape(good, body)
-    if seen is None:
+    shape = estimate_bending_shape(correct_campaign, body)
+    if shape is None:
         return base
 
     def reform_machine(machine: Machine) -> Machine:
@@ -55,14 +55,14 @@ def build_bending_hypothesis(
     machine = reform_machine(session.model.machine)
     layout = machine.layout
     sites = dict.fromkeys(dof.point for dof in session.campaign.outputs)
-    read = tuple(site for site in sites if layout.body_name(site) == body)
+    sensors = tuple(site for site in sites if layout.body_name(site) == body)
     points = dict.fromkeys(
         reference.point for reference in session.campaign.inputs if isinstance(reference, Dof)
     )
     named_points = {*layout.points, *layout.bodies}
-    hit = tuple(p for p in points if p in named_points and layout.body_name(p) == body)
-    part = BendingMode(machine, body, times * seen.frequency, read, hit)
-    begin = {f"{d.point}_{d.direction[-1]}": _START_READING * v for d, v in seen.readings.items()}
+    hit_points = tuple(p for p in points if p in named_points and layout.body_name(p) == body)
+    part = BendingMode(machine, body, frequency_ratio * shape.frequency, sensors, hit_points)
+    begin = {f"{d.point}_{d.direction[-1]}": v for d, v in shape.readings.items()}
     return replace(
         base,
         parts=(part.part(),),
@@ -75,6 +75,7 @@ def build_bending_hypothesis(
 
 
 def _state_mode(part: BendingMode, highest: float, fitted: Mapping[str, float]) -> dict[str, Value]:
+    """Return frequency [Hz] and damping; none above the highest line [Hz]."""
     steps = np.array([fitted.get(name, 0.0) for name in part.names[:2]])
     frequency, damping = part.frequency_and_damping(np.clip(steps, -MAX_LOG_STEPS, MAX_LOG_STEPS))
     return {"frequency": frequency, "damping": damping} if frequency <= highest else {}

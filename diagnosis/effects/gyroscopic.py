@@ -1,9 +1,9 @@
-"""A rotor that spins inside a body: what turns it is the rate of its angular momentum H.
+"""A rotor that spins inside a body: the moment that turns its angular momentum H acts on the body.
 
-H turns with the body, whose rate is omega: dH/dt = omega x H = -H x omega. On the body's rotations
-this is Zb -= s [H]x, skew, so that it neither stores nor loses energy: with H along z the moment
-about x is H omega_y. Where tests state different spindle speeds H is in proportion to them, and
-what is stated is that at the highest.
+H turns with the body at the rate omega, dH/dt = omega x H = -H x omega. On the rotations of the
+body this is Zb -= s [H]x, which is skew, so that it neither stores nor dissipates energy. With H
+along z the moment about x is H omega_y. If tests state different spindle speeds, H is proportional
+to them, and the H at the highest speed is stated.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,47 +12,60 @@ from functools import partial
 
 import numpy as np
 
+from diagnosis.effects.points import find_middle_frequency, name_vector
+from diagnosis.effects.scales import MASS_SHARE_UNIT
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Condition, Real
 from mbmodel import AddedPart, Change, NotInMjcf, Parameter
 
-_MOMENTUM_UNIT = 10.0  # kg m2/s per unit of the parameters
-
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each body."""
-    bodies = scene.model.machine.layout.bodies
-    when = _by_speed([test.condition.spindle_speed for test in scene.session.campaign.tests])
-    for number, body in enumerate(bodies):
-        frame = np.zeros((6 * len(bodies), 3))
-        frame[6 * number + 3 : 6 * number + 6] = np.eye(3)
+    """Yield one for each body with a moment of inertia."""
+    machine = scene.model.machine
+    omega = find_middle_frequency(scene)
+    fractions = _find_fractions(
+        [test.condition.spindle_speed for test in scene.session.campaign.tests]
+    )
+    for number, body in enumerate(machine.layout.bodies):
+        rotations = slice(6 * number + 3, 6 * number + 6)
+        inertia = float(np.trace(machine.body_mass[rotations, rotations])) / 3
+        if not inertia > 0:
+            continue  # a point, or the coordinate of a body's mode
+        unit = MASS_SHARE_UNIT * inertia * omega
+        frame = np.eye(len(machine.body_mass))[:, rotations]
         core = np.zeros((3, 3, 3, 3))
-        for k, unit in enumerate(np.eye(3)):
-            core[k, 1] = _MOMENTUM_UNIT * np.cross(unit, np.eye(3))  # rows of -[u]x
-        names = tuple(f"{body}.angular_momentum_{axis}" for axis in "xyz")
-        parameters = tuple(Parameter(name, 0.0, "10 kg m^2/s", positive=False) for name in names)
+        for k, direction in enumerate(np.eye(3)):
+            core[k, 1] = unit * np.cross(direction, np.eye(3))  # rows of -[direction]x
+        names = name_vector(f"{body}.angular_momentum_")
+        label = f"{unit:g} kg m^2/s"
+        parameters = tuple(Parameter(name, 0.0, label, positive=False) for name in names)
         spin = Change("body", frame, frame, core)
-        part = AddedPart.linear(f"body:{body}", parameters, (spin,), when)
-        part = replace(part, written=partial(_explain_rotor, body))
-
-        def state(fitted: Mapping[str, float], spin: tuple[str, ...] = names) -> dict[str, Value]:
-            size = float(np.linalg.norm([fitted[name] for name in spin]))
-            return {"angular_momentum": _MOMENTUM_UNIT * size}
-
-        yield Hypothesis("gyroscopic", f"body:{body}", parts=(part,), state=state)
+        part = AddedPart.linear(f"body:{body}", parameters, (spin,), fractions)
+        part = replace(part, written=partial(_explain_rotor, body, unit))
+        yield Hypothesis(
+            "gyroscopic", f"body:{body}", parts=(part,), state=partial(_state_momentum, names, unit)
+        )
 
 
-def _by_speed(speeds: Sequence[float]) -> Callable[[Condition], float] | None:
-    """How much of the momentum a test has; None where all have the same."""
+def _state_momentum(
+    names: tuple[str, ...], unit: float, fitted: Mapping[str, float]
+) -> dict[str, Value]:
+    """Return the size of the angular momentum [kg m^2/s]."""
+    size = float(np.linalg.norm([fitted[name] for name in names]))
+    return {"angular_momentum": unit * size}
+
+
+def _find_fractions(speeds: Sequence[float]) -> Callable[[Condition], float] | None:
+    """Return the part of the momentum that each test has; None if all have the whole."""
     if len(set(speeds)) < 2:
         return None
     highest = max(map(abs, speeds))
     return lambda condition: condition.spindle_speed / highest
 
 
-def _explain_rotor(body: str, theta: Real) -> tuple[NotInMjcf, ...]:
-    """MuJoCo holds it as a motion, not as an element."""
-    spin = ", ".join(f"{_MOMENTUM_UNIT * value:.4g}" for value in theta)
+def _explain_rotor(body: str, unit: float, theta: Real) -> tuple[NotInMjcf, ...]:
+    """Explain that an MJCF has no element for the rotor: MuJoCo has it as a motion."""
+    spin = ", ".join(f"{unit * value:.4g}" for value in theta)
     why = f"draw the rotor as a body on a hinge of {body} and let it spin"
     return (NotInMjcf(f"{body}: angular momentum ({spin}) kg m2/s", why),)
 

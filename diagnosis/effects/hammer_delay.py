@@ -1,7 +1,7 @@
-"""A force channel or a drive that comes late or early by more than its tolerance.
+"""A force channel or drive with a delay beyond its tolerance.
 
-All FRFs of its tests are multiplied: H_measured = exp(-i w delay) H. A force channel that lags the
-motion has a negative delay.
+The delay multiplies all FRFs of its tests: H_measured = exp(-i w delay) H. A force channel that
+lags the motion has a negative delay.
 """
 
 from collections.abc import Iterator

@@ -1,8 +1,8 @@
-"""A force channel or a drive whose gain is beyond its tolerance: a wrong calibration value.
+"""A force channel or drive with a gain beyond its tolerance: a wrong calibration value.
 
-All FRFs of the tests that it made are wrong by one factor, H_measured = gain H. A machine on
-springs with all masses, springs and dampers smaller by that factor has the same FRFs. So only the
-tolerances of the masses speak against such a machine, or a test with a known mass.
+The gain multiplies all FRFs of its tests: H_measured = gain H. A machine with all masses, springs
+and dampers divided by the gain has equal FRFs. Only the tolerances of the masses, or a test with a
+known mass, tell both apart.
 """
 
 from collections.abc import Iterator

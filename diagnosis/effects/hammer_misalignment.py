@@ -1,7 +1,7 @@
 """Hits of one direction that went another way than drawn, beyond tolerance.
 
-Turning a hit about its own direction changes nothing: that component keeps its tolerance, and the
-rotation that is stated is the shortest that brings the drawn direction a to the fitted one b,
+A rotation of a hit about its direction changes nothing, so that this component keeps its tolerance.
+The verdict states the shortest rotation from the drawn direction a to the fitted one b,
 
     r = (a x b) / |a x b| times the angle between them.
 """
@@ -18,12 +18,12 @@ from mbmodel import rotation_matrix
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each direction of each point that was hit."""
-    known, layout = list_varying_names(scene), scene.model.machine.layout
+    """Yield one for each direction of each point that was hit."""
+    varying, layout = list_varying_names(scene), scene.model.machine.layout
     for dof in hits(scene):
         direction = dof.direction[1:]
         names = name_vector(f"hammer({dof.point}:{direction}).rotation_")
-        if known.issuperset(names):
+        if varying.issuperset(names):
             place = f"hammer:{dof.point}"
             whole = release_tolerance("hammer_misalignment", place, direction, names, "rotation")
             across = tuple(name for name in names if name[-1] != direction[-1])
@@ -35,13 +35,13 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 drawn: Real = drawn,
             ) -> dict[str, Value]:
                 turn = rotation_matrix(np.array([fitted[name] for name in components]))
-                return {"rotation": tuple(_shortest(drawn, turn @ drawn).tolist())}
+                return {"rotation": tuple(_find_rotation(drawn, turn @ drawn).tolist())}
 
             yield replace(whole, release=across, state=state)
 
 
-def _shortest(start: Real, end: Real) -> Real:
-    """Rotation vector that brings a unit vector to another; (3,)."""
+def _find_rotation(start: Real, end: Real) -> Real:
+    """Return the shortest rotation vector from one unit vector to another; (3,)."""
     axis = np.cross(start, end)
     sine, cosine = float(np.linalg.norm(axis)), float(start @ end)
     angle: Real = axis * (np.arctan2(sine, cosine) / sine if sine > 0 else 1.0)

@@ -1,7 +1,7 @@
-"""Hits that lie elsewhere than drawn, beyond tolerance: of one direction, or of all at a point.
+"""Hits at another place than drawn, beyond tolerance: in one direction, or in all at a point.
 
-A force may be shifted along its own line without an effect: that component keeps its tolerance. The
-offset of a point is stated per axis as the mean over the directions that show it.
+A shift of a force along its line changes nothing, so that this component keeps its tolerance. The
+verdict states the offset per axis as the mean over the directions that show it.
 """
 
 from collections.abc import Iterator, Mapping
@@ -18,28 +18,28 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     varying = list_varying_names(scene)
     points: dict[str, list[Dof]] = {}
     for dof in hits(scene):
-        if varying.issuperset(_offset(dof)):
+        if varying.issuperset(_name_offset(dof)):
             points.setdefault(dof.point, []).append(dof)
     for point, directions in points.items():
-        yield _hypothesis(scene, point, None, directions)
+        yield _release_offset(scene, point, None, directions)
         if len(directions) > 1:
             for dof in directions:
-                yield _hypothesis(scene, point, dof.direction[1:], [dof])
+                yield _release_offset(scene, point, dof.direction[1:], [dof])
 
 
-def _offset(dof: Dof) -> tuple[str, ...]:
+def _name_offset(dof: Dof) -> tuple[str, ...]:
     """Return the names of the offset of one direction's hits."""
     return name_vector(f"hammer({dof.point}:{dof.direction[1:]}).position_")
 
 
-def _hypothesis(scene: Scene, point: str, dof: str | None, directions: list[Dof]) -> Hypothesis:
+def _release_offset(scene: Scene, point: str, dof: str | None, directions: list[Dof]) -> Hypothesis:
     """Return the hypothesis that releases the offset of these directions across each of them."""
     layout = scene.model.machine.layout
     axes = layout.axes[layout.points.index(point)]
     shown: list[list[str]] = [[], [], []]  # names by world axis
     for hit in directions:
         along = int(np.abs(axes[:, hit.axis]).argmax())
-        for axis, name in enumerate(_offset(hit)):
+        for axis, name in enumerate(_name_offset(hit)):
             if axis != along:
                 shown[axis].append(name)
 

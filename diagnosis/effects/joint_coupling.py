@@ -1,125 +1,171 @@
-"""A joint whose centre of stiffness is not where it is drawn: off-diagonal stiffness.
+"""A joint whose centre of stiffness lies elsewhere than drawn: off-diagonal stiffness.
 
-Springs that act at p from the drawn joint feel a slide's elongation along a_i as q_i + a_i.(R x p),
-R = sum a_j q_j over its hinges: J = 1 + B(p), B_ij = a_i.(a_j x p). So K becomes J' K J, with the
-slope B_k' K + K B_k by each coordinate of p. What holds a stage where it slides, bearing or leg, is
-spring and damper at once: dampers go along, C becomes J' C J.
+A slide i along a_i, whose spring acts at p from the drawn joint, is stretched by q_i + a_i.(R x p),
+with R = sum a_j q_j over the hinges of the joint. So K becomes J' K J with
+
+    J = 1 + B(p),   B_ij = a_i.(a_j x p),
+
+and the slope by p_k is B_k' K J + J' K B_k. The bearing or leg that carries a stage along a slide
+is spring and damper at once, so that C becomes J' C J.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.effects.points import find_own_springs, find_sprung_stages
+from diagnosis.effects.points import find_own_springs, find_sprung_stages, name_vector
+from diagnosis.effects.scales import ARM_UNIT_M
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
-from mbmodel import AddedPart, Change, Parameter, joint_coupling_writer
-
-_OFFSET_UNIT_M = 0.01  # m per unit of the parameters
+from mbmodel import AddedPart, Change, Machine, Parameter, joint_coupling_writer
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each joint that both slides and turns on springs."""
-    machine = scene.model.machine
-    directions = {spring.name: spring.direction for spring in machine.springs}
-    tuned = {parameter.name for parameter in scene.model.parameters}
-    for stage in find_sprung_stages(machine):
-        springs = find_own_springs(machine, stage)
-        # What is drawn as zero stays zero; a free drive has a damper alone.
-        stiff, damped = (
-            {name for name in springs if f"{name}.{what}" in tuned}
-            for what in ("stiffness", "damping")
-        )
-        holding = stiff | damped
-        axles = {axle.joint: axle for axle in machine.axles if axle.stage == stage}
-        felt = np.zeros((3, len(springs), len(springs)))  # B_k per unit of p_k
-        for k, unit in enumerate(np.eye(3)):
-            for i, slide in enumerate(springs):
-                for j, hinge in enumerate(springs):
-                    if slide in holding and axles[hinge].turns and not axles[slide].turns:
-                        arm = np.cross(axles[hinge].axis, _OFFSET_UNIT_M * unit)
-                        felt[k, i, j] = axles[slide].axis @ arm
-        if not felt.any():
-            continue
-        frame = np.array([directions[name] for name in springs]).T
-        slides = [springs[k] for k in np.flatnonzero(felt.any(axis=(0, 2)))]
-        held, slowed = ([name for name in slides if name in subset] for subset in (stiff, damped))
-        acting = [[springs.index(name) for name in subset] for subset in (held, slowed)]
-        coupling = _Coupling(felt, frame, acting)
-        names = tuple(f"{stage}.offset_{axis}" for axis in "xyz")
-        parameters = [Parameter(name, 0.0, "cm", positive=False) for name in names]
-        units = {f"{name}.stiffness": "N/m" for name in held}
-        units |= {f"{name}.damping": "N s/m" for name in slowed}
-        drawn = [*scene.find_stiffness(tuple(held)), *scene.find_damping(tuple(slowed))]
-        follow = {f"{stage}.coupling({name})": name for name in units}
-        for name, measure, value in zip(follow, units.values(), drawn, strict=True):
-            parameters.append(Parameter(name, float(value), measure))
-        part = AddedPart(
-            f"joint:{stage}",
-            tuple(parameters),
-            coupling.finite,
-            coupling.derivatives,
-            written=joint_coupling_writer(f"{stage}.coupling", machine, coupling.finite),
-        )
-
-        def state(fitted: Mapping[str, float], offset: tuple[str, ...] = names) -> dict[str, Value]:
-            return {"offset": tuple(_OFFSET_UNIT_M * fitted[name] for name in offset)}
-
-        yield Hypothesis(
-            "joint_coupling", f"joint:{stage}", parts=(part,), follow=follow, state=state
-        )
+    """Yield one for each joint that both slides and turns on springs."""
+    for stage in find_sprung_stages(scene.model.machine):
+        coupling = _Coupling.find(scene, stage)
+        if coupling is not None:
+            yield Hypothesis(
+                "joint_coupling",
+                f"joint:{stage}",
+                parts=(coupling.build_part(scene.model.machine),),
+                follow=coupling.follow,
+                state=coupling.state,
+            )
 
 
+@dataclass(frozen=True, eq=False)
 class _Coupling:
-    """J' K J - K and J' C J - C with J = 1 + B(p); B is linear in p, and B' K B stays for large p.
+    """Change J' K J - K and J' C J - C by an offset p of the springs and dampers of a joint.
 
-    Only slides feel p. With the rows J_i of theirs it is sum k_i (J_i' J_i - e_i' e_i). Parameters
-    are p, the k_i and the c_i, which follow those of the joint: fitted with others, an offset of
-    some centimetres leaves far more than the noise.
+    Only slides feel p. With their rows J_i, the change of K is sum k_i (J_i' J_i - e_i' e_i). The
+    parameters are p, the k_i and the c_i, which follow those of the joint: fitted with fixed ones,
+    an offset of some centimetres leaves far more than the noise.
 
     Args:
-        felt: B by each coordinate of p; (3, n_spring, n_spring).
+        stage: stage of the joint.
+        arms: B by each coordinate of p, per unit of its parameter; (3, n_spring, n_spring).
         frame: directions of the springs; (nv, n_spring).
-        acting: which of them have k and which have c.
+        acting: numbers of the slides whose stiffness varies, and of those whose damping does.
+        follow: parameter of the model that each k_i and c_i follows, by name.
+        start: fitted values of the k_i and c_i.
     """
 
-    def __init__(self, felt: Real, frame: Real, acting: Sequence[list[int]]) -> None:
-        self.felt, self.frame, self.acting = felt, frame, acting
+    stage: str
+    arms: Real
+    frame: Real
+    acting: tuple[list[int], list[int]]
+    follow: Mapping[str, str]
+    start: tuple[float, ...]
 
-    def _change(self, core: Real) -> Change:
-        """Of stiffness and damping; (.., 2, n_spring, n_spring)."""
+    @classmethod
+    def find(cls, scene: Scene, stage: str) -> "_Coupling | None":
+        """Return the coupling of a stage; None if its springs couple no slide with a hinge."""
+        machine = scene.model.machine
+        springs = find_own_springs(machine, stage)
+        tuned = {parameter.name for parameter in scene.model.parameters}
+        # A stiffness or damping that is drawn as zero stays zero: a free drive has a damper alone.
+        stiff, damped = (
+            [name for name in springs if f"{name}.{kind}" in tuned]
+            for kind in ("stiffness", "damping")
+        )
+        arms = _find_arms(machine, stage, springs, {*stiff, *damped})
+        slides = [springs[k] for k in np.flatnonzero(arms.any(axis=(0, 2)))]
+        if not slides:
+            return None
+        stiff, damped = ([name for name in slides if name in names] for names in (stiff, damped))
+        targets = [f"{name}.stiffness" for name in stiff] + [f"{name}.damping" for name in damped]
+        values = [*scene.find_stiffness(tuple(stiff)), *scene.find_damping(tuple(damped))]
+        directions = {spring.name: spring.direction for spring in machine.springs}
+        return cls(
+            stage,
+            arms,
+            np.array([directions[name] for name in springs]).T,
+            ([springs.index(name) for name in stiff], [springs.index(name) for name in damped]),
+            {f"{stage}.coupling({target})": target for target in targets},
+            tuple(float(value) for value in values),
+        )
+
+    @property
+    def offset_names(self) -> tuple[str, ...]:
+        """Names of the components of p."""
+        return name_vector(f"{self.stage}.offset_")
+
+    def build_part(self, machine: Machine) -> AddedPart:
+        """Return the Part with the coupling."""
+        parameters = [
+            Parameter(name, 0.0, f"{ARM_UNIT_M:g} m", positive=False) for name in self.offset_names
+        ]
+        units = ["N/m"] * len(self.acting[0]) + ["N s/m"] * len(self.acting[1])
+        for name, unit, value in zip(self.follow, units, self.start, strict=True):
+            parameters.append(Parameter(name, value, unit))
+        written = joint_coupling_writer(f"{self.stage}.coupling", machine, self.compute_change)
+        return AddedPart(
+            f"joint:{self.stage}",
+            tuple(parameters),
+            self.compute_change,
+            self.compute_slopes,
+            written=written,
+        )
+
+    def _build_change(self, core: Real) -> Change:
+        """Return the change by cores of stiffness and damping; (.., 2, n_spring, n_spring)."""
         whole = np.zeros((*core.shape[:-3], 3, *core.shape[-2:]))
         whole[..., :2, :, :] = core
         return Change("joint", self.frame, self.frame, whole)
 
-    def _terms(self, theta: Real) -> Iterator[tuple[Real, Real, Real, Real]]:
-        """Of stiffness, then of damping, J_i and e_i; B_ki; (3, n, n_spring); k_i or c_i."""
-        turned = np.tensordot(theta[:3], self.felt, 1)
+    def _list_terms(self, theta: Real) -> Iterator[tuple[Real, Real, Real, Real]]:
+        """Yield the rows J_i, e_i and B_ki and the sizes, of stiffness and then of damping."""
+        turned = np.tensordot(theta[:3], self.arms, 1)
         sizes = np.split(theta[3:], [len(self.acting[0])])
         for size, acting in zip(sizes, self.acting, strict=True):
-            unit_rows = np.eye(self.felt.shape[1])[acting]
-            yield unit_rows + turned[acting], unit_rows, self.felt[:, acting], size
+            unit_rows = np.eye(self.arms.shape[1])[acting]
+            yield unit_rows + turned[acting], unit_rows, self.arms[:, acting], size
 
-    def finite(self, theta: Real) -> tuple[Change, ...]:
-        """Of an offset."""
+    def compute_change(self, theta: Real) -> tuple[Change, ...]:
+        """Return the change by an offset."""
         cores = [
             (rows.T * size) @ rows - (unit_rows.T * size) @ unit_rows
-            for rows, unit_rows, _, size in self._terms(theta)
+            for rows, unit_rows, _, size in self._list_terms(theta)
         ]
-        return (self._change(np.array(cores)),)
+        return (self._build_change(np.array(cores)),)
 
-    def derivatives(self, theta: Real) -> tuple[Change, ...]:
-        """By its coordinates, then by each stiffness and damping."""
-        core = np.zeros((len(theta), 2, *self.felt.shape[1:]))
+    def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
+        """Return the slopes by the offset, then by each stiffness and damping."""
+        core = np.zeros((len(theta), 2, *self.arms.shape[1:]))
         start = 3
-        for power, (rows, unit_rows, felt, size) in enumerate(self._terms(theta)):
-            half = felt.swapaxes(1, 2) @ (size[:, None] * rows)
+        for power, (rows, unit_rows, arms, size) in enumerate(self._list_terms(theta)):
+            half = arms.swapaxes(1, 2) @ (size[:, None] * rows)
             core[:3, power] = half + half.swapaxes(1, 2)
             end = start + len(size)
             core[start:end, power] = rows[:, :, None] * rows[:, None, :]
             core[start:end, power] -= unit_rows[:, :, None] * unit_rows[:, None, :]
             start = end
-        return (self._change(core),)
+        return (self._build_change(core),)
+
+    def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
+        """Return the offset [m]."""
+        return {"offset": tuple(ARM_UNIT_M * fitted[name] for name in self.offset_names)}
+
+
+def _find_arms(machine: Machine, stage: str, springs: Sequence[str], acting: set[str]) -> Real:
+    """Return B by each coordinate of p, per unit of its parameter; (3, n_spring, n_spring).
+
+    Args:
+        machine: machine with the joint.
+        stage: stage of the joint.
+        springs: names of its springs.
+        acting: names of those with a stiffness or damping that varies.
+    """
+    axles = {axle.joint: axle for axle in machine.axles if axle.stage == stage}
+    arms = np.zeros((3, len(springs), len(springs)))
+    for i, slide in enumerate(springs):
+        for j, hinge in enumerate(springs):
+            if slide in acting and axles[hinge].turns and not axles[slide].turns:
+                turned = np.cross(axles[hinge].axis, ARM_UNIT_M * np.eye(3))
+                arms[:, i, j] = turned @ axles[slide].axis
+    return arms
 
 
 EFFECT = Effect(

@@ -7,8 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from diagnosis.effects.points import find_own_springs
-from diagnosis.effects.scales import ARM_UNIT_M, MASS_SHARE_UNIT, SYMMETRIC_ENTRIES
+from diagnosis.effects.scales import ARM_UNIT_M, MASS_SHARE_UNIT
 from diagnosis.hypothesis import Value
+from diagnosis.rounding import ROUNDING_SHARE
 from identification.words import Real
 from mbmodel import (
     AddedPart,
@@ -21,13 +22,17 @@ from mbmodel import (
     transport,
 )
 
-_ASIDE_SHARE = 0.4  # of the distance of the centres of mass: how far points lie that are scanned
-_MIN_STIFFNESS_SHARE = 1e-9  # of the largest principal stiffness: none
-START_POINTS = (
-    (0.0, 0.0, 0.0),
-    *(tuple(s * e) for e in _ASIDE_SHARE * np.eye(3) for s in (1, -1)),
-)
-_ENTRY_NAMES = ("x", "y", "z", "yz", "xz", "xy")
+_ASIDE_SHARE = 0.4  # of the distance of the centres of mass: points of the scan beside the middle
+_ENTRY_NAMES = ("x", "y", "z", "xy", "xz", "yz")
+
+
+def list_start_points() -> Real:
+    """Return the points of the scan, relative to the distance of the centres of mass; (7, 3).
+
+    They lie halfway between the centres, and beside that to both sides along each axis.
+    """
+    aside = _ASIDE_SHARE * np.eye(3)
+    return np.vstack([np.zeros(3), np.stack([aside, -aside], axis=1).reshape(-1, 3)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +42,8 @@ class Link:
     Args:
         machine: the nominal machine.
         pair: numbers of the bodies.
-        omega: in the middle of the band [rad/s].
-        at: number of the point where it begins.
+        omega: frequency in the middle of the band [rad/s].
+        at: number of its start point.
     """
 
     machine: Machine
@@ -68,8 +73,8 @@ class Link:
 
     @cached_property
     def _offset(self) -> Real:
-        """Start of the point from halfway between the centres of mass [m]; (3,)."""
-        offset: Real = self._distance * np.array(START_POINTS[self.at])
+        """Start point, from halfway between the centres of mass [m]; (3,)."""
+        offset: Real = self._distance * list_start_points()[self.at]
         return offset
 
     @cached_property
@@ -87,7 +92,7 @@ class Link:
         return frame
 
     def _name_entries(self, entries: tuple[str, ...]) -> tuple[str, ...]:
-        """Return names of entries of stiffness, then of damping."""
+        """Return the names of entries of stiffness, then of damping."""
         # Names of bodies may hold a hyphen, numbers do not.
         prefix = f"pair{self.pair[0]}-{self.pair[1]}.link{self.at}"
         return tuple(f"{prefix}.{kind}_{e}" for kind in ("stiffness", "damping") for e in entries)
@@ -99,14 +104,14 @@ class Link:
 
     @property
     def _names(self) -> tuple[str, ...]:
-        """Entries along the axes, then what turns them, then the point."""
+        """Names of the diagonal entries, of those beside the diagonal, and of the point."""
         prefix = self.along_axes[0].rpartition(".")[0]
         point = (f"{prefix}.point_{axis}" for axis in "xyz")
         return (*self.along_axes, *self._name_entries(_ENTRY_NAMES[3:]), *point)
 
     @property
-    def firm(self) -> tuple[dict[str, float], ...]:
-        """As stiff as the slides of the upper body's joint are drawn; none where none is sprung."""
+    def stiff_starts(self) -> tuple[dict[str, float], ...]:
+        """Start with the stiffness of the slides of the upper body's joint; none without one."""
         springs = find_own_springs(self.machine, self.bodies[1])
         slides = [s.stiffness for s in self.machine.springs if s.name in springs and not s.angular]
         if not any(slides):
@@ -116,7 +121,7 @@ class Link:
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """No farther aside than the centres of mass are apart."""
+        """Bounds of the point: as far aside as the centres of mass are apart."""
         low, high = (
             (-self._distance - self._offset) / ARM_UNIT_M,
             (self._distance - self._offset) / ARM_UNIT_M,
@@ -125,7 +130,7 @@ class Link:
 
     @property
     def _start(self) -> Real:
-        """Where the point begins [m]."""
+        """Start point [m]; (3,)."""
         start: Real = self._centres.mean(axis=0) + self._offset
         return start
 
@@ -140,50 +145,52 @@ class Link:
             )
         )
         place = f"pair:{self.name}"
-        return AddedPart(place, parameters, self.finite, self.derivatives, written=self.write)
+        return AddedPart(
+            place, parameters, self.compute_change, self.compute_slopes, written=self.write
+        )
 
-    def _matrices(self, theta: Real) -> Real:
-        """K and C in their units; (2, 3, 3)."""
+    def _build_matrices(self, theta: Real) -> Real:
+        """Return K and C in their units; (2, 3, 3)."""
         matrices = np.zeros((2, 3, 3))
-        for number, (row, column) in enumerate(SYMMETRIC_ENTRIES):
-            entry = theta[[number, number + 3]] if number < 3 else theta[[number + 3, number + 6]]
-            matrices[:, row, column] = matrices[:, column, row] = entry
+        rows, columns = np.triu_indices(3, k=1)
+        matrices[:, rows, columns] = matrices[:, columns, rows] = theta[6:12].reshape(2, 3)
+        matrices[:, np.arange(3), np.arange(3)] = theta[:6].reshape(2, 3)
         return matrices
 
-    def _moves(self, theta: Real) -> Real:
-        """R; (3, 12)."""
+    def _find_motion(self, theta: Real) -> Real:
+        """Return R, the relative motion at the point per motion of both bodies; (3, 12)."""
         point = self._start + ARM_UNIT_M * theta[12:]
         low, high = (transport(point - centre)[:3] for centre in self._centres)
         return np.hstack([-low, high])
 
-    def _change(self, core: Real) -> Change:
+    def _build_change(self, core: Real) -> Change:
         whole = np.zeros((*core.shape[:-3], 3, 12, 12))
         whole[..., :2, :, :] = core
         return Change("body", self._frame, self._frame, whole)
 
-    def finite(self, theta: Real) -> tuple[Change, ...]:
-        """All of it."""
-        moves = self._moves(theta)
-        core = self._units[:, None, None] * (moves.T @ self._matrices(theta) @ moves)
-        return (self._change(core),)
+    def compute_change(self, theta: Real) -> tuple[Change, ...]:
+        """Return the change by springs and dampers."""
+        motion = self._find_motion(theta)
+        core = self._units[:, None, None] * (motion.T @ self._build_matrices(theta) @ motion)
+        return (self._build_change(core),)
 
-    def derivatives(self, theta: Real) -> tuple[Change, ...]:
-        """By each parameter."""
-        moves, both = self._moves(theta), self._matrices(theta)
+    def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
+        """Return the slopes by each parameter."""
+        motion, both = self._find_motion(theta), self._build_matrices(theta)
         core = np.zeros((len(theta), 2, 12, 12))
         for number in range(12):
-            unit = self._matrices(np.eye(15)[number])
-            core[number] = moves.T @ unit @ moves
+            unit = self._build_matrices(np.eye(15)[number])
+            core[number] = motion.T @ unit @ motion
         for axis, unit in enumerate(np.eye(3)):
             turned = transport(ARM_UNIT_M * unit)[:3] - np.eye(3, 6)
             slope = np.hstack([-turned, turned])
-            half = slope.T @ both @ moves
+            half = slope.T @ both @ motion
             core[12 + axis] = half + half.swapaxes(-1, -2)
-        return (self._change(core * self._units[:, None, None]),)
+        return (self._build_change(core * self._units[:, None, None]),)
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
-        """Stiffness and damping in SI; none is less than nothing."""
-        stiffness, damping = self._matrices(np.array([fitted[name] for name in self._names]))
+        """Return the mean stiffness and damping [SI], neither below zero."""
+        stiffness, damping = self._build_matrices(np.array([fitted[name] for name in self._names]))
         sizes, axes = np.linalg.eigh(stiffness)
         stiffness = (axes * np.maximum(sizes, 0.0)) @ axes.T
         weight = stiffness if stiffness.any() else np.eye(3)
@@ -192,13 +199,13 @@ class Link:
         return {"stiffness": mean_stiffness, "damping": mean_damping}
 
     def write(self, theta: Real) -> tuple[Addition | NotInMjcf, ...]:
-        """A tendon along each axis of the springs, and of the dampers where these are others."""
-        both = self._matrices(theta) * self._units[:, None, None]
+        """Return a tendon along each principal axis of K, and of C if its axes differ."""
+        both = self._build_matrices(theta) * self._units[:, None, None]
         stiffness, damping = both
         point = self._start + ARM_UNIT_M * theta[12:]
-        if np.abs(stiffness @ damping - damping @ stiffness).max() <= _MIN_STIFFNESS_SHARE * np.abs(
-            stiffness @ damping
-        ).max(initial=0.0):
+        product = stiffness @ damping
+        difference = np.abs(product - damping @ stiffness).max()
+        if difference <= ROUNDING_SHARE * np.abs(product).max(initial=0.0):
             _, axes = np.linalg.eigh(stiffness / self._units[0] + np.pi * damping / self._units[1])
             rows = [("", axis, (axis @ stiffness @ axis, axis @ damping @ axis)) for axis in axes.T]
         else:
@@ -209,12 +216,12 @@ class Link:
         largest = np.abs(both).max(axis=(1, 2))
         for number, (kind, axis, sizes) in enumerate(rows):
             name = f"{self.name}.{kind}{number % 3}"
-            if any(sizes < -_MIN_STIFFNESS_SHARE * largest):
-                additions.append(NotInMjcf(name, "a spring or damper of less than nothing"))
-            elif any(np.abs(sizes) > _MIN_STIFFNESS_SHARE * largest):
+            if any(sizes < -ROUNDING_SHARE * largest):
+                additions.append(NotInMjcf(name, "a spring or damper below zero"))
+            elif any(np.abs(sizes) > ROUNDING_SHARE * largest):
                 low, high = self.bodies
-                along = point, axis
+                line = point, axis
                 additions += link_elements(
-                    name, self.machine, (low, high), along, np.maximum(sizes, 0.0)
+                    name, self.machine, (low, high), line, np.maximum(sizes, 0.0)
                 )
         return tuple(additions)

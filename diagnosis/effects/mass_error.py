@@ -1,10 +1,10 @@
-"""A body that is heavier or lighter than tolerance allows: a forgotten payload.
+"""A body that is heavier or lighter than its tolerance allows: a forgotten payload.
 
 A mass m at p from the drawn centre of mass adds [[m 1, -[m p]x], [[m p]x, I]] to the spatial
-inertia. All ten numbers are free, so that it may be spread; p = (m p) / m. But no body loses more
-than nine tenths of its mass, nor gains several times as much: a fit that goes there has found
-something else. What is added to the inertia is believed to be about as much as there is, or less:
-where no hit and no sensor shows one of its six numbers, nothing else keeps the whole positive.
+inertia. All ten numbers vary, so that the mass may be distributed; p = (m p) / m. Bounds keep the
+mass positive, at most four times the drawn one, and within three radii of gyration. The prior of
+the six numbers of I has a standard deviation of the mass at the radius of gyration: if no hit and
+no sensor shows one of them, nothing but the prior keeps the whole inertia positive.
 """
 
 from collections.abc import Iterator, Mapping
@@ -13,82 +13,74 @@ from functools import partial
 
 import numpy as np
 
-from diagnosis.effects.scales import MASS_SHARE_UNIT
+from diagnosis.effects.points import name_vector
+from diagnosis.effects.scales import MASS_SHARE_UNIT, MAX_ADDED_SHARE
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from identification.words import Real
 from mbmodel import AddedPart, Change, Parameter
-
-_MIN_SHARE = -0.9  # of the body's own mass, or moment of inertia about an axis
-_MAX_SHARE, _MAX_SPREAD = (
-    3.0,
-    10.0,
-)  # of its mass, also at the radius of gyration; of that radius squared
-_INERTIA_SIGMA = 1.0  # of its mass at that radius: one standard deviation of inertia
-_AXIS_NAMES = "xyz"
-_ADDED_INERTIA_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each body."""
+    """Yield one for each body with mass and moment of inertia."""
     machine = scene.model.machine
-    bodies = machine.layout.bodies
-    for number, body in enumerate(bodies):
-        inertia = machine.body_mass[6 * number : 6 * number + 6, 6 * number : 6 * number + 6]
+    for number, body in enumerate(machine.layout.bodies):
+        span = slice(6 * number, 6 * number + 6)
+        inertia = machine.body_mass[span, span]
         if not (inertia[0, 0] > 0 and np.trace(inertia[3:, 3:]) > 0):
             continue  # a point, or the coordinate of a body's mode: it has no radius of gyration
-        mass = MASS_SHARE_UNIT * float(inertia[0, 0])
-        arm = float(np.sqrt(np.trace(inertia[3:, 3:]) / inertia[0, 0]))
-        frame = np.zeros((6 * len(bodies), 6))
-        frame[6 * number : 6 * number + 6] = np.eye(6)
-        core = np.zeros((10, 3, 6, 6))
-        core[0, 2, :3, :3] = mass * np.eye(3)
-        for k, unit in enumerate(np.eye(3)):
-            turned = mass * arm * np.cross(np.eye(3), unit)  # [e_k]x
-            core[1 + k, 2, :3, 3:] = -turned
-            core[1 + k, 2, 3:, :3] = turned
-        for k, (i, j) in enumerate(_ADDED_INERTIA_ENTRIES):
-            core[4 + k, 2, 3 + i, 3 + j] = core[4 + k, 2, 3 + j, 3 + i] = mass * arm**2
-        names = (
-            f"{body}.added_mass",
-            *(f"{body}.added_moment_{axis}" for axis in _AXIS_NAMES),
-            *(
-                f"{body}.added_inertia_{_AXIS_NAMES[i]}{_AXIS_NAMES[j]}"
-                for i, j in _ADDED_INERTIA_ENTRIES
-            ),
-        )
-        parameters = tuple(Parameter(name, 0.0, f"{mass:g} kg", positive=False) for name in names)
-        relative_inertia = np.diag(inertia[3:, 3:]) / (inertia[0, 0] * arm**2)
-        ends = [(_MIN_SHARE, _MAX_SHARE), *[(-_MAX_SHARE, _MAX_SHARE)] * 3]
-        ends += [
-            (_MIN_SHARE * relative_inertia[i] if i == j else -_MAX_SPREAD, _MAX_SPREAD)
-            for i, j in _ADDED_INERTIA_ENTRIES
-        ]
-        bounds = {
-            n: (low / MASS_SHARE_UNIT, high / MASS_SHARE_UNIT)
-            for n, (low, high) in zip(names, ends, strict=True)
-        }
+        unit = MASS_SHARE_UNIT * float(inertia[0, 0])
+        gyration = float(np.sqrt(np.trace(inertia[3:, 3:]) / inertia[0, 0]))
+        rows, columns = np.triu_indices(3)
+        moved = (f"{body}.added_mass", *name_vector(f"{body}.added_moment_"))
+        axes = [f"{'xyz'[i]}{'xyz'[j]}" for i, j in zip(rows, columns, strict=True)]
+        spread = tuple(f"{body}.added_inertia_{entry}" for entry in axes)
+        names = (*moved, *spread)
+        parameters = tuple(Parameter(name, 0.0, f"{unit:g} kg", positive=False) for name in names)
+        frame = np.eye(len(machine.body_mass))[:, span]
+        core = _build_core(unit, gyration)
         part = AddedPart.linear(f"body:{body}", parameters, (Change("body", frame, frame, core),))
-        part = replace(part, weighs=partial(np.tensordot, b=core[:, 2], axes=1))
-
-        def state(
-            fitted: Mapping[str, float],
-            moved: tuple[str, ...] = names[:4],
-            unit_mass: float = mass,
-            lever: float = arm,
-        ) -> dict[str, Value]:
-            size = fitted[moved[0]]
-            if not size:
-                return {"mass": 0.0}
-            place = tuple(lever * fitted[name] / size for name in moved[1:])
-            return {"mass": unit_mass * size, "position": place}
-
         yield Hypothesis(
             "mass_error",
             f"body:{body}",
-            parts=(part,),
-            bounds=bounds,
-            believed=dict.fromkeys(names[4:], _INERTIA_SIGMA / MASS_SHARE_UNIT),
-            state=state,
+            parts=(replace(part, weighs=partial(np.tensordot, b=core[:, 2], axes=1)),),
+            bounds=dict(zip(names, _find_bounds(inertia, gyration), strict=True)),
+            believed=dict.fromkeys(spread, 1 / MASS_SHARE_UNIT),
+            state=partial(_state_mass, moved, unit, gyration),
         )
+
+
+def _build_core(unit: float, gyration: float) -> Real:
+    """Return the spatial inertia per unit of mass, moments and upper triangle; (10, 3, 6, 6)."""
+    core = np.zeros((10, 3, 6, 6))
+    core[0, 2, :3, :3] = unit * np.eye(3)
+    for k, direction in enumerate(np.eye(3)):
+        turned = unit * gyration * np.cross(np.eye(3), direction)  # [direction]x
+        core[1 + k, 2, :3, 3:] = -turned
+        core[1 + k, 2, 3:, :3] = turned
+    for k, (i, j) in enumerate(zip(*np.triu_indices(3), strict=True)):
+        core[4 + k, 2, 3 + i, 3 + j] = core[4 + k, 2, 3 + j, 3 + i] = unit * gyration**2
+    return core
+
+
+def _find_bounds(inertia: Real, gyration: float) -> list[tuple[float, float]]:
+    """Return the bounds of mass, moments and upper triangle, in their units."""
+    relative = np.diag(inertia[3:, 3:]) / (inertia[0, 0] * gyration**2)
+    least, most = MASS_SHARE_UNIT - 1, MAX_ADDED_SHARE
+    ends = [(least, most), *[(-most, most)] * 3]
+    for i, j in zip(*np.triu_indices(3), strict=True):
+        ends.append((least * float(relative[i]) if i == j else -(most**2), most**2))
+    return [(low / MASS_SHARE_UNIT, high / MASS_SHARE_UNIT) for low, high in ends]
+
+
+def _state_mass(
+    names: tuple[str, ...], unit: float, gyration: float, fitted: Mapping[str, float]
+) -> dict[str, Value]:
+    """Return the mass [kg] and its position [m]."""
+    size = fitted[names[0]]
+    if not size:
+        return {"mass": 0.0}
+    place = tuple(gyration * fitted[name] / size for name in names[1:])
+    return {"mass": unit * size, "position": place}
 
 
 EFFECT = Effect(

@@ -1,22 +1,24 @@
-r"""A direction that the drawing holds rigid gives way, along or about an axis of the joint's own.
+r"""A direction that is rigid in the nominal model gives way, along or about an axis of its joint.
 
-The machine of the scene has a coordinate for each such direction, on a spring k0 far stiffer than
-anything in the band and a damper k0 tau (``mbmodel.compliance.released_directions``). Where the
-joint stands askew, the direction has the name of the world axis that it is nearest to. In series
-with a compliance theta u, theta >= 0, they become
+The machine of the scene has a coordinate for each rigid direction, on a spring k0 far stiffer than
+anything in the band, and a damper k0 tau (``mbmodel.compliance.released_directions``). A direction
+of a joint that stands askew has the name of the nearest world axis. A compliance theta u, theta >=
+0, in series with the spring makes them
 
     k + s c,   k = 1 / (1 / k0 + theta u),   c = k tau.
 
-For small compliances FRFs change in proportion to theta: that is the score's slope,
-d(k + s c) / dtheta = -u k^2 (1 + s tau), a compliance u / (1 + s tau).
+FRFs change in proportion to a small theta, and the slope for the score test is
+
+    d(k + s c) / dtheta = -u k^2 (1 + s tau).
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from diagnosis.effects.points import find_own_springs
-from diagnosis.effects.scales import LOG_TIME_UNIT, MAX_LOG_STEPS
+from diagnosis.effects.scales import LOG_UNIT, MAX_LOG_STEPS
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Real
 from mbmodel import (
@@ -31,97 +33,119 @@ from mbmodel import (
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each rigid direction of each joint."""
-    for held in scene.rigid_directions:
+    """Yield one for each rigid direction of each joint."""
+    for rigid in scene.rigid_directions:
         frame = np.zeros((len(scene.model.machine.coordinates), 1))
-        frame[held.coordinate] = 1.0
-        way = _Way(scene.model.machine, held, frame)
+        frame[rigid.coordinate] = 1.0
+        released = _ReleasedDirection(scene.model.machine, rigid, frame)
+        compliance, time_constant = released.names
+        start = released.find_compliance(_guess_stiffness(scene, rigid))
         yield Hypothesis(
             "missing_dof",
-            f"joint:{held.stage}",
-            held.dof,
-            parts=(way.part,),
-            scored=(way.names[0],),
+            f"joint:{rigid.stage}",
+            rigid.dof,
+            parts=(released.part,),
+            scored=(compliance,),
             signed=True,
-            bounds={way.names[1]: (-MAX_LOG_STEPS, MAX_LOG_STEPS)},
-            otherwise=({way.names[0]: way.compliance(_usual(scene, held))},),
-            state=way.state,
+            bounds={time_constant: (-MAX_LOG_STEPS, MAX_LOG_STEPS)},
+            otherwise=({compliance: start},),
+            state=released.state,
         )
 
 
-def _usual(scene: Scene, held: RigidDirection) -> float:
-    """Stiffness of the joint's own springs of the kind, else one that shows in the band."""
+def _guess_stiffness(scene: Scene, rigid: RigidDirection) -> float:
+    """Return the median stiffness of the slides, or hinges, of the joint.
+
+    Without one it is a stiffness that shows in the band.
+    """
     machine = scene.model.machine
-    kind = {axle.joint: axle.turns for axle in machine.axles if axle.stage == held.stage}
-    turns = held.dof.startswith("r")
-    alike = tuple(
-        spring for spring in find_own_springs(machine, held.stage) if kind.get(spring) is turns
-    )
-    sizes = scene.find_stiffness(alike)
-    return float(np.median(sizes[sizes > 0])) if (sizes > 0).any() else held.reference
+    turns = {axle.joint: axle.turns for axle in machine.axles if axle.stage == rigid.stage}
+    springs = find_own_springs(machine, rigid.stage)
+    is_hinge = rigid.dof.startswith("r")
+    sizes = scene.find_stiffness(tuple(name for name in springs if turns.get(name) is is_hinge))
+    return float(np.median(sizes[sizes > 0])) if (sizes > 0).any() else rigid.reference
 
 
-class _Way:
-    """Stiffness that a direction has lost of the one that holds it."""
+@dataclass(frozen=True, eq=False)
+class _ReleasedDirection:
+    """Compliance in series with the spring that locks a rigid direction.
 
-    def __init__(self, machine: Machine, held: RigidDirection, frame: Real) -> None:
-        self.machine, self.held, self.frame = machine, held, frame
-        name = f"{held.stage}.{held.dof}"
-        self.unit = 1 / held.reference
-        self.names = f"{name}.compliance", f"{name}.time_constant"
+    Args:
+        machine: machine with a coordinate for the direction.
+        rigid: rigid direction.
+        frame: its coordinate; (nv, 1).
+    """
+
+    machine: Machine
+    rigid: RigidDirection
+    frame: Real
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Names of compliance and time constant."""
+        name = f"{self.rigid.stage}.{self.rigid.dof}"
+        return f"{name}.compliance", f"{name}.time_constant"
+
+    @property
+    def _unit(self) -> float:
+        """Unit u of the compliance [m/N, rad/(N m)]."""
+        return 1 / self.rigid.reference
 
     @property
     def part(self) -> AddedPart:
-        """As a Part."""
+        """Part with the compliance."""
+        compliance, time_constant = self.names
         parameters = (
-            Parameter(self.names[0], 0.0, f"{self.unit:g} /k", positive=False),
-            Parameter(self.names[1], 0.0, "50 %", positive=False),
+            Parameter(compliance, 0.0, f"{self._unit:g} /k", positive=False),
+            Parameter(time_constant, 0.0, f"{LOG_UNIT:.0%}", positive=False),
         )
-        place = f"joint:{self.held.stage}"
-        return AddedPart(place, parameters, self.finite, self.derivatives, written=self.write)
+        place = f"joint:{self.rigid.stage}"
+        return AddedPart(
+            place, parameters, self.compute_change, self.compute_slopes, written=self.write
+        )
 
-    def _at(self, theta: Real) -> tuple[float, float]:
-        stiffness = 1 / (1 / self.held.stiffness + max(float(theta[0]), 0.0) * self.unit)
-        return stiffness, self.held.time_constant * float(np.exp(LOG_TIME_UNIT * theta[1]))
+    def _spring_and_time(self, theta: Real) -> tuple[float, float]:
+        """Return stiffness and time constant [s]."""
+        compliance = 1 / self.rigid.stiffness + max(float(theta[0]), 0.0) * self._unit
+        return 1 / compliance, self.rigid.time_constant * float(np.exp(LOG_UNIT * theta[1]))
 
-    def compliance(self, stiffness: float) -> float:
-        """The parameter for a stiffness."""
-        return max(1 / stiffness - 1 / self.held.stiffness, 0.0) / self.unit
+    def find_compliance(self, stiffness: float) -> float:
+        """Return the compliance parameter of a stiffness."""
+        return max(1 / stiffness - 1 / self.rigid.stiffness, 0.0) / self._unit
 
-    def _change(self, core: Real) -> Change:
+    def _build_change(self, core: Real) -> Change:
         return Change("joint", self.frame, self.frame, core[..., None, None])
 
-    def finite(self, theta: Real) -> tuple[Change, ...]:
-        """Stiffness that remains, less the original one."""
-        stiffness, tau = self._at(theta)
-        held = self.held.stiffness
-        damping = stiffness * tau - held * self.held.time_constant
-        return (self._change(np.array([stiffness - held, damping, 0.0])),)
+    def compute_change(self, theta: Real) -> tuple[Change, ...]:
+        """Return what remains of stiffness and damping, less the original ones."""
+        stiffness, tau = self._spring_and_time(theta)
+        locked = self.rigid.stiffness
+        damping = stiffness * tau - locked * self.rigid.time_constant
+        return (self._build_change(np.array([stiffness - locked, damping, 0.0])),)
 
-    def derivatives(self, theta: Real) -> tuple[Change, ...]:
-        """By the compliance and by the logarithm of the time constant."""
-        stiffness, tau = self._at(theta)
-        softer = -self.unit * stiffness**2
-        # While all is held nothing shows the time constant: next to no curvature, a wild step.
-        damping = LOG_TIME_UNIT * stiffness * tau if theta[0] > 0 else 0.0
+    def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
+        """Return the slopes by the compliance and by the logarithm of the time constant."""
+        stiffness, tau = self._spring_and_time(theta)
+        softer = -self._unit * stiffness**2
+        # While the direction is locked, the time constant has next to no curvature: a wild step.
+        damping = LOG_UNIT * stiffness * tau if theta[0] > 0 else 0.0
         core = np.array([[softer, softer * tau, 0.0], [0.0, damping, 0.0]])
-        return (self._change(core),)
+        return (self._build_change(core),)
 
     def write(self, theta: Real) -> tuple[Addition, ...]:
-        """A joint."""
-        stiffness, tau = self._at(theta)
-        coordinate = self.held.coordinate
+        """Return a joint on a spring and a damper."""
+        stiffness, tau = self._spring_and_time(theta)
+        coordinate = self.rigid.coordinate
         axle = next(
             candidate for candidate in self.machine.axles if candidate.coordinate == coordinate
         )
         sizes = np.array([stiffness, stiffness * tau])
-        return released_joint_elements(
-            f"{self.held.stage}_{self.held.dof}", self.machine, axle, sizes
-        )
+        name = f"{self.rigid.stage}_{self.rigid.dof}"
+        return released_joint_elements(name, self.machine, axle, sizes)
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
-        """Stiffness and damping in SI."""
-        stiffness, tau = self._at(np.array([fitted[name] for name in self.names]))
+        """Return stiffness and damping [SI]."""
+        stiffness, tau = self._spring_and_time(np.array([fitted[name] for name in self.names]))
         return {"stiffness": stiffness, "damping": stiffness * tau}
 
 

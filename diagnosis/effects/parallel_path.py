@@ -2,43 +2,43 @@ r"""A link that bypasses joints, between bodies that no joint joins: a hose, a c
 
 At a point p the upper body moves against the lower one by
 
-    r = R u,   R = [-G(p - c_low), G(p - c_high)],   G(d) = [1, -[d]x]
+    r = R u,   R = [-G(p - c_low), G(p - c_high)],   G(d) = [1, -[d]x].
 
-and the link answers with K r + s C r, K and C symmetric: springs and dampers along any three axes,
-or along one alone. So it adds R' (K + s C) R, and no force on both bodies together. It is scored
-along the world's axes, halfway between the centres of mass and at six points about that; from the
-best of them point and axes are fitted, with dR/dp linear in p. A fit may also begin with a link as
-stiff in all directions as the upper body's slides are drawn: from none at all to a strong one it is
-many steps, while joints give way that a fit without it made too stiff. A strut is the same anywhere
-along its line. What is stated is the mean, weighted by the stiffness,
+The link answers with K r + s C r, K and C symmetric: springs and dampers along any three axes, or
+along one alone. It adds R' (K + s C) R, which is no net force on both bodies together.
 
-    k = tr(K K) / tr K,   c = tr(K C) / tr K:
+Score tests take K and C along the world axes, at a point halfway between the centres of mass and at
+six points about it. Refits start at the best of these and fit point and axes, with dR/dp linear in
+p. An alternative start is a link as stiff in all directions as the drawn slides of the upper body:
+from no link to a stiff one a fit takes many steps, while joints soften that are too stiff without
+the link. A link along one axis is the same anywhere on its line.
 
-of a link that is alike in all directions what it has in each, of one that pulls along an axis what
-it has there.
+The verdict states the mean weighted by the stiffness,
+
+    k = tr(K K) / tr K,   c = tr(K C) / tr K.
+
+This is the stiffness in each direction of an isotropic link, and the stiffness along its axis of a
+link with one axis.
 """
 
 from collections.abc import Iterator
 from itertools import combinations
 
-import numpy as np
-
-from diagnosis.effects.link import START_POINTS, Link
-from diagnosis.effects.points import are_joined
+from diagnosis.effects.link import Link, list_start_points
+from diagnosis.effects.points import are_joined, find_middle_frequency
 from diagnosis.hypothesis import Effect, Hypothesis, Scene
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each pair of bodies."""
+    """Yield one for each pair of bodies and start point."""
     machine = scene.model.machine
     bodies = machine.layout.bodies
-    band = scene.session.campaign.freq_hz
-    omega = 2 * np.pi * float(np.sqrt(band[band > 0].min() * band[-1]))
-    # The coordinate of a body's mode is a point: nothing is tied to it.
+    omega = find_middle_frequency(scene)
+    # The coordinate of a body's mode is a point, to which no link is tied.
     solid = [k for k in range(len(bodies)) if machine.body_mass[6 * k + 3, 6 * k + 3] > 0]
     for low, high in combinations(solid, 2):
         if not are_joined(machine, bodies[low], bodies[high]):
-            for at in range(len(START_POINTS)):
+            for at in range(len(list_start_points())):
                 link = Link(machine, (low, high), omega, at)
                 yield Hypothesis(
                     "parallel_path",
@@ -47,7 +47,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                     scored=link.along_axes,
                     signed=True,
                     bounds=link.bounds,
-                    otherwise=link.firm,
+                    otherwise=link.stiff_starts,
                     state=link.state,
                 )
 

@@ -1,8 +1,9 @@
 """Checks of a hypothesis that a plug-in proposes: names, shapes, slopes and stated numbers.
 
-A hypothesis frees something; its parameters are named once and are nothing on the drawing; frames
-and cores of its Parts fit the machine; all numbers are finite; slopes are those of the change; and
-``state`` gives numbers where the fit begins.
+A hypothesis must add a Part, release a tolerance or correct the measurement. Its parameters must
+have one name each and be zero in the nominal model. Frames and cores of its Parts must fit the
+machine. All numbers must be finite. Slopes must agree with central differences of the change, a
+small step away from the start. ``state`` must return numbers at the start.
 """
 
 from collections.abc import Sequence
@@ -12,15 +13,12 @@ from typing import Any
 import numpy as np
 
 from diagnosis.hypothesis import Hypothesis, Scene, Value
+from diagnosis.rounding import ROUNDING_SHARE
 from identification.words import Complex
 from mbmodel import Change, Machine, Part, PartContext
 
 _PLACE_KINDS = "joint", "body", "sensor", "hammer", "pair"
-_STEP_FROM_START = 1e-3  # parameter units: where Parts begin they change nothing
-_DIFFERENCE_STEP = 1e-4  # parameter units, of the central difference that slopes are compared with
-_MAX_SLOPE_ERROR = 1e-2  # relative, of that comparison
-_ROUNDING_SHARE = 1e-9  # of a change's size, which a difference cannot resolve
-_CHECKED_LINES = 5  # frequency lines of the comparison
+_SLOPE_TOLERANCE = 1e-2  # relative difference of slopes and central differences
 
 
 def find_fault(hypothesis: Hypothesis, scene: Scene, seen: dict[str, Part]) -> str | None:
@@ -28,8 +26,8 @@ def find_fault(hypothesis: Hypothesis, scene: Scene, seen: dict[str, Part]) -> s
 
     Args:
         hypothesis: the hypothesis.
-        scene: for which it was proposed.
-        seen: Parts of earlier hypotheses by the names of their parameters; grows.
+        scene: scene for which it was proposed.
+        seen: Parts of earlier hypotheses by the names of their parameters, which is extended.
     """
     if not (hypothesis.dof is None or isinstance(hypothesis.dof, str)):
         return f"its dof is {hypothesis.dof!r}: say a word, such as tx, or None"
@@ -42,7 +40,7 @@ def find_fault(hypothesis: Hypothesis, scene: Scene, seen: dict[str, Part]) -> s
 
 
 def _find_naming_fault(hypothesis: Hypothesis, scene: Scene, seen: dict[str, Part]) -> str | None:
-    """Return what is wrong with the names of parameters; arguments as of ``find_fault``."""
+    """Return what is wrong with the names of parameters; see ``find_fault``."""
     names = set()
     for part in hypothesis.parts:
         for parameter in part.parameters:
@@ -56,49 +54,50 @@ def _find_naming_fault(hypothesis: Hypothesis, scene: Scene, seen: dict[str, Par
                     "drawing: say drawn 0.0 and positive=False"
                 )
     varies = set(scene.session.parametrisation.names)
-    there = {parameter.name for parameter in scene.model.parameters}
-    begun = {name for values in (hypothesis.begin, *hypothesis.otherwise) for name in values}
+    present = {parameter.name for parameter in scene.model.parameters}
+    started = {name for values in (hypothesis.begin, *hypothesis.otherwise) for name in values}
     unknown = {*hypothesis.release, *hypothesis.scored} - names - varies
     unknown |= {*hypothesis.follow, *hypothesis.bounds, *hypothesis.believed} - names
-    unknown |= {*begun, *hypothesis.follow.values()} - names - there
+    unknown |= {*started, *hypothesis.follow.values()} - names - present
     if unknown:
         return f"it names {', '.join(sorted(unknown))}: say parameters that are there and vary"
     return None
 
 
 def _find_misfit(hypothesis: Hypothesis, scene: Scene) -> str | None:
-    """Return what is wrong with changes of Parts and their slopes, where the fit begins."""
+    """Return what is wrong with the changes of Parts and their slopes at the start."""
     machine, campaign = scene.model.machine, scene.session.campaign
     laplace = np.asarray(2j * np.pi * campaign.freq_hz[campaign.freq_hz > 0], complex)
-    begins = list_start_values(hypothesis, scene)
+    starts = list_start_values(hypothesis, scene)
+    lines = laplace[[0, len(laplace) // 2, -1]]
     for part in hypothesis.parts:
         names = [parameter.name for parameter in part.parameters]
-        theta = np.array([begins[name] for name in names])
-        beside = [
-            np.clip(begins[n] + _STEP_FROM_START, *hypothesis.bounds.get(n, (-np.inf, np.inf)))
-            for n in names
-        ]
-        step = _DIFFERENCE_STEP * np.ones(len(names))
+        theta = np.array([starts[name] for name in names])
+        # At the start most Parts change nothing, so that slopes are compared a step away.
+        size = float(np.cbrt(np.finfo(float).eps))
+        step = np.full(len(names), size)
+        middle = np.array(
+            [np.clip(starts[n] + size, *hypothesis.bounds.get(n, (-np.inf, np.inf))) for n in names]
+        )
         for condition in {test.condition: None for test in campaign.tests}:
             at = PartContext(machine, condition)
             for slope in part.slopes(theta, at):
                 if fault := _find_unfit(slope, (len(names),), machine, laplace):
                     return f"of a slope {fault}"
-            for change in part.changes(np.array(beside), at):
+            for change in part.changes(middle, at):
                 if fault := _find_unfit(change, (), machine, laplace):
                     return f"of a change {fault}"
-            middle, few = np.array(beside), laplace[:: max(1, len(laplace) // _CHECKED_LINES)]
             ahead, behind = (part.changes(middle + sign * step, at) for sign in (1, -1))
             moved = [
                 replace(slope, core=np.tensordot(step, slope.core, 1))
                 for slope in part.slopes(middle, at)
             ]
-            if _differ(_stiffness(ahead, few), _stiffness(behind, few), _stiffness(moved, few)):
+            if _differ(*(_sum_stiffness(changes, lines) for changes in (ahead, behind, moved))):
                 return "its slopes are not those of its change: derive them anew"
     return None
 
 
-def _stiffness(changes: Sequence[Change], laplace: Complex) -> dict[tuple[str, str], Complex]:
+def _sum_stiffness(changes: Sequence[Change], laplace: Complex) -> dict[tuple[str, str], Complex]:
     """Return the dynamic stiffness of all changes of a slot and point; (n_line, n, m) each."""
     stiffness: dict[tuple[str, str], Complex] = {}
     for change in changes:
@@ -120,7 +119,7 @@ def _differ(
     for key in {*ahead, *behind, *moved}:
         first, second, slope = (at.get(key, np.zeros(1)) for at in (ahead, behind, moved))
         off = np.abs((first - second) / 2 - slope).max()
-        if off > _MAX_SLOPE_ERROR * np.abs(slope).max() + _ROUNDING_SHARE * np.abs(first).max():
+        if off > _SLOPE_TOLERANCE * np.abs(slope).max() + ROUNDING_SHARE * np.abs(first).max():
             return True
     return False
 
@@ -169,19 +168,19 @@ def _find_unfit(
 
 
 def list_start_values(hypothesis: Hypothesis, scene: Scene) -> dict[str, float]:
-    """Return all parameters [SI] by name, where a fit of the hypothesis begins."""
-    there = zip(scene.model.parameters, scene.theta.tolist(), strict=True)
-    begins = {parameter.name: value for parameter, value in there}
-    begins |= {parameter.name: 0.0 for part in hypothesis.parts for parameter in part.parameters}
-    begins |= hypothesis.begin
-    return begins | {name: begins[target] for name, target in hypothesis.follow.items()}
+    """Return the start values of all parameters [SI] of a fit of the hypothesis, by name."""
+    fitted = zip(scene.model.parameters, scene.theta.tolist(), strict=True)
+    starts = {parameter.name: value for parameter, value in fitted}
+    starts |= {parameter.name: 0.0 for part in hypothesis.parts for parameter in part.parameters}
+    starts |= hypothesis.begin
+    return starts | {name: starts[target] for name, target in hypothesis.follow.items()}
 
 
 def read_numbers(stated: Any) -> dict[str, Value]:
     """Return finite numbers and vectors by name.
 
     Raises:
-        ValueError: something else.
+        ValueError: another value.
     """
     numbers: dict[str, Value] = {}
     for name, value in dict(stated).items():

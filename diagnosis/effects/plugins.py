@@ -1,7 +1,7 @@
-"""Effects of other packages: loaded by entry points, refused by name, checked as they propose.
+"""Effects of other packages: they are loaded by entry points and checked as they propose.
 
-Effects of this project are tested instead. A function of a plug-in that fails later, at fitted
-values, names its entry point.
+Effects of this project have tests instead. If a function of a plug-in fails later, at fitted
+values, the error names its entry point.
 """
 
 import logging
@@ -25,19 +25,19 @@ def load_effect(point: EntryPoint) -> Effect:
     """Return the effect of an entry point, whose proposals are checked.
 
     Raises:
-        InputError: it cannot be loaded, is no Effect, or its words cannot be filled in.
+        InputError: the entry point cannot be loaded, is no Effect, or has invalid words.
     """
-    who = describe_entry_point(point.name)
-    with _blame(f"{who}: loading {point.value}"):
+    label = describe_entry_point(point.name)
+    with _blame(f"{label}: loading {point.value}"):
         effect = point.load()
     if not isinstance(effect, Effect):
-        raise InputError(f"{who}: {point.value} is no Effect: name one, or uninstall its package")
+        raise InputError(f"{label}: {point.value} is no Effect: name one, or uninstall its package")
     for name in ("noun", "means", "confirm"):
         text = getattr(effect, name)
         if not isinstance(text, str):
-            raise InputError(f"{who}: its {name} is {text!r}, expected words: {_MEND}")
+            raise InputError(f"{label}: its {name} is {text!r}, expected words: {_MEND}")
         keys = "{place}, {dof}, {direction} and {channel}"
-        with _blame(f"{who}: filling in {name}, which may name {keys},"):
+        with _blame(f"{label}: filling in {name}, which may name {keys},"):
             effect.describe(text, "joint:stage", "tx")
     return replace(effect, propose=_CheckedProposal(point.name, effect.propose))
 
@@ -49,7 +49,7 @@ def describe_entry_point(name: str) -> str:
 
 @contextmanager
 def _blame(what: str) -> Iterator[None]:
-    """Raise whatever code of a plug-in raises as an error that names the plug-in."""
+    """Raise any exception of a plug-in as an error that names the plug-in."""
     try:
         yield
     except Exception as error:
@@ -58,10 +58,10 @@ def _blame(what: str) -> Iterator[None]:
 
 @dataclass(frozen=True, eq=False)
 class _CheckedProposal:
-    """A proposal whose hypotheses are checked.
+    """Proposal whose hypotheses are checked.
 
     Args:
-        name: of the entry point.
+        name: name of the entry point.
         propose: proposal of the effect.
     """
 
@@ -69,19 +69,19 @@ class _CheckedProposal:
     propose: Callable[[Scene], Any]
 
     def __call__(self, scene: Scene) -> tuple[Hypothesis, ...]:
-        """Return its hypotheses.
+        """Return the hypotheses for a scene.
 
         Raises:
-            InputError: it fails, or one of them cannot be fitted.
+            InputError: the proposal fails, or a hypothesis cannot be fitted.
         """
-        who = describe_entry_point(self.name)
-        with _blame(f"{who}: propose, which takes a Scene and yields Hypothesis objects,"):
+        label = describe_entry_point(self.name)
+        with _blame(f"{label}: propose, which takes a Scene and yields Hypothesis objects,"):
             proposed = tuple(self.propose(scene))
         checked, seen = [], dict[str, Part]()
         for hypothesis in proposed:
             if not isinstance(hypothesis, Hypothesis):
-                raise InputError(f"{who}: it proposes {hypothesis!r}: yield Hypothesis objects")
-            owner = f"{who}, {hypothesis.words}"
+                raise InputError(f"{label}: it proposes {hypothesis!r}: yield Hypothesis objects")
+            owner = f"{label}, {hypothesis.words}"
             if hypothesis.effect != self.name:
                 raise InputError(
                     f"{owner}: its effect is called {hypothesis.effect!r}: call both alike, it "
@@ -101,7 +101,7 @@ class _CheckedProposal:
 
 
 def _guard_part(part: Part, owner: str) -> Part:
-    """Return a Part whose errors, far from where it was checked, name the plug-in."""
+    """Return a Part whose later errors, at other values than checked, name the plug-in."""
     if not isinstance(part, AddedPart):
         return part
     finite, slopes = (
@@ -114,7 +114,7 @@ def _guard_part(part: Part, owner: str) -> Part:
 
 @dataclass(frozen=True, eq=False)
 class _BlamingCall:
-    """A function of a plug-in, whose errors name it."""
+    """Function of a plug-in, whose errors name the plug-in."""
 
     owner: str
     call: Callable[..., Any]
@@ -126,7 +126,7 @@ class _BlamingCall:
 
 @dataclass(frozen=True, eq=False)
 class _GuardedWriter:
-    """A writer of MJCF elements; where it fails, its error is why the file lacks them."""
+    """Writer of MJCF elements; its error is the reason why the file lacks them."""
 
     owner: str
     call: Callable[..., Any]
@@ -140,26 +140,26 @@ class _GuardedWriter:
 
 @dataclass(eq=False)
 class _GuardedStatement:
-    """A statement of parameters; where it fails, none are stated, and one warning is logged.
+    """Statement of parameters; if it fails, none are stated, and one warning is logged.
 
-    A cause is worth more than its size, so the diagnosis goes on.
+    The diagnosis goes on, because a cause without its size is still a result.
 
     Args:
         owner: entry point and hypothesis.
         state: statement of the hypothesis.
-        failed: whether it failed before.
+        has_failed: whether it failed before.
     """
 
     owner: str
     state: Callable[[Mapping[str, float]], Any]
-    failed: bool = False
+    has_failed: bool = False
 
     def __call__(self, fitted: Mapping[str, float]) -> dict[str, Value]:
         """Return parameters of the verdict."""
         try:
             return read_numbers(self.state(fitted))
         except Exception as error:
-            if not self.failed:
+            if not self.has_failed:
                 _LOG.warning(
                     "%s: state fails at fitted values (%s: %s): sizes of this cause, or their "
                     "intervals, are not stated or too narrow; mend state",
@@ -167,5 +167,5 @@ class _GuardedStatement:
                     type(error).__name__,
                     error,
                 )
-            self.failed = True
+            self.has_failed = True
             return {}

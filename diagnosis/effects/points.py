@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from itertools import groupby
 
+import numpy as np
+
 from diagnosis.hypothesis import Hypothesis, Scene, release_tolerance
 from identification.words import (
     DEFAULT_HAMMER,
@@ -21,11 +23,12 @@ def list_varying_names(scene: Scene) -> set[str]:
 
 
 def list_sensors(scene: Scene) -> list[str]:
-    """Sites that some test reads, in the order of the layout."""
-    read = {dof.point for test in scene.session.campaign.tests for dof in test.estimate.frf.outputs}
+    """Return the sites that some test reads, in the order of the layout."""
+    tests = scene.session.campaign.tests
+    measured = {dof.point for test in tests for dof in test.estimate.frf.outputs}
     points = scene.model.machine.layout.points
     return [
-        p for p in points if p in read and node_number(p) is not None and not is_hammer_point(p)
+        p for p in points if p in measured and node_number(p) is not None and not is_hammer_point(p)
     ]
 
 
@@ -44,7 +47,7 @@ def hits(scene: Scene) -> tuple[Dof, ...]:
 
 
 def name_vector(prefix: str) -> tuple[str, ...]:
-    """Names of a vector in world axes."""
+    """Return the names of the components of a vector in world axes."""
     return tuple(f"{prefix}{axis}" for axis in "xyz")
 
 
@@ -95,20 +98,26 @@ def release_hammers(scene: Scene, effect: str, parameter: str) -> Iterator[Hypot
             yield release_tolerance(effect, place, None, (name,), parameter)
 
 
+def find_middle_frequency(scene: Scene) -> float:
+    """Return the geometric middle of the band [rad/s]."""
+    band = scene.session.campaign.freq_hz
+    return 2 * np.pi * float(np.sqrt(band[band > 0].min() * band[-1]))
+
+
 def find_sprung_stages(machine: Machine) -> list[str]:
-    """Stages with springs of their own joints."""
+    """Return the stages whose joints have springs."""
     named = {spring.name for spring in machine.springs}
     stages = groupby(machine.axles, key=lambda axle: axle.stage)
     return [stage for stage, axles in stages if any(axle.joint in named for axle in axles)]
 
 
 def find_own_springs(machine: Machine, stage: str) -> tuple[str, ...]:
-    """Names of the springs of a stage's joints."""
+    """Return the names of the springs of a stage's joints."""
     named = {spring.name for spring in machine.springs}
     return tuple(a.joint for a in machine.axles if a.stage == stage and a.joint in named)
 
 
 def are_joined(machine: Machine, lower: str, upper: str) -> bool:
-    """Whether a joint joins two bodies."""
+    """Return whether a joint joins two bodies."""
     parents = parent_bodies(machine)
     return parents.get(upper) == lower or parents.get(lower) == upper

@@ -1,29 +1,29 @@
-"""Effects that gates prove from spare channels alone, without a hypothesis to be refitted."""
+"""Effects that the data checks prove by redundant channels alone, without a refit."""
 
 from diagnosis.hypothesis import Effect
 from identification import FAULT_PHRASES
 
 
-def _nothing(_: object) -> tuple[()]:
-    """A gate proposes."""
+def _propose_none(_: object) -> tuple[()]:
+    """Return none: the data checks propose."""
     return ()
 
 
 PROVEN = {
     "dead_channel": Effect(
-        _nothing,
+        _propose_none,
         noun=FAULT_PHRASES["dead_channel"],
         means="{channel} holds no motion",
         confirm="look at cable and plug of {channel}, and repeat one hit",
     ),
     "mount_resonance": Effect(
-        _nothing,
+        _propose_none,
         noun=FAULT_PHRASES["mount_resonance"],
         means="{place} resonates on its mounting",
         confirm="glue or screw {place} on anew and repeat one hit: the resonance moves up",
     ),
     "sensor_swap": Effect(
-        _nothing,
+        _propose_none,
         noun=FAULT_PHRASES["sensor_swap"],
         means="channels are exchanged: {channel}",
         confirm="knock at {place} along each axis in turn and see which channel answers",

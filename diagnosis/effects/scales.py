@@ -1,8 +1,13 @@
-"""Units of the parameters of effects: a step of one is small for a machine, whatever its size."""
+"""Units and limits of the parameters of effects.
+
+A fit moves a coordinate without a prior by at most 0.7 units a step (``tuning.solvers``). One unit
+is therefore a small change of any machine, whatever its size.
+"""
 
 MASS_SHARE_UNIT = 0.01  # of the body's mass
-ARM_UNIT_M = 0.1  # m, of a place or point
-LOG_TIME_UNIT = 0.5  # of the logarithm of a time constant or a damping ratio
+ARM_UNIT_M = 0.1  # m, of a place, a point or an offset
+LOG_UNIT = 0.5  # of the logarithm of a time constant or a damping ratio
 MAX_LOG_STEPS = 20.0  # units of a logarithm: beyond, FRFs in the band change no more
-# Rows and columns of the entries of a symmetric 3 x 3 matrix: xx, yy, zz, yz, xz, xy.
-SYMMETRIC_ENTRIES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+# Of the body's mass, and of its radius of gyration: what weighs more or lies farther out belongs to
+# another body.
+MAX_ADDED_SHARE = 3.0

@@ -1,7 +1,7 @@
-"""A sensor whose channels come late by more than their tolerance: another amplifier or filter.
+"""A sensor whose channels lag by more than their tolerance: another amplifier or filter.
 
-Its readings are multiplied by exp(-i w delay). The delay that is stated is the mean over its
-channels. Where a body has redundant channels, the data checks prove it without a model.
+The lag multiplies its readings by exp(-i w delay). The verdict states the mean delay of its
+channels. On a body with redundant channels the data checks prove the delay without a model.
 """
 
 from collections.abc import Iterator, Mapping
@@ -24,10 +24,10 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             if name in varying and Dof(site, f"+{direction}") in measured
         )
         if names:
-            yield _hypothesis(site, names)
+            yield _release_delays(site, names)
 
 
-def _hypothesis(site: str, names: tuple[str, ...]) -> Hypothesis:
+def _release_delays(site: str, names: tuple[str, ...]) -> Hypothesis:
     """Return the hypothesis that releases the delays of a sensor's channels."""
 
     def state(fitted: Mapping[str, float]) -> dict[str, Value]:

@@ -1,4 +1,4 @@
-"""A channel whose gain is beyond its tolerance: a wrong calibration value."""
+"""A channel with a gain beyond its tolerance: a wrong calibration value."""
 
 from collections.abc import Iterator
 
@@ -8,7 +8,7 @@ from identification import FAULT_PHRASES
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each channel whose gain has a tolerance."""
+    """Yield one for each channel whose gain has a tolerance."""
     varying = list_varying_names(scene)
     unknown = scene.session.campaign.unknown_gains.sensors
     for site in (site for site in list_sensors(scene) if site not in unknown):

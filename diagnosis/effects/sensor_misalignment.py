@@ -1,4 +1,4 @@
-"""A sensor whose axes are turned beyond tolerance: true axes = drawn axes turned by a vector."""
+"""A sensor whose axes are turned beyond tolerance: true axes = rotation of the drawn axes."""
 
 from collections.abc import Iterator
 
@@ -8,7 +8,7 @@ from identification import FAULT_PHRASES
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each sensor whose angles have a tolerance."""
+    """Yield one for each sensor whose angles have a tolerance."""
     varying = list_varying_names(scene)
     for site in list_sensors(scene):
         names = name_vector(f"{site}.rotation_")

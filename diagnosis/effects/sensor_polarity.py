@@ -1,7 +1,8 @@
-"""A channel with a turned sign.
+"""A channel with an inverted sign.
 
-No slope leads there: it is scored as a free gain, of which it is the value -1, and decided by a
-refit to the channel turned back. Where the spare channels of a body tell, the gate knows it before.
+No slope leads from a gain of 1 to -1. The score test therefore frees the gain, and a refit to the
+channel with the sign corrected decides. On a body with redundant channels the data checks prove it
+without a model.
 """
 
 from collections.abc import Iterator
@@ -17,12 +18,12 @@ from identification.words import Complex, Real
 
 
 def read_inverted(freq_hz: Real) -> Complex:
-    """Return the reading of a reversed channel per motion."""
+    """Return the reading of an inverted channel per motion; (n_freq,)."""
     return np.full(len(freq_hz), -1.0 + 0.0j)
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each channel."""
+    """Yield one for each channel."""
     varying = list_varying_names(scene)
     unknown = scene.session.campaign.unknown_gains.sensors
     for site in (site for site in list_sensors(scene) if site not in unknown):

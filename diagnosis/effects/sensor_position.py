@@ -1,4 +1,4 @@
-"""A sensor that sits elsewhere than drawn: true place - drawn place, beyond tolerance."""
+"""A sensor at another place than drawn: offset = true place - drawn place, beyond tolerance."""
 
 from collections.abc import Iterator
 
@@ -8,7 +8,7 @@ from identification import FAULT_PHRASES
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each sensor whose place has a tolerance."""
+    """Yield one for each sensor whose place has a tolerance."""
     varying = list_varying_names(scene)
     # A rotation of a solid body reads the same everywhere on it.
     moving = {dof.point for dof in scene.session.campaign.outputs if not dof.is_rotation}

@@ -1,7 +1,7 @@
-"""Springs that follow another law than k: K += theta k f(s), k as it is fitted.
+"""Springs that follow another law than a constant stiffness k: K += theta k f(s).
 
-Every spring of a law brings its own stiffness as a parameter that follows the joint's: while both
-are fitted, the law stays one of the stiffness there is.
+Each spring of a law has its stiffness as a parameter that follows that of the joint, so that k is
+the fitted stiffness at every step of a fit.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -9,63 +9,56 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from diagnosis.effects.scales import LOG_UNIT, MAX_LOG_STEPS
 from diagnosis.hypothesis import Hypothesis, Scene, Value
 from identification.words import Complex, Condition, Real
 from mbmodel import AddedPart, Change, Parameter
 
-_MAX_LOG_TIME = 6.0  # of the logarithm of a time, from where it was scanned
 Shape = Callable[[Complex], Complex]
 State = Callable[[Mapping[str, float]], dict[str, Value]]
 
 
 @dataclass(frozen=True, eq=False)
-class Timed:
-    """f(s; tau) of a time tau that is fitted by its logarithm, from where it was scanned.
+class TimedLaw:
+    """Law f(s; tau) of a time tau, whose logarithm is fitted from the tau of a scan.
 
     Args:
-        tau: where it begins [s].
-        step: of its logarithm per unit of the parameter.
-        shape: f at tau.
-        slope: df / d ln tau at tau.
+        tau: time of the scan [s].
+        shape: returns f at a tau.
+        slope: returns df / d ln tau at a tau.
     """
 
     tau: float
-    step: float
     shape: Callable[[float], Shape]
     slope: Callable[[float], Shape]
 
-    def at(self, theta: float) -> float:
-        """Tau [s]."""
-        return self.tau * float(np.exp(self.step * theta))
-
-    @property
-    def farthest(self) -> float:
-        """The parameter, where it ends."""
-        return _MAX_LOG_TIME / self.step
+    def find_time(self, theta: float) -> float:
+        """Return tau [s] at a value of its parameter."""
+        return self.tau * float(np.exp(LOG_UNIT * theta))
 
 
 def evaluate_constant(laplace: Complex) -> Complex:
-    """The law ``f = 1``."""
+    """Return f = 1; (n_freq,)."""
     return np.ones_like(laplace)
 
 
 @dataclass(frozen=True, eq=False)
 class Law:
-    """A law of some springs.
+    """Law of the springs of a joint.
 
     Args:
         location: joint of the springs.
-        name: beginning of the parameters' names.
+        name: prefix of the names of the parameters.
         law: f(s), with a time to be fitted or without.
-        when: whether it holds in a test; in all if None.
+        when: whether the law applies to a test; to all tests if None.
         frame: directions of the springs; (nv, n_spring).
-        follow: the model's stiffness that each parameter follows, by name.
+        follow: stiffness of the model that each parameter follows, by name.
         start: fitted stiffness of each spring.
     """
 
     location: str
     name: str
-    law: Shape | Timed
+    law: Shape | TimedLaw
     when: Callable[[Condition], bool] | None
     frame: Real
     follow: Mapping[str, str]
@@ -78,18 +71,18 @@ class Law:
         location: str,
         springs: tuple[str, ...],
         name: str,
-        law: Shape | Timed,
+        law: Shape | TimedLaw,
         when: Callable[[Condition], bool] | None = None,
     ) -> "Law":
-        """Return the law of those springs whose stiffness is tuned.
+        """Return the law of the springs whose stiffness is tuned.
 
         Args:
             scene: model with the springs.
-            location: their joint.
-            springs: their names.
-            name: beginning of the parameters' names.
+            location: joint of the springs.
+            springs: names of the springs.
+            name: prefix of the names of the parameters.
             law: f(s), with a time to be fitted or without.
-            when: whether it holds in a test; in all if None.
+            when: whether the law applies to a test; to all tests if None.
         """
         tuned = {parameter.name for parameter in scene.model.parameters}
         sprung = tuple(spring for spring in springs if f"{spring}.stiffness" in tuned)
@@ -102,26 +95,26 @@ class Law:
         return cls(location, name, law, when, frame, follow, start)
 
     @property
-    def size(self) -> str:
-        """Name of theta."""
+    def size_name(self) -> str:
+        """Name of the size theta."""
         return f"{self.name}.size"
 
     @property
-    def time(self) -> str:
-        """Name of the time's parameter."""
+    def time_name(self) -> str:
+        """Name of the parameter of the time."""
         return f"{self.name}.time"
 
     @property
     def part(self) -> AddedPart:
         """Part with the law."""
-        names = [(self.size, "1")]
-        if isinstance(self.law, Timed):
-            names.append((self.time, f"{self.law.step:.0%}"))
+        names = [(self.size_name, "1")]
+        if isinstance(self.law, TimedLaw):
+            names.append((self.time_name, f"{LOG_UNIT:.0%}"))
         parameters = [Parameter(name, 0.0, unit, positive=False) for name, unit in names]
         for name, value in zip(self.follow, self.start, strict=True):
             parameters.append(Parameter(name, value, "N/m or N m/rad"))
-        finite, slopes = self._finite, self._derivatives
-        return AddedPart(self.location, tuple(parameters), finite, slopes, self.when)
+        change, slopes = self._compute_change, self._compute_slopes
+        return AddedPart(self.location, tuple(parameters), change, slopes, self.when)
 
     def propose(
         self,
@@ -132,14 +125,14 @@ class Law:
         signed: bool = True,
         otherwise: tuple[float, ...] = (),
     ) -> Iterator[Hypothesis]:
-        """Yield the hypothesis of the law; none where no spring has a stiffness.
+        """Yield the hypothesis of the law; none if no spring has a stiffness.
 
         Args:
-            effect: as the verdict calls it.
-            dof: direction or test, as the verdict calls it.
+            effect: name of the effect in the verdict.
+            dof: direction or test in the verdict.
             state: parameters of the verdict from the fitted ones.
-            signed: whether its size is not below zero.
-            otherwise: further sizes at which it may begin.
+            signed: whether the size cannot be negative.
+            otherwise: alternative start values of the size.
         """
         if self.follow:
             yield Hypothesis(
@@ -147,57 +140,64 @@ class Law:
                 self.location,
                 dof,
                 parts=(self.part,),
-                scored=(self.size,),
+                scored=(self.size_name,),
                 follow=self.follow,
                 signed=signed,
                 bounds=self._bounds,
-                otherwise=tuple({self.size: size} for size in otherwise),
+                otherwise=tuple({self.size_name: size} for size in otherwise),
                 state=state,
             )
 
     @property
     def _bounds(self) -> dict[str, tuple[float, float]]:
-        law = self.law
-        return {self.time: (-law.farthest, law.farthest)} if isinstance(law, Timed) else {}
+        if not isinstance(self.law, TimedLaw):
+            return {}
+        return {self.time_name: (-MAX_LOG_STEPS, MAX_LOG_STEPS)}
 
-    def tau(self, fitted: Mapping[str, float]) -> float:
+    def read_time(self, fitted: Mapping[str, float]) -> float:
         """Return the fitted time [s].
 
         Raises:
-            TypeError: a law without one.
+            TypeError: the law has no time.
         """
-        if not isinstance(self.law, Timed):
+        if not isinstance(self.law, TimedLaw):
             raise TypeError("a law without a time")
-        return self.law.at(fitted[self.time])
+        return self.law.find_time(fitted[self.time_name])
 
-    def _change(self, core: Real, shape: Shape) -> Change:
-        """Return a change with cores (.., n_spring, n_spring) of s^0."""
+    def _build_change(self, core: Real, shape: Shape) -> Change:
+        """Return the change by cores of s^0; (.., n_spring, n_spring)."""
         whole = np.zeros((*core.shape[:-2], 3, *core.shape[-2:]))
         whole[..., 0, :, :] = core
         return Change("joint", self.frame, self.frame, whole, shape=shape)
 
-    def _shape(self, theta: Real) -> Shape:
+    def _find_shape(self, theta: Real) -> Shape:
         law = self.law
-        return law.shape(law.at(float(theta[1]))) if isinstance(law, Timed) else law
+        return law.shape(law.find_time(float(theta[1]))) if isinstance(law, TimedLaw) else law
 
-    def _stiffness(self, theta: Real) -> Real:
+    def _select_stiffness(self, theta: Real) -> Real:
         return theta[len(theta) - len(self.follow) :]
 
-    def _finite(self, theta: Real) -> tuple[Change, ...]:
+    def _compute_change(self, theta: Real) -> tuple[Change, ...]:
         """Return the change of the law."""
-        return (self._change(theta[0] * np.diag(self._stiffness(theta)), self._shape(theta)),)
+        return (
+            self._build_change(
+                theta[0] * np.diag(self._select_stiffness(theta)), self._find_shape(theta)
+            ),
+        )
 
-    def _derivatives(self, theta: Real) -> tuple[Change, ...]:
+    def _compute_slopes(self, theta: Real) -> tuple[Change, ...]:
         """Return slopes by the size, the time if there is one, and each stiffness."""
         count, n = len(theta), len(self.follow)
-        stiffness = np.diag(self._stiffness(theta))
+        stiffness = np.diag(self._select_stiffness(theta))
         core = np.zeros((count, n, n))
         core[0] = stiffness
         each = np.arange(n)
         core[count - n + each, each, each] = theta[0]
-        changes = [self._change(core, self._shape(theta))]
-        if isinstance(self.law, Timed):
+        changes = [self._build_change(core, self._find_shape(theta))]
+        if isinstance(self.law, TimedLaw):
             late = np.zeros((count, n, n))
-            late[1] = theta[0] * self.law.step * stiffness
-            changes.append(self._change(late, self.law.slope(self.law.at(float(theta[1])))))
+            late[1] = theta[0] * LOG_UNIT * stiffness
+            changes.append(
+                self._build_change(late, self.law.slope(self.law.find_time(float(theta[1]))))
+            )
         return tuple(changes)

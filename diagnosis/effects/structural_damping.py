@@ -1,4 +1,4 @@
-"""A joint whose loss does not grow with frequency: k (1 + i eta), K += i sign(w) eta k."""
+"""A joint whose loss does not grow with frequency: K += i sign(w) eta k."""
 
 from collections.abc import Iterator, Mapping
 
@@ -11,12 +11,12 @@ from identification.words import Complex
 
 
 def evaluate_loss(laplace: Complex) -> Complex:
-    """The law ``i sign(w)``; (n_freq,)."""
+    """Return i sign(w); (n_freq,)."""
     return np.asarray(1j * np.sign(laplace.imag), complex)
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each joint."""
+    """Yield one for each joint."""
     machine = scene.model.machine
     for stage in find_sprung_stages(machine):
         place = f"joint:{stage}"
@@ -25,7 +25,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
         )
 
         def state(fitted: Mapping[str, float], spring_law: Law = loss) -> dict[str, Value]:
-            return {"loss_factor": fitted[spring_law.size]}
+            return {"loss_factor": fitted[spring_law.size_name]}
 
         yield from loss.propose("structural_damping", None, state)
 

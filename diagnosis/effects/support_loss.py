@@ -1,77 +1,79 @@
-r"""A stage on four supports of which some do not carry: a granite on two of four levelers.
+r"""A stage on four supports of which some carry less: a granite on two of four levelers.
 
 A joint with three slides and three hinges along the world axes stands for four supports at
-(+-a, +-b) about its point, each with a quarter of the slides' stiffness. Their levers are what
-makes the hinges' stiffness, or less where supports do not tilt freely,
+(+-a, +-b) about its point, each with a quarter of the stiffness of the slides. z is the third world
+axis. The levers a and b of the supports make up the stiffness of the hinges. Supports that do not
+tilt freely add to it, so that it is a bound:
 
-    a^2 k_tz <= k_ry,   b^2 k_tz <= k_rx,   g^2 (b^2 k_tx + a^2 k_ty) <= k_rz,   g <= 1,
+    a^2 k_tz <= k_ry,   b^2 k_tz <= k_rx,   g^2 (b^2 k_tx + a^2 k_ty) <= k_rz,   g <= 1.
 
-z the world's third axis. All of a and b is believed, give or take a fifth, since what
-tilts less looks like a smaller loss that stands farther out. A support at
-p = (x, y) stretches slide i by q_i + a_i.(R x p), p shrunk by g for the horizontal ones, and one
-that has lost theta takes
+The levers are the longest that these bounds allow, less a shortening whose prior has a standard
+deviation of a fifth. The prior is needed because a shorter lever looks like a smaller loss that
+stands farther out.
 
-    theta / 4 (k_i g_i g_i' + s c_i g_i g_i')   summed over the slides
+A support at p = (x, y) stretches slide i by q_i + a_i.(R x p), the row g_i of the joint
+coordinates. For horizontal slides p is shortened by g. A support that has lost theta of its load
+takes from the joint
 
-from the joint; dampers stand no farther out than their hinges allow. Stiffness and damping are the
-joint's own, fitted with what is lost: of a loss of nine tenths no fit without it tells the levers.
-Nor does one from no loss at all find that two of four are gone: a fit may begin with those as well.
+    theta / 4 (k_i g_i' g_i + s c_i g_i' g_i), summed over the slides.
+
+Levers of the dampers are at most those that the damping of the hinges allows. Stiffness and damping
+of the joint are fitted together with the losses, because a fit that lacks a loss of nine tenths
+gives wrong levers. A fit that starts without any loss does not find that two of four supports are
+gone. Each pair of supports that carry little is therefore an alternative start.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
 from diagnosis.effects.points import find_own_springs, find_sprung_stages
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
-from identification.words import Complex, Mask, Real
+from diagnosis.rounding import NEGLIGIBLE_SHARE, ROUNDING_SHARE
+from identification.words import TOLERANCE_BOUND_SIGMA, Complex, Mask, Real
 from mbmodel import AddedPart, Change, Machine, Parameter, joint_coupling_writer
 
-_CORNERS = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-_ALONG_AXIS_COSINE = 1 - 1e-6  # cosine with a world axis
-_START_LOSS = 0.8  # of what a support carries, where a fit begins with two that carry little
-_LEVER_SIGMA = 0.2  # standard deviation of what is shorter
-_MAX_SHORTENING = 0.5  # of a lever, how much shorter than it could be it is believed to be
-_MIN_CARRIED = 1e-6  # that the best carries
-_COMPLEX_STEP = 1e-30  # complex step, of each parameter's size
+_START_LOSS = 0.8  # of the load of a support, in alternative starts where two carry little
+_LEVER_SIGMA = 0.2  # of a lever: standard deviation of its shortening
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each joint that may stand on four supports."""
+    """Yield one for each joint that may stand on four supports."""
     for stage in find_sprung_stages(scene.model.machine):
         springs = _find_six_springs(scene, stage)
         if springs is not None and (scene.find_stiffness(springs) > 0).all():
-            stand = _Stand.of(scene, stage, springs)
+            supports = _FourSupports.find(scene, stage, springs)
+            longest = TOLERANCE_BOUND_SIGMA * _LEVER_SIGMA
             yield Hypothesis(
                 "support_loss",
                 f"joint:{stage}",
-                parts=(stand.part,),
-                scored=stand.lost,
-                follow=stand.follow,
+                parts=(supports.part,),
+                scored=supports.loss_names,
+                follow=supports.follow,
                 signed=True,
-                bounds=dict.fromkeys(stand.lost, (0.0, 1.0))
-                | dict.fromkeys(stand.nearer, (0.0, _MAX_SHORTENING)),
+                bounds=dict.fromkeys(supports.loss_names, (0.0, 1.0))
+                | dict.fromkeys(supports.shortening_names, (0.0, longest)),
                 otherwise=tuple(
-                    dict.fromkeys(two, _START_LOSS) for two in combinations(stand.lost, 2)
+                    dict.fromkeys(two, _START_LOSS) for two in combinations(supports.loss_names, 2)
                 ),
-                believed=dict.fromkeys(stand.nearer, _LEVER_SIGMA),
-                state=stand.state,
+                believed=dict.fromkeys(supports.shortening_names, _LEVER_SIGMA),
+                state=supports.state,
             )
 
 
 @dataclass(frozen=True, eq=False)
-class _Stand:
-    """Loss of four supports; the joint's own stiffness and damping say where they stand.
+class _FourSupports:
+    """Four supports of a stage, located by stiffness and damping of its joint.
 
     Args:
-        machine: of the scene.
+        machine: machine of the scene.
         stage: stage on the supports.
-        frame: directions of the joint's coordinates tx .. rz; (nv, 6).
-        names: their stiffnesses, then their dampings.
-        is_tuned: whether each of those varies; the others stay; (12,).
-        start: their fitted values; (12,).
+        frame: directions of the joint coordinates tx .. rz; (nv, 6).
+        names: names of their stiffnesses, then of their dampings.
+        is_tuned: whether each of these parameters varies; (12,).
+        start: fitted values of these parameters; (12,).
     """
 
     machine: Machine
@@ -82,7 +84,7 @@ class _Stand:
     start: Real
 
     @classmethod
-    def of(cls, scene: Scene, stage: str, springs: tuple[str, ...]) -> "_Stand":
+    def find(cls, scene: Scene, stage: str, springs: tuple[str, ...]) -> "_FourSupports":
         """Return the supports of a stage on six springs, tx .. rz."""
         machine = scene.model.machine
         directions = {spring.name: spring.direction for spring in machine.springs}
@@ -99,76 +101,81 @@ class _Stand:
         )
 
     @property
-    def lost(self) -> tuple[str, ...]:
-        """Names of what each support has lost."""
+    def loss_names(self) -> tuple[str, ...]:
+        """Names of the losses of the supports."""
         return tuple(f"{self.stage}.lost{number}" for number in range(4))
 
     @property
-    def nearer(self) -> tuple[str, ...]:
-        """Names of how much shorter the levers are."""
+    def shortening_names(self) -> tuple[str, ...]:
+        """Names of the shortenings of the two levers."""
         return tuple(f"{self.stage}.lost_nearer_{axis}" for axis in "xy")
 
     @property
     def follow(self) -> dict[str, str]:
-        """The model's parameter that each parameter of the joint follows."""
+        """Parameter of the model that each parameter of the Part follows, by name."""
         tuned = (name for name, varies in zip(self.names, self.is_tuned, strict=True) if varies)
         return {f"{self.stage}.lost({name})": name for name in tuned}
 
     @property
     def part(self) -> AddedPart:
-        """Part that takes what is lost from the joint."""
+        """Part that takes the losses from the joint."""
         follows = zip(self.follow, self.start[self.is_tuned].tolist(), strict=True)
         parameters = (
-            *(Parameter(name, 0.0, "1", positive=False) for name in (*self.lost, *self.nearer)),
+            *(
+                Parameter(name, 0.0, "1", positive=False)
+                for name in (*self.loss_names, *self.shortening_names)
+            ),
             *(Parameter(name, value, "of the joint") for name, value in follows),
         )
         place = f"joint:{self.stage}"
-        written = joint_coupling_writer(f"{self.stage}.lost", self.machine, self.finite)
-        return AddedPart(place, parameters, self.finite, self.derivatives, written=written)
+        written = joint_coupling_writer(f"{self.stage}.lost", self.machine, self.compute_change)
+        return AddedPart(
+            place, parameters, self.compute_change, self.compute_slopes, written=written
+        )
 
-    def finite(self, theta: Real) -> tuple[Change, ...]:
-        """Stiffness and damping that are taken from the joint."""
-        return (self._change(self._sum_losses(theta).real),)
+    def compute_change(self, theta: Real) -> tuple[Change, ...]:
+        """Return the change of the joint by the losses."""
+        return (self._build_change(self._sum_losses(theta).real),)
 
-    def derivatives(self, theta: Real) -> tuple[Change, ...]:
-        """By complex steps, exact to rounding: f(x + ih) = f(x) + ih f'(x) for tiny h."""
+    def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
+        """Return the slopes by complex steps: f(x + ih) = f(x) + ih f'(x), exact for tiny h."""
         core = np.zeros((len(theta), 3, 6, 6))
         for place, value in enumerate(theta):
-            step = _COMPLEX_STEP * max(abs(float(value)), 1.0)
+            step = np.finfo(float).eps ** 2 * max(abs(float(value)), 1.0)
             moved = theta.astype(complex)
             moved[place] += 1j * step
             core[place] = self._sum_losses(moved).imag / step
-        return (self._change(core),)
+        return (self._build_change(core),)
 
-    def _change(self, core: Real) -> Change:
+    def _build_change(self, core: Real) -> Change:
         return Change("joint", self.frame, self.frame, core)
 
     def _sum_losses(self, theta: Real | Complex) -> Complex:
-        """Cores of s^0 and s^1; (3, 6, 6)."""
+        """Return the cores of s^0 and s^1; (3, 6, 6)."""
         sizes = self.start.astype(complex)
         sizes[self.is_tuned] = theta[6:]
         stiffness, damping = sizes[:6], sizes[6:]
-        far = _levers(stiffness, 1 - theta[4:6])
-        near = _smaller_levers(_levers(damping, 1 - theta[4:6]), far)
+        far = _find_levers(stiffness, 1 - theta[4:6])
+        near = _find_smaller_levers(_find_levers(damping, 1 - theta[4:6]), far)
         core = np.zeros((3, 6, 6), complex)
-        for lost, corner in zip(theta[:4], _CORNERS, strict=True):
+        for lost, corner in zip(theta[:4], _list_corners(), strict=True):
             for power, values, levers in ((0, stiffness, far), (1, damping, near)):
-                rows = _stretch(corner, levers)
+                rows = _find_stretch(corner, levers)
                 core[power] -= lost / 4 * (rows.T * values[:3]) @ rows
         return core
 
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
-        """Return the load of each support, relative to the one that carries most: 0 to 1.
+        """Return the load of each support, relative to the largest: 0 to 1.
 
-        What all have lost alike is a softer joint, whose stiffness is fitted beside.
+        An equal loss of all supports is a softer joint, whose stiffness is fitted too.
         """
-        carried = [max(1 - fitted[name], 0.0) for name in self.lost]
-        most = max(*carried, _MIN_CARRIED)
+        carried = [max(1 - fitted[name], 0.0) for name in self.loss_names]
+        most = max(*carried, NEGLIGIBLE_SHARE)
         return {"fraction": tuple(share / most for share in carried)}
 
 
 def _find_six_springs(scene: Scene, stage: str) -> tuple[str, ...] | None:
-    """Springs in the order tx .. rz, if the stage has just these, through one point."""
+    """Return the springs in the order tx .. rz; None unless they are all, through one point."""
     machine = scene.model.machine
     springs = find_own_springs(machine, stage)
     axles = {axle.joint: axle for axle in machine.axles if axle.stage == stage}
@@ -178,17 +185,17 @@ def _find_six_springs(scene: Scene, stage: str) -> tuple[str, ...] | None:
     for name in springs:
         axle = axles[name]
         axis = int(np.abs(axle.axis).argmax())
-        if abs(axle.axis[axis]) > _ALONG_AXIS_COSINE:
+        if abs(axle.axis[axis]) > 1 - NEGLIGIBLE_SHARE:
             places[axis + 3 * axle.turns] = name
     anchors = np.array([axle.anchor for axle in axles.values() if axle.turns])
-    if len(places) != 6 or np.ptp(anchors, axis=0).max() > 1e-9:
+    if len(places) != 6 or np.ptp(anchors, axis=0).max() > ROUNDING_SHARE:
         return None
     return tuple(places[k] for k in range(6))
 
 
-def _levers(along: Complex, share: Real | Complex) -> Complex:
-    """A, b [m] as a share of what the hinges allow, and g; (3,)."""
-    tx, ty, tz, rx, ry, rz = along
+def _find_levers(stiffness: Complex, share: Real | Complex) -> Complex:
+    """Return ``a`` and ``b`` [m] as a share of what the hinges allow, and ``g``; (3,)."""
+    tx, ty, tz, rx, ry, rz = stiffness
     zero = np.zeros((), complex)
     a, b = (np.sqrt(ry / tz), np.sqrt(rx / tz)) if tz.real > 0 else (zero, zero)
     a, b = a * share[0], b * share[1]
@@ -198,12 +205,18 @@ def _levers(along: Complex, share: Real | Complex) -> Complex:
     return np.array([a, b, flat])
 
 
-def _smaller_levers(first: Complex, second: Complex) -> Complex:
+def _find_smaller_levers(first: Complex, second: Complex) -> Complex:
     return np.where(first.real <= second.real, first, second)
 
 
-def _stretch(corner: tuple[int, int], levers: Complex) -> Complex:
-    """Stretch of the three slides at a support per joint coordinate tx .. rz; (3, 6)."""
+def _list_corners() -> list[tuple[int, int]]:
+    """Return the signs of x and y at the four supports, counter-clockwise from (1, 1)."""
+    corners = product((1, -1), (1, -1))
+    return sorted(corners, key=lambda signs: np.arctan2(signs[1], signs[0]) % (2 * np.pi))
+
+
+def _find_stretch(corner: tuple[int, int], levers: Complex) -> Complex:
+    """Return the stretch of the three slides at a support per joint coordinate; (3, 6)."""
     a, b, flat = levers
     x, y = corner[0] * a, corner[1] * b
     rows = np.eye(3, 6, dtype=complex)

@@ -1,8 +1,12 @@
-"""A Maxwell branch beside a joint's springs: stiffness rises with frequency.
+"""A Maxwell branch in parallel with the springs of a joint: stiffness rises with frequency.
 
-K += ratio k s tau / (1 + s tau) on all springs of the joint, k the static stiffness. The time
-constant is scanned, and fitted from there: from tau = 1 / w of the highest line, above which the
-branch is a damper, to twice that of the lowest, below which it is a spring.
+With the static stiffness k, all springs of the joint get
+
+    K += ratio k s tau / (1 + s tau).
+
+The time constant is scanned and fitted. The scan goes from 1 / w of the highest line, above which
+the branch is a damper, to twice that of the lowest line, below which it is a spring. Its steps are
+at most a factor of e, less than a relaxation is wide.
 """
 
 from collections.abc import Iterator, Mapping
@@ -11,41 +15,47 @@ from functools import lru_cache
 import numpy as np
 
 from diagnosis.effects.points import find_own_springs, find_sprung_stages
-from diagnosis.effects.spring_laws import Law, Shape, Timed
+from diagnosis.effects.spring_laws import Law, Shape, TimedLaw
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
-
-_TIME_CONSTANTS = 6
-_LOG_TAU_UNIT = 0.3
+from identification.words import Complex
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
-    """One for each joint and time constant."""
+    """Yield one for each joint and time constant of the scan."""
     machine = scene.model.machine
     omega = 2 * np.pi * scene.session.campaign.freq_hz
-    lowest = float(omega[omega > 0].min())
+    shortest, longest = 1 / float(omega[-1]), 2 / float(omega[omega > 0].min())
+    times = np.geomspace(shortest, longest, 1 + int(np.ceil(np.log(longest / shortest))))
     for stage in find_sprung_stages(machine):
         springs, place = find_own_springs(machine, stage), f"joint:{stage}"
-        for number, tau in enumerate(
-            np.geomspace(1 / float(omega[-1]), 2 / lowest, _TIME_CONSTANTS)
-        ):
-            law = Timed(float(tau), _LOG_TAU_UNIT, _maxwell, _by_time)
+        for number, tau in enumerate(times.tolist()):
+            law = TimedLaw(tau, _maxwell_law, _maxwell_slope)
             branch = Law.for_springs(scene, place, springs, f"{stage}.maxwell{number}", law)
 
             def state(fitted: Mapping[str, float], spring_law: Law = branch) -> dict[str, Value]:
-                return {"ratio": fitted[spring_law.size], "tau": spring_law.tau(fitted)}
+                ratio = fitted[spring_law.size_name]
+                return {"ratio": ratio, "tau": spring_law.read_time(fitted)}
 
             yield from branch.propose("viscoelastic", None, state, otherwise=(1.0,))
 
 
-@lru_cache(1024)  # those of all joints are one: their columns are formed together
-def _maxwell(tau: float) -> Shape:
-    """The law ``s tau / (1 + s tau)``."""
-    return lambda laplace: np.asarray(laplace * tau / (1 + laplace * tau), complex)
+@lru_cache(1024)  # all joints share it: their columns are formed together
+def _maxwell_law(tau: float) -> Shape:
+    """Return s tau / (1 + s tau)."""
+
+    def shape(laplace: Complex) -> Complex:
+        return np.asarray(laplace * tau / (1 + laplace * tau), complex)
+
+    return shape
 
 
-def _by_time(tau: float) -> Shape:
-    """Its slope by log tau, ``s tau / (1 + s tau)^2``."""
-    return lambda laplace: np.asarray(laplace * tau / (1 + laplace * tau) ** 2, complex)
+def _maxwell_slope(tau: float) -> Shape:
+    """Return the slope by ln tau, s tau / (1 + s tau)^2."""
+
+    def shape(laplace: Complex) -> Complex:
+        return np.asarray(laplace * tau / (1 + laplace * tau) ** 2, complex)
+
+    return shape
 
 
 EFFECT = Effect(
