@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from diagnosis.data_checks.check_data import check_data
-from diagnosis.data_checks.sensors import Gate
+from diagnosis.data_checks.sensors import SensorChecks
 from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, estimate_gaps, hold_out
 from diagnosis.estimates.intervals import FittedParameters
 from diagnosis.hypothesis import Hypothesis, Scene
@@ -27,8 +27,8 @@ class Diagnosis:
     """Everything that led to a verdict.
 
     Args:
-        session: campaign without channels that tell nothing, and nominal model.
-        gate: faults that redundant channels prove.
+        session: campaign without useless channels, and nominal model.
+        checks: faults that redundant channels prove.
         scene: campaign, model and theta of the null model.
         search: null model and sets of causes that were fitted.
         evidence: fits as plain numbers.
@@ -42,7 +42,7 @@ class Diagnosis:
     """
 
     session: Session
-    gate: Gate
+    checks: SensorChecks
     scene: Scene
     search: Search
     evidence: Evidence
@@ -91,16 +91,16 @@ def diagnose(
     """Find what the model lacks, where, and how far the gap shrinks with it.
 
     1. Data checks compare channels without a model, and take gross faults out of the data.
-    2. The null model is fitted: stiffness, damping and tolerances, at the model error that its own
+    2. The null model is fitted: stiffness, damping and tolerances, at the model error that its
        residual shows.
     3. A score test ranks every effect of the catalogue at every place.
-    4. The most promising are refitted, each at its own model error; what a cause is worth is how
-       far that error falls.
-    5. The best cause stays if it is more probable than no cause; the search then goes on from the
+    4. The most promising are refitted, each at its own model error; the value of a cause is the
+       decrease of that error.
+    5. The best cause stays if it is more probable than no cause; the search then continues from the
        model that has it, for up to five causes.
     6. Each earlier cause is left out in turn, and dropped if the others explain as much.
-    7. Where something remains, the force of any spectrum is sought that explains most of it, and
-       its place.
+    7. A free force is fitted at every place: that with the largest gain locates the gap, or the
+       rest.
     8. The posterior weighs all sets of causes, by the number of independent values of the residual.
     9. The gap is estimated on held-out lines, without and with the causes.
     10. Causes that are probable and close a fifth of the gap are established; what remains is the
@@ -109,7 +109,7 @@ def diagnose(
     Args:
         session: campaign and nominal model.
         jobs: processes and threads; the verdict does not depend on it.
-        tell: called with what is being done.
+        tell: called with the current step.
         settings: thresholds and sizes of the search.
         checkpoint: finished refits, which are not repeated.
 
@@ -134,7 +134,7 @@ def diagnose(
     nominal = predict(data.session.model, data.session.model.drawn, data.session.campaign)
     return Diagnosis(
         session=data.session,
-        gate=base.gate,
+        checks=base.checks,
         scene=replace(base.scene, record=None),
         search=search,
         evidence=evidence,
@@ -149,7 +149,7 @@ def diagnose(
 
 
 def estimate_gap_with(diagnosis: Diagnosis, hypothesis: Hypothesis, jobs: int = 1) -> HeldOutGap:
-    """Return the held-out gap with a hypothesis, whether it was among the best or not.
+    """Return the held-out gap with a hypothesis, whether the search refitted it or not.
 
     Args:
         diagnosis: the diagnosis.
@@ -158,5 +158,5 @@ def estimate_gap_with(diagnosis: Diagnosis, hypothesis: Hypothesis, jobs: int = 
     """
     scene = replace(diagnosis.scene, jobs=jobs)
     task = add_cause(diagnosis.retuned.refit, hypothesis)
-    (refit,) = run_refits(scene, [task], SETTINGS.null_schedule)
+    (refit,) = run_refits(scene, [task], diagnosis.settings.null_schedule)
     return hold_out(scene, refit, diagnosis.retuned.width)

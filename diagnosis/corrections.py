@@ -1,4 +1,4 @@
-"""A measurement as it would be without a fault: channels masked, exchanged, turned, divided."""
+"""Corrections of a campaign for faults of sensors: channels are masked, exchanged or divided."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,7 +11,7 @@ Reading = Callable[[Real], Complex]
 
 
 def match_channels(location: str, dof: str | None) -> Callable[[Dof], bool]:
-    """Tells which channels a fault concerns.
+    """Return a function that says whether a fault concerns a channel.
 
     Args:
         location: ``sensor:<site>`` or ``sensor:<site>+<site>``.
@@ -27,7 +27,7 @@ def match_channels(location: str, dof: str | None) -> Callable[[Dof], bool]:
 
 
 def mask_channels(campaign: Campaign, concerns: Callable[[Dof], bool]) -> Campaign:
-    """Without some channels: their cells count as not measured."""
+    """Return the campaign without some channels, whose cells count as not measured."""
 
     def edit(estimate: FrfEstimate) -> FrfEstimate:
         kept = np.array([not concerns(dof) for dof in estimate.frf.outputs])
@@ -39,7 +39,7 @@ def mask_channels(campaign: Campaign, concerns: Callable[[Dof], bool]) -> Campai
 def divide_channels(
     campaign: Campaign, concerns: Callable[[Dof], bool], reading: Reading
 ) -> Campaign:
-    """Channels divided by what they read per motion."""
+    """Return the campaign with some channels divided by their reading per motion."""
 
     def edit(estimate: FrfEstimate) -> FrfEstimate:
         rows = np.array([concerns(dof) for dof in estimate.frf.outputs])
@@ -53,7 +53,7 @@ def divide_channels(
 
 
 def exchange_channels(campaign: Campaign, pairs: tuple[tuple[Dof, Dof], ...]) -> Campaign:
-    """Channels that bear each other's labels; where one of two is missing both are masked."""
+    """Return the campaign with exchanged channels; a channel without its partner is masked."""
     partner = {a.positive: b.positive for a, b in pairs} | {
         b.positive: a.positive for a, b in pairs
     }

@@ -7,33 +7,34 @@ import numpy as np
 
 from diagnosis.labels import name_direction, name_place
 from diagnosis.refit_record import RefitRecord
+from diagnosis.settings import SETTINGS, DiagnosisSettings
 from identification.words import Campaign, Real
 from mbmodel import Machine, Model, Part, RigidDirection
 from tuning import Session
 
 Value = float | tuple[float, ...]
-Ends = tuple[float, float] | tuple[tuple[float, float], ...]  # of a vector one pair a component
+Ends = tuple[float, float] | tuple[tuple[float, float], ...]  # one pair for each component
 
 
 class Vague(tuple[float, ...]):
-    """A vector with a component that is a convention, of which nothing is known: no interval."""
+    """Vector with a component that is a convention and not known: it has no interval."""
 
     __slots__ = ()
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Fit from which hypotheses are proposed.
+    """Fit about which hypotheses are proposed.
 
     Args:
-        session: campaign, drawn model, what varies.
-        theta: of a fit in which tolerances vary; (n_parameter,).
-        held: directions that are rigid as drawn, each on a stiff spring in the session's model.
-        pace: of the lines that fits count otherwise, every so manyth: where there are many data.
-        jobs: processes for fits that do not wait for each other, threads of a single one.
-        there: names of parameters of an effect that the session's model has already.
-        independent: whether lines have noise of their own.
+        session: campaign, nominal model, parametrisation.
+        theta: parameters of the fit; (n_parameter,).
+        rigid_directions: directions that are rigid as drawn, each on a stiff spring of the model.
+        stride_factor: factor on the strides of frequency lines, above 1 for large campaigns.
+        jobs: processes for independent fits, threads for a single fit.
+        has_independent_lines: whether the noise of neighbouring lines is independent.
         record: finished refits, which are not repeated; None to keep none.
+        settings: thresholds and sizes of the search.
     """
 
     session: Session
@@ -41,39 +42,38 @@ class Scene:
     rigid_directions: tuple[RigidDirection, ...] = ()
     stride_factor: int = 1
     jobs: int = 1
-    there: frozenset[str] = frozenset()
     has_independent_lines: bool = False
     record: RefitRecord | None = None
+    settings: DiagnosisSettings = SETTINGS
 
     @property
     def model(self) -> Model:
-        """The model that was fitted."""
+        """Model of the fit."""
         return self.session.model
 
     def find_stiffness(self, springs: tuple[str, ...]) -> Real:
-        """Fitted stiffness of springs, the drawn one where it does not vary, in their order."""
-        return self._along(springs, "stiffness")
+        """Return the stiffness of springs: the fitted one, or the drawn one if it does not vary."""
+        return self._find_along(springs, "stiffness")
 
     def find_damping(self, springs: tuple[str, ...]) -> Real:
-        """Fitted damping of springs, the drawn one where it does not vary, in their order."""
-        return self._along(springs, "damping")
+        """Return the damping of springs: the fitted one, or the drawn one if it does not vary."""
+        return self._find_along(springs, "damping")
 
-    def _along(self, springs: tuple[str, ...], what: str) -> Real:
-        fitted = dict(
-            zip((parameter.name for parameter in self.model.parameters), self.theta, strict=True)
-        )
-        drawn = {spring.name: getattr(spring, what) for spring in self.model.machine.springs}
-        return np.array([fitted.get(f"{name}.{what}", drawn[name]) for name in springs])
+    def _find_along(self, springs: tuple[str, ...], kind: str) -> Real:
+        names = (parameter.name for parameter in self.model.parameters)
+        fitted = dict(zip(names, self.theta, strict=True))
+        drawn = {spring.name: getattr(spring, kind) for spring in self.model.machine.springs}
+        return np.array([fitted.get(f"{name}.{kind}", drawn[name]) for name in springs])
 
 
 def state_nothing(fitted: Mapping[str, float]) -> dict[str, Value]:
-    """No parameter to state."""
+    """Return no parameter."""
     del fitted
     return {}
 
 
 def find_no_direction(fitted: Mapping[str, float]) -> str | None:
-    """No direction."""
+    """Return no direction."""
     del fitted
     return None
 
@@ -83,28 +83,28 @@ class Hypothesis:
     """One effect at one place.
 
     Args:
-        effect, location, dof: as the verdict calls them.
-        release: tolerances without prior and bounds.
-        parts: what is added.
-        begin: values at which parameters begin, by name.
-        otherwise: other values at which parameters may begin, by name: what is far from the
-            drawing may look wrong from there.
-        correct: makes the measurement what it would be without the fault; None for no change.
-        reform: makes the machine one that has coordinates for it; None for no change.
-        scored: coordinates that are scored; all if empty. Others shape what these add.
-        follow: parameters of Parts that have the value of a parameter of the model, by name.
-        linear: sizes of the model that make up for what is added, term by term: they vary by
-            themselves, not by their logarithms, for the line along which they do is straight then.
-        alike: of shapes of one effect, place and direction whose scores are less than by this part
-            below the best one's, the first that was proposed comes first.
-        signed: whether those are sizes, none of which is less than zero.
-        bounds: lowest and highest value of parameters of Parts, by name.
-        believed: one standard deviation of parameters of Parts that are believed to be nearly as
-            they begin, by name.
-        is_modelled: whether its Parts, or the corrected measurement, hold all of it.
-        members: of several at once, each; empty of a single one.
-        state: parameters of the verdict from the fitted ones, by name.
-        along: its direction from the fitted ones, where it has none before it is fitted.
+        effect: name of the effect in the verdict.
+        location: place in the verdict.
+        dof: direction or test in the verdict; None if it has none.
+        release: names of tolerances that lose prior and bounds.
+        parts: Parts that are added.
+        begin: start values of parameters, by name.
+        otherwise: alternative start values: a strong effect may look wrong from the null model.
+        correct: returns the campaign without the fault; None for no change.
+        reform: returns a machine that has coordinates for the effect; None for no change.
+        scored: coordinates of the score test; all if empty. The others shape what these add.
+        follow: parameter of the model that each parameter of a Part equals, by name.
+        linear: sizes of the model that vary linearly, not by their logarithms. They make up for the
+            Part term by term, so that the valley along which both vary is straight.
+        tie_share: of the best score of this effect, place and direction: shapes whose scores are
+            closer to it rank in the order of their proposal.
+        signed: whether the scored sizes cannot be negative.
+        bounds: lowest and highest values of parameters of Parts, by name.
+        believed: standard deviations of the priors of parameters of Parts, by name.
+        is_modelled: whether a fit with the Parts, or the corrected campaign, contains the effect.
+        members: hypotheses of a set of several; empty for a single one.
+        state: returns the parameters of the verdict from the fitted ones.
+        along: returns the direction of the verdict from the fitted parameters, if a fit finds it.
     """
 
     effect: str
@@ -135,45 +135,40 @@ class Hypothesis:
 
     @property
     def site(self) -> str:
-        """Such as ``appendage@body:ty``."""
+        """Effect and place, such as ``appendage@body:ty``."""
         return f"{self.effect}@{self.location}"
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """Names of what is scored."""
+        """Names of the coordinates of the score test."""
         if self.scored:
             return self.scored
         added = (p.name for part in self.parts for p in part.parameters)
         return (*self.release, *(name for name in added if name not in self.follow))
 
     @property
-    def names(self) -> frozenset[str]:
-        """All parameters that it brings or releases."""
-        return frozenset((*self.release, *(p.name for part in self.parts for p in part.parameters)))
-
-    @property
     def identity(self) -> tuple[tuple[str, str, str | None], tuple[str, ...]]:
-        """Key and coordinates: a gain and a sign share theirs, shapes of an effect their key."""
+        """Key and coordinates: shapes of an effect share a key, a gain and a sign coordinates."""
         return self.key, self.coordinates
 
     @property
     def words(self) -> str:
-        """Such as ``sensor_gain@sensor:acc3 tx``."""
+        """Effect, place and direction, such as ``sensor_gain@sensor:acc3 tx``."""
         return f"{self.site}{f' {self.dof}' if self.dof else ''}"
 
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect of the catalogue.
+    """Effect of the catalogue.
 
     Args:
-        propose: its hypotheses for a scene.
-        noun: what it is in a few words.
-        means: what it is, in words; may name ``{place}``, such as ``tilt`` or ``acc1 and acc2``,
-            ``{dof}`` as it is, ``{direction}``, such as ``along x`` or ``about z``, and
+        propose: returns the hypotheses for a scene.
+        noun: the effect in a few words.
+        means: sentence that says what the effect is. It may name ``{place}``, such as ``tilt`` or
+            ``acc1 and acc2``, ``{dof}``, ``{direction}``, such as ``along x`` or ``about z``, and
             ``{channel}``, such as ``acc1 along x``.
-        confirm: what to do on the machine to confirm or refute it; likewise.
-        undoes: whether that takes it out of the machine, which is repeated without it then.
+        confirm: experiment that confirms or refutes the effect; it may name the words of ``means``.
+        undoes: whether that experiment takes the effect out of the machine.
     """
 
     propose: Callable[["Scene"], Iterable[Hypothesis]]
@@ -183,16 +178,22 @@ class Effect:
     undoes: bool = False
 
     def __call__(self, scene: "Scene") -> Iterable[Hypothesis]:
-        """Its hypotheses for a scene."""
+        """Return the hypotheses for a scene."""
         return self.propose(scene)
 
-    def describe(self, what: str, place: str, dof: str | None) -> str:
-        """A sentence about it at a place."""
+    def describe(self, text: str, place: str, dof: str | None) -> str:
+        """Return a sentence about the effect at a place.
+
+        Args:
+            text: ``means`` or ``confirm``.
+            place: location.
+            dof: direction or test.
+        """
         towards = name_direction(dof)
-        return what.format(
+        return text.format(
             place=name_place(place),
             dof=dof or "this direction",
-            name_direction=towards or "in this direction",
+            direction=towards or "in this direction",
             channel=f"{name_place(place)} {towards}".rstrip(),
         )
 
@@ -200,14 +201,14 @@ class Effect:
 def release_tolerance(
     effect: str, location: str, dof: str | None, names: tuple[str, ...], stated: str
 ) -> Hypothesis:
-    """A tolerance whose prior and bounds go, stated as one number or as a vector.
+    """Return the release of a tolerance, stated as one number or as a vector.
 
     Args:
-        effect: as the verdict calls it.
-        location: likewise.
-        dof: likewise.
-        names: of the parameters.
-        stated: what the verdict calls their value.
+        effect: name of the effect in the verdict.
+        location: place in the verdict.
+        dof: direction in the verdict.
+        names: names of the parameters.
+        stated: name of their value in the verdict.
     """
 
     def state(fitted: Mapping[str, float]) -> dict[str, Value]:

@@ -8,31 +8,36 @@ from diagnosis.hypothesis import Hypothesis
 from identification.words import Campaign
 
 
-def join_hypotheses(several: Sequence[Hypothesis]) -> Hypothesis:
-    """Several at once, called by the name of the first; what reforms the machine is one of them.
+def join_hypotheses(hypotheses: Sequence[Hypothesis]) -> Hypothesis:
+    """Return one hypothesis for several at once, with the name of the first.
 
-    Bodies that bend know of each other: each reforms the machine for all.
+    Only the first reform of the machine is used: that of a body that bends adds the modes of all
+    bodies that bend.
     """
-    if len(several) == 1:
-        return several[0]
-    corrections = [hypothesis.correct for hypothesis in several if hypothesis.correct is not None]
+    if len(hypotheses) == 1:
+        return hypotheses[0]
+    corrections = [
+        hypothesis.correct for hypothesis in hypotheses if hypothesis.correct is not None
+    ]
 
     def correct(campaign: Campaign) -> Campaign:
-        return reduce(lambda seen, correction: correction(seen), corrections, campaign)
+        return reduce(lambda corrected, correction: correction(corrected), corrections, campaign)
 
     return replace(
-        several[0],
-        release=tuple(name for hypothesis in several for name in hypothesis.release),
-        parts=tuple(part for hypothesis in several for part in hypothesis.parts),
-        begin={name: value for hypothesis in several for name, value in hypothesis.begin.items()},
-        follow={
-            name: target for hypothesis in several for name, target in hypothesis.follow.items()
+        hypotheses[0],
+        release=tuple(name for hypothesis in hypotheses for name in hypothesis.release),
+        parts=tuple(part for hypothesis in hypotheses for part in hypothesis.parts),
+        begin={
+            name: value for hypothesis in hypotheses for name, value in hypothesis.begin.items()
         },
-        linear=tuple(name for hypothesis in several for name in hypothesis.linear),
+        follow={
+            name: target for hypothesis in hypotheses for name, target in hypothesis.follow.items()
+        },
+        linear=tuple(name for hypothesis in hypotheses for name in hypothesis.linear),
         correct=correct if corrections else None,
         reform=next(
-            (hypothesis.reform for hypothesis in several if hypothesis.reform is not None), None
+            (hypothesis.reform for hypothesis in hypotheses if hypothesis.reform is not None), None
         ),
-        is_modelled=all(hypothesis.is_modelled for hypothesis in several),
-        members=tuple(several),
+        is_modelled=all(hypothesis.is_modelled for hypothesis in hypotheses),
+        members=tuple(hypotheses),
     )

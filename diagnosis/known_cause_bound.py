@@ -12,7 +12,7 @@ from identification import Fault
 
 
 def read_fault(answer: Mapping[str, Any]) -> Fault | None:
-    """The one effect of an answer as its TOML has it; None of nothing or several."""
+    """Return the single effect of an answer from its TOML; None for no effect or several."""
     if "location" not in answer or "cause" in answer:
         return None
     parameters = {
@@ -23,34 +23,31 @@ def read_fault(answer: Mapping[str, Any]) -> Fault | None:
 
 
 def refit_true_cause(diagnosis: Diagnosis, fault: Fault, jobs: int = 1) -> HeldOutGap | None:
-    """Fit with the effect that is there.
+    """Return the gap of a refit with the true effect; None if no hypothesis describes it.
 
     Args:
-        diagnosis: the diagnosis, made without knowing it.
-        fault: effect, place and direction; what a fit cannot find by itself, its parameters too.
-        jobs: threads.
-
-    Returns:
-        The gap with it; None of an effect that is no Part yet.
+        diagnosis: diagnosis without knowledge of the effect.
+        fault: effect, place and direction, with the parameters that a fit cannot find.
+        jobs: number of threads.
     """
     causes = diagnosis.present.causes
-    if diagnosis.after is not None and causes and _same(causes[0], fault):
+    if diagnosis.after is not None and causes and _is_fault(causes[0], fault):
         return diagnosis.after
-    hypothesis = _hypothesis(diagnosis, fault)
+    hypothesis = _find_hypothesis(diagnosis, fault)
     return None if hypothesis is None else estimate_gap_with(diagnosis, hypothesis, jobs)
 
 
-def _same(hypothesis: Hypothesis, fault: Fault) -> bool:
+def _is_fault(hypothesis: Hypothesis, fault: Fault) -> bool:
     return (hypothesis.effect, hypothesis.location) == (fault.effect, fault.location) and (
         fault.dof is None or hypothesis.dof in (None, fault.dof)
     )
 
 
-def _hypothesis(diagnosis: Diagnosis, fault: Fault) -> Hypothesis | None:
+def _find_hypothesis(diagnosis: Diagnosis, fault: Fault) -> Hypothesis | None:
     if fault.location.startswith("sensor:") or fault.effect == BENDS:
         return build_fault_hypothesis(fault, diagnosis.session, (fault.location.partition(":")[2],))
-    # Scores come the most promising first: of a scan, the shape that is nearest.
-    alike = (
-        score.hypothesis for score in diagnosis.search.scores if _same(score.hypothesis, fault)
+    # The most promising score comes first: of a scan, the nearest shape.
+    matching = (
+        score.hypothesis for score in diagnosis.search.scores if _is_fault(score.hypothesis, fault)
     )
-    return next(alike, None)
+    return next(matching, None)

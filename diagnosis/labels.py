@@ -4,7 +4,11 @@ from identification.words import Dof, UsageError
 
 
 def name_direction(dof: str | None) -> str:
-    """``along z``, ``about x``, ``x and y``, ``hit at acc11:+ty``, ``set-up b``; empty for none."""
+    """Return a direction or test in words, such as ``along z``, ``x and y`` or ``set-up b``.
+
+    Args:
+        dof: such as ``tz``, ``tx+ty``, ``acc11:+ty`` or a set-up; None for an empty text.
+    """
     if dof is None:
         return ""
     if "+" in dof and ":" not in dof:
@@ -18,6 +22,6 @@ def name_direction(dof: str | None) -> str:
 
 
 def name_place(location: str) -> str:
-    """``ty`` of ``joint:ty``, ``acc1 and acc2`` of ``sensor:acc1+acc2``."""
-    what, _, name = location.partition(":")
-    return name.replace("+", " and ") if what == "sensor" else name
+    """Return the name of a place, such as ``acc1 and acc2`` of ``sensor:acc1+acc2``."""
+    kind, _, name = location.partition(":")
+    return name.replace("+", " and ") if kind == "sensor" else name

@@ -6,12 +6,12 @@ import numpy as np
 
 from diagnosis.data_checks.candidates import build_gross_hypotheses
 from diagnosis.data_checks.check_data import CheckedData
-from diagnosis.data_checks.sensors import Gate
+from diagnosis.data_checks.sensors import SensorChecks
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.refit_record import RefitRecord
 from diagnosis.refits.measured import count_measured_frfs
 from diagnosis.refits.refit import Refit
-from diagnosis.refits.refitting import RefitTask, run_refits, start_values
+from diagnosis.refits.refitting import RefitTask, find_start, run_refits
 from diagnosis.settings import DiagnosisSettings
 from identification import lines_are_independent
 from mbmodel import RigidDirection
@@ -27,20 +27,20 @@ class Baseline:
     Args:
         scene: campaign without the channels of gross faults, model, theta of the null model.
         null: null model.
-        gate: proven faults.
-        proven: hypotheses of gross faults, which every set of causes has.
+        checks: proven faults.
+        proven: hypotheses of gross faults, which every set of causes contains.
     """
 
     scene: Scene
     null: Refit
-    gate: Gate
+    checks: SensorChecks
     proven: tuple[Hypothesis, ...]
 
 
 def fit_baseline(
     data: CheckedData, jobs: int, settings: DiagnosisSettings, record: RefitRecord | None = None
 ) -> Baseline:
-    """Fit the null model to the channels that no gross fault concerns.
+    """Fit the null model to the channels without gross faults.
 
     Args:
         data: result of the data checks.
@@ -48,30 +48,30 @@ def fit_baseline(
         settings: schedules.
         record: finished refits; None to keep none.
     """
-    scene = set_scene(data.session, data.gate, data.directions, jobs, settings)
+    scene = set_scene(data.session, data.checks, data.directions, jobs, settings)
     scene = replace(scene, record=record)
     null = fit_null_model(scene, settings)
-    proven = build_gross_hypotheses(data.gate, data.session)
-    return Baseline(replace(scene, theta=null.fit.theta), null, data.gate, proven)
+    proven = build_gross_hypotheses(data.checks, data.session)
+    return Baseline(replace(scene, theta=null.fit.theta), null, data.checks, proven)
 
 
 def set_scene(
     session: Session,
-    gate: Gate,
+    checks: SensorChecks,
     directions: tuple[RigidDirection, ...],
     jobs: int,
     settings: DiagnosisSettings,
 ) -> Scene:
-    """Return the scene of all fits: what no data check took out, and how many lines count.
+    """Return the scene of all fits: channels without gross faults, and the thinning of the lines.
 
     Args:
         session: campaign and nominal model.
-        gate: result of the data checks.
-        directions: rigid directions that may give way.
+        checks: result of the data checks.
+        directions: rigid directions of the model.
         jobs: processes.
         settings: sizes of the search.
     """
-    campaign = gate.campaign
+    campaign = checks.campaign
     values = count_measured_frfs(campaign) * len(campaign.freq_hz)
     return Scene(
         replace(session, campaign=campaign),
@@ -79,12 +79,15 @@ def set_scene(
         directions,
         stride_factor=max(1, round(values / settings.enough_values)),
         jobs=jobs,
+        settings=settings,
         has_independent_lines=lines_are_independent(session.campaign),
     )
 
 
 def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
-    """Fit the null model, from the nominal model and, where few FRFs fit many, from further starts.
+    """Fit the null model from the nominal model and, if there are few FRFs, from further starts.
+
+    Few FRFs may be fitted by several machines.
 
     Args:
         scene: campaign and nominal model.
@@ -97,7 +100,7 @@ def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
         round(settings.few_frfs / max(1, count_measured_frfs(session.campaign))),
     )
     if count > 1:
-        many = fit(
+        best = fit(
             session.model,
             session.campaign,
             parametrisation=session.parametrisation,
@@ -105,9 +108,9 @@ def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
             stages=STAGES[:3],
             jobs=scene.jobs,
         )
-        if many.outcome == "interrupted":
+        if best.outcome == "interrupted":
             raise KeyboardInterrupt
-        tasks.append(RefitTask(None, session, many.theta, _START_FLOOR))
+        tasks.append(RefitTask(None, session, best.theta, _START_FLOOR))
     refits = run_refits(scene, tasks, settings.null_schedule)
     return min(refits, key=lambda refit: refit.objective)
 
@@ -115,17 +118,17 @@ def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
 def refit_from(
     scene: Scene, null: Refit, refit_with_causes: Refit, settings: DiagnosisSettings
 ) -> Refit:
-    """Refit the null model from where another refit ended, and return the better.
+    """Refit the null model from the end of another refit, and return the better fit.
 
-    A cause may lead around a barrier that springs and dampers alone do not cross, and then vanish.
+    A fit with a cause may pass a barrier that springs and dampers alone do not cross.
 
     Args:
         scene: campaign and nominal model.
-        null: the null model.
+        null: null model.
         refit_with_causes: refit with causes.
         settings: schedule.
     """
-    start = start_values(refit_with_causes, null.session, None)
+    start = find_start(refit_with_causes, null.session, None)
     (refit,) = run_refits(
         scene, [RefitTask(None, null.session, start, null.floor)], settings.schedule
     )

@@ -1,8 +1,8 @@
 """Record of finished refits in a checkpoint, from which an interrupted diagnosis resumes.
 
 The order of the refits follows from their results alone, so that a running number and the words of
-the causes name each. A refit is kept as its coordinates and its last stage; the statistics of its
-residual are computed anew, to the same bits.
+the causes name each refit. A refit is kept as its coordinates and its last stage. The statistics of
+its residual are computed again, to equal bits.
 """
 
 from dataclasses import replace
@@ -32,7 +32,7 @@ class RefitRecord:
         return f"refit {self._count}: {words}"
 
     def recall(self, name: str) -> Minimum | None:
-        """Return a finished refit as ``restore_fit`` reads it; None if it was not finished."""
+        """Return a finished refit for ``restore_fit``; None if it was not finished."""
         return self._checkpoint.recall(name)
 
     def keep(self, name: str, fit: Fit) -> None:
@@ -48,9 +48,9 @@ def restore_fit(kept: Minimum, parametrisation: Parametrisation, schedule: Floor
     """Return a refit that ``RefitRecord.keep`` has kept.
 
     Args:
-        kept: its record.
+        kept: record of the refit.
         parametrisation: coordinates of the refit.
-        schedule: its schedule.
+        schedule: schedule of the refit.
     """
     end = replace(kept, x=kept.x[:-1])
     return Fit(

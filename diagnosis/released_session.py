@@ -1,4 +1,4 @@
-"""A session whose rigid directions may give way."""
+"""Session whose rigid directions are released."""
 
 from dataclasses import replace
 
@@ -7,12 +7,13 @@ from tuning import Session, build_toleranced_model, parametrise
 
 
 def release_session(session: Session) -> tuple[Session, tuple[RigidDirection, ...]]:
-    """The session with a coordinate for each direction that the drawing holds rigid.
+    """Return the session with a coordinate for each rigid direction, and these directions.
 
-    A joint that only slides sits nowhere; one that may turn does, within its tolerance.
+    The point of a joint that only slides has no effect. If the joint may turn, its point has one,
+    and varies within its tolerance.
     """
     campaign = session.campaign
-    machine, held = release_rigid_directions(session.model.machine, float(campaign.freq_hz.max()))
+    machine, rigid = release_rigid_directions(session.model.machine, float(campaign.freq_hz.max()))
     model = build_toleranced_model(machine, campaign)
     varies = session.parametrisation.extend(parametrise(model, campaign.tolerance))
-    return replace(session, model=model, parametrisation=varies), held
+    return replace(session, model=model, parametrisation=varies), rigid

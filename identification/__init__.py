@@ -14,6 +14,7 @@ from identification.readers.campaign_toml import CampaignSettings, read_settings
 from identification.readers.layout import read_layout
 from identification.solid import (
     FAULT_PHRASES,
+    MIN_REDUNDANT_CHANNELS,
     BendingShape,
     BodyCheck,
     Fault,
@@ -30,6 +31,7 @@ from identification.solid import (
 
 __all__ = [
     "FAULT_PHRASES",
+    "MIN_REDUNDANT_CHANNELS",
     "BendingShape",
     "BodyCheck",
     "CampaignSettings",

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from diagnosis.data_checks.sensors import Gate, check_sensors
+from diagnosis.data_checks.sensors import SensorChecks, check_sensors
 from diagnosis.released_session import release_session
 from diagnosis.settings import DiagnosisSettings
 from identification import find_overstated_noise, remove_overstated_noise
@@ -16,15 +16,14 @@ class CheckedData:
     """Result of the data checks.
 
     Args:
-        session: campaign without channels that tell nothing; model whose rigid directions may give
-            way.
-        gate: faults that redundant channels prove.
+        session: campaign without useless channels; model whose rigid directions may give way.
+        checks: faults that redundant channels prove.
         directions: rigid directions.
         unsteady: number of tests that met different machines from hit to hit.
     """
 
     session: Session
-    gate: Gate
+    checks: SensorChecks
     directions: tuple[RigidDirection, ...]
     unsteady: int
 
@@ -47,6 +46,6 @@ def check_data(session: Session, settings: DiagnosisSettings) -> CheckedData:
         )
     changing = find_overstated_noise(session.campaign)
     campaign = remove_overstated_noise(session.campaign, changing)
-    gate = check_sensors(campaign)
-    released, directions = release_session(replace(session, campaign=gate.alive))
-    return CheckedData(released, gate, directions, len(changing))
+    checks = check_sensors(campaign, settings)
+    released, directions = release_session(replace(session, campaign=checks.alive))
+    return CheckedData(released, checks, directions, len(changing))

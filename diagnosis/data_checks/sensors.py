@@ -1,8 +1,8 @@
-"""The sensor gate: faults that the spare channels of a body prove, without any model.
+"""Faults of sensors that the redundant channels of a body prove, without any model.
 
-One exchanged sensor ruins a whole fit. So what is proven is taken out before anything is tuned,
-and becomes a hypothesis: channels corrected where the correction is known (sign, exchange, delay,
-mount), tolerances released where the fit has to find it (gain, axes, place).
+One exchanged sensor ruins a whole fit. Proven gross faults are therefore taken out before any fit.
+Each proven fault becomes a hypothesis. It corrects the channels if the correction is known (sign,
+exchange, delay, mounting), or releases tolerances that a fit must find (gain, axes, place).
 """
 
 from collections.abc import Collection, Sequence
@@ -23,6 +23,7 @@ from diagnosis.effects.points import list_gains, name_vector
 from diagnosis.effects.sensor_polarity import read_inverted
 from diagnosis.hypothesis import Hypothesis, Value, release_tolerance
 from diagnosis.inference.evidence import BENDS, Key
+from diagnosis.settings import DiagnosisSettings
 from identification import (
     BodyCheck,
     Fault,
@@ -37,10 +38,8 @@ from tuning import Session
 
 _GROSS = ("dead_channel", "sensor_polarity", "sensor_swap")
 _UNKNOWN = "sensor_unknown"
-_TELLS_NOTHING = ("dead_channel", _UNKNOWN)
-_TOO_MANY = 2  # sensors of one body that are wrong by some amount each, bodies that bend
-PROVEN = 0.9  # probability above which a fault is taken out
-# Tolerance that is released, and what the verdict calls its value.
+_USELESS = ("dead_channel", _UNKNOWN)
+# Tolerance that an effect releases, and the name of its value in the verdict.
 RELEASED = {
     "sensor_gain": ("gain", "gain"),
     "sensor_misalignment": ("rotation", "rotation"),
@@ -49,18 +48,18 @@ RELEASED = {
 
 
 @dataclass(frozen=True, eq=False)
-class Gate:
+class SensorChecks:
     """Faults that redundant channels prove.
 
     Args:
-        checks: of every body.
-        faults: those that are proven.
-        alive: all that was measured but for channels that are dead, read noise alone, or wrong by
-            no known fault: nothing can be said of what they should have read.
+        bodies: check of each body.
+        faults: proven faults.
+        alive: campaign without useless channels: dead ones, those that read noise alone, and those
+            with an unknown fault.
         campaign: ``alive`` without the channels of gross faults, any of which ruins a fit.
     """
 
-    checks: tuple[BodyCheck, ...]
+    bodies: tuple[BodyCheck, ...]
     faults: tuple[Fault, ...]
     alive: Campaign
     campaign: Campaign
@@ -72,90 +71,100 @@ class Gate:
 
     @property
     def small(self) -> tuple[Fault, ...]:
-        """Faults by some amount: candidates among all others."""
+        """Faults of some size, which compete with all other hypotheses."""
         taken_out = (*_GROSS, _UNKNOWN)
         return tuple(fault for fault in self.faults if fault.effect not in taken_out)
 
     @property
     def unknown(self) -> tuple[str, ...]:
-        """Places of sensors that are wrong by no known fault."""
+        """Places of sensors with an unknown fault."""
         places = (fault.location for fault in self.faults if fault.effect == _UNKNOWN)
         return tuple(dict.fromkeys(places))
 
 
-def check_sensors(campaign: Campaign) -> Gate:
+def check_sensors(campaign: Campaign, settings: DiagnosisSettings) -> SensorChecks:
     """Check every body by its redundant channels, and take gross faults out.
 
     Args:
         campaign: all that was measured.
+        settings: probability of a proven fault, number of bodies that bend.
     """
-    checks, same = check_bodies(campaign), duplicate_channels(campaign)
-    # What reads noise alone is dead, or still: either way it tells nothing, of a fault neither.
-    none = noise_only_channels(campaign)
+    bodies, duplicates = check_bodies(campaign), duplicate_channels(campaign)
+    silent = noise_only_channels(campaign)  # dead, or without motion: they show no other fault
     proven: dict[Key, Fault] = {}
     flexible = 0
-    for check in checks:
-        sure = [fault for fault in check.faults if fault.probability >= PROVEN]
-        kept = [wrong for fault in sure for wrong in _exported_twice(fault, same)]
-        kept += _one_cause(check, [fault for fault in sure if not _exported_twice(fault, same)])
+    for check in bodies:
+        probable = [
+            fault for fault in check.faults if fault.probability >= settings.min_proven_probability
+        ]
+        kept = [copy for fault in probable for copy in _replace_duplicates(fault, duplicates)]
+        single = [fault for fault in probable if not _replace_duplicates(fault, duplicates)]
+        kept += _reduce_to_bending(check, single, settings.min_proven_probability)
         flexible += any(fault.effect == BENDS for fault in kept)
         proven |= {(fault.effect, fault.location, fault.dof): fault for fault in kept}
-    if flexible > _TOO_MANY:  # several bodies bend a little, the noise is not what is stated, or
-        # set-ups met different machines: small faults of sensors then explain a part of that
+    if flexible > settings.max_bending_bodies:
+        # Many bodies bend a little, the stated noise is wrong, or set-ups met different machines:
+        # small faults of sensors explain a part of that.
         proven = {key: fault for key, fault in proven.items() if key[0] in (BENDS, *_GROSS)}
-    faults = tuple(fault for fault in proven.values() if _is_heard(fault, campaign, none))
-    dead = [fault for fault in faults if fault.effect in _TELLS_NOTHING]
-    heard = mask_channels(campaign, lambda dof: dof.positive in none) if none else campaign
-    alive = _without(heard, dead)
-    gross = [fault for fault in faults if fault.effect in (*_GROSS, *_TELLS_NOTHING)]
-    return Gate(checks, faults, alive, _without(heard, gross))
+    faults = tuple(fault for fault in proven.values() if _is_credible(fault, campaign, silent))
+    useless = [fault for fault in faults if fault.effect in _USELESS]
+    audible = mask_channels(campaign, lambda dof: dof.positive in silent) if silent else campaign
+    gross = [fault for fault in faults if fault.effect in (*_GROSS, *_USELESS)]
+    return SensorChecks(
+        bodies, faults, _remove_channels(audible, useless), _remove_channels(audible, gross)
+    )
 
 
-def _is_heard(fault: Fault, campaign: Campaign, none: Collection[Dof]) -> bool:
-    """Whether a fault may be believed: of channels that read noise alone, no more than that.
+def _is_credible(fault: Fault, campaign: Campaign, silent: Collection[Dof]) -> bool:
+    """Return whether a fault is more than the silence of channels that read noise alone.
 
     Args:
-        fault: proven, as it seems.
+        fault: proven fault.
         campaign: all that was measured.
-        none: channels that read noise alone.
+        silent: channels that read noise alone.
     """
-    if fault.effect in _TELLS_NOTHING or not fault.location.startswith("sensor:"):
+    if fault.effect in _USELESS or not fault.location.startswith("sensor:"):
         return True
     concerns = match_channels(fault.location, fault.dof)
-    return any(concerns(dof) and dof.positive not in none for dof in campaign.outputs)
+    return any(concerns(dof) and dof.positive not in silent for dof in campaign.outputs)
 
 
-def _exported_twice(fault: Fault, same: frozenset[Dof]) -> list[Fault]:
+def _replace_duplicates(fault: Fault, duplicates: frozenset[Dof]) -> list[Fault]:
     """Return the unknown faults of channels that hold the numbers of other channels.
 
     Args:
         fault: fault of a sensor, or of a body.
-        same: channels that hold the numbers of others.
+        duplicates: channels that hold the numbers of others.
     """
     if not fault.location.startswith("sensor:"):
         return []
     concerns = match_channels(fault.location, fault.dof)
     return [
         replace(fault, effect=_UNKNOWN, location=f"sensor:{dof.point}", dof=dof.direction[1:])
-        for dof in sorted(same, key=str)
+        for dof in sorted(duplicates, key=str)
         if concerns(dof)
     ]
 
 
-def _one_cause(check: BodyCheck, sure: list[Fault]) -> list[Fault]:
-    """Small faults of several sensors of one body at once are one bending of it.
+def _reduce_to_bending(check: BodyCheck, probable: list[Fault], probability: float) -> list[Fault]:
+    """Replace small faults of several sensors of one body by one bending of the body.
 
-    Below its resonance a mode's shape follows the acceleration: what each sensor reads too much is
-    then a gain, or a place, of its own, and a few of them explain a shape to the noise. But faults
-    are rare and do not come in pairs. Gross ones stand out beside a shape too.
+    Below the resonance the shape of a mode follows the acceleration. The deviation of each sensor
+    is then equal to that of a gain or a place, and a few such faults explain a shape to within the
+    noise. But faults are rare and do not come in pairs. Gross faults stand out beside a shape too.
+
+    Args:
+        check: check of the body.
+        probable: faults of its sensors, or its bending.
+        probability: probability of the bending that replaces them.
     """
-    small = [fault for fault in sure if fault.effect not in (BENDS, *_GROSS)]
-    remaining = [fault for fault in sure if fault not in small]
-    if not any(fault.effect == BENDS for fault in sure):
-        if len({fault.location for fault in small}) < _TOO_MANY:
-            return sure
+    small = [fault for fault in probable if fault.effect not in (BENDS, *_GROSS)]
+    remaining = [fault for fault in probable if fault not in small]
+    if not any(fault.effect == BENDS for fault in probable):
+        if len({fault.location for fault in small}) <= 1:
+            return probable
         after = min(fault.excess_after for fault in small)
-        return [Fault(BENDS, f"body:{check.body}", None, PROVEN, {}, after), *remaining]
+        return [Fault(BENDS, f"body:{check.body}", None, probability, {}, after), *remaining]
     if check.deviation[-1] > 0.5 * check.deviation.max():  # no peak of a mode lies in the band
         remaining = [
             replace(fault, parameters={}) if fault.effect == BENDS else fault for fault in remaining
@@ -163,8 +172,8 @@ def _one_cause(check: BodyCheck, sure: list[Fault]) -> list[Fault]:
     return remaining
 
 
-def _without(campaign: Campaign, faults: Sequence[Fault]) -> Campaign:
-    """All channels but those that faults of sensors concern."""
+def _remove_channels(campaign: Campaign, faults: Sequence[Fault]) -> Campaign:
+    """Return the campaign without the channels that faults of sensors concern."""
     sensors = [fault for fault in faults if fault.location.startswith("sensor:")]
     return reduce(
         mask_channels, (match_channels(fault.location, fault.dof) for fault in sensors), campaign
@@ -175,20 +184,21 @@ def build_fault_hypothesis(
     fault: Fault,
     session: Session,
     bodies: Sequence[str] = (),
-    good: Campaign | None = None,
-    times: float = 1.0,
+    correct_campaign: Campaign | None = None,
+    frequency_ratio: float = 1.0,
 ) -> Hypothesis | None:
-    """The hypothesis of a fault; None of one that is no effect of the catalogue.
+    """Return the hypothesis of a fault; None if it is no effect of the catalogue.
 
     Args:
-        fault: proven by the gate, or told.
+        fault: proven or known fault.
         session: campaign and model.
-        bodies: all that bend, for one of them.
-        good: the campaign without wrong channels; all of it if None.
-        times: where a mode's frequency begins, over that of its highest peak.
+        bodies: all bodies that bend, if the fault is the bending of one of them.
+        correct_campaign: campaign without wrong channels; the whole campaign if None.
+        frequency_ratio: start of the frequency of a mode, relative to its highest peak.
     """
     if fault.effect == BENDS:
-        return build_bending_hypothesis(fault, bodies, session, good or session.campaign, times)
+        campaign = correct_campaign or session.campaign
+        return build_bending_hypothesis(fault, bodies, session, campaign, frequency_ratio)
     base = Hypothesis(fault.effect, fault.location, fault.dof)
     site = fault.location.partition(":")[2]
     concerns = match_channels(fault.location, fault.dof)
@@ -202,9 +212,9 @@ def build_fault_hypothesis(
     if fault.effect == "sensor_polarity":
         return replace(base, correct=lambda c: divide_channels(c, concerns, read_inverted))
     if fault.effect == "sensor_swap":
-        pairs = _pairs(fault, session.campaign)
+        pairs = _list_pairs(fault, session.campaign)
         return replace(base, correct=lambda c: exchange_channels(c, pairs))
-    reading = _reading(fault)
+    reading = _find_reading(fault)
     if reading is None:
         return None
     return replace(
@@ -214,22 +224,22 @@ def build_fault_hypothesis(
     )
 
 
-def _reading(fault: Fault) -> Reading | None:
+def _find_reading(fault: Fault) -> Reading | None:
     """Return the reading of a faulty channel per motion; None for another kind of fault."""
     if fault.effect == "sensor_delay":
-        return partial(delay_response, delay=_number(fault.parameters["delay"]))
+        return partial(delay_response, delay=_read_number(fault.parameters["delay"]))
     if fault.effect == "mount_resonance":
-        frequency, damping = (_number(fault.parameters[k]) for k in ("frequency", "damping"))
+        frequency, damping = (_read_number(fault.parameters[k]) for k in ("frequency", "damping"))
         return lambda freq_hz: mount_response(freq_hz, frequency, damping)
     return None
 
 
-def _number(value: Value) -> float:
+def _read_number(value: Value) -> float:
     return value if isinstance(value, float) else value[0]
 
 
-def _pairs(fault: Fault, campaign: Campaign) -> tuple[tuple[Dof, Dof], ...]:
-    """Channels that are exchanged: two of one sensor, or all of two sensors."""
+def _list_pairs(fault: Fault, campaign: Campaign) -> tuple[tuple[Dof, Dof], ...]:
+    """Return the pairs of exchanged channels: two of one sensor, or all of two sensors."""
     sites = fault.location.partition(":")[2].split("+")
     if len(sites) == 1:
         first, second = str(fault.dof).split("+")

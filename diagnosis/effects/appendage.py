@@ -17,7 +17,7 @@ import numpy as np
 
 from diagnosis.effects.points import name_vector
 from diagnosis.effects.resonator import build_resonator, build_resonator_slope
-from diagnosis.effects.scales import ARM_UNIT_M, LOG_UNIT, MASS_SHARE_UNIT, MAX_ADDED_SHARE
+from diagnosis.effects.scales import ARM_UNIT_M, LOG_UNIT, MASS_SHARE_UNIT
 from diagnosis.effects.spring_laws import Shape
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Vague, Value
 from diagnosis.rounding import NEGLIGIBLE_SHARE
@@ -32,8 +32,6 @@ from mbmodel import (
     transport,
 )
 
-# Of the highest line: below the first the appendage acts as free, above the second as a mass.
-_FREQUENCY_ENDS = (1 / 40, 1.2)
 _FREQUENCY_STEP = 0.05  # of the logarithm: step of the scan, less than a resonance is wide; unit
 _SCAN_DAMPING_RATIO = 0.03  # of scanned appendages, and where their damping starts
 
@@ -42,7 +40,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Yield one for each body and frequency of the scan."""
     machine = scene.model.machine
     band = scene.session.campaign.freq_hz
-    lowest, highest = (share * float(band[-1]) for share in _FREQUENCY_ENDS)
+    lowest, highest = (share * float(band[-1]) for share in scene.settings.appendage_ends)
     lowest = max(float(band[band > 0].min()), lowest)
     steps = int(np.ceil(np.log(highest / lowest) / _FREQUENCY_STEP))
     frequencies = np.geomspace(lowest, highest, steps + 1).tolist()
@@ -58,7 +56,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 parts=(appendage.part,),
                 scored=appendage.mass_names,
                 signed=True,
-                bounds=appendage.find_bounds(lowest, highest),
+                bounds=appendage.find_bounds(lowest, highest, scene.settings.max_added_mass_share),
                 state=appendage.state,
                 along=appendage.find_axis,
             )
@@ -130,7 +128,9 @@ class _Appendage:
         omega = 2 * np.pi * self.frequency * float(np.exp(_FREQUENCY_STEP * theta[3]))
         return omega, _SCAN_DAMPING_RATIO * float(np.exp(LOG_UNIT * theta[4]))
 
-    def find_bounds(self, lowest: float, highest: float) -> dict[str, tuple[float, float]]:
+    def find_bounds(
+        self, lowest: float, highest: float, radii: float
+    ) -> dict[str, tuple[float, float]]:
         """Return the bounds of the parameters.
 
         The appendage weighs at most as much as the body. Its damping ratio is at most sqrt(1/2),
@@ -139,13 +139,14 @@ class _Appendage:
         Args:
             lowest: lowest frequency [Hz].
             highest: highest frequency [Hz].
+            radii: largest distance from the centre of mass [radii of gyration].
         """
         frequency, damping = self.resonance_names
         ends = np.log(np.array([lowest, highest]) / self.frequency) / _FREQUENCY_STEP
         widest = float(np.log(np.sqrt(0.5) / _SCAN_DAMPING_RATIO)) / LOG_UNIT
         inertia = self._inertia
         gyration = float(np.sqrt(np.trace(inertia[3:, 3:]) / inertia[0, 0]))
-        reach = MAX_ADDED_SHARE * gyration / ARM_UNIT_M
+        reach = radii * gyration / ARM_UNIT_M
         bounds = {frequency: (float(ends[0]), float(ends[1])), damping: (-widest, widest)}
         bounds |= dict.fromkeys(self.mass_names, (0.0, 1 / MASS_SHARE_UNIT))
         return bounds | dict.fromkeys(self.place_names, (-reach, reach))

@@ -25,7 +25,6 @@ from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Complex, Real
 from mbmodel import AddedPart, Change, Parameter
 
-_PHASES_RAD = tuple(0.6 * np.arange(1, 9))  # rad at the highest line, of the delays of the scan
 # Of the best score: scores hardly show how long a delay is, and fits do not return from one that is
 # far too long. Of scores this close, that of the shortest delay comes first.
 _DELAY_TIE_SHARE = 0.03
@@ -45,8 +44,8 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             damping, most = f"{spring}.damping", _find_max_damping(scene, spring)
             k = float(scene.find_stiffness((spring,))[0])
             c = float(scene.find_damping((spring,))[0])
-            for number, phase in enumerate(_PHASES_RAD, start=1):
-                tau = float(phase) / omega
+            for number, phase in enumerate(scene.settings.delay_phases_rad, start=1):
+                tau = phase / omega
                 if most is not None and c + k * tau > most:
                     break
                 loop = _DelayedSpring(

@@ -14,8 +14,9 @@ from functools import partial
 import numpy as np
 
 from diagnosis.effects.points import name_vector
-from diagnosis.effects.scales import MASS_SHARE_UNIT, MAX_ADDED_SHARE
+from diagnosis.effects.scales import MASS_SHARE_UNIT
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
+from diagnosis.settings import DiagnosisSettings
 from identification.words import Real
 from mbmodel import AddedPart, Change, Parameter
 
@@ -43,7 +44,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
             "mass_error",
             f"body:{body}",
             parts=(replace(part, weighs=partial(np.tensordot, b=core[:, 2], axes=1)),),
-            bounds=dict(zip(names, _find_bounds(inertia, gyration), strict=True)),
+            bounds=dict(zip(names, _find_bounds(scene.settings, inertia, gyration), strict=True)),
             believed=dict.fromkeys(spread, 1 / MASS_SHARE_UNIT),
             state=partial(_state_mass, moved, unit, gyration),
         )
@@ -62,10 +63,12 @@ def _build_core(unit: float, gyration: float) -> Real:
     return core
 
 
-def _find_bounds(inertia: Real, gyration: float) -> list[tuple[float, float]]:
+def _find_bounds(
+    settings: DiagnosisSettings, inertia: Real, gyration: float
+) -> list[tuple[float, float]]:
     """Return the bounds of mass, moments and upper triangle, in their units."""
     relative = np.diag(inertia[3:, 3:]) / (inertia[0, 0] * gyration**2)
-    least, most = MASS_SHARE_UNIT - 1, MAX_ADDED_SHARE
+    least, most = -settings.max_lost_mass_share, settings.max_added_mass_share
     ends = [(least, most), *[(-most, most)] * 3]
     for i, j in zip(*np.triu_indices(3), strict=True):
         ends.append((least * float(relative[i]) if i == j else -(most**2), most**2))

@@ -18,7 +18,6 @@ from identification.words import Complex
 from mbmodel import Change, Machine, Part, PartContext
 
 _PLACE_KINDS = "joint", "body", "sensor", "hammer", "pair"
-_SLOPE_TOLERANCE = 1e-2  # relative difference of slopes and central differences
 
 
 def find_fault(hypothesis: Hypothesis, scene: Scene, seen: dict[str, Part]) -> str | None:
@@ -92,7 +91,10 @@ def _find_misfit(hypothesis: Hypothesis, scene: Scene) -> str | None:
                 replace(slope, core=np.tensordot(step, slope.core, 1))
                 for slope in part.slopes(middle, at)
             ]
-            if _differ(*(_sum_stiffness(changes, lines) for changes in (ahead, behind, moved))):
+            if _differ(
+                scene.settings.slope_tolerance,
+                *(_sum_stiffness(changes, lines) for changes in (ahead, behind, moved)),
+            ):
                 return "its slopes are not those of its change: derive them anew"
     return None
 
@@ -111,15 +113,16 @@ def _sum_stiffness(changes: Sequence[Change], laplace: Complex) -> dict[tuple[st
 
 
 def _differ(
+    tolerance: float,
     ahead: dict[tuple[str, str], Complex],
     behind: dict[tuple[str, str], Complex],
     moved: dict[tuple[str, str], Complex],
 ) -> bool:
-    """Return whether central differences differ from the slopes."""
+    """Return whether central differences and slopes differ by more than a relative tolerance."""
     for key in {*ahead, *behind, *moved}:
         first, second, slope = (at.get(key, np.zeros(1)) for at in (ahead, behind, moved))
         off = np.abs((first - second) / 2 - slope).max()
-        if off > _SLOPE_TOLERANCE * np.abs(slope).max() + ROUNDING_SHARE * np.abs(first).max():
+        if off > tolerance * np.abs(slope).max() + ROUNDING_SHARE * np.abs(first).max():
             return True
     return False
 

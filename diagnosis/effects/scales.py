@@ -8,6 +8,3 @@ MASS_SHARE_UNIT = 0.01  # of the body's mass
 ARM_UNIT_M = 0.1  # m, of a place, a point or an offset
 LOG_UNIT = 0.5  # of the logarithm of a time constant or a damping ratio
 MAX_LOG_STEPS = 20.0  # units of a logarithm: beyond, FRFs in the band change no more
-# Of the body's mass, and of its radius of gyration: what weighs more or lies farther out belongs to
-# another body.
-MAX_ADDED_SHARE = 3.0

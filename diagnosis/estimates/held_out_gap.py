@@ -1,4 +1,4 @@
-"""How far a fit is from what was measured, on lines that it did not see."""
+"""Gap between a fit and the measurement, on held-out lines."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,16 +11,14 @@ from diagnosis.null_model import Baseline
 from diagnosis.refits.measured import choose_stride
 from diagnosis.refits.parallel import Call, run_in_parallel
 from diagnosis.refits.refit import Refit
-from diagnosis.refits.refitting import RefitTask, add_hypothesis, run_refits, start_values
+from diagnosis.refits.refitting import RefitTask, add_hypothesis, find_start, run_refits
 from diagnosis.settings import DiagnosisSettings
 from identification.words import Campaign, Complex, Mask, Real
 from tuning import (
-    STAGES,
     ChannelGaps,
     Gap,
     HeldOutFits,
     Session,
-    Stage,
     block_width,
     channel_gaps,
     fit_held_out,
@@ -28,18 +26,16 @@ from tuning import (
     summarise_gaps,
 )
 
-_MIN_STATED_GAIN_NATS = 0.1  # of a further step, in fits whose parameters are stated
-
 
 @dataclass(frozen=True, eq=False)
 class HeldOutGap:
-    """A fit, and how far it is from what was measured.
+    """Gap between a fit and the measurement.
 
     Args:
-        refit: of all folds.
-        held_out: with folds left out; None if the band is too narrow.
-        predicted: each line by a fit that did not see it, or by the fit if there are no folds.
-        campaign: what it is compared with.
+        refit: fit to all folds.
+        held_out: fits with one fold left out each; None if the band is too narrow.
+        predicted: FRFs, each line by a fit without its fold, or by the fit if there are no folds.
+        campaign: measured FRFs.
     """
 
     refit: Refit
@@ -49,22 +45,22 @@ class HeldOutGap:
 
     @cached_property
     def channels(self) -> ChannelGaps:
-        """The gap of each channel."""
+        """Gap of each channel."""
         return channel_gaps(self.predicted, self.campaign)
 
     @cached_property
     def gap(self) -> Gap:
-        """On held-out lines, or on all if there are none."""
+        """Gap on held-out lines, or on all lines if there are none."""
         return summarise_gaps(self.channels)
 
     @property
     def width(self) -> int | None:
-        """Lines in a block; None without held-out lines."""
+        """Number of lines in a block; None without held-out lines."""
         return None if self.held_out is None else self.held_out.width
 
     @property
     def theta(self) -> Real:
-        """The mean of the fits without a fold, for each saw most of the lines; (n_parameter,)."""
+        """Mean parameters of the fits without a fold, each to most of the lines; (n_parameter,)."""
         held = self.held_out
         mean: Real = self.refit.fit.theta if held is None else held.thetas.mean(axis=0)
         return mean
@@ -94,12 +90,12 @@ class HeldOutGap:
 
 @dataclass(frozen=True, eq=False)
 class GapEstimates:
-    """The gap before and after, and the parameters of the causes.
+    """Gap without and with the causes, and the parameters of the causes.
 
     Args:
-        retuned: the null model.
-        after: with all causes; None without one.
-        parameters: the parameters of that fit; None without a cause that a model holds.
+        retuned: gap of the null model.
+        after: gap with all causes; None without a cause.
+        parameters: parameters of the fit with all causes; None without a cause.
     """
 
     retuned: HeldOutGap
@@ -113,7 +109,7 @@ def estimate_gaps(
     """Estimate the gap of the null model and of the model with all causes.
 
     Args:
-        base: scene of the fits, and what redundant channels prove.
+        base: scene of the fits, and proven faults.
         whole: session with all channels.
         null: null model.
         best: most probable set of causes.
@@ -125,24 +121,26 @@ def estimate_gaps(
     width = block_width(first.session.model, first.fit.theta, whole.campaign.freq_hz)
     if not last.causes:
         return GapEstimates(hold_out(scene, first, width), None, None)
+    factor, settings = scene.stride_factor, scene.settings
+    first_alone, last_alone = (replace(refit, hypothesis=None) for refit in (first, last))
     calls: list[Call] = [
-        (_held_out_fits, (replace(last, hypothesis=None), scene.stride_factor, width)),
-        (fit_parameters, (replace(last, hypothesis=None), scene.stride_factor)),
-        (_held_out_fits, (replace(first, hypothesis=None), scene.stride_factor, width)),
+        (_fit_folds, (last_alone, factor, width, settings)),
+        (fit_parameters, (last_alone, factor, settings)),
+        (_fit_folds, (first_alone, factor, width, settings)),
     ]
     after, parameters, retuned = run_in_parallel(calls, scene.jobs)
-    return GapEstimates(_gap(first, retuned), _gap(last, after), parameters)
+    return GapEstimates(_describe_gap(first, retuned), _describe_gap(last, after), parameters)
 
 
 def hold_out(scene: Scene, refit: Refit, width: int | None) -> HeldOutGap:
-    """Return the held-out gap of a refit; blocks are those of its own model if no width is given.
+    """Return the held-out gap of a refit.
 
     Args:
-        scene: thinning of the lines.
+        scene: thinning of the lines, and settings.
         refit: the refit.
-        width: lines in a block.
+        width: number of lines in a block; by the modes of the model of the refit if None.
     """
-    return _gap(refit, _held_out_fits(refit, scene.stride_factor, width))
+    return _describe_gap(refit, _fit_folds(refit, scene.stride_factor, width, scene.settings))
 
 
 def _refit_whole(
@@ -152,37 +150,41 @@ def _refit_whole(
     proven: tuple[Hypothesis, ...],
     settings: DiagnosisSettings,
 ) -> tuple[Refit, Refit]:
-    """Refit null model and causes to all channels, from where the fits without some ended."""
+    """Refit null model and causes to all channels, from the fits without the useless ones."""
     null, best = fits
     causes = (*(cause for cause in proven if cause.is_modelled), *best.causes)
-    tasks = [RefitTask(None, whole, start_values(null, whole, None), null.floor)]
+    tasks = [RefitTask(None, whole, find_start(null, whole, None), null.floor)]
     if causes:
         joined = join_hypotheses(causes)
         session = add_hypothesis(whole, joined)
         new = join_hypotheses(proven) if proven else None
-        tasks.append(RefitTask(joined, session, start_values(best, session, new), best.floor))
+        tasks.append(RefitTask(joined, session, find_start(best, session, new), best.floor))
     refits = run_refits(scene, tasks, settings.schedule)
     return refits[0], refits[-1]
 
 
-def _held_out_fits(refit: Refit, pace: int, width: int | None) -> HeldOutFits | None:
-    """Fit all folds of the lines but one, for each fold, at the refit's model-error floor."""
-    session = refit.session
-    stride = choose_stride(len(session.campaign.freq_hz), 8 * pace) // 2
-    stage: Stage = replace(
-        STAGES[4], model_error_floor=refit.floor, stride=stride, tolerance=1e-3, max_steps=6
-    )
+def _fit_folds(
+    refit: Refit, stride_factor: int, width: int | None, settings: DiagnosisSettings
+) -> HeldOutFits | None:
+    """Fit all folds of the lines but one, for each fold, at the model-error floor of the refit.
+
+    The fits count twice as many lines as the refit.
+
+    Args:
+        refit: fit to all folds.
+        stride_factor: factor on the stride of the lines.
+        width: number of lines in a block; by the modes of the model if None.
+        settings: schedule of the refits.
+    """
+    session, schedule = refit.session, settings.null_schedule
+    lines = len(session.campaign.freq_hz)
+    stride = choose_stride(lines, schedule.stride * stride_factor, settings) // 2
+    stage = replace(schedule.stage(refit.floor), stride=stride)
     full_fit = replace(refit.fit, last_stage=stage)
-    return fit_held_out(
-        session.model,
-        full_fit,
-        session.campaign,
-        width=width,
-        min_gain_nats=_MIN_STATED_GAIN_NATS,
-    )
+    return fit_held_out(session.model, full_fit, session.campaign, width=width)
 
 
-def _gap(refit: Refit, held: HeldOutFits | None) -> HeldOutGap:
+def _describe_gap(refit: Refit, held: HeldOutFits | None) -> HeldOutGap:
     session = refit.session
     predicted = (
         predict(session.model, refit.fit.theta, session.campaign)

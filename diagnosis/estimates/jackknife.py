@@ -1,4 +1,4 @@
-"""Intervals by leaving out one group of the data at a time (delete-group jackknife)."""
+"""Delete-group jackknife: intervals from values without one group of the data each."""
 
 import numpy as np
 from scipy.stats import t as student
@@ -9,11 +9,11 @@ from identification.words import Real
 def estimate_jackknife(
     whole: float | None, without: list[float | None]
 ) -> tuple[float, float] | None:
-    """Return the 95 % interval of a number by the delete-group jackknife (Student, folds - 1).
+    """Return the 95 % interval of a number, by Student's t with the number of groups less one.
 
     Args:
-        whole: its value from all groups.
-        without: its values without one group each.
+        whole: value from all groups.
+        without: values without one group each.
 
     Returns:
         Both ends; None if a value is unknown.
@@ -30,7 +30,7 @@ def estimate_jackknife(
 def estimate_size_jackknife(
     whole: float | None, without: list[float | None]
 ) -> tuple[float, float] | None:
-    """Return the jackknife interval of a positive number, by its logarithm; see above."""
+    """Return the jackknife interval of a positive number, by its logarithm."""
     if not whole or not all(without):
         return None
     spread = estimate_jackknife(

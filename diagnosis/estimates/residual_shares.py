@@ -1,7 +1,7 @@
-"""Where the remaining gap shows: the baseline that every diagnosis has to beat.
+"""Shares of the residual gap by body: the baseline that every diagnosis has to beat.
 
-The excess of the channels on a body is a symptom, not a cause: a fault at one joint moves every
-body above it. So these shares say where to look first, and nothing about why.
+The excess of the channels on a body is a symptom, not a cause, because a fault at one joint moves
+every body above it. The shares say where to look first, and nothing about the cause.
 """
 
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ from tuning import ChannelGaps
 
 @dataclass(frozen=True)
 class ResidualShare:
-    """One body's part of the remaining gap.
+    """Share of one body in the residual gap.
 
     Args:
-        body: its name.
-        share: of the sum of (e_c / noise_c)^2 over all channels.
-        excess: rms of e_c / noise_c over the body's channels.
-        channels: how many those are.
+        body: name of the body.
+        share: share of the sum of (e_c / noise_c)^2 over all channels.
+        excess: rms of e_c / noise_c over the channels of the body.
+        channels: number of these channels.
     """
 
     body: str
@@ -30,11 +30,11 @@ class ResidualShare:
 
 
 def compute_residual_shares(gaps: ChannelGaps, layout: Layout) -> tuple[ResidualShare, ...]:
-    """Divide the excess among the bodies, the largest first.
+    """Return the shares of the bodies, the largest first.
 
     Args:
-        gaps: of each channel; those without noise are left out, since they have no excess.
-        layout: which point sits on which body.
+        gaps: gap of each channel; channels without noise have no excess and do not count.
+        layout: points of the bodies.
     """
     has_noise = gaps.noise > 0
     squares = np.where(has_noise, gaps.error / np.where(has_noise, gaps.noise, 1.0), 0.0) ** 2

@@ -1,4 +1,4 @@
-"""Constants of the posterior, calibrated on virtual machines, and where they come from."""
+"""Constants of the posterior, calibrated on virtual machines, and their origin."""
 
 import json
 from collections.abc import Mapping
@@ -12,14 +12,15 @@ class Calibration(BaseModel):
     """Constants of the posterior.
 
     Args:
-        hidden: mean square over that of the noise that may be no gap, by what the gap is known by:
-            neighbouring lines, or the variance from coherences or third differences.
-        hidden_width: width of its logarithm.
-        tempering: kappa, part of the independent values that counts.
-        chance: nats per value that a wrong cause gains on the model error of a real machine.
-        force_scale: part of the best place's gain that decides nothing between places.
-        campaigns: number of campaigns that it was made from.
-        command: command that makes it.
+        hidden: mean square of a gap, over that of the noise, that badly known noise may hide. The
+            key is the source of the gap: neighbouring lines, or the variance from coherences or
+            from third differences.
+        hidden_width: width of the logarithm of ``hidden``.
+        tempering: kappa, share of the independent values that counts.
+        chance: gain of a wrong cause on the model error of a real machine [nats per value].
+        force_scale: temperature of the softmax over places, as a share of the largest gain.
+        campaigns: number of campaigns of the calibration.
+        command: command that makes the calibration.
         seeds: seeds of the campaigns.
         evidence: SHA-256 of their evidence.
     """

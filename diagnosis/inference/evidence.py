@@ -1,7 +1,7 @@
 """Evidence of a verdict as plain numbers, which can be kept and weighed again.
 
-Fits take seconds, the posterior a millisecond. The constants of the posterior are therefore
-calibrated on evidence that is kept, and a new calibration needs no fit.
+Fits take seconds, the posterior takes a millisecond. The constants of the posterior are therefore
+calibrated on stored evidence, and a new calibration needs no fit.
 """
 
 from pydantic import BaseModel, ConfigDict
@@ -9,8 +9,8 @@ from pydantic import BaseModel, ConfigDict
 from identification.words import VarianceSource
 
 Key = tuple[str, str, str | None]  # effect, location, dof
-BENDS = "flexible_body"  # what redundant channels prove of a body, not of a sensor
-# Share by which the variance may be wrong: from coherences, from third differences of sharp modes.
+BENDS = "flexible_body"  # the effect on a body, not on a sensor, that redundant channels prove
+# Relative error of a variance from coherences, and from third differences at sharp modes.
 BADLY_KNOWN = {"coherence": 0.1, "differences": 0.3}
 
 
@@ -30,7 +30,7 @@ class _Named(_Row):
 
 
 class Scored(_Named):
-    """Score test of the best hypothesis of an effect and place.
+    """Score of the best hypothesis of an effect and place.
 
     Args:
         gain: predicted gain in log likelihood at the null model's floor [nats].
@@ -42,16 +42,16 @@ class Scored(_Named):
 class FitSummary:
     """Objective of a fit, and its residual gap beyond the noise.
 
-    The residual's mean square over the stated variance exceeds one by the gap only if that variance
-    is right, which from a few hits it is not. Neighbouring lines share the gap, but not the noise
-    of sensors: the mean product of their residuals is the gap's mean square whatever the noise
-    (``Misfit.serial_covariance``). Beside modes narrower than the lags it misses a gap, so that chi
-    square counts too, less what a badly known variance may add.
+    Chi square, the mean square of the residual over the stated variance, exceeds one by the gap if
+    that variance is right, which it is not with a few hits. Neighbouring lines share the gap, but
+    not the noise of sensors. The mean product of their residuals is therefore the mean square of
+    the gap, whatever the noise (``Misfit.serial_covariance``). It misses a gap at modes narrower
+    than the lags, so that chi square counts too, less the error of a badly known variance.
 
     Args:
         chi_square: mean square of residual over noise; 1 is noise alone.
         serial: mean product of the residuals of neighbouring lines; None where lines share noise.
-        doubt: what chi square may exceed one by where nothing is missing.
+        doubt: excess of chi square over one that a badly known variance explains.
         cost: -ln L at the floor, mean of all values [nats].
         prior: cost of the tolerances, half the sum of their squared shifts [nats].
         fitted_values: number of values that the fit saw.
@@ -77,7 +77,7 @@ class FitSummary:
 
 
 class FittedSet(_Row, FitSummary):
-    """A set of causes, fitted at its own model-error floor; the empty set is the null model.
+    """Set of causes, fitted at its own model-error floor; the empty set is the null model.
 
     Args:
         keys: causes of the set.
@@ -85,12 +85,14 @@ class FittedSet(_Row, FitSummary):
         cost: -ln L at the floor, mean of all values [nats].
         prior: cost of the tolerances, half the sum of their squared shifts [nats].
         values: number of values.
-        fitted_values: number of those that the fit saw.
+        fitted_values: number of values that the fit saw.
         noise_share: mean share of the noise in the variance of a value.
         effective_values: number of independent values in the residual.
-        chi_square, serial, doubt: as of ``FitSummary``.
-        shifts: of each cause that only releases tolerances, how far these are shifted [standard
-            deviations of a single one]; else None.
+        chi_square: mean square of residual over noise; 1 is noise alone.
+        serial: mean product of the residuals of neighbouring lines; None where lines share noise.
+        doubt: excess of chi square over one that a badly known variance explains.
+        shifts: shift of the tolerances that each cause releases [standard deviations of a single
+            one]; None for a cause that does not only release tolerances.
     """
 
     keys: tuple[Key, ...]
@@ -112,8 +114,8 @@ class ForceGain(_Row):
 
     Args:
         location: a joint or body.
-        dof: about or along which world axis; None of a joint that is drawn askew.
-        gain: gain in log likelihood [nats], less what it would gain by chance.
+        dof: world axis along or about which it acts; None if the joint is drawn askew.
+        gain: gain in log likelihood [nats], less the mean gain by chance.
         share: gain over the cost of the residual.
     """
 
@@ -124,21 +126,21 @@ class ForceGain(_Row):
 
 
 class Evidence(_Row):
-    """All that a verdict is judged by.
+    """Evidence of a verdict.
 
     Args:
-        proven: faults that redundant channels prove; they are corrected in every set.
-        unknown: places of sensors that are proven wrong by no fault of the catalogue.
-        null: the null model.
+        proven: faults that redundant channels prove; every set corrects them.
+        unknown: places of sensors with a proven fault that is not in the catalogue.
+        null: null model.
         unbounded: the gap of the null model if no tolerance is bounded; None if not fitted.
         largest_shift: the largest tolerance then [standard deviations].
         sets: sets of causes, in the order of their fits.
-        pushed: places, the one first whose free force explains most of the null model's gap.
-        rest_pushed: places, likewise of what the most probable set of causes leaves.
+        pushed: free forces that explain the gap of the null model, the largest gain first.
+        rest_pushed: free forces that explain the gap with the selected causes.
         hypotheses: number of effects and places that were scored.
         variance: where the noise's variance comes from; the worse source if there are two.
-        unsteady: number of tests that met different machines from hit to hit.
-        scored: score tests, the most promising first; no judgement needs them.
+        unsteady: number of tests whose machine changed from hit to hit.
+        scored: scores, the most promising first; the posterior does not need them.
     """
 
     proven: tuple[Key, ...] = ()

@@ -1,24 +1,24 @@
 r"""Posterior probabilities of sets of causes, each with or without a rest.
 
 Every set S is fitted at its own model-error floor; c_S is its mean -ln L per value, tolerances
-included. Errors of a model are shared, so that the residual of the best set holds N_eff independent
-values (``tuning.residual_statistics``). Relative to the empty set with a rest ("unexplained"), the
-log probability is
+included. Errors of a model are correlated, so that the residual of the best set contains N_eff
+independent values (``tuning.residual_statistics``). Relative to the empty set with a rest
+("unexplained"), the log probability is
 
     l_S = kappa N_eff [ c_0 - c_S - |S| chance (1 - s) ] - |S| ln M,
 
-s the share of the noise in the variance beside the best set. Of M hypotheses the best one gains by
-chance: M in a uniform prior, and ``chance`` per value and share of model error, because errors of a
-real machine resemble effects. kappa and chance are calibrated on virtual machines whose errors are
-known. The empty set without a rest ("none") has odds of
+where s is the share of the noise in the variance of the residual of the best set. The best of M
+hypotheses gains by chance. ln M is that of a uniform prior. ``chance`` per value and share of model
+error accounts for errors of a real machine that resemble effects. kappa and chance are calibrated
+on virtual machines whose errors are known. The empty set without a rest ("none") has odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 
-where the gap's mean square may be hidden by noise that is badly known. Causes that do nothing but
-release tolerances which then shift by no more than an outlier are no causes.
+where ``hidden`` is the mean square of a gap that badly known noise may hide. A cause that only
+releases tolerances is no cause if they then shift by no more than an outlier.
 
-Places: those of the causes; of what nothing explains, a softmax of what a free force gains at each
-place. ``calibration.json`` has the constants and their seeds.
+Places are those of the causes. The probability of "unexplained" is divided among all places by a
+softmax of the gains of a free force. ``calibration.json`` has the constants and their seeds.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,11 +30,10 @@ from scipy.special import softmax
 
 from diagnosis.inference.calibration import Calibration, load_calibration
 from diagnosis.inference.evidence import Evidence, FittedSet, ForceGain, Key
+from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from tuning import is_gap_visible
 
-_MIN_GAP = 1e-6  # mean square over that of the noise
-_MIN_CHANCE_SHARE = 1e-6  # of unexplained and none: neither is ever impossible
 Keys = tuple[Key, ...]
 Site = tuple[str, str]  # effect, location
 Shares = tuple[tuple[Key, float], ...]
@@ -45,8 +44,10 @@ class Posterior:
     """Probabilities of sets of causes.
 
     Args:
-        none, unexplained, several: of the empty set without and with a rest, of several causes.
-        causes: each with the probability that it is present, the most probable first.
+        none: probability of the empty set without a rest.
+        unexplained: probability of the empty set with a rest.
+        several: probability of several causes.
+        causes: causes with the probability that each is present, the most probable first.
         where: places by their share.
         sets: sets of causes with their probabilities, the most probable first.
     """
@@ -61,7 +62,7 @@ class Posterior:
     def find_confounded_pairs(
         self, settings: DiagnosisSettings = SETTINGS
     ) -> tuple[tuple[Site, Site], ...]:
-        """Return pairs of causes whose sets, otherwise alike, differ by less than 3 nats."""
+        """Return pairs of causes in which sets differ that are about equally probable."""
         shares: dict[frozenset[Site], float] = {}
         for keys, share in self.sets:
             sites = frozenset(map(read_site, keys))
@@ -77,7 +78,7 @@ class Posterior:
 
 
 def read_site(key: Key) -> Site:
-    """Return effect and location: in several directions it is one cause."""
+    """Return effect and location, which several directions of one cause share."""
     return key[0], key[1]
 
 
@@ -94,30 +95,30 @@ def compute_posterior(
         settings: thresholds.
     """
     constants = calibration or load_calibration()
-    sets, gap = _without_outliers(evidence, settings.outlier_sigma)
-    sets = _best_fits(select_material_sets(evidence.null, sets, settings))
+    sets, gap = _remove_outliers(evidence, settings.outlier_sigma)
+    sets = _select_best_fits(select_material_sets(evidence.null, sets, settings))
     log_none = (
-        np.log(constants.hidden[evidence.gap_source]) - np.log(max(gap, _MIN_GAP))
+        np.log(constants.hidden[evidence.gap_source]) - np.log(max(gap, NEGLIGIBLE_SHARE))
     ) / constants.hidden_width
     if evidence.unsteady:
         log_none = min(log_none, 0.0)
     logs = compute_log_odds(evidence, sets, constants)
     shares = softmax(np.concatenate([[log_none, 0.0], logs]))
-    none, unexplained = (max(float(share), _MIN_CHANCE_SHARE) for share in shares[:2])
+    none, unexplained = (max(float(share), NEGLIGIBLE_SHARE) for share in shares[:2])
     probabilities = {
         fitted.keys: share for fitted, share in zip(sets, shares[2:].tolist(), strict=True)
     }
     if evidence.unknown:
-        none, unexplained = _MIN_CHANCE_SHARE, none + unexplained
+        none, unexplained = NEGLIGIBLE_SHARE, none + unexplained
     if evidence.proven:  # corrected in every set: present with certainty
         probabilities = {
             (*evidence.proven, *keys): share for keys, share in probabilities.items()
         } | {evidence.proven: none + (0.0 if evidence.unknown else unexplained)}
-        none, unexplained = _MIN_CHANCE_SHARE, unexplained if evidence.unknown else 0.0
-    several = sum(share for keys, share in probabilities.items() if _count(keys) > 1)
-    causes = _presence(probabilities, settings.min_row_probability)
+        none, unexplained = NEGLIGIBLE_SHARE, unexplained if evidence.unknown else 0.0
+    several = sum(share for keys, share in probabilities.items() if _count_causes(keys) > 1)
+    causes = _sum_presence(probabilities, settings.min_row_probability)
     ordered = tuple(sorted(probabilities.items(), key=lambda row: -row[1]))
-    where = _places(evidence, causes, unexplained, constants)
+    where = _weigh_places(evidence, causes, unexplained, constants)
     return Posterior(none, unexplained, several, causes, where, ordered)
 
 
@@ -147,11 +148,11 @@ def select_material_sets(
     """Return the sets each of whose causes is material when it is added.
 
     The cause that is added last closes a fifth of the null model's gap, or next to nothing remains
-    with it. Errors of a real machine resemble small effects without end; they are the rest.
+    with it. Errors of a real machine resemble any number of small effects; they are the rest.
 
     Args:
         null: the null model.
-        sets: sets of causes, each with the one that was added last at its end.
+        sets: sets of causes, each with the last added one at its end.
         settings: thresholds.
     """
     gaps = {frozenset(fitted.keys): fitted.gap for fitted in reversed(sets)}
@@ -164,8 +165,8 @@ def select_material_sets(
     return material
 
 
-def _without_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSet], float]:
-    """Return sets of true causes, and the gap that outliers of tolerances do not explain."""
+def _remove_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSet], float]:
+    """Return the sets without outliers of tolerances, and the gap that outliers do not explain."""
     gaps = [evidence.null.gap]
     if evidence.unbounded is not None and evidence.largest_shift <= outlier:
         gaps.append(evidence.unbounded)
@@ -180,20 +181,20 @@ def _without_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSe
     return kept, min(gaps)
 
 
-def _best_fits(sets: Sequence[FittedSet]) -> list[FittedSet]:
-    """Return the best fit of each set of causes; shapes and starts are one hypothesis."""
+def _select_best_fits(sets: Sequence[FittedSet]) -> list[FittedSet]:
+    """Return the best fit of each set of causes, among its shapes and starts."""
     best: dict[frozenset[Key], FittedSet] = {}
     for fitted in sorted(sets, key=lambda fitted: fitted.objective):
         best.setdefault(frozenset(fitted.keys), fitted)
     return list(best.values())
 
 
-def _count(keys: Keys) -> int:
+def _count_causes(keys: Keys) -> int:
     """Return the number of causes of a set."""
     return len({read_site(key) for key in keys})
 
 
-def _presence(sets: Mapping[Keys, float], min_probability: float) -> Shares:
+def _sum_presence(sets: Mapping[Keys, float], min_probability: float) -> Shares:
     """Return the probability that each effect is present at its place, in its best direction."""
     present: dict[Site, float] = {}
     directions: dict[Site, dict[Key, float]] = {}
@@ -211,10 +212,10 @@ def _presence(sets: Mapping[Keys, float], min_probability: float) -> Shares:
     return tuple(sorted(rows, key=lambda row: -row[1]))
 
 
-def _places(
+def _weigh_places(
     evidence: Evidence, causes: Shares, unexplained: float, constants: Calibration
 ) -> tuple[tuple[str, float], ...]:
-    """Return places by their share, which sum to one."""
+    """Return places with their shares, which sum to one."""
     shares: dict[str, float] = {}
     for (_, place, _), probability in causes:
         shares[place] = shares.get(place, 0.0) + probability
@@ -223,7 +224,7 @@ def _places(
     if not evidence.unknown:
         forces = compute_force_shares(evidence.pushed, constants)
         for place, share in forces.items():
-            shares[place] = shares.get(place, 0.0) + max(unexplained, 1e-3) * share
+            shares[place] = shares.get(place, 0.0) + max(unexplained, NEGLIGIBLE_SHARE) * share
     total = sum(shares.values())
     order = sorted(shares.items(), key=lambda row: -row[1])
     return tuple((place, share / total) for place, share in order)

@@ -1,18 +1,19 @@
-r"""What to measure next: what separates the leading causes best, or confirms the one there is.
+r"""What to measure next: an experiment that separates the leading causes, or confirms the only one.
 
-Of rivals with probabilities p, fitted to what was measured, an experiment is foreseen to tell
+Rivals are sets of causes with probabilities p, each fitted to what was measured. The expected gain
+of an experiment is the expected log of the odds between them (Lindley 1956),
 
-    gain = sum over i, j of p_i p_j / sum(p)^2  D_ij   [nats],
+    gain = sum over i, j of p_i p_j / sum(p)^2  D_ij   [nats].
 
-the expected log of the odds that it moves (Lindley 1956). D_ij is what j still leaves of the
-experiment if i is true, tuned anew to it and to all that was measured before:
+D_ij is the misfit of rival j to the FRFs that rival i predicts for the experiment, after j is tuned
+to them and to all that was measured before:
 
     D_ij = min over dx of  |(H_i - H_j - J_j dx) / sigma|^2 + dx' (N_j + P) dx / 2
-         = c - g' (N_j + P + N_new)^-1 g / 2,
+         = c - g' (N_j + P + N_new)^-1 g / 2.
 
-N_j the normal equations of what was measured, P those of the priors, c, g and N_new cost, gradient
-and normal equations of j against the FRFs that i foresees, with the noise of the tests there are. A
-new hit is off by tolerances of its own, which are tuned with all others.
+N_j are the normal equations of what was measured, P those of the priors. c, g and N_new are cost,
+gradient and normal equations of j against the FRFs that i predicts, with the noise of the tests of
+the campaign. A new hit has tolerances of its own, which are tuned with all others.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,18 +32,14 @@ from diagnosis.next_test.experiments import (
 )
 from diagnosis.next_test.unexplained import propose_unexplained_test
 from diagnosis.refits.refit import Refit
+from diagnosis.settings import DiagnosisSettings
 from identification.words import Campaign, Real
 from tuning import Misfit, mean_channel_variance, predict_tests, thin_lines
 from tuning.assessment.parameter_confidence import FREE_PRIOR_SD
 
-_EXPERIMENT_STRIDE = 8
-_DECISIVE_NATS = 30.0  # nats: who gains more decides, then the least effort does
-_MIN_TELLING_NATS = 3.0  # nats: what gains less tells nothing
-_MIN_RIVAL_PROBABILITY, _MAX_RIVALS = 0.05, 6  # of sets that an experiment is to tell apart
-
 
 def propose_experiment(diagnosis: Diagnosis) -> str | None:
-    """One sentence; None where nothing is missing.
+    """Return the next experiment in one sentence; None if nothing is missing.
 
     Args:
         diagnosis: the diagnosis.
@@ -54,18 +51,19 @@ def propose_experiment(diagnosis: Diagnosis) -> str | None:
         proven = [f"{_confirm_cause(cause.key)}; then " for cause in diagnosis.present.causes]
         return "".join(proven) + propose_unexplained_test(diagnosis)
     rivals = find_rivals(diagnosis)
+    settings = diagnosis.settings
     if len(rivals) > 1:
         refits = [(refit, share) for _, refit, share in rivals]
-        best, gain = find_best_experiment(diagnosis.session.campaign, refits)
+        best, gain = find_best_experiment(diagnosis.session.campaign, refits, settings)
         (first, _, _), (second, _, _), *_ = rivals
-        if gain > _MIN_TELLING_NATS:
-            pair = f"{_without(first, second)} from {_without(second, first)}"
-            return f"{best.words}: foreseen to tell {pair} by {gain:.2g} nats"
+        if gain > settings.twin_nats:
+            pair = f"{_name_difference(first, second)} from {_name_difference(second, first)}"
+            return f"{best.words}: expected to tell {pair} by {gain:.2g} nats"
     return _confirm_cause(causes[0][0])
 
 
 def find_rivals(diagnosis: Diagnosis) -> list[tuple[Keys, Refit, float]]:
-    """Return sets of as many causes as the verdict names, any of which may be present.
+    """Return the sets of as many causes as the verdict names that are confounded with the best one.
 
     Args:
         diagnosis: the diagnosis.
@@ -73,20 +71,21 @@ def find_rivals(diagnosis: Diagnosis) -> list[tuple[Keys, Refit, float]]:
     Returns:
         Causes, refit and probability of each set, the most probable first.
     """
+    threshold = np.exp(-diagnosis.settings.twin_nats)
     count = len(diagnosis.present.causes) - len(diagnosis.gross_hypotheses)
     proven = {cause.key for cause in diagnosis.gross_hypotheses}
     rivals = []
     for keys, share in diagnosis.posterior.sets:
         added = tuple(key for key in keys if key not in proven)
         refit = diagnosis.search.refit_of(added)
-        if share >= _MIN_RIVAL_PROBABILITY and len(added) == max(count, 1) and refit is not None:
+        if len(added) == max(count, 1) and refit is not None:
             rivals.append((added, refit, share))
-    return rivals[:_MAX_RIVALS]
+    return [rival for rival in rivals if rival[2] >= threshold * rivals[0][2]]
 
 
-def _without(several: Keys, excluded: Keys) -> str:
-    """Those that are not among others, such as ``appendage@body:ty``."""
-    keys = [key for key in several if key not in excluded]
+def _name_difference(causes: Keys, excluded: Keys) -> str:
+    """Return the causes that are not among others in words, such as ``appendage@body:ty``."""
+    keys = [key for key in causes if key not in excluded]
     return " and ".join(f"{effect}@{place}" for effect, place, _ in keys)
 
 
@@ -98,62 +97,72 @@ def _confirm_cause(cause: Key) -> str:
 
 
 def find_best_experiment(
-    campaign: Campaign, rivals: Sequence[tuple[Refit, float]]
+    campaign: Campaign, rivals: Sequence[tuple[Refit, float]], settings: DiagnosisSettings
 ) -> tuple[Experiment, float]:
-    """Return the experiment that separates rivals best, and its gain [nats].
+    """Return the experiment that separates rivals best, and its expected gain [nats].
+
+    Experiments that take less effort come first. The search ends with the first kind of which one
+    is decisive.
 
     Args:
         campaign: what was measured.
         rivals: refits with their probabilities.
+        settings: thinning of the lines, and the gain that is decisive.
     """
-    thin = thin_lines(campaign, _EXPERIMENT_STRIDE)
-    before = {refit: _measured_normal(refit) for refit, _ in rivals}
+    thin = thin_lines(campaign, settings.score_stride)
+    before = {refit: _compute_measured_normal(refit, settings.score_stride) for refit, _ in rivals}
     best: tuple[Experiment, float] | None = None
-    for several in list_experiments(campaign, [refit for refit, _ in rivals]):
-        for experiment in several:
-            gain = _expected_gain(experiment, thin, len(campaign.freq_hz), rivals, before)
+    for group in list_experiments(campaign, [refit for refit, _ in rivals], settings):
+        for experiment in group:
+            gain = _compute_gain(experiment, thin, len(campaign.freq_hz), rivals, before)
             if best is None or gain > best[1]:
                 best = experiment, gain
-        if best is not None and best[1] > _DECISIVE_NATS:
+        if best is not None and best[1] > settings.decisive_nats:
             break
     if best is None:
         raise ValueError("a campaign without hits has no experiment")
     return best
 
 
-def _expected_gain(
+def _compute_gain(
     experiment: Experiment,
     thin: Campaign,
     lines: int,
     rivals: Sequence[tuple[Refit, float]],
     before: Mapping[Refit, Real],
 ) -> float:
-    """Nats that an experiment is foreseen to gain."""
+    """Return the expected gain of an experiment [nats]."""
     total = sum(share for _, share in rivals)
-    posed = {refit: add_experiment(experiment, refit) for refit, _ in rivals}
+    models = {refit: add_experiment(experiment, refit) for refit, _ in rivals}
     noise, gain = mean_channel_variance(thin), 0.0
     for true, share in rivals:
-        foreseen = predict_tests(
-            posed[true].model, posed[true].theta, thin, noise, experiment.inputs
+        predicted = predict_tests(
+            models[true].model, models[true].theta, thin, noise, experiment.inputs
         )
         for rival, weight in rivals:
             if rival is not true:
-                left = _remaining_cost(
-                    posed[rival], foreseen, before[rival], lines / len(thin.freq_hz)
-                )
-                gain += share * weight * left / total**2
+                ratio = lines / len(thin.freq_hz)
+                misfit = _compute_misfit(models[rival], predicted, before[rival], ratio)
+                gain += share * weight * misfit / total**2
     return gain
 
 
-def _remaining_cost(rival: RivalModel, foreseen: Campaign, before: Real, times: float) -> float:
-    """D: what a rival leaves of foreseen FRFs, tuned to them and to what was measured."""
+def _compute_misfit(rival: RivalModel, predicted: Campaign, before: Real, ratio: float) -> float:
+    """Return D, the misfit of a rival to predicted FRFs after it is tuned to them.
+
+    Args:
+        rival: model of the rival.
+        predicted: FRFs that another rival predicts.
+        before: normal equations of what was measured; (n_x, n_x).
+        ratio: number of all lines per line of ``predicted``.
+    """
     varies = rival.parametrisation
-    problem = Misfit(rival.model, foreseen, varies, model_error_floor=rival.floor)
+    problem = Misfit(rival.model, predicted, varies, model_error_floor=rival.floor)
     x = varies.coordinates(rival.theta)
     value, gradient, normal = problem.quadratic_model(x)
-    cost = (value - problem.prior(x)) * times
-    slope = (gradient - np.where(varies.has_prior, x, 0.0)) * times
-    whole = normal.dense() * times
+    cost = (value - problem.prior(x)) * ratio
+    slope = (gradient - np.where(varies.has_prior, x, 0.0)) * ratio
+    whole = normal.dense() * ratio
     whole[: len(before), : len(before)] += before
     whole += np.diag(np.where(varies.has_prior, 1.0, FREE_PRIOR_SD**-2))
     free = np.array([name not in rival.pinned for name in varies.names])
@@ -163,12 +172,12 @@ def _remaining_cost(rival: RivalModel, foreseen: Campaign, before: Real, times: 
     return max(float(cost - right @ np.linalg.solve(inner, right) / 2), 0.0)
 
 
-def _measured_normal(rival: Refit) -> Real:
-    """Normal equations of what was measured; (n_x, n_x)."""
+def _compute_measured_normal(rival: Refit, stride: int) -> Real:
+    """Return the normal equations of what was measured; (n_x, n_x)."""
     session = rival.session
-    thin = thin_lines(session.campaign, _EXPERIMENT_STRIDE)
+    thin = thin_lines(session.campaign, stride)
     problem = Misfit(session.model, thin, session.parametrisation, model_error_floor=rival.floor)
     x = session.parametrisation.coordinates(rival.fit.theta)
-    times = len(session.campaign.freq_hz) / len(thin.freq_hz)
-    normal: Real = problem.quadratic_model(x)[2].dense() * times
+    ratio = len(session.campaign.freq_hz) / len(thin.freq_hz)
+    normal: Real = problem.quadratic_model(x)[2].dense() * ratio
     return normal

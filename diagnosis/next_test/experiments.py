@@ -8,23 +8,23 @@ import numpy as np
 from diagnosis.effects import PROVEN, load_catalogue
 from diagnosis.inference.evidence import Key
 from diagnosis.refits.refit import Refit
+from diagnosis.settings import DiagnosisSettings
 from identification.words import Campaign, Dof, Input, Real, is_hammer_point
 from mbmodel import AddedPart, Change, Machine, Model, Parameter, Part, hammer_parts
 from tuning import Parametrisation, parametrise
 
-_ADDED_MASS_SHARE = 0.1  # of a body's mass: a mass that is added
 _ADDED_MASS_NAME = "known_mass"
 
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """A measurement that can follow.
+    """Measurement that can follow a campaign.
 
     Args:
-        words: what to do.
-        inputs: what is hit.
-        parts: that a machine then has as well.
-        undone: the cause that is taken out of the machine; None for none.
+        words: instruction.
+        inputs: points and directions that are hit.
+        parts: returns the Parts that the experiment adds to a machine.
+        undone: cause that is taken out of the machine; None for none.
     """
 
     words: str
@@ -33,7 +33,9 @@ class Experiment:
     undone: Key | None = None
 
 
-def list_experiments(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[list[Experiment]]:
+def list_experiments(
+    campaign: Campaign, rivals: Sequence[Refit], settings: DiagnosisSettings
+) -> Iterator[list[Experiment]]:
     """Yield further hits, then causes that can be taken out of the machine, then known masses."""
     machine = rivals[0].session.model.machine
     layout = machine.layout
@@ -46,7 +48,7 @@ def list_experiments(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[li
         if inputs:
             axes = " and ".join(dof.direction[2:] for dof in inputs)
             along = "" if len(inputs) == 3 else f" along {axes}"
-            hits.append(Experiment(f"hit {point}{along} as well", inputs, add_hammers(inputs)))
+            hits.append(Experiment(f"hit {point}{along} as well", inputs, add_hits(inputs)))
     yield hits
     undone = []
     for key in dict.fromkeys(key for rival in rivals for key in rival.keys):
@@ -56,26 +58,34 @@ def list_experiments(campaign: Campaign, rivals: Sequence[Refit]) -> Iterator[li
             words = entry.describe(entry.confirm, place, dof)
             undone.append(Experiment(words, campaign.inputs, undone=key))
     yield undone
-    masses = _ADDED_MASS_SHARE * np.diag(machine.body_mass)[::6]
+    share = settings.added_mass_share
+    masses = share * np.diag(machine.body_mass)[::6]
     yield [
-        Experiment(f"add {mass:.2g} kg at {body} and repeat", campaign.inputs, add_known_mass(k))
+        Experiment(
+            f"add {mass:.2g} kg at {body} and repeat", campaign.inputs, add_known_mass(k, share)
+        )
         for k, (mass, body) in enumerate(zip(masses.tolist(), layout.bodies, strict=True))
     ]
 
 
-def add_hammers(inputs: tuple[Dof, ...]) -> Callable[[Machine], tuple[Part, ...]]:
-    """Return what adds the Parts of further hits to a machine."""
+def add_hits(inputs: tuple[Dof, ...]) -> Callable[[Machine], tuple[Part, ...]]:
+    """Return a function that returns the Parts of further hits of a machine."""
     return lambda machine: hammer_parts(machine, inputs)
 
 
-def add_known_mass(body: int) -> Callable[[Machine], tuple[Part, ...]]:
-    """Return what adds a mass at a body's centre of mass, a tenth of its own."""
+def add_known_mass(body: int, share: float) -> Callable[[Machine], tuple[Part, ...]]:
+    """Return a function that returns the Part of a known mass at a body's centre of mass.
+
+    Args:
+        body: number of the body.
+        share: mass as a share of that of the body.
+    """
 
     def parts(machine: Machine) -> tuple[Part, ...]:
         frame = np.zeros((len(machine.body_mass), 3))
         frame[6 * body : 6 * body + 3] = np.eye(3)
         core = np.zeros((1, 3, 3, 3))
-        core[0, 2] = _ADDED_MASS_SHARE * machine.body_mass[6 * body, 6 * body] * np.eye(3)
+        core[0, 2] = share * machine.body_mass[6 * body, 6 * body] * np.eye(3)
         scale = Parameter(_ADDED_MASS_NAME, 1.0, "1", positive=False)
         place = f"body:{machine.layout.bodies[body]}"
         return (AddedPart.linear(place, (scale,), (Change("body", frame, frame, core),)),)
@@ -85,12 +95,12 @@ def add_known_mass(body: int) -> Callable[[Machine], tuple[Part, ...]]:
 
 @dataclass(frozen=True, eq=False)
 class RivalModel:
-    """A rival in an experiment.
+    """Model of a rival in an experiment.
 
     Args:
-        model: its model, with the Parts of the experiment.
+        model: model of the rival, with the Parts of the experiment.
         theta: parameters [SI]; (n_parameter,).
-        parametrisation: its coordinates.
+        parametrisation: coordinates of the parameters.
         pinned: names of parameters that cannot vary.
         floor: relative model error.
     """

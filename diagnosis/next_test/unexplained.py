@@ -3,68 +3,72 @@
 from collections import Counter
 
 from diagnosis.algorithm import Diagnosis
-from identification.words import Campaign, Dof
+from identification.words import DIRECTIONS, Campaign, Dof
 from mbmodel import Machine, parent_bodies
-
-_MIN_BODY_CHANNELS = (
-    6  # channels on a body, as of two triaxial sensors: its motion is known but for a turn
-)
 
 
 def propose_unexplained_test(diagnosis: Diagnosis) -> str:
-    """Return an experiment where the missing force acts, or at other levels if there is one.
+    """Return an experiment at the place of the unknown force, or at other levels.
 
     Args:
         diagnosis: the diagnosis.
     """
     explained = {cause.location for cause in diagnosis.present.causes}
     places = [place for place, _ in diagnosis.posterior.where if place not in explained]
-    first = places[0] if places else ""
-    if first in diagnosis.gate.unknown:
-        sensor = first.partition(":")[2]
+    place = places[0] if places else ""
+    if place in diagnosis.checks.unknown:
+        sensor = place.partition(":")[2]
         return f"exchange {sensor}, its cable and its amplifier with those of another and repeat"
     campaign = diagnosis.session.campaign
     if len({test.condition.level_n for test in campaign.tests}) < 2:
-        where = f"{first}, where something pushes" if first else "the joints"
+        where = f"{place}, where an unknown force acts" if place else "the joints"
         return (
             "repeat at a quarter and at four times the level: friction, backlash and hardening "
             f"change with it; look at {where}"
         )
-    return _at(first, diagnosis.session.model.machine, campaign)
+    return _propose_test_at(place, diagnosis.session.model.machine, campaign)
 
 
-def _at(place: str, machine: Machine, campaign: Campaign) -> str:
-    """Return the experiment that shows a force at a place: sensors beside it, or clamping it."""
-    beside = _beside(place, machine)
-    if not beside:
+def _propose_test_at(place: str, machine: Machine, campaign: Campaign) -> str:
+    """Return the experiment that shows a force at a place: sensors beside it, or clamping it.
+
+    A body with fewer channels than its six rigid motions needs more of them first.
+    """
+    bodies = _find_bodies(place, machine)
+    if not bodies:
         return f"look at {place or 'the joints'}, and hit other bodies at each level as well"
-    channels = Counter(campaign.layout.body_name(dof.point) for dof in _heard(campaign))
-    blind = [body for body in beside if channels[body] < _MIN_BODY_CHANNELS]
+    channels = Counter(
+        campaign.layout.body_name(dof.point) for dof in _find_measured_channels(campaign)
+    )
+    blind = [body for body in bodies if channels[body] < len(DIRECTIONS)]
     if blind:
         return (
-            f"put two triaxial sensors or more on {' and '.join(blind)}, and hit there: something "
-            f"pushes at {place}"
+            f"put two triaxial sensors or more on {' and '.join(blind)}, and hit there: an unknown "
+            f"force acts at {place}"
         )
     kind, _, name = place.partition(":")
-    held = f"clamp the joint of {name}" if kind == "joint" else f"clear {name} of all it carries"
+    change = f"clamp the joint of {name}" if kind == "joint" else f"clear {name} of all it carries"
     return (
-        f"{held} and repeat, {' and '.join(beside)} hit at each level: what pushes at {place} is "
-        "gone then, and what is left of the gap pushes elsewhere"
+        f"{change} and repeat, {' and '.join(bodies)} hit at each level: a force at {place} is "
+        "gone then, and a gap that remains has its cause elsewhere"
     )
 
 
-def _heard(campaign: Campaign) -> set[Dof]:
-    """Channels that some test measured."""
+def _find_measured_channels(campaign: Campaign) -> set[Dof]:
+    """Return the channels that some test measured."""
     return {
         dof.positive
         for test in campaign.tests
-        for dof, seen in zip(test.estimate.frf.outputs, test.estimate.measured, strict=True)
-        if seen.any()
+        for dof, measured in zip(test.estimate.frf.outputs, test.estimate.measured, strict=True)
+        if measured.any()
     }
 
 
-def _beside(place: str, machine: Machine) -> list[str]:
-    """Bodies that a joint joins, the ground left out, or the body itself; none of other places."""
+def _find_bodies(place: str, machine: Machine) -> list[str]:
+    """Return the body at a place, or the bodies that a joint joins without the ground.
+
+    Other places have none.
+    """
     kind, _, name = place.partition(":")
     if kind not in ("joint", "body") or name not in machine.layout.bodies:
         return []

@@ -1,4 +1,4 @@
-"""Coordinates of a session that a hypothesis extends: released, tied, bounded, believed."""
+"""Parametrisation of a session with a hypothesis: releases, ties, bounds and priors."""
 
 from dataclasses import replace
 
@@ -15,9 +15,9 @@ def extend_parametrisation(
     """Return the coordinates that vary under a hypothesis.
 
     Args:
-        varies: without it.
-        model: with its Parts.
-        session: whose tolerances hold.
+        varies: coordinates without the hypothesis.
+        model: model with its Parts.
+        session: session with the tolerances.
         hypothesis: the hypothesis.
     """
     extended = (
@@ -32,9 +32,8 @@ def extend_parametrisation(
     )
     fixed = free.fixed.copy()
     for k, parameter in enumerate(free.parameters):
-        if (
-            parameter.name in hypothesis.begin and free.coordinate_of[k] < 0
-        ):  # a user has fixed it: as was found
+        # A parameter that a user has fixed stays at the value that the data checks prove.
+        if parameter.name in hypothesis.begin and free.coordinate_of[k] < 0:
             fixed[k] = hypothesis.begin[parameter.name]
     lower, upper = free.lower.copy(), free.upper.copy()
     scale, has_prior = free.scale.copy(), free.has_prior.copy()

@@ -1,8 +1,7 @@
-"""Facts of a campaign that decide how it is fitted."""
+"""Properties of a campaign that decide how it is fitted."""
 
+from diagnosis.settings import DiagnosisSettings
 from identification.words import Campaign, VarianceSource
-
-MIN_FITTED_LINES = 96  # of a campaign that has them: 800 lines by a stride of 8
 
 
 def count_measured_frfs(campaign: Campaign) -> int:
@@ -16,13 +15,14 @@ def find_variance_source(campaign: Campaign) -> VarianceSource:
     return "coherence" if sources == {"coherence"} else "differences"
 
 
-def choose_stride(lines: int, stride: int) -> int:
-    """Return the stride of the lines that a fit counts: enough remain to see sharp modes.
+def choose_stride(lines: int, stride: int, settings: DiagnosisSettings) -> int:
+    """Return the stride of the lines that a fit counts, so that enough lines show sharp modes.
 
-    At least every second line stays unseen, which tells a gap by neighbouring lines.
+    At least every second line is left out, by which neighbouring lines show a gap.
 
     Args:
         lines: number of frequency lines.
         stride: wanted stride.
+        settings: number of lines that remain.
     """
-    return max(2, min(stride, lines // MIN_FITTED_LINES))
+    return max(2, min(stride, lines // settings.min_fitted_lines))

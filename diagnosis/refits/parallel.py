@@ -1,7 +1,7 @@
-"""Work whose parts do not wait for each other, in processes.
+"""Independent calls in processes.
 
-Threads would: refits are many small steps of Python. What is sent may hold functions made in
-functions, as users' effects do: joblib sends those where cloudpickle is installed.
+Threads would wait for each other, because refits are many small steps of Python. Arguments may
+contain local functions, as effects of users do; joblib sends those if cloudpickle is installed.
 """
 
 import signal
@@ -23,12 +23,12 @@ def run_in_parallel(calls: Sequence[Call], jobs: int) -> Iterator[Any]:
         calls: functions with their arguments.
         jobs: processes; a single call is made here.
     """
-    # Arrays of megabytes cross over sooner than files are written and mapped.
-    beside = Parallel(
+    # Arrays of megabytes are sent faster than files are written and mapped.
+    run = Parallel(
         n_jobs=max(1, min(jobs, len(calls))), return_as="generator", max_nbytes=None, batch_size=1
     )
     with _ignore_interrupts():
-        results: Iterator[Any] = beside(
+        results: Iterator[Any] = run(
             delayed(_run_alone)(function, given) for function, given in calls
         )
     return results
@@ -36,9 +36,9 @@ def run_in_parallel(calls: Sequence[Call], jobs: int) -> Iterator[Any]:
 
 @contextmanager
 def _ignore_interrupts() -> Iterator[None]:
-    """Processes that begin here ignore Ctrl-C, which reaches all: who asked ends them.
+    """Let processes that start here ignore Ctrl-C; the parent process gets it too and ends them.
 
-    Else each that waits or still begins says so with a traceback of its own.
+    Otherwise each process that waits or starts would print a traceback.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

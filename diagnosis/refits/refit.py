@@ -1,5 +1,6 @@
 """A fit with a set of causes, at its own model-error floor, and the statistics of its residual."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,22 +21,19 @@ from tuning import (
     thinning_slice,
 )
 
-# Lines apart: a variance from third differences has a part in three lines, a mode spans several.
-SERIAL_LAGS = range(3, 7)
-
 
 @dataclass(frozen=True, eq=False)
 class Refit(FitSummary):
-    """A fit with a set of causes, at its own model-error floor.
+    """Fit with a set of causes, at its own model-error floor.
 
     Args:
         hypothesis: the set of causes; None for the null model.
-        session: campaign as it would be without the causes, model with their Parts.
-        fit: parameters.
+        session: campaign corrected for the causes, model with their Parts.
+        fit: fitted parameters.
         statistics: model error, noise share and independent values of its residual.
         fitted_values: number of values that the fit saw.
         serial: mean product of residuals of neighbouring lines; None where lines share noise.
-        doubt: what chi square may exceed one by because the noise's variance is badly known.
+        doubt: excess of chi square over one that a badly known variance of the noise explains.
     """
 
     hypothesis: Hypothesis | None
@@ -113,14 +111,14 @@ def map_values(parametrisation: Parametrisation, theta: Real) -> dict[str, float
     return dict(zip(names, theta.tolist(), strict=True))
 
 
-def describe_fit(session: Session, fit: Fit, stride: int, independent: bool) -> Refit:
+def describe_fit(session: Session, fit: Fit, stride: int, lags: Sequence[int]) -> Refit:
     """Return a fit with the statistics of its residual.
 
     Args:
         session: model, campaign and coordinates.
-        fit: parameters.
+        fit: fitted parameters.
         stride: every ``stride``-th line was fitted; the statistics are those of twice as many.
-        independent: whether the noise of neighbouring lines is independent.
+        lags: distances of neighbouring lines [lines]; none if lines share noise.
 
     Raises:
         ValueError: no channel moves.
@@ -130,11 +128,11 @@ def describe_fit(session: Session, fit: Fit, stride: int, independent: bool) -> 
     if statistics is None:
         raise ValueError("no channel moves, so that no model error shows")
     serial = None
-    if independent:
+    if lags:
         campaign, lines = session.campaign, len(session.campaign.freq_hz)
         misfit = Misfit(session.model, campaign, session.parametrisation, model_error_floor=0.0)
         fitted = np.isin(np.arange(lines), np.arange(lines)[thinning_slice(lines, stride)])
-        serial = misfit.serial_covariance(fit.x, SERIAL_LAGS, fitted)
+        serial = misfit.serial_covariance(fit.x, lags, fitted)
     fitted_lines = len(thin_lines(session.campaign, stride).freq_hz)
     fitted_values = max(1, round(statistics.values * fitted_lines / len(counted.freq_hz)))
     return Refit(None, session, fit, statistics, fitted_values, serial)

@@ -1,8 +1,8 @@
-"""Refits: everything that varies is fitted again with a set of causes, at that set's error floor.
+"""Refits: everything that varies is fitted with a set of causes, at the error floor of that set.
 
-A fit at the weights of the noise goes down to errors that no real model has. Each refit therefore
-tolerates the model error that its own residual shows (``tuning.fit_at_error_floor``). A cause is
-worth what the floor falls by.
+With the weights of the noise alone, a fit minimises errors that every real model has. Each refit
+therefore tolerates the model error that its residual shows (``tuning.fit_at_error_floor``). The
+value of a cause is the decrease of that floor.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,6 @@ from diagnosis.refits.refit import Refit, describe_fit
 from identification.words import Real
 from mbmodel import Model
 from tuning import (
-    STAGES,
     Checkpoint,
     FloorSchedule,
     Minimum,
@@ -32,20 +31,17 @@ from tuning import (
     rebuild_for_machine,
 )
 
-# A shape that begins as a guess needs the logarithm of the FRFs and its large floor first.
-FROM_AFAR = (replace(STAGES[1], stride=8), replace(STAGES[2], stride=8, max_steps=15))
-
 
 @dataclass(frozen=True, eq=False)
 class RefitTask:
-    """A refit to be made.
+    """Refit to be made.
 
     Args:
-        hypothesis: the set of causes; None for the null model.
-        session: session with them.
-        start: theta [SI]; (n_parameter,); None for the nominal model.
+        hypothesis: set of causes; None for the null model.
+        session: session with the causes.
+        start: start values [SI]; (n_parameter,); None for the nominal model.
         floor: relative model error that the first fit tolerates.
-        first_stages: stages before that.
+        first_stages: stages before the first fit.
     """
 
     hypothesis: Hypothesis | None
@@ -70,21 +66,21 @@ def add_hypothesis(session: Session, hypothesis: Hypothesis) -> Session:
     )
 
 
-def start_values(base: Refit | Scene, session: Session, hypothesis: Hypothesis | None) -> Real:
-    """Return theta of a session that begins where a fit ended; (n_parameter,).
+def find_start(base: Refit | Scene, session: Session, hypothesis: Hypothesis | None) -> Real:
+    """Return the start of a session from the end of a fit; (n_parameter,).
 
     Args:
         base: fit, or scene with its theta.
         session: session with the hypothesis.
-        hypothesis: new parameters begin at its values.
+        hypothesis: hypothesis with the start values of new parameters.
     """
     theta = base.theta if isinstance(base, Scene) else base.fit.theta
     parameters = base.session.model.parameters
     fitted = dict(zip((p.name for p in parameters), theta.tolist(), strict=True))
     names = [parameter.name for parameter in session.model.parameters]
-    begin = {} if hypothesis is None else {**fitted, **hypothesis.begin}
+    starts = {} if hypothesis is None else {**fitted, **hypothesis.begin}
     follow = {} if hypothesis is None else hypothesis.follow
-    values = [begin.get(name, fitted.get(name, 0.0)) for name in names]
+    values = [starts.get(name, fitted.get(name, 0.0)) for name in names]
     for k, name in enumerate(names):
         if name in follow:
             values[k] = values[names.index(follow[name])]
@@ -94,33 +90,35 @@ def start_values(base: Refit | Scene, session: Session, hypothesis: Hypothesis |
 def add_cause(
     base: Refit, hypothesis: Hypothesis, first_stages: tuple[Stage, ...] = ()
 ) -> RefitTask:
-    """Return the task of a refit with one more cause, from where a refit ended."""
+    """Return the task of a refit with one more cause, from the end of a refit."""
     session = add_hypothesis(base.session, hypothesis)
-    start = start_values(base, session, hypothesis)
+    start = find_start(base, session, hypothesis)
     causes = join_hypotheses((*base.causes, hypothesis))
     return RefitTask(causes, session, start, base.floor, first_stages)
 
 
 def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule) -> list[Refit]:
-    """Make refits that do not wait for each other, in processes; the order is that of the tasks.
+    """Make independent refits in processes; the order of the results is that of the tasks.
 
-    Sessions are sent to the processes; hypotheses, which are known by identity, stay here.
+    Sessions are sent to the processes. Hypotheses are compared by identity, so that they stay here.
 
     Args:
-        scene: processes, thinning of the lines, and whether lines are independent.
+        scene: processes, thinning of the lines, independence of lines, settings.
         tasks: refits to be made.
-        schedule: fits in turn with their floor.
+        schedule: fits that alternate with estimates of the floor.
     """
     threads = scene.jobs if len(tasks) == 1 else 1
-    lines = len(scene.session.campaign.freq_hz)
-    paced = replace(schedule, stride=choose_stride(lines, schedule.stride * scene.stride_factor))
+    lines, settings = len(scene.session.campaign.freq_hz), scene.settings
+    stride = choose_stride(lines, schedule.stride * scene.stride_factor, settings)
+    schedule = replace(schedule, stride=stride)
+    lags = settings.serial_lags if scene.has_independent_lines else ()
     record = scene.record or RefitRecord(Checkpoint())
-    names = [record.next_name(_words(task)) for task in tasks]
+    names = [record.next_name(_name_causes(task)) for task in tasks]
     finished = [record.recall(name) for name in names]
     calls: list[Call] = [
-        (_refit, (replace(task, hypothesis=None), paced, threads, scene.has_independent_lines))
+        (_refit, (replace(task, hypothesis=None), schedule, threads, lags))
         if kept is None
-        else (_describe_kept, (task.session, kept, paced, scene.has_independent_lines))
+        else (_describe_kept, (task.session, kept, schedule, lags))
         for task, kept in zip(tasks, finished, strict=True)
     ]
     results = []
@@ -141,7 +139,7 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
     ]
 
 
-def _words(task: RefitTask) -> str:
+def _name_causes(task: RefitTask) -> str:
     """Return the causes of a refit in words."""
     if task.hypothesis is None:
         return "no cause"
@@ -150,14 +148,14 @@ def _words(task: RefitTask) -> str:
 
 
 def _describe_kept(
-    session: Session, kept: Minimum, schedule: FloorSchedule, independent: bool
+    session: Session, kept: Minimum, schedule: FloorSchedule, lags: Sequence[int]
 ) -> Refit:
     """Return a refit that an interrupted run finished."""
     fit = restore_fit(kept, session.parametrisation, schedule)
-    return describe_fit(session, fit, schedule.stride, independent)
+    return describe_fit(session, fit, schedule.stride, lags)
 
 
-def _refit(task: RefitTask, schedule: FloorSchedule, threads: int, independent: bool) -> Refit:
+def _refit(task: RefitTask, schedule: FloorSchedule, threads: int, lags: Sequence[int]) -> Refit:
     session = task.session
     result = fit_at_error_floor(
         session.model,
@@ -169,4 +167,4 @@ def _refit(task: RefitTask, schedule: FloorSchedule, threads: int, independent: 
         schedule=schedule,
         jobs=threads,
     )
-    return describe_fit(session, result.fit, schedule.stride, independent)
+    return describe_fit(session, result.fit, schedule.stride, lags)

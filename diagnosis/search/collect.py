@@ -1,4 +1,4 @@
-"""Everything that was fitted, as the evidence of a verdict."""
+"""Evidence of a verdict: plain numbers of everything that was fitted."""
 
 from diagnosis.inference.evidence import Evidence, Scored
 from diagnosis.null_model import Baseline, fit_unbounded
@@ -13,12 +13,12 @@ from tuning import is_gap_visible
 def collect_evidence(
     base: Baseline, search: Search, unsteady: int, settings: DiagnosisSettings
 ) -> Evidence:
-    """Return the evidence; free forces are fitted where something remains to be located.
+    """Return the evidence; free forces of the rest are fitted if a rest is visible.
 
     Args:
         base: null model, and what the data checks prove.
         search: sets of causes that were fitted.
-        unsteady: number of tests that met different machines from hit to hit.
+        unsteady: number of tests whose machine changed from hit to hit.
         settings: schedules.
     """
     null, selected = search.null, search.selected
@@ -28,13 +28,13 @@ def collect_evidence(
         effect, location, dof = score.hypothesis.key
         row = Scored(effect=effect, location=location, dof=dof, gain=score.gain)
         best_gain.setdefault(score.hypothesis.site, row)
-    is_left = bool(selected.causes) and is_gap_visible(selected.gap, settings.min_visible_excess)
+    has_rest = bool(selected.causes) and is_gap_visible(selected.gap, settings.min_visible_excess)
     ratio = settings.force_floor_ratio
     inner = move_scene(base.scene, selected)
-    rest = fit_free_forces(inner, selected.fit, ratio * selected.floor) if is_left else ()
+    rest = fit_free_forces(inner, selected.fit, ratio * selected.floor) if has_rest else ()
     return Evidence(
         proven=tuple(hypothesis.key for hypothesis in base.proven),
-        unknown=base.gate.unknown,
+        unknown=base.checks.unknown,
         null=summarise_refit(null),
         unbounded=unbounded,
         largest_shift=largest_shift,

@@ -1,4 +1,4 @@
-"""Confounded causes: pairs whose signatures or probabilities cannot be told apart."""
+"""Confounded causes: pairs with equal signatures or equal probabilities."""
 
 from diagnosis.hypothesis import Scene
 from diagnosis.inference.posterior import Posterior
@@ -10,7 +10,7 @@ from diagnosis.settings import DiagnosisSettings
 def find_confounded(
     scene: Scene, search: Search, posterior: Posterior, settings: DiagnosisSettings
 ) -> tuple[tuple[str, str], ...]:
-    """Return pairs of causes with a cosine of signatures of 0.9, or as probable as each other.
+    """Return pairs of causes whose signatures have a large cosine, or that are equally probable.
 
     Args:
         scene: campaign, model and theta of the null model.
@@ -28,12 +28,12 @@ def find_confounded(
     scored = list(leading.values())
     if len(scored) > 1:
         null = search.null
-        alike = compute_cosines(scene, null.fit, scored, null.floor, settings.score_stride)
+        cosines = compute_cosines(scene, null.fit, scored, null.floor, settings.score_stride)
         pairs += [
             frozenset((first.hypothesis.site, second.hypothesis.site))
             for i, first in enumerate(scored)
             for j, second in enumerate(scored[:i])
-            if abs(alike[i, j]) >= settings.min_twin_cosine
+            if abs(cosines[i, j]) >= settings.min_twin_cosine
         ]
     order = {f"{key[0]}@{key[1]}": place for key, place in listed.items()}
     ordered = [

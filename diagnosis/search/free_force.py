@@ -1,20 +1,23 @@
-r"""Where something pushes that the model lacks, whatever it is.
+r"""Free-force marginal likelihood: place at which an unknown force explains most of the gap.
 
-An effect at a joint, linear or not, is a force between the two bodies beside what the model holds;
-at a body, one on it. Suppose that such a force, at one place and in one direction, may have any
-spectrum f in every test, each line on its own, normal with the variance p. What it adds to the FRFs
-is f times the model's answer u to a unit force there, so that errors W^-1 become W^-1 + p u u^H.
-About the fit with nothing missing, with the normal equations A = N + D and the gradient g,
+An effect at a joint, linear or not, is a force between its two bodies that the model lacks. An
+effect at a body is a force on the body. Suppose that the force, at one place and in one direction,
+has any spectrum f in every test, independent on each line, with the prior variance p. It adds f u
+to the FRFs, where u is the response of the model to a unit force there, so that the covariance W^-1
+of the errors becomes W^-1 + p u u^H. About a fit with the normal equations A = N + D (D the
+priors), the gradient g and the residual r, all weighted by the noise, the cost at its minimum is
 
-    2 J_p = |r|^2 - sum k |u^H r|^2 - (g - ..)' (A - sum k Re(t^H t))^-1 (g - ..),
-    k = p / (1 + p |u|^2),   t = u^H (columns of what varies),
+    2 J_p = |r|^2 - sum k |u^H r|^2 - (g - h)' (A - sum k Re(t^H t))^-1 (g - h),
+    k = p / (1 + p |u|^2),   t = u^H J,   h = sum k Re(t^H u^H r),
 
-    gain = J_0 - J_p - sum ln(1 + p |u|^2),
+with J the derivatives of the FRFs by all that varies, which is so projected out. The gain is
 
-all weighted by the noise: how much better the data are explained, less what a force of any shape
-would gain anyway (the evidence of a normal prior, Rasmussen and Williams 2006, ch. 2.3); p is
-chosen to make it the most. What varies is projected out. An error in a single place and direction
-stands out by thousands of nats from all others, though no effect has been thought of.
+    gain = J_0 - J_p - sum ln(1 + p |u|^2).
+
+The last term is what a force of any spectrum gains on average where nothing is missing (evidence of
+a Gaussian prior, Rasmussen and Williams 2006, ch. 2.3). The best of several p counts. An error at a
+single place and direction gains thousands of nats more there than elsewhere, also if no effect of
+the catalogue describes it.
 """
 
 from collections.abc import Iterator
@@ -25,90 +28,82 @@ import numpy as np
 from diagnosis.hypothesis import Scene
 from diagnosis.inference.evidence import ForceGain
 from diagnosis.search.linearised_fit import Factor
-from identification.words import Campaign, Integers, Real
+from identification.words import DIRECTIONS, Campaign, Integers, Real
 from tuning import Fit, Misfit, thin_lines
 from tuning.misfit.accumulation import FreeForceReduction
 
-_FORCE_STRIDE = 16
-_COMMON_POWER = 100.0  # p |u|^2 of the median line, for all directions
-_FURTHER_POWERS = (1.0, 10.0, 1e3, 1e4)  # for the best of them
-_MAX_REFINED = 12
-_MAX_NUMBERS_AT_ONCE = 2**24  # numbers of normal equations
-
 
 def fit_free_forces(scene: Scene, fit: Fit, model_error_floor: float) -> tuple[ForceGain, ...]:
-    """Free forces, the best direction of every joint and body; what explains most first.
+    """Return the free force of every joint and body in its best direction, the largest gain first.
 
     Args:
-        scene: campaign and drawn model.
-        fit: the fit about which all is linear.
-        model_error_floor: relative model error that it tolerates.
+        scene: campaign and model of the fit.
+        fit: fit about which the model is linearised.
+        model_error_floor: relative model error that the fit tolerates.
     """
-    directions = list(_directions(scene))
+    directions = list(_list_directions(scene))
     forces = np.array([force for _, _, force in directions]).T
-    work = _Work.about(scene, fit, model_error_floor)
-    gains = work.gains(forces, _COMMON_POWER)
-    best = np.argsort(-gains)[:_MAX_REFINED]
-    for power in _FURTHER_POWERS:
-        gains[best] = np.maximum(gains[best], work.gains(forces[:, best], power))
+    linearised = _LinearisedFit.linearise(scene, fit, model_error_floor)
+    most = scene.settings.max_force_values
+    powers = scene.settings.force_powers
+    gains = np.max([linearised.compute_gains(forces, power, most) for power in powers], axis=0)
     rows: dict[str, ForceGain] = {}
     for k in np.argsort(-gains, kind="stable"):
         place, dof, _ = directions[k]
         gain = float(gains[k])
-        row = ForceGain(location=place, dof=dof, gain=gain, share=gain / work.data_cost)
+        row = ForceGain(location=place, dof=dof, gain=gain, share=gain / linearised.data_cost)
         rows.setdefault(place, row)
     return tuple(rows.values())
 
 
-def _directions(scene: Scene) -> Iterator[tuple[str, str, Real]]:
-    """Place, direction and force at the joints' coordinates; (nv,)."""
+def _list_directions(scene: Scene) -> Iterator[tuple[str, str, Real]]:
+    """Yield place, direction and generalised force at the joints' coordinates; (nv,)."""
     machine = scene.model.machine
-    unit, held = (
-        np.eye(len(machine.coordinates)),
-        {direction.coordinate: direction.dof for direction in scene.rigid_directions},
-    )
+    unit = np.eye(len(machine.coordinates))
+    rigid = {direction.coordinate: direction.dof for direction in scene.rigid_directions}
     for axle in machine.axles:
-        dof = held.get(axle.coordinate, axle.dof)
+        dof = rigid.get(axle.coordinate, axle.dof)
         yield f"joint:{axle.stage}", dof, unit[axle.coordinate]
     for number, body in enumerate(machine.layout.bodies):
-        for axis, dof in enumerate(("tx", "ty", "tz", "rx", "ry", "rz")):
+        for axis, dof in enumerate(DIRECTIONS):
             yield f"body:{body}", dof, machine.jacobian[6 * number + axis]
 
 
 @dataclass(frozen=True, eq=False)
-class _Work:
+class _LinearisedFit:
     """Linearised fit that all directions share.
 
     Args:
         x: coordinates of the fit; (n_x,).
-        runs: misfits of tests that have forces of their own.
-        gradient: of the cost; (n_x,).
+        misfits: misfits of the groups of tests, each test with a force of its own.
+        gradient: gradient of the cost; (n_x,).
         matrix: normal equations with priors; (n_x, n_x).
-        free: coordinates that no bound holds.
+        free: coordinates that are not at a bound.
         data_cost: cost of the residual [nats].
     """
 
     x: Real
-    runs: tuple[Misfit, ...]
+    misfits: tuple[Misfit, ...]
     gradient: Real
     matrix: Real
     free: Integers
     data_cost: float
 
     @classmethod
-    def about(cls, scene: Scene, fit: Fit, model_error_floor: float) -> "_Work":
-        """Linearise about a fit."""
+    def linearise(cls, scene: Scene, fit: Fit, model_error_floor: float) -> "_LinearisedFit":
+        """Return the linearisation about a fit."""
         varies, model = fit.parametrisation, scene.session.model
-        thin = thin_lines(scene.session.campaign, _FORCE_STRIDE * scene.stride_factor)
+        stride = scene.settings.score_stride * scene.stride_factor
+        thin = thin_lines(scene.session.campaign, stride)
 
-        def misfit(campaign: Campaign) -> Misfit:
+        def build_misfit(campaign: Campaign) -> Misfit:
             return Misfit(model, campaign, varies, model_error_floor=model_error_floor)
 
-        whole = misfit(thin)
+        whole = build_misfit(thin)
         value, gradient, normal = whole.quadratic_model(fit.x)
         return cls(
             fit.x,
-            tuple(misfit(campaign) for campaign in _split_by_reference(thin)),
+            tuple(build_misfit(campaign) for campaign in _split_by_reference(thin)),
             gradient,
             normal.dense() + np.diag(varies.has_prior.astype(float)),
             np.flatnonzero(~varies.coordinates_at_bound(fit.x)),
@@ -119,31 +114,37 @@ class _Work:
     def _scale(self) -> Real:
         return 1 / np.sqrt(np.maximum(np.diag(self.matrix), np.finfo(float).tiny))
 
-    def gains(self, forces: Real, power: float) -> Real:
-        """Of free forces with a variance relative to the median line's answer; (n_force,)."""
-        step = max(1, _MAX_NUMBERS_AT_ONCE // max(self.matrix.size, 1))
-        starts = range(0, forces.shape[1], step)
-        return np.concatenate([self._gains_of_some(forces[:, k : k + step], power) for k in starts])
+    def compute_gains(self, forces: Real, power: float, most: int) -> Real:
+        """Return the gains of free forces; (n_force,).
 
-    def _gains_of_some(self, forces: Real, power: float) -> Real:
+        Args:
+            forces: generalised forces; (nv, n_force).
+            power: p |u|^2 of the median line.
+            most: values of normal equations in memory at once.
+        """
+        step = max(1, most // max(self.matrix.size, 1))
+        starts = range(0, forces.shape[1], step)
+        return np.concatenate([self._compute_some(forces[:, k : k + step], power) for k in starts])
+
+    def _compute_some(self, forces: Real, power: float) -> Real:
         before = self._explained_cost(self.matrix, self.gradient)
         reduction = FreeForceReduction.zeros(forces.shape[1], len(self.x))
-        for runs in self.runs:
-            runs.add_force_reduction(self.x, forces, power, reduction)
+        for misfit in self.misfits:
+            misfit.add_force_reduction(self.x, forces, power, reduction)
         gains = reduction.value - reduction.expected_gain
         for k, (normal, slope) in enumerate(zip(reduction.normal, reduction.gradient, strict=True)):
             gains[k] += self._explained_cost(self.matrix - normal, self.gradient - slope) - before
         return gains
 
     def _explained_cost(self, matrix: Real, gradient: Real) -> float:
-        """1/2 g' A^-1 g over what no bound holds."""
+        """Return 1/2 g' A^-1 g over the free coordinates."""
         chosen = self.free
-        factor = Factor.of(matrix[np.ix_(chosen, chosen)], self._scale[chosen])
+        factor = Factor.factorise(matrix[np.ix_(chosen, chosen)], self._scale[chosen])
         return 0.5 * float(gradient[chosen] @ factor.solve(gradient[chosen][:, None])[:, 0])
 
 
 def _split_by_reference(campaign: Campaign) -> list[Campaign]:
-    """Tests of one reference one by one: levels and set-ups have forces of their own."""
+    """Return campaigns with one test of each reference: each test has a force of its own."""
     rounds: list[list[int]] = []
     seen: dict[str, int] = {}
     for number, test in enumerate(campaign.tests):

@@ -1,4 +1,4 @@
-"""A fit, linearised: gain and step of freed coordinates, all that is tuned projected out."""
+"""Linearised fit: gain and step of released coordinates, with all others projected out."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,23 +7,22 @@ import numpy as np
 import scipy.linalg
 
 from diagnosis.hypothesis import Hypothesis
+from diagnosis.rounding import NEGLIGIBLE_SHARE, ROUNDING_SHARE
 from identification.words import Integers, Real
 from tuning import Parametrisation
 from tuning.misfit.accumulation import ProbedEquations
 
-_RIDGE_SHARE = 1e-9  # of a scaled diagonal, which keeps a factor positive
-_MIN_CURVATURE_SHARE = 1e-6  # of a coordinate's own curvature, beside all that varies
 Gained = tuple[float, Real]  # gain in cost [nats]; step of the coordinates
 
 
 @dataclass(frozen=True, eq=False)
 class ScoredFit:
-    """A fit, linearised.
+    """Linearised fit.
 
     Args:
-        varies: what does.
-        x: where; (n_x,).
-        probed: normal equations, and those of what may be missing.
+        varies: coordinates of the fit.
+        x: their values; (n_x,).
+        probed: normal equations of the coordinates, and of the probes of all hypotheses.
     """
 
     varies: Parametrisation
@@ -36,12 +35,12 @@ class ScoredFit:
 
     @cached_property
     def _free(self) -> Integers:
-        """Coordinates that no bound holds."""
+        """Coordinates that are not at a bound."""
         return np.flatnonzero(~self.varies.coordinates_at_bound(self.x))
 
     def _factor(self, tuned: Integers) -> "Factor":
         precision = np.diag(self.varies.has_prior[tuned].astype(float))
-        return Factor.of(self._normal[np.ix_(tuned, tuned)] + precision)
+        return Factor.factorise(self._normal[np.ix_(tuned, tuned)] + precision)
 
     @cached_property
     def _usual(self) -> "Factor":
@@ -53,7 +52,7 @@ class ScoredFit:
         old, new = chosen[chosen < count], chosen[chosen >= count] - count
         tuned = self._free[~np.isin(self._free, old)]
         factor = self._usual if len(tuned) == len(self._free) else self._factor(tuned)
-        # The cost's gradient holds the pull of the priors; a released coordinate has none.
+        # The gradient of the cost contains that of the priors, which a released coordinate loses.
         pulled = np.where(self.varies.has_prior, self.x, 0.0)[old]
         slope = np.concatenate([probed.gradient[old] - pulled, probed.slope[new]])
         cross = np.hstack([normal[np.ix_(tuned, old)], probed.cross[np.ix_(tuned, new)]])
@@ -65,7 +64,7 @@ class ScoredFit:
         solved = factor.solve(np.column_stack([cross, probed.gradient[tuned]]))
         schur = square - cross.T @ solved[:, :-1]
         right = slope - cross.T @ solved[:, -1]
-        unit = 1 / np.sqrt(np.maximum(np.diag(square), 1e-300))
+        unit = 1 / np.sqrt(np.maximum(np.diag(square), np.finfo(float).tiny))
         gain, step = _maximise_gain(
             schur * np.outer(unit, unit), right * unit, signed=hypothesis.signed
         )
@@ -74,22 +73,27 @@ class ScoredFit:
 
 @dataclass(frozen=True, eq=False)
 class Factor:
-    """A positive definite matrix, scaled and factored."""
+    """Cholesky factor of a scaled positive definite matrix.
+
+    Args:
+        lower: lower triangle; (n, n).
+        scale: factors of rows and columns; (n,).
+    """
 
     lower: Real
     scale: Real
 
     @classmethod
-    def of(cls, matrix: Real, scale: Real | None = None) -> "Factor":
-        """Scaled by its own diagonal if nothing else is given."""
+    def factorise(cls, matrix: Real, scale: Real | None = None) -> "Factor":
+        """Return the factor of a matrix, scaled by its diagonal if no scale is given."""
         if scale is None:
             scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-        scaled = matrix * np.outer(scale, scale) + _RIDGE_SHARE * np.eye(len(matrix))
+        scaled = matrix * np.outer(scale, scale) + ROUNDING_SHARE * np.eye(len(matrix))
         lower: Real = np.asarray(np.linalg.cholesky(scaled), float)
         return cls(lower, scale)
 
     def solve(self, right: Real) -> Real:
-        """The solution ``x`` of ``A x = right``."""
+        """Return the solution ``x`` of ``A x = right``."""
         halved = scipy.linalg.solve_triangular(
             self.lower, right * self.scale[:, None], lower=True, check_finite=False
         )
@@ -100,16 +104,16 @@ class Factor:
 
 
 def _maximise_gain(square: Real, slope: Real, *, signed: bool) -> tuple[float, Real]:
-    """Gain and step of the quadratic model; of sizes none may be negative."""
+    """Return gain and step of the quadratic model; signed steps cannot be negative."""
     chosen = np.arange(len(slope))
     step = np.zeros(len(slope))
     while len(chosen):
         values, vectors = np.linalg.eigh(square[np.ix_(chosen, chosen)])
-        seen = values > _MIN_CURVATURE_SHARE
-        along = vectors[:, seen].T @ slope[chosen]
-        best = -(vectors[:, seen] @ (along / values[seen]))
+        determined = values > NEGLIGIBLE_SHARE
+        along = vectors[:, determined].T @ slope[chosen]
+        best = -(vectors[:, determined] @ (along / values[determined]))
         if not signed or (best >= 0).all():
             step[chosen] = best
-            return 0.5 * float((along**2 / values[seen]).sum()), step
+            return 0.5 * float((along**2 / values[determined]).sum()), step
         chosen = np.delete(chosen, np.argmin(best))
     return 0.0, step

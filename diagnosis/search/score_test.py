@@ -1,13 +1,14 @@
-r"""How much each hypothesis would gain, all that is tuned and tolerated projected out.
+r"""Score test (Lagrange multiplier) of each hypothesis, with nuisance parameters projected out.
 
-About a fit, with the normal equations A = N + D of everything that varies (D the priors) and
-gradient g of the cost, freeing the coordinates c of a hypothesis lowers the cost by
+About a fit, with the normal equations A = N + D of everything that varies (D the priors) and the
+gradient g of the cost, the release of the coordinates c of a hypothesis lowers the cost by
 
-    gain = 1/2 g_c' S^-1 g_c,   S = N_cc - N_ct A_tt^-1 N_tc,   g_c -> g_c - N_ct A_tt^-1 g_t,
+    gain = 1/2 g_c' S^-1 g_c,   S = N_cc - N_ct A_tt^-1 N_tc,   g_c -> g_c - N_ct A_tt^-1 g_t.
 
-t what else varies and is not held by a bound, c without its prior. Values count with an allowance
-of some part of |H|: at the weights of the noise a fit that lacks a strong effect sits many standard
-deviations off, and a missing mass seems to explain anything.
+The nuisance coordinates t are all others that are not at a bound; c has no prior. The weights are
+those of the noise and of the model-error floor of the fit. With the noise alone, a fit that lacks a
+strong effect is many standard deviations off, and almost any hypothesis seems to explain that
+(Rao 1948; Silvey 1959).
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,9 +35,9 @@ class Score:
     """Predicted gain of a hypothesis.
 
     Args:
-        hypothesis: which.
-        gain: of the cost, in nats at weights with the allowance.
-        step: of its coordinates.
+        hypothesis: the hypothesis.
+        gain: predicted decrease of the cost at the model-error floor [nats].
+        step: step of its coordinates; (n_coordinate,).
     """
 
     hypothesis: Hypothesis
@@ -55,16 +56,16 @@ def scores(
 
     Args:
         scene: campaign and model of the fit.
-        fit: the fit about which all is linear.
-        hypotheses: what may be missing.
-        model_error_floor: of that fit.
+        fit: fit about which the model is linearised.
+        hypotheses: hypotheses to score.
+        model_error_floor: model-error floor of the fit.
         stride: every ``stride``-th line counts.
     """
     return rank_scores(hypotheses, compute_gains(scene, fit, hypotheses, model_error_floor, stride))
 
 
 def rank_scores(hypotheses: Sequence[Hypothesis], gained: Sequence[Gained]) -> list[Score]:
-    """Hypotheses with their gains as scores, the most promising first, of those alike the first."""
+    """Return the scores of hypotheses, the largest gain first; ties in the order of proposal."""
     scored = [
         Score(hypothesis, gain, step)
         for hypothesis, (gain, step) in zip(hypotheses, gained, strict=True)
@@ -87,8 +88,8 @@ def compute_gains(
     model_error_floor: float,
     stride: int,
 ) -> list[Gained]:
-    """Return gain and step of each hypothesis; arguments as of ``scores``."""
-    # Parts that act in some tests only make every test an evaluation of its own.
+    """Return gain and step of each hypothesis; see ``scores`` for the arguments."""
+    # A Part that acts in some tests only needs an evaluation for every test.
     machine = scene.model.machine
     always = [
         all(Model(machine, hypothesis.parts).acting_fractions(None)) for hypothesis in hypotheses
@@ -112,13 +113,13 @@ def _score_together(
     model_error_floor: float,
     stride: int,
 ) -> Iterator[Gained]:
-    """Gains and steps in the order of the hypotheses."""
+    """Yield gains and steps in the order of the hypotheses."""
     model, whole, x = _extend_model(scene, fit, hypotheses)
     count = fit.parametrisation.size
     wanted = {name for hypothesis in hypotheses for name in hypothesis.coordinates}
-    asked = np.array([name in wanted for name in whole.names[count:]], bool)
+    is_scored = np.array([name in wanted for name in whole.names[count:]], bool)
     varies = whole.restrict(np.arange(whole.size) < count, x)
-    probes = whole.restrict(np.append(np.zeros(count, bool), asked), x)
+    probes = whole.restrict(np.append(np.zeros(count, bool), is_scored), x)
     thin = thin_lines(scene.session.campaign, stride * scene.stride_factor)
     probed = Misfit(model, thin, varies, model_error_floor=model_error_floor).probe_coordinates(
         fit.x, probes
@@ -134,16 +135,17 @@ def _score_together(
 def compute_cosines(
     scene: Scene, fit: Fit, leading: Sequence[Score], model_error_floor: float, stride: int
 ) -> Real:
-    """How alike the changes of FRFs are that hypotheses make, all else projected out.
+    """Return the cosines between the signatures of hypotheses, all else projected out.
 
-    With d the change by a hypothesis' step at the weights of the allowance and P what takes from
-    it all that can be tuned, d_a' P d_b / (|P d_a| |P d_b|): twins have nearly 1.
+    With d_a the weighted change of the FRFs by the step of hypothesis a, and P the projection that
+    removes all that can be tuned, the cosine is d_a' P d_b / (|P d_a| |P d_b|). Confounded causes
+    have nearly 1.
 
     Args:
-        scene: as of the scores.
-        fit: the fit about which they were made.
-        leading: hypotheses, each with its step.
-        model_error_floor: of that fit.
+        scene: campaign and model of the fit.
+        fit: fit about which the scores were computed.
+        leading: scores of the hypotheses.
+        model_error_floor: model-error floor of the fit.
         stride: every ``stride``-th line counts.
 
     Returns:
@@ -167,10 +169,10 @@ def compute_cosines(
         ~released & ~whole.coordinates_at_bound(x) & (np.arange(whole.size) < count)
     )
     precision = np.diag(whole.has_prior[tuned].astype(float))
-    factor = Factor.of(normal[np.ix_(tuned, tuned)] + precision)
+    factor = Factor.factorise(normal[np.ix_(tuned, tuned)] + precision)
     cross = normal[tuned] @ steps
     inner = steps.T @ normal @ steps - cross.T @ factor.solve(cross)
-    size = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    size = np.sqrt(np.maximum(np.diag(inner), np.finfo(float).tiny))
     cosine: Real = inner / np.outer(size, size)
     return cosine
 
@@ -178,7 +180,7 @@ def compute_cosines(
 def _extend_model(
     scene: Scene, fit: Fit, hypotheses: Sequence[Hypothesis]
 ) -> tuple[Model, Parametrisation, Real]:
-    """Model and coordinates with the Parts of hypotheses, and where the fit is in them."""
+    """Return model and coordinates with the Parts of hypotheses, and the fit in coordinates."""
     session = scene.session
     parts = dict.fromkeys(part for hypothesis in hypotheses for part in hypothesis.parts)
     model = Model(session.model.machine, (*session.model.parts, *parts))

@@ -2,8 +2,8 @@
 
 Each round scores every hypothesis about the best set so far, refits the most promising one of each
 effect and place together with that set, and keeps the best if it is probable. Then each earlier
-cause is left out in turn, and dropped if the set without it is as probable. A second effect is thus
-the same search, from a model that has the first (Draper and Smith 1998, ch. 15).
+cause is left out in turn, and dropped if the set without it is as probable. A second effect is
+found by a further round, from a model that has the first (Draper and Smith 1998, ch. 15).
 """
 
 from collections.abc import Callable, Sequence
@@ -20,27 +20,26 @@ from diagnosis.null_model import Baseline, refit_from
 from diagnosis.refits.measured import find_variance_source
 from diagnosis.refits.refit import Refit, summarise_refit
 from diagnosis.refits.refitting import (
-    FROM_AFAR,
     RefitTask,
     add_cause,
     add_hypothesis,
+    find_start,
     run_refits,
-    start_values,
 )
 from diagnosis.search.score_test import Score, scores
 from diagnosis.settings import DiagnosisSettings
-from tuning import Stage, is_gap_visible
+from tuning import STAGES, Stage, is_gap_visible
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Everything that was tried.
+    """Result of the search.
 
     Args:
-        null: the null model.
-        scores: score tests about it, the most promising first.
+        null: null model.
+        scores: score tests about the null model, the most promising first.
         refits: sets of causes in the order of their fits.
-        selected: the set that the selection ended with; the null model if no cause is probable.
+        selected: selected set of causes; the null model if no cause is probable.
     """
 
     null: Refit
@@ -67,7 +66,7 @@ def select_causes(
     Args:
         base: null model, and what the data checks prove.
         settings: sizes of the search.
-        say: told what is being done.
+        say: called with the current step.
     """
     search, path, missed = Search(base.null, base.null), base.null, 0
     excluded = frozenset(hypothesis.location for hypothesis in base.proven)
@@ -90,13 +89,13 @@ def select_causes(
                 break
         elif search.selected.causes or missed == settings.max_improbable:
             break
-        else:  # of several effects at once none may be probable before the others are there
+        else:  # with several effects, none may be probable before the others are in the set
             path, missed = best, missed + 1
     return search
 
 
 def refit_null_model(base: Baseline, search: Search, settings: DiagnosisSettings) -> Search:
-    """Refit the null model from the best set of causes, so that both were searched alike."""
+    """Refit the null model from the best set of causes, so that both have equal starts."""
     best = min(search.refits, key=lambda refit: refit.objective, default=None)
     if best is None:
         return search
@@ -121,8 +120,7 @@ def score_hypotheses(
 
 def move_scene(scene: Scene, base: Refit) -> Scene:
     """Return the scene of a refit: further hypotheses are proposed about it."""
-    names = frozenset(name for cause in base.causes for name in cause.names)
-    return replace(scene, session=base.session, theta=base.fit.theta, there=names)
+    return replace(scene, session=base.session, theta=base.fit.theta)
 
 
 def _refit_round(
@@ -135,10 +133,8 @@ def _refit_round(
     scene = base.scene
     promising = _best_of_each_site(ranked)[: settings.max_refits]
     tasks = [add_cause(current, score.hypothesis) for score in promising]
-    tasks += [
-        add_cause(current, hypothesis, _first_stages(hypothesis))
-        for hypothesis in _suggest_candidates(base, current, settings)
-    ]
+    for hypothesis in _suggest_candidates(base, current, settings):
+        tasks.append(add_cause(current, hypothesis, _first_stages(hypothesis, settings)))
     refits = run_refits(scene, tasks, settings.schedule)
     best = min(refits, key=lambda refit: refit.objective, default=None)
     if best is None or not is_gap_visible(best.gap, settings.min_visible_excess):
@@ -150,7 +146,7 @@ def _refit_round(
         for score in ranked
         if score.hypothesis.site == cause.site and score.hypothesis not in refitted
     ]
-    tasks = _distant_tasks(current, cause)[: settings.max_distant]
+    tasks = _distant_tasks(current, cause, settings)[: settings.max_distant]
     tasks += [add_cause(current, shape) for shape in _one_each_direction(further, settings)]
     return [*refits, *run_refits(scene, tasks, settings.schedule)]
 
@@ -163,14 +159,20 @@ def _suggest_candidates(
     session = base.scene.session
     return [
         hypothesis
-        for hypothesis in build_candidates(base.gate, session, settings)
+        for hypothesis in build_candidates(base.checks, session, settings)
         if hypothesis.site not in sites and (hypothesis.reform is None or not current.causes)
     ]
 
 
-def _first_stages(hypothesis: Hypothesis) -> tuple[Stage, ...]:
-    """Return the first stages of a shape that begins as a guess, as a body's mode does."""
-    return () if hypothesis.reform is None else FROM_AFAR[1:]
+def _first_stages(hypothesis: Hypothesis, settings: DiagnosisSettings) -> tuple[Stage, ...]:
+    """Return the first stages of a fit whose start is a guess, as that of a body's mode."""
+    return () if hypothesis.reform is None else _distant_stages(settings)[1:]
+
+
+def _distant_stages(settings: DiagnosisSettings) -> tuple[Stage, ...]:
+    """Return two stages with a logarithmic residual and large floors, for distant starts."""
+    first, second = STAGES[1:3]
+    return first, replace(second, stride=first.stride, max_steps=settings.max_distant_steps)
 
 
 def _one_each_direction(
@@ -185,10 +187,13 @@ def _one_each_direction(
     return [*chosen, *rest][: settings.max_other_shapes]
 
 
-def _distant_tasks(base: Refit, hypothesis: Hypothesis) -> list[RefitTask]:
-    """Return refits that begin far from the null model, where a strong effect may be found."""
+def _distant_tasks(
+    base: Refit, hypothesis: Hypothesis, settings: DiagnosisSettings
+) -> list[RefitTask]:
+    """Return refits from distant starts, where a strong effect may be found."""
+    stages = _distant_stages(settings)
     return [
-        add_cause(base, replace(hypothesis, begin={**hypothesis.begin, **start}), FROM_AFAR)
+        add_cause(base, replace(hypothesis, begin={**hypothesis.begin, **start}), stages)
         for start in hypothesis.otherwise
     ]
 
@@ -201,7 +206,7 @@ def _eliminate(scene: Scene, search: Search, best: Refit, settings: DiagnosisSet
     for left_out in removable:
         kept = join_hypotheses([cause for cause in best.causes if cause is not left_out])
         session = add_hypothesis(scene.session, kept)
-        start = start_values(best, session, None)
+        start = find_start(best, session, None)
         tasks.append(RefitTask(kept, session, start, best.floor))
     refits = run_refits(scene, tasks, settings.schedule)
     search = replace(search, refits=(*search.refits, *refits))

@@ -1,1 +1,1 @@
-"""The verdict as a file: its schema and how it is built from a diagnosis."""
+"""Verdict of a diagnosis: established causes, rest, and verdict.json."""

@@ -1,4 +1,4 @@
-"""A diagnosis as the verdict's file."""
+"""Content of verdict.json from a diagnosis."""
 
 from collections.abc import Sequence
 
@@ -9,6 +9,7 @@ from diagnosis.estimates.held_out_gap import HeldOutGap
 from diagnosis.estimates.jackknife import estimate_jackknife, estimate_size_jackknife
 from diagnosis.inference.evidence import BENDS, Key
 from diagnosis.next_test.discriminating import propose_experiment
+from diagnosis.settings import DiagnosisSettings
 from diagnosis.verdict.gains import list_channel_gains
 from diagnosis.verdict.schema import (
     CauseRow,
@@ -21,16 +22,17 @@ from diagnosis.verdict.schema import (
     Verdict,
     Where,
 )
+from identification import MIN_REDUNDANT_CHANNELS
 from mbmodel import HammerGainPart, HammerPart, SensorPart
 from tuning import Gap, channel_gaps, predict, summarise_gaps
 
 NONLINEAR = ("friction", "backlash", "hardening")
-# What the spare channels of a body alone can show, and how many that needs.
-_OF_SPARE = ("sensor_swap", "mount_resonance", BENDS)
-_SPARE = 2
+# Effects that only redundant channels of a body show.
+_REDUNDANCY_EFFECTS = ("sensor_swap", "mount_resonance", BENDS)
 # Tolerance of a sensor that each effect releases.
-_OF_SENSORS = {name: of for name, (of, _) in RELEASED.items()} | {"sensor_delay": "delay"}
-_MIN_PLACE_SHARE = 0.005  # of a place that is worth a row
+_SENSOR_TOLERANCES = {effect: tolerance for effect, (tolerance, _) in RELEASED.items()} | {
+    "sensor_delay": "delay"
+}
 
 
 def build_verdict(diagnosis: Diagnosis) -> Verdict:
@@ -48,24 +50,24 @@ def build_verdict(diagnosis: Diagnosis) -> Verdict:
             none=posterior.none, unexplained=posterior.unexplained, several=posterior.several
         ),
         gap=GapSteps(
-            as_drawn=_at(diagnosis.as_drawn),
-            retuned=_at(retuned),
-            after=_at(after.gap) if after else GapAt(error=None, excess=None),
+            as_drawn=_gap_row(diagnosis.as_drawn),
+            retuned=_gap_row(retuned),
+            after=_gap_row(after.gap) if after else GapAt(error=None, excess=None),
             noise=retuned.noise,
-            closed=_closed_part(retuned, after.gap) if is_visible and after else None,
-            interval=_interval(diagnosis.retuned, after, visible=is_visible),
+            closed=_find_closed_part(retuned, after.gap) if is_visible and after else None,
+            interval=_find_interval(diagnosis.retuned, after, visible=is_visible),
         ),
-        where=_places(posterior.where, is_known=not is_none),
-        causes=[_row(key, probability, diagnosis) for key, probability in posterior.causes],
+        where=_list_places(posterior.where, settings, is_known=not is_none),
+        causes=[_build_row(key, probability, diagnosis) for key, probability in posterior.causes],
         rest=RestRow(
             excess=rest.excess,
             model_error=rest.model_error,
             significant=rest.is_significant,
             spread=rest.spread,
-            where=_places(rest.where, is_known=rest.is_significant),
+            where=_list_places(rest.where, settings, is_known=rest.is_significant),
         ),
         twins=list(diagnosis.twins),
-        not_testable=_not_testable(diagnosis),
+        not_testable=_list_untestable(diagnosis),
         next_experiment=propose_experiment(diagnosis),
         remarks=[
             RemarkRow(effect=key[0], location=key[1], dof=key[2], closed=closed)
@@ -75,35 +77,37 @@ def build_verdict(diagnosis: Diagnosis) -> Verdict:
     )
 
 
-def _places(shares: Sequence[tuple[str, float]], *, is_known: bool) -> list[Where]:
+def _list_places(
+    shares: Sequence[tuple[str, float]], settings: DiagnosisSettings, *, is_known: bool
+) -> list[Where]:
     """Return the rows of places; a share is null where nothing is missing."""
     return [
         Where(location=place, share=share if is_known else None)
         for place, share in shares
-        if share >= _MIN_PLACE_SHARE
+        if share >= settings.min_row_probability
     ]
 
 
-def _at(gap: Gap) -> GapAt:
+def _gap_row(gap: Gap) -> GapAt:
     return GapAt(error=gap.error, excess=gap.excess)
 
 
-def _closed_part(retuned: Gap, after: Gap) -> float | None:
+def _find_closed_part(retuned: Gap, after: Gap) -> float | None:
     if after.excess is None or retuned.excess is None or retuned.excess <= 1:
         return None
     return float((retuned.excess**2 - after.excess**2) / (retuned.excess**2 - 1))
 
 
 def estimate_step_intervals(diagnosis: Diagnosis) -> dict[str, tuple[float, float] | None]:
-    """95 % intervals of what the gap's steps are: of excess, of the noise of error.
+    """Return the 95 % intervals of the excess at each step of the gap, and of the noise.
 
-    By leaving one fold of the blocks out, as in the verdict; None where no fold can be left out.
+    They are jackknife intervals over the folds of the blocks; None if there are no folds.
 
     Args:
         diagnosis: the diagnosis.
 
     Returns:
-        Of ``as_drawn``, ``retuned``, ``after`` and ``noise``.
+        Intervals of ``as_drawn``, ``retuned``, ``after`` and ``noise``.
     """
     session, levels = diagnosis.session, {"retuned": diagnosis.retuned, "after": diagnosis.after}
     held = diagnosis.retuned.held_out
@@ -132,8 +136,8 @@ def estimate_step_intervals(diagnosis: Diagnosis) -> dict[str, tuple[float, floa
     return {name: ends.get(name) for name in ("as_drawn", *levels, "noise")}
 
 
-def _interval(retuned: HeldOutGap, after: HeldOutGap | None, *, visible: bool) -> Interval:
-    """By leaving one fold of the blocks out (delete-group jackknife, Student with its folds)."""
+def _find_interval(retuned: HeldOutGap, after: HeldOutGap | None, *, visible: bool) -> Interval:
+    """Return the jackknife intervals over the folds of the blocks."""
     if after is None or after.held_out is None:
         return Interval()
     folds = after.held_out.folds
@@ -141,7 +145,7 @@ def _interval(retuned: HeldOutGap, after: HeldOutGap | None, *, visible: bool) -
     gaps = [(retuned.select_lines(lines), after.select_lines(lines)) for lines in kept]
     return Interval(
         closed=estimate_jackknife(
-            _closed_part(retuned.gap, after.gap), [_closed_part(*pair) for pair in gaps]
+            _find_closed_part(retuned.gap, after.gap), [_find_closed_part(*pair) for pair in gaps]
         )
         if visible
         else None,
@@ -149,8 +153,8 @@ def _interval(retuned: HeldOutGap, after: HeldOutGap | None, *, visible: bool) -
     )
 
 
-def _row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:
-    """Return the row of a cause: as it was fitted best, or with intervals if it is present."""
+def _build_row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:
+    """Return the row of a cause by its best refit, with intervals if the cause is present."""
     effect, location, dof = key
     refits = sorted(diagnosis.search.refits, key=lambda refit: refit.objective)
     fits = ((refit, cause) for refit in refits for cause in refit.causes if cause.key == key)
@@ -183,7 +187,7 @@ def _row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:
     return row.model_copy(update=update)
 
 
-def _not_testable(diagnosis: Diagnosis) -> list[str]:
+def _list_untestable(diagnosis: Diagnosis) -> list[str]:
     """Return the effects that this kind of data cannot show."""
     tests = diagnosis.session.campaign.tests
     levels = {test.condition.level_n for test in tests}
@@ -193,18 +197,20 @@ def _not_testable(diagnosis: Diagnosis) -> list[str]:
     if len(references) < 2 and len(setups) < 2:
         missing.append("drift")
     named = {effect for (effect, _, _), _ in diagnosis.posterior.causes}
-    if any(check.redundant < _SPARE for check in diagnosis.gate.checks):
-        missing += [effect for effect in _OF_SPARE if effect not in named]
+    if any(check.redundant < MIN_REDUNDANT_CHANNELS for check in diagnosis.checks.bodies):
+        missing += [effect for effect in _REDUNDANCY_EFFECTS if effect not in named]
     elif BENDS not in named and _has_bare_body(diagnosis):
         missing.append(BENDS)
-    return missing + [effect for effect in _fixed_effects(diagnosis) if effect not in named]
+    return missing + [effect for effect in _list_fixed_effects(diagnosis) if effect not in named]
 
 
-def _fixed_effects(diagnosis: Diagnosis) -> list[str]:
-    """Effects that release a tolerance which a user keeps as drawn, where no gate asks for them."""
+def _list_fixed_effects(diagnosis: Diagnosis) -> list[str]:
+    """Return the effects whose tolerances a user has fixed, unless redundant channels test them."""
     free = set(diagnosis.session.parametrisation.names)
-    spared = {check.body for check in diagnosis.gate.checks if check.redundant >= _SPARE}
-    kept: dict[str, None] = {}
+    checked = {
+        check.body for check in diagnosis.checks.bodies if check.redundant >= MIN_REDUNDANT_CHANNELS
+    }
+    effects: dict[str, None] = {}
     for part in diagnosis.session.model.parts:
         released: dict[str, str] = {}
         if isinstance(part, HammerPart):
@@ -213,15 +219,19 @@ def _fixed_effects(diagnosis: Diagnosis) -> list[str]:
             released = {"hammer_gain": "gain", "hammer_delay": "delay"}
         elif isinstance(part, SensorPart):
             body = diagnosis.session.campaign.layout.body_name(part.point.name)
-            if body not in spared:
-                released = {name: f"{tolerance}_" for name, tolerance in _OF_SENSORS.items()}
+            if body not in checked:
+                released = {name: f"{tolerance}_" for name, tolerance in _SENSOR_TOLERANCES.items()}
         fixed = [parameter.name for parameter in part.parameters if parameter.name not in free]
-        kept |= {name: None for name, of in released.items() if any(f".{of}" in x for x in fixed)}
-    return list(kept)
+        effects |= {
+            name: None
+            for name, tolerance in released.items()
+            if any(f".{tolerance}" in parameter for parameter in fixed)
+        }
+    return list(effects)
 
 
 def _has_bare_body(diagnosis: Diagnosis) -> bool:
-    """Whether a body carries no sensor, which the gate has nothing to say of."""
+    """Return whether a body carries no sensor, so that no data check tests it."""
     return set(diagnosis.session.campaign.layout.bodies) > {
-        check.body for check in diagnosis.gate.checks
+        check.body for check in diagnosis.checks.bodies
     }

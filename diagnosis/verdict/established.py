@@ -1,7 +1,7 @@
 """Causes that the verdict names, what each closes, and what remains: the verdict's word.
 
 A cause is established if it is probable and closes a fifth of the gap: materiality, not
-significance. With e the mean square of the gap over that of the noise, a cause c of the set S
+significance. With e(S) the mean square of the gap of the set S over that of the noise, a cause c
 closes the part (e(S without c) - e(S)) / e(null model).
 """
 
@@ -53,7 +53,8 @@ class Present:
         causes: probable causes, those that redundant channels prove first.
         closes: part of the gap that each closes, by its key.
         established: keys of those that close enough.
-        remarks: part of the gap that proven faults close which are no such cause; None if unknown.
+        remarks: part of the gap that each proven fault closes that is not established; None if
+            unknown.
         rest: what remains.
     """
 
@@ -105,7 +106,7 @@ def describe_present(
         settings: thresholds.
     """
     refit = find_present(search, posterior, settings)
-    closes = _closed_by_proven(base, gaps) | _closed_by_causes(search, refit)
+    closes = _find_closed_by_proven(base, gaps) | _find_closed_by_causes(search, refit)
     causes = (*base.proven, *refit.causes)
     established = tuple(
         cause.key
@@ -114,7 +115,7 @@ def describe_present(
         and _closes_held_out_gap(gaps, settings)
     )
     is_none = not established and posterior.none >= settings.min_probability
-    rest = _rest(evidence, refit, gaps, settings, is_none=is_none)
+    rest = _describe_rest(evidence, refit, gaps, settings, is_none=is_none)
     if is_none:
         word: Word = "none"
     elif not established:
@@ -123,18 +124,18 @@ def describe_present(
         word = "partly"
     else:
         word = "explained" if len(causes) == 1 else "several"
-    proven = ((fault.effect, fault.location, fault.dof) for fault in base.gate.faults)
+    proven = ((fault.effect, fault.location, fault.dof) for fault in base.checks.faults)
     named = {read_site(cause.key) for cause in causes}
     remarks = {
-        key: closes.get(key, _closed_alone(search, key))
+        key: closes.get(key, _find_closed_alone(search, key))
         for key in proven
         if key not in established and read_site(key) not in named
     }
     return Present(word, causes, closes, established, remarks, rest)
 
 
-def _closed_by_causes(search: Search, refit: Refit) -> dict[Key, float]:
-    """Return the part of the gap that each cause of a set closes, by the set without it."""
+def _find_closed_by_causes(search: Search, refit: Refit) -> dict[Key, float]:
+    """Return the part of the gap that each cause of a set closes, against the set without it."""
     whole = max(search.null.gap, np.finfo(float).tiny)
     closed = {}
     for key in refit.keys:
@@ -148,7 +149,7 @@ def _closed_by_causes(search: Search, refit: Refit) -> dict[Key, float]:
 def _closes_held_out_gap(gaps: GapEstimates, settings: DiagnosisSettings) -> bool:
     """Return whether all causes together close enough of the gap on held-out lines.
 
-    A gap that is hardly visible on held-out lines is judged by the fits alone.
+    If the gap is hardly visible on held-out lines, the fits alone decide.
     """
     before = gaps.retuned.gap.excess
     after = None if gaps.after is None else gaps.after.gap.excess
@@ -161,7 +162,7 @@ def _closes_held_out_gap(gaps: GapEstimates, settings: DiagnosisSettings) -> boo
     return before**2 - after**2 >= settings.min_closed * (before**2 - 1)
 
 
-def _closed_alone(search: Search, key: Key) -> float | None:
+def _find_closed_alone(search: Search, key: Key) -> float | None:
     """Return the part of the gap that a cause closes by itself; None if it was not fitted."""
     refit = search.refit_of((key,))
     if refit is None or search.null.gap <= 0:
@@ -169,8 +170,8 @@ def _closed_alone(search: Search, key: Key) -> float | None:
     return float(1 - refit.gap / search.null.gap)
 
 
-def _closed_by_proven(base: Baseline, gaps: GapEstimates) -> dict[Key, float]:
-    """Return the part of the gap that each proven fault closes, by the data uncorrected."""
+def _find_closed_by_proven(base: Baseline, gaps: GapEstimates) -> dict[Key, float]:
+    """Return the part of the gap that each proven fault closes, relative to uncorrected data."""
     after = gaps.after
     if not base.proven or after is None:
         return {}
@@ -179,15 +180,15 @@ def _closed_by_proven(base: Baseline, gaps: GapEstimates) -> dict[Key, float]:
         return {cause.key: 1.0 for cause in base.proven}
     closed = {}
     for cause in base.proven:
-        without = _excess_without(cause, after, gaps.retuned)
+        without = _find_excess_without(cause, after, gaps.retuned)
         is_known = without is not None and cause.is_modelled and cause.reform is None
         share = (without**2 - least**2) / (before**2 - 1) if is_known and without else 1.0
         closed[cause.key] = float(share)
     return closed
 
 
-def _excess_without(cause: Hypothesis, after: HeldOutGap, retuned: HeldOutGap) -> float | None:
-    """Return the excess with all causes but one, whose tolerances return into their bounds."""
+def _find_excess_without(cause: Hypothesis, after: HeldOutGap, retuned: HeldOutGap) -> float | None:
+    """Return the excess with all causes but one, whose tolerances are clipped to their bounds."""
     refit, campaign = after.refit, after.campaign
     parametrisation = refit.fit.parametrisation
     released = np.isin(np.array(parametrisation.names), cause.release)
@@ -199,7 +200,7 @@ def _excess_without(cause: Hypothesis, after: HeldOutGap, retuned: HeldOutGap) -
     return summarise_gaps(channel_gaps(predicted, campaign)).excess
 
 
-def _rest(
+def _describe_rest(
     evidence: Evidence,
     refit: Refit,
     gaps: GapEstimates,
@@ -207,7 +208,7 @@ def _rest(
     *,
     is_none: bool,
 ) -> Rest:
-    """Return what remains: nothing significant where nothing is missing."""
+    """Return the rest, which is not significant if nothing is missing."""
     level = gaps.after or gaps.retuned
     is_significant = not is_none
     if gaps.after is not None:

@@ -1,4 +1,4 @@
-"""Gains that a campaign called unknown, as the verdict states them."""
+"""Gains that the campaign declares unknown, as the verdict states them."""
 
 from diagnosis.algorithm import Diagnosis
 from tuning import estimate_confidence
@@ -7,7 +7,7 @@ from tuning.files.schema import ChannelGainRow
 
 
 def list_channel_gains(diagnosis: Diagnosis) -> list[ChannelGainRow]:
-    """Return the gains of the fit with the cause, or of the null model without one."""
+    """Return the gains of the fit with the causes, or of the null model without causes."""
     nominal = diagnosis.session.campaign.unknown_gains.nominal
     if not nominal:
         return []

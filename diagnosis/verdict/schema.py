@@ -1,4 +1,4 @@
-"""The verdict as a file: what the contract calls for, keys and all."""
+"""Schema of verdict.json, as FORMATS defines it."""
 
 from pydantic import BaseModel, ConfigDict
 
@@ -12,7 +12,7 @@ class _Row(BaseModel):
 
 
 class Probability(_Row):
-    """Of what is no single cause."""
+    """Probabilities of the empty set, without and with a rest, and of several causes."""
 
     none: float
     unexplained: float
@@ -20,21 +20,21 @@ class Probability(_Row):
 
 
 class GapAt(_Row):
-    """Error and excess; null where a number does not exist."""
+    """Error and excess of a gap; null if the number does not exist."""
 
     error: float | None
     excess: float | None
 
 
 class Interval(_Row):
-    """Of what the gap becomes."""
+    """Intervals of the gap with the causes."""
 
     closed: tuple[float, float] | None = None
     after: tuple[float, float] | None = None
 
 
 class GapSteps(_Row):
-    """As drawn on all lines; re-tuned and with the cause added on held-out ones."""
+    """Gap of the nominal model on all lines, and of both fits on held-out lines."""
 
     as_drawn: GapAt
     retuned: GapAt
@@ -45,14 +45,14 @@ class GapSteps(_Row):
 
 
 class Where(_Row):
-    """A place, and the probability that the cause sits there, normalised over places."""
+    """Place of the cause, with its probability, normalised over places."""
 
     location: str
     share: float | None
 
 
 class CauseRow(_Row):
-    """An effect at a place."""
+    """Cause: an effect at a place."""
 
     effect: str
     location: str
@@ -74,7 +74,7 @@ class RestRow(_Row):
 
 
 class RemarkRow(_Row):
-    """A fault that redundant channels prove, and that closes less than a fifth of the gap."""
+    """Proven fault that closes less than a fifth of the gap."""
 
     effect: str
     location: str
@@ -83,7 +83,7 @@ class RemarkRow(_Row):
 
 
 class Verdict(_Row):
-    """verdict.json."""
+    """Content of verdict.json."""
 
     verdict: Word
     probability: Probability

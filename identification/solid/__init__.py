@@ -2,6 +2,7 @@
 
 from identification.solid.bending_shapes import BendingShape, estimate_bending_shape
 from identification.solid.body_check import BodyCheck, Fault, check_bodies
+from identification.solid.fault_search import MIN_REDUNDANT_CHANNELS
 from identification.solid.reduction import (
     body_inverse,
     reconstruct,
@@ -13,6 +14,7 @@ from identification.solid.sentences import FAULT_PHRASES, exchange_phrase
 
 __all__ = [
     "FAULT_PHRASES",
+    "MIN_REDUNDANT_CHANNELS",
     "BendingShape",
     "BodyCheck",
     "Fault",

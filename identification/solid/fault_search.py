@@ -21,6 +21,7 @@ from identification.words import TOLERANCE_BOUND_SIGMA, Real, Tolerance
 # Posterior probability of "no further fault" below which a fault is accepted.
 _MAX_NULL_PROBABILITY = 0.05
 _MAX_FAULTS = 3  # faults of one body
+MIN_REDUNDANT_CHANNELS = 2  # with fewer, a fault cannot be assigned to a channel
 # Redundant channels above which single sensors are not searched: a structure with many points is
 # checked as a whole, and the modal model shows a fault of one sensor.
 _MAX_REDUNDANT = 30
@@ -99,7 +100,7 @@ def search_faults(data: BodyData, tolerance: Tolerance) -> FaultSearch:
     """
     state = BelievedBody.healthy(data, tolerance)
     rank, redundant = _count_channels(data)
-    if redundant < 2 or redundant > _MAX_REDUNDANT:
+    if redundant < MIN_REDUNDANT_CHANNELS or redundant > _MAX_REDUNDANT:
         fitted = fit_errors(state.model, Moments.of(data, blocks=1))
         nats = fitted.data + fitted.prior
         return FaultSearch(

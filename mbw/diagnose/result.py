@@ -104,11 +104,11 @@ def collect_result(diagnosis: Diagnosis, not_in_mjcf: Sequence[NotInMjcf] = ()) 
         centres=_centres(diagnosis),
         means=[_meaning(cause) for cause in verdict.causes],
         established=list_established(diagnosis, verdict),
-        solid=[check.sentence for check in diagnosis.gate.checks],
+        solid=[check.sentence for check in diagnosis.checks.bodies],
         taken_out=[
             fault_row(fault)
-            for fault in diagnosis.gate.faults
-            if "sensor:" in fault.location and fault not in diagnosis.gate.small
+            for fault in diagnosis.checks.faults
+            if "sensor:" in fault.location and fault not in diagnosis.checks.small
         ],
         remarks=remarks,
         machine=machine_row,

@@ -206,10 +206,10 @@ def _say_more(verdict: Verdict, diagnosis: Diagnosis) -> None:
     first = (pull_sentence(verdict, diagnosis), gain_sentence(verdict.channel_gains))
     for text in (*filter(None, first), *unfinished_fit_sentences(diagnosis)):
         SCREEN.say(f"  {text}")
-    for fault in diagnosis.gate.faults:
+    for fault in diagnosis.checks.faults:
         if fault.effect == "sensor_swap":
             SCREEN.say(f"  {swap_sentence(fault.location, fault.dof)}")
-    for place in diagnosis.gate.unknown:
+    for place in diagnosis.checks.unknown:
         SCREEN.say(f"  {place} has an unknown fault and was left out")
     evidence = diagnosis.evidence
     for text in (*serial_correlation_sentences(evidence), *noise_sentences(evidence)):
@@ -223,7 +223,7 @@ def _say_more(verdict: Verdict, diagnosis: Diagnosis) -> None:
 
 def _explain(diagnosis: Diagnosis) -> None:
     """Print the data checks and the hypotheses with the reasons of their rejection."""
-    for check in diagnosis.gate.checks:
+    for check in diagnosis.checks.bodies:
         SCREEN.say(check.sentence)
     null = diagnosis.evidence.null
     SCREEN.say(

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from diagnosis.effects import load_catalogue
 from diagnosis.hypothesis import Scene
-from diagnosis.refits.refitting import add_hypothesis, start_values
+from diagnosis.refits.refitting import add_hypothesis, find_start
 from diagnosis.search.score_test import scores
 from diagnosis.settings import SETTINGS
 from tests.bench.kept import cases
@@ -94,7 +94,7 @@ def _ranks(folder: Path, truth: tuple[str, str | None]) -> dict[str, object]:
             inner.model,
             inner.campaign,
             inner.parametrisation,
-            start=start_values(scene, inner, hypothesis),
+            start=find_start(scene, inner, hypothesis),
             floor=null.error.floor,
         )
         costs[site] = refit.error

@@ -1,4 +1,4 @@
-"""Corrections of a campaign, and hypotheses of what the gate proves."""
+"""Corrections of a campaign, and hypotheses of the faults that the data checks prove."""
 
 from dataclasses import replace
 
@@ -9,6 +9,7 @@ from diagnosis import build_verdict, diagnose
 from diagnosis.corrections import divide_channels, exchange_channels, mask_channels, match_channels
 from diagnosis.data_checks.sensors import build_fault_hypothesis, check_sensors
 from diagnosis.refits.extended_parametrisation import extend_parametrisation
+from diagnosis.settings import SETTINGS
 from identification import Fault, check_bodies, mount_response
 from identification.words import Dof
 from tests.helpers.drawn import drawn
@@ -115,12 +116,12 @@ def test_a_turned_channel_is_proven_and_taken_out(session):
         signs = [-1.0 if d.point == site and d.direction[1:] == "tz" else 1.0 for d in frf.outputs]
         turned = replace(frf, values=frf.values * np.array(signs)[:, None])
         tests.append(replace(test, estimate=replace(test.estimate, frf=turned)))
-    gate = check_sensors(replace(session.campaign, tests=tuple(tests)))
-    assert [(f.effect, f.location, f.dof) for f in gate.faults] == [
+    checks = check_sensors(replace(session.campaign, tests=tuple(tests)), SETTINGS)
+    assert [(f.effect, f.location, f.dof) for f in checks.faults] == [
         ("sensor_polarity", f"sensor:{site}", "tz")
     ]
-    assert not check_sensors(session.campaign).faults
-    off = [not test.estimate.measured.all() for test in gate.campaign.tests]
+    assert not check_sensors(session.campaign, SETTINGS).faults
+    off = [not test.estimate.measured.all() for test in checks.campaign.tests]
     assert all(off)
 
 
@@ -132,15 +133,15 @@ def test_of_a_channel_that_reads_noise_alone_no_fault_is_believed(session):
         return values * np.where(np.isin(names, turned), -1.0, 1.0)[:, None]
 
     campaign = read_as(session, reading)
-    assert [one.effect for one in check_sensors(campaign).faults] == ["sensor_polarity"]
+    assert [one.effect for one in check_sensors(campaign, SETTINGS).faults] == ["sensor_polarity"]
     tests = []
     for test in campaign.tests:
         row = np.isin(list(map(str, test.estimate.frf.outputs)), turned)
         coherence = np.where(row[:, None], 1e-3, test.estimate.coherence)
         tests.append(replace(test, estimate=replace(test.estimate, coherence=coherence)))
-    gate = check_sensors(replace(campaign, tests=tuple(tests)))
-    assert not gate.faults
-    for test in gate.alive.tests:
+    checks = check_sensors(replace(campaign, tests=tuple(tests)), SETTINGS)
+    assert not checks.faults
+    for test in checks.alive.tests:
         assert not test.estimate.measured[list(map(str, test.estimate.frf.outputs)).index(*turned)]
 
 
@@ -171,12 +172,12 @@ def test_a_sensor_that_is_wrong_by_no_known_fault_is_left_out_and_named(session)
         return values * wrong
 
     campaign = read_as(session, wobbling)
-    gate = check_sensors(campaign)
-    assert [(f.effect, f.location, f.dof) for f in gate.faults] == [
+    checks = check_sensors(campaign, SETTINGS)
+    assert [(f.effect, f.location, f.dof) for f in checks.faults] == [
         ("sensor_unknown", f"sensor:{site}", "tz")
     ]
-    assert gate.unknown == (f"sensor:{site}",)
-    for test in gate.alive.tests:
+    assert checks.unknown == (f"sensor:{site}",)
+    for test in checks.alive.tests:
         row = list(map(str, test.estimate.frf.outputs)).index(f"{site}:+tz")
         assert not test.estimate.measured[row, 0]
     found = build_verdict(diagnose(replace(session, campaign=campaign)))
@@ -192,8 +193,8 @@ def test_numbers_exported_twice_are_no_exchanged_channels(session):
         same[:, outputs.index(f"{site}:+tz")] = values[:, outputs.index(f"{site}:+tx")]
         return same
 
-    gate = check_sensors(read_as(session, twice))
-    assert {(f.effect, f.location) for f in gate.faults} == {("sensor_unknown", f"sensor:{site}")}
+    checks = check_sensors(read_as(session, twice), SETTINGS)
+    assert {(f.effect, f.location) for f in checks.faults} == {("sensor_unknown", f"sensor:{site}")}
 
 
 def test_where_most_bodies_seem_to_bend_small_faults_of_sensors_are_no_more_believed(
@@ -214,9 +215,9 @@ def test_where_most_bodies_seem_to_bend_small_faults_of_sensors_are_no_more_beli
         monkeypatch.setattr(
             "diagnosis.data_checks.sensors.check_bodies", lambda _, drawn=drawn: tuple(drawn)
         )
-        gate = check_sensors(session.campaign)
+        result = check_sensors(session.campaign, SETTINGS)
         small = {"flexible_body"} if many == 3 else {"flexible_body", "sensor_gain"}
-        assert {one.effect for one in gate.faults} == {"sensor_polarity", *small}
+        assert {one.effect for one in result.faults} == {"sensor_polarity", *small}
 
 
 def test_what_a_user_has_fixed_is_taken_as_the_gate_found_it(session):

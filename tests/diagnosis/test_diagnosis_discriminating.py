@@ -9,8 +9,8 @@ import pytest
 from diagnosis import EFFECTS
 from diagnosis.corrections import mask_channels
 from diagnosis.next_test.discriminating import (
-    _measured_normal,
-    _remaining_cost,
+    _compute_measured_normal,
+    _compute_misfit,
     propose_experiment,
 )
 from diagnosis.next_test.experiments import (
@@ -19,6 +19,7 @@ from diagnosis.next_test.experiments import (
     add_known_mass,
     list_experiments,
 )
+from diagnosis.settings import SETTINGS
 from identification.words import Dof
 from mbmodel import Evaluator, FrfRequest, hammer_parts
 from tests.helpers.drawn import drawn
@@ -48,7 +49,8 @@ def found(session, refits, word, causes, where=(), present=()):
         posterior=SimpleNamespace(causes=causes, where=where, sets=sets),
         present=SimpleNamespace(word=word, causes=named),
         search=SimpleNamespace(refit_of=by_keys.get),
-        gate=SimpleNamespace(unknown=()),
+        checks=SimpleNamespace(unknown=()),
+        settings=SETTINGS,
         gross_hypotheses=(),
     )
 
@@ -84,8 +86,8 @@ def test_the_gain_is_what_tuning_anew_leaves_of_what_a_rival_foresees(rivals):
     asked = Experiment("hit", inputs, lambda machine: hammer_parts(machine, inputs))
     posed = [add_experiment(asked, one) for one in (true, rival)]
     told = told_by(posed[0], campaign, inputs)
-    before = _measured_normal(rival)
-    gain = _remaining_cost(posed[1], told, before, 1.0)
+    before = _compute_measured_normal(rival, SETTINGS.score_stride)
+    gain = _compute_misfit(posed[1], told, before, 1.0)
     # The same by least squares, slopes by differences.
     varies, estimate = posed[1].parametrisation, told.tests[0].estimate
     question = FrfRequest(told.freq_hz, estimate.frf.outputs, inputs, estimate.frf.quantity)
@@ -129,7 +131,11 @@ def test_a_cause_that_is_taken_out_and_a_known_mass_are_foreseen(rivals):
     body = one.hypothesis.location.partition(":")[2]
     number = bare.machine.layout.bodies.index(body)
     heavier = told_by(
-        add_experiment(Experiment("add", inputs, add_known_mass(number)), one), thin, inputs
+        add_experiment(
+            Experiment("add", inputs, add_known_mass(number, SETTINGS.added_mass_share)), one
+        ),
+        thin,
+        inputs,
     )
     more = one.fit.theta.copy()
     names = [parameter.name for parameter in one.session.model.parameters]
@@ -143,7 +149,7 @@ def test_a_hit_along_other_axes_of_the_same_point_counts(rivals):
     first = session.campaign.tests[0]
     campaign = replace(session.campaign, tests=(first,))
     reference = first.condition.reference
-    words = [asked.words for asked in next(list_experiments(campaign, (one, other)))]
+    words = [asked.words for asked in next(list_experiments(campaign, (one, other), SETTINGS))]
     axes = [axis for axis in "xyz" if axis != reference.direction[2:]]
     assert f"hit {reference.point} along {' and '.join(axes)} as well" in words
 
@@ -190,8 +196,8 @@ def next_at(session, place):
 def test_with_levels_and_sensors_on_both_sides_the_joint_is_held(rivals):
     said = next_at(at_two_levels(rivals[0]), "joint:stage2")
     assert said == (
-        "clamp the joint of stage2 and repeat, stage1 and stage2 hit at each level: what pushes at "
-        "joint:stage2 is gone then, and what is left of the gap pushes elsewhere"
+        "clamp the joint of stage2 and repeat, stage1 and stage2 hit at each level: a force at "
+        "joint:stage2 is gone then, and a gap that remains has its cause elsewhere"
     )
     assert "repeat, stage1 hit at" in next_at(at_two_levels(rivals[0]), "joint:stage1")  # ground
     assert next_at(at_two_levels(rivals[0]), "body:stage2").startswith("clear stage2 of all it")
@@ -199,7 +205,7 @@ def test_with_levels_and_sensors_on_both_sides_the_joint_is_held(rivals):
 
 def test_sensors_are_asked_for_on_that_side_alone_that_has_too_few(rivals):
     said = next_at(at_two_levels(rivals[0], {"stage1"}), "joint:stage2")
-    assert said.startswith("put two triaxial sensors or more on stage1, and hit there: something")
+    assert said.startswith("put two triaxial sensors or more on stage1, and hit there: an unknown")
     assert "joint:stage2" in said
 
 

@@ -5,7 +5,8 @@ import tomllib
 import numpy as np
 import pytest
 
-from diagnosis.search.free_force import _Work, fit_free_forces
+from diagnosis.search.free_force import _LinearisedFit, fit_free_forces
+from diagnosis.settings import SETTINGS
 from identification import smooth_variance
 from mbmodel import Evaluator, FrfRequest
 from tests.helpers.drawn import drawn
@@ -24,7 +25,7 @@ def begun(folder, seed, effect=None, **more):
 def dense(scene, found, force, power, model_error):
     """The same gain with every covariance written out, test by test."""
     model, varies, x = scene.session.model, found.parametrisation, found.x
-    campaign = thin_lines(scene.session.campaign, 16)
+    campaign = thin_lines(scene.session.campaign, SETTINGS.score_stride)
     rates = np.zeros((len(varies.free), varies.size))
     rates[varies.free, varies.coordinate_of[varies.free]] = varies.rates(x)[varies.free]
     parts = []
@@ -77,7 +78,10 @@ def test_the_gain_is_that_of_the_dense_covariance(tmp_path):
     size = len(scene.model.machine.coordinates)
     forces = np.random.default_rng(3).standard_normal((size, 3))
     for model_error in (3e-4, 2e-2):
-        gains = _Work.about(scene, early, model_error).gains(forces, POWER)
+        linearised = _LinearisedFit.linearise(scene, early, model_error)
+        gains = linearised.compute_gains(forces, POWER, SETTINGS.max_force_values)
+        few = linearised.compute_gains(forces, POWER, 1)  # one force at once
+        np.testing.assert_allclose(few, gains, rtol=1e-9)
         for force, gain in zip(forces.T, gains, strict=True):
             expected = dense(scene, early, force, POWER, model_error)
             assert gain == pytest.approx(expected, rel=1e-5, abs=1e-3)

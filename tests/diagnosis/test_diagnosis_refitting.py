@@ -14,7 +14,7 @@ from diagnosis.estimates.intervals import fit_parameters
 from diagnosis.hypothesis import Hypothesis
 from diagnosis.null_model import fit_null_model, fit_unbounded, refit_from
 from diagnosis.refits.refit import Refit
-from diagnosis.refits.refitting import add_cause, add_hypothesis, run_refits, start_values
+from diagnosis.refits.refitting import add_cause, add_hypothesis, find_start, run_refits
 from diagnosis.search.score_test import compute_cosines, scores
 from diagnosis.settings import SETTINGS
 from tests.helpers.drawn import drawn
@@ -173,7 +173,7 @@ def test_the_score_is_the_gain_of_the_quadratic_model_where_all_else_is_tuned(ca
     # The slower twin: the whole normal equations, and the coordinates that no bound holds.
     session = add_hypothesis(null.session, cause)
     varies = session.parametrisation
-    x = varies.coordinates(start_values(null, session, cause))
+    x = varies.coordinates(find_start(null, session, cause))
     thin = thin_lines(session.campaign, stride)
     problem = Misfit(session.model, thin, varies, model_error_floor=floor)
     _, gradient, normal = problem.quadratic_model(x)

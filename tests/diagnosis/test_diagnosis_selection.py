@@ -42,7 +42,7 @@ def test_a_proven_fault_that_closes_little_beside_a_larger_gap_is_a_remark(two_e
     found, _ = two_effects
     swap = ("sensor_swap", "sensor:acc1", "tx+ty")
     fault = SimpleNamespace(effect=swap[0], location=swap[1], dof=swap[2])
-    base = SimpleNamespace(proven=(), gate=SimpleNamespace(faults=(fault,)))
+    base = SimpleNamespace(proven=(), checks=SimpleNamespace(faults=(fault,)))
     arguments = found.search, found.evidence, found.posterior, found.gaps, SETTINGS
     present = describe_present(base, *arguments)
     assert set(present.remarks) == {swap}

@@ -92,15 +92,15 @@ def test_what_only_spare_channels_show_is_not_excluded_where_there_are_none(case
     _, _, found = case
     beside = {"sensor_delay", "sensor_swap", "mount_resonance", "flexible_body"}
     assert not beside & set(build_verdict(found).not_testable)
-    first, *others = found.gate.checks
-    gate = replace(found.gate, checks=(replace(first, redundant=1), *others))
-    assert beside < set(build_verdict(replace(found, gate=gate)).not_testable)
+    first, *others = found.checks.bodies
+    checks = replace(found.checks, bodies=(replace(first, redundant=1), *others))
+    assert beside < set(build_verdict(replace(found, checks=checks)).not_testable)
 
 
 def test_a_body_without_any_sensor_may_bend_unseen(case):
     _, _, found = case
-    gate = replace(found.gate, checks=found.gate.checks[1:])
-    missing = build_verdict(replace(found, gate=gate)).not_testable
+    checks = replace(found.checks, bodies=found.checks.bodies[1:])
+    missing = build_verdict(replace(found, checks=checks)).not_testable
     assert "flexible_body" in missing
     assert "sensor_swap" not in missing  # where there is no sensor none is exchanged
 
@@ -127,8 +127,8 @@ def test_a_tolerance_that_is_kept_as_drawn_is_not_tested_where_no_gate_asks(case
     varies = parametrise(session.model, session.campaign.tolerance, fix)
     kept = replace(found, session=replace(session, parametrisation=varies))
     assert gains & set(build_verdict(kept).not_testable) == {"hammer_misalignment"}
-    checks = tuple(replace(one, redundant=1) for one in found.gate.checks)
-    blind = replace(kept, gate=replace(found.gate, checks=checks))
+    checks = tuple(replace(one, redundant=1) for one in found.checks.bodies)
+    blind = replace(kept, checks=replace(found.checks, bodies=checks))
     assert gains & set(build_verdict(blind).not_testable) == {"sensor_gain", "hammer_misalignment"}
 
 

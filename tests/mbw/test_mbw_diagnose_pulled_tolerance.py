@@ -23,7 +23,7 @@ def case(x, *, word="none", excess=96.6, pull=0.0):
         evidence=SimpleNamespace(
             largest_shift=pull, variance="coherence", null=SimpleNamespace(serial=0.0), sets=()
         ),
-        gate=SimpleNamespace(faults=(), unknown=()),
+        checks=SimpleNamespace(faults=(), unknown=()),
         parameters=None,
         retuned=SimpleNamespace(unfinished=0),
         after=None,

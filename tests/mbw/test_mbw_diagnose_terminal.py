@@ -28,7 +28,7 @@ def found(evidence, *present):
         settings=SETTINGS,
         present=SimpleNamespace(causes=causes),
         gross_hypotheses=(),
-        gate=SimpleNamespace(checks=()),
+        checks=SimpleNamespace(bodies=()),
     )
 
 
@@ -96,7 +96,7 @@ def test_the_terminal_states_established_causes_rest_and_remarks(capsys, monkeyp
             retuned=SimpleNamespace(unfinished=0),
             after=None,
             evidence=result.evidence,
-            gate=SimpleNamespace(faults=(), unknown=()),
+            checks=SimpleNamespace(faults=(), unknown=()),
         ),
     )
     said = capsys.readouterr().err
