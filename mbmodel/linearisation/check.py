@@ -16,6 +16,7 @@ import numpy as np
 from identification.words import InputError, Real
 from mbmodel.linearisation.force_slopes import (
     FORCE_DIFFERENCE_STEP,
+    choose_difference_step,
     force_scale,
     force_slopes,
     symmetrise_rotations,
@@ -61,17 +62,18 @@ def check_linear_model(
         ("position", "stiffness", matrices.stiffness),
         ("velocity", "damping", matrices.damping),
     )
+    fine = choose_difference_step(model, data)
     for along, what, matrix in kinds:
-        slope, difference = force_slopes(model, data, along, velocity)
-        floor = _SPRING_ROUNDING * float(np.abs(slope).max()) + (
-            _FORCE_ROUNDING * forces
+        step = fine if along == "position" else FORCE_DIFFERENCE_STEP
+        slope, difference = force_slopes(model, data, along, velocity, step)
+        rounding = FORCE_DIFFERENCE_STEP / step
+        floor = _SPRING_ROUNDING * rounding * float(np.abs(slope).max()) + (
+            _FORCE_ROUNDING * rounding * forces
             if along == "position"
             else _DAMPING_RATE_FLOOR * float(np.abs(mass).max())
         )
         if _exceeds(difference, slope, floor).any():
-            _, wider = force_slopes(
-                model, data, along, velocity, _STEP_RATIO * FORCE_DIFFERENCE_STEP
-            )
+            _, wider = force_slopes(model, data, along, velocity, _STEP_RATIO * step)
             # Of a smooth force, the difference between the sides grows with the step.
             lasting = np.where(np.abs(wider) < _STEP_RATIO / 3 * np.abs(difference), difference, 0)
             if (coordinate := _worst(machine, lasting, slope, floor, of_zero=True)) is not None:

@@ -12,6 +12,35 @@ from mbmodel.linearisation.tendon_slopes import tendon_elongation, tendon_jacobi
 # Step of central differences [m, rad, or their rates]: the forces are smooth, so that errors of
 # truncation and of rounding are both small.
 FORCE_DIFFERENCE_STEP = 1e-6
+_MIN_DIFFERENCE_STEP = 1e-9  # below it rounding takes over
+_STEP_OF_DISTANCE = 0.05  # of the way to the end of a dead band, so that ten steps stay inside
+_MAX_CUBIC_SHARE = 1e-6  # of the slope, that a cubic term adds to a difference
+
+
+def choose_difference_step(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """Return a step within which a machine's forces are as at rest [m or rad].
+
+    It is 1e-6, or less within a narrow dead band, or beside a steep cubic spring: its central
+    difference is k + k3 h^2.
+
+    Args:
+        model: the compiled model.
+        data: at static equilibrium.
+    """
+    steps = [FORCE_DIFFERENCE_STEP]
+    rows = tendon_jacobian(model, data)
+    for tendon in np.flatnonzero(model.tendon_stiffness > 0):
+        low, high = model.tendon_lengthspring[tendon]
+        length, reach = data.ten_length[tendon], np.abs(rows[tendon]).max(initial=0.0)
+        if high > low and reach > 0:
+            distance = min(abs(length - low), abs(length - high))
+            # Closer to an end than this, the rest itself is the kink that is looked for.
+            is_apart = distance > _MIN_DIFFERENCE_STEP / _STEP_OF_DISTANCE
+            steps += [_STEP_OF_DISTANCE * distance / reach] if is_apart else []
+    for k, (_, cubic) in zip(model.jnt_stiffness, model.jnt_stiffnesspoly[:, :2], strict=True):
+        if k > 0 and cubic:
+            steps.append(float(np.sqrt(_MAX_CUBIC_SHARE * k / abs(cubic))))
+    return max(min(steps), _MIN_DIFFERENCE_STEP)
 
 
 def symmetrise_rotations(model: mujoco.MjModel, matrix: Real) -> Real:
@@ -125,13 +154,14 @@ def remaining_stiffness_and_damping(
         K [N/m, N m/rad] and C [N s/m, N m s/rad]; (nv, nv) each.
     """
     zeroed = ("jnt_stiffness", "dof_damping", "tendon_stiffness", "tendon_damping")
+    step = choose_difference_step(model, data)
     original = {name: getattr(model, name).copy() for name in zeroed}
     gravity = model.opt.gravity.copy()
     try:
         for name in zeroed:
             getattr(model, name)[:] = 0.0
         model.opt.gravity[:] = 0.0
-        stiffness, _ = force_slopes(model, data, along="position", velocity=velocity)
+        stiffness, _ = force_slopes(model, data, "position", velocity, step)
         stiffness = stiffness if velocity.any() else symmetrise_rotations(model, stiffness)
         damping, _ = force_slopes(model, data, along="velocity", velocity=velocity)
     finally:

@@ -26,6 +26,9 @@ _TEXT_ATTRIBUTE = re.compile(
 _WORD_OF_NO_NUMBER = re.compile(r"(?i)[+-]?(nan(\([^)]*\))?|inf|infinity)")
 # Double precision holds 16 digits: beside a larger number the softer springs have none left.
 _LARGEST_NUMBER = 1e15
+# Coefficients of x^2 and x^3 are larger: a joint that moves by 1e-6 m has k3 x^2 below 1e18.
+_LARGEST_COEFFICIENT = 1e30
+_POLYNOMIAL_ATTRIBUTES = ("stiffness", "damping")
 # MuJoCo refuses elements nested deeper than this, and a body in a body needs but one level.
 _MAX_XML_DEPTH = 400
 _DECLARED_ENCODING = re.compile(rb"""^\s*<\?xml[^>]*encoding\s*=\s*["']([^"']+)["']""")
@@ -210,15 +213,20 @@ def _check_numbers(path: Path, element: ElementTree.Element) -> None:
             advice = f"give finite numbers below {_LARGEST_NUMBER:g}"
         else:
             advice = "give a value, or leave it out"
-        if not words or not all(map(_is_usable_number, words)):
+        is_polynomial = attribute in _POLYNOMIAL_ATTRIBUTES
+        limits = [
+            _LARGEST_COEFFICIENT if is_polynomial and place else _LARGEST_NUMBER
+            for place in range(len(words))
+        ]
+        if not words or not all(map(_is_usable_number, words, limits)):
             name = f" {element.get('name')!r}" if element.get("name") else ""
             raise InputError(
                 f"{path}: {element.tag}{name} has {attribute}={_shorten(value)!r}: {advice}"
             )
 
 
-def _is_usable_number(word: str) -> bool:
-    """Return whether a word is text, or a finite number that is not absurdly large."""
+def _is_usable_number(word: str, limit: float) -> bool:
+    """Return whether a word is text, or a finite number of at most a limit."""
     if _WORD_OF_NO_NUMBER.fullmatch(word):
         return False
     try:
@@ -227,7 +235,7 @@ def _is_usable_number(word: str) -> bool:
         return False
     except ValueError:
         return True  # a keyword; MuJoCo says so if it is none
-    return math.isfinite(number) and abs(number) <= _LARGEST_NUMBER
+    return math.isfinite(number) and abs(number) <= limit
 
 
 def _shorten(text: str) -> str:

@@ -1,6 +1,6 @@
 """Files of a virtual hammer test: records, campaign.toml, and the drawn errors of instruments."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,10 +8,12 @@ import numpy as np
 import scipy.io
 
 from identification.words import Records, Tolerance
-from mbmodel import RecordedFile, VirtualTest
+from mbmodel import NonlinearJoint, RecordedFile, VirtualTest
 from mbw.simulate.hammer_plan import PlannedTest
 
 CAMPAIGN, MODEL, ANSWER = "campaign.toml", "model.xml", "answer.toml"
+TRUE_MODEL = "simulated.xml"  # the machine that was hit, where campaign.toml names another
+Laws = Sequence[tuple[str, NonlinearJoint]]  # effect and law
 _CAMPAIGN_HEAD = "# Virtual hammer test, written by mbw simulate\n"
 _ANSWER_HEAD = (
     "# Errors of the instruments that were drawn; no verb reads this file.\n"
@@ -19,7 +21,9 @@ _ANSWER_HEAD = (
 )
 
 
-def write_campaign(place: Path, planned: PlannedTest, test: VirtualTest, seed: int) -> None:
+def write_campaign(
+    place: Path, planned: PlannedTest, test: VirtualTest, seed: int, laws: Laws = ()
+) -> None:
     """Write records, campaign.toml and answer.toml.
 
     Args:
@@ -27,6 +31,7 @@ def write_campaign(place: Path, planned: PlannedTest, test: VirtualTest, seed: i
         planned: plan and stated tolerances.
         test: records and drawn errors.
         seed: of all random numbers.
+        laws: effect and law of each joint that was made nonlinear.
     """
     files = planned.plan.files
     for file in files:
@@ -35,7 +40,7 @@ def write_campaign(place: Path, planned: PlannedTest, test: VirtualTest, seed: i
     (place / CAMPAIGN).write_text(
         "\n".join([*blocks, _tolerance_table(planned.stated)]), encoding="utf-8"
     )
-    (place / ANSWER).write_text(_answer(planned, test, seed), encoding="utf-8")
+    (place / ANSWER).write_text(_answer(planned, test, seed, laws), encoding="utf-8")
 
 
 def _write_records(target: Path, records: Iterable[Records]) -> None:
@@ -75,9 +80,12 @@ def _tolerance_table(tolerance: Tolerance) -> str:
     return "[tolerance]  # one standard deviation\n" + _rows(vars(tolerance))
 
 
-def _answer(planned: PlannedTest, test: VirtualTest, seed: int) -> str:
+def _answer(planned: PlannedTest, test: VirtualTest, seed: int, laws: Laws) -> str:
     """Return the text of answer.toml."""
-    parts = [f'{_ANSWER_HEAD}effect = "none"\nseed = {seed}\n']
+    effects = dict.fromkeys(effect for effect, _ in laws)
+    parts = [f'{_ANSWER_HEAD}effect = "{" and ".join(effects) or "none"}"\nseed = {seed}\n']
+    for effect, law in laws:
+        parts.append("[[joint]]\n" + _rows({"effect": effect, **vars(law)}))
     plan, instruments = planned.plan, test.instruments
     parts.append("[noise]  # one-sided densities\n" + _rows(vars(plan.noise)))
     parts.append("[scatter]  # of the hits\n" + _rows(vars(plan.scatter)))

@@ -63,6 +63,14 @@ def simulate(  # noqa: PLR0913  # one for each option
     exact: Annotated[
         bool, typer.Option("--exact", help="No noise, no errors of instruments, steady aim.")
     ] = False,
+    law: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT:EFFECT:NAME=VALUE,...",
+            help="Make a joint nonlinear, such as ty_ty:friction:k=2e7,limit=50, "
+            "ty_ty:backlash:gap=2e-6 or ty_ty:hardening:k3=1e18; repeatable.",
+        ),
+    ] = None,
     nominal: Annotated[
         Path | None,
         typer.Option(
@@ -185,6 +193,7 @@ def simulate(  # noqa: PLR0913  # one for each option
             "quantity": quantity,
             "animate": animate,
         },
+        laws=law or [],
         nominal=nominal,
         file_format=file_format,
         spin=spin or [],

@@ -10,13 +10,14 @@ import numpy as np
 import typer
 
 from identification.words import Dof, InputError, UsageError
-from mbmodel import Machine, TimeStep, load_machine, simulate, strike, write_mjcf
+from mbmodel import TimeStep, load_machine, simulate, strike, write_mjcf
 from mbmodel.simulation.drives import parse_drive, parse_reading
 from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
-from mbw.simulate.campaign_folder import ANSWER, CAMPAIGN, MODEL, write_campaign
+from mbw.simulate.campaign_folder import ANSWER, CAMPAIGN, MODEL, TRUE_MODEL, write_campaign
 from mbw.simulate.hammer_plan import TestOptions, plan_test
+from mbw.simulate.joint_laws import SimulatedMachine, open_machine
 from mbw.simulate.played_signal import PlayOptions, load_signal, parse_quantity, write_response
 from mbw.simulate.summary import SimulationSummary
 from mbw.simulate.units import input_unit, output_unit
@@ -32,6 +33,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     *,
     test: Mapping[str, Any],
     played: Mapping[str, Any],
+    laws: list[str],
     nominal: Path | None,
     file_format: str | None,
     spin: list[str],
@@ -46,23 +48,25 @@ def run_options(  # noqa: PLR0913  # one for each option
     test_options, play_options = TestOptions(**test), PlayOptions(**played)
     outputs = ResultOptions(out, json, overwrite, pictures=False)
     rates = parse_spin_rates(spin)
-    machine = load_machine(model, rates, key, without_friction=True)
-    for remark in machine.remarks:
-        SCREEN.say(remark)
-    if play_options.is_asked:
-        _refuse_test_options(test_options, nominal)
-        summary = play_signal(machine, play_options, outputs, rates, file_format or "csv", seed)
-    else:
-        summary = make_test(
-            machine,
-            test_options,
-            outputs,
-            rates,
-            file_format or "npz",
-            nominal=nominal,
-            seed=seed,
-            threads=jobs or os.cpu_count() or 1,
-        )
+    with open_machine(model, laws, rates, key) as simulated:
+        for remark in simulated.machine.remarks:
+            SCREEN.say(remark)
+        if play_options.is_asked:
+            _refuse_test_options(test_options, nominal)
+            summary = play_signal(
+                simulated, play_options, outputs, rates, file_format or "csv", seed
+            )
+        else:
+            summary = make_test(
+                simulated,
+                test_options,
+                outputs,
+                rates,
+                file_format or "npz",
+                nominal=nominal,
+                seed=seed,
+                threads=jobs or os.cpu_count() or 1,
+            )
     if json is not None:
         write_json(summary.model_dump_json(indent=1), json)
 
@@ -85,7 +89,7 @@ def _refuse_test_options(options: TestOptions, nominal: Path | None) -> None:
 
 
 def make_test(
-    machine: Machine,
+    simulated: SimulatedMachine,
     options: TestOptions,
     outputs: ResultOptions,
     rates: Mapping[str, float],
@@ -98,22 +102,23 @@ def make_test(
     """Make a virtual hammer test and write it as a campaign.
 
     Args:
-        machine: to be hit.
+        simulated: machine to be hit.
         options: of the test.
         outputs: where the campaign is written.
         rates: of spinning hinges [rad/s].
         file_format: of the records.
-        nominal: MJCF that campaign.toml names; None for the machine's own.
+        nominal: MJCF that campaign.toml names; None for the one that the user has named.
         seed: of all random numbers.
         threads: that work at the same time.
     """
     _check_format(file_format, _RECORD_FORMATS)
-    _check_nominal(machine, nominal)
+    machine = simulated.machine
+    _check_nominal(simulated, nominal)
     planned = plan_test(machine, options, f".{file_format}")
     plan = planned.plan
-    names = [CAMPAIGN, MODEL, ANSWER, *(file.file for file in plan.files)]
+    names = [CAMPAIGN, MODEL, TRUE_MODEL, ANSWER, *(file.file for file in plan.files)]
     total = sum(file.hits * len(file.references) for file in plan.files)
-    with outputs.open("simulate", machine.source, "simulated", names) as output:
+    with outputs.open("simulate", simulated.source, "simulated", names) as output:
         with SCREEN.progress() as progress:
             task = progress.add_task("hits", total=total)
             test = strike(
@@ -126,10 +131,13 @@ def make_test(
                 count_hits=lambda count: progress.advance(task, count),
             )
         with output.write() as place:
-            write_campaign(place, planned, test, seed)
-            write_mjcf(nominal or machine.source, place / MODEL, (), output.path)
+            write_campaign(place, planned, test, seed, simulated.laws)
+            write_mjcf(nominal or simulated.source, place / MODEL, (), output.path)
+            if simulated.laws or nominal is not None:
+                write_mjcf(machine.source, place / TRUE_MODEL, (), output.path)
+            names = sorted(path.name for path in place.iterdir())
     summary = _summary(
-        machine,
+        simulated,
         test.step,
         kind="hammer test",
         files=names,
@@ -143,10 +151,10 @@ def make_test(
     return summary
 
 
-def _check_nominal(machine: Machine, nominal: Path | None) -> None:
+def _check_nominal(simulated: SimulatedMachine, nominal: Path | None) -> None:
     """Refuse a model that the campaign could not name: other verbs could not read it."""
     try:
-        load_machine(nominal or machine.source, key=machine.keyframe)
+        load_machine(nominal or simulated.source, key=simulated.machine.keyframe)
     except InputError as error:
         if nominal is not None:
             raise
@@ -157,7 +165,7 @@ def _check_nominal(machine: Machine, nominal: Path | None) -> None:
 
 
 def play_signal(
-    machine: Machine,
+    simulated: SimulatedMachine,
     options: PlayOptions,
     outputs: ResultOptions,
     rates: Mapping[str, float],
@@ -167,7 +175,7 @@ def play_signal(
     """Play a signal and write the response.
 
     Args:
-        machine: to be driven.
+        simulated: machine to be driven.
         options: of the signal.
         outputs: where the response is written.
         rates: of spinning hinges [rad/s].
@@ -175,6 +183,7 @@ def play_signal(
         seed: of noise.
     """
     _check_format(file_format, _RESPONSE_FORMATS)
+    machine = simulated.machine
     quantity = parse_quantity(options.quantity)
     signal = load_signal(options, seed)
     drives = tuple(parse_drive(machine, label) for label in signal.labels)
@@ -186,7 +195,7 @@ def play_signal(
         raise UsageError("the model has no site: name --output, such as body:+tx")
     name = f"{_RESPONSE_STEM}.{file_format}"
     names = [f"{_RESPONSE_STEM}.{kind}" for kind in _RESPONSE_FORMATS]
-    with outputs.open("simulate", machine.source, "simulated", names) as output:
+    with outputs.open("simulate", simulated.source, "simulated", names) as output:
         with SCREEN.status(f"{signal.time_s[-1] - signal.time_s[0]:.3g} s in time"):
             response = simulate(
                 machine,
@@ -211,7 +220,7 @@ def play_signal(
     duration = float(signal.time_s[-1] - signal.time_s[0])
     rate = float((len(signal.time_s) - 1) / duration)
     return _summary(
-        machine, response.step, kind="signal", files=[name], rate=rate, duration=duration
+        simulated, response.step, kind="signal", files=[name], rate=rate, duration=duration
     )
 
 
@@ -230,10 +239,16 @@ def _say_step(step: TimeStep) -> None:
 
 
 def _summary(
-    machine: Machine, step: TimeStep, *, kind: str, files: list[str], rate: float, duration: float
+    simulated: SimulatedMachine,
+    step: TimeStep,
+    *,
+    kind: str,
+    files: list[str],
+    rate: float,
+    duration: float,
 ) -> SimulationSummary:
     return SimulationSummary(
-        model=str(machine.source),
+        model=str(simulated.source),
         kind=kind,
         integrator=step.integrator,
         step=step.step_s,

@@ -150,3 +150,16 @@ def test_a_remark_says_what_the_linear_model_keeps(drawing):
     path = written(drawing, DryFriction("slide", 2.0))
     (dry,) = load_machine(path, without_friction=True).remarks
     assert "leaves it out" in dry
+
+
+@pytest.mark.parametrize("gap", [1e-8, 1e-7, 3e-6])
+def test_a_narrow_gap_is_linearised_inside_it(drawing, gap):
+    # A difference of 1e-6 m would reach the stops of a stage's usual play.
+    drawing.write_text(mjcf(BODY.replace('springref="1e-5"', "")), encoding="utf-8")
+    assert model_frequencies(written(drawing, GapSpring("slide", 2e4, gap))).min() < 1e-3
+
+
+def test_a_steep_cubic_spring_has_the_slope_of_its_linear_term(drawing):
+    # k3 x^2 = k at 1e-6 m: a difference over that way would double the stiffness.
+    steep = model_frequencies(written(drawing, PolynomialSpring("slide", 1e4, 0.0, 1e16)))
+    assert steep == pytest.approx(model_frequencies(drawing), rel=1e-6)

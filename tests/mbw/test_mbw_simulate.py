@@ -11,8 +11,14 @@ from small_machine import MJCF
 from typer.testing import CliRunner
 
 from identification import read_settings
-from mbmodel.nonlinear_joints.files import write_nonlinear_joints
-from mbmodel.nonlinear_joints.laws import DryFriction
+from mbmodel import (
+    DryFriction,
+    GapSpring,
+    JenkinsElement,
+    PolynomialSpring,
+    read_nonlinear_joints,
+    write_nonlinear_joints,
+)
 from mbw.command import app
 from tuning import open_campaign
 
@@ -180,3 +186,49 @@ def test_a_wrong_table_is_refused_with_its_row(model, tmp_path):
     assert "row 3" in run(model, "--input", signal, code=3)
     signal.write_text("time,acc3:+tx\n0,1\n0.001,nan\n", encoding="utf-8")
     assert "NaN" in run(model, "--input", signal, code=3)
+
+
+@pytest.mark.parametrize(
+    ("law", "kind"),
+    [
+        ("head_tx:friction:k=4e6,limit=20", JenkinsElement),
+        ("head_tx:friction:limit=2", DryFriction),
+        ("head_tx:backlash:gap=1e-7", GapSpring),
+        ("head_tx:hardening:k3=1e18", PolynomialSpring),
+    ],
+)
+def test_a_joint_is_made_nonlinear_and_the_campaign_names_the_drawing(model, tmp_path, law, kind):
+    out = tmp_path / "o"
+    run(model, "--law", law, "--hammer", "3:+tx", *SHORT, "--hits", 2, "--out", out)
+    (read,) = read_nonlinear_joints(out / "simulated.xml")
+    assert isinstance(read, kind)
+    assert read_nonlinear_joints(out / "model.xml") == ()
+    answer = tomllib.loads((out / "answer.toml").read_text())
+    assert answer["effect"] == law.split(":")[1]
+    assert answer["joint"][0]["joint"] == "head_tx"
+    open_campaign(out)
+
+
+def test_hardening_raises_the_frequency_with_the_level(model, tmp_path):
+    # The joint moves by some 1e-5 m at 500 N, so that k3 x^2 is some 5 % of its stiffness.
+    law = ("--law", "head_tx:hardening:k3=5e15", "--exact", "--hits", 1, "--rate", 512)
+    levels = ("--level", "5", "--level", "1500")
+    run(model, *law, *levels, "--hammer", "3:+tx", "--block", 2, "--jobs", 1, "--out", tmp_path)
+    _, _, campaign = open_campaign(tmp_path, (20.0, 190.0))
+    frfs = [np.abs(test.estimate.frf.values[:, 6, 0]) for test in campaign.tests]
+    centres = [(frf**2 @ campaign.freq_hz) / (frf**2).sum() for frf in frfs]
+    assert centres[1] > 1.003 * centres[0]
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        ("nothing:friction:limit=1", "no slide or hinge 'nothing'"),
+        ("head_tx:creep:limit=1", "one of friction"),
+        ("head_tx:friction:k=1e6", "has limit"),
+        ("head_tx:friction:limit=much", "NAME=VALUE"),
+        ("head_tx:friction:limit=-1", "above 0"),
+    ],
+)
+def test_a_wrong_law_is_refused(model, law, words):
+    assert words in run(model, "--law", law, code=2)
