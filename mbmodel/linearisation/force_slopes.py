@@ -12,7 +12,7 @@ from mbmodel.linearisation.tendon_slopes import tendon_elongation, tendon_jacobi
 # Step of central differences [m, rad, or their rates]: the forces are smooth, so that errors of
 # truncation and of rounding are both small.
 FORCE_DIFFERENCE_STEP = 1e-6
-_MIN_DIFFERENCE_STEP = 1e-9  # below it rounding takes over
+_MIN_DIFFERENCE_STEP = 1e-11  # below it rounding takes over
 _STEP_OF_DISTANCE = 0.05  # of the way to the end of a dead band, so that ten steps stay inside
 _MAX_CUBIC_SHARE = 1e-6  # of the slope, that a cubic term adds to a difference
 

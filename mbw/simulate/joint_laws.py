@@ -96,11 +96,11 @@ def parse_law(machine: Machine, text: str) -> tuple[str, NonlinearJoint]:
             f"{', '.join(_PARAMETERS)}, such as {_EXAMPLE}"
         )
     numbers = _parse_numbers(text, effect, list_of_numbers)
-    own = next(spring.stiffness for spring in machine.springs if spring.name == joint)
+    stiffness = next(spring.stiffness for spring in machine.springs if spring.name == joint)
     if effect == "hardening":
-        return effect, PolynomialSpring(joint, own, numbers.get("k2", 0.0), numbers["k3"])
+        return effect, PolynomialSpring(joint, stiffness, numbers.get("k2", 0.0), numbers["k3"])
     if effect == "backlash":
-        return effect, GapSpring(joint, own, numbers["gap"], numbers.get("preload", 0.0))
+        return effect, GapSpring(joint, stiffness, numbers["gap"], numbers.get("preload", 0.0))
     if "k" in numbers:
         return effect, JenkinsElement(joint, numbers["k"], numbers["limit"])
     return effect, DryFriction(joint, numbers["limit"])
