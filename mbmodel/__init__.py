@@ -11,8 +11,10 @@ from mbmodel.additions import (
 )
 from mbmodel.compliance.flexible_body import BendingMode, add_bending_mode
 from mbmodel.compliance.released_directions import RigidDirection, release_rigid_directions
+from mbmodel.export.branch_states import ApproximatedLaw
+from mbmodel.export.comparison import StateSpaceComparison, compare_state_space
 from mbmodel.export.linear_response import respond_linearly
-from mbmodel.export.state_space import state_space
+from mbmodel.export.state_space import StateSpaceExport, export_state_space, state_space
 from mbmodel.frf.forward_sensitivities import ForwardSensitivities
 from mbmodel.frf.linearised import Evaluator, Linearised, linearise
 from mbmodel.frf.ports import parse_input
@@ -24,9 +26,14 @@ from mbmodel.machine_loading import load_machine
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf, write_mjcf
 from mbmodel.mjcf.read import mjcf_files
 from mbmodel.model import Matrices, Model, as_drawn
+from mbmodel.modes.common_motions import weighted_motions
 from mbmodel.modes.energy_shares import EnergyShares, energy_shares
 from mbmodel.modes.model_modes import Modes, model_modes, modes_of_matrices, shapes_at
+from mbmodel.modes.modes_with_laws import modes_with_laws
 from mbmodel.modes.sensitivities import LinearisedModes, ModeEvaluator
+from mbmodel.mounting.combine import Combined, MountedStage, combine
+from mbmodel.mounting.combined_file import COMBINED_NAME, STAGE_COPY_NAME
+from mbmodel.mounting.place import Offset, PointMass
 from mbmodel.mujoco_log import silence_mujoco_log
 from mbmodel.nonlinear_joints.files import read_nonlinear_joints, write_nonlinear_joints
 from mbmodel.nonlinear_joints.laws import (
@@ -53,6 +60,7 @@ from mbmodel.parts import (
     sensor_parts,
     spring_parts,
 )
+from mbmodel.parts.spring_laws import ConstantLoss, LateForce, Relaxation, spring_law_part
 from mbmodel.simulation.integration import TimeStep
 from mbmodel.simulation.response import TimeResponse, simulate
 from mbmodel.spatial import rotation_matrix, transport
@@ -62,10 +70,15 @@ from mbmodel.virtual_test.plan import HammerTestPlan, HitScatter, Noise, Recorde
 silence_mujoco_log()
 
 __all__ = [
+    "COMBINED_NAME",
+    "STAGE_COPY_NAME",
     "AddedPart",
     "Addition",
+    "ApproximatedLaw",
     "BendingMode",
     "Change",
+    "Combined",
+    "ConstantLoss",
     "DryFriction",
     "Edit",
     "EnergyShares",
@@ -78,6 +91,7 @@ __all__ = [
     "HammerTestPlan",
     "HitScatter",
     "JenkinsElement",
+    "LateForce",
     "Linearised",
     "LinearisedModes",
     "Machine",
@@ -86,25 +100,34 @@ __all__ = [
     "ModeEvaluator",
     "Model",
     "Modes",
+    "MountedStage",
     "Noise",
     "NonlinearJoint",
     "NotInMjcf",
+    "Offset",
     "Parameter",
     "Part",
     "PartContext",
+    "PointMass",
     "PolynomialSpring",
     "RecordedFile",
+    "Relaxation",
     "RigidDirection",
     "SensorPart",
     "Spring",
     "SpringPart",
+    "StateSpaceComparison",
+    "StateSpaceExport",
     "TimeResponse",
     "TimeStep",
     "VirtualTest",
     "add_bending_mode",
     "as_drawn",
     "body_parts",
+    "combine",
+    "compare_state_space",
     "energy_shares",
+    "export_state_space",
     "hammer_gain_parts",
     "hammer_parts",
     "joint_coupling_writer",
@@ -116,6 +139,7 @@ __all__ = [
     "mjcf_files",
     "model_modes",
     "modes_of_matrices",
+    "modes_with_laws",
     "parent_bodies",
     "parse_input",
     "read_nonlinear_joints",
@@ -126,11 +150,13 @@ __all__ = [
     "sensor_parts",
     "shapes_at",
     "simulate",
+    "spring_law_part",
     "spring_parts",
     "state_space",
     "strike",
     "suspended_mass_elements",
     "transport",
+    "weighted_motions",
     "write_mjcf",
     "write_nonlinear_joints",
 ]

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import TypeVar
@@ -59,11 +59,13 @@ class FrequencyDependentTerm:
         left: (nv, r).
         right: (nv, t).
         change: the change at bodies or joints that it comes from.
+        owner: first parameter of its Part, or the Part's location without any.
     """
 
     left: Real
     right: Real
     change: Change
+    owner: str = ""
 
     def at(self, laplace: Complex) -> Complex:
         """Return the core times f(s) at each s; (n_freq, r, t)."""
@@ -230,14 +232,18 @@ class Model:
         context = PartContext(machine, condition)
         slots = "joint", "body", "path", "output", "point"
         by_slot: dict[str, list[Change]] = {slot: [] for slot in slots}
-        frequency_dependent: list[Change] = []
+        frequency_dependent: list[tuple[Change, str]] = []
         input_changes: dict[int, list[Change]] = {}
         for number, values in enumerate(self.split_parameters(theta)):
             for change in self.parts[number].changes(values, context):
                 if change.slot == "input":
                     input_changes.setdefault(number, []).append(change)
                 elif change.shape is not None and change.slot != "output":
-                    frequency_dependent += [change] if change.core.any() else []
+                    owner = next(
+                        (parameter.name for parameter in self.parts[number].parameters),
+                        self.parts[number].location,
+                    )
+                    frequency_dependent += [(change, owner)] if change.core.any() else []
                 else:
                     by_slot[change.slot if change.slot in by_slot else "point"].append(change)
         jacobian, total = self._kinematics_and_coefficients(by_slot["path"], by_slot["body"])
@@ -250,7 +256,10 @@ class Model:
             Matrices(mass, damping, stiffness),
             tuple(by_slot["body"]),
             tuple(by_slot["point"]),
-            tuple(_frequency_dependent_term(change, jacobian) for change in frequency_dependent),
+            tuple(
+                replace(_frequency_dependent_term(change, jacobian), owner=owner)
+                for change, owner in frequency_dependent
+            ),
             {number: tuple(changes) for number, changes in input_changes.items()},
             tuple(by_slot["output"]),
         )

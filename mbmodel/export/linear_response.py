@@ -1,5 +1,7 @@
 """Time response of the linear model, exact for inputs that are cubic between their samples."""
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.linalg
 from scipy.interpolate import CubicSpline
@@ -9,6 +11,10 @@ from mbmodel.export.state_space import state_space
 from mbmodel.frf.request import FrfRequest
 from mbmodel.model import Model
 
+# Band in which laws such as losses and delays are approximated: a cubic spline follows signals up
+# to a tenth of the sampling rate.
+_BAND_SHARE = 0.1
+_LAW_LINES = 400
 _MAX_STEP_UNEVENNESS = 1e-6  # relative to the step: rounding of a time axis in a file
 
 
@@ -23,7 +29,7 @@ def respond_linearly(
         [[A, B, 0, 0, 0], [0, 0, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 0, 1], [0, 0, 0, 0, 0]] dt
 
     advances both (Van Loan 1978). So the step is limited by the signals, not by the machine's
-    natural frequencies.
+    natural frequencies. Losses and delays are approximated in the band that the samples resolve.
 
     Args:
         model: machine and Parts.
@@ -47,7 +53,9 @@ def respond_linearly(
             f"signals have shape {signals.shape}, expected ({len(time_s)}, {len(request.inputs)}):"
             " one row per sample, one column per input"
         )
-    system = state_space(model, theta, request)
+    highest = _BAND_SHARE / step
+    lines = np.linspace(highest / _LAW_LINES, highest, _LAW_LINES)
+    system = state_space(model, theta, replace(request, freq_hz=lines))
     transition, input_matrix = _discretise(system.A, system.B, step)
     spline = CubicSpline(time_s, signals)
     input_derivatives = np.hstack([spline(time_s, order) for order in range(4)])

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from identification.words import Real, UsageError
+from mbmodel.export.branch_states import ApproximatedLaw, branch_states
 from mbmodel.frf.ports import apply_point_changes, find_ports
 from mbmodel.frf.request import FrfRequest
 from mbmodel.model import Model
@@ -16,52 +18,96 @@ if TYPE_CHECKING:
     import control
 
 
-def state_space(model: Model, theta: Real, request: FrfRequest) -> control.StateSpace:
-    """Return the state space with states, inputs and outputs by name.
+_MIN_FITTED_LINES = 8  # of a band in which laws are approximated
 
-    x = [q; q'], x' = [[0, 1], [-M^-1 K, -M^-1 C]] x + [0; M^-1 F] u, q the joint coordinates
-    (relative to the floor). The outputs are L (T q + z), L (T q' + z') or L (T q'' + U u), with z
-    the motion of the bodies with the floor, z'' = U u. Accelerance has a direct feed-through; for
-    the other quantities each direction of a moving floor adds two integrators.
+
+@dataclass(frozen=True, eq=False)
+class StateSpaceExport:
+    """A state space with what it approximates.
+
+    Args:
+        system: named system of python-control.
+        laws: laws that are no polynomials in s, with the errors of their approximations; empty if
+            the state space is exact.
+    """
+
+    system: control.StateSpace
+    laws: tuple[ApproximatedLaw, ...]
+
+
+def state_space(model: Model, theta: Real, request: FrfRequest) -> control.StateSpace:
+    """Return the state space with states, inputs and outputs by name; see ``export_state_space``.
 
     Args:
         model: machine and Parts.
         theta: parameters in SI; (n_parameter,).
-        request: outputs, inputs and quantity; its frequencies do not matter.
+        request: outputs, inputs and quantity; its lines matter for laws that are approximated.
+    """
+    return export_state_space(model, theta, request).system
+
+
+def export_state_space(model: Model, theta: Real, request: FrfRequest) -> StateSpaceExport:
+    """Return the state space with states, inputs and outputs by name.
+
+    x = [q; q'; xi], x' = [[0, 1, 0], [-M^-1 K, -M^-1 C, -M^-1 B], [xi']] x + [0; M^-1 F; ..] u, q
+    the joint coordinates (relative to the floor), xi the states of laws that are no polynomials in
+    s, such as losses and delays (``branch_states``). The outputs are L (T q + z), L (T q' + z') or
+    L (T q'' + U u), with z the motion of the bodies with the floor, z'' = U u. Accelerance has a
+    direct feed-through; for the other quantities each direction of a moving floor adds two
+    integrators.
+
+    Args:
+        model: machine and Parts.
+        theta: parameters in SI; (n_parameter,).
+        request: outputs, inputs and quantity. Its lines above 0 Hz are the band in which laws are
+            approximated; without such laws they do not matter.
 
     Returns:
-        The system, 2 nv states named ``<coordinate>`` and ``<coordinate>'``, then those of the
-        floor, ``floor_tx`` and ``floor_tx'``.
+        The system with the states ``<coordinate>`` and ``<coordinate>'``, those of laws, and those
+        of the floor, ``floor_tx`` and ``floor_tx'``.
 
     Raises:
-        UsageError: a Part that is no polynomial in s acts.
+        UsageError: a Part changes gain or delay of channels; no band for laws.
     """
     # Imported here: with its matplotlib it would add 0.7 s to every start of the program.
     import control  # noqa: PLC0415
 
     assembly = model.assemble(theta)
-    if assembly.frequency_dependent:
+    if assembly.input_changes or assembly.output_changes:
         raise UsageError(
-            "a Part is no polynomial in s, so that a state space of this size cannot hold it: "
-            "remove the Part, or use FRFs"
+            "the model holds gains or delays of channels, which are no part of the machine's state "
+            "space: remove these Parts, or use FRFs"
         )
+    if assembly.frequency_dependent and (request.freq_hz > 0).sum() < _MIN_FITTED_LINES:
+        raise UsageError(
+            f"losses and delays are approximated in a band: request {_MIN_FITTED_LINES} or more "
+            "frequency lines above 0 Hz"
+        )
+    branches = branch_states(assembly.matrices, assembly.frequency_dependent, request.freq_hz)
     ports = find_ports(model.machine, request.outputs, request.inputs)
     ports = apply_point_changes(ports, assembly.point_changes, request.outputs, request.inputs)
     drive = assembly.jacobian.T @ (ports.force - assembly.body[2] @ ports.floor) + ports.motor
     names = model.machine.coordinates
-    matrices, size, order = assembly.matrices, len(names), request.order
+    matrices, size, order = branches.matrices, len(names), request.order
     readout = ports.readout @ assembly.jacobian
-    accelerations = -np.linalg.solve(
-        matrices.mass, np.hstack([matrices.stiffness, matrices.damping, -drive])
-    )
-    dynamics = np.vstack([np.eye(size, 2 * size, size), accelerations[:, : 2 * size]])
-    gain = np.vstack([np.zeros_like(drive), accelerations[:, 2 * size :]])
-    states = [*names, *(f"{name}'" for name in names)]
+    rows = [matrices.stiffness, matrices.damping, branches.force, -drive]
+    accelerations = -np.linalg.solve(matrices.mass, np.hstack(rows))
+    count, further = 2 * size + len(branches.dynamics), len(branches.dynamics)
+    dynamics, gain = np.zeros((count, count)), np.zeros((count, drive.shape[1]))
+    dynamics[:size, size : 2 * size] = np.eye(size)
+    dynamics[size : 2 * size] = accelerations[:, :count]
+    gain[size : 2 * size] = accelerations[:, count:]
+    if further:
+        position, rate, acceleration = branches.gains
+        dynamics[2 * size :] = np.hstack([position, rate, branches.dynamics])
+        dynamics[2 * size :] += acceleration @ dynamics[size : 2 * size]
+        gain[2 * size :] = acceleration @ gain[size : 2 * size]
+    states = [*names, *(f"{name}'" for name in names), *branches.names]
     if order == 2:
-        reading = readout @ dynamics[size:]
-        feedthrough = readout @ gain[size:] + ports.readout @ ports.floor
+        reading = readout @ dynamics[size : 2 * size]
+        feedthrough = readout @ gain[size : 2 * size] + ports.readout @ ports.floor
     else:
-        reading = np.zeros((len(readout), 2 * size))
+        reading = np.zeros((len(readout), count))
         reading[:, order * size : (order + 1) * size] = readout
         feedthrough = np.zeros((len(readout), drive.shape[1]))
         moving = np.flatnonzero(ports.floor.any(axis=0))
@@ -74,7 +120,7 @@ def state_space(model: Model, theta: Real, request: FrfRequest) -> control.State
             else [reading, 0 * floor_readout, floor_readout]
         )
         reading = np.hstack(blocks)
-    return control.ss(
+    system = control.ss(
         dynamics,
         gain,
         reading,
@@ -84,6 +130,7 @@ def state_space(model: Model, theta: Real, request: FrfRequest) -> control.State
         outputs=_signal_names(map(str, request.outputs)),
         name=_signal_names([model.machine.name])[0],
     )
+    return StateSpaceExport(system, branches.laws)
 
 
 def _append_integrators(dynamics: Real, gain: Real, moving: np.ndarray) -> tuple[Real, Real]:

@@ -169,7 +169,7 @@ def _add(document: minidom.Document, addition: Addition) -> minidom.Element | No
     )
     if parent is None:
         return None
-    node = _make_element(document, addition.element)
+    node = make_element(document, addition.element)
     parent.appendChild(node)
     return node
 
@@ -183,13 +183,13 @@ def _section(document: minidom.Document, name: str) -> minidom.Element | None:
     return sections[0] if sections else root.appendChild(document.createElement(name))
 
 
-def _make_element(document: minidom.Document, element: Element) -> minidom.Element:
-    """Return an XML node for an element and its children."""
+def make_element(document: minidom.Document, element: Element) -> minidom.Element:
+    """Return an XML node for an element and its children, numbers with all their digits."""
     node = document.createElement(element.tag)
     for attribute, value in element.values.items():
         node.setAttribute(attribute, value if isinstance(value, str) else _numbers(value))
     for child in element.children:
-        node.appendChild(_make_element(document, child))
+        node.appendChild(make_element(document, child))
     return node
 
 

@@ -68,6 +68,16 @@ def _joint_number(model: mujoco.MjModel, parent: str, *, behind_children: bool) 
     return int((model.jnt_bodyid <= last).sum())
 
 
+def joint_number_behind(model: mujoco.MjModel, parent: str) -> int:
+    """Return the number of the joint before which those of a further child of a body come.
+
+    Args:
+        model: the compiled model without the child.
+        parent: name of the body.
+    """
+    return _joint_number(model, parent, behind_children=True)
+
+
 def _carries(model: mujoco.MjModel, body: int, above: int) -> bool:
     """Return whether a body stands on another one, directly or through others."""
     while above > body:

@@ -14,6 +14,9 @@ from mbmodel.mjcf.source_files import named_files, read_source_files
 # Words of MuJoCo's own message, recognised to give a remedy.
 _MUJOCO_MASSLESS_MESSAGE = "mass and inertia of moving bodies must be larger"
 _MUJOCO_ELEMENT_NAME = re.compile(r"Element name '(?P<name>[^']*)'")
+# MuJoCo's warning on a model that is attached without a prefix: no names clash, and MuJoCo itself
+# does not save the model here.
+_MUJOCO_PREFIX_WARNING = "empty prefix"
 # Options that concern MuJoCo's own steps in time: trees that sleep would have no forces, and the
 # experimental contacts need an integrator.
 _STEPPING_OPTIONS = mujoco.mjtEnableBit.mjENBL_SLEEP | mujoco.mjtEnableBit.mjENBL_IPC
@@ -65,6 +68,7 @@ def compile_with_remarks(
     _refuse_colons(path, model)
     refuse_unlinearisable(path, model)
     sentences = dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught)
+    sentences = {text: None for text in sentences if _MUJOCO_PREFIX_WARNING not in text}
     return model, tuple(f"MuJoCo warns: {sentence}" for sentence in sentences)
 
 

@@ -1,13 +1,13 @@
 """FRFs of the page of ``mbw predict``: those that the user names, else drive points."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from identification.words import Complex, Dof, Input, Motor, Quantity, Real, UsageError
 from mbmodel import Evaluator, FrfRequest, Model, Modes
-from mbmodel.frf.ports import is_floor
+from mbmodel.frf.ports import FLOOR, is_floor
 from mbw.page.numbers import MOTION_UNITS
 from mbw.site_kinds import hammer_sites
 
@@ -16,6 +16,9 @@ _MAX_DRIVE_POINTS = 12  # points of which the page shows the drive-point FRFs
 _MAX_MOTION_BYTES = 300 * 2**20  # memory of the motions that one evaluation holds
 # Distances from a resonance in half-power half widths, at which frequency lines are added.
 _RESONANCE_OFFSETS = np.array([-4.0, -2.0, -1.0, -0.5, -0.2, 0.2, 0.5, 1.0, 2.0, 4.0])
+
+
+Pair = tuple[Dof, Input]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +32,9 @@ class Curves:
         groups: group in which each FRF is shown; n_curve.
         units: unit of each FRF; n_curve.
         values: FRFs; (n_curve, n_freq).
+        pairs: output and input of each FRF; n_curve.
+        before: FRFs of the machine without what is put on it, nan where it lacks a label;
+            (n_curve, n_freq); without curves where there is nothing to compare with.
         remark: what is left out or went wrong; empty if nothing.
     """
 
@@ -38,13 +44,12 @@ class Curves:
     groups: tuple[str, ...]
     units: tuple[str, ...]
     values: Complex
+    pairs: tuple[Pair, ...]
+    before: Complex
     remark: str = ""
 
 
-Pair = tuple[Dof, Input]
-
-
-def requested_curves(model: Model, modes: Modes, request: FrfRequest) -> Curves:
+def requested_curves(model: Model, modes: Sequence[Modes], request: FrfRequest) -> Curves:
     """Compute the FRFs of a request; of more than 300 only drive points, or the first ones."""
     pairs: list[Pair] = [(out, inp) for inp in request.inputs for out in request.outputs]
     chosen, remark = pairs, ""
@@ -61,7 +66,7 @@ def requested_curves(model: Model, modes: Modes, request: FrfRequest) -> Curves:
     return _curves(model, modes, request, chosen, groups, remark)
 
 
-def drive_points(model: Model, modes: Modes, freq_hz: Real, quantity: Quantity) -> Curves:
+def drive_points(model: Model, modes: Sequence[Modes], freq_hz: Real, quantity: Quantity) -> Curves:
     """Compute drive-point FRFs of hammer points; of centres of mass if there are none."""
     layout = model.machine.layout
     points = hammer_sites(layout) or list(layout.bodies)
@@ -79,7 +84,7 @@ def drive_points(model: Model, modes: Modes, freq_hz: Real, quantity: Quantity) 
 
 def _curves(
     model: Model,
-    modes: Modes,
+    modes: Sequence[Modes],
     request: FrfRequest,
     pairs: Sequence[Pair],
     groups: Sequence[str],
@@ -99,8 +104,30 @@ def _curves(
         tuple(groups[k] for k in moving),
         tuple(_unit(model, request.quantity, *pairs[k]) for k in moving),
         values[moving],
+        tuple(pairs[k] for k in moving),
+        np.zeros((0, len(freq)), complex),
         remark,
     )
+
+
+def with_curves_before(curves: Curves, model: Model) -> Curves:
+    """Return curves with the FRFs of the machine alone, before something was put on it.
+
+    Args:
+        curves: of the combined machine.
+        model: the machine alone.
+    """
+    layout = model.machine.layout
+    labels = {*layout.points, *layout.bodies, *model.machine.motors, FLOOR}
+    known = [
+        k
+        for k, pair in enumerate(curves.pairs)
+        if all((port.name if isinstance(port, Motor) else port.point) in labels for port in pair)
+    ]
+    before = np.full(curves.values.shape, np.nan, complex)
+    pairs = [curves.pairs[k] for k in known]
+    before[known] = _values(model, curves.freq_hz, curves.quantity, pairs)
+    return replace(curves, before=before)
 
 
 def _values(model: Model, freq: Real, quantity: Quantity, pairs: Sequence[Pair]) -> Complex:
@@ -120,12 +147,13 @@ def _values(model: Model, freq: Real, quantity: Quantity, pairs: Sequence[Pair])
     return values
 
 
-def _with_lines_at_poles(freq: Real, modes: Modes) -> Real:
+def _with_lines_at_poles(freq: Real, modes: Sequence[Modes]) -> Real:
     """Return the frequency lines above 0 Hz, and further lines around each sharp resonance.
 
     A resonance is sharp if equally spaced lines could miss its peak.
     """
-    natural, damping = modes.freq_hz[modes.oscillates], modes.damping[modes.oscillates]
+    natural = np.concatenate([each.freq_hz[each.oscillates] for each in modes])
+    damping = np.concatenate([each.damping[each.oscillates] for each in modes])
     half = natural * np.maximum(np.abs(damping), 1e-4)
     sharp = half < 2 * (freq[1] - freq[0])
     near = (natural[sharp, None] + half[sharp, None] * _RESONANCE_OFFSETS).ravel()

@@ -21,6 +21,14 @@ def predict(  # noqa: PLR0913  # one for each option
     modes: Annotated[
         bool, typer.Option("--modes", help="Print natural frequencies and damping ratios.")
     ] = False,
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check",
+            help="Compare FRFs of the state space, by python-control, with the model's at all "
+            "centres of mass.",
+        ),
+    ] = False,
     frf: Annotated[bool, typer.Option("--frf", help="Write FRFs as CSV to stdout.")] = False,
     inputs: Annotated[
         list[str] | None,
@@ -52,6 +60,47 @@ def predict(  # noqa: PLR0913  # one for each option
             metavar="JOINT=RATE", help="Hinge that spins at this constant rate [rad/s]; repeatable."
         ),
     ] = None,
+    mount: Annotated[
+        Path | None,
+        typer.Option(metavar="STAGE.xml", help="MJCF of a stage that --at puts on the machine."),
+    ] = None,
+    at: Annotated[
+        str | None,
+        typer.Option(
+            metavar="BODY:PLACE",
+            help="Body that carries the stage, and a site of it, or x,y,z [m] from its centre of "
+            "mass in world axes.",
+        ),
+    ] = None,
+    add_mass: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="BODY=KG@x,y,z",
+            help="Point mass at x,y,z [m] from the body's centre of mass, in world axes; "
+            "repeatable.",
+        ),
+    ] = None,
+    loss_factor: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT=ETA",
+            help="Loss factor of a joint, tendon or stage: k (1 + i eta); repeatable.",
+        ),
+    ] = None,
+    delay: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT=SECONDS",
+            help="Delay of a spring that is a control loop: k exp(-s tau); repeatable.",
+        ),
+    ] = None,
+    maxwell: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT=RATIO@SECONDS",
+            help="Maxwell branch: k (1 + ratio s tau / (1 + s tau)); repeatable.",
+        ),
+    ] = None,
     key: Annotated[
         str | None,
         typer.Option(
@@ -72,6 +121,7 @@ def predict(  # noqa: PLR0913  # one for each option
         "mbw.predict.verb",
         model,
         modes=modes,
+        check=check,
         frf=frf,
         inputs=inputs or [],
         outputs=outputs or [],
@@ -80,6 +130,12 @@ def predict(  # noqa: PLR0913  # one for each option
         lines=lines,
         statespace=statespace,
         spin=spin or [],
+        mount=mount,
+        at=at,
+        add_mass=add_mass or [],
+        loss_factor=loss_factor or [],
+        delay=delay or [],
+        maxwell=maxwell or [],
         key=key,
         out=out,
         pictures=pictures,

@@ -79,6 +79,7 @@ const tick = mode => mode.name || (mode.frequency < 10 ? mode.frequency.toFixed(
 // ---- the Bode plot -------------------------------------------------------------------------
 
 const BODE = DATA.bode, FREQ = floats(BODE.freq), FRFS = floats(BODE.values), MANY = 10;
+const BEFORE = BODE.before ? floats(BODE.before) : null;  // of the machine alone, where something is put on it
 
 function bode() {
   const chosen = BODE.labels.map((label, k) => k).filter(k => state.curves === "all" || BODE.groups[k] === state.curves);
@@ -88,6 +89,11 @@ function bode() {
     const name = BODE.labels[k] + (units.length > 1 ? " [" + BODE.units[k] + "]" : "");
     if (!hidden) sizes.push(values.size);
     data.push(...bodeTraces(FREQ, values, name, {color: HUES[n % HUES.length], width: 1.4}, {visible: hidden ? "legendonly" : true}));
+    if (!BEFORE) return;
+    const alone = polar(complexes(BEFORE, k, FREQ.length));
+    if (!hidden) sizes.push(alone.size);
+    if (alone.size.some(size => size !== null)) data.push(...bodeTraces(FREQ, alone, name + ", before",
+      {color: HUES[n % HUES.length], width: 1.4, dash: "dot"}, {visible: hidden ? "legendonly" : true, opacity: 0.75}));
   });
   const x = {gridcolor: GRID, zeroline: false, type: state.axis, ticks: "outside", anchor: "y2"};
   const layout = {...PLOT, height: 560, margin: {l: 76, r: 12, t: 34, b: 46},
@@ -96,6 +102,13 @@ function bode() {
     legend: {x: 1.01, y: 1, xanchor: "left", tracegroupgap: 0}, showlegend: true};
   Plotly.react("bode", data, layout, CONFIG).then(mark);
   press(byId("curves"));
+}
+
+// Return short lines at the natural frequencies above the phase: before in grey, after in black.
+function ticks() {
+  const last = FREQ[FREQ.length - 1], rows = [[BODE.frequencies, 0.328, "#8d99ae"], [MODES.filter(m => /\d/.test(damping(m))).map(m => m.frequency), 0.303, "#1d2733"]];
+  return rows.flatMap(([frequencies, low, color]) => frequencies.filter(f => f >= FREQ[0] && f <= last).map(f =>
+    ({type: "line", xref: "x", yref: "paper", x0: f, x1: f, y0: low, y1: low + 0.024, line: {color, width: 1.5}})));
 }
 
 // Mark the chosen mode: a column of the heat map, a line in the Bode plot.
@@ -107,8 +120,9 @@ function mark() {
       line: {color: ORANGE, width: 1.5}});
     Plotly.relayout(energy, {shapes});
   }
-  if (plot.layout) Plotly.relayout(plot, {shapes: frequency > 0 && frequency <= FREQ[FREQ.length - 1] ? [{type: "line", xref: "x",
-    x0: frequency, x1: frequency, yref: "paper", y0: 0, y1: 1, line: {color: ORANGE, width: 1, dash: "dot"}}] : []});
+  const chosen = frequency > 0 && frequency <= FREQ[FREQ.length - 1] ? [{type: "line", xref: "x", x0: frequency, x1: frequency, yref: "paper",
+    y0: 0, y1: 1, line: {color: ORANGE, width: 1, dash: "dot"}}] : [];
+  if (plot.layout) Plotly.relayout(plot, {shapes: [...(BEFORE ? ticks() : []), ...chosen]});
 }
 
 function panels() {
@@ -118,7 +132,8 @@ function panels() {
   state.rows = DATA.energy.strain.names.length > 60 ? "whole" : "each";
   buttons(kinds, "rows", [["each", "each direction"], ["whole", "stages"]], heat);
   if (COLUMNS.length < MODES.length) kinds.append(element("span", "the lowest " + COLUMNS.length + " of " + MODES.length + " modes", {className: "soft"}));
-  byId("bode-remark").textContent = BODE.remark;
+  const legend = "Solid: with what is put on the machine. Dotted: the machine alone. Between magnitude and phase: natural frequencies, before in grey, after in black. ";
+  byId("bode-remark").textContent = (BEFORE ? legend : "") + BODE.remark;
   heat();
   if (!BODE.labels.length) return;
   state.curves = BODE.labels.length <= MANY ? "all" : groups[0];

@@ -1,5 +1,6 @@
 """Page of ``mbw predict``: animated modes, energy shares, Bode plot."""
 
+from collections.abc import Mapping
 from html import escape
 from pathlib import Path
 
@@ -10,26 +11,25 @@ from identification.words.file_access import read_bytes
 from mbmodel.geometry.surfaces import MachineGeometry
 from mbw.page.html import fill_template, pack_complex, pack_real, warning_boxes
 from mbw.page.picture import picture_data
-from mbw.predict.curves import Curves
+from mbw.predict.before_after import comparison_section
+from mbw.predict.outcome import Outcome
 from mbw.predict.prediction import Prediction, largest_shares
+from mbw.predict.state_space_check import check_section
 
 PAGE = "predict.html"
 _MAX_ENERGY_MODES = 60  # columns of the energy table
 _MIN_SHOWN_SHARE = 0.001  # largest share of a row of the energy table; rows below are left out
 
 
-def render(
-    prediction: Prediction, geometry: MachineGeometry, curves: Curves, spin: str = ""
-) -> str:
+def render(outcome: Outcome, geometry: MachineGeometry, rates: Mapping[str, float]) -> str:
     """Return the HTML page of a prediction.
 
     Args:
-        prediction: modes with their energy shares.
+        outcome: modes with their energy shares, and curves.
         geometry: surfaces of the machine.
-        curves: FRFs of the Bode plot.
-        spin: spinning joints and their rates in words; empty if none spins.
+        rates: of the hinges that spin [rad/s], by name.
     """
-    machine = prediction.machine
+    prediction, machine = outcome.prediction, outcome.machine
     counts = (
         f"{_count(len(machine.layout.bodies), 'body', 'bodies')}, "
         f"{_count(len(machine.coordinates), 'joint coordinate')}, "
@@ -37,12 +37,16 @@ def render(
         f"{_count(len(machine.layout.points), 'site')}"
     )
     gravity = "gravity on" if machine.gravity.any() else "gravity off"
+    spins = ", ".join(f"{joint} spins at {rate:g} rad/s" for joint, rate in rates.items())
+    comparison, check = outcome.comparison, outcome.state_space_row
     return fill_template(
         "predict/template.html",
-        _data(prediction, geometry, curves),
+        _data(outcome, geometry),
         title=escape(f"{machine.name}: modes and FRFs of the model"),
-        subtitle=escape(", ".join(filter(None, (counts, gravity, spin)))),
-        warnings=warning_boxes(prediction.remarks),
+        subtitle=escape(", ".join(filter(None, (counts, gravity, spins)))),
+        warnings=warning_boxes(outcome.remarks),
+        comparison="" if comparison is None else comparison_section(comparison),
+        state_space="" if check is None else check_section(check),
         scripts=["page/picture.js", "page/modes.js", "page/bode.js", "predict/page.js"],
     )
 
@@ -61,7 +65,10 @@ def _count(number: int, singular: str, plural: str = "") -> str:
     return f"{number} {singular if number == 1 else plural or singular + 's'}"
 
 
-def _data(prediction: Prediction, geometry: MachineGeometry, curves: Curves) -> dict[str, object]:
+def _data(outcome: Outcome, geometry: MachineGeometry) -> dict[str, object]:
+    prediction, curves = outcome.prediction, outcome.curves
+    if curves is None:
+        raise ValueError("a page needs curves")
     layout = prediction.machine.layout
     return {
         "picture": picture_data(layout, geometry, prediction.shapes[-6 * len(layout.bodies) :].T),
@@ -75,7 +82,19 @@ def _data(prediction: Prediction, geometry: MachineGeometry, curves: Curves) -> 
             "units": curves.units,
             "values": pack_complex(curves.values),
             "remark": curves.remark,
+            **_before(outcome),
         },
+    }
+
+
+def _before(outcome: Outcome) -> dict[str, object]:
+    """Return FRFs and natural frequencies of the machine alone; nothing without a comparison."""
+    if outcome.comparison is None or outcome.curves is None:
+        return {}
+    modes = outcome.comparison.before.modes
+    return {
+        "before": pack_complex(outcome.curves.before),
+        "frequencies": modes.freq_hz[modes.oscillates].tolist(),
     }
 
 

@@ -2,62 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from pydantic import BaseModel, Field
 
 from identification.words import Complex, Dof, Real
-from mbmodel import EnergyShares, Machine, Model, Modes, energy_shares, model_modes, shapes_at
+from mbmodel import EnergyShares, Machine, Model, Modes, energy_shares, modes_with_laws, shapes_at
+from mbw.predict.schema import PredictedModeRow, PredictedModesFile, Shares
 
 _MIN_LISTED_SHARE = 0.001  # share of energy; smaller ones are left out of the JSON
 _MAX_ZERO_POLE = 1e-9  # size of a pole over the largest; smaller ones are rounding errors of zero
 _MAX_NAME_LENGTH = 26  # characters of a name in the table
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Shares = dict[str, Finite]
-
-
-class PredictedModeRow(BaseModel):
-    """One real pole or pair of complex poles; shares below 0.001 are left out.
-
-    Args:
-        frequency: ``|s| / (2 pi)`` [Hz].
-        damping: damping ratio; null for a mode of zero frequency.
-        real, imaginary: real and imaginary part of the pole ``s`` [rad/s].
-        name: name of a mode of zero frequency, such as ``rigid tx``; else null.
-        strain, dissipation: share of each joint coordinate or tendon in strain energy and
-            dissipation.
-        strain_by_stage, dissipation_by_stage: sums of these shares for each stage.
-        kinetic: share of each direction of each body in the kinetic energy.
-        kinetic_by_body: sums of these shares for each body.
-        shape_real, shape_imaginary: motion at the file's ``shape_labels`` for a modal mass of 1 kg.
-    """
-
-    frequency: Finite
-    damping: Finite | None
-    real: Finite
-    imaginary: Finite
-    name: str | None
-    strain: Shares
-    strain_by_stage: Shares
-    dissipation: Shares
-    dissipation_by_stage: Shares
-    kinetic: Shares
-    kinetic_by_body: Shares
-    shape_real: list[Finite]
-    shape_imaginary: list[Finite]
-
-
-class PredictedModesFile(BaseModel):
-    """Content of the JSON file of ``mbw predict --json``."""
-
-    model: str
-    remarks: list[str]
-    bodies: list[str]
-    coordinates: list[str]
-    shape_labels: list[str]
-    modes: list[PredictedModeRow]
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +52,10 @@ class Prediction:
                 words.append("overdamped" if pole.real < 0 else "unstable")
         return words
 
+    def is_at_rest(self, number: int) -> bool:
+        """Return whether a mode is a motion that nothing resists."""
+        return self.damping_words[number] == "at rest"
+
     @property
     def remarks(self) -> list[str]:
         """Findings on the model, one sentence each."""
@@ -116,7 +74,7 @@ class Prediction:
 def predict(model: Model) -> Prediction:
     """Compute the modes of the nominal model, with energy shares and shapes."""
     theta, layout = model.drawn, model.machine.layout
-    modes = model_modes(model, theta)
+    modes = modes_with_laws(model, theta)
     points = tuple(Dof.of(point, axis) for point in layout.points for axis in range(3))
     labels = points + layout.body_dofs()
     shapes = shapes_at(model, theta, modes, labels)
@@ -139,7 +97,7 @@ def modes_file(prediction: Prediction) -> PredictedModesFile:
 def _row(prediction: Prediction, number: int) -> PredictedModeRow:
     modes, shares = prediction.modes, prediction.energy
     pole, shape = complex(modes.poles[number]), prediction.shapes[:, number]
-    is_zero = prediction.damping_words[number] == "at rest"
+    is_zero = prediction.is_at_rest(number)
     return PredictedModeRow(
         frequency=float(modes.freq_hz[number]),
         damping=None if is_zero else float(modes.damping[number]),

@@ -1,70 +1,26 @@
 """``mbw predict``: modes, FRFs and state space of a model."""
 
-import csv
-import sys
-from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-import scipy.io
 import typer
 
-from identification.words import (
-    DERIVATIVE_ORDER,
-    MAX_FREQUENCY_HZ,
-    MIN_FREQUENCY_HZ,
-    Dof,
-    Input,
-    InputError,
-    Quantity,
-    Real,
-    UsageError,
-)
-from mbmodel import (
-    Evaluator,
-    FrfRequest,
-    Machine,
-    Model,
-    Modes,
-    as_drawn,
-    load_machine,
-    parse_input,
-    state_space,
-)
+from identification.words import UsageError
+from mbmodel import COMBINED_NAME, STAGE_COPY_NAME, FrfRequest
 from mbmodel.geometry.surfaces import machine_geometry
 from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder, ResultOptions
-from mbw.predict.curves import Curves, drive_points, requested_curves
+from mbw.predict.additions import parse_additions
+from mbw.predict.frf_files import print_frf, write_state_space
+from mbw.predict.machines import MachineRequest, Machines, load_machines
+from mbw.predict.outcome import Outcome, predict_outcome
 from mbw.predict.page import PAGE, render
-from mbw.predict.prediction import Prediction, modes_file, predict, table
-from mbw.site_kinds import hammer_sites, sensor_sites
-from mbw.spin_rates import parse_spin_rates
+from mbw.predict.requests import PredictRequest, frf_request
+from mbw.predict.spring_laws import parse_laws
 
-_DEFAULT_BAND_HZ = (0.0, 200.0)
-_MIN_SHOWN_FREQUENCY = 0.1  # of the default band's upper limit; a mode above it is shown well
-_MAX_BAND_MODES = 12  # modes that a band above or below the default one includes
-
-
-@dataclass(frozen=True)
-class PredictRequest:
-    """Inputs, outputs and frequency lines of FRFs or of a state space.
-
-    Args:
-        inputs, outputs: labels; empty for all hammer points and all accelerometers.
-        quantity: quantity of the outputs.
-        band: lowest and highest frequency [Hz]; None for 0..200 Hz, on the page for the band that
-            holds the modes.
-        lines: number of frequency lines.
-    """
-
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    quantity: str
-    band: tuple[float, float] | None
-    lines: int
+_FOLDER_SUFFIX = "predicted"  # end of the default folder's name
 
 
 @dataclass(frozen=True)
@@ -73,15 +29,22 @@ class PredictOutputs:
 
     Args:
         modes: whether the table of modes is asked for.
+        check: whether the state space is compared with the FRFs.
         frf: whether FRFs are written as CSV to stdout.
         statespace: file of the state space, .npz or .mat; None for none.
         options: where page and JSON are written.
     """
 
     modes: bool
+    check: bool
     frf: bool
     statespace: Path | None
     options: ResultOptions
+
+    @property
+    def has_data_on_stdout(self) -> bool:
+        """Whether stdout holds CSV or JSON, so that sentences would spoil it."""
+        return self.frf or self.options.has_json_on_stdout
 
     @property
     def table(self) -> bool:
@@ -95,6 +58,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     model: Path,
     *,
     modes: bool,
+    check: bool,
     frf: bool,
     inputs: list[str],
     outputs: list[str],
@@ -103,6 +67,12 @@ def run_options(  # noqa: PLR0913  # one for each option
     lines: int,
     statespace: Path | None,
     spin: list[str],
+    mount: Path | None,
+    at: str | None,
+    add_mass: list[str],
+    loss_factor: list[str],
+    delay: list[str],
+    maxwell: list[str],
     key: str | None,
     out: Path | None,
     pictures: bool,
@@ -112,61 +82,87 @@ def run_options(  # noqa: PLR0913  # one for each option
     """Run the verb with the values of its options, as ``mbw.predict.options`` describes them."""
     request = PredictRequest(tuple(inputs), tuple(outputs), quantity, band, lines)
     options = ResultOptions(out, json, overwrite, pictures)
-    run(model, request, PredictOutputs(modes, frf, statespace, options), spin, key)
+    additions, laws = parse_additions(mount, at, add_mass), parse_laws(loss_factor, delay, maxwell)
+    machine_request = MachineRequest(model, tuple(spin), key, additions, laws)
+    run(machine_request, request, PredictOutputs(modes, check, frf, statespace, options))
 
 
-def run(
-    path: Path,
-    request: PredictRequest,
-    targets: PredictOutputs,
-    spin: Sequence[str] = (),
-    key: str | None = None,
-) -> None:
+def run(machine_request: MachineRequest, request: PredictRequest, targets: PredictOutputs) -> None:
     """Write files first and data to stdout last, so that a closed pipe loses no file.
 
     Args:
-        path: MJCF of the machine.
+        machine_request: the machine, its state, and what is put on it.
         request: inputs, outputs and frequency lines.
         targets: outputs of the command.
-        spin: texts ``JOINT=RATE`` of hinges that spin at a constant rate [rad/s].
-        key: name of the keyframe that gives pose and controls; None for ``home`` if there is one.
 
     Raises:
         UsageError: a label, a spin or a target cannot be used.
         InputError: the model cannot be read or linearised, or a file cannot be written.
     """
     _check(targets)
-    rates = parse_spin_rates(spin)
-    model = as_drawn(load_machine(path, rates, key))
-    frf_request = _frf_request(model.machine, request, targets)
-    options = targets.options
-    with _open_output(path, options) as output:
-        prediction = predict(model)
-        for remark in prediction.remarks:
-            SCREEN.say(remark)
-        if options.json is not None and not options.has_json_on_stdout:
-            write_json(modes_file(prediction).model_dump_json(indent=1), options.json)
-        if targets.statespace is not None and frf_request is not None:
-            _write_state_space(model, frf_request, targets.statespace)
+    is_needed = targets.frf or targets.statespace is not None
+    with load_machines(machine_request) as machines:
+        frfs = frf_request(machines.model.machine, request, is_needed=is_needed)
+        with _open_output(machine_request, targets.options) as output:
+            outcome = predict_outcome(
+                machines,
+                machine_request.additions,
+                request,
+                frfs,
+                has_page=targets.options.pictures,
+                has_check=targets.check,
+            )
+            for remark in outcome.remarks:
+                SCREEN.say(remark)
+            _write_data(machines, outcome, frfs, targets)
+            if output is not None:
+                with output.write() as place:
+                    machines.write_combined(place, output.path)
+                    if targets.options.pictures:
+                        geometry = machine_geometry(outcome.machine)
+                        text = render(outcome, geometry, machines.rates)
+                        (place / PAGE).write_text(text, encoding="utf-8")
+        if targets.options.has_json_on_stdout:
+            typer.echo(outcome.json())
+        if targets.table:
+            typer.echo("\n".join(outcome.table()))
+        for line in outcome.check_lines():
+            (SCREEN.say if targets.has_data_on_stdout else typer.echo)(line)
+        if targets.frf and frfs is not None:
+            print_frf(machines.model, frfs)
         if output is not None:
-            with output.write() as place:
-                text = _page(prediction, request, frf_request, rates)
-                (place / PAGE).write_text(text, encoding="utf-8")
-    if options.has_json_on_stdout:
-        typer.echo(modes_file(prediction).model_dump_json(indent=1))
-    if targets.table:
-        typer.echo("\n".join(table(prediction)))
-    if targets.frf and frf_request is not None:
-        _print_frf(model, frf_request)
-    if output is not None:
-        SCREEN.say(f"pictures: open {(output.path / PAGE).resolve().as_uri()}")
+            _say_where(output.path, machines, targets.options)
 
 
-def _open_output(path: Path, options: ResultOptions) -> AbstractContextManager[OutputFolder | None]:
-    """Return the folder of the page; None if no page shall be written."""
-    if not options.pictures:
+def _write_data(
+    machines: Machines, outcome: Outcome, frfs: FrfRequest | None, targets: PredictOutputs
+) -> None:
+    """Write JSON and state space to their files."""
+    options = targets.options
+    if options.json is not None and not options.has_json_on_stdout:
+        write_json(outcome.json(), options.json)
+    if targets.statespace is not None and frfs is not None:
+        write_state_space(machines.model, frfs, targets.statespace)
+
+
+def _say_where(folder: Path, machines: Machines, options: ResultOptions) -> None:
+    """Say where the files of the result are."""
+    if machines.combined is not None:
+        SCREEN.say(f"combined machine: {folder / COMBINED_NAME}")
+    if options.pictures:
+        SCREEN.say(f"pictures: open {(folder / PAGE).resolve().as_uri()}")
+
+
+def _open_output(
+    request: MachineRequest, options: ResultOptions
+) -> AbstractContextManager[OutputFolder | None]:
+    """Return the folder of page and combined machine; None if neither shall be written."""
+    if not (options.pictures or request.additions):
         return nullcontext()
-    return options.open("predict", path, "predicted", (PAGE,))
+    names = (PAGE, COMBINED_NAME, STAGE_COPY_NAME) if request.additions else (PAGE,)
+    if options.out is not None:
+        request.refuse_overwriting(options.out)
+    return options.open("predict", request.path, _FOLDER_SUFFIX, names)
 
 
 def _check(targets: PredictOutputs) -> None:
@@ -180,110 +176,3 @@ def _check(targets: PredictOutputs) -> None:
             raise UsageError("--json - and --frf both go to stdout: name a file for the JSON")
     if out is not None and out.is_file():
         raise UsageError(f"--out {out} is a file: name a folder for the pictures")
-
-
-def _frf_request(
-    machine: Machine, request: PredictRequest, targets: PredictOutputs
-) -> FrfRequest | None:
-    """Return the request of FRFs, or None if no output needs labels."""
-    low, high = request.band or _DEFAULT_BAND_HZ
-    if not 0 <= low < high:
-        raise UsageError(f"the band {low:g}..{high:g} Hz is empty: give LOW below HIGH")
-    if not MIN_FREQUENCY_HZ <= high <= MAX_FREQUENCY_HZ:
-        raise UsageError(
-            f"the band ends at {high:g} Hz, where no machine has modes: give HIGH in Hz, from "
-            f"{MIN_FREQUENCY_HZ:g} to {MAX_FREQUENCY_HZ:g}"
-        )
-    quantity = _quantity(request)
-    is_needed = targets.frf or targets.statespace is not None
-    if not (is_needed or request.inputs or request.outputs):
-        return None
-    layout = machine.layout
-    inputs: tuple[Input, ...] = tuple(parse_input(machine, text) for text in request.inputs)
-    outputs = tuple(Dof.parse(text) for text in request.outputs)
-    frf_request = FrfRequest(
-        np.linspace(low, high, request.lines),
-        outputs or _axes(sensor_sites(layout)),
-        inputs or _axes(hammer_sites(layout) or sensor_sites(layout)),
-        quantity,
-    )
-    Evaluator(as_drawn(machine), frf_request)  # refuses unknown labels before anything is written
-    return frf_request
-
-
-def _quantity(request: PredictRequest) -> Quantity:
-    if request.quantity not in DERIVATIVE_ORDER:
-        raise UsageError(
-            f"{request.quantity!r} is no quantity: write one of {', '.join(DERIVATIVE_ORDER)}"
-        )
-    return request.quantity
-
-
-def _axes(points: Sequence[str]) -> tuple[Dof, ...]:
-    if not points:
-        raise UsageError("the model has no site: name --input and --output, such as body:+tx")
-    return tuple(Dof.of(point, axis) for point in points for axis in range(3))
-
-
-def _print_frf(model: Model, request: FrfRequest) -> None:
-    frf = Evaluator(model, request).at(model.drawn).frf()
-    writer = csv.writer(sys.stdout, lineterminator="\n")
-    pairs = [(out, inp) for out in frf.outputs for inp in frf.inputs]
-    names = [f"{part} {out} / {inp}" for out, inp in pairs for part in ("Re", "Im")]
-    writer.writerow(["frequency/Hz", *names])
-    rows = frf.values.reshape(len(frf.freq_hz), -1)
-    for frequency, row in zip(frf.freq_hz, rows, strict=True):
-        parts = [repr(float(p)) for value in row for p in (value.real, value.imag)]
-        writer.writerow([f"{frequency:.9g}", *parts])
-
-
-def _write_state_space(model: Model, request: FrfRequest, target: Path) -> None:
-    system = state_space(model, model.drawn, request)
-    arrays = {name: getattr(system, name) for name in "ABCD"}
-    labels = {
-        "states": system.state_labels,
-        "inputs": [str(dof) for dof in request.inputs],
-        "outputs": [str(dof) for dof in request.outputs],
-    }
-    try:
-        if target.suffix == ".mat":
-            cells = {key: np.array(value, object) for key, value in labels.items()}
-            scipy.io.savemat(target, {**arrays, **cells})
-        else:
-            texts = {key: np.array(value) for key, value in labels.items()}
-            np.savez_compressed(target, allow_pickle=False, **arrays, **texts)
-    except OSError as error:
-        raise InputError(f"{target} cannot be written ({error.strerror}): name another") from error
-
-
-def _page(
-    prediction: Prediction,
-    request: PredictRequest,
-    frf_request: FrfRequest | None,
-    rates: Mapping[str, float],
-) -> str:
-    spins = ", ".join(f"{joint} spins at {rate:g} rad/s" for joint, rate in rates.items())
-    curves = _curves(prediction, request, frf_request)
-    return render(prediction, machine_geometry(prediction.machine), curves, spins)
-
-
-def _curves(
-    prediction: Prediction, request: PredictRequest, frf_request: FrfRequest | None
-) -> Curves:
-    model, modes = prediction.model, prediction.modes
-    if frf_request is not None:
-        return requested_curves(model, modes, frf_request)
-    return drive_points(model, modes, _lines(modes, request), _quantity(request))
-
-
-def _lines(modes: Modes, request: PredictRequest) -> Real:
-    """Return frequency lines in the user's band; else in 0..200 Hz, or in a band with modes."""
-    band = request.band
-    if band is None:
-        natural, highest = modes.freq_hz[modes.oscillates], _DEFAULT_BAND_HZ[1]
-        is_inside = ((natural > _MIN_SHOWN_FREQUENCY * highest) & (natural < highest)).any()
-        if is_inside or not natural.size:
-            band = _DEFAULT_BAND_HZ
-        else:
-            band = (0.0, 1.5 * float(np.sort(natural)[:_MAX_BAND_MODES][-1]))
-    return np.linspace(*band, request.lines)

@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
+import control
 import numpy as np
 import pytest
 from small_machine import MJCF, drawing
 
-from identification.words import Condition, Dof, UsageError
+from identification.words import Condition, Dof
 from mbmodel import (
     AddedPart,
     Change,
@@ -15,11 +16,11 @@ from mbmodel import (
     Model,
     Parameter,
     as_drawn,
+    export_state_space,
     joint_parts,
     load_machine,
     sensor_parts,
     spring_parts,
-    state_space,
 )
 from mbmodel.frf.woodbury import WoodburySolver
 from mbmodel.model import FrequencyDependentTerm
@@ -163,10 +164,24 @@ def test_columns_and_adjoint_are_difference_quotients(lossy_model, condition):
     assert (np.abs(columns[..., -1]).max() > 0) == (condition is not None)
 
 
-def test_no_state_space_holds_them(lossy_model):
+def test_the_state_space_of_an_appendage_and_losses_is_near_them(lossy_model):
+    # The appendage is rational; the law of the loss is any function here, not one of our own.
     theta = random_theta(lossy_model)
-    with pytest.raises(UsageError, match="is no polynomial in s"):
-        state_space(lossy_model, theta, REQUEST)
+    sensors = [name.startswith("acc") for name in (p.name for p in lossy_model.parameters)]
+    theta = np.where(sensors, lossy_model.drawn, theta)
+    export = export_state_space(lossy_model, theta, REQUEST)
+    system = export.system
+    values = control.frequency_response(system, 2 * np.pi * FREQ, squeeze=False).complex
+    expected = Evaluator(lossy_model, REQUEST).at(theta).values
+    assert {law.owner: law.approximation.kind for law in export.laws} == {
+        "cover.mass": "fitted poles",
+        "head.loss_factor": "maxwell branches",
+    }
+    assert export.laws[0].approximation.max_error < 1e-9
+    lossless = np.where([p.name == "head.loss_factor" for p in lossy_model.parameters], 0, theta)
+    without = Evaluator(lossy_model, REQUEST).at(lossless).values
+    near, far = (np.linalg.norm(each - expected) for each in (np.moveaxis(values, -1, 0), without))
+    assert near < 0.3 * far
 
 
 def test_a_line_exactly_at_an_undamped_resonance_answers_hugely_not_never():

@@ -1,0 +1,166 @@
+"""A machine with a stage or point masses put on it: its MJCF, and the machine read back from it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from identification.words import ConvergenceError, InputError, Real
+from mbmodel.machine import Machine
+from mbmodel.machine_loading import load_machine
+from mbmodel.mjcf.read import compile_mjcf
+from mbmodel.mounting.combination_check import check_combination
+from mbmodel.mounting.combined_file import CombinedFile
+from mbmodel.mounting.place import Offset, PointMass, find_pose
+
+_MAX_UNSEEN_TURN = 1e-6  # of a site's axes against the world [rad]: more needs a remark
+
+
+@dataclass(frozen=True)
+class MountedStage:
+    """A stage that a body of a machine carries.
+
+    Args:
+        path: MJCF of the stage.
+        body: name of the body that carries it.
+        place: name of a site of that body, whose axes become those of the stage's world; or offset
+            from the body's centre of mass in world axes [m].
+    """
+
+    path: Path
+    body: str
+    place: str | Offset
+
+
+@dataclass(frozen=True, eq=False)
+class Combined:
+    """A machine with all that was put on it.
+
+    Args:
+        machine: read back from the combined MJCF.
+        file: its text, which can be written to any folder.
+        remarks: sentences for the user on the combination.
+    """
+
+    machine: Machine
+    file: CombinedFile
+    remarks: tuple[str, ...]
+
+
+def combine(
+    machine: Machine,
+    folder: Path,
+    stage: MountedStage | None,
+    masses: Sequence[PointMass] = (),
+    *,
+    rates: Mapping[str, float] | None = None,
+    key: str | None = None,
+) -> Combined:
+    """Put a stage and point masses on a machine: write the MJCF, and load the machine from it.
+
+    MuJoCo's own ``<attach>`` mounts the stage, so that its classes, tendons, sensors and assets
+    come with it, and each file keeps its own angle units and folders. First the stage is mounted;
+    the masses then stand at the bodies' centres of mass as the stage leaves them at rest.
+
+    Args:
+        machine: without any addition.
+        folder: folder of the files; it exists.
+        stage: that the machine carries; None for none.
+        masses: on bodies of the machine or of the stage.
+        rates: of the hinges that turn steadily [rad/s], by name.
+        key: name of the keyframe that the user states; None for the default.
+
+    Raises:
+        InputError: a place that the machine does not have, a stage that cannot be read or mounted,
+            or settings of a compiler that would change masses.
+        ConvergenceError: the combined machine has no static equilibrium.
+    """
+    base = compile_mjcf(machine.source)
+    file = CombinedFile(machine, base)
+    origins = [(machine.source.name, "", base)]
+    remarks: list[str] = []
+    loaded = machine
+    if stage is not None:
+        pose = find_pose(machine, stage.body, stage.place)
+        compiled = compile_mjcf(stage.path)
+        file.mount(stage.path, compiled, pose)
+        origins.append((stage.path.name, file.prefix, compiled))
+        remarks += _stage_remarks(machine, base, stage, compiled, file)
+        loaded = _read(file, machine, folder, rates, key)
+    for mass in masses:
+        file.add_mass(mass.mass_kg, find_pose(loaded, mass.body, mass.offset_m))
+    if masses:
+        loaded = _read(file, machine, folder, rates, key)
+    path = file.write(folder)
+    check_combination(compile_mjcf(path), origins, sum(mass.mass_kg for mass in masses))
+    return Combined(loaded, file, tuple(remarks))
+
+
+def _read(
+    file: CombinedFile,
+    machine: Machine,
+    folder: Path,
+    rates: Mapping[str, float] | None,
+    key: str | None,
+) -> Machine:
+    """Write and load the combined machine; errors name the machine's file instead of the copy."""
+    path = file.write(folder)
+    try:
+        return load_machine(path, rates, key)
+    except (InputError, ConvergenceError) as error:
+        message = str(error).replace(str(path), f"{machine.source} with what is put on it")
+        raise type(error)(message) from error
+
+
+def _stage_remarks(
+    machine: Machine,
+    base: mujoco.MjModel,
+    stage: MountedStage,
+    compiled: mujoco.MjModel,
+    file: CombinedFile,
+) -> list[str]:
+    """Return what of the stage's file is different on the machine, one sentence each."""
+    remarks = []
+    if file.prefix:
+        remarks.append(
+            f"names of {stage.path.name} begin with {file.prefix} on the machine, which has some "
+            "of them already"
+        )
+    turn = _turn(machine, stage)
+    if turn > _MAX_UNSEEN_TURN:
+        remarks.append(
+            f"site {stage.place!r} turns the stage by {np.degrees(turn):.3g} degrees against the "
+            "world's axes"
+        )
+    if file.stage is not None and file.stage.has_geoms:
+        remarks.append(
+            f"geoms that stand in the world of {stage.path.name} are left out: write as a body "
+            "what the machine carries"
+        )
+    stated, carried = (_gravity(model) for model in (compiled, base))
+    if not np.array_equal(stated, carried):
+        texts = [" ".join(f"{value:g}" for value in values) for values in (stated, carried)]
+        remarks.append(
+            f"{stage.path.name} states gravity {texts[0]} m/s^2, but on the machine that of "
+            f"{machine.source.name} holds, {texts[1]}"
+        )
+    return remarks
+
+
+def _turn(machine: Machine, stage: MountedStage) -> float:
+    """Return the angle between a stage's world and the machine's [rad]."""
+    if not isinstance(stage.place, str):
+        return 0.0
+    layout = machine.layout
+    axes = layout.axes[layout.points.index(stage.place)]
+    return float(Rotation.from_matrix(axes).magnitude())
+
+
+def _gravity(model: mujoco.MjModel) -> Real:
+    """Return the acceleration of gravity, zero if it is switched off [m/s^2]; (3,)."""
+    is_off = bool(model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    gravity: Real = np.zeros(3) if is_off else model.opt.gravity.copy()
+    return gravity

@@ -1,0 +1,154 @@
+"""MJCF of a machine with a stage attached to a body, and point masses on bodies."""
+
+from pathlib import Path
+from xml.dom import minidom
+
+import mujoco
+from scipy.spatial.transform import Rotation
+
+from identification.words import InputError
+from mbmodel.machine import Machine
+from mbmodel.mjcf.asset_paths import redirect_paths
+from mbmodel.mjcf.edit import Element, Values, make_element
+from mbmodel.mjcf.flatten import flatten_mjcf, root_element
+from mbmodel.mounting.joined_keyframes import join_keyframes
+from mbmodel.mounting.name_clashes import choose_prefix, find_names, free_name
+from mbmodel.mounting.place import BodyPose
+from mbmodel.mounting.stage_file import StageCopy, copy_stage
+
+COMBINED_NAME = "combined.xml"  # the machine with all that is put on it
+STAGE_COPY_NAME = "combined_stage.xml"  # the stage, which the combined file attaches
+
+
+class CombinedFile:
+    """Text of a machine's MJCF that grows by a stage and by masses.
+
+    Args:
+        machine: without any addition.
+        compiled: the machine's MJCF compiled.
+
+    Attributes:
+        prefix: of the stage's names; empty if they are as in its own file.
+        stage: the stage's MJCF; None without a stage.
+    """
+
+    def __init__(self, machine: Machine, compiled: mujoco.MjModel) -> None:
+        self._source, self._compiled = machine.source, compiled
+        self._document = flatten_mjcf(machine.source)
+        self._names = find_names(compiled, self._document)
+        self._stage_source: Path | None = None
+        self._attached = ""
+        self.stage: StageCopy | None = None
+        self.prefix = ""
+        _turn_off_fusing(self._document)
+        root_element(self._document).setAttribute("model", machine.name)
+
+    def mount(self, source: Path, compiled: mujoco.MjModel, pose: BodyPose) -> None:
+        """Attach a stage to a body.
+
+        Args:
+            source: MJCF of the stage.
+            compiled: that MJCF compiled.
+            pose: of the stage's world in the body.
+
+        Raises:
+            InputError: the machine's file has no element for the body.
+        """
+        self.stage = copy_stage(source)
+        self._stage_source = source
+        _turn_off_fusing(self.stage.document)
+        names = find_names(compiled, self.stage.document)
+        title = root_element(self.stage.document).getAttribute("model") or source.stem
+        self.prefix = choose_prefix(self._names, names, title)
+        self._attached = free_name(self._names, "mounted")
+        self._extend_title(title)
+        turn = Rotation.from_matrix(pose.axes).as_quat()[[3, 0, 1, 2]]
+        attach = Element("attach", {"model": self._attached, "prefix": self.prefix})
+        values: Values = {"pos": tuple(pose.position.tolist()), "quat": tuple(turn.tolist())}
+        frame = make_element(self._document, Element("frame", values, (attach,)))
+        self._body(pose.body).appendChild(frame)
+        self._names |= {(kind, self.prefix + name) for kind, name in names}
+        root = root_element(self._document)
+        for section in tuple(self._document.getElementsByTagName("keyframe")):
+            root.removeChild(section)
+        if keys := join_keyframes(self._compiled, compiled, pose.body):
+            root.appendChild(make_element(self._document, Element("keyframe", {}, keys)))
+
+    def add_mass(self, mass_kg: float, pose: BodyPose) -> None:
+        """Weld a point mass to a body of the machine or of the stage.
+
+        Args:
+            mass_kg: [kg].
+            pose: of the mass in the body.
+
+        Raises:
+            InputError: no file has an element for the body.
+        """
+        parent = self._body(pose.body)
+        name = free_name(self._names, "added_mass")
+        self._names |= {("port", name), ("port", self.prefix + name)}
+        values: Values = {
+            "name": name,
+            "pos": tuple(pose.position.tolist()),
+            "gravcomp": 1.0 - pose.weight_fraction,
+        }
+        inertial = Element("inertial", {"pos": "0 0 0", "mass": mass_kg, "diaginertia": "0 0 0"})
+        body = make_element(self._document, Element("body", values, (inertial,)))
+        parent.appendChild(body)
+        self._extend_title(f"{mass_kg:g} kg on {pose.body}")
+
+    def write(self, folder: Path, home: Path | None = None) -> Path:
+        """Write the files, and return the path of the combined one.
+
+        Args:
+            folder: exists.
+            home: folder to which the files will move; None if they stay.
+        """
+        home = (home or folder).resolve()
+        document = _copy(self._document, self._source, home)
+        if self.stage is not None and self._stage_source is not None:
+            model = Element("model", {"name": self._attached, "file": STAGE_COPY_NAME})
+            asset = make_element(document, Element("asset", {}, (model,)))
+            root_element(document).appendChild(asset)
+            stage = _copy(self.stage.document, self._stage_source, home)
+            (folder / STAGE_COPY_NAME).write_text(stage.toxml() + "\n", encoding="utf-8")
+        path = folder / COMBINED_NAME
+        path.write_text(document.toxml() + "\n", encoding="utf-8")
+        return path
+
+    def _extend_title(self, addition: str) -> None:
+        root = root_element(self._document)
+        title = root.getAttribute("model")
+        root.setAttribute("model", f"{title} {'and' if ' with ' in title else 'with'} {addition}")
+
+    def _body(self, name: str) -> minidom.Element:
+        """Return the element of a body, in the machine's file or in the stage's."""
+        documents = [(self._document, name)]
+        if self.stage is not None and name.startswith(self.prefix):
+            documents.append((self.stage.document, name.removeprefix(self.prefix)))
+        for document, written in documents:
+            for world in document.getElementsByTagName("worldbody"):
+                for body in world.getElementsByTagName("body"):
+                    if body.getAttribute("name") == written:
+                        return body
+        raise InputError(
+            f"{self._source} has no <body> element named {name!r}: write the body out, with a "
+            "name, where it is attached, replicated or unnamed"
+        )
+
+
+def _copy(document: minidom.Document, source: Path, home: Path) -> minidom.Document:
+    """Return a copy of an MJCF whose files are found from another folder."""
+    copy = document.cloneNode(True)
+    if copy is None:
+        raise ValueError("an XML document without content cannot be copied")
+    if source.resolve().parent != home:
+        redirect_paths(copy, source, home)
+    return copy
+
+
+def _turn_off_fusing(document: minidom.Document) -> None:
+    """Keep welded bodies apart, so that their masses can be compared with those of their files."""
+    for compiler in document.getElementsByTagName("compiler"):
+        if compiler.hasAttribute("fusestatic"):
+            compiler.removeAttribute("fusestatic")

@@ -1,0 +1,108 @@
+"""Machine of a prediction, alone and with what is put on it."""
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from identification.words import InputError
+from identification.words.file_access import real_path
+from mbmodel import (
+    COMBINED_NAME,
+    STAGE_COPY_NAME,
+    Combined,
+    Model,
+    combine,
+    load_machine,
+)
+from mbw.predict.additions import Additions
+from mbw.predict.spring_laws import SpringLaw, model_with_laws
+from mbw.spin_rates import parse_spin_rates
+
+
+@dataclass(frozen=True)
+class MachineRequest:
+    """A machine, its state, and what is put on it.
+
+    Args:
+        path: MJCF of the machine.
+        spin: texts ``JOINT=RATE`` of hinges that spin at a constant rate [rad/s].
+        key: name of the keyframe that gives pose and controls; None for ``home`` if there is one.
+        additions: what is put on it.
+        laws: of its springs beyond those of the MJCF.
+    """
+
+    path: Path
+    spin: tuple[str, ...]
+    key: str | None
+    additions: Additions
+    laws: tuple[SpringLaw, ...] = ()
+
+    def refuse_overwriting(self, folder: Path) -> None:
+        """Refuse a folder in which the combined machine would replace a file that it is made of.
+
+        Raises:
+            InputError: the folder holds such a file.
+        """
+        stage = self.additions.stage
+        sources = {real_path(path) for path in (self.path, *([stage.path] if stage else []))}
+        for name in (COMBINED_NAME, STAGE_COPY_NAME):
+            if self.additions and real_path(folder / name) in sources:
+                raise InputError(
+                    f"{folder / name} would replace a file that is read: name another folder with "
+                    "--out"
+                )
+
+
+@dataclass(frozen=True, eq=False)
+class Machines:
+    """Nominal models of a machine.
+
+    Args:
+        base: the machine alone.
+        model: the machine whose modes and FRFs are predicted: with what is put on it.
+        combined: the combination; None if nothing is put on the machine.
+        rates: of the hinges that turn steadily [rad/s], by name.
+    """
+
+    base: Model
+    model: Model
+    combined: Combined | None
+    rates: Mapping[str, float]
+
+    def write_combined(self, folder: Path, home: Path) -> None:
+        """Write the combined MJCF, if there is one, into a folder that will move to another."""
+        if self.combined is not None:
+            self.combined.file.write(folder, home)
+
+
+@contextmanager
+def load_machines(request: MachineRequest) -> Iterator[Machines]:
+    """Load a machine alone and with what is put on it; its MJCF exists as long as the context.
+
+    Raises:
+        UsageError: a spin that the machine does not have.
+        InputError: a file that cannot be read, linearised or combined.
+    """
+    rates = parse_spin_rates(request.spin)
+    if not request.additions:
+        machine = load_machine(request.path, rates, request.key)
+        model = model_with_laws(machine, request.laws, is_partial=False)
+        yield Machines(model, model, None, rates)
+        return
+    machine = load_machine(request.path, None, request.key)
+    if spun := {joint: rate for joint, rate in rates.items() if joint in machine.coordinates}:
+        machine = load_machine(request.path, spun, request.key)
+    with tempfile.TemporaryDirectory() as folder:
+        combined = combine(
+            machine,
+            Path(folder),
+            request.additions.stage,
+            request.additions.masses,
+            rates=rates,
+            key=request.key,
+        )
+        base = model_with_laws(machine, request.laws, is_partial=True)
+        model = model_with_laws(combined.machine, request.laws, is_partial=False)
+        yield Machines(base, model, combined, rates)

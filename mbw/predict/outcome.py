@@ -1,0 +1,127 @@
+"""All that ``mbw predict`` computes: modes, curves, and both before additions."""
+
+from dataclasses import dataclass
+
+from mbmodel import FrfRequest, Machine, StateSpaceComparison, compare_state_space
+from mbw.predict.additions import Additions
+from mbw.predict.before_after import BeforeAfter, compare, comparison_table
+from mbw.predict.before_after_file import put_on_top_row
+from mbw.predict.curves import Curves, drive_points, requested_curves, with_curves_before
+from mbw.predict.machines import Machines
+from mbw.predict.prediction import Prediction, modes_file, predict, table
+from mbw.predict.requests import PredictRequest, frequency_lines, read_quantity
+from mbw.predict.schema import PredictedModesFile, StateSpaceCheckRow
+from mbw.predict.state_space_check import check_lines, check_request, check_row
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Modes and FRFs of a machine, and of the machine alone if something is put on it.
+
+    Args:
+        prediction: modes of the machine, with what is put on it.
+        curves: FRFs of the page; None if no output needs them.
+        comparison: modes before and after; None if nothing is put on the machine.
+        combination_remarks: sentences on the combination.
+        state_space: FRFs of the state space beside those of the model; None if not asked for.
+    """
+
+    prediction: Prediction
+    curves: Curves | None
+    comparison: BeforeAfter | None
+    combination_remarks: tuple[str, ...]
+    state_space: StateSpaceComparison | None
+
+    @property
+    def machine(self) -> Machine:
+        """Machine whose modes are predicted."""
+        return self.prediction.machine
+
+    @property
+    def remarks(self) -> list[str]:
+        """Findings on the model and the combination, one sentence each."""
+        sentences = [f"{text[:1].upper()}{text[1:]}." for text in self.combination_remarks]
+        return sentences + self.prediction.remarks
+
+    @property
+    def state_space_row(self) -> StateSpaceCheckRow | None:
+        """Comparison of the state space for JSON and page."""
+        if self.state_space is None:
+            return None
+        return check_row(self.state_space, self.prediction.model)
+
+    def json(self) -> str:
+        """Return the content of the JSON file; what was not asked for has no key."""
+        return self.summary().model_dump_json(indent=1, exclude_unset=True)
+
+    def summary(self) -> PredictedModesFile:
+        """Return the rows of the JSON file."""
+        summary = modes_file(self.prediction)
+        if self.comparison is not None and self.curves is not None:
+            summary.remarks = self.remarks
+            summary.put_on_top = put_on_top_row(self.comparison, self.curves)
+        if (row := self.state_space_row) is not None:
+            summary.state_space_check = row
+        return summary
+
+    def table(self) -> list[str]:
+        """Return the tables of modes as lines of text."""
+        lines = table(self.prediction)
+        if self.comparison is not None:
+            lines += ["", *comparison_table(self.comparison)]
+        return lines
+
+    def check_lines(self) -> list[str]:
+        """Return the comparison of the state space as lines of text; none without it."""
+        row = self.state_space_row
+        return [] if row is None else check_lines(row)
+
+
+def predict_outcome(
+    machines: Machines,
+    additions: Additions,
+    request: PredictRequest,
+    frfs: FrfRequest | None,
+    *,
+    has_page: bool,
+    has_check: bool,
+) -> Outcome:
+    """Compute modes and curves.
+
+    Args:
+        machines: the machine alone and combined.
+        additions: what is put on it.
+        request: frequency lines and quantity.
+        frfs: FRFs that the user names; None for drive points.
+        has_page: whether the page is written, which shows curves.
+        has_check: whether the state space is compared.
+    """
+    prediction = predict(machines.model)
+    check = None
+    if has_check:
+        inputs = frfs.inputs if frfs is not None and request.inputs else ()
+        wanted = check_request(machines.model.machine, request, inputs)
+        check = compare_state_space(machines.model, wanted)
+    if machines.combined is None:
+        curves = _curves([prediction], request, frfs) if has_page else None
+        return Outcome(prediction, curves, None, (), check)
+    before = predict(machines.base)
+    curves = _curves([prediction, before], request, frfs)
+    return Outcome(
+        prediction,
+        with_curves_before(curves, machines.base),
+        compare(before, prediction, additions, machines.combined.file.prefix),
+        machines.combined.remarks,
+        check,
+    )
+
+
+def _curves(
+    predictions: list[Prediction], request: PredictRequest, frfs: FrfRequest | None
+) -> Curves:
+    """Return FRFs of the first prediction, with lines at the resonances of all."""
+    model, modes = predictions[0].model, [prediction.modes for prediction in predictions]
+    if frfs is not None:
+        return requested_curves(model, modes, frfs)
+    lines = frequency_lines(modes[0], request)
+    return drive_points(model, modes, lines, read_quantity(request))

@@ -1,0 +1,192 @@
+"""Rows of the JSON file of ``mbw predict``."""
+
+from typing import Annotated
+
+from pydantic import BaseModel, Field
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Shares = dict[str, Finite]
+
+
+class PredictedModeRow(BaseModel):
+    """One real pole or pair of complex poles; shares below 0.001 are left out.
+
+    Args:
+        frequency: ``|s| / (2 pi)`` [Hz].
+        damping: damping ratio; null for a mode of zero frequency.
+        real, imaginary: real and imaginary part of the pole ``s`` [rad/s].
+        name: name of a mode of zero frequency, such as ``rigid tx``; else null.
+        strain, dissipation: share of each joint coordinate or tendon in strain energy and
+            dissipation.
+        strain_by_stage, dissipation_by_stage: sums of these shares for each stage.
+        kinetic: share of each direction of each body in the kinetic energy.
+        kinetic_by_body: sums of these shares for each body.
+        shape_real, shape_imaginary: motion at the file's ``shape_labels`` for a modal mass of 1 kg.
+    """
+
+    frequency: Finite
+    damping: Finite | None
+    real: Finite
+    imaginary: Finite
+    name: str | None
+    strain: Shares
+    strain_by_stage: Shares
+    dissipation: Shares
+    dissipation_by_stage: Shares
+    kinetic: Shares
+    kinetic_by_body: Shares
+    shape_real: list[Finite]
+    shape_imaginary: list[Finite]
+
+
+class AddedMassRow(BaseModel):
+    """A point mass: [kg], and its offset from the body's centre of mass in world axes [m]."""
+
+    body: str
+    mass: Finite
+    offset: list[Finite]
+
+
+class ModeBeforeRow(BaseModel):
+    """A mode of the machine alone: frequency [Hz], damping ratio, pole [rad/s] and name."""
+
+    frequency: Finite
+    damping: Finite | None
+    real: Finite
+    imaginary: Finite
+    name: str | None
+
+
+class BeforeAfterRow(BaseModel):
+    """A mode before and after.
+
+    Args:
+        before, after: numbers of the modes in ``before`` and ``modes``, from 0.
+        mac: of their motions of the common bodies, weighted by mass.
+        frequency_change: relative to the frequency before; null for a mode at rest.
+        damping_before, damping_after: damping ratios; null for a mode at rest.
+    """
+
+    before: int
+    after: int
+    mac: Finite
+    frequency_change: Finite | None
+    damping_before: Finite | None
+    damping_after: Finite | None
+
+
+class FrfPeakRow(BaseModel):
+    """Largest magnitude of an FRF on the page before and after, with its frequencies [Hz].
+
+    An FRF at a label that the machine alone does not have has null before.
+    """
+
+    label: str
+    unit: str
+    peak_before: Finite | None
+    peak_before_hz: Finite | None
+    peak_after: Finite | None
+    peak_after_hz: Finite | None
+
+
+class PutOnTopRow(BaseModel):
+    """What was put on the machine, and its modes before and after.
+
+    Args:
+        combined: file name of the combined MJCF in the folder of the result.
+        stage: path of the mounted stage; null without one.
+        at: body and place that carry the stage.
+        prefix: of the stage's names in the combined machine.
+        added_masses: point masses.
+        before: modes of the machine alone.
+        pairs: modes before and after that are alike.
+        new, gone: modes after and before without a partner, from 0.
+        frfs: largest magnitudes of the FRFs on the page.
+    """
+
+    combined: str
+    stage: str | None
+    at: str | None
+    prefix: str
+    added_masses: list[AddedMassRow]
+    before: list[ModeBeforeRow]
+    pairs: list[BeforeAfterRow]
+    new: list[int]
+    gone: list[int]
+    frfs: list[FrfPeakRow]
+
+
+class LawRow(BaseModel):
+    """A law of springs that is no polynomial in s, and its approximation in the state space.
+
+    Args:
+        parameter: such as ``tilt_tx.loss_factor``.
+        kind: ``exact``, ``pade``, ``maxwell branches`` or ``fitted poles``.
+        order: of the rational function.
+        states: that it adds.
+        max_error, rms_error: of the law over the lines of the band, relative to its largest
+            magnitude there.
+        weighted_error: root mean square over lines weighted by the strain of the spring.
+        max_error_of_stiffness: largest error relative to the static stiffness.
+        is_passive: whether the approximation dissipates at every frequency; null for laws that
+            need not.
+    """
+
+    parameter: str
+    kind: str
+    order: int
+    states: int
+    max_error: Finite
+    rms_error: Finite
+    weighted_error: Finite
+    max_error_of_stiffness: Finite
+    is_passive: bool | None
+
+
+class StateSpaceCheckRow(BaseModel):
+    """Difference of the FRFs of the state space from those of the equation of motion.
+
+    Args:
+        outputs, inputs: labels of the FRFs.
+        quantity: of the FRFs.
+        band: lowest and highest line [Hz].
+        lines: number of lines.
+        states: of the state space.
+        max_difference: largest difference relative to the peak of its FRF.
+        rms_difference: root mean square over FRFs of the relative difference.
+        worst_output, worst_input, worst_hz: where the largest difference is.
+        is_stable: whether no pole of the state space grows.
+        laws: what the state space approximates.
+    """
+
+    outputs: list[str]
+    inputs: list[str]
+    quantity: str
+    band: tuple[Finite, Finite]
+    lines: int
+    states: int
+    max_difference: Finite
+    rms_difference: Finite
+    worst_output: str
+    worst_input: str
+    worst_hz: Finite
+    is_stable: bool
+    laws: list[LawRow]
+
+
+class PredictedModesFile(BaseModel):
+    """Content of the JSON file of ``mbw predict --json``.
+
+    Args:
+        put_on_top: only with ``--mount`` or ``--add-mass``.
+        state_space_check: only with ``--check``.
+    """
+
+    model: str
+    remarks: list[str]
+    bodies: list[str]
+    coordinates: list[str]
+    shape_labels: list[str]
+    modes: list[PredictedModeRow]
+    put_on_top: PutOnTopRow | None = None
+    state_space_check: StateSpaceCheckRow | None = None
