@@ -31,6 +31,7 @@ from mbmodel.frf.solution import FrfSolution
 from mbmodel.frf.solver import Solver
 from mbmodel.model import Assembly, Matrices, Model
 from mbmodel.modes.model_modes import Modes, modes_of_matrices
+from mbmodel.parts import Change
 
 _MIN_POLE_DISTANCE = 1e-7  # relative: closer poles coincide, and their shapes have no derivative
 _SINGULAR_VALUE_CUT = 1e-5  # relative: smaller singular values of their equation are left out
@@ -98,11 +99,15 @@ class LinearisedModes:
             np.ascontiguousarray(self.modes.shapes[:, None, chosen]),
         )
         cotangent = by_shapes.T.reshape(len(chosen), count, 1)
-        slopes = [
+        return gradient(solution, self._slopes, cotangent)
+
+    @cached_property
+    def _slopes(self) -> list[tuple[Change, ...]]:
+        """Derivatives of every Part's change; poles have no readings that a factor scales."""
+        return [
             tuple(change for change in changes if change.slot != "output")
             for changes in self.model.slopes(self.theta)
         ]
-        return gradient(solution, slopes, cotangent)
 
 
 class ModeEvaluator:

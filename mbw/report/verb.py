@@ -19,7 +19,10 @@ from mbw.messages import SCREEN
 from mbw.output_folder import OutputRequest, open_output_folder, source_of
 from mbw.predict import page as predicted
 from mbw.tune import page as tuned
+from mbw.tune.mode_table_page import MODE_TABLE_PAGE
+from mbw.tune.mode_table_page import render as mode_table_page
 from tuning import read_result
+from tuning.files.mode_table_result import MODE_TABLE_JSON, read_mode_table_result
 from tuning.files.result import TUNED_JSON
 
 
@@ -43,6 +46,12 @@ class _Kind:
 # In a folder with results of several verbs the first kind counts.
 _RESULT_KINDS = (
     _Kind("tune", (TUNED_JSON,), tuned.PAGE, lambda path: tuned.render(read_result(path))),
+    _Kind(
+        "tune",
+        (MODE_TABLE_JSON,),
+        MODE_TABLE_PAGE,
+        lambda path: mode_table_page(read_mode_table_result(path)),
+    ),
     _Kind("identify", (MODES_JSON,), MODES_PAGE, modes_page),
     _Kind(
         "diagnose",

@@ -8,7 +8,6 @@ import typer
 from mbw.loader import run_verb
 from mbw.options import (
     Band,
-    CampaignFolder,
     Jobs,
     Json,
     Overwrite,
@@ -18,14 +17,27 @@ from mbw.options import (
     out_option,
 )
 
+# Options that mean nothing with a table of modes, which has no FRFs.
+OPTIONS_OF_CAMPAIGNS = (
+    "band", "residual", "algorithm", "from_modes", "at_bodies", "resume", "information", "jobs"
+)  # fmt: skip
+OPTIONS_OF_TABLES = ("prior", "complete_below")
+
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
 
 @app.command()
 def tune(  # noqa: PLR0913  # one for each option
-    campaign: CampaignFolder,
+    context: typer.Context,
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CAMPAIGN|MODEL",
+            help="Folder with a campaign.toml; with --modes, the MJCF of a machine.",
+        ),
+    ],
     *,
-    out: Annotated[Path | None, out_option("<campaign>-tuned beside it")] = None,
+    out: Annotated[Path | None, out_option("<source>-tuned beside it")] = None,
     json: Json = None,
     band: Band = None,
     starts: Annotated[
@@ -59,6 +71,30 @@ def tune(  # noqa: PLR0913  # one for each option
             help="Compare FRFs at the centres of mass, with the covariance of their reduction.",
         ),
     ] = False,
+    modes: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Tune MODEL to a table of modes without shapes, a CSV file with the columns "
+            "frequency, damping, body, direction.",
+        ),
+    ] = None,
+    complete_below: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            help="With --modes: the table has all modes of the machine below this frequency, so "
+            "that the model shall have no others there.",
+        ),
+    ] = None,
+    prior: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=SD",
+            help="With --modes: standard deviation of a parameter's logarithm about the nominal "
+            "value, 0 to fix it; a name or a pattern such as '*.damping'; repeatable.",
+        ),
+    ] = None,
     resume: Annotated[
         bool, typer.Option("--resume", help="Continue an interrupted run of the same call.")
     ] = False,
@@ -76,10 +112,30 @@ def tune(  # noqa: PLR0913  # one for each option
     """Tune a model to a campaign; state parameters with intervals and the remaining gap.
 
     The gap is the difference between the FRFs of the model and the measured ones.
+
+    With --modes, tune it to a table of modes instead.
     """
+    if modes is not None:
+        run_verb(
+            "mbw.tune.mode_table",
+            source,
+            table=modes,
+            priors=prior or [],
+            complete_below=complete_below,
+            misplaced=[name for name in OPTIONS_OF_CAMPAIGNS if _is_stated(context, name)],
+            starts=starts,
+            seed=seed,
+            out=out,
+            json=json,
+            pictures=pictures,
+            overwrite=overwrite,
+            quiet=quiet,
+        )
+        return
     run_verb(
         "mbw.tune.verb",
-        campaign,
+        source,
+        misplaced=[name for name in OPTIONS_OF_TABLES if _is_stated(context, name)],
         out=out,
         json=json,
         band=band,
@@ -96,3 +152,9 @@ def tune(  # noqa: PLR0913  # one for each option
         overwrite=overwrite,
         quiet=quiet,
     )
+
+
+def _is_stated(context: typer.Context, name: str) -> bool:
+    """Return whether the user stated an option, even with its default value."""
+    source = context.get_parameter_source(name)
+    return source is not None and source.name == "COMMANDLINE"

@@ -1,6 +1,7 @@
 """``mbw tune``: tuning of a model to a campaign, with the gap that remains."""
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import typer
 from rich.progress import Progress, TaskID
 
 from diagnosis import compute_residual_shares
+from identification.words import UsageError
 from mbw.band import check_band
 from mbw.files import write_json
 from mbw.gap_text import describe_gap, number_text
@@ -66,6 +68,7 @@ _DEFAULT_SEARCH = SearchOptions()
 def run_options(  # noqa: PLR0913  # one for each option
     campaign: Path,
     *,
+    misplaced: Sequence[str],
     out: Path | None,
     json: Path | None,
     band: tuple[float, float] | None,
@@ -82,6 +85,11 @@ def run_options(  # noqa: PLR0913  # one for each option
     overwrite: bool,
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.tune.options`` describes them."""
+    if misplaced:
+        names = ", ".join(f"--{name.replace('_', '-')}" for name in misplaced)
+        raise UsageError(
+            f"{names} works with --modes only: state what is known in [tuning] of campaign.toml"
+        )
     check_band(band)
     place: FrfPlace = "bodies" if at_bodies else "sensors"
     run(

@@ -180,8 +180,13 @@ def _match_any(patterns: Sequence[str], names: list[str]) -> Mask:
     return chosen
 
 
-def match_pattern(pattern: str, names: list[str]) -> list[int]:
+def match_pattern(pattern: str, names: list[str], place: str = "[tuning]") -> list[int]:
     """Return the indices of the names that a pattern fits.
+
+    Args:
+        pattern: a name, or a pattern with * and ?.
+        names: names of the parameters.
+        place: where the user wrote the pattern, for the message.
 
     Raises:
         InputError: the pattern fits no name; the message gives the nearest one.
@@ -190,6 +195,6 @@ def match_pattern(pattern: str, names: list[str]) -> list[int]:
     if not indices:
         near = get_close_matches(pattern, names, 1, 0.0)
         raise InputError(
-            f"[tuning] {pattern!r} fits no parameter: did you mean {near[0] if near else 'none'}?"
+            f"{place} {pattern!r} fits no parameter: did you mean {near[0] if near else 'none'}?"
         )
     return indices

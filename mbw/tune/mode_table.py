@@ -1,0 +1,167 @@
+"""``mbw tune --modes``: tuning of a model to a table of modes without shapes."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import typer
+
+from identification.readers.mode_table import read_mode_table
+from identification.words import UsageError
+from identification.words.file_access import check_file
+from mbmodel import load_machine
+from mbw.files import write_json
+from mbw.interrupts import INTERRUPTED
+from mbw.messages import NOT_CONVERGED, SCREEN
+from mbw.output_folder import ResultOptions
+from mbw.tune.mode_table_page import MODE_TABLE_PAGE, render
+from mbw.tune.mode_table_text import mode_lines
+from tuning.files.mode_table_result import (
+    MODE_TABLE_CSV,
+    MODE_TABLE_JSON,
+    write_mode_table_result,
+)
+from tuning.files.mode_table_schema import ModeTableFile
+from tuning.files.result import TUNED_MJCF
+from tuning.mode_table.mode_table_tuning import tune_to_modes
+
+NAMES = (MODE_TABLE_JSON, MODE_TABLE_CSV, TUNED_MJCF, MODE_TABLE_PAGE)
+_MAX_LISTED_PARAMETERS = 12  # that the terminal names as determined
+
+
+def run_options(  # noqa: PLR0913  # one for each option
+    model: Path,
+    *,
+    table: Path,
+    priors: Sequence[str],
+    complete_below: float | None,
+    misplaced: Sequence[str],
+    starts: int,
+    seed: int,
+    out: Path | None,
+    json: Path | None,
+    pictures: bool,
+    overwrite: bool,
+) -> None:
+    """Run the verb with the values of its options, as ``mbw.tune.options`` describes them."""
+    if misplaced:
+        names = ", ".join(f"--{name.replace('_', '-')}" for name in misplaced)
+        raise UsageError(f"{names} cannot be combined with --modes: a table of modes has no FRFs")
+    if model.is_dir():
+        raise UsageError(
+            f"{model} is a folder: with --modes, name the MJCF of a machine, such as "
+            f"{model / 'model.xml'}"
+        )
+    if complete_below is not None and not 0 < complete_below < math.inf:
+        raise UsageError(f"--complete-below {complete_below:g}: give a frequency in Hz above 0")
+    parsed = [_parse_prior(text) for text in priors]
+    check_file(table, "name a CSV file with the columns frequency, damping, body, direction")
+    run(
+        model,
+        table,
+        ResultOptions(out, json, overwrite, pictures),
+        priors=parsed,
+        complete_below_hz=complete_below,
+        starts=starts,
+        seed=seed,
+    )
+
+
+def run(  # one for each option
+    model: Path,
+    table: Path,
+    outputs: ResultOptions,
+    *,
+    priors: Sequence[tuple[str, float]] = (),
+    complete_below_hz: float | None = None,
+    starts: int = 1,
+    seed: int = 0,
+) -> Path:
+    """Tune the model, write the result, print the table beside the modes of the model.
+
+    Args:
+        model: MJCF of the machine.
+        table: CSV file with the modes.
+        outputs: where the result is written.
+        priors: patterns of parameters' names with the standard deviations of their priors.
+        complete_below_hz: frequency below which the table has all modes; None if it may lack some.
+        starts: number of starts: the nominal model, then random ones.
+        seed: seed of the random starts.
+
+    Returns:
+        The folder of the result.
+
+    Raises:
+        typer.Exit: the fit was interrupted (code 130) or did not converge (code 4).
+    """
+    modes = read_mode_table(table)
+    machine = load_machine(model)
+    with outputs.open("tune", model, "tuned", NAMES) as output:
+        with SCREEN.status(f"tuning {machine.name} to {len(modes.modes)} modes"):
+            tuned = tune_to_modes(
+                machine,
+                modes,
+                priors,
+                complete_below_hz=complete_below_hz,
+                starts=starts,
+                seed=seed,
+            )
+        with output.write() as place:
+            summary = write_mode_table_result(tuned, place)
+            if outputs.pictures:
+                (place / MODE_TABLE_PAGE).write_text(render(summary), encoding="utf-8")
+        if outputs.json is not None:
+            write_json(summary.model_dump_json(indent=1), outputs.json)
+        _say(summary, output.path, outputs)
+    if summary.fit.outcome == "interrupted":
+        SCREEN.error("interrupted: the best parameters so far are written")
+        raise typer.Exit(INTERRUPTED)
+    if not summary.fit.converged:
+        SCREEN.error(f"not converged, {summary.fit.outcome}: {summary.fit.advice}")
+        raise typer.Exit(NOT_CONVERGED)
+    return output.path
+
+
+def _parse_prior(text: str) -> tuple[str, float]:
+    """Return the pattern and the standard deviation of a text ``NAME=SD``."""
+    name, equals, number = text.rpartition("=")
+    try:
+        deviation = float(number)
+    except ValueError:
+        deviation = math.nan
+    if not (equals and name and math.isfinite(deviation) and deviation >= 0):
+        raise UsageError(
+            f"--prior {text!r}: write NAME=SD, such as '*.stiffness=0.5', with SD of 0 or more"
+        )
+    return name, deviation
+
+
+def _say(summary: ModeTableFile, folder: Path, outputs: ResultOptions) -> None:
+    fit = summary.fit
+    agreement = (
+        "" if fit.starts == 1 else f"; {fit.agreeing_starts} of {fit.starts} starts agree on it"
+    )
+    SCREEN.say(f"{fit.outcome} after {fit.evaluations} evaluations{agreement}")
+    if not (outputs.has_json_on_stdout or SCREEN.quiet):
+        typer.echo("\n".join(mode_lines(summary)))
+    SCREEN.say(_describe_determined(summary))
+    for remark in summary.remarks:
+        SCREEN.say(f"  {remark}")
+    SCREEN.say(f"results in {folder}")
+    if outputs.pictures:
+        SCREEN.say(f"pictures in {(folder / MODE_TABLE_PAGE).absolute().as_uri()}")
+
+
+def _describe_determined(summary: ModeTableFile) -> str:
+    """Return how many parameters the table determines, with the names of the best ones."""
+    rows = sorted(summary.parameters, key=lambda row: row.ratio)
+    names = [row.name for row in rows if row.name in summary.determined][:_MAX_LISTED_PARAMETERS]
+    text = (
+        f"the table determines {len(summary.determined)} of {len(rows)} parameters to less than "
+        "half of their prior's standard deviation"
+    )
+    if not names:
+        return f"{text}; the others stay near the nominal model"
+    more = len(summary.determined) - len(names)
+    listed = ", ".join(names) + (f" and {more} more" if more > 0 else "")
+    return f"{text}, best first: {listed}; the others stay near the nominal model"

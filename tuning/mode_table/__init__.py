@@ -1,0 +1,1 @@
+"""Tuning of a model to a table of modes without shapes."""
