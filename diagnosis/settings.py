@@ -57,15 +57,18 @@ class DiagnosisSettings:
         serial_lags: distances of neighbouring lines that show a gap by their product [lines]: a
             variance from third differences is correlated over three lines, a mode spans several.
         max_distant_steps: Gauss-Newton steps of the second stage of refits from distant starts.
+        appendage_frequencies: number of these frequencies, in steps of 5 % at most.
         max_lost_mass_share: mass that an effect takes from a body at most, as a share of its mass.
         max_added_mass_share: mass that an effect adds at most, and its distance in gyration radii:
             a heavier or farther one belongs to another body.
         delay_phases_rad: phases at the highest line of the delays that are scanned [rad].
         max_force_values: values of the normal equations of free forces in memory at once.
+        force_stride: frequency lines of free forces: every ``force_stride``-th.
         force_powers: mean power of a free force relative to the noise, at the median line; the best
             of these counts.
         final_tolerance: relative tolerance of the fit whose parameters are stated, if it is exact:
             0.03 nats for 100 000 values, a quarter of a standard deviation.
+        min_fold_gain_nats: predicted gain of the smallest step of a fit without one fold [nats].
         exact_noise_share: share of the noise in the variance of the residual from which the stated
             parameters are fitted without a model error.
         interval_points: random points of the ellipsoid of confidence on which intervals of
@@ -103,12 +106,15 @@ class DiagnosisSettings:
     serial_lags: tuple[int, ...] = (3, 4, 5, 6)
     max_distant_steps: int = 15
     appendage_ends: tuple[float, float] = (1 / 40, 1.2)
+    appendage_frequencies: int = 80
     max_lost_mass_share: float = 0.9
     max_added_mass_share: float = 3.0
     delay_phases_rad: tuple[float, ...] = (0.6, 1.2, 1.8, 2.4, 3.0, 3.6, 4.2, 4.8)
     max_force_values: int = 2**24
+    force_stride: int = 16
     force_powers: tuple[float, ...] = (1.0, 10.0, 100.0, 1e3, 1e4)
     final_tolerance: float = 3e-7
+    min_fold_gain_nats: float = 0.1
     exact_noise_share: float = 0.95
     interval_points: int = 100
     decisive_nats: float = 30.0

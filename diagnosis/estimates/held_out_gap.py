@@ -181,7 +181,13 @@ def _fit_folds(
     stride = choose_stride(lines, schedule.stride * stride_factor, settings) // 2
     stage = replace(schedule.stage(refit.floor), stride=stride)
     full_fit = replace(refit.fit, last_stage=stage)
-    return fit_held_out(session.model, full_fit, session.campaign, width=width)
+    return fit_held_out(
+        session.model,
+        full_fit,
+        session.campaign,
+        width=width,
+        min_gain_nats=settings.min_fold_gain_nats,
+    )
 
 
 def _describe_gap(refit: Refit, held: HeldOutFits | None) -> HeldOutGap:

@@ -93,7 +93,7 @@ class _LinearisedFit:
     def linearise(cls, scene: Scene, fit: Fit, model_error_floor: float) -> "_LinearisedFit":
         """Return the linearisation about a fit."""
         varies, model = fit.parametrisation, scene.session.model
-        stride = scene.settings.score_stride * scene.stride_factor
+        stride = scene.settings.force_stride * scene.stride_factor
         thin = thin_lines(scene.session.campaign, stride)
 
         def build_misfit(campaign: Campaign) -> Misfit:

@@ -25,7 +25,7 @@ def begun(folder, seed, effect=None, **more):
 def dense(scene, found, force, power, model_error):
     """The same gain with every covariance written out, test by test."""
     model, varies, x = scene.session.model, found.parametrisation, found.x
-    campaign = thin_lines(scene.session.campaign, SETTINGS.score_stride)
+    campaign = thin_lines(scene.session.campaign, SETTINGS.force_stride)
     rates = np.zeros((len(varies.free), varies.size))
     rates[varies.free, varies.coordinate_of[varies.free]] = varies.rates(x)[varies.free]
     parts = []
