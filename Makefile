@@ -6,7 +6,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 OUT ?= mbw-demo
 SEALED ?= ../shared/campaigns/sealed
 
-.PHONY: demo test check docs figures bench field same sealed station gondola gondola-campaign demo-campaign two-bodies clean
+.PHONY: demo test check docs figures bench field same sealed station gondola gondola-campaign gondola-frames demo-campaign two-bodies clean
 
 demo: $(VENV)/.installed
 	$(BIN)/mbw demo --out $(OUT)
@@ -52,6 +52,10 @@ station: $(VENV)/.installed
 # Remakes the gondola's shapes; needs CalculiX (Debian: calculix-ccx).
 gondola: $(VENV)/.installed
 	$(BIN)/python assets/gondola/make_gondola.py
+
+# Remakes the gondola of three frames on pins, after the gondola; needs CalculiX.
+gondola-frames: $(VENV)/.installed
+	PYTHONPATH=. $(BIN)/python assets/gondola/make_frames.py
 
 # Remakes the gondola's campaign of impacts from its seed and from truths.npz.
 gondola-campaign: $(VENV)/.installed

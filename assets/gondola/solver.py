@@ -3,6 +3,7 @@
 import re
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,21 +27,23 @@ class Modes:
     shapes: Real
 
 
-def modes_of(panels: Panels, bending: float, count: int, frames: tuple[Frame, ...] = ()) -> Modes:
+def modes_of(panels: Panels, bending: float, count: int, attached: Sequence[str] = ()) -> Modes:
     """So many of the lowest modes, the six rigid ones among them; shapes of the panels alone.
 
     Args:
         panels: the mesh.
         bending: factor of the modulus.
         count: of modes.
-        frames: that hang on the panels.
+        attached: lines of the deck with what hangs on the panels, such as of ``hung``.
 
     Raises:
         RuntimeError: CalculiX gave none.
     """
     with tempfile.TemporaryDirectory() as folder:
         job = Path(folder) / "gondola"
-        job.with_suffix(".inp").write_text(_deck(panels, bending, count, frames), encoding="ascii")
+        job.with_suffix(".inp").write_text(
+            _deck(panels, bending, count, attached), encoding="ascii"
+        )
         done = subprocess.run(
             ["ccx", "-i", job.name],
             cwd=folder,
@@ -55,7 +58,7 @@ def modes_of(panels: Panels, bending: float, count: int, frames: tuple[Frame, ..
     return Modes(frequencies[:count], shapes[:count])
 
 
-def _deck(panels: Panels, bending: float, count: int, frames: tuple[Frame, ...]) -> str:
+def _deck(panels: Panels, bending: float, count: int, attached: Sequence[str]) -> str:
     lines = ["*NODE, NSET=ALL"]
     lines += [f"{k + 1}, {x:.9g}, {y:.9g}, {z:.9g}" for k, (x, y, z) in enumerate(panels.points)]
     kinds: dict[tuple[float, float], list[int]] = {}
@@ -70,12 +73,12 @@ def _deck(panels: Panels, bending: float, count: int, frames: tuple[Frame, ...])
         lines += [f"*MATERIAL, NAME=M{number}", "*ELASTIC", f"{bending * MODULUS:.9g}, {POISSON}"]
         lines += ["*DENSITY", f"{density:.9g}"]
         lines += [f"*SHELL SECTION, ELSET=E{number}, MATERIAL=M{number}", f"{thickness:.9g}"]
-    lines += _hung(panels, frames)
+    lines += attached
     lines += ["*STEP", "*FREQUENCY", str(count), "*NODE FILE, OUTPUT=2D", "U", "*END STEP", ""]
     return "\n".join(lines)
 
 
-def _hung(panels: Panels, frames: tuple[Frame, ...]) -> list[str]:
+def hung(panels: Panels, frames: tuple[Frame, ...]) -> list[str]:
     """A node with a mass for each frame, and springs from it to its pins."""
     lines, node, element = [], len(panels.points), len(panels.elements)
     for frame in frames:

@@ -13,7 +13,7 @@ from equivalent_shell import PANEL
 from panels import WIDTH, Build, Frame, Panels, Real, panels_of
 from places import Place
 from scipy.optimize import linear_sum_assignment
-from solver import Modes, modes_of
+from solver import Modes, hung, modes_of
 
 COUNT = 24
 _SAME = 0.5  # MAC on the whole mesh, below which two modes are not the same
@@ -65,9 +65,9 @@ def truth(seed: int, drawn: Panels, modes: Modes, places: list[Place]) -> dict[s
     for number in range(_DRAWS):
         own = build(seed, number)
         panels = panels_of(own)
-        found = modes_of(panels, own.bending, COUNT, own.frames)
-        mac = _alike(drawn, modes, found)
-        pairs = _pairs(mac)
+        found = modes_of(panels, own.bending, COUNT, hung(panels, own.frames))
+        mac = alike(drawn, modes, found)
+        pairs = pairs_by(mac)
         if _is_off(modes, found, pairs) and _is_clear(found, pairs, mac):
             shapes = found.shapes[:, [place.node for place in places]]
             return {
@@ -95,7 +95,7 @@ def _is_clear(found: Modes, pairs: Real, mac: Real) -> bool:
     return bool(others.any() and (mac[others, _RIGID:] < _OTHER).all())
 
 
-def _alike(drawn: Panels, modes: Modes, found: Modes) -> Real:
+def alike(drawn: Panels, modes: Modes, found: Modes) -> Real:
     """MAC on all nodes, weighed by area; (n_found, n_drawn)."""
     weight = np.zeros(len(drawn.points))
     np.add.at(weight, drawn.elements.ravel(), np.repeat(drawn.area * PANEL, 8) / 8)
@@ -108,7 +108,7 @@ def _alike(drawn: Panels, modes: Modes, found: Modes) -> Real:
     return mac
 
 
-def _pairs(mac: Real) -> Real:
+def pairs_by(mac: Real) -> Real:
     """Mode of the drawing that each mode is, -1 for none; rigid ones are paired with rigid ones."""
     partner = np.full(len(mac), -1)
     partner[:_RIGID] = np.arange(_RIGID)

@@ -110,6 +110,48 @@ def gondola_seconds() -> str:
     return f"{min(seconds):.1f} to {max(seconds):.1f}"
 
 
+def gondola_frames_modes() -> str:
+    """Modes of the single frame and the most similar modes of three frames on pins."""
+    rows = [
+        (
+            row["mode"],
+            fixed(row["single Hz"], 1),
+            row["three"],
+            fixed(row["three Hz"], 1),
+            fixed(row["MAC"], 2),
+        )
+        for row in bench_rows("gondola_frames")
+        if "mode" in row
+    ]
+    header = ("Single frame, mode", "Frequency [Hz]", "Three frames, mode", "Frequency [Hz]", "MAC")
+    return table(header, rows)
+
+
+def gondola_frames_table() -> str:
+    """Matches of structures of three frames with the shapes of either model."""
+    rows = []
+    for name in ("single frame", "three frames"):
+        own = [row for row in bench_rows("gondola_frames") if row.get("model") == name]
+        counts = [
+            sum(row[key] for row in own)
+            for key in ("measured", "right", "wrong", "wrong above 0.9")
+        ]
+        rows.append((name.capitalize(), *counts, fixed(_median_of(own, "median MAC"), 2)))
+    header = (
+        "Model",
+        "Measured modes",
+        "Right pairs",
+        "Wrong pairs",
+        "Wrong above 0.9",
+        "Median MAC",
+    )
+    return table(header, rows)
+
+
+def _median_of(rows: list[dict], key: str) -> float:
+    return float(np.median([row[key] for row in rows]))
+
+
 def _pairs() -> list[dict]:
     return [row for row in bench_rows("gondola") if row.get("stated") == "a pair"]
 
@@ -128,4 +170,6 @@ FIGURES = {
     "gondola-sure": gondola_sure,
     "gondola-less-sure": gondola_less_sure,
     "gondola-seconds": gondola_seconds,
+    "gondola-frames-modes-table": gondola_frames_modes,
+    "gondola-frames-table": gondola_frames_table,
 }

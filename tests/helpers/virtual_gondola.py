@@ -47,15 +47,15 @@ class Structure:
     pairs: NDArray[np.intp]
 
 
-def read_structure(path: Path, seed: int) -> Structure:
-    """One of the structures of ``truths.npz``."""
+def read_structure(path: Path, seed: int, pairs: str = "pairs") -> Structure:
+    """One of the structures of ``truths.npz``; ``pairs`` names the model of its pairs."""
     with np.load(path) as kept:
         return Structure(
             kept[f"frequencies_{seed}"],
             kept[f"shapes_{seed}"].astype(float),
             tuple(kept["places"].tolist()),
             tuple(kept["axes"].tolist()),
-            kept[f"pairs_{seed}"].astype(np.intp),
+            kept[f"{pairs}_{seed}"].astype(np.intp),
         )
 
 
