@@ -48,7 +48,8 @@ def simulate(
     """Simulate a machine's motion from static equilibrium, without linearising it.
 
     A cubic spline interpolates the samples of each input. Its mean over each step is applied.
-    Integrator and step follow from an error estimate.
+    Integrator and step follow from an error estimate, over a tenth of the time, at most 0.5 s, in
+    which the inputs change most.
 
     Args:
         machine: as loaded from its MJCF.
@@ -77,14 +78,16 @@ def simulate(
     drives = find_drives(model, inputs)
     spline = CubicSpline(time_s - time_s[0], signals)
 
-    def means_of(step_s: float) -> InputMeans:
-        return _spline_means(spline.antiderivative(), step_s, time_s[-1] - time_s[0])
+    def means_of(step_s: float, first: int = 0) -> InputMeans:
+        primitive = spline.antiderivative()
+        return _spline_means(primitive, step_s, time_s[-1] - time_s[0], first / rate)
 
     recorder = Recorder(readings.readout, rate, np.zeros(len(outputs)), is_filtered=False)
     duration = time_s[-1] - time_s[0]
     span = min(_ESTIMATED_SHARE * duration, _MAX_ESTIMATED_S)
     gains = drives.gain[None]
-    step = choose_time_step(model, gains, means_of, recorder, span)
+    hardest = _fastest_part(signals, round(span * rate))
+    step = choose_time_step(model, gains, lambda step_s: means_of(step_s, hardest), recorder, span)
     count = round((duration + 2 / rate) / step.step_s)
     chunks = integrate(model, gains, means_of(step.step_s), count, step)
     motion = recorder.record(chunks, step.step_s)[0, :, : len(time_s)].T
@@ -92,12 +95,28 @@ def simulate(
     return TimeResponse(time_s, motion + floor @ _world_axes(model, outputs).T, step)
 
 
-def _spline_means(primitive: PPoly, step_s: float, end_s: float) -> InputMeans:
-    """Return the means of a spline over the steps; behind its end the inputs keep their values."""
+def _fastest_part(signals: Real, length: int) -> int:
+    """Return the first sample of the part in which the inputs change most; it begins at rest."""
+    size = np.maximum(np.abs(signals).max(axis=0), np.finfo(float).tiny)
+    changes = (np.diff(signals / size, axis=0) ** 2).sum(axis=1)
+    total = np.concatenate([[0.0], np.cumsum(changes)])
+    length = min(max(length, 1), len(changes))
+    return int(np.argmax(total[length:] - total[:-length]))
+
+
+def _spline_means(primitive: PPoly, step_s: float, end_s: float, start_s: float) -> InputMeans:
+    """Return the means of a spline over the steps; behind its end the inputs keep their values.
+
+    Args:
+        primitive: of the spline.
+        step_s: [s].
+        end_s: of the spline [s].
+        start_s: time in the spline at which the first step begins [s].
+    """
     last = primitive(end_s, 1)
 
     def means(start: int, stop: int) -> Real:
-        edges = np.arange(start, stop + 1) * step_s
+        edges = start_s + np.arange(start, stop + 1) * step_s
         inside = np.minimum(edges, end_s)
         impulse = primitive(inside) + (edges - inside)[:, None] * last
         over_step: Real = np.diff(impulse, axis=0) / step_s

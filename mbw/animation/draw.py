@@ -1,6 +1,7 @@
 """Pictures of an animated mode: rendered by MuJoCo, or its outlines where nothing can render."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -28,11 +29,25 @@ def draw_mode(scene: ModeScene, frames: int = FRAMES) -> tuple[list[Image.Image]
         scene: mode to be animated.
         frames: number of pictures.
     """
-    motion = move_scene(scene, frames)
+    return draw_motion(scene, move_scene(scene, frames))
+
+
+def draw_motion(
+    scene: ModeScene, motion: SceneMotion, captions: Sequence[str] = ()
+) -> tuple[list[Image.Image], bool]:
+    """Return the pictures of any motion of a scene, and whether MuJoCo has rendered them.
+
+    Args:
+        scene: machine and its geometry.
+        motion: enlarged motion, picture by picture.
+        captions: of the pictures; that of the scene if there is none.
+    """
     rendered = _render_pictures(scene, motion)
     has_surfaces = rendered is not None
     pictures = _outlines(scene, motion) if rendered is None else rendered
-    return [_finish(scene, motion, k, image) for k, image in enumerate(pictures)], has_surfaces
+    captioned = [replace(scene, caption=caption) for caption in captions]
+    scenes = captioned or [scene] * len(motion.bodies)
+    return [_finish(scenes[k], motion, k, image) for k, image in enumerate(pictures)], has_surfaces
 
 
 def _finer() -> tuple[int, int]:

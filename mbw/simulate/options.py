@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Json, Overwrite, Quiet, Seed, out_option
+from mbw.options import Json, Overwrite, Pictures, Quiet, Seed, out_option
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -152,6 +152,7 @@ def simulate(  # noqa: PLR0913  # one for each option
         ),
     ] = None,
     out: Annotated[Path | None, out_option("<model>-simulated beside it")] = None,
+    pictures: Pictures = True,
     json: Json = None,
     seed: Seed = 0,
     jobs: Annotated[
@@ -199,6 +200,7 @@ def simulate(  # noqa: PLR0913  # one for each option
         spin=spin or [],
         key=key,
         out=out,
+        pictures=pictures,
         json=json,
         seed=seed,
         jobs=jobs,

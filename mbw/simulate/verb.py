@@ -12,12 +12,15 @@ import typer
 from identification.words import Dof, InputError, UsageError
 from mbmodel import TimeStep, load_machine, simulate, strike, write_mjcf
 from mbmodel.simulation.drives import parse_drive, parse_reading
+from mbw.animation.files import check_picture_target
 from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
+from mbw.simulate.animation import write_animation
 from mbw.simulate.campaign_folder import ANSWER, CAMPAIGN, MODEL, TRUE_MODEL, write_campaign
 from mbw.simulate.hammer_plan import TestOptions, plan_test
 from mbw.simulate.joint_laws import SimulatedMachine, open_machine
+from mbw.simulate.page import PAGE, PageView, hit_views, render
 from mbw.simulate.played_signal import PlayOptions, load_signal, parse_quantity, write_response
 from mbw.simulate.summary import SimulationSummary
 from mbw.simulate.units import input_unit, output_unit
@@ -39,6 +42,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     spin: list[str],
     key: str | None,
     out: Path | None,
+    pictures: bool,
     json: Path | None,
     seed: int,
     jobs: int | None,
@@ -46,7 +50,7 @@ def run_options(  # noqa: PLR0913  # one for each option
 ) -> None:
     """Run the verb with the values of its options, as ``mbw.simulate.options`` describes them."""
     test_options, play_options = TestOptions(**test), PlayOptions(**played)
-    outputs = ResultOptions(out, json, overwrite, pictures=False)
+    outputs = ResultOptions(out, json, overwrite, pictures)
     rates = parse_spin_rates(spin)
     with open_machine(model, laws, rates, key) as simulated:
         for remark in simulated.machine.remarks:
@@ -57,6 +61,8 @@ def run_options(  # noqa: PLR0913  # one for each option
                 simulated, play_options, outputs, rates, file_format or "csv", seed
             )
         else:
+            if play_options.animate is not None:
+                raise UsageError("--animate shows a played signal: add --signal or --input")
             summary = make_test(
                 simulated,
                 test_options,
@@ -82,6 +88,7 @@ def _refuse_test_options(options: TestOptions, nominal: Path | None) -> None:
         "--pulse": options.pulse_s,
         "--exact": options.exact,
         "--nominal": nominal,
+        "--double-hits": options.double_share,
     }
     wrong = [name for name, value in given.items() if value]
     if wrong:
@@ -116,7 +123,7 @@ def make_test(
     _check_nominal(simulated, nominal)
     planned = plan_test(machine, options, f".{file_format}")
     plan = planned.plan
-    names = [CAMPAIGN, MODEL, TRUE_MODEL, ANSWER, *(file.file for file in plan.files)]
+    names = [CAMPAIGN, MODEL, TRUE_MODEL, ANSWER, PAGE, *(file.file for file in plan.files)]
     total = sum(file.hits * len(file.references) for file in plan.files)
     with outputs.open("simulate", simulated.source, "simulated", names) as output:
         with SCREEN.progress() as progress:
@@ -135,6 +142,15 @@ def make_test(
             write_mjcf(nominal or simulated.source, place / MODEL, (), output.path)
             if simulated.laws or nominal is not None:
                 write_mjcf(machine.source, place / TRUE_MODEL, (), output.path)
+            if outputs.pictures:
+                text = render(
+                    f"{machine.name}: virtual hammer test",
+                    f"{total} hits; the first along each direction is shown",
+                    _step_sentence(test.step),
+                    machine.remarks,
+                    hit_views(plan, test),
+                )
+                (place / PAGE).write_text(text, encoding="utf-8")
             names = sorted(path.name for path in place.iterdir())
     summary = _summary(
         simulated,
@@ -144,8 +160,9 @@ def make_test(
         rate=plan.rate_hz,
         duration=plan.block_s,
     ).model_copy(update={"hits": total, "seconds": total * plan.block_s})
-    _say_step(test.step)
+    SCREEN.say(_step_sentence(test.step))
     SCREEN.say(f"{total} hits, {len(plan.files)} files: campaign in {output.path}")
+    _say_page(outputs, output.path)
     if not (outputs.has_json_on_stdout or SCREEN.quiet):
         typer.echo(f"mbw identify {output.path}")
     return summary
@@ -184,6 +201,8 @@ def play_signal(
     """
     _check_format(file_format, _RESPONSE_FORMATS)
     machine = simulated.machine
+    if options.animate is not None:
+        check_picture_target(options.animate)
     quantity = parse_quantity(options.quantity)
     signal = load_signal(options, seed)
     drives = tuple(parse_drive(machine, label) for label in signal.labels)
@@ -194,7 +213,7 @@ def play_signal(
     if not readings:
         raise UsageError("the model has no site: name --output, such as body:+tx")
     name = f"{_RESPONSE_STEM}.{file_format}"
-    names = [f"{_RESPONSE_STEM}.{kind}" for kind in _RESPONSE_FORMATS]
+    names = [PAGE, *(f"{_RESPONSE_STEM}.{kind}" for kind in _RESPONSE_FORMATS)]
     with outputs.open("simulate", simulated.source, "simulated", names) as output:
         with SCREEN.status(f"{signal.time_s[-1] - signal.time_s[0]:.3g} s in time"):
             response = simulate(
@@ -206,17 +225,39 @@ def play_signal(
                 quantity=quantity,
                 spin=rates,
             )
-        columns = [
+        inputs = [
             (str(drive), input_unit(machine, drive), signal.values[:, k])
             for k, drive in enumerate(drives)
-        ] + [
+        ]
+        motion = [
             (str(reading), output_unit(machine, reading, quantity), response.outputs[:, k])
             for k, reading in enumerate(readings)
         ]
         with output.write() as place:
-            write_response(place / name, signal.time_s, columns)
-    _say_step(response.step)
+            write_response(place / name, signal.time_s, [*inputs, *motion])
+            if outputs.pictures:
+                text = render(
+                    f"{machine.name}: response in time",
+                    f"inputs: {len(drives)}, outputs: {len(readings)}",
+                    _step_sentence(response.step),
+                    machine.remarks,
+                    [PageView("", signal.time_s, inputs, motion)],
+                )
+                (place / PAGE).write_text(text, encoding="utf-8")
+    if options.animate is not None:
+        places = simulate(
+            machine,
+            drives,
+            machine.layout.body_dofs(),
+            signal.time_s,
+            signal.values,
+            quantity="receptance",
+            spin=rates,
+        )
+        write_animation(options.animate, machine, signal.time_s, places.outputs)
+    SCREEN.say(_step_sentence(response.step))
     SCREEN.say(f"{len(readings)} channels, {len(signal.time_s)} samples in {output.path / name}")
+    _say_page(outputs, output.path)
     duration = float(signal.time_s[-1] - signal.time_s[0])
     rate = float((len(signal.time_s) - 1) / duration)
     return _summary(
@@ -229,12 +270,17 @@ def _check_format(text: str, allowed: tuple[str, ...]) -> None:
         raise UsageError(f"--format {text!r}: write one of {', '.join(allowed)}")
 
 
-def _say_step(step: TimeStep) -> None:
-    """Print integrator, step and estimated error."""
+def _say_page(outputs: ResultOptions, folder: Path) -> None:
+    if outputs.pictures:
+        SCREEN.say(f"pictures: open {(folder / PAGE).resolve().as_uri()}")
+
+
+def _step_sentence(step: TimeStep) -> str:
+    """Return integrator, step and estimated error in words."""
     error = f"{step.error:.1g}" if math.isfinite(step.error) else "unknown"
-    SCREEN.say(
-        f"integrator {step.integrator}, step {1e6 * step.step_s:.4g} us; estimated error {error} "
-        f"of the channels' rms (against half the step, over {step.span_s:.2g} s)"
+    return (
+        f"Integrator {step.integrator}, step {1e6 * step.step_s:.4g} us; estimated error {error} "
+        f"of the channels' rms (against half the step, over {step.span_s:.2g} s)."
     )
 
 

@@ -7,6 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 import scipy.io
+from PIL import Image, ImageSequence
 from small_machine import MJCF
 from typer.testing import CliRunner
 
@@ -232,3 +233,19 @@ def test_hardening_raises_the_frequency_with_the_level(model, tmp_path):
 )
 def test_a_wrong_law_is_refused(model, law, words):
     assert words in run(model, "--law", law, code=2)
+
+
+def test_a_played_signal_becomes_a_moving_picture_and_a_page(model, tmp_path, monkeypatch):
+    monkeypatch.setattr("mbw.simulate.animation._PICTURE_COUNT", 10)  # rendering takes long
+    target = tmp_path / "motion.gif"
+    place = ("--signal", "step", "--at", "acc3:+tx", "--duration", 0.2, "--amplitude", 30)
+    run(model, *place, "--animate", target, "--out", tmp_path / "o")
+    with Image.open(target) as file:
+        frames = [np.asarray(frame.convert("L"), float) for frame in ImageSequence.Iterator(file)]
+    assert len(frames) == 10
+    below = [frame[60:] for frame in frames]  # the caption changes always
+    assert max(float((np.abs(frame - below[0]) > 40).mean()) for frame in below) > 1e-3
+    page = (tmp_path / "o" / "simulate.html").read_text(encoding="utf-8")
+    assert "estimated error" in page
+    assert '"label": "acc3:+tx"' in page
+    assert "--animate" in run(model, "--hammer", "3", "--animate", target, code=2)
