@@ -27,6 +27,7 @@ class StateSpaceComparison:
         max_difference: largest difference of any FRF at any line, relative to that FRF's peak.
         rms_difference: root mean square over FRFs of ||difference|| / ||FRF||.
         worst: output, input and frequency [Hz] of the largest difference.
+        worst_frfs: that FRF by the equation of motion, and by the state space; (2, n_freq).
         growth: largest real part of a pole of the state space [1/s]; above zero it is unstable.
         laws: what the state space approximates.
     """
@@ -36,6 +37,7 @@ class StateSpaceComparison:
     max_difference: float
     rms_difference: float
     worst: tuple[Dof, Input, float]
+    worst_frfs: Complex
     growth: float
     laws: tuple[ApproximatedLaw, ...]
 
@@ -69,7 +71,8 @@ def compare_state_space(model: Model, request: FrfRequest) -> StateSpaceComparis
         system.A * units / units[:, None], system.B / units[:, None], system.C * units, system.D
     )
     response = control.frequency_response(scaled, 2 * np.pi * lines, squeeze=False)
-    difference = np.abs(np.moveaxis(np.asarray(response.complex), -1, 0) - expected)
+    values = np.moveaxis(np.asarray(response.complex), -1, 0)
+    difference = np.abs(values - expected)
     relative = difference / _peaks(expected)
     line, output, column = np.unravel_index(int(relative.argmax()), relative.shape)
     power = np.maximum((np.abs(expected) ** 2).sum(axis=0), _peaks(expected)[0] ** 2)
@@ -79,6 +82,7 @@ def compare_state_space(model: Model, request: FrfRequest) -> StateSpaceComparis
         float(relative.max()),
         float(np.sqrt(((difference**2).sum(axis=0) / power).mean())),
         (request.outputs[output], request.inputs[column], float(lines[line])),
+        np.stack([expected[:, output, column], values[:, output, column]]),
         float(np.linalg.eigvals(scaled.A).real.max()),
         export.laws,
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.words import Complex, Dof, Input, Motor, Quantity, Real, UsageError
-from mbmodel import Evaluator, FrfRequest, Model, Modes
+from mbmodel import Evaluator, FrfRequest, Machine, Model, Modes
 from mbmodel.frf.ports import FLOOR, is_floor
 from mbw.page.numbers import MOTION_UNITS
 from mbw.site_kinds import hammer_sites
@@ -102,7 +102,7 @@ def _curves(
         request.quantity,
         tuple(f"{pairs[k][0]} / {pairs[k][1]}" for k in moving),
         tuple(groups[k] for k in moving),
-        tuple(_unit(model, request.quantity, *pairs[k]) for k in moving),
+        tuple(port_unit(model.machine, request.quantity, *pairs[k]) for k in moving),
         values[moving],
         tuple(pairs[k] for k in moving),
         np.zeros((0, len(freq)), complex),
@@ -162,10 +162,11 @@ def _with_lines_at_poles(freq: Real, modes: Sequence[Modes]) -> Real:
     return lines
 
 
-def _unit(model: Model, quantity: Quantity, out: Dof, inp: Input) -> str:
+def port_unit(machine: Machine, quantity: Quantity, out: Dof, inp: Input) -> str:
+    """Return the unit of an FRF, such as ``m/s² per N``."""
     motion = MOTION_UNITS[quantity][out.is_rotation]
     if isinstance(inp, Motor):
         return f"{motion} per unit of control"
-    if is_floor(model.machine, inp):
+    if is_floor(machine, inp):
         return f"{motion} per {MOTION_UNITS['accelerance'][inp.is_rotation]}"
     return f"{motion} per {'N m' if inp.is_rotation else 'N'}"

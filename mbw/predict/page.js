@@ -149,8 +149,27 @@ function panels() {
   bode();
 }
 
+// ---- the state space -------------------------------------------------------------------------
+
+function stateSpace() {
+  if (!DATA.check) return;
+  const check = DATA.check, freq = floats(check.freq), values = floats(check.values);
+  const [exact, states] = [0, 1].map(k => complexes(values, k, freq.length));
+  const curves = [polar(exact), polar(states)], rest = Array.from(floats(check.difference), size => size > 0 ? size : null);
+  const data = [...bodeTraces(freq, curves[0], "equation of motion", {color: HUES[0], width: 2.5}),
+    ...bodeTraces(freq, curves[1], "state space", {color: HUES[1], width: 1.4, dash: "dash"}),
+    {type: "scatter", mode: "lines", x: freq, y: rest, name: "difference", line: {color: "#8d99ae", width: 1.2},
+      hovertemplate: "%{x:.5g} Hz: %{y:.4g}<extra>difference</extra>"}];
+  const axes = bodeAxes([...curves.map(c => c.size), rest], check.quantity + " / (" + check.unit + ")");
+  const layout = {...PLOT, height: 460, margin: {l: 76, r: 12, t: 34, b: 46}, title: {text: check.label, font: {size: 14}},
+    xaxis: {gridcolor: GRID, zeroline: false, ticks: "outside", anchor: "y2", title: {text: "Hz", standoff: 4}}, ...axes,
+    legend: {x: 1.01, y: 1, xanchor: "left", tracegroupgap: 0}, showlegend: true};
+  Plotly.react("state-space", data, layout, CONFIG);
+}
+
 film();
 table();
 panels();
+stateSpace();
 chooseFirst();
 start();

@@ -14,7 +14,7 @@ from mbw.page.picture import picture_data
 from mbw.predict.before_after import comparison_section
 from mbw.predict.outcome import Outcome
 from mbw.predict.prediction import Prediction, largest_shares
-from mbw.predict.state_space_check import check_section
+from mbw.predict.state_space_check import check_curves, check_section
 
 PAGE = "predict.html"
 _MAX_ENERGY_MODES = 60  # columns of the energy table
@@ -69,7 +69,7 @@ def _data(outcome: Outcome, geometry: MachineGeometry) -> dict[str, object]:
     prediction, curves = outcome.prediction, outcome.curves
     if curves is None:
         raise ValueError("a page needs curves")
-    layout = prediction.machine.layout
+    layout, check = prediction.machine.layout, outcome.state_space
     return {
         "picture": picture_data(layout, geometry, prediction.shapes[-6 * len(layout.bodies) :].T),
         "modes": _modes(prediction),
@@ -84,6 +84,7 @@ def _data(outcome: Outcome, geometry: MachineGeometry) -> dict[str, object]:
             "remark": curves.remark,
             **_before(outcome),
         },
+        "check": None if check is None else check_curves(check, prediction.machine),
     }
 
 

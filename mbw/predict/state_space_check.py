@@ -3,9 +3,13 @@
 from collections.abc import Sequence
 from html import escape
 
+import numpy as np
+
 from identification.words import Dof, Input, shorten_names
 from mbmodel import ApproximatedLaw, FrfRequest, Machine, Model, StateSpaceComparison
+from mbw.page.html import pack_complex, pack_real
 from mbw.page.numbers import format_percent
+from mbw.predict.curves import port_unit
 from mbw.predict.requests import PredictRequest, band_lines, read_quantity
 from mbw.predict.schema import LawRow, StateSpaceCheckRow
 from mbw.site_kinds import hammer_sites
@@ -127,4 +131,22 @@ def check_section(row: StateSpaceCheckRow) -> str:
     """Return HTML of the comparison."""
     head, *rest = check_lines(row)
     items = "".join(f"<li>{escape(line.strip())}</li>" for line in rest)
-    return f"<h2>State space</h2><p>{escape(head[:1].upper() + head[1:])}</p><ul>{items}</ul>"
+    return (
+        f"<h2>State space</h2><p>{escape(head[:1].upper() + head[1:])}</p><ul>{items}</ul>"
+        '<div id="state-space"></div>'
+        '<p class="soft">The FRF with the largest difference: by the equation of motion, by the '
+        "state space, and their difference.</p>"
+    )
+
+
+def check_curves(comparison: StateSpaceComparison, machine: Machine) -> dict[str, object]:
+    """Return the FRF with the largest difference for the page."""
+    request, (output, column, _) = comparison.request, comparison.worst
+    return {
+        "freq": pack_real(request.freq_hz),
+        "values": pack_complex(comparison.worst_frfs),
+        "difference": pack_real(np.abs(np.subtract(*comparison.worst_frfs))),
+        "label": f"{output} / {column}",
+        "quantity": request.quantity,
+        "unit": port_unit(machine, request.quantity, output, column),
+    }

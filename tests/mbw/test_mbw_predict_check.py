@@ -5,6 +5,7 @@ import json
 import control
 import numpy as np
 import pytest
+from browser import CHROMIUM, GL, browse
 from small_machine import MJCF
 from typer.testing import CliRunner
 
@@ -75,6 +76,28 @@ def test_orders_and_errors_of_approximations_stand_in_json_on_page_and_terminal(
     for sentence in ("Pade's fraction of order", "Maxwell branches with a spring", "exact, with"):
         assert sentence in checked[1]
         assert sentence.replace("'", "&#x27;") in page
+
+
+PROBE = """<script>
+(async () => {
+  await new Promise(done => setTimeout(done, 1500));
+  const curves = byId("state-space").data.filter(t => t.showlegend !== false);
+  const found = {names: curves.map(t => t.name), largest: Math.max(...curves[2].y),
+    peak: Math.max(...curves[0].y), title: byId("state-space").layout.title.text, faults: FAULTS};
+  document.body.append(element("pre", JSON.stringify(found), {id: "found"}));
+})();
+</script>"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_the_page_draws_the_frf_with_the_largest_difference(place, checked, tmp_path):
+    row = checked[0]["state_space_check"]
+    page = (place / "out" / "predict.html").read_text("utf-8")
+    found = browse(page, tmp_path, *GL, probe=PROBE)
+    assert found["faults"] == []
+    assert found["names"] == ["equation of motion", "state space", "difference"]
+    assert found["title"] == f"{row['worst_output']} / {row['worst_input']}"
+    assert found["largest"] / found["peak"] == pytest.approx(row["max_difference"], rel=1e-5)
 
 
 def test_frfs_hold_the_laws_exactly(place):
