@@ -13,7 +13,7 @@ _MAX_MASS_ERROR = 1e-9  # relative: MuJoCo keeps masses in double precision
 def check_combination(
     combined: mujoco.MjModel,
     origins: Sequence[tuple[str, str, mujoco.MjModel]],
-    added_mass: float,
+    added_masses: Sequence[float],
 ) -> None:
     """Refuse a combined machine that lacks elements, or in which settings change masses.
 
@@ -23,7 +23,7 @@ def check_combination(
     Args:
         combined: compiled.
         origins: for each file its name, the prefix of its names, and the file compiled alone.
-        added_mass: sum of the point masses [kg].
+        added_masses: point masses [kg].
 
     Raises:
         InputError: elements that are missing; a body, or all bodies together, with another mass.
@@ -36,7 +36,9 @@ def check_combination(
                 f"{origins[-1][0]}: {lost} of its {kind} cannot be mounted, since they use an "
                 "element of its world that is left out: draw that element in a body"
             )
-    for file, prefix, model in origins:
+    bodies = 1 + len(added_masses) + sum(model.nbody - 1 for _, _, model in origins)
+    has_fused = bodies != combined.nbody  # fusestatic, which the combined file does not have
+    for file, prefix, model in () if has_fused else origins:
         for number in range(1, model.nbody):
             name = model.body(number).name
             copy = mujoco.mj_name2id(combined, mujoco.mjtObj.mjOBJ_BODY, prefix + name)
@@ -45,7 +47,7 @@ def check_combination(
                     f"{file}: body {name!r} has {combined.body_mass[copy]:g} kg in the combined "
                     f"file and {model.body_mass[number]:g} kg in its own: {_ADVICE}"
                 )
-    expected = added_mass + sum(float(model.body_mass[1:].sum()) for _, _, model in origins)
+    expected = sum(added_masses) + sum(float(model.body_mass[1:].sum()) for _, _, model in origins)
     total = float(combined.body_mass[1:].sum())
     if abs(total - expected) > _MAX_MASS_ERROR * expected:
         raise InputError(

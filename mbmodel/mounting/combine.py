@@ -95,7 +95,7 @@ def combine(
     if masses:
         loaded = _read(file, machine, folder, rates, key)
     path = file.write(folder)
-    check_combination(compile_mjcf(path), origins, sum(mass.mass_kg for mass in masses))
+    check_combination(compile_mjcf(path), origins, [mass.mass_kg for mass in masses])
     return Combined(loaded, file, tuple(remarks))
 
 

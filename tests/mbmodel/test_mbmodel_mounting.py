@@ -321,6 +321,22 @@ def test_a_machine_of_included_files_takes_a_stage(write, out):
     assert machine.layout.bodies == ("a", "b")
 
 
+@pytest.mark.parametrize("fused", ["machine", "stage"])
+def test_welded_bodies_that_a_file_fuses_weigh_as_much(from_text, write, out, fused):
+    base = random_tree(3)  # one of its bodies is welded
+    inner = random_tree(11).split("<worldbody>")[1].split("</worldbody>")[0]
+    stage = mjcf(inner.replace('"b', '"s').replace('"w', '"v').replace('"acc', '"acc2'))
+    fusing = 'angle="radian" fusestatic="true"'
+    texts = {"machine": base, "stage": stage}
+    texts[fused] = texts[fused].replace('angle="radian"', fusing)
+    place = MountedStage(write(texts["stage"]), "b0", (0.0, 0.1, 0.2))
+    loaded = combine(from_text(texts["machine"]), out, place).machine
+    plain = MountedStage(write(stage, "plain.xml"), "b0", (0.0, 0.1, 0.2))
+    expected = combine(from_text(base), out, plain).machine
+    request = random_request(expected, FREQ_HZ, n_out=6, n_in=2)
+    assert worst_of_channels(frfs(loaded, request), frfs(expected, request)) < 1e-9
+
+
 BOX = '<body name="b"><joint name="b_j" type="{}"/><geom size="0.1" density="100"/>{}</body>'
 REFUSED = {
     "no such body": (BOX.format("slide", ""), "", "nobody", "acc1", "has no moving body 'nobody'"),
