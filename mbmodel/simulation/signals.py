@@ -4,6 +4,7 @@ import numpy as np
 
 from identification.words import Real, UsageError
 
+_MIN_SIGNAL_SAMPLES, _MAX_SIGNAL_SAMPLES = 64, 10_000_000
 _START_SHARE = 0.05  # of the duration, before a step and between a chirp and the ends
 _RISE_SAMPLES = 8  # of a step: a jump between two samples has no band limit
 
@@ -14,12 +15,13 @@ def time_axis(duration_s: float, rate_hz: float) -> Real:
     Raises:
         UsageError: the signal is too short, or too long to be kept.
     """
-    count = round(duration_s * rate_hz) + 1
-    if not (np.isfinite(duration_s * rate_hz) and 64 <= count <= 10_000_000):
+    count = duration_s * rate_hz
+    if not (rate_hz > 0 and _MIN_SIGNAL_SAMPLES <= count <= _MAX_SIGNAL_SAMPLES):
         raise UsageError(
-            f"a signal of {duration_s:g} s at {rate_hz:g} Hz has {count} samples: give 64 to 1e7"
+            f"a signal of {duration_s:g} s at {rate_hz:g} Hz has {count:.4g} samples: give "
+            f"{_MIN_SIGNAL_SAMPLES} to {_MAX_SIGNAL_SAMPLES:g}"
         )
-    return np.arange(count) / rate_hz
+    return np.arange(round(count) + 1) / rate_hz
 
 
 def step_signal(time_s: Real, height: float) -> Real:

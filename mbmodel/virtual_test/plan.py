@@ -6,6 +6,7 @@ from identification.words import Dof, UsageError
 
 _MIN_RATE_HZ, _MAX_RATE_HZ = 1.0, 1e6
 _MAX_BLOCK_SAMPLES = 1_000_000
+_MAX_FILE_BYTES = 4e9  # of the records of one file, which are kept in memory
 _PULSE_TIMES_BAND = 1.14  # pulse duration times the band's upper limit: the force falls by 14 dB
 BAND_SHARE = 1 / 2.56  # of the rate: upper limit of the band that analysers show
 _PRETRIGGER_OF_BLOCK = 0.05  # of a block
@@ -87,6 +88,11 @@ class RecordedFile:
             raise UsageError(f"{self.hits} hits per direction: give 1 to 1000")
         if not (self.outputs and self.references):
             raise UsageError(f"{self.file}: a test needs an accelerometer and a hammer point")
+        for dofs, what in ((self.outputs, "channel"), (self.references, "reference")):
+            positive = [dof.positive for dof in dofs]
+            twice = [dof for dof in positive if positive.count(dof) > 1]
+            if twice:
+                raise UsageError(f"{self.file}: {what} {twice[0]} is there twice: state it once")
 
 
 @dataclass(frozen=True)
@@ -116,11 +122,19 @@ class HammerTestPlan:
                 f"rate {self.rate_hz:g} Hz: give {_MIN_RATE_HZ:g} to {_MAX_RATE_HZ:g} samples per "
                 "second"
             )
-        if not 64 <= self.samples <= _MAX_BLOCK_SAMPLES:
+        if not 64 <= self.block_s * self.rate_hz <= _MAX_BLOCK_SAMPLES:
             raise UsageError(
-                f"a block of {self.block_s:g} s at {self.rate_hz:g} Hz has {self.samples} samples: "
-                f"give 64 to {_MAX_BLOCK_SAMPLES}"
+                f"a block of {self.block_s:g} s at {self.rate_hz:g} Hz has "
+                f"{self.block_s * self.rate_hz:.4g} samples: give 64 to {_MAX_BLOCK_SAMPLES}"
             )
+        for file in self.files:
+            hits = file.hits * len(file.references)
+            size = 8 * self.samples * hits * (1 + len(file.outputs))
+            if size > _MAX_FILE_BYTES:
+                raise UsageError(
+                    f"{file.file} would hold {size / 1e9:.3g} GB of records: give fewer hits, "
+                    "channels or samples"
+                )
         if not 0 <= self.pulse_s < self.block_s / 4:
             raise UsageError(
                 f"a pulse of {self.pulse_s:g} s does not fit a block of {self.block_s:g} s"

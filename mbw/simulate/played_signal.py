@@ -10,6 +10,7 @@ import scipy.io
 
 from identification.words import DERIVATIVE_ORDER, InputError, Quantity, Real, UsageError
 from identification.words.file_access import check_file
+from mbmodel.export.linear_response import even_step
 from mbmodel.simulation.signals import (
     chirp_signal,
     flat_density,
@@ -56,7 +57,7 @@ class PlayOptions:
     @property
     def is_asked(self) -> bool:
         """Whether a signal is played at all."""
-        return any(value is not None for value in (self.signals, self.kind, self.psd))
+        return any(value is not None for value in (self.signals, self.kind, self.psd, self.at))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +101,13 @@ def load_signal(options: PlayOptions, seed: int) -> PlayedSignal:
         if options.kind is not None or options.psd is not None:
             raise UsageError("--input plays a file, so --signal and --psd have no place: drop one")
         labels, table = _read_table(options.signals)
+        try:
+            even_step(table[:, 0])
+        except UsageError as error:
+            raise InputError(f"{options.signals}: {error}") from error
         return PlayedSignal(labels, table[:, 0], table[:, 1:])
+    if options.kind is None and options.psd is None:
+        raise UsageError("--at is the place of a signal: add --signal step, chirp, noise or psd")
     kind = options.kind or "psd"
     if kind not in KINDS:
         raise UsageError(f"--signal {kind!r}: write one of {', '.join(KINDS)}")

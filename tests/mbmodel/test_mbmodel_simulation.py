@@ -2,10 +2,21 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 from small_machine import MJCF
 
 from identification.words import ConvergenceError, Dof, UsageError
-from mbmodel import FrfRequest, as_drawn, load_machine, respond_linearly, simulate
+from mbmodel import (
+    FrfRequest,
+    GapSpring,
+    PolynomialSpring,
+    as_drawn,
+    load_machine,
+    respond_linearly,
+    simulate,
+    write_nonlinear_joints,
+)
 from mbmodel.simulation.drives import parse_drive, parse_reading
 from mbmodel.simulation.low_pass import Decimator, filter_taps
 
@@ -128,3 +139,36 @@ def test_the_filter_stops_what_would_fold_into_the_band():
     wave = np.sin(2 * np.pi * 0.62 * rate * middle)[None, :, None]
     decimator = Decimator(filter_taps(rate, step, np.zeros(1)), factor)
     assert np.abs(decimator.push(wave)[0, 0, 40:]).max() < 3e-5
+
+
+def test_nonlinear_springs_follow_an_integrator_of_another_library(tmp_path):
+    # m x'' + c x' + law(x) = f by scipy's DOP853, for a cubic spring and a gap.
+    mass, damping, height, width = 2.0, 30.0, 40.0, 0.01
+    drawing = tmp_path / "mass.xml"
+    drawing.write_text(
+        '<mujoco><option gravity="0 0 0"/><worldbody><body name="mass">'
+        '<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/><joint name="slide" type="slide" '
+        'axis="1 0 0" stiffness="2e4" damping="30"/><site name="acc1"/></body></worldbody>'
+        "</mujoco>",
+        encoding="utf-8",
+    )
+    time_s = np.arange(0, 0.4, 1e-3)
+    pulse = np.where(time_s < width, height * np.sin(np.pi * time_s / width) ** 2, 0.0)
+    force = CubicSpline(time_s, pulse)
+    reading = (Dof.parse("acc1:+tx"),)
+    for law in (PolynomialSpring("slide", 2e4, 0.0, 3e11), GapSpring("slide", 2e4, 1e-4)):
+        path = tmp_path / "nonlinear.xml"
+        write_nonlinear_joints(drawing, path, [law])
+
+        def rates(time, state, law=law):
+            spring = law.follow(np.array([state[0]]))[0]
+            return [state[1], (force(time) - damping * state[1] - spring) / mass]
+
+        reference = solve_ivp(
+            rates, (0, time_s[-1]), [0.0, 0.0], "DOP853", time_s, rtol=1e-10, atol=1e-13
+        ).y[0]
+        response = simulate(
+            load_machine(path), reading, reading, time_s, pulse[:, None], quantity="receptance"
+        )
+        error = response.outputs[:, 0] - reference
+        assert np.sqrt((error**2).mean()) < 3e-3 * np.sqrt((reference**2).mean())

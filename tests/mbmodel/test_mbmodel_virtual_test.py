@@ -116,6 +116,8 @@ def test_double_hits_are_seen_and_equal_seeds_give_equal_records(machine):
         for _ in range(2)
     )
     assert np.array_equal(first.motion, second.motion)
+    threaded = strike(machine, plan(hits=3, scatter=double), seed=2, threads=3)
+    assert np.array_equal(first.motion, threaded.records["hits.npz"][0].motion)
     peaks = (np.diff(np.sign(np.diff(first.force[0]))) < 0) & (first.force[0, 1:-1] > 2.0)
     assert peaks.sum() >= 2
 

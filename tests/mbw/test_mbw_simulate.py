@@ -175,6 +175,11 @@ def test_dry_friction_needs_a_nominal_model(model, tmp_path):
         (("--signal", "chirp", "--at", "acc3:+tx", "--band", "50", "9"), "LOW below HIGH"),
         (("--signal", "step", "--at", "joint:none"), "joint:none"),
         (("--hammer", "3", "--format", "csv"), "--format"),
+        (("--hammer", "3", "--block", "nan"), "samples"),
+        (("--hammer", "3", "--hits", "1000", "--block", "900"), "GB of records"),
+        (("--hammer", "3", "--output", "acc1:+tx", "--output", "acc1:-tx"), "twice"),
+        (("--signal", "step", "--at", "acc3:+tx", "--duration", "nan"), "samples"),
+        (("--at", "acc3:+tx"), "add --signal"),
     ],
 )
 def test_a_wrong_call_ends_with_one_sentence(model, arguments, words):
@@ -187,6 +192,8 @@ def test_a_wrong_table_is_refused_with_its_row(model, tmp_path):
     assert "row 3" in run(model, "--input", signal, code=3)
     signal.write_text("time,acc3:+tx\n0,1\n0.001,nan\n", encoding="utf-8")
     assert "NaN" in run(model, "--input", signal, code=3)
+    signal.write_text("time,acc3:+tx\n0,1\n1,1\n2,1\n4,1\n", encoding="utf-8")
+    assert "evenly spaced" in run(model, "--input", signal, code=3)
 
 
 @pytest.mark.parametrize(
