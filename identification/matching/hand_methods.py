@@ -15,7 +15,11 @@ import numpy as np
 
 from identification.impacts import ImpactSpectra
 from identification.matching.measured_modes import ImpactModes
-from identification.matching.resonance_phase import rotate_to_imaginary, strongest_impact
+from identification.matching.resonance_phase import (
+    nearest_mode,
+    rotate_to_imaginary,
+    strongest_impact,
+)
 from identification.modal import (
     half_power_damping,
     least_squares_amplitude,
@@ -60,7 +64,8 @@ def estimate_by_hand(
 
     The impact is the one that excites the mode most. A channel has no row if its peak does not fall
     by 3 dB on both sides, because of another mode beside it, if the peak is narrower than three
-    lines, if its value is far from the imaginary axis, or if the channel hardly moves.
+    lines, if it is nearer to another mode or far from the imaginary axis, or if the channel hardly
+    moves.
 
     Args:
         spectra: spectra of all impacts.
@@ -79,7 +84,8 @@ def estimate_by_hand(
     for channel in moving[np.argsort(-motion[moving], kind="stable")]:
         amplitude = np.abs(values[:, channel])
         peak = int(nearby[np.argmax(amplitude[nearby])])
-        if abs(values[peak, channel].imag) < _MIN_IMAGINARY_SHARE * amplitude[peak]:
+        is_turned = abs(values[peak, channel].imag) < _MIN_IMAGINARY_SHARE * amplitude[peak]
+        if is_turned or nearest_mode(modes, float(freq[peak])) != mode:
             continue
         try:
             zeta, lower, upper = half_power_damping(freq, amplitude, peak)

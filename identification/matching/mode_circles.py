@@ -18,7 +18,11 @@ import numpy as np
 
 from identification.impacts import ImpactSpectra
 from identification.matching.measured_modes import ImpactModes
-from identification.matching.resonance_phase import rotate_to_imaginary, strongest_impact
+from identification.matching.resonance_phase import (
+    nearest_mode,
+    rotate_to_imaginary,
+    strongest_impact,
+)
 from identification.modal import Circle, circle_fit
 from identification.words import Complex, Dof, InputError, Mask, Real
 
@@ -82,10 +86,25 @@ def fit_mode_circles(spectra: ImpactSpectra, modes: ImpactModes, mode: int) -> M
     near = np.flatnonzero(distance <= _PLOT_HALF_WIDTH)
     shown = near[:: max(1, -(-len(near) // _MAX_PLOT_LINES))]
     channels = tuple(
-        _fit_channel(dof, freq[fitted], values[fitted, k]) for k, dof in enumerate(spectra.dofs)
+        _refuse_other_mode(_fit_channel(dof, freq[fitted], values[fitted, k]), modes, mode)
+        for k, dof in enumerate(spectra.dofs)
     )
     impact = strongest_impact(modes, mode)
     return ModeCircles(impact, freq[shown], values[shown], fitted[shown], channels)
+
+
+def _refuse_other_mode(channel: ChannelCircle, modes: ImpactModes, mode: int) -> ChannelCircle:
+    """Return a channel without its circle if the circle is that of another measured mode."""
+    if channel.circle is None:
+        return channel
+    nearest = nearest_mode(modes, channel.circle.natural_hz)
+    if nearest == mode:
+        return channel
+    reason = (
+        f"the circle has its resonance at {channel.circle.natural_hz:.4g} Hz: here the mode at "
+        f"{modes.frequencies[nearest]:.4g} Hz dominates"
+    )
+    return ChannelCircle(channel.dof, None, None, reason)
 
 
 def _fit_channel(dof: Dof, freq_hz: Real, values: Complex) -> ChannelCircle:

@@ -17,6 +17,11 @@ def strongest_impact(modes: ImpactModes, mode: int) -> int:
     return int(np.argmax(modes.excitation[mode]))
 
 
+def nearest_mode(modes: ImpactModes, freq_hz: float) -> int:
+    """Return the number of the measured mode whose frequency is nearest to one [Hz]."""
+    return int(np.argmin(np.abs(modes.frequencies - freq_hz)))
+
+
 def rotate_to_imaginary(spectra: ImpactSpectra, modes: ImpactModes, mode: int) -> Complex:
     """Return the spectra of the strongest impact, imaginary at the resonance of a mode.
 

@@ -58,8 +58,18 @@ function spectra() {
     notes.push({x: mode.simulated_frequency, y: 0.975, xref: "x", yref: "paper", yanchor: "bottom", text: String(mode.simulated), showarrow: false, font: {size: 11, color: SIMULATED}});
     if (isMeasured(mode)) shapes.push({type: "line", xref: "x", yref: "paper", x0: mode.frequency, x1: mode.simulated_frequency, y0: top + 0.06, y1: 0.92, line: {color: INK, width}});
   });
+  separate(notes);
   const y = {type: "log", domain: [0, top], gridcolor: GRID, exponentformat: "power", title: {text: "amplitude at " + PLACES[state.place] + " / m/s"}, ...logAxis(found.map(t => t.y))};
   Plotly.react("spectra", found, {...CLEAR, height: 430, margin: {...CLEAR.margin, t: 44}, shapes, annotations: notes, xaxis: XAXIS, yaxis: y, legend: {orientation: "h", y: -0.16}}, CONFIG);
+}
+
+// Move the labels of two close frequencies apart, so that both can be read.
+function separate(notes) {
+  const close = 0.015 * (DATA.band[1] - DATA.band[0]);
+  notes.sort((a, b) => a.x - b.x);
+  notes.forEach((note, k) => {
+    if (k && note.x - notes[k - 1].x < close) { notes[k - 1].xanchor = "right"; note.xanchor = "left"; }
+  });
 }
 
 function ratio() {

@@ -23,11 +23,12 @@ def impact_of(values, noise=1e-9):
     return ImpactSpectra(("a",), DOFS, FREQ, values[:, :, None], np.full((len(DOFS), 1), noise))
 
 
-def mode_of(hz, zeta):
-    one = np.ones(1)
-    shape = (C / np.linalg.norm(C))[None]
+def mode_of(*hz, zeta):
+    one = np.ones(len(hz))
+    shapes = np.tile(C / np.linalg.norm(C), (len(hz), 1))
+    excitation = np.ones((len(hz), 1))
     return ImpactModes(
-        hz * one, zeta * one, 0.1 * one, 0.1 * one, shape, 0 * shape, np.ones((1, 1)), one
+        np.array(hz), zeta * one, 0.1 * one, 0.1 * one, shapes, 0 * shapes, excitation, one
     )
 
 
@@ -36,7 +37,7 @@ def mode_of(hz, zeta):
 def test_the_circle_of_one_mode_has_its_frequency_damping_and_signed_amplitude(zeta, late):
     spectra = impact_of(decay_spectrum(HZ, zeta, C, late))
     # Poles that are somewhat off choose the lines only.
-    found = fit_mode_circles(spectra, mode_of(HZ * (1 + 0.2 * zeta), 1.2 * zeta), 0)
+    found = fit_mode_circles(spectra, mode_of(HZ * (1 + 0.2 * zeta), zeta=1.2 * zeta), 0)
     assert found.impact == 0
     amplitudes = np.array([channel.amplitude for channel in found.channels[:3]])
     for channel, amplitude in zip(found.channels[:3], C, strict=False):
@@ -55,7 +56,7 @@ def test_the_circle_of_one_mode_has_its_frequency_damping_and_signed_amplitude(z
 
 def test_half_power_points_lie_a_quarter_turn_from_the_resonance():
     zeta = 0.02
-    found = fit_mode_circles(impact_of(decay_spectrum(HZ, zeta, C)), mode_of(HZ, zeta), 0)
+    found = fit_mode_circles(impact_of(decay_spectrum(HZ, zeta, C)), mode_of(HZ, zeta=zeta), 0)
     circle, values = found.channels[0].circle, found.values[:, 0]
     resonance = circle.radius * np.exp(1j * circle.phase)
     for factor, turn in ((1 - zeta, 1j), (1 + zeta, -1j)):  # 9 and 3 o'clock in fig. 6
@@ -68,7 +69,7 @@ def test_half_power_points_lie_a_quarter_turn_from_the_resonance():
 
 
 def test_lines_of_a_plot_surround_the_fitted_ones_and_are_few():
-    found = fit_mode_circles(impact_of(decay_spectrum(HZ, 0.02, C)), mode_of(HZ, 0.02), 0)
+    found = fit_mode_circles(impact_of(decay_spectrum(HZ, 0.02, C)), mode_of(HZ, zeta=0.02), 0)
     assert 60 < len(found.freq_hz) <= 121
     assert np.ptp(found.freq_hz) == pytest.approx(6 * 0.02 * HZ, rel=0.05)
     assert np.ptp(found.freq_hz[found.is_fitted]) == pytest.approx(3 * 0.02 * HZ, rel=0.05)
@@ -78,16 +79,26 @@ def test_lines_of_a_plot_surround_the_fitted_ones_and_are_few():
 def test_a_channel_that_another_mode_dominates_has_a_reason_and_no_circle():
     strong = np.array([0.0, 0.0, 0.0, 1.0])
     values = decay_spectrum(HZ, 0.02, C) + decay_spectrum(HZ * 1.05, 0.02, strong)
-    found = fit_mode_circles(impact_of(values), mode_of(HZ, 0.02), 0)
+    found = fit_mode_circles(impact_of(values), mode_of(HZ, zeta=0.02), 0)
     assert [channel.circle is not None for channel in found.channels] == [True, True, True, False]
     assert found.channels[3].reason
+
+
+def test_the_circle_of_a_close_mode_is_not_taken_for_this_one():
+    strong = np.array([0.0, 0.0, 0.0, 1.0])
+    values = decay_spectrum(HZ, 0.03, C) + decay_spectrum(HZ * 1.03, 0.03, strong)
+    modes = mode_of(HZ, 1.03 * HZ, zeta=0.03)
+    first, second = (fit_mode_circles(impact_of(values), modes, mode) for mode in (0, 1))
+    assert [channel.circle is not None for channel in first.channels] == [True] * 3 + [False]
+    assert [channel.circle is not None for channel in second.channels] == [False] * 3 + [True]
+    assert "here the mode at 35.54 Hz dominates" in first.channels[3].reason
 
 
 def test_a_channel_of_noise_alone_has_no_circle():
     random = np.random.default_rng(6)
     values = decay_spectrum(HZ, 0.02, C)
     values[:, 3] = random.standard_normal((2, len(FREQ))).T @ [1.0, 1.0j]
-    noise = fit_mode_circles(impact_of(values), mode_of(HZ, 0.02), 0).channels[3]
+    noise = fit_mode_circles(impact_of(values), mode_of(HZ, zeta=0.02), 0).channels[3]
     assert noise.circle is None
     assert noise.amplitude is None
     assert noise.reason
@@ -98,7 +109,9 @@ def test_noise_scatters_the_lines_and_leaves_the_circle():
     values = decay_spectrum(HZ, 0.02, C)
     size = 0.02 * np.abs(values[:, 0]).max() / np.sqrt(2)
     noise = random.standard_normal((2, *values.shape)) * size
-    found = fit_mode_circles(impact_of(values + noise[0] + 1j * noise[1]), mode_of(HZ, 0.02), 0)
+    found = fit_mode_circles(
+        impact_of(values + noise[0] + 1j * noise[1]), mode_of(HZ, zeta=0.02), 0
+    )
     channel = found.channels[0]
     # 2 % of the diameter in both directions is 2.8 % of the radius along it.
     assert channel.circle.scatter == pytest.approx(0.04 / np.sqrt(2), rel=0.25)
