@@ -8,6 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 from PIL import Image
 
 from identification.words import InputError, UsageError
@@ -18,6 +19,7 @@ ANIMATED = (".gif", ".webp")
 VIDEO = (".mp4", ".webm")
 STILL = (".png",)
 _GIF_COLOURS = 128  # of 256: the pictures have few, and the file becomes smaller
+_NEARLY_WHITE = 246  # of 255: a picture of a machine has no other colours as light
 _VIDEO_CYCLES = 4  # a video does not repeat itself
 
 
@@ -66,12 +68,18 @@ def write_pictures(target: Path, pictures: Sequence[Image.Image]) -> None:
 
 
 def _with_common_palette(pictures: Sequence[Image.Image]) -> list[Image.Image]:
-    """Return pictures with one palette, so that colours do not flicker."""
+    """Return pictures with one palette, so that colours do not flicker.
+
+    Nearly white colours become white: a mean of them would be a grey box on a slide.
+    """
     width, height = pictures[0].size
     sheet = Image.new("RGB", (width, 3 * height))
     for row in range(3):
         sheet.paste(pictures[row * len(pictures) // 3], (0, row * height))
     palette = sheet.quantize(_GIF_COLOURS, method=Image.Quantize.MEDIANCUT)
+    colours = np.array(palette.getpalette(), np.uint8).reshape(-1, 3)
+    colours[(colours >= _NEARLY_WHITE).all(axis=1)] = 255
+    palette.putpalette(colours.ravel().tolist())
     return [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
 
 

@@ -57,6 +57,7 @@ def test_a_mode_becomes_a_gif_that_moves_and_returns(animated):
     assert len(pictures) == FRAMES
     assert {image.shape for image, _ in pictures} == {(600, 800, 3)}
     assert {duration for _, duration in pictures} == {1000 * FRAME_S}
+    assert all((image[[0, -1]][:, [0, -1]] == 255).all() for image, _ in pictures)  # white corners
     change = moves(pictures)
     assert max(change) > 0.005
     assert np.argmax(change) in range(FRAMES // 3, 2 * FRAMES // 3 + 1)  # half a cycle later
