@@ -3,7 +3,7 @@
 from tuning.files.mode_table_schema import ModeTableFile, TablePartnerRow, TabulatedModeRow
 
 _TITLES = (
-    "row",
+    "mode",
     "table: Hz",
     "%",
     "moves most",

@@ -222,3 +222,19 @@ def test_a_prior_of_masses_lets_them_vary_and_none_keeps_them(tmp_path):
     assert "lower.mass" not in values_of(kept)
     assert values_of(varied)["lower.mass"] < MASSES[0]
     assert values_of(varied)["lower_tx.stiffness"] == STIFFNESSES[0]
+
+
+def test_further_starts_keep_the_best_end_and_repeat_with_their_seed(small_station):
+    machine, table = small_station
+    one, four, again = (tune_to_modes(machine, table, starts=n, seed=5) for n in (1, 4, 4))
+    assert len(four.costs) == 4
+    assert four.costs[0] == one.minimum.value
+    assert four.minimum.value == min(four.costs)
+    np.testing.assert_array_equal(four.theta, again.theta)
+
+
+def test_a_search_that_begins_at_its_end_stays_there(small_station):
+    machine, table = small_station
+    tuned = tune_to_modes(machine, table)
+    again = tune_to_modes(machine, table, begin=values_of(tuned))
+    np.testing.assert_allclose(again.theta, tuned.theta, rtol=1e-6)

@@ -9,8 +9,9 @@ d = -m the named one leads by the margin m. x are the parameters in units of the
 deviations about the nominal model, so that the priors make the problem regular (Tarantola 2005,
 ch. 3): a table of modes determines few of the many parameters.
 
-If the table is complete below a frequency F, every other mode of the model that lies below it adds
-1/2 log^2(F / w_q) / sd_F^2, which drives it out.
+If the table is complete below a frequency F, every other pole of the model that lies below it adds
+1/2 log^2(2 pi F / |s|) / sd_F^2, which drives it out. Real poles count too, or an overdamped mode
+would be a way out.
 
 Rows and modes are matched one to one with the least sum of squares (assignment problem, Kuhn 1955
 and Munkres 1957). Among rows that name no motion, this is the order of frequencies. Modes are
@@ -72,7 +73,7 @@ class _Comparison:
         linearised: modes of the model.
         oscillating: their numbers among all poles; (n_mode,).
         residuals: frequency, damping and motion, weighted; (3, n_row, n_mode).
-        surplus: weighted residual of a mode without a row, below the limit; (n_mode,).
+        surplus: weighted residual of a pole without a row, below the limit; (n_pole,).
     """
 
     linearised: LinearisedModes
@@ -165,10 +166,10 @@ class ModeTableMisfit:
                 gradient = self._slope(compared.linearised, modes[k], row, by_pole[:, k], int(kind))
                 values.append(residuals[kind])
                 slopes.append(self._weights[kind, row] * gradient)
-        for mode in np.setdiff1d(np.flatnonzero(compared.surplus), columns):
-            number = compared.oscillating[[mode]]
+        for pole in np.setdiff1d(np.flatnonzero(compared.surplus), modes):
+            number = np.array([pole])
             by_limit = -1 / compared.linearised.modes.poles[number].conj()
-            values.append(compared.surplus[mode])
+            values.append(compared.surplus[pole])
             slopes.append(
                 self._limit_weight
                 * compared.linearised.gradient(
@@ -219,7 +220,8 @@ class ModeTableMisfit:
                 if motion is not None:
                     excess = motion.excess(energies) + _LARGEST_MOTION_MARGIN
                     residuals[2, row] = np.maximum(excess, 0.0)
-        below = self._log_limit - np.log(np.abs(modes.poles[oscillating]) / (2 * np.pi))
+        sizes = np.abs(modes.poles) / (2 * np.pi)
+        below = np.where(sizes > 0, self._log_limit - np.log(np.where(sizes > 0, sizes, 1.0)), 0.0)
         return _Comparison(
             linearised,
             oscillating,
@@ -234,7 +236,8 @@ class ModeTableMisfit:
             Rows that count and have a partner, and the indices of their modes; (n_match,) each.
         """
         # A mode that gets a row no longer counts as surplus.
-        cost = 0.5 * ((compared.residuals**2).sum(axis=0) - compared.surplus**2)
+        surplus = compared.surplus[compared.oscillating]
+        cost = 0.5 * ((compared.residuals**2).sum(axis=0) - surplus**2)
         counted = np.flatnonzero(self._counted)
         rows, columns = scipy.optimize.linear_sum_assignment(cost[counted])
         return counted[rows], columns
@@ -257,7 +260,7 @@ class ModeTableMisfit:
     def _sum(self, x: Real, compared: _Comparison, rows: Integers, columns: Integers) -> float:
         """Return J; a row whose mode ceased to oscillate costs as much as the farthest match."""
         unmatched = np.setdiff1d(np.flatnonzero(self._counted), rows)
-        surplus = np.delete(compared.surplus, columns)
+        surplus = np.delete(compared.surplus, compared.oscillating[columns])
         squares = (compared.residuals[:, rows, columns] ** 2).sum() + surplus @ surplus + x @ x
         return 0.5 * float(squares) + float(self._unmatched_cost[unmatched].sum())
 

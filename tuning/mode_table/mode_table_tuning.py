@@ -12,7 +12,6 @@ far the table determines it.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 
@@ -46,7 +45,8 @@ _MAX_STEP_SIGMA = (
 _MIN_GAIN_NATS = 1e-10  # of the last stage, so that any computer ends at the same digits
 _ROUGH_GAIN_NATS = 1e-3  # of the stages before
 _MAX_STEPS = 200
-_RANDOM_START_SD = 0.5  # of a coordinate [prior standard deviations]
+_HOP_SDS = (0.2, 0.4)  # of a coordinate: random steps away from the best end so far
+_HOP_SCHEDULES = ((0.0,), (0.03, 0.0))
 AGREEMENT_FACTOR = 1.02  # of the best cost: starts that end below agree
 
 
@@ -98,6 +98,7 @@ def tune_to_modes(
     complete_below_hz: float | None = None,
     starts: int = 1,
     seed: int = 0,
+    begin: Mapping[str, float] | None = None,
 ) -> ModeTableTuning:
     """Tune a machine's stiffness and damping to a table of modes.
 
@@ -108,8 +109,10 @@ def tune_to_modes(
             logarithm for sizes, else in SI; 0 fixes; later ones override earlier ones.
         complete_below_hz: frequency below which the table has all modes of the machine; None if
             it may lack some.
-        starts: number of starts: the nominal model, then random ones.
+        starts: number of starts: the nominal model, then random steps from the best end so far.
         seed: seed of the random starts.
+        begin: values of parameters near a minimum, by name, at which the first start begins instead
+            of the nominal model.
 
     Raises:
         InputError: a row names a body that the machine lacks, no row can be reached, or a pattern
@@ -137,7 +140,8 @@ def tune_to_modes(
         )
         for floor in floors
     }
-    best, costs = _search_from_starts(misfits, parametrisation, starts, seed)
+    first = None if begin is None else _coordinates(parametrisation, begin)
+    best, costs = _search_from_starts(misfits, parametrisation, starts, seed, first)
     last = misfits[0.0]
     _, residuals, slopes = last.linearised_residuals(best.x)
     covariance = np.asarray(
@@ -162,35 +166,57 @@ def _search_from_starts(
     parametrisation: Parametrisation,
     starts: int,
     seed: int,
+    first: Real | None,
 ) -> tuple[Minimum, tuple[float, ...]]:
     """Return the best end of all starts, with the evaluations of all, and the cost of each end.
 
-    An interrupt ends the search, and the best end so far counts.
+    After the nominal model, each start is a random step away from the best end so far (basin
+    hopping, Wales and Doye 1997): which mode serves which row makes many minima, and good ones lie
+    near each other. An interrupt ends the search, and the best end so far counts.
 
     Args:
         misfits: misfit by tolerated error.
         parametrisation: coordinates x.
-        starts: number of starts: the nominal model, then random ones.
+        starts: number of starts: the nominal model, then random steps from the best end so far.
         seed: seed of the random starts.
+        first: x of the first start, near a minimum; None for the nominal model.
     """
+
+    def search(start: Real, floors: Sequence[float]) -> Minimum:
+        return _search([misfits[floor] for floor in floors], start, parametrisation)
+
     generator = np.random.default_rng(seed)
+    start = np.zeros(parametrisation.size) if first is None else first
+    schedules = _SCHEDULES if first is None else _SCHEDULES[-1:]
     ends: list[Minimum] = []
-    for number, schedule in product(range(starts), _SCHEDULES):
-        if schedule is _SCHEDULES[0]:
-            spread = _RANDOM_START_SD if number else 0.0
-            start = spread * generator.standard_normal(parametrisation.size)
-        ends.append(_search([misfits[floor] for floor in schedule], start, parametrisation))
+    for number in range(starts):
+        if not number:
+            by_schedule = [search(start, floors) for floors in schedules]
+            tried = sum(end.evaluations for end in by_schedule)
+            best = replace(_lowest(by_schedule), evaluations=tried)
+            ends.append(best)
+        else:
+            step = _HOP_SDS[number % 2] * generator.standard_normal(parametrisation.size)
+            ends.append(search(best.x + step, _HOP_SCHEDULES[number // 2 % 2]))
+            best = _lowest([best, ends[-1]])
         if ends[-1].outcome == "interrupted":
+            best = replace(best, outcome="interrupted", advice=ends[-1].advice)
             break
-    best = min(ends, key=lambda end: end.value if np.isfinite(end.value) else np.inf)
-    if ends[-1].outcome == "interrupted":
-        best = replace(best, outcome="interrupted", advice=ends[-1].advice)
     evaluations = sum(end.evaluations for end in ends)
-    costs = [
-        min(end.value for end in ends[k : k + len(_SCHEDULES)])
-        for k in range(0, len(ends), len(_SCHEDULES))
-    ]
-    return replace(best, evaluations=evaluations), tuple(costs)
+    return replace(best, evaluations=evaluations), tuple(end.value for end in ends)
+
+
+def _coordinates(parametrisation: Parametrisation, values: Mapping[str, float]) -> Real:
+    """Return the x of some parameters' values; the others stay nominal."""
+    theta = np.array(
+        [values.get(parameter.name, parameter.drawn) for parameter in parametrisation.parameters]
+    )
+    return parametrisation.coordinates(theta)
+
+
+def _lowest(ends: Sequence[Minimum]) -> Minimum:
+    """Return the end with the lowest finite misfit."""
+    return min(ends, key=lambda end: end.value if np.isfinite(end.value) else np.inf)
 
 
 def _search(
