@@ -27,7 +27,8 @@ from tuning.files.result import (
 from tuning.files.schema import FrfPlace, ResidualKind, TunedFile
 from tuning.fitting.checkpoint import CHECKPOINT_FILE, Checkpoint
 from tuning.fitting.error_floor_fit import FloorFit, FloorSchedule, fit_at_error_floor
-from tuning.fitting.fitter import GAUSS_NEWTON, Fit, FitProgress, fit, random_starts
+from tuning.fitting.fitter import Fit, FitProgress, fit, random_starts
+from tuning.fitting.stage_search import GAUSS_NEWTON
 from tuning.fitting.stages import STAGES, Stage, thin_lines, thinning_slice
 from tuning.misfit.batch import predict
 from tuning.misfit.misfit import Misfit
@@ -41,7 +42,7 @@ from tuning.session import (
     open_session,
     rebuild_for_machine,
 )
-from tuning.solvers.nlopt_solver import Minimum
+from tuning.solvers.nlopt_solver import TUNING_ALGORITHM, Minimum
 
 __all__ = [
     "CHECKPOINT_FILE",
@@ -49,6 +50,7 @@ __all__ = [
     "MIN_VISIBLE_EXCESS",
     "STAGES",
     "TOLERANCE_BOUND_SIGMA",
+    "TUNING_ALGORITHM",
     "CampaignTuning",
     "ChannelGaps",
     "Checkpoint",

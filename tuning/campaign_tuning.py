@@ -28,11 +28,12 @@ from tuning.assessment.parameter_confidence import (
 )
 from tuning.files.schema import FrfPlace, GainRow, ResidualKind
 from tuning.fitting.checkpoint import Checkpoint
-from tuning.fitting.fitter import GAUSS_NEWTON, Fit, FitProgress, fit, random_starts
+from tuning.fitting.fitter import Fit, FitProgress, fit, random_starts
 from tuning.fitting.stages import LAST_STAGE, STAGES, Stage
 from tuning.misfit.batch import predict
 from tuning.misfit.modal_misfit import MODAL_STAGES, ModalStage
 from tuning.session import Session
+from tuning.solvers.nlopt_solver import TUNING_ALGORITHM
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +82,7 @@ class CampaignTuning:
         bodies: comparison at the centres of mass.
         residuals: residuals that were minimised, in order.
         measured_modes: modes inside the band, if requested.
-        algorithm: algorithm of the first stages.
+        algorithm: algorithm of the stages in which stiffness and damping alone vary.
         at: where FRFs counted.
         gains: information of further measurements, if requested.
     """
@@ -96,7 +97,7 @@ class CampaignTuning:
     bodies: Comparison
     residuals: tuple[ResidualKind, ...] = ("log",)
     measured_modes: ModalModel | None = None
-    algorithm: str = GAUSS_NEWTON
+    algorithm: str = TUNING_ALGORITHM
     at: FrfPlace = "sensors"
     gains: tuple[GainRow, ...] = ()
 
@@ -162,7 +163,7 @@ def tune(  # noqa: PLR0913  # one for each option
     *,
     residuals: tuple[ResidualKind, ...] = ("log",),
     measured: ModalModel | None = None,
-    algorithm: str = GAUSS_NEWTON,
+    algorithm: str = TUNING_ALGORITHM,
     at: FrfPlace = "sensors",
     starts: int = 1,
     seed: int = 0,
@@ -178,7 +179,8 @@ def tune(  # noqa: PLR0913  # one for each option
         residuals: residuals to minimise, in order: ``modal`` (frequencies, damping ratios and
             shapes), ``log`` (FRFs, first by the logarithm of their ratio).
         measured: modes inside the band; only reported if ``modal`` is not a residual.
-        algorithm: name of an algorithm of NLopt for the first stages; Gauss-Newton by default.
+        algorithm: name of an algorithm of NLopt, or ``GAUSS_NEWTON``, for stages in which
+            stiffness and damping alone vary.
         at: where FRFs count: at the channels, or at the centres of mass with the covariance of
             their reduction.
         starts: number of starts: the nominal model, then random factors exp(N(0, 0.5)) on it.

@@ -57,9 +57,10 @@ def tune(  # noqa: PLR0913  # one for each option
         str,
         typer.Option(
             metavar="NAME",
-            help="Algorithm of the first stages: GAUSS_NEWTON, or one of NLopt such as LD_LBFGS.",
+            help="Algorithm for stiffness and damping: one of NLopt, such as LD_LBFGS, LD_SLSQP, "
+            "LD_VAR2 or LD_MMA, or GAUSS_NEWTON. Tolerances are always fitted by Gauss-Newton.",
         ),
-    ] = "GAUSS_NEWTON",
+    ] = "LD_LBFGS",
     from_modes: Annotated[
         Path | None,
         typer.Option(metavar="DIR", help="Take the modes that mbw identify wrote in this folder."),

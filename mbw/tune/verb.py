@@ -22,7 +22,7 @@ from mbw.tune.modes import measured_modes, parse_residuals
 from mbw.tune.page import PAGE, render
 from tuning import (
     CHECKPOINT_FILE,
-    GAUSS_NEWTON,
+    TUNING_ALGORITHM,
     CampaignTuning,
     FitProgress,
     FrfPlace,
@@ -51,13 +51,14 @@ class SearchOptions:
 
     Args:
         residuals: residuals to minimise, in order.
-        algorithm: name of an NLopt algorithm for the first stages; Gauss-Newton by default.
+        algorithm: name of an algorithm of NLopt, or ``GAUSS_NEWTON``, for stages in which
+            stiffness and damping alone vary.
         at: whether FRFs are compared at the channels or at the centres of mass.
         modes: folder that ``mbw identify`` wrote; None to identify modes anew if needed.
     """
 
     residuals: tuple[ResidualKind, ...] = ("log",)
-    algorithm: str = GAUSS_NEWTON
+    algorithm: str = TUNING_ALGORITHM
     at: FrfPlace = "sensors"
     modes: Path | None = None
 

@@ -1,4 +1,4 @@
-"""Which algorithm and which residual should open a tuning, and whether Gauss-Newton should end it.
+"""Which algorithm and which residual should open a tuning, in which coordinates, and which end it.
 
 Synthetic data of 1 % noise, starts exp(N(0, 0.5)) off. The seeds are reported only.
 """
@@ -12,7 +12,9 @@ from rich.progress import track
 from mbmodel import load_machine
 from tests.bench.starts import NEAR, STATION
 from tests.helpers.tuning_case import TuningCase, tuning_case
-from tuning import GAUSS_NEWTON, STAGES, Misfit, Stage, fit, parametrise
+from tuning import GAUSS_NEWTON, STAGES, Misfit, Parametrisation, Stage, fit, parametrise
+from tuning.fitting.stages import thin_lines
+from tuning.solvers.nlopt_solver import minimise
 
 SEED = 65000
 STARTS = 5
@@ -21,6 +23,7 @@ FINISH = STAGES[len(OPENING) :]
 NAMED = (
     "LD_LBFGS",
     "LD_SLSQP",
+    "LD_VAR2",
     "LD_MMA",
     "LD_CCSAQ",
     "LD_TNEWTON_PRECOND_RESTART",
@@ -36,12 +39,21 @@ class Way:
         logarithmic: whether their residual is the logarithm of the ratio.
         allowance: whether they have their allowance, or the noise's weights alone.
         finish: algorithm of the other stages.
+        whitened: whether an algorithm of NLopt opens in whitened coordinates.
     """
 
     opening: str
     logarithmic: bool = True
     has_error_floor: bool = True
     finish: str = GAUSS_NEWTON
+    whitened: bool = True
+
+    @property
+    def coordinates(self) -> str:
+        """In words; Gauss-Newton steps do not depend on them."""
+        if self.opening == GAUSS_NEWTON:
+            return "any"
+        return "whitened" if self.whitened else "plain"
 
     @property
     def residual(self) -> str:
@@ -64,6 +76,7 @@ class Run:
 WAYS = (
     Way(GAUSS_NEWTON),
     *(Way(name) for name in NAMED),
+    *(Way(name, whitened=False) for name in NAMED),
     Way("LD_LBFGS", finish="LD_LBFGS"),
     *(
         Way(name, logarithmic=logarithmic, has_error_floor=has_error_floor)
@@ -97,45 +110,59 @@ def _run(case: TuningCase, way: Way, start: np.ndarray) -> Run:
         for stage in OPENING
     )
     before = time.process_time()
-    opened = fit(
-        model,
-        campaign,
-        parametrisation=varies,
-        starts=(start,),
-        stages=opening,
-        algorithm=way.opening,
-    )
+    if way.whitened:
+        opened = fit(
+            model,
+            campaign,
+            parametrisation=varies,
+            starts=(start,),
+            stages=opening,
+            algorithm=way.opening,
+        )
+        theta, evaluations = opened.theta, opened.evaluations
+    else:
+        theta, evaluations = _open_plainly(case, varies, opening, start, way.opening)
     between = time.process_time()
     ended = fit(
         model,
         campaign,
         parametrisation=varies,
-        starts=(opened.theta,),
-        stages=_finish(way),
+        starts=(theta,),
+        stages=FINISH,
         algorithm=way.finish,
     )
     after = time.process_time()
     misfit = Misfit(model, campaign, varies, model_error_floor=0.0)
     return Run(
-        opening=opened.evaluations,
+        opening=evaluations,
         opening_s=between - before,
-        evaluations=opened.evaluations + ended.evaluations,
+        evaluations=evaluations + ended.evaluations,
         seconds=after - before,
         cost=misfit.value(ended.x),
     )
 
 
-def _finish(way: Way) -> tuple[Stage, ...]:
-    """The other stages; a named algorithm takes those alone that call for no tolerances."""
-    if way.finish == GAUSS_NEWTON:
-        return FINISH
-    return tuple(replace(stage, tolerances_vary=False) for stage in FINISH)
+def _open_plainly(
+    case: TuningCase,
+    varies: Parametrisation,
+    stages: tuple[Stage, ...],
+    start: np.ndarray,
+    algorithm: str,
+) -> tuple[np.ndarray, int]:
+    """The first stages by NLopt in the coordinates of the parameters, without whitening."""
+    x, evaluations = varies.coordinates(start), 0
+    for stage in stages:
+        problem = stage.build_problem(case.model, thin_lines(case.campaign, stage.stride), varies)
+        end = minimise(problem, x, (varies.lower, varies.upper), algorithm=algorithm)
+        x, evaluations = end.x, evaluations + end.evaluations
+    return varies.theta(x), evaluations
 
 
 def _row(way: Way, runs: list[Run], best: float) -> dict[str, object]:
     cost = np.array([one.cost for one in runs])
     return {
         "opening": way.opening,
+        "coordinates": way.coordinates,
         "residual": way.residual,
         "finish": way.finish,
         "within 5 %": f"{int((cost <= NEAR * best).sum())} of {len(runs)}",

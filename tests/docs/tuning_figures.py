@@ -1,5 +1,7 @@
 """Figures of the benches of tuning."""
 
+import statistics
+
 from tests.docs.formats import fixed, significant, table
 from tests.docs.results import bench_rows
 
@@ -14,6 +16,7 @@ TUNE_COLUMNS = (
 )
 ALGORITHM_COLUMNS = (
     "First stages",
+    "Coordinates",
     "Residual",
     "Last stages",
     "Within 5 % of the best cost",
@@ -116,6 +119,7 @@ def algorithms_table() -> str:
     rows = [
         (
             f"`{row['opening']}`",
+            row["coordinates"].capitalize(),
             row["residual"].replace("by noise alone", "noise weights only").capitalize(),
             f"`{row['finish']}`",
             row["within 5 %"],
@@ -124,10 +128,62 @@ def algorithms_table() -> str:
         )
         for row in bench_rows("algorithms")
     ]
-    return table(ALGORITHM_COLUMNS, rows, text=3)
+    return table(ALGORITHM_COLUMNS, rows, text=4)
+
+
+def nlopt_table() -> str:
+    """NLopt beside Gauss-Newton, from each start."""
+    rows = [
+        (
+            row["case"].capitalize(),
+            row["start"].capitalize(),
+            row["evaluations Gauss-Newton"],
+            row["evaluations NLopt"],
+            fixed(row["core s Gauss-Newton"], 2),
+            fixed(row["core s NLopt"], 2),
+            f"{row['cost NLopt / Gauss-Newton - 1']:+.0e}",
+        )
+        for row in bench_rows("nlopt_starts")
+    ]
+    header = (
+        "Data",
+        "Start",
+        "Evaluations, Gauss-Newton",
+        "Evaluations, NLopt",
+        "Core s, Gauss-Newton",
+        "Core s, NLopt",
+        "Relative difference of the cost",
+    )
+    return table(header, rows, text=2)
+
+
+def nlopt_ratio() -> str:
+    """Evaluations of NLopt over those of Gauss-Newton: median over all starts."""
+    rows = bench_rows("nlopt_starts")
+    ratios = [row["evaluations NLopt"] / row["evaluations Gauss-Newton"] for row in rows]
+    return fixed(statistics.median(ratios), 2)
+
+
+def nlopt_worst_ratio() -> str:
+    """Evaluations of NLopt over those of Gauss-Newton: the largest of all starts."""
+    rows = bench_rows("nlopt_starts")
+    ratios = [row["evaluations NLopt"] / row["evaluations Gauss-Newton"] for row in rows]
+    return fixed(max(ratios), 2)
+
+
+def nlopt_core_ratio() -> str:
+    """Core seconds of NLopt over those of Gauss-Newton: median over all starts."""
+    rows = bench_rows("nlopt_starts")
+    return fixed(
+        statistics.median(row["core s NLopt"] / row["core s Gauss-Newton"] for row in rows), 2
+    )
 
 
 FIGURES = {
+    "nlopt-table": nlopt_table,
+    "nlopt-ratio": nlopt_ratio,
+    "nlopt-worst-ratio": nlopt_worst_ratio,
+    "nlopt-core-ratio": nlopt_core_ratio,
     "tune-table": tune_table,
     "tune-held-out": tune_held_out,
     "coverage-table": coverage_table,

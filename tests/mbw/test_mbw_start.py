@@ -12,7 +12,7 @@ from identification.modal import ModeCriteria
 from mbw.command import VERBS
 from mbw.identify.options import identify
 from mbw.tune.options import tune
-from tuning import GAUSS_NEWTON
+from tuning import TUNING_ALGORITHM
 
 # A command of typer alone: what this loads, the options of a verb may load too.
 TYPER = """
@@ -111,4 +111,4 @@ def test_defaults_in_the_options_are_those_of_the_code():
     assert defaults["persistence"] == tolerances.persistence
     assert defaults["highest_damping"] == 100 * tolerances.highest_damping
     assert defaults["collinearity"] == tolerances.collinearity
-    assert inspect.signature(tune).parameters["algorithm"].default == GAUSS_NEWTON
+    assert inspect.signature(tune).parameters["algorithm"].default == TUNING_ALGORITHM

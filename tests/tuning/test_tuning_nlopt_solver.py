@@ -81,3 +81,25 @@ def test_a_start_outside_the_bounds_is_pulled_in():
 def test_an_algorithm_without_gradient_or_existence_is_refused(name):
     with pytest.raises(UsageError, match="LD_LBFGS"):
         minimise(rosenbrock, np.zeros(2), BOUNDS, algorithm=name)
+
+
+def test_a_search_that_is_told_to_stop_keeps_the_best_point():
+    seen = []
+
+    def objective(x):
+        seen.append(rosenbrock(x)[0])
+        return rosenbrock(x)
+
+    result = minimise(objective, np.array([-1.2, 1.0]), BOUNDS, stop=lambda: len(seen) == 7)
+    assert result.outcome == "converged"
+    assert result.evaluations == len(seen) == 7
+    assert result.value == min(seen)
+
+
+def test_a_search_ends_at_an_absolute_change_too():
+    first, second = (
+        minimise(rosenbrock, np.array([-1.2, 1.0]), BOUNDS, tolerance=0.0, min_change=change)
+        for change in (1.0, 1e-10)
+    )
+    assert first.evaluations < second.evaluations
+    assert second.value < 1e-8

@@ -51,9 +51,7 @@ def test_all_starts_end_at_one_set_of_parameters_near_the_truth(case, ends):
 
 
 @pytest.mark.parametrize("algorithm", ["LD_LBFGS", "LD_SLSQP", "LD_MMA", "LD_CCSAQ"])
-def test_an_algorithm_by_name_and_a_finish_by_gauss_newton_reach_it_too(
-    case, parametrisation, ends, algorithm
-):
+def test_an_algorithm_of_nlopt_reaches_it_too(case, parametrisation, ends, algorithm):
     start = case.start(STARTS[0])
     result = fit(
         case.model,
@@ -62,8 +60,8 @@ def test_an_algorithm_by_name_and_a_finish_by_gauss_newton_reach_it_too(
         starts=(start,),
         algorithm=algorithm,
     )
+    assert result.converged
     assert result.cost == pytest.approx(ends[0].cost, abs=0.02)
-    assert result.evaluations > ends[0].evaluations
 
 
 def test_the_same_start_gives_the_same_bits(case, parametrisation, ends):

@@ -15,7 +15,8 @@ from threadpoolctl import threadpool_limits
 from identification.words import Campaign, Complex, Integers, Mask, Real
 from mbmodel import Model, modes_of_matrices
 from tuning.fitting.checkpoint import Checkpoint
-from tuning.fitting.fitter import Fit, minimise_stage
+from tuning.fitting.fitter import Fit
+from tuning.fitting.stage_search import minimise_stage
 from tuning.fitting.stages import LAST_STAGE, thin_lines, thinning_slice
 from tuning.misfit.batch import predict
 from tuning.misfit.normal_equations import ArrowMatrix

@@ -11,22 +11,22 @@ from threadpoolctl import threadpool_limits
 from identification.words import Campaign, Mask, ModalModel, Real, UsageError
 from mbmodel import Model
 from tuning.fitting.checkpoint import Checkpoint
+from tuning.fitting.stage_search import GAUSS_NEWTON, minimise_stage
 from tuning.fitting.stages import STAGES, Stage, thin_lines
-from tuning.misfit.misfit import Misfit
 from tuning.misfit.modal_misfit import ModalCost, ModalStage
-from tuning.misfit.normal_equations import ArrowMatrix
-from tuning.misfit.sparse_misfit import SparseMisfit
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import parametrise
-from tuning.solvers.gauss_newton import LARGEST_STEP, Box, gauss_newton
-from tuning.solvers.nlopt_solver import INTERRUPTED_ADVICE, Minimum, Outcome, minimise
+from tuning.solvers.nlopt_solver import (
+    INTERRUPTED_ADVICE,
+    TUNING_ALGORITHM,
+    Minimum,
+    Outcome,
+    minimise,
+)
 
-GAUSS_NEWTON = "GAUSS_NEWTON"
 _MAX_COST_DIFFERENCE = 0.02  # relative: starts that end within it agree
 # Absolute part of that for modes, whose cost vanishes if they are fitted exactly.
 _MAX_MODAL_COST_DIFFERENCE = 1e-3
-_START_DAMPING = 1e-3  # Levenberg-Marquardt damping at the start of a stage
-_FINAL_START_DAMPING = 1e-7  # of a stage without model-error floor, which starts near its minimum
 
 
 _NumberedStages = tuple[tuple[int, Stage | ModalStage], ...]
@@ -170,11 +170,11 @@ class _Search:
         else:
             thin = thin_lines(self.campaign, stage.stride)
             problem = stage.build_problem(self.model, thin, chosen, threads=self.threads)
-            if tolerances_vary or self.algorithm == GAUSS_NEWTON:
-                end = minimise_stage(problem, chosen, x[varied], stage, report=report)
-            else:
-                bounds = (chosen.lower, chosen.upper)
-                end = minimise(problem, x[varied], bounds, algorithm=self.algorithm, report=report)
+            is_joint = tolerances_vary and bool(chosen.has_prior.any())
+            algorithm = GAUSS_NEWTON if is_joint else self.algorithm
+            end = minimise_stage(
+                problem, chosen, x[varied], stage, algorithm=algorithm, report=report
+            )
         x_all = x.copy()
         x_all[varied] = end.x
         return replace(end, x=x_all)
@@ -198,7 +198,7 @@ class _Search:
             value, gradient = search_cost(chosen.theta(x))
             return value, chosen.gradient_by_coordinates(gradient, x)
 
-        algorithm = "LD_LBFGS" if self.algorithm == GAUSS_NEWTON else self.algorithm
+        algorithm = TUNING_ALGORITHM if self.algorithm == GAUSS_NEWTON else self.algorithm
         end = minimise(
             objective, x, (chosen.lower, chosen.upper), algorithm=algorithm, report=report
         )
@@ -206,50 +206,6 @@ class _Search:
             return end
         # The cost of all modes, without the prior about the start of the search.
         return replace(end, value=cost.pairs(chosen.theta(end.x)).cost)
-
-
-def minimise_stage(
-    problem: Misfit | SparseMisfit,
-    parametrisation: Parametrisation,
-    x: Real,
-    stage: Stage,
-    *,
-    initial_normal: ArrowMatrix | None = None,
-    min_gain_nats: float = 0.01,
-    report: Callable[[int, float], None] | None = None,
-) -> Minimum:
-    """Minimise the misfit of a stage by the Gauss-Newton method, within bounds and with priors.
-
-    Args:
-        problem: misfit of the stage.
-        parametrisation: coordinates that vary.
-        x: start; (n_x,).
-        stage: stage, which says when to end.
-        initial_normal: normal equations near x, if available.
-        min_gain_nats: the search ends when the next step is predicted to decrease J by less.
-        report: called with the number of evaluations and the best value.
-    """
-    return gauss_newton(
-        problem,
-        x,
-        Box(
-            parametrisation.lower,
-            parametrisation.upper,
-            parametrisation.has_prior.astype(float),
-            np.where(
-                parametrisation.is_logarithmic & ~parametrisation.has_prior,
-                LARGEST_STEP / parametrisation.scales,
-                np.inf,
-            ),
-        ),
-        initial_normal=initial_normal,
-        min_gain_nats=min_gain_nats,
-        damping=_START_DAMPING if stage.model_error_floor > 0 else _FINAL_START_DAMPING,
-        tolerance=stage.tolerance,
-        max_steps=stage.max_steps,
-        exact_curvature=stage.exact_curvature,
-        report=report,
-    )
 
 
 def fit(  # noqa: PLR0913  # one for each option
@@ -280,8 +236,9 @@ def fit(  # noqa: PLR0913  # one for each option
         starts: theta of each start [SI]; the nominal model alone if None.
         stages: stages in order, of FRFs or of modes.
         measured: modes inside the band, for stages of modes.
-        algorithm: name of an algorithm of NLopt for the first stages; the last stages always use
-            the Gauss-Newton method, the default.
+        algorithm: name of an algorithm of NLopt, or the Gauss-Newton method, for stages in which
+            stiffness and damping alone vary. Stages with tolerances have hundreds of parameters and
+            use the Gauss-Newton method.
         jobs: processes for several starts, threads for one; the result does not depend on it.
         report: called at every evaluation; with several processes, in the last stages alone.
         checkpoint: finished steps, which are not repeated.

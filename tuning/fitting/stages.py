@@ -24,7 +24,8 @@ class Stage:
         logarithmic: whether the residual is the logarithm of the ratio.
         tolerances_vary: whether tolerances vary too, or only parameters without a prior.
         at_bodies: whether differences count at the centres of mass instead of the channels.
-        max_steps: number of Gauss-Newton steps after which the stage ends.
+        max_steps: number of Gauss-Newton steps, or of whitenings with NLopt, after which the stage
+            ends.
         exact_curvature: whether stalled steps are replaced by steps with the exact curvature.
         normal_stride: normal equations come from every ``normal_stride``-th of the lines that
             count, but from at least 128 lines.

@@ -1,1 +1,1 @@
-"""Minimisers: a bounded Gauss-Newton method, and NLopt."""
+"""Minimisers: a bounded Gauss-Newton method, and NLopt in plain and in whitened coordinates."""

@@ -34,12 +34,17 @@ import numpy as np
 
 from identification.words import Mask, Real
 from tuning.misfit.normal_equations import ArrowMatrix, QuadraticModel
-from tuning.solvers.nlopt_solver import INTERRUPTED_ADVICE, Minimum, Outcome
+from tuning.solvers.nlopt_solver import (
+    INTERRUPTED_ADVICE,
+    OUT_OF_EVALUATIONS_ADVICE,
+    Minimum,
+    Outcome,
+)
 
 # Largest step of a coordinate without a prior: a factor of 2 in stiffness. It bounds each
 # coordinate on its own: scaling the whole step would let a barely visible damping hold it back.
 LARGEST_STEP = 0.7
-_MAX_PREDICTION_ERROR = 0.03  # of the predicted decrease: normal equations are kept up to here
+MAX_PREDICTION_ERROR = 0.03  # of the predicted decrease: normal equations are kept up to here
 _MAX_STEP_FACTOR = 2.0  # by which a line search may lengthen the Gauss-Newton step
 _MIN_LENGTH_CHANGE = 0.15  # of a step: smaller corrections of its length are not tried
 _STALLED_RATIO = 0.5  # of the previous predicted decrease: a step that predicts more has stalled
@@ -49,9 +54,9 @@ _CG_TOLERANCE = 0.01  # of the squared initial residual in the preconditioner's 
 _GRADIENT_DIFFERENCE_STEP = 0.1  # of the Gauss-Newton step: between gradients compared
 _RADIUS_FACTOR = 3.0  # by which the trust radius grows and shrinks
 _MAX_RADIUS_TRIES = 3
-_MAX_DAMPING = 1e9  # beyond it, no step lowers J
+MAX_DAMPING = 1e9  # beyond it, no step lowers J
 _MAX_ACTIVE_SET_ITERATIONS = 200
-_MIN_DIAGONAL = 1e-12  # of the largest diagonal: fixes directions that the data do not depend on
+MIN_DIAGONAL = 1e-12  # of the largest diagonal: fixes directions that the data do not depend on
 
 
 class Problem(Protocol):
@@ -164,21 +169,13 @@ def gauss_newton(  # noqa: PLR0913  # one for each option
             ):
                 return _minimum(state, value, "converged", "")
             before[is_new] = predicted
-            if (
-                abs(previous - value - predicted)
-                < _MAX_PREDICTION_ERROR * predicted + min_gain_nats
-            ):
+            if abs(previous - value - predicted) < MAX_PREDICTION_ERROR * predicted + min_gain_nats:
                 kept_normal = normal
             else:
                 kept_normal, before[False] = None, 0.0
     except KeyboardInterrupt:
         return _minimum(state, value, "interrupted", INTERRUPTED_ADVICE)
-    return _minimum(
-        state,
-        value,
-        "out of evaluations",
-        "fix parameters that the data do not determine, try more starts or more evaluations",
-    )
+    return _minimum(state, value, "out of evaluations", OUT_OF_EVALUATIONS_ADVICE)
 
 
 def _advance(
@@ -206,9 +203,9 @@ def _advance(
     """
     value, gradient, normal = here
     diagonal = normal.diagonal() + box.precision
-    min_diagonal = _MIN_DIAGONAL * float(diagonal.max(initial=1.0))
+    min_diagonal = MIN_DIAGONAL * float(diagonal.max(initial=1.0))
     limit = box.step_limit
-    while state.damping < _MAX_DAMPING:
+    while state.damping < MAX_DAMPING:
         added = box.precision + state.damping * diagonal + min_diagonal
         lower = np.maximum(box.lower - state.x, -limit)
         upper = np.minimum(box.upper - state.x, limit)
