@@ -71,7 +71,7 @@ def minimise(  # noqa: PLR0913  # one for each option
         UsageError: an algorithm that NLopt does not have or that uses no gradient.
     """
     best = _Best(np.array(start, float))
-    solver = nlopt.opt(_algorithm_number(algorithm), len(start))
+    solver = nlopt.opt(find_algorithm(algorithm), len(start))
 
     def evaluate(x: Real, gradient: Real) -> float:
         if best.is_stopped or best.error is not None:  # NLopt asks once more after a forced stop
@@ -104,7 +104,7 @@ def minimise(  # noqa: PLR0913  # one for each option
     return Minimum(best.x, best.value, best.evaluations, outcome, advice)
 
 
-def _algorithm_number(algorithm: str) -> int:
+def find_algorithm(algorithm: str) -> int:
     """Return NLopt's number of a gradient-based algorithm.
 
     Raises:

@@ -44,6 +44,7 @@ from tuning.solvers.nlopt_solver import (
     TUNING_ALGORITHM,
     Minimum,
     Outcome,
+    find_algorithm,
     minimise,
 )
 
@@ -313,6 +314,7 @@ def search_whitened(  # noqa: PLR0913  # one for each option
     Raises:
         UsageError: an algorithm that NLopt does not have or that uses no gradient.
     """
+    find_algorithm(algorithm)  # refused even if the start is the minimum
     start = np.clip(start, box.lower, box.upper)
     search = _Search(problem, box, _Point(start, np.inf, np.zeros(len(start))), damping, report)
     try:
