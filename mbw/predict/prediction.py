@@ -5,8 +5,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import Complex, Dof, Real
-from mbmodel import EnergyShares, Machine, Model, Modes, energy_shares, modes_with_laws, shapes_at
+from identification.words import Complex, ConvergenceError, Dof, Real
+from mbmodel import (
+    EnergyShares,
+    Machine,
+    Model,
+    Modes,
+    energy_shares,
+    model_modes,
+    modes_with_laws,
+    shapes_at,
+)
 from mbw.predict.schema import PredictedModeRow, PredictedModesFile, Shares
 
 _MIN_LISTED_SHARE = 0.001  # share of energy; smaller ones are left out of the JSON
@@ -24,6 +33,7 @@ class Prediction:
         energy: energy shares of each mode.
         labels: labels of the rows of ``shapes``: axes of the points, then of the centres of mass.
         shapes: motion in each mode; (n_label, n_mode).
+        mode_remarks: sentences on the modes.
     """
 
     model: Model
@@ -31,6 +41,7 @@ class Prediction:
     energy: EnergyShares
     labels: tuple[Dof, ...]
     shapes: Complex
+    mode_remarks: tuple[str, ...] = ()
 
     @property
     def machine(self) -> Machine:
@@ -61,7 +72,8 @@ class Prediction:
         """Findings on the model, one sentence each."""
         poles = self.modes.poles
         growing = np.flatnonzero(poles.real > _MAX_ZERO_POLE * np.abs(poles).max(initial=0.0)) + 1
-        sentences = [f"{text[:1].upper()}{text[1:]}." for text in self.machine.remarks]
+        texts = (*self.machine.remarks, *self.mode_remarks)
+        sentences = [f"{text[:1].upper()}{text[1:]}." for text in texts]
         if growing.size:
             which = ", ".join(map(str, growing))
             sentences.append(
@@ -74,11 +86,21 @@ class Prediction:
 def predict(model: Model) -> Prediction:
     """Compute the modes of the nominal model, with energy shares and shapes."""
     theta, layout = model.drawn, model.machine.layout
-    modes = modes_with_laws(model, theta)
+    modes, mode_remarks = _modes(model)
     points = tuple(Dof.of(point, axis) for point in layout.points for axis in range(3))
     labels = points + layout.body_dofs()
     shapes = shapes_at(model, theta, modes, labels)
-    return Prediction(model, modes, energy_shares(model, theta, modes), labels, shapes)
+    energy = energy_shares(model, theta, modes)
+    return Prediction(model, modes, energy, labels, shapes, mode_remarks)
+
+
+def _modes(model: Model) -> tuple[Modes, tuple[str, ...]]:
+    """Return the modes with all laws; if one cannot be followed, those without, and a remark."""
+    try:
+        return modes_with_laws(model, model.drawn), ()
+    except ConvergenceError as error:
+        remark = f"the modes are those without losses, delays and Maxwell branches, since {error}"
+        return model_modes(model, model.drawn), (remark,)
 
 
 def modes_file(prediction: Prediction) -> PredictedModesFile:

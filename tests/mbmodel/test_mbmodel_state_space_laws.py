@@ -290,6 +290,24 @@ def test_modes_with_a_law_make_the_dynamic_stiffness_singular(chain, shape, size
     assert len(set(np.round(modes.poles, 3))) == len(modes.poles)
 
 
+@pytest.mark.parametrize("shape", [ConstantLoss(), LateForce(2e-3), Relaxation(2e-2)], ids=str)
+def test_close_modes_of_the_station_keep_apart_while_laws_grow(station_model, shape):
+    machine = station_model.machine
+    springs = [spring for spring in machine.springs if spring.location == "joint:granite_bottom"]
+    parts = [spring_law_part(spring, "law", 1.0, shape) for spring in springs]
+    model = Model(machine, (*spring_parts(machine), *parts))
+    modes = modes_with_laws(model, model.drawn)
+    distance = np.abs(modes.poles[:, None] - modes.poles) / np.abs(modes.poles)
+    assert (distance + np.eye(len(distance))).min() > 1e-4
+    matrices = model.assemble(model.drawn)
+    for pole, vector in zip(modes.poles, modes.shapes.T, strict=True):
+        z = matrices.matrices.dynamic_stiffness(pole)
+        for term in matrices.frequency_dependent:
+            z = z + term.left @ term.at(np.array([pole]))[0] @ term.right.T
+        size = np.abs(z) @ np.abs(vector)
+        assert (np.abs(z @ vector) < 1e-7 * size).all()
+
+
 def test_a_lossy_mass_has_half_the_loss_factor_as_damping(from_text):
     machine = from_text(mjcf(mass_on_spring(20, 2e6, 0)))
     eta = 0.2

@@ -171,6 +171,16 @@ def test_laws_act_on_the_machine_with_a_stage_too(place):
     assert summary["modes"][new]["damping"] == pytest.approx(0.05, rel=0.2)
 
 
+def test_modes_that_a_long_delay_ends_are_listed_without_it_and_a_remark_says_so(place):
+    result = run(place, "--delay", "head=0.5", "--json", "-", "--no-pictures")
+    assert result.exit_code == 0, result.stderr
+    assert "modes are those without losses, delays" in " ".join(result.stderr.split())
+    plain = run(place, "--json", "-", "--no-pictures")
+    both = [json.loads(each.stdout) for each in (result, plain)]
+    assert [m["frequency"] for m in both[0]["modes"]] == [m["frequency"] for m in both[1]["modes"]]
+    assert any("modes are those without" in remark for remark in both[0]["remarks"])
+
+
 BAD = {
     "no number": (("--loss-factor", "head=much"), 2, "write JOINT=ETA"),
     "no name": (("--delay", "0.1"), 2, "write JOINT=SECONDS"),
