@@ -28,7 +28,7 @@ def parse_outputs(labels: AnyLabel | Iterable[AnyLabel]) -> tuple[Dof, ...]:
         UsageError: a text is no label.
     """
     return tuple(
-        label if isinstance(label, Dof) else Dof.parse(str(label)) for label in _as_tuple(labels)
+        label if isinstance(label, Dof) else Dof.parse(str(label)) for label in as_labels(labels)
     )
 
 
@@ -44,7 +44,7 @@ def parse_inputs(machine: Machine, labels: AnyLabel | Iterable[AnyLabel]) -> tup
     """
     return tuple(
         parse_input(machine, label) if isinstance(label, str) else label
-        for label in _as_tuple(labels)
+        for label in as_labels(labels)
     )
 
 
@@ -108,7 +108,12 @@ def check_count(name: str, value: int) -> int:
     return value
 
 
-def _as_tuple(labels: AnyLabel | Iterable[AnyLabel]) -> tuple[AnyLabel, ...]:
+def as_labels(labels: AnyLabel | Iterable[AnyLabel]) -> tuple[AnyLabel, ...]:
+    """Return one label or several as a tuple.
+
+    Raises:
+        UsageError: there is no label, or one appears twice.
+    """
     chosen = (labels,) if isinstance(labels, str | Dof | Motor) else tuple(labels)
     if not chosen:
         raise UsageError("give at least one label, such as acc11:+tx")

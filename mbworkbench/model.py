@@ -12,15 +12,19 @@ from mbmodel import (
     Machine,
     Model,
     Modes,
+    TimeResponse,
     as_drawn,
     linearise,
     load_machine,
     model_modes,
+    simulate,
     state_space,
 )
+from mbmodel.simulation.drives import parse_drive, parse_reading
 from mbworkbench.labels import (
     AnyLabel,
     AnyPath,
+    as_labels,
     as_path,
     check_frequencies,
     check_quantity,
@@ -158,6 +162,43 @@ class MachineModel:
             check_quantity(quantity),
         )
         return state_space(model, model.drawn, request)
+
+    def simulate(  # one for each thing that a simulation needs
+        self,
+        outputs: AnyLabel | Iterable[AnyLabel],
+        inputs: AnyLabel | Iterable[AnyLabel],
+        time_s: Real,
+        signals: Real,
+        quantity: Quantity = "accelerance",
+        spin: Mapping[str, float] | None = None,
+    ) -> TimeResponse:
+        """Simulate the motion in time from static equilibrium, nonlinear joints included.
+
+        Args:
+            outputs: labels of motions, or joints such as ``joint:ty_ty``.
+            inputs: labels of forces, ``floor:+tx``, joints, or motors by name.
+            time_s: evenly spaced [s]; (n_time,).
+            signals: of the inputs; (n_time, n_in), or (n_time,) of one input.
+            quantity: of the outputs: receptance, mobility or accelerance.
+            spin: rates of hinges that turn steadily [rad/s], by name of the joint.
+
+        Returns:
+            The motion, ``outputs`` (n_time, n_out), with the step and its estimated error.
+
+        Raises:
+            UsageError: a label that the machine does not have, or shapes that do not fit.
+            ConvergenceError: the motion grows without bound.
+        """
+        values = np.asarray(signals, float)
+        return simulate(
+            self.machine,
+            tuple(parse_drive(self.machine, str(label)) for label in as_labels(inputs)),
+            tuple(parse_reading(self.machine, str(label)) for label in as_labels(outputs)),
+            time_s,
+            values[:, None] if values.ndim == 1 else values,
+            quantity=check_quantity(quantity),
+            spin=spin,
+        )
 
     def __repr__(self) -> str:
         """Return a summary of at most ten lines."""

@@ -18,7 +18,7 @@ from identification.words import ConvergenceError, Real
 from mbmodel.simulation.drives import CONTROL_SPEC, rest_controls
 from mbmodel.simulation.time_model import TimeModel
 
-_MAX_INTEGRATED_BYTES = 200e6  # memory of states, sensor data and controls of a chunk of steps
+_MAX_INTEGRATED_BYTES = 100e6  # memory of states, sensor data and controls of a chunk of steps
 _MAX_CHUNK_STEPS = 8192
 INTEGRATORS = {
     "RK4": mujoco.mjtIntegrator.mjINT_RK4,

@@ -34,6 +34,13 @@ class TimeResponse:
     outputs: Real
     step: TimeStep
 
+    def __repr__(self) -> str:
+        """Return the size, the step and its error in one line."""
+        return (
+            f"response of {self.outputs.shape[1]} outputs at {len(self.time_s)} instants, "
+            f"step {self.step.step_s:.3g} s, estimated error {self.step.error:.1g}"
+        )
+
 
 def simulate(
     machine: Machine,

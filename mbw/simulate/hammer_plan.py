@@ -196,13 +196,28 @@ def _imitate(
     hits = [test.hits for test in campaign.tests if test.hits is not None]
     rate = hits[0].rate_hz if hits else float(np.round(freq[-1] / BAND_SHARE, 6))
     block = hits[0].block_s if hits else float(1 / np.median(np.diff(freq)))
-    names = dict.fromkeys(test.condition.test for test in campaign.tests)
-    files = [_imitate_file(campaign, name, options, suffix) for name in names]
+    names = list(dict.fromkeys(test.condition.test for test in campaign.tests))
+    files = [
+        _imitate_file(campaign, name, options, target)
+        for name, target in zip(names, _record_names(names, suffix), strict=True)
+    ]
     return tuple(files), rate, block, campaign.tolerance
 
 
-def _imitate_file(campaign: Campaign, name: str, options: TestOptions, suffix: str) -> RecordedFile:
-    """Return the file of a virtual test that is like a file of a campaign."""
+def _record_names(names: Sequence[str], suffix: str) -> list[str]:
+    """Return names of files of records in one folder, each once, for any files of a campaign."""
+    stems = [
+        "_".join(part for part in Path(name).with_suffix("").parts if part not in ("..", "/"))
+        for name in names
+    ]
+    return [
+        f"{stem}{f'_{number + 1}' if stems.count(stem) > 1 else ''}{suffix}"
+        for number, stem in enumerate(stems)
+    ]
+
+
+def _imitate_file(campaign: Campaign, name: str, options: TestOptions, target: str) -> RecordedFile:
+    """Return the file ``target`` of a virtual test that is like a file of a campaign."""
     tests = [test for test in campaign.tests if test.condition.test == name]
     references: list[Dof] = []
     for test in tests:
@@ -215,7 +230,7 @@ def _imitate_file(campaign: Campaign, name: str, options: TestOptions, suffix: s
     condition, estimate, hits = tests[0].condition, tests[0].estimate, tests[0].hits
     count = estimate.averages if hits is None else len(hits.kept) + len(hits.rejected)
     return RecordedFile(
-        file=Path(name).with_suffix(suffix).name,
+        file=target,
         level_n=(options.levels or (condition.level_n or _DEFAULT_LEVEL_N,))[0],
         outputs=estimate.frf.outputs,
         references=tuple(references),

@@ -16,6 +16,7 @@ from tests.docs import (
     model_figures,
     modes_figures,
     robustness_figures,
+    simulation_figures,
     truth_figures,
     tuning_figures,
 )
@@ -30,4 +31,5 @@ FIGURES: Mapping[str, Callable[[], str]] = {
     **tuning_figures.FIGURES,
     **truth_figures.FIGURES,
     **robustness_figures.FIGURES,
+    **simulation_figures.FIGURES,
 }

@@ -21,6 +21,7 @@ from mbmodel import (
     write_nonlinear_joints,
 )
 from mbw.command import app
+from mbw.simulate.hammer_plan import _record_names
 from tuning import open_campaign
 
 RUNNER = CliRunner()
@@ -256,3 +257,8 @@ def test_a_played_signal_becomes_a_moving_picture_and_a_page(model, tmp_path, mo
     assert "estimated error" in page
     assert '"label": "acc3:+tx"' in page
     assert "--animate" in run(model, "--hammer", "3", "--animate", target, code=2)
+
+
+def test_files_of_one_name_in_several_folders_stay_apart():
+    names = _record_names(["a/hits.uff", "b/hits.uff", "b/hits.mat", "../c.uff"], ".npz")
+    assert names == ["a_hits.npz", "b_hits_2.npz", "b_hits_3.npz", "c.npz"]

@@ -227,3 +227,13 @@ def test_the_facade_computes_nothing():
             if isinstance(node, ast.Attribute):
                 assert node.attr not in ("linalg", "fft", "random", "optimize"), path
             assert not isinstance(node, ast.While | ast.MatMult), path
+
+
+def test_a_model_is_simulated_in_time(model):
+    # A slow push moves a body as the static receptance says.
+    time_s = np.arange(0, 0.5, 1e-3)
+    force = 10 * np.sin(np.pi * time_s / time_s[-1]) ** 2
+    response = model.simulate("stage:+tx", "stage:+tx", time_s, force, "receptance")
+    static = model.frf("stage:+tx", "stage:+tx", [0.01], "receptance").values[0, 0, 0].real
+    assert response.outputs[:, 0].max() == pytest.approx(10 * static, rel=0.02)
+    assert len(repr(response).splitlines()) == 1
