@@ -45,9 +45,10 @@ sealed: $(VENV)/.installed
 	for name in $(SEALED)/*; do $(BIN)/mbw diagnose $$name --out $(OUT)-sealed/$$(basename $$name) \
 		--json tests/bench/results/sealed/$$(basename $$name).json || exit 1; done
 
-# Remakes the station's meshes, byte for byte, and what they weigh in its MJCF.
+# Remakes the meshes of the station, byte for byte, what they weigh in its MJCF, its tuned model.
 station: $(VENV)/.installed
 	$(BIN)/python assets/microstation/make_station.py
+	$(BIN)/python assets/microstation/make_identified.py
 
 # Remakes the gondola's shapes; needs CalculiX (Debian: calculix-ccx).
 gondola: $(VENV)/.installed

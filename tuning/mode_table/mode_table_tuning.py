@@ -42,7 +42,7 @@ _SCHEDULES = ((0.3, 0.2, 0.14, 0.1, 0.07, 0.05, 0.03, 0.02, 0.01, 0.0), (0.0,))
 _MAX_STEP_SIGMA = (
     1.0  # of a coordinate [prior standard deviations]: modes change order within a few
 )
-_MIN_GAIN_NATS = 1e-10  # of the last stage, so that any computer ends at the same digits
+_MIN_GAIN_NATS = 1e-14  # of the last stage: rounding ends it, at the same digits on any computer
 _ROUGH_GAIN_NATS = 1e-3  # of the stages before
 _MAX_STEPS = 200
 _HOP_SDS = (0.2, 0.4)  # of a coordinate: random steps away from the best end so far
