@@ -172,7 +172,7 @@ def test_laws_act_on_the_machine_with_a_stage_too(place):
 
 
 def test_modes_that_a_long_delay_ends_are_listed_without_it_and_a_remark_says_so(place):
-    result = run(place, "--delay", "head=0.5", "--json", "-", "--no-pictures")
+    result = run(place, "--delay", "head_tx=0.5", "--json", "-", "--no-pictures")
     assert result.exit_code == 0, result.stderr
     assert "modes are those without losses, delays" in " ".join(result.stderr.split())
     plain = run(place, "--json", "-", "--no-pictures")
