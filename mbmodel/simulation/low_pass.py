@@ -65,11 +65,13 @@ class Decimator:
         taps: of the channels; (n_channel, 2 m).
         factor: steps of the integration per sample.
         kept: values that later samples still need; (n_record, n_channel, n).
+        skipped: further values that no sample needs.
     """
 
     taps: Real
     factor: int
     kept: Real | None = field(default=None)
+    skipped: int = 0
 
     def push(self, chunk: Real) -> Real:
         """Return the samples that a chunk completes.
@@ -84,11 +86,14 @@ class Decimator:
         values = np.ascontiguousarray(np.moveaxis(chunk, 1, 2))
         if self.kept is None:
             self.kept = np.zeros((*values.shape[:2], count // 2))
-        values = np.concatenate([self.kept, values], axis=2)
+        dropped = min(self.skipped, values.shape[2])
+        self.skipped -= dropped
+        values = np.concatenate([self.kept, values[:, :, dropped:]], axis=2)
         number = max(0, (values.shape[2] - count) // self.factor + 1)
         windows = np.lib.stride_tricks.sliding_window_view(values, min(count, values.shape[2]), 2)
         chosen = windows[:, :, : number * self.factor : self.factor][:, :, :number]
         self.kept = values[:, :, number * self.factor :].copy()
+        self.skipped += max(0, number * self.factor - values.shape[2])
         if not number:
             return np.zeros((*values.shape[:2], 0))
         samples: Real = np.einsum("rcjl,cl->rcj", chosen, self.taps)

@@ -172,3 +172,16 @@ def test_nonlinear_springs_follow_an_integrator_of_another_library(tmp_path):
         )
         error = response.outputs[:, 0] - reference
         assert np.sqrt((error**2).mean()) < 3e-3 * np.sqrt((reference**2).mean())
+
+
+@pytest.mark.parametrize("count", [1, 3, 7])
+def test_chunks_do_not_change_what_is_recorded(count):
+    # Two taps and twenty steps per sample: most values belong to no sample.
+    values = np.random.default_rng(1).normal(size=(2, 501, 3))
+    taps = np.full((3, 2), 0.5)
+    whole = Decimator(taps, 20).push(values)
+    decimator = Decimator(taps, 20)
+    parts = [decimator.push(part) for part in np.array_split(values, count, axis=1)]
+    assert np.array_equal(np.concatenate(parts, axis=2), whole)
+    middle = values[:, 19:500:20]
+    assert np.allclose(whole[0, 0, 1:], (middle[0, :, 0] + values[0, 20:501:20, 0]) / 2)
