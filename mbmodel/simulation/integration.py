@@ -23,6 +23,7 @@ _MAX_CHUNK_STEPS = 8192
 INTEGRATORS = {
     "RK4": mujoco.mjtIntegrator.mjINT_RK4,
     "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
 }
 
 # Returns the inputs' means over the steps from a first to a last one; (n_record, n_step, n_in).
@@ -34,7 +35,7 @@ class TimeStep:
     """How the integration steps, and how exact it is.
 
     Args:
-        integrator: ``RK4`` or ``implicitfast``.
+        integrator: ``RK4``, ``implicitfast`` or ``discrete``.
         step_s: length of a step [s].
         error: estimated error of the readings, relative to each channel's rms, the largest; NaN if
             it was not estimated.

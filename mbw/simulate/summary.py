@@ -13,7 +13,7 @@ class SimulationSummary(BaseModel):
     Args:
         model: path of the MJCF.
         kind: ``hammer test`` or ``signal``.
-        integrator: ``RK4`` or ``implicitfast``.
+        integrator: ``RK4``, ``implicitfast`` or ``discrete``.
         step: of the integration [s].
         error: estimated error of the channels, relative to their rms; null if an estimate failed.
         span: time over which it was estimated [s].

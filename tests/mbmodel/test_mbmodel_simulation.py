@@ -185,3 +185,56 @@ def test_chunks_do_not_change_what_is_recorded(count):
     assert np.array_equal(np.concatenate(parts, axis=2), whole)
     middle = values[:, 19:500:20]
     assert np.allclose(whole[0, 0, 1:], (middle[0, :, 0] + values[0, 20:501:20, 0]) / 2)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "integrator", "largest"),
+    [(0.0, 1e5, "implicitfast", 4e-3), (1e10, 1.0, "discrete", 2e-2)],
+)
+def test_too_fast_a_motion_has_an_implicit_integrator_and_an_honest_error(
+    tmp_path, stiffness, damping, integrator, largest
+):
+    # A chip of 0.1 g on a hard spring, or on a strong damper.
+    path = tmp_path / "chip.xml"
+    chip = (
+        '<body name="chip" pos="0 0 .8"><inertial pos="0 0 0" mass="1e-4" diaginertia="1e-8 1e-8 '
+        f'1e-8"/><joint name="chip_tx" type="slide" axis="1 0 0" stiffness="{stiffness}" '
+        f'damping="{damping}"/></body><site name="acc3"'
+    )
+    path.write_text(MJCF.replace('<site name="acc3"', chip), encoding="utf-8")
+    machine = load_machine(path)
+    inputs, outputs = (Dof.parse("acc3:+tx"),), (Dof.parse("acc1:+tx"), Dof.parse("acc3:-tx"))
+    time_s = TIME_S[:160]
+    model = as_drawn(machine)
+    request = FrfRequest(np.ones(1), outputs, inputs, "accelerance")
+    linear = respond_linearly(model, model.drawn, request, time_s, PULSE[:160, None])
+    response = simulate(machine, inputs, outputs, time_s, PULSE[:160, None])
+    error = np.sqrt(((response.outputs - linear) ** 2).mean(axis=0) / (linear**2).mean(axis=0))
+    assert response.step.integrator == integrator
+    assert error.max() < largest
+    assert error.max() == pytest.approx(response.step.error, rel=1.0)
+
+
+def test_a_rotor_turns_the_motion_as_in_the_linear_model(tmp_path):
+    # A rotor at 300 rad/s on a body that tilts about two axes: gyroscopic coupling.
+    path = tmp_path / "rotor.xml"
+    path.write_text(
+        '<mujoco><compiler angle="radian"/><option gravity="0 0 0"/><worldbody><body name="a">'
+        '<inertial pos="0 0 0" mass="20" diaginertia="1 1 1"/>'
+        '<joint name="ax" type="hinge" axis="1 0 0" stiffness="1e4" damping="3"/>'
+        '<joint name="ay" type="hinge" axis="0 1 0" stiffness="2e4" damping="3"/>'
+        '<site name="acc1" pos=".2 0 .1"/><body name="b">'
+        '<inertial pos="0 0 0" mass="5" diaginertia=".2 .2 .3"/>'
+        '<joint name="spin" type="hinge" axis="0 0 1" damping=".01"/></body></body></worldbody>'
+        "</mujoco>",
+        encoding="utf-8",
+    )
+    machine = load_machine(path, {"spin": 300.0})
+    inputs, outputs = (Dof.parse("a:+ry"),), (Dof.parse("a:+ry"), Dof.parse("a:+rx"))
+    model, torque = as_drawn(machine), 0.1 * PULSE[:, None]
+    request = FrfRequest(np.ones(1), outputs, inputs, "accelerance")
+    linear = respond_linearly(model, model.drawn, request, TIME_S, torque)
+    turned = simulate(machine, inputs, outputs, TIME_S, torque, spin={"spin": 300.0}).outputs
+    assert np.sqrt((linear[:, 1] ** 2).mean()) > 0.1 * np.sqrt((linear[:, 0] ** 2).mean())
+    error = np.sqrt(((turned - linear) ** 2).mean(axis=0) / (linear**2).mean(axis=0))
+    assert (error < 5e-3).all()
