@@ -42,6 +42,26 @@ class JointDof:
         return f"{JOINT_PREFIX}{self.joint}"
 
 
+@dataclass(frozen=True)
+class SensorValue:
+    """One number of a MuJoCo sensor of the MJCF, by the sensor's name.
+
+    Args:
+        sensor: name of the sensor.
+        number: of its numbers, from 0.
+    """
+
+    sensor: str
+    number: int = 0
+
+    def __str__(self) -> str:
+        """Return the name, with the number behind a full stop unless it is the first."""
+        return f"{self.sensor}.{self.number}" if self.number else self.sensor
+
+
+Reading = Dof | JointDof | SensorValue
+
+
 def parse_drive(machine: Machine, text: str) -> Input | JointDof:
     """Return the motor, joint or direction that a text names.
 
@@ -51,12 +71,20 @@ def parse_drive(machine: Machine, text: str) -> Input | JointDof:
     return _parse_joint(machine, text) or parse_input(machine, text)
 
 
-def parse_reading(machine: Machine, text: str) -> Dof | JointDof:
-    """Return the joint or direction whose motion a text names.
+def parse_reading(machine: Machine, text: str) -> Reading:
+    """Return the joint, direction or MuJoCo sensor whose values a text names.
+
+    Args:
+        machine: with its joints.
+        text: ``joint:ty_tx``, a label such as ``acc11:+tx``, or the name of a sensor; ``imu.2`` is
+            the third number of the sensor ``imu``.
 
     Raises:
         UsageError: it names none of these.
     """
+    if text and ":" not in text:
+        name, _, number = text.rpartition(".")
+        return SensorValue(name, int(number)) if name and number.isdecimal() else SensorValue(text)
     return _parse_joint(machine, text) or Dof.parse(text)
 
 

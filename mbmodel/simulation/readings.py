@@ -7,7 +7,7 @@ import numpy as np
 
 from identification.words import Dof, Real
 from mbmodel.machine import Machine
-from mbmodel.simulation.drives import JointDof
+from mbmodel.simulation.drives import JointDof, Reading, SensorValue
 from mbmodel.simulation.time_model import PROBE_CHANNELS, Probe
 
 
@@ -18,20 +18,22 @@ class Readings:
     Args:
         probes: a probe for each point or body.
         encoders: names of joints.
+        sensors: numbers of MuJoCo sensors.
         readout: outputs per channel of the integration; (n_out, n_channel).
     """
 
     probes: tuple[Probe, ...]
     encoders: tuple[str, ...]
+    sensors: tuple[SensorValue, ...]
     readout: Real
 
 
-def find_readings(machine: Machine, outputs: Sequence[Dof | JointDof]) -> Readings:
+def find_readings(machine: Machine, outputs: Sequence[Reading]) -> Readings:
     """Return what some outputs need.
 
     Args:
         machine: with its layout.
-        outputs: points, bodies (centres of mass, world axes) or joints.
+        outputs: points, bodies (centres of mass, world axes), joints or MuJoCo sensors.
 
     Raises:
         UsageError: the machine has no such point or body.
@@ -39,15 +41,20 @@ def find_readings(machine: Machine, outputs: Sequence[Dof | JointDof]) -> Readin
     layout = machine.layout
     points = list(dict.fromkeys(dof.point for dof in outputs if isinstance(dof, Dof)))
     joints = list(dict.fromkeys(dof.joint for dof in outputs if isinstance(dof, JointDof)))
+    sensors = list(dict.fromkeys(dof for dof in outputs if isinstance(dof, SensorValue)))
     probes = tuple(Probe(layout.body_name(point), _place(machine, point)) for point in points)
-    readout = np.zeros((len(outputs), PROBE_CHANNELS * len(points) + len(joints)))
+    first_joint = PROBE_CHANNELS * len(points)
+    first_sensor = first_joint + len(joints)
+    readout = np.zeros((len(outputs), first_sensor + len(sensors)))
     for row, dof in zip(readout, outputs, strict=True):
         if isinstance(dof, JointDof):
-            row[PROBE_CHANNELS * len(points) + joints.index(dof.joint)] = 1.0
+            row[first_joint + joints.index(dof.joint)] = 1.0
+        elif isinstance(dof, SensorValue):
+            row[first_sensor + sensors.index(dof)] = 1.0
         else:
             start = PROBE_CHANNELS * points.index(dof.point) + 3 * dof.is_rotation
             row[start : start + 3] = dof.sign * _axes(machine, dof.point)[:, dof.axis % 3]
-    return Readings(probes, tuple(joints), readout)
+    return Readings(probes, tuple(joints), tuple(sensors), readout)
 
 
 def _place(machine: Machine, point: str) -> Real:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
-from identification.words import DERIVATIVE_ORDER, Dof, Input, Quantity, Real, UsageError
+from identification.words import DERIVATIVE_ORDER, Input, Quantity, Real, UsageError
 from mbmodel.export.linear_response import even_step
 from mbmodel.machine import Machine
-from mbmodel.simulation.drives import JointDof, find_drives
+from mbmodel.simulation.drives import JointDof, Reading, find_drives
 from mbmodel.simulation.integration import InputMeans, TimeStep, integrate
 from mbmodel.simulation.readings import find_readings
 from mbmodel.simulation.time_model import TimeModel, build_time_model
@@ -45,7 +45,7 @@ class TimeResponse:
 def simulate(
     machine: Machine,
     inputs: Sequence[Input | JointDof],
-    outputs: Sequence[Dof | JointDof],
+    outputs: Sequence[Reading],
     time_s: Real,
     signals: Real,
     *,
@@ -61,11 +61,11 @@ def simulate(
     Args:
         machine: as loaded from its MJCF.
         inputs: points, bodies, motors, joints or the floor [N, N m, unit of control, m/s^2].
-        outputs: points, bodies or joints.
+        outputs: points, bodies, joints, or MuJoCo sensors of the MJCF.
         time_s: evenly spaced [s]; (n_time,), at least 4.
         signals: of the inputs; (n_time, n_in).
         quantity: receptance gives displacements, mobility velocities, accelerance accelerations;
-            joints give positions always.
+            joints give positions always, MuJoCo sensors their own values relative to rest.
         spin: rates of the hinges that turn steadily [rad/s], by name.
 
     Raises:
@@ -81,7 +81,14 @@ def simulate(
         )
     readings = find_readings(machine, outputs)
     order = DERIVATIVE_ORDER[quantity]
-    model = build_time_model(machine, readings.probes, readings.encoders, order=order, spin=spin)
+    model = build_time_model(
+        machine,
+        readings.probes,
+        readings.encoders,
+        sensors=[(value.sensor, value.number) for value in readings.sensors],
+        order=order,
+        spin=spin,
+    )
     drives = find_drives(model, inputs)
     spline = CubicSpline(time_s - time_s[0], signals)
 
@@ -141,7 +148,7 @@ def _floor_motion(spline: CubicSpline, floor: Real, time_s: Real, order: int) ->
     return moved
 
 
-def _world_axes(model: TimeModel, outputs: Sequence[Dof | JointDof]) -> Real:
+def _world_axes(model: TimeModel, outputs: Sequence[Reading]) -> Real:
     """Return the reading of each output per translation of the whole machine; (n_out, 3)."""
     rows = np.zeros((len(outputs), 3))
     readings = find_readings(model.machine, outputs)

@@ -59,7 +59,8 @@ class TimeModel:
         lead: number of the MJCF body that leads each stage; n_stage.
         order: number of differentiations of the motion that the probes read: 0, 1, 2.
         probe_columns: columns of MuJoCo's sensor data; (n_probe, 7 or 6).
-        encoder_columns: columns of MuJoCo's sensor data, one for each joint; n_joint.
+        encoder_columns: columns of MuJoCo's sensor data, one for each joint and each number of a
+            sensor of the MJCF; n_encoder.
         rest: sensor data at rest; (n_sensor,).
     """
 
@@ -86,6 +87,7 @@ def build_time_model(
     probes: Sequence[Probe],
     encoders: Sequence[str] = (),
     *,
+    sensors: Sequence[tuple[str, int]] = (),
     order: int = 2,
     spin: Mapping[str, float] | None = None,
 ) -> TimeModel:
@@ -97,12 +99,13 @@ def build_time_model(
         machine: as loaded from its MJCF.
         probes: points whose motion is read.
         encoders: joints whose position is read, relative to rest.
+        sensors: MuJoCo sensors of the MJCF, by name and number, that are read relative to rest.
         order: number of differentiations of the motion that the probes read: 0, 1, 2.
         spin: rates of the hinges that turn steadily [rad/s], by name.
 
     Raises:
         InputError: the MJCF cannot be read any more.
-        UsageError: there is no such joint, or it is neither a slide nor a hinge.
+        UsageError: there is no such joint or sensor, or it is neither a slide nor a hinge.
     """
     flags: list[int] = []
 
@@ -118,8 +121,8 @@ def build_time_model(
     data.qvel[:] = velocity
     compute_forces(compiled, data)
     holding = -net_force(compiled, data) if velocity.any() else np.zeros(compiled.nv)
-    mujoco.mj_sensorPos(compiled, data)
-    mujoco.mj_sensorVel(compiled, data)
+    data.qfrc_applied[:] = holding
+    mujoco.mj_forward(compiled, data)  # all sensors at rest
     start = np.zeros(mujoco.mj_stateSize(compiled, FULL_STATE))
     mujoco.mj_getState(compiled, data, start, FULL_STATE)
     widths = [_width(kind) for kind in _SENSORS_OF_ORDER[order]]
@@ -139,7 +142,12 @@ def build_time_model(
             ],
             np.intp,
         ).reshape(len(probes), sum(widths)),
-        _columns(compiled, [f"{_PREFIX} joint {k}" for k in range(len(encoders))]),
+        np.concatenate(
+            [
+                _columns(compiled, [f"{_PREFIX} joint {k}" for k in range(len(encoders))]),
+                _sensor_columns(compiled, sensors),
+            ]
+        ),
         data.sensordata.copy(),
     )
 
@@ -156,6 +164,26 @@ def _columns(compiled: mujoco.MjModel, names: Sequence[str]) -> Integers:
         for count in compiled.sensor(name).dim
     ]
     return np.array([column for span in spans for column in span], np.intp)
+
+
+def _sensor_columns(compiled: mujoco.MjModel, sensors: Sequence[tuple[str, int]]) -> Integers:
+    """Return the columns of numbers of the MJCF's own sensors."""
+    names = [compiled.sensor(k).name for k in range(compiled.nsensor)]
+    named = [name for name in names if name and not name.startswith(_PREFIX)]
+    columns = []
+    for name, number in sensors:
+        if name not in named:
+            raise UsageError(
+                f"{name!r} is neither a label such as acc11:+tx nor a sensor of the model: its "
+                f"sensors are {', '.join(named) or 'none'}"
+            )
+        sensor = compiled.sensor(name)
+        if number >= int(sensor.dim[0]):
+            raise UsageError(
+                f"sensor {name!r} has {int(sensor.dim[0])} numbers: there is no {name}.{number}"
+            )
+        columns.append(int(sensor.adr[0]) + number)
+    return np.array(columns, np.intp)
 
 
 def _add_probes(spec: mujoco.MjSpec, machine: Machine, probes: Sequence[Probe], order: int) -> None:

@@ -116,7 +116,7 @@ def simulate(  # noqa: PLR0913  # one for each option
         typer.Option(
             "--output",
             metavar="LABEL",
-            help="Channel: acc7:+tx, a body, joint:<name>; repeatable. "
+            help="Channel: acc7:+tx, a body, joint:<name>, a MuJoCo sensor; repeatable. "
             "Default: all accelerometers.",
         ),
     ] = None,

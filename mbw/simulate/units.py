@@ -1,9 +1,9 @@
 """Units of inputs and outputs of a simulation in time."""
 
-from identification.words import Dof, Input, Motor, Quantity
+from identification.words import Input, Motor, Quantity
 from mbmodel import Machine
 from mbmodel.frf.ports import is_floor
-from mbmodel.simulation.drives import JointDof
+from mbmodel.simulation.drives import JointDof, Reading, SensorValue
 from mbw.page.numbers import MOTION_UNITS
 
 
@@ -18,8 +18,10 @@ def input_unit(machine: Machine, drive: Input | JointDof) -> str:
     return "N m" if drive.is_rotation else "N"
 
 
-def output_unit(machine: Machine, reading: Dof | JointDof, quantity: Quantity) -> str:
-    """Return the unit of an output: a joint gives its position always."""
+def output_unit(machine: Machine, reading: Reading, quantity: Quantity) -> str:
+    """Return the unit of an output: a joint gives its position, a sensor what MuJoCo defines."""
+    if isinstance(reading, SensorValue):
+        return "sensor"
     if isinstance(reading, JointDof):
         return "rad" if _turns(machine, reading) else "m"
     return MOTION_UNITS[quantity][reading.is_rotation]

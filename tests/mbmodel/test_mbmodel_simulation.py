@@ -22,7 +22,11 @@ from mbmodel.simulation.low_pass import Decimator, filter_taps
 
 TIME_S = np.arange(0, 0.4, 1e-3)
 PULSE = np.where(TIME_S < 0.012, 20 * np.sin(np.pi * TIME_S / 0.012) ** 2, 0.0)
-MOTOR = '<actuator><motor name="drive" joint="head_tx" gear="3"/></actuator></mujoco>'
+SENSORS = (
+    '<sensor><jointpos name="scale" joint="head_tx"/>'
+    '<framelinvel name="speed" objtype="site" objname="acc3"/></sensor>'
+)
+MOTOR = SENSORS + '<actuator><motor name="drive" joint="head_tx" gear="3"/></actuator></mujoco>'
 
 
 @pytest.fixture(scope="module")
@@ -238,3 +242,18 @@ def test_a_rotor_turns_the_motion_as_in_the_linear_model(tmp_path):
     assert np.sqrt((linear[:, 1] ** 2).mean()) > 0.1 * np.sqrt((linear[:, 0] ** 2).mean())
     error = np.sqrt(((turned - linear) ** 2).mean(axis=0) / (linear**2).mean(axis=0))
     assert (error < 5e-3).all()
+
+
+def test_sensors_of_the_file_are_read_by_name(machine):
+    texts = ("scale", "joint:head_tx", "speed.1", "acc3:+ty")
+    outputs = tuple(parse_reading(machine, text) for text in texts)
+    inputs = (Dof.parse("acc4:+ty"),)
+    values = simulate(machine, inputs, outputs, TIME_S, PULSE[:, None], quantity="mobility").outputs
+    assert np.abs(values[:, 1]).max() > 0
+    assert np.allclose(values[:, 0], values[:, 1], rtol=1e-9)
+    # The label reads along the site's axes, which sag by some 1e-7 rad; the sensor along the world's.
+    assert np.allclose(values[:, 2], values[:, 3], rtol=1e-4, atol=1e-9)
+    for wrong in ("nothing", "speed.3"):
+        reading = (parse_reading(machine, wrong),)
+        with pytest.raises(UsageError, match="sensor"):
+            simulate(machine, inputs, reading, TIME_S, PULSE[:, None])
