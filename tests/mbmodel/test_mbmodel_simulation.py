@@ -251,7 +251,7 @@ def test_sensors_of_the_file_are_read_by_name(machine):
     values = simulate(machine, inputs, outputs, TIME_S, PULSE[:, None], quantity="mobility").outputs
     assert np.abs(values[:, 1]).max() > 0
     assert np.allclose(values[:, 0], values[:, 1], rtol=1e-9)
-    # The label reads along the site's axes, which sag by some 1e-7 rad; the sensor along the world's.
+    # The label reads along the site's axes at rest, the sensor along those of the world.
     assert np.allclose(values[:, 2], values[:, 3], rtol=1e-4, atol=1e-9)
     for wrong in ("nothing", "speed.3"):
         reading = (parse_reading(machine, wrong),)
