@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from diagnosis import Scene
 from diagnosis.effects import missing_dof
-from diagnosis.search.free_force import _directions
+from diagnosis.search.free_force import _list_directions
 from mbmodel import (
     Model,
     as_drawn,
@@ -107,7 +107,7 @@ def test_a_direction_released_askew_is_written_along_its_own_axis_and_pushed_by_
     scene = Scene(SimpleNamespace(model=model), model.drawn, rigid_directions)
     (hypothesis,) = missing_dof.propose(scene)
     assert hypothesis.key == ("missing_dof", "joint:top", "rz")
-    assert ("joint:top", "rz") in [(place, dof) for place, dof, _ in _directions(scene)]
+    assert ("joint:top", "rz") in [(place, dof) for place, dof, _ in _list_directions(scene)]
     released_model = Model(extended, (*model.parts, *hypothesis.parts))
     theta = np.append(model.drawn, [50.0, 1.0])
     target = tmp_path / "written.xml"

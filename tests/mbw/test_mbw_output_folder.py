@@ -138,7 +138,7 @@ def test_an_unusable_folder_is_refused_before_the_work(models, tmp_path, monkeyp
     def never(*_, **__):
         raise AssertionError("the work was begun")
 
-    monkeypatch.setattr(predict_verb, "predict", never)
+    monkeypatch.setattr(predict_verb, "predict_outcome", never)
     (tmp_path / "out" / "predict.html").mkdir(parents=True)
     refused = run("predict", models[0], "--out", tmp_path / "out")
     assert refused.exit_code == 3
