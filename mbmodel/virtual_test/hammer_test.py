@@ -87,21 +87,37 @@ def strike(
     ]
     model = build_time_model(machine, probes, spin=spin)
     test = _Test(model, plan, instruments, sites, threads)
-    step: TimeStep | None = None
-    records: dict[str, tuple[Records, ...]] = {}
-    for file, stream in zip(plan.files, streams[2:], strict=True):
-        of_file = []
-        for reference, part in zip(
-            file.references, stream.spawn(len(file.references)), strict=True
-        ):
-            random = np.random.default_rng(part)
-            hits = draw_hits(plan, file, random)
-            step = step or test.choose_step(file, reference, hits)
-            of_file.append(test.record(file, reference, hits, step, random, count_hits))
-        records[file.file] = tuple(of_file)
-    if step is None:
+    series = [
+        _Series(file, reference, draw_hits(plan, file, random), random)
+        for file, stream in zip(plan.files, streams[2:], strict=True)
+        for reference, part in zip(file.references, stream.spawn(len(file.references)), strict=True)
+        for random in (np.random.default_rng(part),)
+    ]
+    if not series:
         raise UsageError("the plan has no file: state at least one level")
+    step = test.choose_step(max(series, key=lambda hits: hits.hits.peaks.max()))
+    records: dict[str, tuple[Records, ...]] = {}
+    for hits in series:
+        record = test.record(hits, step, count_hits)
+        records[hits.file.file] = (*records.get(hits.file.file, ()), record)
     return VirtualTest(records, instruments, step)
+
+
+@dataclass(frozen=True, eq=False)
+class _Series:
+    """Hits along one reference of a file.
+
+    Args:
+        file: the file.
+        reference: point and direction.
+        hits: drawn hits.
+        random: source of the noise.
+    """
+
+    file: RecordedFile
+    reference: Dof
+    hits: Hits
+    random: np.random.Generator
 
 
 def _sites(machine: Machine, plan: HammerTestPlan) -> list[str]:
@@ -158,32 +174,27 @@ class _Test:
         ]
         return reference.sign * wrench_gain(self.model, np.stack(wrenches, axis=1)).T[:, :, None]
 
-    def choose_step(self, file: RecordedFile, reference: Dof, hits: Hits) -> TimeStep:
-        """Return integrator and step for the hardest hit."""
-        hardest = hits.select([int(np.argmax(hits.peaks[:, 0]))])
+    def choose_step(self, series: _Series) -> TimeStep:
+        """Return integrator and step for the hardest hit of a series."""
+        hardest = series.hits.select([int(np.argmax(series.hits.peaks[:, 0]))])
         return choose_time_step(
             self.model,
-            self.gains(reference, hardest),
+            self.gains(series.reference, hardest),
             hardest.means,
-            self.recorder(file.outputs),
+            self.recorder(series.file.outputs),
             self.plan.pretrigger_s + self.plan.mean_pulse_s + _ESTIMATED_S,
         )
 
     def record(
-        self,
-        file: RecordedFile,
-        reference: Dof,
-        hits: Hits,
-        step: TimeStep,
-        random: np.random.Generator,
-        count_hits: Callable[[int], object],
+        self, series: _Series, step: TimeStep, count_hits: Callable[[int], object]
     ) -> Records:
         """Record all hits along one reference."""
+        file, reference, random = series.file, series.reference, series.random
         recorder, samples = self.recorder(file.outputs), self.plan.samples
         channel = self.instruments.force_channels[file.hammer or DEFAULT_HAMMER]
         force, motion = [], []
         for numbers in _batches(file.hits, max(self.threads, 1)):
-            batch = hits.select(numbers)
+            batch = series.hits.select(numbers)
             means = batch.means(step.step_s)
             count = round((self.plan.block_s + recorder.lead_s) / step.step_s)
             chunks = integrate(
