@@ -78,6 +78,21 @@ def find_no_direction(fitted: Mapping[str, float]) -> str | None:
     return None
 
 
+@dataclass(frozen=True)
+class JointDirection:
+    """One sprung direction of a joint.
+
+    Args:
+        stage: child body of the joint.
+        dof: as the verdict calls it.
+        spring: its name.
+    """
+
+    stage: str
+    dof: str
+    spring: str
+
+
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
     """One effect at one place.
@@ -103,6 +118,8 @@ class Hypothesis:
         believed: standard deviations of the priors of parameters of Parts, by name.
         is_modelled: whether a fit with the Parts, or the corrected campaign, contains the effect.
         members: hypotheses of a set of several; empty for a single one.
+        spring: joint direction of a law that depends on the level: its Parts are scored, but a
+            refit fits the law itself (``diagnosis.levels``).
         state: returns the parameters of the verdict from the fitted ones.
         along: returns the direction of the verdict from the fitted parameters, if a fit finds it.
     """
@@ -125,6 +142,7 @@ class Hypothesis:
     believed: Mapping[str, float] = field(default_factory=dict)
     is_modelled: bool = True
     members: tuple["Hypothesis", ...] = ()
+    spring: "JointDirection | None" = None
     state: Callable[[Mapping[str, float]], dict[str, Value]] = state_nothing
     along: Callable[[Mapping[str, float]], str | None] = find_no_direction
 

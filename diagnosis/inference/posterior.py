@@ -32,7 +32,6 @@ from diagnosis.inference.calibration import Calibration, load_calibration
 from diagnosis.inference.evidence import Evidence, FittedSet, ForceGain, Key
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
-from tuning import is_gap_visible
 
 Keys = tuple[Key, ...]
 Site = tuple[str, str]  # effect, location
@@ -147,8 +146,8 @@ def select_material_sets(
 ) -> list[FittedSet]:
     """Return the sets each of whose causes is material when it is added.
 
-    The cause that is added last closes a fifth of the null model's gap, or next to nothing remains
-    with it. Errors of a real machine resemble any number of small effects; they are the rest.
+    The cause that is added last closes a fifth of the null model's gap. Errors of a real machine
+    resemble any number of small effects; they are the rest.
 
     Args:
         null: the null model.
@@ -156,13 +155,12 @@ def select_material_sets(
         settings: thresholds.
     """
     gaps = {frozenset(fitted.keys): fitted.gap for fitted in reversed(sets)}
-    material: list[FittedSet] = []
-    for fitted in sets:
-        before = gaps.get(frozenset(fitted.keys[:-1]), null.gap)
-        is_closed = before - fitted.gap >= settings.min_closed * null.gap
-        if is_closed or not is_gap_visible(fitted.gap, settings.min_visible_excess):
-            material.append(fitted)
-    return material
+    return [
+        fitted
+        for fitted in sets
+        if gaps.get(frozenset(fitted.keys[:-1]), null.gap) - fitted.gap
+        >= settings.min_closed * null.gap
+    ]
 
 
 def _remove_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSet], float]:

@@ -186,3 +186,12 @@ def _extend_model(
     model = Model(session.model.machine, (*session.model.parts, *parts))
     whole = fit.parametrisation.extend(parametrise(model, session.campaign.tolerance))
     return model, whole, np.append(fit.x, np.zeros(whole.size - fit.parametrisation.size))
+
+
+def select_best_of_sites(ranked: Sequence[Score]) -> list[Score]:
+    """Return the best score of each effect and place, the most promising first."""
+    best: dict[tuple[str, str], Score] = {}
+    for score in ranked:
+        if score.gain > 0 or score.hypothesis.otherwise:
+            best.setdefault(score.hypothesis.key[:2], score)
+    return list(best.values())

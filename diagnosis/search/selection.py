@@ -15,7 +15,8 @@ from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence
-from diagnosis.inference.posterior import compute_log_odds, read_site, select_material_sets
+from diagnosis.inference.posterior import compute_log_odds, select_material_sets
+from diagnosis.levels.refit_laws import refit_laws
 from diagnosis.null_model import Baseline, refit_from
 from diagnosis.refits.measured import find_variance_source
 from diagnosis.refits.refit import Refit, summarise_refit
@@ -26,7 +27,7 @@ from diagnosis.refits.refitting import (
     find_start,
     run_refits,
 )
-from diagnosis.search.score_test import Score, scores
+from diagnosis.search.score_test import Score, scores, select_best_of_sites
 from diagnosis.settings import DiagnosisSettings
 from tuning import STAGES, Stage, is_gap_visible
 
@@ -87,7 +88,11 @@ def select_causes(
             path, missed = search.selected, 0
             if not (has_grown and is_gap_visible(path.gap, settings.min_visible_excess)):
                 break
-        elif search.selected.causes or missed == settings.max_improbable:
+        elif (
+            search.selected.causes
+            or missed == settings.max_improbable
+            or not is_gap_visible(search.null.gap, settings.min_visible_excess)
+        ):
             break
         else:  # with several effects, none may be probable before the others are in the set
             path, missed = best, missed + 1
@@ -131,11 +136,13 @@ def _refit_round(
 ) -> list[Refit]:
     """Refit the promising hypotheses; where a rest remains, other starts and shapes of the best."""
     scene = base.scene
-    promising = _best_of_each_site(ranked)[: settings.max_refits]
-    tasks = [add_cause(current, score.hypothesis) for score in promising]
+    promising = [score.hypothesis for score in select_best_of_sites(ranked)[: settings.max_refits]]
+    laws = [hypothesis for hypothesis in promising if hypothesis.spring is not None]
+    tasks = [add_cause(current, hypothesis) for hypothesis in promising if hypothesis not in laws]
     for hypothesis in _suggest_candidates(base, current, settings):
         tasks.append(add_cause(current, hypothesis, _first_stages(hypothesis, settings)))
     refits = run_refits(scene, tasks, settings.schedule)
+    refits += refit_laws(scene, current, laws, base.null.gap, settings)
     best = min(refits, key=lambda refit: refit.objective, default=None)
     if best is None or not is_gap_visible(best.gap, settings.min_visible_excess):
         return refits
@@ -144,7 +151,9 @@ def _refit_round(
     further = [
         score.hypothesis
         for score in ranked
-        if score.hypothesis.site == cause.site and score.hypothesis not in refitted
+        if score.hypothesis.site == cause.site
+        and score.hypothesis not in refitted
+        and score.hypothesis.spring is None
     ]
     tasks = _distant_tasks(current, cause, settings)[: settings.max_distant]
     tasks += [add_cause(current, shape) for shape in _one_each_direction(further, settings)]
@@ -238,12 +247,3 @@ def _is_more_probable(search: Search, refit: Refit, base: Refit) -> bool:
         evidence, [summarise_refit(refit), summarise_refit(base)], load_calibration()
     )
     return bool(first > second)
-
-
-def _best_of_each_site(ranked: Sequence[Score]) -> list[Score]:
-    """Return the best score of each effect and place, the most promising first."""
-    best: dict[tuple[str, str], Score] = {}
-    for score in ranked:
-        if score.gain > 0 or score.hypothesis.otherwise:
-            best.setdefault(read_site(score.hypothesis.key), score)
-    return list(best.values())

@@ -1,11 +1,15 @@
 """Causes that the verdict names, what each closes, and what remains: the verdict's word.
 
 A cause is established if it is probable and closes a fifth of the gap: materiality, not
-significance. With e(S) the mean square of the gap of the set S over that of the noise, a cause c
-closes the part (e(S without c) - e(S)) / e(null model).
+significance. With e(S) the mean square of the gap of the set S over that of the noise, the cause
+c_k of the causes c_1 .. c_n of a set, in the order of their selection, closes the larger of
+
+    [e(c_1 .. c_k-1) - e(c_1 .. c_k)] / e(null model),   [e(S without c_k) - e(S)] / e(null model).
+
+By the second alone, neither of two similar causes would close anything.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -135,14 +139,18 @@ def describe_present(
 
 
 def _find_closed_by_causes(search: Search, refit: Refit) -> dict[Key, float]:
-    """Return the part of the gap that each cause of a set closes, against the set without it."""
+    """Return the part of the gap that each cause of a set closes."""
     whole = max(search.null.gap, np.finfo(float).tiny)
+
+    def gap_of(keys: Sequence[Key]) -> float:
+        fitted = search.refit_of(keys) if keys else search.null
+        return search.null.gap if fitted is None else fitted.gap
+
     closed = {}
-    for key in refit.keys:
+    for number, key in enumerate(refit.keys):
         remaining = [cause for cause in refit.keys if cause != key]
-        without = search.refit_of(remaining) if remaining else search.null
-        before = search.null.gap if without is None else without.gap
-        closed[key] = float((before - refit.gap) / whole)
+        in_turn = gap_of(refit.keys[:number]) - gap_of(refit.keys[: number + 1])
+        closed[key] = float(max(in_turn, gap_of(remaining) - refit.gap) / whole)
     return closed
 
 

@@ -1,0 +1,1 @@
+"""Joints whose stiffness and damping change with the level of the hits: friction, gaps, k3."""

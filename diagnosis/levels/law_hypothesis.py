@@ -1,0 +1,91 @@
+"""Hypothesis of a law at a joint direction: one Part for each test, about one linear machine.
+
+A refit moves the machine about which the law was simulated, so that the Parts are built again about
+each refit until nothing changes (``refit_laws``). Few hits do not have exactly the stated peak, and
+FRFs tell their duration roughly: the peak of each test and the common duration are tolerances that
+are fitted with the law.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.hypothesis import Hypothesis, JointDirection, Scene, Value
+from diagnosis.levels.law_family import LawFamily
+from diagnosis.levels.law_part import LawPart
+from diagnosis.levels.law_simulation import peak_stretch
+from diagnosis.levels.settings import LEVEL_SETTINGS
+from diagnosis.levels.tested_joint import LawTable, TestedJoint
+from identification.words import TOLERANCE_BOUND_SIGMA
+from mbmodel import Parameter
+
+
+def law_hypothesis(
+    scene: Scene, joint: JointDirection, family: LawFamily, start: tuple[float, ...]
+) -> Hypothesis:
+    """Return a law of a joint direction about the linear machine of a scene.
+
+    Args:
+        scene: fit about which the law is simulated.
+        joint: direction of the joint.
+        family: of the law.
+        start: values at which its parameters begin.
+    """
+    tested = TestedJoint.of_scene(scene, joint)
+    table = LawTable(tested, family)
+    prefix = f"{joint.spring}.{family.effect}"
+    first = family.parameters_at(prefix, start)
+    shared = (*first, Parameter(f"{prefix}.hit_duration", 1.0, "of the estimated one"))
+    follow: dict[str, str] = {}
+    if family.follows_stiffness:
+        follow[first[-1].name] = f"{joint.spring}.stiffness"
+    parts, believed = [], {shared[-1].name: LEVEL_SETTINGS.duration_sigma}
+    for number, test in enumerate(scene.session.campaign.tests):
+        parameters = shared
+        if number:
+            parameters = tuple(replace(p, name=f"{p.name}@{number}") for p in shared)
+            follow |= {p.name: q.name for p, q in zip(parameters, shared, strict=True)}
+        peak = Parameter(f"{prefix}.hit_peak@{number}", 1.0, "of the stated one")
+        believed[peak.name] = LEVEL_SETTINGS.peak_sigma
+        location = f"joint:{joint.stage}"
+        parts.append(LawPart(location, (*parameters, peak), table, number, test.condition))
+    stretch = float(peak_stretch(tested.transient(), tested.hits).max())
+    ends = family.bounds(tested.stiffness, stretch)
+    names = tuple(parameter.name for parameter in first)
+
+    def state(fitted: Mapping[str, float]) -> dict[str, Value]:
+        return family.state(np.array([fitted[name] for name in names]))
+
+    return Hypothesis(
+        family.effect,
+        f"joint:{joint.stage}",
+        joint.dof,
+        parts=tuple(parts),
+        begin=dict(zip(names, start, strict=True)) | dict.fromkeys(believed, 1.0),
+        bounds=_coordinate_bounds(first, ends) | _tolerance_bounds(believed),
+        believed=believed,
+        follow=follow,
+        state=state,
+    )
+
+
+def _coordinate_bounds(
+    parameters: tuple[Parameter, ...], ends: tuple[tuple[float, float], ...]
+) -> dict[str, tuple[float, float]]:
+    """Return bounds of coordinates: of a size, of the logarithm of its ratio to its start."""
+    bounds: dict[str, tuple[float, float]] = {}
+    for parameter, pair in zip(parameters, ends, strict=True):
+        if np.isfinite(pair).all():
+            start, values = parameter.drawn, np.array(pair)
+            low, high = np.log(values / start) if parameter.positive else values - start
+            bounds[parameter.name] = float(min(low, 0.0)), float(max(high, 0.0))
+    return bounds
+
+
+def _tolerance_bounds(believed: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Return the bounds of tolerances by their standard deviations."""
+    return {
+        name: (-TOLERANCE_BOUND_SIGMA * sigma, TOLERANCE_BOUND_SIGMA * sigma)
+        for name, sigma in believed.items()
+    }

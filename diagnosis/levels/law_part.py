@@ -1,0 +1,77 @@
+"""Part of a restoring law in one test.
+
+The law acts on the lines of a test as the complex stiffness that it shows under a hit of that
+test's level (``joint_transient``). It is simulated about one linear machine.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from diagnosis.levels.tested_joint import LawTable
+from identification.words import Complex, Condition, Real
+from mbmodel import Change, NotInMjcf, Parameter, PartContext
+
+
+@dataclass(frozen=True, eq=False)
+class LawPart:
+    """A law in one test, as a complex stiffness of the joint direction.
+
+    Args:
+        location: joint.
+        parameters: of the law, in the order of the family; relative duration and peak of the hits.
+        table: of all tests.
+        number: of the test.
+        condition: of the test.
+    """
+
+    location: str
+    parameters: tuple[Parameter, ...]
+    table: LawTable
+    number: int
+    condition: Condition
+
+    def acts(self, condition: Condition | None) -> float:
+        """Return whether a test is the Part's own."""
+        return float(condition == self.condition)
+
+    def changes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return the stiffness at theta."""
+        if not self.acts(context.condition):
+            return ()
+        middle, slopes = self.table.at(theta[:-1])
+        values = middle[self.number] + np.log(theta[-1]) * slopes[-1, self.number]
+        return (self._change(values, np.eye(3)[0, :, None, None]),)
+
+    def slopes(self, theta: Real, context: PartContext) -> tuple[Change, ...]:
+        """Return the derivatives of the stiffness by each parameter."""
+        if not self.acts(context.condition):
+            return ()
+        derivatives = self.table.at(theta[:-1])[1][:, self.number].copy()
+        derivatives[-1] /= theta[-1]
+        cores = np.zeros((len(theta), len(theta), 3, 1, 1))
+        cores[np.arange(len(theta)), np.arange(len(theta)), 0] = 1.0
+        return tuple(self._change(row, core) for row, core in zip(derivatives, cores, strict=True))
+
+    def write(self, theta: Real) -> tuple[NotInMjcf, ...]:
+        """Return that the linear model cannot hold it."""
+        del theta
+        reason = "it depends on the level of the hits"
+        return tuple(NotInMjcf(parameter.name, reason) for parameter in self.parameters)
+
+    def _change(self, values: Complex, core: Real) -> Change:
+        column = self.table.joint.direction[:, None]
+        shape = partial(_at_lines, self.table.joint.freq_hz, values)
+        return Change("joint", column, column, core, shape=shape)
+
+
+def _at_lines(freq_hz: Real, values: Complex, laplace: Complex) -> Complex:
+    """Return a table's values at the nearest lines; conjugate below the real axis."""
+    wanted = np.abs(laplace.imag) / (2 * np.pi)
+    after = np.clip(np.searchsorted(freq_hz, wanted), 1, max(len(freq_hz) - 1, 1))
+    before = np.maximum(after - 1, 0)
+    after = np.minimum(after, len(freq_hz) - 1)
+    is_after = np.abs(freq_hz[after] - wanted) < np.abs(freq_hz[before] - wanted)
+    nearest = values[np.where(is_after, after, before)]
+    return np.where(laplace.imag < 0, nearest.conj(), nearest)

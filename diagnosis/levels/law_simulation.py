@@ -1,0 +1,165 @@
+"""Time integration of laws under hits, many at once, and the stiffness that the laws show."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from diagnosis.levels.hammer_pulse import pulse_force, pulse_spectrum
+from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
+from diagnosis.levels.restoring_laws import RestoringLaw, stack_laws
+from diagnosis.levels.settings import LEVEL_SETTINGS
+from diagnosis.rounding import NEGLIGIBLE_SHARE
+from identification.words import Complex, Real
+
+
+@dataclass(frozen=True, eq=False)
+class LawUnderHits:
+    """A law beside a linear machine, and the hits on it.
+
+    Args:
+        transient: linear machine.
+        law: of the joint, beside it.
+        hits: the hits.
+    """
+
+    transient: JointTransient
+    law: RestoringLaw
+    hits: SimulatedHits
+
+
+def equivalent_stiffness(cases: Sequence[LawUnderHits], freq_hz: Real) -> Complex:
+    """Return kappa of laws of one kind under each hit [N/m or N m/rad]; (n_case, n_hit, n_freq).
+
+    All cases go through time together.
+
+    Args:
+        cases: with equal numbers of modes and hits, and equal steps.
+        freq_hz: lines, none at 0 Hz; (n_freq,).
+    """
+    first = cases[0].transient
+    law = stack_laws([case.law for case in cases], len(cases[0].hits.peak))
+    forces = _transform(_joint_forces(cases, law), freq_hz, first.rate_hz)
+    kappa = []
+    for case, force in zip(cases, np.split(forces, len(cases)), strict=True):
+        receptance, hits = case.transient.receptances(freq_hz).T, case.hits
+        hammer = hits.peak[:, None] * pulse_spectrum(freq_hz, hits.duration_s)
+        stretch = receptance[1 + hits.column] * hammer - receptance[0] * force
+        kappa.append(force / np.where(stretch != 0, stretch, np.inf))
+    return np.array(kappa)
+
+
+def peak_stretch(transient: JointTransient, hits: SimulatedHits) -> Real:
+    """Return the largest stretch of a linear machine under each hit; (n_hit,)."""
+    recorder = _PeakRecorder(np.zeros(len(hits.peak)))
+    _joint_forces([LawUnderHits(transient, recorder, hits)], recorder)
+    return recorder.peak
+
+
+def _joint_forces(cases: Sequence[LawUnderHits], law: RestoringLaw) -> Real:
+    """Return the joint's force at every sample; (n_sample + 1, n_case n_hit)."""
+    rate = cases[0].transient.rate_hz
+    count = round(cases[0].transient.duration_s * rate)
+    steps = [_StepWeights.of(case) for case in cases]
+    decay, readout, joint_before, joint_after, hammer_before, hammer_after = (
+        np.concatenate(weights, axis=1) for weights in zip(*steps, strict=True)
+    )
+    hits = decay.shape[1]
+    compliance = (readout * joint_after).sum(axis=0).real
+    times = np.arange(count + 1) / rate
+    pulse = np.concatenate(
+        [
+            np.tile(pulse_force(times, case.hits.duration_s)[:, None], len(case.hits.peak))
+            for case in cases
+        ],
+        axis=1,
+    )
+    last = int(np.flatnonzero(pulse.any(axis=1)).max()) + 1
+    modes, state = np.zeros(decay.shape, complex), law.start(hits)
+    forces, largest = np.zeros((count + 1, hits)), 0.0
+    for n in range(1, count + 1):
+        modes *= decay
+        modes -= joint_before * forces[n - 1]
+        if n <= last:
+            modes += hammer_before * pulse[n - 1] + hammer_after * pulse[n]
+        free = np.einsum("mh,mh->h", readout, modes).real
+        forces[n], state = law.solve(free, compliance, state)
+        modes -= joint_after * forces[n]
+        if n % LEVEL_SETTINGS.look_steps == 0:
+            recent = float(
+                np.abs(np.diff(forces[n - LEVEL_SETTINGS.look_steps : n + 1], axis=0)).max()
+            )
+            largest = max(largest, recent)
+            if (
+                n > last + LEVEL_SETTINGS.look_steps
+                and recent <= LEVEL_SETTINGS.quiet_share * largest
+            ):
+                forces[n:] = forces[n]
+                break
+    return forces
+
+
+class _StepWeights(NamedTuple):
+    """Propagation of a case over one step; (n_mode, n_hit) each."""
+
+    decay: Complex
+    readout: Complex
+    joint_before: Complex
+    joint_after: Complex
+    hammer_before: Complex
+    hammer_after: Complex
+
+    @classmethod
+    def of(cls, case: LawUnderHits) -> "_StepWeights":
+        """Return the weights of a case."""
+        transient, hits = case.transient, case.hits
+        step = 1 / transient.rate_hz
+        before, after = transient.hold_weights
+        entry = transient.input_entry[:, hits.column] * hits.peak
+
+        def repeat(column: Complex) -> Complex:
+            return np.tile(column[:, None], len(hits.peak))
+
+        return cls(
+            repeat(np.exp(transient.poles * step)),
+            repeat(transient.readout),
+            repeat(before * transient.joint_entry),
+            repeat(after * transient.joint_entry),
+            before[:, None] * entry,
+            after[:, None] * entry,
+        )
+
+
+def _transform(forces: Real, freq_hz: Real, rate_hz: float) -> Complex:
+    """Return the transform of broken lines, their last value held; (n_hit, n_freq).
+
+    i w X is the transform of the steps, each spread over one sample.
+    """
+    steps = np.diff(forces, axis=0)
+    laplace = 2j * np.pi * freq_hz
+    places = freq_hz * len(steps) / rate_hz
+    nearest = np.rint(places).astype(int)
+    if np.allclose(places, nearest, atol=NEGLIGIBLE_SHARE):
+        sums = np.fft.rfft(steps, axis=0)[nearest]
+    else:  # lines that are no multiples of their smallest distance
+        times = np.arange(len(steps)) / rate_hz
+        sums = np.array([np.exp(-s * times) @ steps for s in laplace])
+    spread = -np.expm1(-laplace / rate_hz) * rate_hz / laplace**2
+    transform: Complex = (sums * spread[:, None]).T
+    return transform
+
+
+@dataclass(frozen=True, eq=False)
+class _PeakRecorder:
+    """No force; records the largest stretch of each hit."""
+
+    peak: Real
+
+    def start(self, count: int) -> Real:
+        return np.zeros(count)
+
+    def solve(self, free: Real, compliance: Real, state: Real) -> tuple[Real, Real]:
+        del compliance
+        np.maximum(self.peak, np.abs(free), out=self.peak)
+        return np.zeros_like(free), state

@@ -1,0 +1,79 @@
+"""Settings of laws that depend on the level: steps of the simulation, starts and ends of fits."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class LevelSettings:
+    """Sizes of the simulation and of the refits of laws.
+
+    Args:
+        steps_per_period: time steps per period of the highest line; the force, straight between
+            them, is then within 0.2 % of its own.
+        series_bound: of ``|lambda h|``; below it the weights of a step are taken from their series.
+        look_steps: steps between two looks whether the joint still acts.
+        quiet_share: of the largest step of the force; below it the joint acts no more.
+        end_decay: logarithm of the decay of the slowest mode at the end of a simulated record.
+        max_records: blocks of the FRFs that a simulated record may be long.
+        newton_steps: of a cubic that begins at the stretch of the step before.
+        drift_share: of the lowest line: frequency that a mode without a spring gets.
+        durations: shortest and longest duration of hits times the highest line; 1.5 is the first
+            zero of a half sine's spectrum.
+        duration_count: number of durations that are tried.
+        peak_sigma: standard deviation of a test's peak, relative: the mean of some hits by hand.
+        duration_sigma: standard deviation of the duration that the noise of FRFs tells, relative.
+        level_unit: of the fitted stiffness, per unit of a level's stiffness and damping.
+        difference_step: relative, of the difference quotient by a law's parameters.
+        max_turns: refits of a law, each about the machine that the one before found.
+        settled_nats: per value: a turn that lowers the objective by less is the last one.
+        max_behind_nats: per value: a law that is farther behind the best one is refitted once.
+        min_own_share: of the stiffness at the lowest level that a joint's own spring begins with.
+        element_shares: stiffness of a sliding element where fits begin, of that at rest.
+        slip_shares: stretch at which it slides, of the largest linear one.
+        cubic_signs: of k3; both are tried.
+        stiffening_shares: relative stiffening at the largest linear stretch where fits begin.
+        softening_shares: relative softening there.
+        gap_shares: gaps where fits begin, of the largest linear stretch.
+        gap_centres: centres of the gap where fits begin, of the gap to either side.
+        element_ends: ends of an element's stiffness, of the joint's.
+        slip_ends: ends of its limit, of the joint's force at the largest linear stretch.
+        stiffening_ends: ends of the relative stiffening at the largest stretch of all levels.
+        softening_ends: ends of the softening there; a sixth leaves half the tangent.
+        gap_ends: ends of the gap, of the largest stretch of all levels.
+        centre_ends: ends of its centre, of the gap.
+    """
+
+    steps_per_period: int = 40
+    series_bound: float = 1e-2
+    look_steps: int = 512
+    quiet_share: float = 1e-5
+    end_decay: float = 7.0
+    max_records: int = 4
+    newton_steps: int = 5
+    drift_share: float = 0.01
+    durations: tuple[float, float] = (0.2, 1.4)
+    duration_count: int = 121
+    peak_sigma: float = 0.05
+    duration_sigma: float = 0.1
+    level_unit: float = 0.1
+    difference_step: float = 1e-3
+    max_turns: int = 4
+    settled_nats: float = 2e-3
+    max_behind_nats: float = 0.1
+    min_own_share: float = 0.05
+    element_shares: tuple[float, ...] = (0.15, 0.4, 0.8)
+    slip_shares: tuple[float, ...] = (0.02, 0.06, 0.2, 0.6)
+    cubic_signs: tuple[float, ...] = (1.0, -1.0)
+    stiffening_shares: tuple[float, ...] = (0.01, 0.03, 0.1, 0.3, 1.0)
+    softening_shares: tuple[float, ...] = (0.001, 0.003, 0.01)
+    gap_shares: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1, 0.3)
+    gap_centres: tuple[float, ...] = (0.0, 1.3, -1.3)
+    element_ends: tuple[float, float] = (1e-3, 30.0)
+    slip_ends: tuple[float, float] = (1e-5, 30.0)
+    stiffening_ends: tuple[float, float] = (1e-6, 1e3)
+    softening_ends: tuple[float, float] = (1e-6, 1 / 6)
+    gap_ends: tuple[float, float] = (1e-6, 10.0)
+    centre_ends: tuple[float, float] = (-10.0, 10.0)
+
+
+LEVEL_SETTINGS = LevelSettings()

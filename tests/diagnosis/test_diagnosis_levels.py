@@ -1,0 +1,215 @@
+"""Laws of joints that depend on the level: steps, transients, Parts, and a whole diagnosis."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from diagnosis import build_verdict, diagnose
+from diagnosis.hypothesis import JointDirection, Scene
+from diagnosis.levels.free_levels import list_levels, propose_law
+from diagnosis.levels.hammer_pulse import (
+    estimate_pulse_duration,
+    pulse_force,
+    pulse_spectrum,
+)
+from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
+from diagnosis.levels.law_family import BACKLASH, FRICTION, HARDENING
+from diagnosis.levels.law_hypothesis import law_hypothesis
+from diagnosis.levels.law_simulation import LawUnderHits, equivalent_stiffness, peak_stretch
+from diagnosis.levels.restoring_laws import CubicLaw, GapLaw, SlidingLaw, stack_laws
+from mbmodel import Model, PartContext, as_drawn, load_machine
+from mbmodel.model import Matrices
+from tests.helpers.nonlinear_mass import (
+    DAMPING,
+    FREQ_HZ,
+    MASS_KG,
+    MJCF,
+    PULSE_S,
+    STIFFNESS,
+    half_sine,
+    level_campaign,
+    vertical_accelerance,
+)
+from tuning import Session, build_toleranced_model, parametrise
+
+COMPLIANCE = 3e-10  # of one step [m/N]
+JOINT = JointDirection("block", "tz", "block_tz")
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory) -> Model:
+    path = tmp_path_factory.mktemp("mass") / "mass.xml"
+    path.write_text(MJCF, encoding="utf-8")
+    return as_drawn(load_machine(path))
+
+
+def session_of(model, campaign) -> Session:
+    whole = build_toleranced_model(model.machine, campaign)
+    return Session(Path("mass"), whole, campaign, parametrise(whole, campaign.tolerance))
+
+
+def sliding_force(law, stretch, slip):
+    """Force of a Jenkins element without its stuck spring, for a given stretch."""
+    reach = law.limit / law.stiffness
+    moved = stretch - np.clip(stretch - slip, -reach, reach)
+    return -law.stiffness * moved
+
+
+@pytest.mark.parametrize("free", [-4e-6, -2e-7, 0.0, 3e-7, 8e-6])
+@pytest.mark.parametrize("slip", [-1e-6, 0.0, 5e-7])
+def test_a_sliding_step_solves_its_equation(free, slip):
+    law = SlidingLaw(1e8, 40.0)
+    force, state = law.solve(np.array([free]), COMPLIANCE, np.array([slip]))
+    stretch = brentq(
+        lambda q: q - free + COMPLIANCE * sliding_force(law, q, slip), -1e-4, 1e-4, xtol=1e-18
+    )
+    assert force[0] == pytest.approx(sliding_force(law, stretch, slip), abs=1e-6)
+    assert state[0] == pytest.approx(-force[0] / law.stiffness, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("law", "force"),
+    [
+        (CubicLaw(2e19), lambda q: 2e19 * q**3),
+        (GapLaw(1e8, 4e-7), lambda q: -1e8 * np.clip(q, -4e-7, 4e-7)),
+        (GapLaw(1e8, 4e-7, 6e-7), lambda q: -1e8 * (np.clip(q - 6e-7, -4e-7, 4e-7) + 4e-7)),
+    ],
+)
+@pytest.mark.parametrize("free", [-3e-6, -1e-7, 0.0, 5e-7, 2e-6])
+def test_a_step_of_a_spring_solves_its_equation(law, force, free):
+    found, _ = law.solve(np.array([free]), COMPLIANCE, np.array([free]))
+    stretch = brentq(lambda q: q - free + COMPLIANCE * force(q), -1e-4, 1e-4, xtol=1e-18)
+    assert found[0] == pytest.approx(force(stretch), rel=1e-7, abs=1e-7)
+
+
+def test_laws_side_by_side_are_each_alone():
+    laws = [SlidingLaw(1e8, 3.0), SlidingLaw(2e8, 50.0)]
+    free = np.array([1e-6, -2e-6, 1e-6, -2e-6])
+    forces, _ = stack_laws(laws, 2).solve(free, COMPLIANCE, np.zeros(4))
+    alone = [law.solve(free[:2], COMPLIANCE, np.zeros(2))[0] for law in laws]
+    np.testing.assert_allclose(forces, np.concatenate(alone), rtol=1e-14)
+
+
+def test_the_spectrum_of_a_half_sine_is_its_fourier_integral():
+    times = np.linspace(0, PULSE_S, 20_001)
+    kernel = np.exp(-2j * np.pi * FREQ_HZ[:, None] * times)
+    integral = np.trapezoid(kernel * pulse_force(times, PULSE_S), times, axis=1)
+    np.testing.assert_allclose(pulse_spectrum(FREQ_HZ, PULSE_S), integral, atol=1e-10)
+
+
+@pytest.mark.parametrize("duration", [4e-3, 6e-3, 9e-3])
+@pytest.mark.parametrize("colour", [0.0, -1.0])
+def test_the_duration_of_hits_follows_from_the_variance(block, duration, colour):
+    campaign = level_campaign(block, None, (100.0,))
+    random, tests = np.random.default_rng(3), []
+    for test in campaign.tests:
+        scatter = random.chisquare(20, test.estimate.variance.shape) / 20
+        fade = np.abs(pulse_spectrum(FREQ_HZ, duration)) ** 2
+        noise = FREQ_HZ[:, None, None] ** colour / fade[:, None, None]
+        estimate = replace(test.estimate, variance=noise * scatter)
+        tests.append(replace(test, estimate=estimate))
+    campaign = replace(campaign, tests=tuple(tests))
+    assert estimate_pulse_duration(campaign) == pytest.approx(duration, rel=0.06)
+
+
+def transient_of_block() -> JointTransient:
+    one = np.ones((1, 1))
+    matrices = Matrices(MASS_KG * one, DAMPING * one, STIFFNESS * one)
+    return JointTransient.of_matrices(matrices, np.ones(1), one, FREQ_HZ)
+
+
+def test_receptances_are_those_of_one_mass():
+    laplace = 2j * np.pi * FREQ_HZ
+    expected = 1 / (MASS_KG * laplace**2 + DAMPING * laplace + STIFFNESS)
+    found = transient_of_block().receptances(FREQ_HZ)
+    np.testing.assert_allclose(found, np.stack([expected, expected], 1), rtol=2e-4)
+
+
+def test_the_peak_of_the_linear_stretch_is_that_of_an_integrator():
+    path = solve_ivp(
+        lambda t, y: [y[1], (half_sine(t, 80.0) - DAMPING * y[1] - STIFFNESS * y[0]) / MASS_KG],
+        (0, 0.05),
+        [0.0, 0.0],
+        rtol=1e-9,
+        atol=1e-16,
+        max_step=1e-4,
+    )
+    found = peak_stretch(
+        transient_of_block(), SimulatedHits(np.array([0]), np.array([80.0]), PULSE_S)
+    )
+    assert found[0] == pytest.approx(np.abs(path.y[0]).max(), rel=2e-3)
+
+
+@pytest.mark.parametrize("peak", [20.0, 300.0])
+@pytest.mark.parametrize("cubic", [2e15, -2e14])
+def test_frfs_of_a_cubic_spring_are_those_of_an_integrator(peak, cubic):
+    hits = SimulatedHits(np.array([0]), np.array([peak]), PULSE_S)
+    case = LawUnderHits(transient_of_block(), CubicLaw(cubic), hits)
+    kappa = equivalent_stiffness([case], FREQ_HZ)[0, 0]
+    laplace = 2j * np.pi * FREQ_HZ
+    found = laplace**2 / (MASS_KG * laplace**2 + DAMPING * laplace + STIFFNESS + kappa)
+    expected = vertical_accelerance(lambda stretch: cubic * stretch**3, peak)
+    error = np.linalg.norm(found - expected) / np.linalg.norm(expected)
+    assert error < 0.01
+
+
+def test_a_gap_that_is_never_left_takes_the_whole_spring():
+    hits = SimulatedHits(np.array([0]), np.array([5.0]), PULSE_S)
+    softer = GapLaw(0.3 * STIFFNESS, 1.0)
+    kappa = equivalent_stiffness([LawUnderHits(transient_of_block(), softer, hits)], FREQ_HZ)
+    np.testing.assert_allclose(kappa[0, 0], -0.3 * STIFFNESS, rtol=5e-3)
+
+
+@pytest.mark.parametrize("family", [FRICTION[0], HARDENING[0], BACKLASH[0]])
+def test_slopes_of_a_law_are_difference_quotients(block, family):
+    campaign = level_campaign(block, None, (40.0, 200.0))
+    session = session_of(block, campaign)
+    scene = Scene(session, session.model.drawn)
+    start = family.starts(STIFFNESS, 1e-5)[2]
+    hypothesis = law_hypothesis(scene, JOINT, family, start)
+    part = hypothesis.parts[-1]
+    theta = np.array([*start, 1.0, 1.0])
+    context = PartContext(block.machine, part.condition)
+    laplace = 2j * np.pi * FREQ_HZ[::5]
+    linear = MASS_KG * laplace**2 + DAMPING * laplace + STIFFNESS + family.stuck(theta[:-2])
+    (change,) = part.changes(theta, context)
+    stiff = linear - family.stuck(theta[:-2]) + change.shape(laplace)
+    for k, slope in enumerate(part.slopes(theta, context)):
+        step = 1e-3 * (abs(theta[k]) or 1.0)
+        ends = []
+        for sign in (1, -1):
+            moved = theta.copy()
+            moved[k] += sign * step
+            (change,) = part.changes(moved, context)
+            ends.append(1 / (linear - family.stuck(theta[:-2]) + change.shape(laplace)))
+        quotient = (ends[0] - ends[1]) / (2 * step)
+        expected = -slope.shape(laplace) / stiff**2
+        assert np.linalg.norm(expected - quotient) < 0.05 * np.linalg.norm(quotient) + 1e-16
+
+
+def test_nothing_is_proposed_at_one_level(block):
+    campaign = level_campaign(block, None, (100.0,))
+    session = session_of(block, campaign)
+    scene = Scene(session, session.model.drawn)
+    assert list_levels(scene) == (100.0,)
+    assert not list(propose_law("friction", scene))
+
+
+def test_a_spring_that_stiffens_with_the_level_is_hardening(block):
+    cubic = 1.5e15
+    campaign = level_campaign(block, lambda stretch: cubic * stretch**3, (20.0, 200.0, 400.0))
+    verdict = build_verdict(diagnose(session_of(block, campaign)))
+    first = verdict.causes[0]
+    assert (first.effect, first.location, first.dof) == ("hardening", "joint:block", "tz")
+    assert first.probability > 0.8
+    assert first.parameters["k3"] == pytest.approx(cubic, rel=0.25)
+
+
+def test_a_linear_machine_at_very_different_levels_lacks_nothing(block):
+    campaign = level_campaign(block, None, (3.0, 411.0))
+    verdict = build_verdict(diagnose(session_of(block, campaign)))
+    assert verdict.verdict == "none"
