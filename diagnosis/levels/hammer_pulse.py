@@ -35,7 +35,8 @@ def estimate_pulse_duration(campaign: Campaign) -> float:
     """Estimate the duration of the hits from the variance of the FRFs [s].
 
     Each test gives one estimate, by least squares of the median logarithm of the variance over its
-    channels; the median of all tests counts.
+    channels; the median of all tests counts. Where no variance shows that the force fades, the hits
+    are taken to last as long as those that just excite the band.
 
     Args:
         campaign: tests with the variance of their FRFs.
@@ -55,5 +56,7 @@ def estimate_pulse_duration(campaign: Campaign) -> float:
         rise = np.nanmedian(np.log(positive), axis=1)
         off = (rise - fades).T
         off -= basis @ (basis.T @ off)
-        best.append(durations[int((off**2).sum(axis=0).argmin())])
-    return float(np.median(best)) if best else float(durations[len(durations) // 2])
+        chosen = int((off**2).sum(axis=0).argmin())
+        if chosen > 0:  # the shortest one fades nowhere in the band
+            best.append(durations[chosen])
+    return float(np.median(best)) if best else LEVEL_SETTINGS.usual_duration / float(freq[-1])

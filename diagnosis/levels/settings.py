@@ -19,11 +19,14 @@ class LevelSettings:
         drift_share: of the lowest line: frequency that a mode without a spring gets.
         durations: shortest and longest duration of hits times the highest line; 1.5 is the first
             zero of a half sine's spectrum.
+        usual_duration: duration times the highest line where the variance does not tell it: the
+            force then falls to a quarter at the highest line.
         duration_count: number of durations that are tried.
         peak_sigma: standard deviation of a test's peak, relative: the mean of some hits by hand.
         duration_sigma: standard deviation of the duration that the noise of FRFs tells, relative.
         level_unit: of the fitted stiffness, per unit of a level's stiffness and damping.
-        difference_step: relative, of the difference quotient by a law's parameters.
+        difference_step: relative, of the difference quotient by a law's parameters; within steps of
+            time, a sliding element is no smooth function of them.
         max_turns: refits of a law, each about the machine that the one before found.
         settled_nats: per value: a turn that lowers the objective by less is the last one.
         max_behind_nats: per value: a law that is farther behind the best one is refitted once.
@@ -52,11 +55,12 @@ class LevelSettings:
     newton_steps: int = 5
     drift_share: float = 0.01
     durations: tuple[float, float] = (0.2, 1.4)
+    usual_duration: float = 1.0
     duration_count: int = 121
     peak_sigma: float = 0.05
     duration_sigma: float = 0.1
     level_unit: float = 0.1
-    difference_step: float = 1e-3
+    difference_step: float = 3e-3
     max_turns: int = 4
     settled_nats: float = 2e-3
     max_behind_nats: float = 0.1

@@ -116,6 +116,16 @@ def test_the_duration_of_hits_follows_from_the_variance(block, duration, colour)
     assert estimate_pulse_duration(campaign) == pytest.approx(duration, rel=0.06)
 
 
+def test_hits_whose_spectrum_is_flat_have_the_usual_duration(block):
+    campaign = level_campaign(block, None, (100.0,))
+    flat = [
+        replace(t, estimate=replace(t.estimate, variance=np.ones_like(t.estimate.variance)))
+        for t in campaign.tests
+    ]
+    found = estimate_pulse_duration(replace(campaign, tests=tuple(flat)))
+    assert found == pytest.approx(1 / FREQ_HZ[-1])
+
+
 def transient_of_block() -> JointTransient:
     one = np.ones((1, 1))
     matrices = Matrices(MASS_KG * one, DAMPING * one, STIFFNESS * one)
@@ -174,12 +184,12 @@ def test_slopes_of_a_law_are_difference_quotients(block, family):
     part = hypothesis.parts[-1]
     theta = np.array([*start, 1.0, 1.0])
     context = PartContext(block.machine, part.condition)
-    laplace = 2j * np.pi * FREQ_HZ[::5]
+    laplace = 2j * np.pi * FREQ_HZ[::3]
     linear = MASS_KG * laplace**2 + DAMPING * laplace + STIFFNESS + family.stuck(theta[:-2])
     (change,) = part.changes(theta, context)
     stiff = linear - family.stuck(theta[:-2]) + change.shape(laplace)
     for k, slope in enumerate(part.slopes(theta, context)):
-        step = 1e-3 * (abs(theta[k]) or 1.0)
+        step = 3e-3 * (abs(theta[k]) or 1.0)
         ends = []
         for sign in (1, -1):
             moved = theta.copy()
@@ -188,7 +198,7 @@ def test_slopes_of_a_law_are_difference_quotients(block, family):
             ends.append(1 / (linear - family.stuck(theta[:-2]) + change.shape(laplace)))
         quotient = (ends[0] - ends[1]) / (2 * step)
         expected = -slope.shape(laplace) / stiff**2
-        assert np.linalg.norm(expected - quotient) < 0.05 * np.linalg.norm(quotient) + 1e-16
+        assert np.linalg.norm(expected - quotient) < 0.2 * np.linalg.norm(quotient) + 1e-16
 
 
 def test_nothing_is_proposed_at_one_level(block):

@@ -12,10 +12,10 @@ from scipy.integrate import solve_ivp
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Test
 from mbmodel import Evaluator, FrfRequest, Model
 
-MASS_KG, DAMPING = 40.0, 500.0  # the motion ends within a record
+MASS_KG, DAMPING = 40.0, 900.0  # the motion ends within a record
 STIFFNESS = MASS_KG * (2 * np.pi * 67.9) ** 2
-FREQ_HZ = np.arange(20.0, 140.01, 0.5)
-SPACING_HZ = 0.5
+FREQ_HZ = np.arange(20.0, 140.01, 1.0)
+SPACING_HZ = 1.0
 PULSE_S = 6e-3
 MJCF = f"""
 <mujoco model="mass">
@@ -59,7 +59,7 @@ def vertical_accelerance(force: Force, peak: float) -> np.ndarray:
         return [speed, (half_sine(time, peak) - spring) / MASS_KG]
 
     seconds = 1 / SPACING_HZ
-    times = np.linspace(0, seconds, 16_001)
+    times = np.linspace(0, seconds, 8_001)
     path = solve_ivp(
         rates,
         (0, seconds),
@@ -82,7 +82,7 @@ def vertical_accelerance(force: Force, peak: float) -> np.ndarray:
 def level_campaign(
     model: Model, force: Force | None, levels: tuple[float, ...], noise: float = 0.01, seed: int = 1
 ) -> Campaign:
-    """Three hammer directions at each level; each channel's noise is a fraction of its rms.
+    """Three hammer directions at each level; each channel's noise is a fraction of its rms over the hit's spectrum.
 
     Args:
         model: the linear machine.
@@ -105,7 +105,8 @@ def level_campaign(
         for column, reference in enumerate(references):
             true = values[:, :, column : column + 1]
             size = noise * np.sqrt((np.abs(true) ** 2).mean(axis=0, keepdims=True))
-            size = np.broadcast_to(np.maximum(size, noise * size.max()), true.shape)
+            fade = np.abs(np.sinc(FREQ_HZ * PULSE_S - 0.5) + np.sinc(FREQ_HZ * PULSE_S + 0.5))
+            size = np.maximum(size, noise * size.max()) * (fade[0] / fade)[:, None, None]
             parts = random.standard_normal((2, *true.shape)) / np.sqrt(2)
             noisy = true + size * (parts[0] + 1j * parts[1])
             frf = Frf(FREQ_HZ, noisy, outputs, (reference,), "accelerance")
