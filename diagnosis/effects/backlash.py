@@ -11,7 +11,7 @@ from diagnosis.levels.free_levels import propose_law
 
 EFFECT = Effect(
     partial(propose_law, "backlash"),
-    noun="play in a joint",
+    noun="backlash",
     means="the joint of {place} has play {direction}",
     confirm="push {place} {direction} to one side with a soft spring or a weight and repeat: the "
     "play is gone then",

@@ -11,7 +11,7 @@ from diagnosis.levels.free_levels import propose_law
 
 EFFECT = Effect(
     partial(propose_law, "friction"),
-    noun="dry friction beside a joint's spring",
+    noun="friction",
     means="the joint of {place} sticks {direction} at small motion and slides at large motion",
     confirm="repeat at a quarter and at four times the level, and at the first level again: the "
     "joint of {place} softens {direction} with the level, and comes back",

@@ -18,13 +18,13 @@ import numpy as np
 from diagnosis.effects.points import find_middle_frequency, find_sprung_stages
 from diagnosis.hypothesis import Hypothesis, JointDirection, Scene
 from diagnosis.levels.settings import LEVEL_SETTINGS
-from identification.words import Condition
+from identification.words import Campaign, Condition
 from mbmodel import AddedPart, Change, Parameter
 
 
-def list_levels(scene: Scene) -> tuple[float, ...]:
+def list_levels(campaign: Campaign) -> tuple[float, ...]:
     """Return the levels of a campaign, the lowest first; empty if a test does not state its own."""
-    levels = {test.condition.level_n for test in scene.session.campaign.tests}
+    levels = {test.condition.level_n for test in campaign.tests}
     return () if None in levels else tuple(sorted(level for level in levels if level is not None))
 
 
@@ -56,7 +56,7 @@ def free_each_level(scene: Scene, joint: JointDirection, effect: str) -> Hypothe
     cores = np.zeros((2, 3, 1, 1))
     cores[0, 0], cores[1, 1] = stiffness, stiffness / middle
     parts = []
-    for number, level in enumerate(list_levels(scene)[1:], 1):
+    for number, level in enumerate(list_levels(scene.session.campaign)[1:], 1):
         parameters = tuple(
             Parameter(f"{joint.spring}.{effect}.level{number}.{kind}", 0.0, unit, positive=False)
             for kind, unit in (("stiffness", f"{stiffness:g} N/m"), ("damping", "per rad/s"))
@@ -74,7 +74,7 @@ def propose_law(effect: str, scene: Scene) -> Iterator[Hypothesis]:
         effect: its name.
         scene: fit about which it is proposed; of one level alone there is nothing to propose.
     """
-    if len(list_levels(scene)) > 1:
+    if len(list_levels(scene.session.campaign)) > 1:
         for joint in list_sprung_directions(scene):
             yield free_each_level(scene, joint, effect)
 

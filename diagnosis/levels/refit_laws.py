@@ -170,7 +170,7 @@ def _find_start(scene: Scene, free: Refit, joint: JointDirection, effect: str) -
         joint: direction of the joint.
         effect: the effect.
     """
-    levels = list_levels(scene)
+    levels = list_levels(scene.session.campaign)
     changes = _fitted_changes(free, joint, len(levels))
     lowest = float(scene.find_stiffness((joint.spring,))[0])
     tested = TestedJoint.of_scene(scene, joint)

@@ -61,7 +61,7 @@ class LevelSettings:
     duration_sigma: float = 0.1
     level_unit: float = 0.1
     difference_step: float = 3e-3
-    max_turns: int = 4
+    max_turns: int = 8
     settled_nats: float = 2e-3
     max_behind_nats: float = 0.1
     min_own_share: float = 0.05

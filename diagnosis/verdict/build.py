@@ -8,6 +8,7 @@ from diagnosis.effects import load_catalogue
 from diagnosis.estimates.held_out_gap import HeldOutGap
 from diagnosis.estimates.jackknife import estimate_jackknife, estimate_size_jackknife
 from diagnosis.inference.evidence import BENDS, Key
+from diagnosis.levels.free_levels import list_levels
 from diagnosis.next_test.discriminating import propose_experiment
 from diagnosis.settings import DiagnosisSettings
 from diagnosis.verdict.gains import list_channel_gains
@@ -190,7 +191,7 @@ def _build_row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:
 def _list_untestable(diagnosis: Diagnosis) -> list[str]:
     """Return the effects that this kind of data cannot show."""
     tests = diagnosis.session.campaign.tests
-    levels = {test.condition.level_n for test in tests}
+    levels = list_levels(diagnosis.session.campaign)
     missing = [effect for effect in NONLINEAR if len(levels) < 2 or effect not in load_catalogue()]
     references = {str(test.condition.reference) for test in tests}
     setups = {test.condition.setup for test in tests}

@@ -33,13 +33,12 @@ _CORRELATED_NOISE_SENTENCE = (
 _MIN_PREFERRED_PROBABILITY = 0.5  # of the first of confounded causes that the data prefer
 _MIN_PREFERENCE_RATIO = 10.0  # its probability over that of the second
 _OTHER_NOUNS = {
-    "hardening": "a spring that hardens",
     "sensor_unknown": FAULT_PHRASES["sensor_unknown"],
 }
 _PREPOSITIONS = {"joint": "at", "body": "on", "sensor": "at", "hammer": "at", "pair": "between"}
-_NO_NONLINEAR_EFFECT = "this catalogue has no such effect: compare the hits of each level"
+_UNKNOWN_LEVELS = "they need the level of every test in campaign.toml"
 _UNTESTED: tuple[tuple[Collection[str], str], ...] = (
-    (NONLINEAR, "hits of several levels show that a joint is nonlinear, not by which law"),
+    (NONLINEAR, "they need hits of several levels, each stated in campaign.toml"),
     ({"drift"}, "one direction of one set-up cannot reveal this"),
     (
         {"sensor_swap", "mount_resonance", "flexible_body"},
@@ -191,7 +190,7 @@ def untested_sentences(verdict: Verdict, levels: int) -> list[str]:
     """
     sentences = []
     for effects, reason in _UNTESTED:
-        why = _NO_NONLINEAR_EFFECT if effects is NONLINEAR and levels > 1 else reason
+        why = _UNKNOWN_LEVELS if effects is NONLINEAR and levels > 1 else reason
         nouns = [effect_noun(effect) for effect in verdict.not_testable if effect in effects]
         if nouns:
             sentences.append(f"Not tested, so not excluded: {_join_words(nouns)}; {why}.")

@@ -205,7 +205,7 @@ def test_nothing_is_proposed_at_one_level(block):
     campaign = level_campaign(block, None, (100.0,))
     session = session_of(block, campaign)
     scene = Scene(session, session.model.drawn)
-    assert list_levels(scene) == (100.0,)
+    assert list_levels(campaign) == (100.0,)
     assert not list(propose_law("friction", scene))
 
 

@@ -103,7 +103,7 @@ def test_probabilities_of_none_unexplained_and_all_sets_sum_to_one(gap, costs, b
 
 
 def test_a_cause_is_present_with_the_sum_of_its_sets():
-    sets = [fitted((A,), -2.0, 0.0), fitted((B,), -1.999, 0.0), fitted((A, B), -2.5, 0.0)]
+    sets = [fitted((A,), -2.0, 3.0), fitted((B,), -1.999, 3.0), fitted((A, B), -2.5, 0.0)]
     posterior = compute_posterior(evidence(sets), CONSTANTS)
     shares = dict(posterior.sets)
     presence = dict(posterior.causes)

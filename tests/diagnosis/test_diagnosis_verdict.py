@@ -13,7 +13,6 @@ from diagnosis import EFFECTS, build_verdict, diagnose, refit_true_cause
 from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import compute_posterior
 from diagnosis.search.score_test import scores
-from diagnosis.verdict import build
 from identification import Fault
 from mbw.command import app
 from tests.helpers.drawn import drawn
@@ -105,17 +104,23 @@ def test_a_body_without_any_sensor_may_bend_unseen(case):
     assert "sensor_swap" not in missing  # where there is no sensor none is exchanged
 
 
-def test_what_no_effect_tests_is_not_excluded_by_hits_of_several_levels(case, monkeypatch):
+def test_laws_need_two_levels_and_the_level_of_every_test(case):
     _, _, found = case
-    first, *others = found.session.campaign.tests
-    level = replace(first, condition=replace(first.condition, level_n=900.0))
-    campaign = replace(found.session.campaign, tests=(level, first, *others))
-    leveled = replace(found, session=replace(found.session, campaign=campaign))
-    unknown = {"friction", "backlash", "hardening"}
-    assert unknown <= set(build_verdict(leveled).not_testable)
-    monkeypatch.setattr(build, "load_catalogue", lambda: {**EFFECTS, "friction": EFFECTS["drift"]})
-    assert unknown - set(build_verdict(leveled).not_testable) == {"friction"}
-    assert unknown <= set(build_verdict(found).not_testable)  # of one level
+    laws = {"friction", "backlash", "hardening"}
+
+    def not_testable(*levels):
+        tests = tuple(
+            replace(test, condition=replace(test.condition, level_n=level))
+            for level in levels
+            for test in found.session.campaign.tests
+        )
+        campaign = replace(found.session.campaign, tests=tests)
+        leveled = replace(found, session=replace(found.session, campaign=campaign))
+        return set(build_verdict(leveled).not_testable)
+
+    assert laws <= not_testable(200.0)
+    assert laws <= not_testable(200.0, None)
+    assert not laws & not_testable(200.0, 900.0)
 
 
 def test_a_tolerance_that_is_kept_as_drawn_is_not_tested_where_no_gate_asks(case):

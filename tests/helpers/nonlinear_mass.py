@@ -82,7 +82,7 @@ def vertical_accelerance(force: Force, peak: float) -> np.ndarray:
 def level_campaign(
     model: Model, force: Force | None, levels: tuple[float, ...], noise: float = 0.01, seed: int = 1
 ) -> Campaign:
-    """Three hammer directions at each level; each channel's noise is a fraction of its rms over the hit's spectrum.
+    """Three hammer directions at each level; the noise rises where the hits' spectrum falls.
 
     Args:
         model: the linear machine.

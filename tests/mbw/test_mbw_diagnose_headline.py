@@ -78,7 +78,7 @@ def test_several_causes_confounded_causes_and_removed_sensors_are_stated_in_word
     )
     assert "another stiffness in one test" in first
     assert "a centre of stiffness" not in first
-    assert "Not tested, so not excluded: friction; hits of several" in page
+    assert "Not tested, so not excluded: friction; they need hits of several" in page
     assert "another stiffness in one test; one direction of one set-up" in page
     first, second = sensor_check_sentences(shown)
     assert first.startswith("Sensor acc11 along y: a turned sign")

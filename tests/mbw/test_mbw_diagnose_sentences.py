@@ -108,11 +108,11 @@ def test_what_levels_could_show_is_untested_for_one_reason_or_another():
     verdict = SimpleNamespace(not_testable=["friction", "hardening", "drift"])
     once, drift = untested_sentences(verdict, 1)
     assert once == (
-        "Not tested, so not excluded: friction and a spring that hardens; hits of several "
-        "levels show that a joint is nonlinear, not by which law."
+        "Not tested, so not excluded: friction and a spring that hardens; they need hits of "
+        "several levels, each stated in campaign.toml."
     )
     several, same = untested_sentences(verdict, 3)
-    assert "hardens; this catalogue has no such effect: compare the hits of each" in several
+    assert "hardens; they need the level of every test in campaign.toml" in several
     assert drift == same
 
 
