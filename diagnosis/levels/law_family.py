@@ -10,7 +10,8 @@ import numpy as np
 from diagnosis.levels.restoring_laws import CubicLaw, GapLaw, RestoringLaw, SlidingLaw
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.words import Real
-from mbmodel import Parameter
+from mbmodel import Addition, Edit, Parameter
+from mbmodel.nonlinear_joints.laws import GapSpring, JenkinsElement, PolynomialSpring
 
 Value = float | tuple[float, ...]
 
@@ -30,6 +31,7 @@ class LawFamily:
         stuck: stiffness of the element at rest, beside the joint's spring, for its parameters.
         law: law beside the linear machine with that stiffness, for its parameters.
         state: parameters of the verdict.
+        write: elements of an MJCF that hold the law at a joint, by its name, for its parameters.
         follows_stiffness: whether the last parameter follows the fitted stiffness of the joint.
         softest_is_linear: whether the joint is linear where it is softest: it stiffens with the
             level; the others are linear where they are stiffest.
@@ -43,6 +45,7 @@ class LawFamily:
     stuck: Callable[[Real], float]
     law: Callable[[Real], RestoringLaw]
     state: Callable[[Real], dict[str, Value]]
+    write: Callable[[str, Real], tuple[Edit | Addition, ...]]
     follows_stiffness: bool = False
     softest_is_linear: bool = False
 
@@ -79,7 +82,7 @@ def _cubic_starts(sign: float) -> Callable[[float, float], tuple[tuple[float, ..
     def starts(stiffness: float, stretch: float) -> tuple[tuple[float, ...], ...]:
         chosen = LEVEL_SETTINGS
         shares = chosen.stiffening_shares if sign > 0 else chosen.softening_shares
-        return tuple((share * stiffness / stretch**2,) for share in shares)
+        return tuple((share * stiffness / stretch**2, stiffness) for share in shares)
 
     return starts
 
@@ -91,7 +94,7 @@ def _cubic_bounds(sign: float) -> Callable[[float, float], tuple[tuple[float, fl
 
     def bounds(stiffness: float, stretch: float) -> tuple[tuple[float, float], ...]:
         unit = stiffness / stretch**2
-        return ((least * unit, most * unit),)
+        return (least * unit, most * unit), (0.0, np.inf)
 
     return bounds
 
@@ -117,6 +120,21 @@ def _state_cubic(sign: float, theta: Real) -> dict[str, Value]:
     return {"k3": sign * float(theta[0])}
 
 
+def _write_friction(joint: str, theta: Real) -> tuple[Edit | Addition, ...]:
+    return JenkinsElement(joint, float(theta[0]), float(theta[1])).changes(0.0)
+
+
+def _write_cubic(sign: float, joint: str, theta: Real) -> tuple[Edit | Addition, ...]:
+    return PolynomialSpring(joint, float(theta[1]), 0.0, sign * float(theta[0])).changes(0.0)
+
+
+def _write_gap(joint: str, theta: Real) -> tuple[Edit | Addition, ...]:
+    """Return the gap spring; a centre below zero rests against its upper side."""
+    gap, ratio, stiffness = theta.tolist()
+    preload = -np.sign(ratio) * stiffness * gap * max(abs(ratio) - 1, 0.0)
+    return GapSpring(joint, stiffness, gap, float(preload)).changes(0.0)
+
+
 def _state_gap(theta: Real) -> dict[str, Value]:
     gap, ratio, stiffness = theta
     preload = stiffness * gap * max(abs(ratio) - 1, 0.0)
@@ -133,6 +151,7 @@ FRICTION = (
         stuck=lambda theta: float(theta[0]),
         law=lambda theta: SlidingLaw(float(theta[0]), float(theta[1])),
         state=lambda theta: {"k": float(theta[0]), "limit": float(theta[1])},
+        write=_write_friction,
     ),
 )
 
@@ -141,13 +160,15 @@ def _build_cubic(sign: float) -> LawFamily:
     """Return stiffening springs, or softening ones if the sign is negative."""
     return LawFamily(
         "hardening",
-        (("k3", "N/m^3 or N m/rad^3"),),
-        (True,),
+        (("k3", "N/m^3 or N m/rad^3"), ("stiffness", "N/m or N m/rad")),
+        (True, True),
         _cubic_starts(sign),
         _cubic_bounds(sign),
         stuck=lambda theta: 0.0,
         law=partial(_cubic_law, sign),
         state=partial(_state_cubic, sign),
+        write=partial(_write_cubic, sign),
+        follows_stiffness=True,
         softest_is_linear=sign > 0,
     )
 
@@ -166,6 +187,7 @@ def _build_gap(centre: float) -> LawFamily:
         stuck=lambda theta: 0.0,
         law=lambda theta: GapLaw(float(theta[2]), float(theta[0]), float(theta[0] * theta[1])),
         state=_state_gap,
+        write=_write_gap,
         follows_stiffness=True,
     )
 

@@ -49,7 +49,9 @@ def law_hypothesis(
         peak = Parameter(f"{prefix}.hit_peak@{number}", 1.0, "of the stated one")
         believed[peak.name] = LEVEL_SETTINGS.peak_sigma
         location = f"joint:{joint.stage}"
-        parts.append(LawPart(location, (*parameters, peak), table, number, test.condition))
+        parts.append(
+            LawPart(location, (*parameters, peak), table, number, test.condition, joint.spring)
+        )
     stretch = float(peak_stretch(tested.transient(), tested.hits).max())
     ends = family.bounds(tested.stiffness, stretch)
     names = tuple(parameter.name for parameter in first)

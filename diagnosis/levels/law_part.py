@@ -11,7 +11,7 @@ import numpy as np
 
 from diagnosis.levels.tested_joint import LawTable
 from identification.words import Complex, Condition, Real
-from mbmodel import Change, NotInMjcf, Parameter, PartContext
+from mbmodel import Addition, Change, Edit, Parameter, PartContext
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,6 +24,7 @@ class LawPart:
         table: of all tests.
         number: of the test.
         condition: of the test.
+        spring: joint of the direction.
     """
 
     location: str
@@ -31,6 +32,7 @@ class LawPart:
     table: LawTable
     number: int
     condition: Condition
+    spring: str
 
     def acts(self, condition: Condition | None) -> float:
         """Return whether a test is the Part's own."""
@@ -54,11 +56,12 @@ class LawPart:
         cores[np.arange(len(theta)), np.arange(len(theta)), 0] = 1.0
         return tuple(self._change(row, core) for row, core in zip(derivatives, cores, strict=True))
 
-    def write(self, theta: Real) -> tuple[NotInMjcf, ...]:
-        """Return that the linear model cannot hold it."""
-        del theta
-        reason = "it depends on the level of the hits"
-        return tuple(NotInMjcf(parameter.name, reason) for parameter in self.parameters)
+    def write(self, theta: Real) -> tuple[Edit | Addition, ...]:
+        """Return the law as elements of an MJCF; the Part of the first test writes it for all."""
+        if self.number:
+            return ()
+        count = len(self.table.family.parameters)
+        return self.table.family.write(self.spring, theta[:count])
 
     def _change(self, values: Complex, core: Real) -> Change:
         column = self.table.joint.direction[:, None]

@@ -22,7 +22,10 @@ from diagnosis.levels.law_hypothesis import law_hypothesis
 from diagnosis.levels.law_simulation import LawUnderHits, equivalent_stiffness, peak_stretch
 from diagnosis.levels.restoring_laws import CubicLaw, GapLaw, SlidingLaw, stack_laws
 from mbmodel import Model, PartContext, as_drawn, load_machine
+from mbmodel.mjcf.edit import write_mjcf
 from mbmodel.model import Matrices
+from mbmodel.nonlinear_joints.files import read_nonlinear_joints
+from mbmodel.nonlinear_joints.laws import GapSpring, JenkinsElement, PolynomialSpring
 from tests.helpers.nonlinear_mass import (
     DAMPING,
     FREQ_HZ,
@@ -199,6 +202,32 @@ def test_slopes_of_a_law_are_difference_quotients(block, family):
         quotient = (ends[0] - ends[1]) / (2 * step)
         expected = -slope.shape(laplace) / stiff**2
         assert np.linalg.norm(expected - quotient) < 0.2 * np.linalg.norm(quotient) + 1e-16
+
+
+@pytest.mark.parametrize(
+    ("family", "theta", "expected"),
+    [
+        (FRICTION[0], (2e6, 30.0), JenkinsElement("block_tz", 2e6, 30.0)),
+        (HARDENING[1], (1e14, STIFFNESS), PolynomialSpring("block_tz", STIFFNESS, 0.0, -1e14)),
+        (BACKLASH[0], (2e-6, 0.0, 6e6), GapSpring("block_tz", 6e6, 2e-6)),
+        (BACKLASH[0], (2e-6, -1.5, 6e6), GapSpring("block_tz", 6e6, 2e-6, 6.0)),
+    ],
+)
+def test_a_law_is_written_into_the_mjcf_and_read_back(block, tmp_path, family, theta, expected):
+    campaign = level_campaign(block, None, (40.0, 200.0))
+    session = session_of(block, campaign)
+    scene = Scene(session, session.model.drawn)
+    hypothesis = law_hypothesis(scene, JOINT, family, theta)
+    first, *others = hypothesis.parts
+    numbers = np.array([*theta, 1.0, 1.0])
+    assert all(part.write(numbers) == () for part in others)
+    target = tmp_path / "augmented.xml"
+    assert not write_mjcf(block.machine.source, target, first.write(numbers))
+    (found,) = read_nonlinear_joints(target)
+    assert type(found) is type(expected)
+    assert found.joint == expected.joint
+    read, written = (np.array(list(vars(law).values())[1:]) for law in (found, expected))
+    np.testing.assert_allclose(read, written, rtol=1e-3, atol=1e-9)
 
 
 def test_nothing_is_proposed_at_one_level(block):
