@@ -199,8 +199,10 @@ def find_campaign_file(folder: Path) -> Path:
     """Return the path of the campaign.toml of a folder, given the folder or the file.
 
     Raises:
-        InputError: the file is missing.
+        InputError: the file is missing, or another file stands for the folder.
     """
+    if folder.suffix != ".toml" and folder.is_file():
+        raise InputError(f"{folder} is a file: a campaign is a folder with a campaign.toml")
     path = folder if folder.suffix == ".toml" else folder / "campaign.toml"
     check_file(path, "a campaign is a folder with a campaign.toml")
     return path

@@ -136,7 +136,8 @@ def _mode(
     frequency, damping = numbers["frequency"], numbers.get("damping")
     if frequency is None or not _MIN_TABLE_FREQUENCY_HZ <= frequency <= MAX_FREQUENCY_HZ:
         raise InputError(
-            f"{where}: frequency {cells['frequency']!r} is no natural frequency: give Hz above 0"
+            f"{where}: frequency {cells['frequency']!r} is no natural frequency: give Hz above 0 "
+            f"and up to {MAX_FREQUENCY_HZ:g}"
         )
     if damping is not None and not 0 < damping < 1:
         raise InputError(

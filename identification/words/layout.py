@@ -111,8 +111,8 @@ class Layout:
         if point in self.bodies:
             return self.bodies.index(point), np.zeros(3), np.eye(3)
         raise UsageError(
-            f"{point!r} is neither a point nor a body: there are "
-            + ", ".join(self.points + self.bodies)
+            f"{point!r} is neither a point nor a body: there are the points "
+            f"{shorten_names(self.points)} and the bodies {shorten_names(self.bodies)}"
         )
 
     def body_name(self, point: str) -> str:

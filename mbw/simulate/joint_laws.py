@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from identification.words import UsageError
+from identification.words import UsageError, shorten_names
 from mbmodel import (
     DryFriction,
     GapSpring,
@@ -84,16 +84,16 @@ def parse_law(machine: Machine, text: str) -> tuple[str, NonlinearJoint]:
     """
     joint, _, rest = text.partition(":")
     effect, _, list_of_numbers = rest.partition(":")
-    joints = [axle.joint for axle in machine.axles]
-    if joint not in joints:
-        raise UsageError(
-            f"--law {text!r}: the model has no slide or hinge {joint!r}: choose one of "
-            f"{', '.join(joints)}"
-        )
     if effect not in _PARAMETERS:
         raise UsageError(
             f"--law {text!r}: write JOINT:EFFECT:NAME=VALUE,..., with one of "
             f"{', '.join(_PARAMETERS)}, such as {_EXAMPLE}"
+        )
+    joints = [axle.joint for axle in machine.axles]
+    if joint not in joints:
+        raise UsageError(
+            f"--law {text!r}: {machine.source} has no slide or hinge {joint!r}: choose one of "
+            f"{shorten_names(joints)}"
         )
     numbers = _parse_numbers(text, effect, list_of_numbers)
     stiffness = next(spring.stiffness for spring in machine.springs if spring.name == joint)

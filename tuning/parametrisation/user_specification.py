@@ -189,12 +189,11 @@ def match_pattern(pattern: str, names: list[str], place: str = "[tuning]") -> li
         place: where the user wrote the pattern, for the message.
 
     Raises:
-        InputError: the pattern fits no name; the message gives the nearest one.
+        InputError: the pattern fits no name; the message gives a similar one, or the first names.
     """
     indices = [k for k, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]
     if not indices:
-        near = get_close_matches(pattern, names, 1, 0.0)
-        raise InputError(
-            f"{place} {pattern!r} fits no parameter: did you mean {near[0] if near else 'none'}?"
-        )
+        near = get_close_matches(pattern, names, 1)
+        hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(names[:3])}, ..."
+        raise InputError(f"{place} {pattern!r} fits no parameter: {hint}")
     return indices
