@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from identification.words import Dof, Input, Motor, Real, UsageError
+from identification.words import Dof, Input, Motor, Real, UsageError, shorten_names
 from mbmodel.frf.ports import find_ports, is_floor, parse_input
 from mbmodel.machine import Machine
 from mbmodel.mjcf.names import actuator_name
@@ -96,8 +96,8 @@ def _parse_joint(machine: Machine, text: str) -> JointDof | None:
     joints = [axle.joint for axle in machine.axles]
     if name not in joints:
         raise UsageError(
-            f"{text!r}: the model has no slide or hinge of this name: choose one of "
-            f"{', '.join(joints)}"
+            f"{text!r}: {machine.source} has no slide or hinge of this name: choose one of "
+            f"{shorten_names(joints)}"
         )
     return JointDof(name)
 

@@ -98,6 +98,13 @@ def plan_test(machine: Machine, options: TestOptions, suffix: str) -> PlannedTes
         UsageError: an option does not fit the machine.
         InputError: the campaign to be imitated cannot be read, or motors drive it.
     """
+    for name, value in (
+        ("--rate", options.rate_hz),
+        ("--block", options.block_s),
+        ("--pulse", options.pulse_s),
+    ):
+        if value == 0:
+            raise UsageError(f"{name} 0: give a number above 0, or leave it out")
     if options.like is None:
         files = _files(machine, options, suffix)
         rate = options.rate_hz or _default_rate(machine)
@@ -157,7 +164,7 @@ def _references(machine: Machine, texts: Sequence[str]) -> tuple[Dof, ...]:
         if point.isdecimal():
             site = layout.hammer_at_node(int(point))
             if site is None:
-                raise UsageError(f"--hammer {text}: no site of the model ends in {point}")
+                raise UsageError(f"--hammer {text}: no site of {machine.source} ends in {point}")
             point = site
         layout.body_name(point)  # refuses an unknown point
         references += (
@@ -167,7 +174,7 @@ def _references(machine: Machine, texts: Sequence[str]) -> tuple[Dof, ...]:
         )
     if not references:
         raise UsageError(
-            "the model has no hammer point hit<node>: name one by --hammer, such as "
+            f"{machine.source} has no hammer point hit<node>: name one by --hammer, such as "
             f"{next(iter(layout.points), 'a site')}"
         )
     return tuple(dict.fromkeys(references))

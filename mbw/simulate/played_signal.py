@@ -115,7 +115,8 @@ def load_signal(options: PlayOptions, seed: int) -> PlayedSignal:
         raise UsageError("--signal needs the place where it acts: add --at, such as hit11:+tx")
     if not np.isfinite(options.amplitude):
         raise UsageError(f"--amplitude {options.amplitude}: give a number")
-    time_s = time_axis(options.duration_s, options.rate_hz or _SIGNAL_RATE_HZ)
+    rate = _SIGNAL_RATE_HZ if options.rate_hz is None else options.rate_hz
+    time_s = time_axis(options.duration_s, rate)
     values = _make_signal(options, kind, time_s, seed)
     return PlayedSignal((options.at,), time_s, values[:, None])
 

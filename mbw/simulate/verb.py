@@ -161,7 +161,8 @@ def make_test(
         duration=plan.block_s,
     ).model_copy(update={"hits": total, "seconds": total * plan.block_s})
     SCREEN.say(_step_sentence(test.step))
-    SCREEN.say(f"{total} hits, {len(plan.files)} files: campaign in {output.path}")
+    files = "1 file" if len(plan.files) == 1 else f"{len(plan.files)} files"
+    SCREEN.say(f"{total} hits, {files}: campaign in {output.path}")
     _say_page(outputs, output.path)
     if not (outputs.has_json_on_stdout or SCREEN.quiet):
         typer.echo(f"mbw identify {output.path}")
@@ -211,7 +212,7 @@ def play_signal(
     ]
     readings = tuple(parse_reading(machine, label) for label in labels)
     if not readings:
-        raise UsageError("the model has no site: name --output, such as body:+tx")
+        raise UsageError(f"{machine.source} has no site: name --output, such as body:+tx")
     name = f"{_RESPONSE_STEM}.{file_format}"
     names = [PAGE, *(f"{_RESPONSE_STEM}.{kind}" for kind in _RESPONSE_FORMATS)]
     with outputs.open("simulate", simulated.source, "simulated", names) as output:

@@ -11,6 +11,8 @@ from identification import (
     read_campaign,
     read_settings,
 )
+from identification.readers.campaign_toml import find_campaign_file
+from identification.words import InputError
 from mbmodel import load_machine
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -71,3 +73,10 @@ def test_an_open_campaign_is_read_on_its_own_machine():
     assert len(campaign.tests) >= 3
     for test in campaign.tests:
         assert (test.estimate.variance[1:] > 0).all()
+
+
+def test_a_file_in_place_of_the_folder_is_refused_as_such(tmp_path):
+    model = tmp_path / "model.xml"
+    model.write_text("<mujoco/>", encoding="utf-8")
+    with pytest.raises(InputError, match="is a file: a campaign is a folder"):
+        find_campaign_file(model)

@@ -170,6 +170,8 @@ def test_dry_friction_needs_a_nominal_model(model, tmp_path):
         (("--hammer", "3", "--setups", "9"), "at most as many"),
         (("--hammer", "3", "--rate", "-1"), "rate"),
         (("--hammer", "3", "--block", "0.01"), "samples"),
+        (("--hammer", "3", "--block", "0"), "above 0"),
+        (("--hammer", "3", "--pulse", "0"), "above 0"),
         (("--signal", "sine", "--at", "acc3:+tx"), "one of step"),
         (("--signal", "step"), "--at"),
         (("--signal", "step", "--at", "acc3:+tx", "--hits", "3"), "--hits"),
