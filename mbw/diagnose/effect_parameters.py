@@ -22,6 +22,7 @@ _PARAMETER_UNITS = {  # factor from SI, unit
     "delay": (1e3, "ms"),
     "fraction": (100.0, "%"),
     "limit": (1.0, "N"),
+    "preload": (1.0, "N"),
 }
 _FRAMES = {  # of vectors, by effect and parameter
     ("mass_error", "position"): "from the body's centre of mass as drawn, in world axes",
@@ -38,6 +39,7 @@ _ROTATION_UNITS = {
     "damping": "N m s/rad",
     "k": "N m/rad",
     "limit": "N m",
+    "preload": "N m",
     "gap": "rad",
     "k3": "N m/rad³",
 }
