@@ -144,7 +144,7 @@ def _stage_remarks(
     if not np.array_equal(stated, carried):
         texts = [" ".join(f"{value:g}" for value in values) for values in (stated, carried)]
         remarks.append(
-            f"{stage.path.name} states gravity {texts[0]} m/s^2, but on the machine that of "
+            f"gravity is {texts[0]} m/s^2 in {stage.path.name}, but on the machine that of "
             f"{machine.source.name} holds, {texts[1]}"
         )
     return remarks

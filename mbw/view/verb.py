@@ -24,14 +24,14 @@ class ViewedState(BaseModel):
         model: path of the MJCF.
         mode: number of the mode; null for the machine at rest.
         frequency: natural frequency [Hz]; null at rest.
-        damping: damping ratio, or ``at rest``, ``overdamped``, ``unstable``; null without a mode.
+        damping: damping ratio; null without a mode, and for a mode of zero frequency.
         picture: file of the picture; null for a window.
     """
 
     model: str
     mode: int | None
     frequency: Annotated[float, Field(allow_inf_nan=False)] | None
-    damping: str | None
+    damping: Annotated[float, Field(allow_inf_nan=False)] | None
     picture: str | None
 
 
@@ -107,9 +107,16 @@ def _state(model: Path, prediction: Prediction, mode: int | None, out: Path | No
         model=str(model),
         mode=mode,
         frequency=None if mode is None else float(prediction.modes.freq_hz[mode - 1]),
-        damping=None if mode is None else prediction.damping_words[mode - 1],
+        damping=_damping(prediction, mode),
         picture=None if out is None else str(out),
     )
+
+
+def _damping(prediction: Prediction, mode: int | None) -> float | None:
+    """Return the damping ratio of a mode; None at rest and for a mode of zero frequency."""
+    if mode is None or prediction.is_at_rest(mode - 1):
+        return None
+    return float(prediction.modes.damping[mode - 1])
 
 
 def _show(machine: Machine, prediction: Prediction, scene: ModeScene, mode: int | None) -> None:

@@ -270,7 +270,7 @@ def test_the_machines_gravity_holds_for_the_stage(from_text, write, out):
     model = as_drawn(combined.machine)
     lowest = model_modes(model, model.drawn).freq_hz[0]
     assert 2 * np.pi * lowest == pytest.approx(np.sqrt(9.81 / 0.5), rel=1e-6)
-    assert any("states gravity 0 0 0" in remark for remark in combined.remarks)
+    assert any("gravity is 0 0 0" in remark for remark in combined.remarks)
 
 
 def test_a_mass_on_a_body_without_weight_has_none(from_text, out):

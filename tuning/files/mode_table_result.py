@@ -173,8 +173,8 @@ def _remarks(rows: Sequence[TabulatedModeRow], without_row: Sequence[ModelModeRo
             misses.append(f"{row.motion} is not its largest motion")
         if misses:
             sentences.append(
-                f"{name} is not reached: {', and '.join(misses)}; check the row, or widen a prior "
-                "with --prior."
+                f"{name} is not reached: {', and '.join(misses)}; search from more starts with "
+                "--starts, check the row, or widen a prior with --prior."
             )
     if without_row:
         listed = ", ".join(f"{mode.frequency:.4g}" for mode in without_row)
