@@ -60,6 +60,10 @@ def test_every_package_of_the_wheel_is_typed_and_is_not_the_clone(environment, t
     )
     names = ["identification", "mbmodel", "tuning", "diagnosis", "truth", "mbw", "mbworkbench"]
     done = subprocess.run(
-        [environment, "-c", code, *names], cwd=tmp_path, capture_output=True, text=True, check=False
+        [environment, "-I", "-c", code, *names],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
