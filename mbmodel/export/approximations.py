@@ -74,6 +74,7 @@ def approximate(
     *,
     has_slope: bool,
     weights: Real | None = None,
+    lowest_constant: float = -np.inf,
 ) -> Approximation:
     """Return a stable rational function for a law, of the smallest order that is good enough.
 
@@ -82,6 +83,8 @@ def approximate(
         freq_hz: frequency lines above 0 Hz [Hz]; (n_freq,).
         has_slope: whether a term proportional to s can be held.
         weights: of the lines, such as the strain of the spring; equal if None; (n_freq,).
+        lowest_constant: f(0) of Maxwell branches is at least this, so that the spring that they
+            belong to keeps a static stiffness.
     """
     weights = np.ones(len(freq_hz)) if weights is None else weights
     step = max(1, len(freq_hz) // _MAX_FITTED_LINES)
@@ -98,7 +101,7 @@ def approximate(
             _MAX_PADE_ORDER,
         )
     if isinstance(shape, ConstantLoss):
-        return _fewest_branches(shape, lines, freq_hz, weights)
+        return _fewest_branches(shape, lines, freq_hz, weights, lowest_constant)
     values = shape(laplace)
     fit = _smallest_order(
         lambda order: _refuse_growth(
@@ -115,7 +118,7 @@ def approximate(
     )
     if fit.max_error <= _MAX_LAW_ERROR or not has_slope:
         return fit
-    branches = _fewest_branches(shape, lines, freq_hz, weights)
+    branches = _fewest_branches(shape, lines, freq_hz, weights, lowest_constant)
     return min(fit, branches, key=lambda each: (np.isinf(each.max_error), each.rms_error))
 
 
@@ -170,7 +173,11 @@ def _refuse_growth(
 
 
 def _fewest_branches(
-    shape: Callable[[Complex], Complex], lines: Integers, freq_hz: Real, weights: Real
+    shape: Callable[[Complex], Complex],
+    lines: Integers,
+    freq_hz: Real,
+    weights: Real,
+    lowest_constant: float,
 ) -> Approximation:
     """Return the fewest Maxwell branches whose weighted error is near the floor.
 
@@ -179,13 +186,14 @@ def _fewest_branches(
         lines: numbers of the lines that are fitted; (n_fitted,).
         freq_hz: all lines [Hz]; (n_freq,).
         weights: of all lines; (n_freq,).
+        lowest_constant: lower bound of f(0).
     """
     laplace = np.asarray(2j * np.pi * freq_hz[lines], complex)
     values = shape(laplace)
     fits = [
         _measure(
             "maxwell branches",
-            _maxwell_branches(laplace, values, weights[lines], branches),
+            _maxwell_branches(laplace, values, weights[lines], branches, lowest_constant),
             shape,
             freq_hz,
             is_passive=True,
@@ -198,21 +206,27 @@ def _fewest_branches(
 
 
 def _maxwell_branches(
-    laplace: Complex, values: Complex, weights: Real, branches: int
+    laplace: Complex, values: Complex, weights: Real, branches: int, lowest_constant: float
 ) -> RationalFunction:
-    """Fit a law by a spring of any sign, and Maxwell branches and a damper of positive size."""
+    """Fit a law by a spring, and Maxwell branches and a damper of positive size.
+
+    The spring may be negative, down to a bound. Non-negative least squares (Lawson and Hanson
+    1974): without a bound it is the difference of two springs, with one it counts from there.
+    """
     omega = laplace.imag
     corners = np.geomspace(omega[0] / _OUTER_CORNERS, omega[-1] * _OUTER_CORNERS, branches)
+    is_bounded = np.isfinite(lowest_constant)
+    start = lowest_constant if is_bounded else 0.0
     columns = np.stack(
         [
             np.ones_like(laplace),
-            -np.ones_like(laplace),
+            np.zeros_like(laplace) if is_bounded else -np.ones_like(laplace),
             laplace / omega[-1],
             *(laplace / (laplace + corner) for corner in corners),
         ],
         axis=1,
     )
-    target = np.concatenate([values.real, values.imag])
+    target = np.concatenate([values.real - start, values.imag])
     rows = np.tile(weights / weights.max(), 2)
     matrix = np.vstack([columns.real, columns.imag])
     sizes, _ = scipy.optimize.nnls(rows[:, None] * matrix, rows * target)
@@ -221,6 +235,6 @@ def _maxwell_branches(
     return RationalFunction(
         -corners[used] + 0j,
         -(sizes[3:] * corners)[used] + 0j,
-        float(sizes[0] - sizes[1]) + sum_of_branches,
+        start + float(sizes[0] - sizes[1]) + sum_of_branches,
         float(sizes[2] / omega[-1]),
     )

@@ -9,6 +9,7 @@ from identification.words import Real
 from mbmodel.export.approximations import Approximation, approximate
 from mbmodel.model import FrequencyDependentTerm, Matrices
 
+_MAX_SOFTENING = 0.5  # of the static stiffness that the branches of a law may take away
 _LOSS_OF_WEIGHTS = 0.02  # loss factor of all springs where lines are weighted by their strain
 
 
@@ -79,6 +80,7 @@ def branch_states(
             lines,
             has_slope=not core[2].any(),
             weights=_strain(matrices, term, lines),
+            lowest_constant=_lowest_constant(total[0], term),
         )
         function, products = result.function, term.left @ core @ term.right.T
         total += function.constant * products
@@ -135,3 +137,17 @@ def _block_diagonal(blocks: Sequence[Real]) -> Real:
         matrix[place:end, place:end] = block
         place = end
     return matrix
+
+
+def _lowest_constant(stiffness: Real, term: FrequencyDependentTerm) -> float:
+    """Return the lowest f(0) that leaves a static stiffness in every direction of a term.
+
+    K + c L core R' stays positive for c > -1 / lambda, lambda the largest eigenvalue of
+    core R' K^-1 L.
+    """
+    try:
+        compliance = term.right.T @ np.linalg.solve(stiffness, term.left)
+    except np.linalg.LinAlgError:  # a free machine: a negative spring would not be held
+        return 0.0
+    largest = float(np.linalg.eigvals(term.change.core[0] @ compliance).real.max(initial=0.0))
+    return -_MAX_SOFTENING / largest if largest > 0 else 0.0

@@ -1,6 +1,7 @@
 """Losses, delays and Maxwell branches in the state space, against closed forms of a mass chain."""
 
 import sys
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -165,6 +166,14 @@ def test_a_loss_factor_becomes_passive_branches_with_the_stated_error(chain):
     undamped = closed_form(STIFF[1] + S * DAMP[1])
     # The approximation is far nearer to k (1 + i eta) than no loss at all.
     assert worst_of_channels(values, lossy) < 0.25 * worst_of_channels(undamped, lossy)
+
+
+@pytest.mark.parametrize("eta", [0.12, 0.2, 0.5, 1.5])
+def test_a_large_loss_factor_destabilises_nothing(chain, eta):
+    model = with_law(chain, ConstantLoss(), eta)
+    request = replace(REQUEST, freq_hz=np.linspace(0.25, 200, 400))
+    system = export_state_space(model, model.drawn, request).system
+    assert system.poles().real.max() < 0
 
 
 def test_no_causal_law_has_a_constant_loss_and_its_error_grows_with_the_band():
