@@ -132,7 +132,7 @@ def test_an_effect_beside_unknown_gains_is_named_and_no_channel_is_blamed(tmp_pa
     assert verdict.verdict == "explained"
     row = verdict.causes[0]
     assert (row.effect, row.location, row.dof) == ("sensor_gain", "sensor:acc6", "rz")
-    assert {fault.location for fault in diagnosis.gate.faults} <= {"sensor:acc6"}
+    assert {fault.location for fault in diagnosis.checks.faults} <= {"sensor:acc6"}
     found = {(gain.location, gain.dof): gain for gain in verdict.channel_gains}
     for label, gain in COUNTS.items():
         low, high = found["sensor:acc4", label[-2:]].interval
