@@ -49,11 +49,9 @@ class DiagnosisSettings:
         twin_nats: difference in log probability below which causes are confounded (FORMATS).
         min_row_probability: probability of a cause or place that the verdict lists (FORMATS).
         appendage_ends: ends of the frequencies of appendages that are scanned, relative to the
-            highest
-            line. Below, an appendage acts as a free mass; above, as a part of the body.
+            highest line. Below, an appendage acts as a free mass; above, as a part of the body.
         min_fitted_lines: lines that a fit counts at least, of a campaign that has them: 800 lines
-            at
-            a stride of 8.
+            at a stride of 8.
         serial_lags: distances of neighbouring lines that show a gap by their product [lines]: a
             variance from third differences is correlated over three lines, a mode spans several.
         max_distant_steps: Gauss-Newton steps of the second stage of refits from distant starts.

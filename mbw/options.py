@@ -64,6 +64,13 @@ SingleJob = Annotated[
     int,
     typer.Option("--jobs", min=1, help="Number of processes; this verb is quick and works in one."),
 ]
+Key = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Keyframe that gives pose and controls; default: home if there is one.",
+    ),
+]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of all random numbers.")]
 Pictures = Annotated[
     bool, typer.Option("--pictures/--no-pictures", help="Write the page with pictures.")

@@ -52,13 +52,13 @@ def main() -> None:
 def tested(seed: int) -> tuple[Modes, float]:
     """A structure of three frames that differs from the drawing, and its mass [kg]."""
     random = np.random.default_rng([seed, 20150919])
-    own = build(seed, 0)
-    panels = panels_of(own)
+    structure = build(seed, 0)
+    panels = panels_of(structure)
     frames = tuple(
         RigidFrame(frame.mass * random.uniform(0.95, 1.05), frame.half) for frame in (MIDDLE, INNER)
     )
     joints = springs(frames, PIN_STIFFNESS * random.uniform(0.7, 1.4))
-    modes = modes_of(panels, own.bending, COUNT + 4, deck(panels, frames, joints))
+    modes = modes_of(panels, structure.bending, COUNT + 4, deck(panels, frames, joints))
     return modes, panels.mass + sum(frame.mass for frame in frames)
 
 

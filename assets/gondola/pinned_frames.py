@@ -114,9 +114,9 @@ def deck(panels: Panels, frames: tuple[RigidFrame, ...], joints: list[Spring]) -
                 lines += [f"*ELEMENT, TYPE=SPRING2, ELSET=S{element}"]
                 lines += [f"{element}, {inside}, {outside}"]
                 lines += [f"*SPRING, ELSET=S{element}", f"{axis}, {axis}", f"{stiffness:.9e}"]
-    for number, (frame, own) in enumerate(zip(frames, members, strict=True)):
+    for number, (frame, nodes) in enumerate(zip(frames, members, strict=True)):
         middle = frame.corners.mean(axis=0)
         reference, turning = new_node(middle), new_node(middle)
-        lines += [f"*NSET, NSET=R{number}", *(f"{one}," for one in own)]
+        lines += [f"*NSET, NSET=R{number}", *(f"{node}," for node in nodes)]
         lines.append(f"*RIGID BODY, NSET=R{number}, REF NODE={reference}, ROT NODE={turning}")
     return lines

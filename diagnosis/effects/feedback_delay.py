@@ -24,6 +24,7 @@ from diagnosis.effects.spring_laws import Shape
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Complex, Real
 from mbmodel import AddedPart, Change, Parameter
+from mbmodel.parts.spring_laws import LateForce
 
 # Of the best score: scores hardly show how long a delay is, and fits do not return from one that is
 # far too long. Of scores this close, that of the shortest delay comes first.
@@ -113,16 +114,16 @@ class _DelayedSpring:
 
     def compute_change(self, theta: Real) -> tuple[Change, ...]:
         """Return the change k (exp(-s tau u) - 1); none without a delay."""
-        shape = _delay_difference(self.tau * float(theta[0]))
+        shape = LateForce(self.tau * float(theta[0]))
         return (self._build_change(np.array(theta[1]), shape),) if theta[0] else ()
 
     def compute_slopes(self, theta: Real) -> tuple[Change, ...]:
         """Return the slopes by u and k; at u = 0, the change up to u = 1 in place of that by u."""
         u, k = theta.tolist()
-        shape = _delay_slope(self.tau, u) if u else _delay_difference(self.tau)
+        shape = _delay_slope(self.tau, u) if u else LateForce(self.tau)
         changes = [self._build_change(np.array([k, 0.0]), shape)]
         if u:
-            by_stiffness = _delay_difference(self.tau * u)
+            by_stiffness = LateForce(self.tau * u)
             changes.append(self._build_change(np.array([0.0, 1.0]), by_stiffness))
         return tuple(changes)
 
@@ -134,16 +135,6 @@ class _DelayedSpring:
     def state(self, fitted: Mapping[str, float]) -> dict[str, Value]:
         """Return the delay [s]."""
         return {"delay": self.tau * fitted[self.size_name]}
-
-
-@lru_cache(1024)  # all springs share it: their columns are formed together
-def _delay_difference(tau: float) -> Shape:
-    """Return exp(-s tau) - 1."""
-
-    def shape(laplace: Complex) -> Complex:
-        return np.asarray(np.expm1(-laplace * tau), complex)
-
-    return shape
 
 
 @lru_cache(1024)

@@ -2,17 +2,10 @@
 
 from collections.abc import Iterator, Mapping
 
-import numpy as np
-
 from diagnosis.effects.points import find_own_springs, find_sprung_stages
 from diagnosis.effects.spring_laws import Law
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
-from identification.words import Complex
-
-
-def evaluate_loss(laplace: Complex) -> Complex:
-    """Return i sign(w); (n_freq,)."""
-    return np.asarray(1j * np.sign(laplace.imag), complex)
+from mbmodel.parts.spring_laws import ConstantLoss
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -21,7 +14,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     for stage in find_sprung_stages(machine):
         place = f"joint:{stage}"
         loss = Law.for_springs(
-            scene, place, find_own_springs(machine, stage), f"{stage}.loss", evaluate_loss
+            scene, place, find_own_springs(machine, stage), f"{stage}.loss", ConstantLoss()
         )
 
         def state(fitted: Mapping[str, float], spring_law: Law = loss) -> dict[str, Value]:

@@ -18,6 +18,7 @@ from diagnosis.effects.points import find_own_springs, find_sprung_stages
 from diagnosis.effects.spring_laws import Law, Shape, TimedLaw
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification.words import Complex
+from mbmodel.parts.spring_laws import Relaxation
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -29,7 +30,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     for stage in find_sprung_stages(machine):
         springs, place = find_own_springs(machine, stage), f"joint:{stage}"
         for number, tau in enumerate(times.tolist()):
-            law = TimedLaw(tau, _maxwell_law, _maxwell_slope)
+            law = TimedLaw(tau, Relaxation, _maxwell_slope)
             branch = Law.for_springs(scene, place, springs, f"{stage}.maxwell{number}", law)
 
             def state(fitted: Mapping[str, float], spring_law: Law = branch) -> dict[str, Value]:
@@ -40,15 +41,6 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
 
 
 @lru_cache(1024)  # all joints share it: their columns are formed together
-def _maxwell_law(tau: float) -> Shape:
-    """Return s tau / (1 + s tau)."""
-
-    def shape(laplace: Complex) -> Complex:
-        return np.asarray(laplace * tau / (1 + laplace * tau), complex)
-
-    return shape
-
-
 def _maxwell_slope(tau: float) -> Shape:
     """Return the slope by ln tau, s tau / (1 + s tau)^2."""
 

@@ -16,14 +16,14 @@ from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.words import Campaign, Complex, Real
 
 
-def pulse_force(time_s: Real, duration_s: float) -> Real:
+def compute_pulse_force(time_s: Real, duration_s: float) -> Real:
     """Return the force of a half sine of unit peak; shape of ``time_s``."""
     inside = (time_s >= 0) & (time_s <= duration_s)
     force: Real = np.where(inside, np.sin(np.pi * time_s / duration_s), 0.0)
     return force
 
 
-def pulse_spectrum(freq_hz: Real, duration_s: float) -> Complex:
+def compute_pulse_spectrum(freq_hz: Real, duration_s: float) -> Complex:
     """Return the Fourier transform of a half sine of unit peak [N s / N]; (n_freq,)."""
     cycles = freq_hz * duration_s
     size = duration_s / 2 * (np.sinc(cycles - 0.5) + np.sinc(cycles + 0.5))
@@ -44,7 +44,7 @@ def estimate_pulse_duration(campaign: Campaign) -> float:
     freq = campaign.freq_hz
     shortest, longest = LEVEL_SETTINGS.durations
     durations = np.linspace(shortest, longest, LEVEL_SETTINGS.duration_count) / freq[-1]
-    fades = -2 * np.log(np.abs([pulse_spectrum(freq, duration) for duration in durations]))
+    fades = -2 * np.log(np.abs([compute_pulse_spectrum(freq, duration) for duration in durations]))
     noise = np.stack([np.ones_like(freq), np.log(freq)], axis=1)
     basis, _ = np.linalg.qr(noise)
     best = []

@@ -113,11 +113,11 @@ class JointTransient:
     @cached_property
     def hold_weights(self) -> tuple[Complex, Complex]:
         """gamma_0 and gamma_1 of each mode [s]; (n_mode,) each."""
-        before, after = _hold_weights(self.poles / self.rate_hz)
+        before, after = _compute_hold_weights(self.poles / self.rate_hz)
         return before / self.rate_hz, after / self.rate_hz
 
 
-def _hold_weights(turns: Complex) -> tuple[Complex, Complex]:
+def _compute_hold_weights(turns: Complex) -> tuple[Complex, Complex]:
     """Return gamma_0 / h and gamma_1 / h of x = lambda h; (n_mode,) each."""
     is_small = np.abs(turns) < LEVEL_SETTINGS.series_bound
     x = np.where(is_small, 1.0, turns)

@@ -14,14 +14,14 @@ import numpy as np
 from diagnosis.hypothesis import Hypothesis, JointDirection, Scene, Value
 from diagnosis.levels.law_family import LawFamily
 from diagnosis.levels.law_part import LawPart
-from diagnosis.levels.law_simulation import peak_stretch
+from diagnosis.levels.law_simulation import compute_peak_stretch
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.levels.tested_joint import LawTable, TestedJoint
 from identification.words import TOLERANCE_BOUND_SIGMA
 from mbmodel import Parameter
 
 
-def law_hypothesis(
+def build_law_hypothesis(
     scene: Scene, joint: JointDirection, family: LawFamily, start: tuple[float, ...]
 ) -> Hypothesis:
     """Return a law of a joint direction about the linear machine of a scene.
@@ -52,7 +52,7 @@ def law_hypothesis(
         parts.append(
             LawPart(location, (*parameters, peak), table, number, test.condition, joint.spring)
         )
-    stretch = float(peak_stretch(tested.transient(), tested.hits).max())
+    stretch = float(compute_peak_stretch(tested.transient(), tested.hits).max())
     ends = family.bounds(tested.stiffness, stretch)
     names = tuple(parameter.name for parameter in first)
 
@@ -65,14 +65,14 @@ def law_hypothesis(
         joint.dof,
         parts=tuple(parts),
         begin=dict(zip(names, start, strict=True)) | dict.fromkeys(believed, 1.0),
-        bounds=_coordinate_bounds(first, ends) | _tolerance_bounds(believed),
+        bounds=_convert_bounds(first, ends) | _bound_tolerances(believed),
         believed=believed,
         follow=follow,
         state=state,
     )
 
 
-def _coordinate_bounds(
+def _convert_bounds(
     parameters: tuple[Parameter, ...], ends: tuple[tuple[float, float], ...]
 ) -> dict[str, tuple[float, float]]:
     """Return bounds of coordinates: of a size, of the logarithm of its ratio to its start."""
@@ -85,7 +85,7 @@ def _coordinate_bounds(
     return bounds
 
 
-def _tolerance_bounds(believed: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+def _bound_tolerances(believed: Mapping[str, float]) -> dict[str, tuple[float, float]]:
     """Return the bounds of tolerances by their standard deviations."""
     return {
         name: (-TOLERANCE_BOUND_SIGMA * sigma, TOLERANCE_BOUND_SIGMA * sigma)

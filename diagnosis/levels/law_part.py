@@ -65,11 +65,11 @@ class LawPart:
 
     def _change(self, values: Complex, core: Real) -> Change:
         column = self.table.joint.direction[:, None]
-        shape = partial(_at_lines, self.table.joint.freq_hz, values)
+        shape = partial(_look_up, self.table.joint.freq_hz, values)
         return Change("joint", column, column, core, shape=shape)
 
 
-def _at_lines(freq_hz: Real, values: Complex, laplace: Complex) -> Complex:
+def _look_up(freq_hz: Real, values: Complex, laplace: Complex) -> Complex:
     """Return a table's values at the nearest lines; conjugate below the real axis."""
     wanted = np.abs(laplace.imag) / (2 * np.pi)
     after = np.clip(np.searchsorted(freq_hz, wanted), 1, max(len(freq_hz) - 1, 1))

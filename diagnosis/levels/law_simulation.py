@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from diagnosis.levels.hammer_pulse import pulse_force, pulse_spectrum
+from diagnosis.levels.hammer_pulse import compute_pulse_force, compute_pulse_spectrum
 from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.restoring_laws import RestoringLaw, stack_laws
 from diagnosis.levels.settings import LEVEL_SETTINGS
@@ -29,7 +29,7 @@ class LawUnderHits:
     hits: SimulatedHits
 
 
-def equivalent_stiffness(cases: Sequence[LawUnderHits], freq_hz: Real) -> Complex:
+def compute_equivalent_stiffness(cases: Sequence[LawUnderHits], freq_hz: Real) -> Complex:
     """Return kappa of laws of one kind under each hit [N/m or N m/rad]; (n_case, n_hit, n_freq).
 
     All cases go through time together.
@@ -40,24 +40,24 @@ def equivalent_stiffness(cases: Sequence[LawUnderHits], freq_hz: Real) -> Comple
     """
     first = cases[0].transient
     law = stack_laws([case.law for case in cases], len(cases[0].hits.peak))
-    forces = _transform(_joint_forces(cases, law), freq_hz, first.rate_hz)
+    forces = _transform_forces(_integrate_forces(cases, law), freq_hz, first.rate_hz)
     kappa = []
     for case, force in zip(cases, np.split(forces, len(cases)), strict=True):
         receptance, hits = case.transient.receptances(freq_hz).T, case.hits
-        hammer = hits.peak[:, None] * pulse_spectrum(freq_hz, hits.duration_s)
+        hammer = hits.peak[:, None] * compute_pulse_spectrum(freq_hz, hits.duration_s)
         stretch = receptance[1 + hits.column] * hammer - receptance[0] * force
         kappa.append(force / np.where(stretch != 0, stretch, np.inf))
     return np.array(kappa)
 
 
-def peak_stretch(transient: JointTransient, hits: SimulatedHits) -> Real:
+def compute_peak_stretch(transient: JointTransient, hits: SimulatedHits) -> Real:
     """Return the largest stretch of a linear machine under each hit; (n_hit,)."""
     recorder = _PeakRecorder(np.zeros(len(hits.peak)))
-    _joint_forces([LawUnderHits(transient, recorder, hits)], recorder)
+    _integrate_forces([LawUnderHits(transient, recorder, hits)], recorder)
     return recorder.peak
 
 
-def _joint_forces(cases: Sequence[LawUnderHits], law: RestoringLaw) -> Real:
+def _integrate_forces(cases: Sequence[LawUnderHits], law: RestoringLaw) -> Real:
     """Return the joint's force at every sample; (n_sample + 1, n_case n_hit)."""
     rate = cases[0].transient.rate_hz
     count = round(cases[0].transient.duration_s * rate)
@@ -70,7 +70,7 @@ def _joint_forces(cases: Sequence[LawUnderHits], law: RestoringLaw) -> Real:
     times = np.arange(count + 1) / rate
     pulse = np.concatenate(
         [
-            np.tile(pulse_force(times, case.hits.duration_s)[:, None], len(case.hits.peak))
+            np.tile(compute_pulse_force(times, case.hits.duration_s)[:, None], len(case.hits.peak))
             for case in cases
         ],
         axis=1,
@@ -131,7 +131,7 @@ class _StepWeights(NamedTuple):
         )
 
 
-def _transform(forces: Real, freq_hz: Real, rate_hz: float) -> Complex:
+def _transform_forces(forces: Real, freq_hz: Real, rate_hz: float) -> Complex:
     """Return the transform of broken lines, their last value held; (n_hit, n_freq).
 
     i w X is the transform of the steps, each spread over one sample.

@@ -16,10 +16,14 @@ from diagnosis.effects.points import find_middle_frequency
 from diagnosis.hypothesis import Hypothesis, JointDirection, Scene
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.levels.free_levels import free_each_level, list_levels
-from diagnosis.levels.hammer_pulse import pulse_spectrum
+from diagnosis.levels.hammer_pulse import compute_pulse_spectrum
 from diagnosis.levels.law_family import FAMILIES, LawFamily
-from diagnosis.levels.law_hypothesis import law_hypothesis
-from diagnosis.levels.law_simulation import LawUnderHits, equivalent_stiffness, peak_stretch
+from diagnosis.levels.law_hypothesis import build_law_hypothesis
+from diagnosis.levels.law_simulation import (
+    LawUnderHits,
+    compute_equivalent_stiffness,
+    compute_peak_stretch,
+)
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from diagnosis.levels.tested_joint import TestedJoint
 from diagnosis.refits.refit import Refit
@@ -65,7 +69,7 @@ def refit_laws(
     Args:
         scene: scene of the null model.
         current: refit from which they begin.
-        hypotheses: scored hypotheses of ``free_levels``.
+        hypotheses: scored hypotheses of ``free_each_level``.
         null_gap: of the null model: free levels that do not close a fifth of it need no law.
         settings: schedules, and that fifth.
 
@@ -81,7 +85,7 @@ def refit_laws(
     joint = min(joints, key=lambda joint: free[joint].objective)
     if current.gap - free[joint].gap < settings.min_closed * null_gap:
         return []
-    nearby = replace(about, theta=_shared_values(free[joint], about))
+    nearby = replace(about, theta=_read_values(free[joint], about))
     laws = [
         _FittedLaw(_find_start(nearby, free[joint], joint, effect), nearby, free[joint].floor)
         for effect in dict.fromkeys(h.effect for h in hypotheses if h.spring == joint)
@@ -93,7 +97,7 @@ def refit_laws(
             working = [
                 law for law in working if law.objective < best + LEVEL_SETTINGS.max_behind_nats
             ]
-        tasks = [_law_task(current, law) for law in working]
+        tasks = [_build_task(current, law) for law in working]
         for law, refit in zip(working, run_refits(scene, tasks, settings.schedule), strict=True):
             law.take(refit, about)
     return [law.refit for law in laws if law.refit is not None]
@@ -127,11 +131,11 @@ class _FittedLaw:
         self.is_settled = self.objective - refit.objective < LEVEL_SETTINGS.settled_nats
         if refit.objective < self.objective:
             self.refit = refit
-        self.scene = replace(about, theta=_shared_values(refit, about))
-        self.start, self.floor = _fitted_start(refit, self.start), refit.floor
+        self.scene = replace(about, theta=_read_values(refit, about))
+        self.start, self.floor = _read_start(refit, self.start), refit.floor
 
 
-def _law_task(current: Refit, fitted: _FittedLaw) -> RefitTask:
+def _build_task(current: Refit, fitted: _FittedLaw) -> RefitTask:
     """Return the next refit of a law."""
     start, scene = fitted.start, fitted.scene
     spring = f"{start.joint.spring}.stiffness"
@@ -139,20 +143,20 @@ def _law_task(current: Refit, fitted: _FittedLaw) -> RefitTask:
     theta = scene.theta.copy()
     theta[names.index(spring)] = start.stiffness
     scene = replace(scene, theta=theta)
-    law = law_hypothesis(scene, start.joint, start.family, start.theta)
+    law = build_law_hypothesis(scene, start.joint, start.family, start.theta)
     session = add_hypothesis(current.session, law)
     causes = join_hypotheses((*current.causes, law))
     return RefitTask(causes, session, find_start(scene, session, law), fitted.floor)
 
 
-def _shared_values(refit: Refit, scene: Scene) -> Real:
+def _read_values(refit: Refit, scene: Scene) -> Real:
     """Return what a refit fitted of a scene's own parameters; (n_parameter,)."""
     parameters = refit.session.model.parameters
     fitted = dict(zip((p.name for p in parameters), refit.fit.theta.tolist(), strict=True))
     return np.array([fitted[parameter.name] for parameter in scene.model.parameters])
 
 
-def _fitted_start(refit: Refit, start: _LawStart) -> _LawStart:
+def _read_start(refit: Refit, start: _LawStart) -> _LawStart:
     """Return a law that begins where its refit ended."""
     parameters = refit.session.model.parameters
     fitted = dict(zip((p.name for p in parameters), refit.fit.theta.tolist(), strict=True))
@@ -171,7 +175,7 @@ def _find_start(scene: Scene, free: Refit, joint: JointDirection, effect: str) -
         effect: the effect.
     """
     levels = list_levels(scene.session.campaign)
-    changes = _fitted_changes(free, joint, len(levels))
+    changes = _read_changes(free, joint, len(levels))
     lowest = float(scene.find_stiffness((joint.spring,))[0])
     tested = TestedJoint.of_scene(scene, joint)
     best: tuple[float, _LawStart] | None = None
@@ -181,14 +185,14 @@ def _find_start(scene: Scene, free: Refit, joint: JointDirection, effect: str) -
         linear = replace(tested.matrices, stiffness=tested.matrices.stiffness + added)
         machine = replace(tested, matrices=linear)
         transient = machine.transient()
-        peaks = peak_stretch(transient, tested.hits)
+        peaks = compute_peak_stretch(transient, tested.hits)
         middle = float(np.max(peaks[np.abs(tested.hits.peak) <= levels[len(levels) // 2]]))
-        weights = _stretch_weights(machine, transient.receptances(machine.freq_hz))
+        weights = _weigh_stretch(machine, transient.receptances(machine.freq_hz))
         starts = family.starts(lowest + reference, middle)
         laws = [LawUnderHits(transient, family.law(np.array(s)), machine.hits) for s in starts]
-        kappas = equivalent_stiffness(laws, machine.freq_hz)
+        kappas = compute_equivalent_stiffness(laws, machine.freq_hz)
         for theta, kappa in zip(starts, kappas, strict=True):
-            means = family.stuck(np.array(theta)) + _level_means(
+            means = family.stuck(np.array(theta)) + _average_levels(
                 kappa, weights, tested.hits.peak, levels, machine.freq_hz
             )
             off = float(np.sum(np.abs(means - means[0] - changes) ** 2))
@@ -200,7 +204,7 @@ def _find_start(scene: Scene, free: Refit, joint: JointDirection, effect: str) -
     return best[1]
 
 
-def _fitted_changes(free: Refit, joint: JointDirection, count: int) -> Complex:
+def _read_changes(free: Refit, joint: JointDirection, count: int) -> Complex:
     """Return dk_l + i w dc_l at the middle of the band; (n_level,)."""
     middle = find_middle_frequency(Scene(free.session, free.fit.theta))
     parts = {
@@ -220,14 +224,14 @@ def _fitted_changes(free: Refit, joint: JointDirection, count: int) -> Complex:
     return changes
 
 
-def _stretch_weights(joint: TestedJoint, receptances: Complex) -> Real:
+def _weigh_stretch(joint: TestedJoint, receptances: Complex) -> Real:
     """Return the squared stretch of the linear machine on each line; (n_test, n_freq)."""
-    force = pulse_spectrum(joint.freq_hz, joint.hits.duration_s)
+    force = compute_pulse_spectrum(joint.freq_hz, joint.hits.duration_s)
     weights: Real = np.abs(receptances.T[1 + joint.hits.column] * force) ** 2
     return weights * joint.hits.peak[:, None] ** 2
 
 
-def _level_means(
+def _average_levels(
     kappa: Complex, weights: Real, peak: Real, levels: Sequence[float], freq_hz: Real
 ) -> Complex:
     """Return the mean stiffness of each level, its imaginary part per frequency; (n_level,)."""

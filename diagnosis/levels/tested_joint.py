@@ -9,7 +9,7 @@ from diagnosis.hypothesis import JointDirection, Scene
 from diagnosis.levels.hammer_pulse import estimate_pulse_duration
 from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.law_family import LawFamily
-from diagnosis.levels.law_simulation import LawUnderHits, equivalent_stiffness
+from diagnosis.levels.law_simulation import LawUnderHits, compute_equivalent_stiffness
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.words import Complex, Real
 from mbmodel.frf.ports import apply_point_changes, find_ports
@@ -73,9 +73,7 @@ class TestedJoint:
         )
         return JointTransient.of_matrices(matrices, self.direction, self.inputs, self.freq_hz)
 
-    def stiffness_under_hits(
-        self, family: LawFamily, cases: Sequence[tuple[Real, float]]
-    ) -> Complex:
+    def compute_stiffness(self, family: LawFamily, cases: Sequence[tuple[Real, float]]) -> Complex:
         """Return what laws add to the joint's stiffness in each test; (n_case, n_test, n_freq).
 
         Args:
@@ -97,7 +95,7 @@ class TestedJoint:
             )
             for stiffness, (theta, peak) in zip(stuck, cases, strict=True)
         ]
-        kappa = equivalent_stiffness(laws, self.freq_hz)
+        kappa = compute_equivalent_stiffness(laws, self.freq_hz)
         return np.array(stuck)[:, None, None] + kappa
 
 
@@ -132,7 +130,7 @@ class LawTable:
             steps = LEVEL_SETTINGS.difference_step * np.where(theta == 0, 1.0, np.abs(theta))
             cases = [(theta, 1.0), *((moved, 1.0) for moved in theta + np.diag(steps))]
             cases.append((theta, 1 + LEVEL_SETTINGS.difference_step))
-            middle, *moved = self.joint.stiffness_under_hits(self.family, cases)
+            middle, *moved = self.joint.compute_stiffness(self.family, cases)
             divisors = np.append(steps, np.log1p(LEVEL_SETTINGS.difference_step))
             slopes = (np.array(moved) - middle) / divisors[:, None, None]
             self.known.clear()

@@ -1,4 +1,4 @@
-r"""What to measure next: an experiment that separates the leading causes, or confirms the only one.
+r"""Next experiment: it separates the leading causes, or confirms the only one.
 
 Rivals are sets of causes with probabilities p, each fitted to what was measured. The expected gain
 of an experiment is the expected log of the odds between them (Lindley 1956),

@@ -151,23 +151,23 @@ def strongest_tips(tips: Sequence[HammerTip]) -> tuple[StrongestTip, ...]:
     Returns:
         Parts by rising frequency; empty for fewer than two tips with force.
     """
-    known = [tip for tip in tips if tip.has_force]
-    if len(known) < 2:
+    measured = [tip for tip in tips if tip.has_force]
+    if len(measured) < 2:
         return ()
-    low = max(float(tip.freq_hz[0]) for tip in known)
-    high = min(float(tip.freq_hz[-1]) for tip in known)
-    coarsest = max(known, key=lambda tip: float(np.diff(tip.freq_hz).mean()))
+    low = max(float(tip.freq_hz[0]) for tip in measured)
+    high = min(float(tip.freq_hz[-1]) for tip in measured)
+    coarsest = max(measured, key=lambda tip: float(np.diff(tip.freq_hz).mean()))
     freq = coarsest.freq_hz[(coarsest.freq_hz >= low) & (coarsest.freq_hz <= high)]
     if len(freq) < 2:
         return ()
-    least = 1e-30 * max(float(tip.energy.max()) for tip in known)
+    least = 1e-30 * max(float(tip.energy.max()) for tip in measured)
     width = max(len(freq) // _ENERGY_SMOOTHING_SHARE, 1)
     levels = np.array(
         [
             median_filter(
                 np.interp(freq, tip.freq_hz, 10 * np.log10(np.maximum(tip.energy, least))), width
             )
-            for tip in known
+            for tip in measured
         ]
     )
     best = _join_short(levels.argmax(axis=0), max(int(_MIN_SEGMENT_SHARE * len(freq)), 1))
@@ -178,7 +178,7 @@ def strongest_tips(tips: Sequence[HammerTip]) -> tuple[StrongestTip, ...]:
         rivals = np.delete(levels[:, lines], tip, axis=0).max(axis=0)
         gain = float(np.median(levels[tip, lines] - rivals))
         parts.append(
-            StrongestTip(known[tip].name, float(freq[lines[0]]), float(freq[lines[-1]]), gain)
+            StrongestTip(measured[tip].name, float(freq[lines[0]]), float(freq[lines[-1]]), gain)
         )
     return tuple(parts)
 

@@ -25,7 +25,7 @@ _FLAG = mujoco.mjtRndFlag
 # A picture to paste shows the machine alone, on white.
 _SWITCHED_OFF = (_FLAG.mjRND_SHADOW, _FLAG.mjRND_REFLECTION, _FLAG.mjRND_SKYBOX, _FLAG.mjRND_HAZE)
 _GROUND = (int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD))
-_FAR = 1.0  # depth of a pixel that shows nothing
+_BACKGROUND_DEPTH = 1.0  # depth of a pixel that shows nothing
 _NO_RENDERER = ("disable", "disabled", "off", "false", "0")  # values of MUJOCO_GL, as in MuJoCo
 
 
@@ -121,7 +121,7 @@ def _pictures(
             context.make_current()
             mujoco.mjr_render(view, scene, renderer)
             mujoco.mjr_readPixels(colours, depth, view, renderer)
-            yield colours[::-1].copy(), (depth < _FAR)[::-1].copy()
+            yield colours[::-1].copy(), (depth < _BACKGROUND_DEPTH)[::-1].copy()
     finally:
         renderer.free()
         context.free()

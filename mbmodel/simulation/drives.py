@@ -104,7 +104,7 @@ def _parse_joint(machine: Machine, text: str) -> JointDof | None:
 
 @dataclass(frozen=True, eq=False)
 class Drives:
-    """What inputs apply to MuJoCo, and how the floor moves with them.
+    """Gains from the inputs to MuJoCo's controls and to the floor.
 
     Args:
         gain: entries of the control vector per unit of each input; (n_control, n_in).

@@ -1,4 +1,4 @@
-"""What an animated mode shows: machine, motion of its bodies, measured motion of its sensors."""
+"""Contents of an animated mode: machine, motion of its bodies, measured motion of its sensors."""
 
 from dataclasses import dataclass
 

@@ -16,7 +16,7 @@ _MAX_OFFSET_M = 1e3
 
 @dataclass(frozen=True)
 class Additions:
-    """What is put on a machine.
+    """A mounted stage and point masses that a machine gets.
 
     Args:
         stage: the mounted stage; None for none.

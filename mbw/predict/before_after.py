@@ -109,9 +109,9 @@ def _cells(comparison: BeforeAfter) -> list[tuple[str, ...]]:
             rows.append(("", "new", "", *right, "", ""))
             continue
         change = frequency_change(comparison, before, after)
-        left = _mode_cells(comparison.before, before)
+        cells = _mode_cells(comparison.before, before)
         shift = "" if change is None else f"{100 * change:+.2f}"
-        rows.append((*left, *right, shift, f"{comparison.criterion[before, after]:.3f}"))
+        rows.append((*cells, *right, shift, f"{comparison.criterion[before, after]:.3f}"))
     empty = ("", "gone", "", "", "")
     return rows + [(*_mode_cells(comparison.before, k), *empty) for k in comparison.gone]
 

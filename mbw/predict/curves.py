@@ -119,14 +119,14 @@ def with_curves_before(curves: Curves, model: Model) -> Curves:
     """
     layout = model.machine.layout
     labels = {*layout.points, *layout.bodies, *model.machine.motors, FLOOR}
-    known = [
+    numbers = [
         k
         for k, pair in enumerate(curves.pairs)
         if all((port.name if isinstance(port, Motor) else port.point) in labels for port in pair)
     ]
     before = np.full(curves.values.shape, np.nan, complex)
-    pairs = [curves.pairs[k] for k in known]
-    before[known] = _values(model, curves.freq_hz, curves.quantity, pairs)
+    pairs = [curves.pairs[k] for k in numbers]
+    before[numbers] = _values(model, curves.freq_hz, curves.quantity, pairs)
     return replace(curves, before=before)
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Json, Overwrite, Pictures, Quiet, SingleJob, out_option
+from mbw.options import Json, Key, Overwrite, Pictures, Quiet, SingleJob, out_option
 
 # Frequency lines of FRFs: at 200 Hz one every 0.2 mHz, and a few hundred MB for each FRF.
 MAX_FREQUENCY_LINES = 1_000_000
@@ -101,13 +101,7 @@ def predict(  # noqa: PLR0913  # one for each option
             help="Maxwell branch: k (1 + ratio s tau / (1 + s tau)); repeatable.",
         ),
     ] = None,
-    key: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Keyframe that gives pose and controls; default: home if there is one.",
-        ),
-    ] = None,
+    key: Key = None,
     out: Annotated[Path | None, out_option("<model>-predicted beside it")] = None,
     pictures: Pictures = True,
     json: Json = None,

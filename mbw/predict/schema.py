@@ -90,7 +90,7 @@ class FrfPeakRow(BaseModel):
 
 
 class PutOnTopRow(BaseModel):
-    """What was put on the machine, and its modes before and after.
+    """The mounted stage and added masses, and the modes before and after.
 
     Args:
         combined: file name of the combined MJCF in the folder of the result.

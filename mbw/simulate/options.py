@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Json, Overwrite, Pictures, Quiet, Seed, out_option
+from mbw.options import Json, Key, Overwrite, Pictures, Quiet, Seed, out_option
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -144,13 +144,7 @@ def simulate(  # noqa: PLR0913  # one for each option
             metavar="JOINT=RATE", help="Hinge that spins at this rate [rad/s]; repeatable."
         ),
     ] = None,
-    key: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Keyframe that gives pose and controls; default: home if there is one.",
-        ),
-    ] = None,
+    key: Key = None,
     out: Annotated[Path | None, out_option("<model>-simulated beside it")] = None,
     pictures: Pictures = True,
     json: Json = None,

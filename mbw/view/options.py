@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Json, Overwrite, Quiet, SingleJob
+from mbw.options import Json, Key, Overwrite, Quiet, SingleJob
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
@@ -21,13 +21,7 @@ def view(
             min=1, help="Number of the mode in the table of mbw predict; default: at rest."
         ),
     ] = None,
-    key: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Keyframe that gives pose and controls; default: home if there is one.",
-        ),
-    ] = None,
+    key: Key = None,
     out: Annotated[
         Path | None,
         typer.Option(

@@ -9,7 +9,7 @@ import json
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, combinations, cycle, islice
 from pathlib import Path
 
@@ -79,6 +79,7 @@ class Design:
         dirt: motion that small imperfections leave of a re-tuned machine [%].
         tree: whether the machine is a random tree of stages instead of the station.
         parameter: of the force channel, name and value with its tolerance, instead of a ratio.
+        levels: mean peak forces of the tests [N]; those of the drawn protocol if empty.
     """
 
     cell: str
@@ -87,6 +88,7 @@ class Design:
     dirt: float = 0.0
     tree: bool = False
     parameter: tuple[str, float] | None = None
+    levels: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -195,10 +197,13 @@ def draw(design: Design, seed: int) -> Campaign:
         Wanted(name, None, design.ratio, _CORRECTIONS, parameter, _DRAWS_OF_PLACE)
         for name in design.effects
     )
+    protocol = draw_protocol(station, seed)
+    if design.levels:
+        protocol = replace(protocol, levels=design.levels)
     plan = Plan(
         seed,
         Cause(wanted, kind=design.cell),
-        draw_protocol(station, seed),
+        protocol,
         REAL_INSTRUMENTS,
         rigid=_RIGID,
         dirt=design.dirt,

@@ -10,29 +10,15 @@ an order that mixes all cells. The environment is that of the bench of real mach
 import os
 import tomllib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict
 from itertools import cycle, islice
-from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from tests.bench.dirty import diagnosed, dirt_items
-from tests.bench.dirty_campaigns import STATION, Stored, campaigns_folder, interleave
-from tests.bench.dirty_rates import graded, has_wrong_cause
+from tests.bench.dirty_campaigns import Design, ensure, interleave
+from tests.bench.dirty_rates import Graded, graded, has_wrong_cause
 from tests.bench.kept import cases, of
-from truth import (
-    Cause,
-    Plan,
-    TruthError,
-    Wanted,
-    draw_campaign,
-    draw_protocol,
-    read_station,
-    write_answer,
-    write_campaign,
-)
-from truth.campaign.draw import REAL_INSTRUMENTS
 from truth.grade.beside_background import right_first
 from truth.grade.rates import wilson
 
@@ -41,34 +27,20 @@ EFFECTS = ("friction", "backlash", "hardening")
 LEVELS_N = (40.0, 200.0, 1000.0)
 RATIO = 4.0
 CAUSES_OF_EACH, LINEAR_MACHINES = 10, 60
-_CORRECTIONS, _DRAWS_OF_PLACE, _RIGID = 3, 8, 2  # as in ``dirty_campaigns``
 
 
-@dataclass(frozen=True)
-class LevelDesign:
-    """What one campaign has.
-
-    Args:
-        effect: what the joint does; None for a linear machine.
-        dirt: motion that small imperfections leave of a re-tuned machine [%].
-    """
-
-    effect: str | None
-    dirt: float
-
-    @property
-    def cell(self) -> str:
-        """Group that it counts in."""
-        return f"{self.effect or 'linear'}, dirt {self.dirt:g} %"
-
-
-def designs() -> tuple[LevelDesign, ...]:
+def designs() -> tuple[Design, ...]:
     """Return all designs, so mixed that any first part is balanced."""
     piles = [
-        [LevelDesign(effect, dirt)] * CAUSES_OF_EACH for effect in EFFECTS for dirt in (0.0, 5.0)
+        [Design(f"{effect}, dirt {dirt:g} %", (effect,), RATIO, dirt, levels=LEVELS_N)]
+        * CAUSES_OF_EACH
+        for effect in EFFECTS
+        for dirt in (0.0, 5.0)
     ]
-    piles.append([LevelDesign(None, dirt) for dirt in islice(cycle((0.0, 5.0)), LINEAR_MACHINES)])
-    return interleave(piles)  # type: ignore[arg-type, return-value]
+    linear = (
+        Design(f"linear, dirt {dirt:g} %", dirt=dirt, levels=LEVELS_N) for dirt in cycle((0.0, 5.0))
+    )
+    return interleave([*piles, list(islice(linear, LINEAR_MACHINES))])
 
 
 def run() -> list[dict[str, object]]:
@@ -88,7 +60,7 @@ def figures(rows: Sequence[dict]) -> list[dict[str, object]]:
             found.append(_rate(cell, "a wrong cause with p of 0.5 or more", read, has_wrong_cause))
             continue
 
-        def is_first(case) -> bool:
+        def is_first(case: Graded) -> bool:
             return right_first(case.truth, case.verdict)
 
         found.append(_rate(cell, "effect and joint first", read, is_first))
@@ -107,7 +79,7 @@ def figures(rows: Sequence[dict]) -> list[dict[str, object]]:
 
 
 def _rate(
-    cell: str, words: str, read: Sequence, mark: Callable[[object], bool]
+    cell: str, words: str, read: Sequence[Graded], mark: Callable[[Graded], bool]
 ) -> dict[str, object]:
     hits, count = sum(map(mark, read)), len(read)
     low, high = wilson(hits, count)
@@ -139,39 +111,10 @@ def _parameter_errors(cell: str, rows: Sequence[dict]) -> list[dict[str, object]
 
 def _case(number: int) -> dict[str, object]:
     """Diagnose the campaign of a design, which is drawn before if it is not there."""
-    design, seed = designs()[number], FIRST + number
-    row: dict[str, object] = {"seed": seed, "cell": design.cell, "dirt": design.dirt}
-    row |= {"effects": [design.effect] if design.effect else [], "drawn_ratio": None}
-    try:
-        folder, answer = _ensure(design, seed)
-    except TruthError as error:
-        return row | {"left_out": str(error)}
-    plain = answer.partition("\n[dirt]")[0]
-    stored = Stored(folder, answer, seed, 0.0)
-    return row | {"answer": plain, "items": dirt_items(answer)} | diagnosed(stored)
-
-
-def _ensure(design: LevelDesign, seed: int) -> tuple[Path, str]:
-    """Return folder and answer of a campaign; it is drawn if it is not there."""
-    place = campaigns_folder() / f"levels_{seed}"
-    answer = place / "answer.toml"
-    if not answer.is_file():
-        station = read_station(STATION)
-        protocol = replace(draw_protocol(station, seed), levels=LEVELS_N)
-        wanted = ()
-        if design.effect is not None:
-            wanted = (Wanted(design.effect, None, RATIO, _CORRECTIONS, None, _DRAWS_OF_PLACE),)
-        plan = Plan(
-            seed,
-            Cause(wanted, kind="single" if wanted else "none"),
-            protocol,
-            REAL_INSTRUMENTS,
-            rigid=_RIGID,
-            dirt=design.dirt,
-        )
-        with threadpool_limits(1):  # more threads round otherwise: the bytes would be others
-            campaign = draw_campaign(station, plan)
-        place.mkdir(parents=True, exist_ok=True)
-        write_campaign(campaign, place / "campaign", overwrite=True, sealed=True)
-        write_answer(campaign, answer)  # written last: without it the campaign is not whole
-    return place / "campaign", answer.read_text("utf-8")
+    design = designs()[number]
+    stored = ensure(design, FIRST + number)
+    row = {"seed": stored.seed, "drawn_ratio": None, **asdict(design)}
+    if stored.answer is None:
+        return row | {"left_out": "no place"}
+    plain = stored.answer.partition("\n[dirt]")[0]
+    return row | {"answer": plain, "items": dirt_items(stored.answer)} | diagnosed(stored)

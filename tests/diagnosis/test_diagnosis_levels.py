@@ -12,14 +12,18 @@ from diagnosis import build_verdict, diagnose
 from diagnosis.hypothesis import JointDirection, Scene
 from diagnosis.levels.free_levels import list_levels, propose_law
 from diagnosis.levels.hammer_pulse import (
+    compute_pulse_force,
+    compute_pulse_spectrum,
     estimate_pulse_duration,
-    pulse_force,
-    pulse_spectrum,
 )
 from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.law_family import BACKLASH, FRICTION, HARDENING
-from diagnosis.levels.law_hypothesis import law_hypothesis
-from diagnosis.levels.law_simulation import LawUnderHits, equivalent_stiffness, peak_stretch
+from diagnosis.levels.law_hypothesis import build_law_hypothesis
+from diagnosis.levels.law_simulation import (
+    LawUnderHits,
+    compute_equivalent_stiffness,
+    compute_peak_stretch,
+)
 from diagnosis.levels.restoring_laws import CubicLaw, GapLaw, SlidingLaw, stack_laws
 from mbmodel import Model, PartContext, as_drawn, load_machine
 from mbmodel.mjcf.edit import write_mjcf
@@ -100,8 +104,8 @@ def test_laws_side_by_side_are_each_alone():
 def test_the_spectrum_of_a_half_sine_is_its_fourier_integral():
     times = np.linspace(0, PULSE_S, 20_001)
     kernel = np.exp(-2j * np.pi * FREQ_HZ[:, None] * times)
-    integral = np.trapezoid(kernel * pulse_force(times, PULSE_S), times, axis=1)
-    np.testing.assert_allclose(pulse_spectrum(FREQ_HZ, PULSE_S), integral, atol=1e-10)
+    integral = np.trapezoid(kernel * compute_pulse_force(times, PULSE_S), times, axis=1)
+    np.testing.assert_allclose(compute_pulse_spectrum(FREQ_HZ, PULSE_S), integral, atol=1e-10)
 
 
 @pytest.mark.parametrize("duration", [4e-3, 6e-3, 9e-3])
@@ -111,7 +115,7 @@ def test_the_duration_of_hits_follows_from_the_variance(block, duration, colour)
     random, tests = np.random.default_rng(3), []
     for test in campaign.tests:
         scatter = random.chisquare(20, test.estimate.variance.shape) / 20
-        fade = np.abs(pulse_spectrum(FREQ_HZ, duration)) ** 2
+        fade = np.abs(compute_pulse_spectrum(FREQ_HZ, duration)) ** 2
         noise = FREQ_HZ[:, None, None] ** colour / fade[:, None, None]
         estimate = replace(test.estimate, variance=noise * scatter)
         tests.append(replace(test, estimate=estimate))
@@ -151,7 +155,7 @@ def test_the_peak_of_the_linear_stretch_is_that_of_an_integrator():
         atol=1e-16,
         max_step=1e-4,
     )
-    found = peak_stretch(
+    found = compute_peak_stretch(
         transient_of_block(), SimulatedHits(np.array([0]), np.array([80.0]), PULSE_S)
     )
     assert found[0] == pytest.approx(np.abs(path.y[0]).max(), rel=2e-3)
@@ -162,7 +166,7 @@ def test_the_peak_of_the_linear_stretch_is_that_of_an_integrator():
 def test_frfs_of_a_cubic_spring_are_those_of_an_integrator(peak, cubic):
     hits = SimulatedHits(np.array([0]), np.array([peak]), PULSE_S)
     case = LawUnderHits(transient_of_block(), CubicLaw(cubic), hits)
-    kappa = equivalent_stiffness([case], FREQ_HZ)[0, 0]
+    kappa = compute_equivalent_stiffness([case], FREQ_HZ)[0, 0]
     laplace = 2j * np.pi * FREQ_HZ
     found = laplace**2 / (MASS_KG * laplace**2 + DAMPING * laplace + STIFFNESS + kappa)
     expected = vertical_accelerance(lambda stretch: cubic * stretch**3, peak)
@@ -173,7 +177,9 @@ def test_frfs_of_a_cubic_spring_are_those_of_an_integrator(peak, cubic):
 def test_a_gap_that_is_never_left_takes_the_whole_spring():
     hits = SimulatedHits(np.array([0]), np.array([5.0]), PULSE_S)
     softer = GapLaw(0.3 * STIFFNESS, 1.0)
-    kappa = equivalent_stiffness([LawUnderHits(transient_of_block(), softer, hits)], FREQ_HZ)
+    kappa = compute_equivalent_stiffness(
+        [LawUnderHits(transient_of_block(), softer, hits)], FREQ_HZ
+    )
     np.testing.assert_allclose(kappa[0, 0], -0.3 * STIFFNESS, rtol=5e-3)
 
 
@@ -183,7 +189,7 @@ def test_slopes_of_a_law_are_difference_quotients(block, family):
     session = session_of(block, campaign)
     scene = Scene(session, session.model.drawn)
     start = family.starts(STIFFNESS, 1e-5)[2]
-    hypothesis = law_hypothesis(scene, JOINT, family, start)
+    hypothesis = build_law_hypothesis(scene, JOINT, family, start)
     part = hypothesis.parts[-1]
     theta = np.array([*start, 1.0, 1.0])
     context = PartContext(block.machine, part.condition)
@@ -217,7 +223,7 @@ def test_a_law_is_written_into_the_mjcf_and_read_back(block, tmp_path, family, t
     campaign = level_campaign(block, None, (40.0, 200.0))
     session = session_of(block, campaign)
     scene = Scene(session, session.model.drawn)
-    hypothesis = law_hypothesis(scene, JOINT, family, theta)
+    hypothesis = build_law_hypothesis(scene, JOINT, family, theta)
     first, *others = hypothesis.parts
     numbers = np.array([*theta, 1.0, 1.0])
     assert all(part.write(numbers) == () for part in others)
