@@ -64,6 +64,17 @@ from mbmodel.parts.spring_laws import ConstantLoss, LateForce, Relaxation, sprin
 from mbmodel.simulation.integration import TimeStep
 from mbmodel.simulation.response import TimeResponse, simulate
 from mbmodel.spatial import rotation_matrix, transport
+from mbmodel.uncertainty.frf_bands import (
+    NORMAL_QUANTILE_95,
+    FrfBands,
+    frf_bands,
+    sample_frfs,
+)
+from mbmodel.uncertainty.parameter_posterior import (
+    ParameterPosterior,
+    PosteriorOfModel,
+    machine_model,
+)
 from mbmodel.virtual_test.hammer_test import VirtualTest, strike
 from mbmodel.virtual_test.plan import HammerTestPlan, HitScatter, Noise, RecordedFile
 
@@ -71,6 +82,7 @@ silence_mujoco_log()
 
 __all__ = [
     "COMBINED_NAME",
+    "NORMAL_QUANTILE_95",
     "STAGE_COPY_NAME",
     "AddedPart",
     "Addition",
@@ -84,6 +96,7 @@ __all__ = [
     "EnergyShares",
     "Evaluator",
     "ForwardSensitivities",
+    "FrfBands",
     "FrfRequest",
     "GapSpring",
     "HammerGainPart",
@@ -106,10 +119,12 @@ __all__ = [
     "NotInMjcf",
     "Offset",
     "Parameter",
+    "ParameterPosterior",
     "Part",
     "PartContext",
     "PointMass",
     "PolynomialSpring",
+    "PosteriorOfModel",
     "RecordedFile",
     "Relaxation",
     "RigidDirection",
@@ -128,6 +143,7 @@ __all__ = [
     "compare_state_space",
     "energy_shares",
     "export_state_space",
+    "frf_bands",
     "hammer_gain_parts",
     "hammer_parts",
     "joint_coupling_writer",
@@ -136,6 +152,7 @@ __all__ = [
     "link_elements",
     "load_machine",
     "machine_geometry",
+    "machine_model",
     "mjcf_files",
     "model_modes",
     "modes_of_matrices",
@@ -147,6 +164,7 @@ __all__ = [
     "released_joint_elements",
     "respond_linearly",
     "rotation_matrix",
+    "sample_frfs",
     "sensor_parts",
     "shapes_at",
     "simulate",

@@ -17,6 +17,7 @@ from tuning.assessment.predicted_tests import mean_channel_variance, predict_tes
 from tuning.assessment.residual_statistics import ResidualStatistics, residual_statistics
 from tuning.campaign_tuning import CampaignTuning, ProgressCallbacks, select_stages, tune
 from tuning.files.input_files import fingerprint
+from tuning.files.posterior_file import POSTERIOR_NPZ, machine_posterior, read_posterior
 from tuning.files.result import (
     LevelFrfs,
     TuningResult,
@@ -48,6 +49,7 @@ __all__ = [
     "CHECKPOINT_FILE",
     "GAUSS_NEWTON",
     "MIN_VISIBLE_EXCESS",
+    "POSTERIOR_NPZ",
     "STAGES",
     "TOLERANCE_BOUND_SIGMA",
     "TUNING_ALGORITHM",
@@ -86,6 +88,7 @@ __all__ = [
     "fit_held_out",
     "gap_at_bodies",
     "is_gap_visible",
+    "machine_posterior",
     "mean_channel_variance",
     "modes_in_band",
     "open_campaign",
@@ -94,6 +97,7 @@ __all__ = [
     "predict",
     "predict_tests",
     "random_starts",
+    "read_posterior",
     "read_result",
     "rebuild_for_machine",
     "residual_statistics",

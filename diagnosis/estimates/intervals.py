@@ -10,6 +10,7 @@ from diagnosis.refits.refit import Refit, map_values
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from identification.words import Real
+from mbmodel import NORMAL_QUANTILE_95
 from tuning import (
     STAGES,
     ParameterConfidence,
@@ -18,7 +19,7 @@ from tuning import (
     fit,
     thin_lines,
 )
-from tuning.assessment.parameter_confidence import NORMAL_QUANTILE_95, PLAUSIBLE_PULL_SIGMA
+from tuning.assessment.parameter_confidence import PLAUSIBLE_PULL_SIGMA
 
 
 @dataclass(frozen=True, eq=False)

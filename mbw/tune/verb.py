@@ -22,6 +22,7 @@ from mbw.tune.modes import measured_modes, parse_residuals
 from mbw.tune.page import PAGE, render
 from tuning import (
     CHECKPOINT_FILE,
+    POSTERIOR_NPZ,
     TUNING_ALGORITHM,
     CampaignTuning,
     FitProgress,
@@ -41,7 +42,7 @@ from tuning.assessment.held_out import N_FOLDS
 from tuning.files.result import FRF_NPZ, TUNED_JSON, TUNED_MJCF
 from tuning.files.schema import ShareRow
 
-NAMES = (TUNED_JSON, TUNED_MJCF, FRF_NPZ, PAGE)
+NAMES = (TUNED_JSON, TUNED_MJCF, FRF_NPZ, POSTERIOR_NPZ, PAGE)
 _MAX_FURTHER_POINTS = 5  # further hammer points and sensors that the terminal lists
 
 

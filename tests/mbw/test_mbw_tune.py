@@ -136,7 +136,7 @@ def test_the_inputs_are_named_with_their_hashes(folder, tuned):
 
 def test_the_folder_holds_four_files_with_their_record_and_no_traces(tuned):
     out, _ = tuned
-    names = [".mbw.json", "frf.npz", "report.html", "tuned.json", "tuned.xml"]
+    names = [".mbw.json", "frf.npz", "posterior.npz", "report.html", "tuned.json", "tuned.xml"]
     assert sorted(path.name for path in out.iterdir()) == names
     assert "pictures in file://" in tuned[1].stderr
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from identification.readers.mode_table import TabulatedMode
 from identification.readers.result_files import read_result_json
-from mbmodel import mjcf_files, write_mjcf
-from tuning.assessment.parameter_confidence import NORMAL_QUANTILE_95
+from mbmodel import NORMAL_QUANTILE_95, mjcf_files, write_mjcf
 from tuning.files.mode_table_schema import (
     ModeTableFile,
     TableFitRow,

@@ -19,6 +19,7 @@ from tuning.files.gain_rows import channel_gain_rows
 from tuning.files.input_files import input_rows
 from tuning.files.mode_pair_rows import pair_rows
 from tuning.files.parameter_rows import fit_row, parameter_rows
+from tuning.files.posterior_file import POSTERIOR_NPZ, machine_posterior, write_posterior
 from tuning.files.schema import (
     BlockRow,
     GapRow,
@@ -201,7 +202,9 @@ def _mode_rows(tuned: CampaignTuning, theta: Real) -> list[ModelModeRow]:
 def write_result(
     tuned: CampaignTuning, folder: Path, remaining: Sequence[ShareRow] = ()
 ) -> TunedFile:
-    """Write tuned.json, tuned.xml and frf.npz, each whole or not at all.
+    """Write tuned.json, tuned.xml, frf.npz and posterior.npz, each whole or not at all.
+
+    Without intervals, after an interruption, there is no posterior.npz.
 
     Args:
         tuned: the tuning.
@@ -222,6 +225,9 @@ def write_result(
         np.savez_compressed(place / FRF_NPZ, allow_pickle=False, **_arrays(tuned))
         summary = summarise_tuning(tuned, remaining, [str(missing) for missing in not_held])
         (place / TUNED_JSON).write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
+        if tuned.confidence is not None:
+            posterior = machine_posterior(model, tuned.confidence, summary.model_error)
+            write_posterior(posterior, place / POSTERIOR_NPZ)
     return summary
 
 

@@ -1,0 +1,133 @@
+"""Bands of FRFs between any ports: from the parameters' covariance and the model-error floor.
+
+Let J be the derivatives of an FRF by the coordinates, C their covariance, and u a direction of the
+complex plane, |u| = 1. To first order
+
+    var Re(conj(u) H) = a' C a + e^2 |H_point|^2 / 2,     a = Re(conj(u) J),
+
+with u = H / |H| for the magnitude and u = i H / |H| for the phase times the magnitude. The first
+term is that of ``tuning.assessment.frf_bands``. The second is the model error e that held-out lines
+show beside the noise. It is circular, and relative to the motion of the whole point, |H_point|^2
+being the sum over its directions.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identification.words import Complex, Dof, Real, distinct_dofs
+from mbmodel.frf.linearised import Evaluator
+from mbmodel.frf.request import FrfRequest
+from mbmodel.model import Model
+from mbmodel.uncertainty.parameter_posterior import PosteriorOfModel
+
+NORMAL_QUANTILE_95 = 1.959964  # two-sided 95 % quantile of the normal distribution
+_CHUNK_BYTES = 64 * 2**20  # of derivatives that are held at once
+
+
+@dataclass(frozen=True, eq=False)
+class FrfBands:
+    """FRFs with standard deviations.
+
+    Args:
+        request: lines, outputs, inputs, quantity.
+        values: FRFs H of the fitted model; (n_freq, n_out, n_in).
+        magnitude: standard deviation of |H| by the parameters; (n_freq, n_out, n_in).
+        phase: standard deviation of |H| times the phase by the parameters; (n_freq, n_out, n_in).
+        model_error: standard deviation of each by the model-error floor; (n_freq, n_out, n_in).
+    """
+
+    request: FrfRequest
+    values: Complex
+    magnitude: Real
+    phase: Real
+    model_error: Real
+
+    @property
+    def magnitude_deviation(self) -> Real:
+        """Standard deviation of |H|; (n_freq, n_out, n_in)."""
+        return np.hypot(self.magnitude, self.model_error)
+
+    @property
+    def phase_deviation(self) -> Real:
+        """Standard deviation of the phase [rad], infinite where H is zero."""
+        with np.errstate(divide="ignore"):
+            size = 1 / np.abs(self.values)
+        deviation: Real = np.hypot(self.phase, self.model_error) * size
+        return deviation
+
+    def magnitude_interval(self) -> tuple[Real, Real]:
+        """Return both ends of the 95 % interval of |H|; (n_freq, n_out, n_in) each."""
+        size, half = np.abs(self.values), NORMAL_QUANTILE_95 * self.magnitude_deviation
+        return np.maximum(size - half, 0.0), size + half
+
+
+def frf_bands(posterior: PosteriorOfModel, request: FrfRequest) -> FrfBands:
+    """Return the FRFs between ports with their bands.
+
+    Args:
+        posterior: of the model.
+        request: lines, outputs, inputs, quantity; no output or input need have been measured.
+    """
+    lines = Evaluator(posterior.model, request).at(posterior.model.drawn)
+    values = np.asarray(lines.values)
+    sensitivities = lines.sensitivities(posterior.varies, posterior.rates)
+    root = posterior.membership @ posterior.posterior.root
+    size = np.maximum(np.abs(values), np.finfo(float).tiny)
+    direction = np.where(values == 0, 1.0, values / size)
+    magnitude, phase = np.zeros(values.shape), np.zeros(values.shape)
+    step = max(1, _CHUNK_BYTES // (16 * values[0].size * max(root.shape[0], 1)))
+    for start in range(0, len(values), step):
+        span = slice(start, start + step)
+        columns = sensitivities.columns(span) @ root
+        along = direction[span, ..., None].conj() * columns
+        magnitude[span] = np.linalg.norm(along.real, axis=-1)
+        phase[span] = np.linalg.norm(along.imag, axis=-1)
+    floor = posterior.posterior.error_floor
+    model_error = floor / np.sqrt(2) * point_motion(posterior.model, posterior.model.drawn, request)
+    return FrfBands(request, values, magnitude, phase, model_error)
+
+
+def point_motion(model: Model, theta: Real, request: FrfRequest) -> Real:
+    """Return |H_point| of each FRF: the motion of the whole point that its output lies at.
+
+    The directions of a translation are the three translations of its point, and those of a
+    rotation the three rotations. An output that is no direction of a point counts by itself.
+
+    Args:
+        model: machine and Parts.
+        theta: parameters in SI; (n_parameter,).
+        request: lines, outputs, inputs, quantity.
+
+    Returns:
+        (n_freq, n_out, n_in).
+    """
+    families = [
+        [Dof.of(dof.point, 3 * dof.is_rotation + axis) for axis in range(3)]
+        if isinstance(dof, Dof)
+        else [dof]
+        for dof in request.outputs
+    ]
+    outputs = distinct_dofs(dof for family in families for dof in family)
+    row_of = {dof: row for row, dof in enumerate(outputs)}
+    values = Evaluator(model, replace(request, outputs=outputs)).at(theta).values
+    power = np.abs(values) ** 2
+    motion: Real = np.sqrt(
+        np.stack(
+            [power[:, [row_of[dof] for dof in family]].sum(axis=1) for family in families], axis=1
+        )
+    )
+    return motion
+
+
+def sample_frfs(posterior: PosteriorOfModel, thetas: Real, request: FrfRequest) -> Complex:
+    """Return the FRFs of samples; (n_sample, n_freq, n_out, n_in).
+
+    Args:
+        posterior: of the model.
+        thetas: parameters of the samples [SI]; (n_sample, n_theta).
+        request: lines, outputs, inputs, quantity.
+    """
+    evaluator = Evaluator(posterior.model, request)
+    shape = (len(thetas), len(request.freq_hz), len(request.outputs), len(request.inputs))
+    return np.array([evaluator.at(theta).values for theta in thetas], complex).reshape(shape)

@@ -1,0 +1,112 @@
+"""Bands of FRFs between any ports, from a posterior of the machine's parameters."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_machine import MJCF
+
+from identification.words import Dof, InputError, UsageError
+from mbmodel import (
+    Evaluator,
+    FrfRequest,
+    ParameterPosterior,
+    frf_bands,
+    machine_model,
+    sample_frfs,
+)
+from mbmodel.uncertainty.frf_bands import point_motion
+
+FREQ = np.linspace(5.0, 170.0, 34)
+REQUEST = FrfRequest(
+    FREQ,
+    (Dof.parse("acc3:+tx"), Dof.parse("acc1:-tz"), Dof.parse("head:+ry")),
+    (Dof.parse("base:+tx"), Dof.parse("acc4:+tz")),
+    "receptance",
+)
+
+
+@pytest.fixture(scope="module")
+def posterior(from_text):
+    """All of the machine varies; the first two stiffnesses are one coordinate."""
+    model = machine_model(from_text(MJCF))
+    names = [p.name for p in model.parameters]
+    count = len(names)
+    coordinate_of = np.maximum(np.arange(count) - 2, 0)  # damping too: any tie must work
+    coordinate_of[:3] = [0, 1, 0]
+    coordinate_of[3:] = np.arange(2, count - 1)
+    size = count - 1
+    first = [int(np.flatnonzero(coordinate_of == k)[0]) for k in range(size)]
+    is_size = np.array([model.parameters[k].positive for k in first])
+    rng = np.random.default_rng(3)
+    mixing = rng.normal(size=(size, size)) * 0.05 + np.eye(size)
+    spread = 1e-3 * np.where(is_size, 1.0, 1e-2)
+    covariance = np.outer(spread, spread) * (mixing @ mixing.T)
+    scale = rng.uniform(0.5, 2.0, size)
+    return ParameterPosterior(
+        tuple(names[k] for k in first),
+        tuple(names),
+        model.drawn.copy(),
+        coordinate_of,
+        scale,
+        is_size,
+        covariance,
+        0.02,
+    ).on(model)
+
+
+def test_bands_are_those_of_central_differences(posterior):
+    bands = frf_bands(posterior, REQUEST)
+    evaluator = Evaluator(posterior.model, REQUEST)
+    covariance, columns = posterior.posterior.covariance, []
+    for k in range(posterior.posterior.size):
+        x = np.zeros(posterior.posterior.size)
+        x[k] = 1e-5
+        ends = [evaluator.at(posterior.theta(sign * x)).values for sign in (1, -1)]
+        columns.append((ends[0] - ends[1]) / 2e-5)
+    slopes = np.stack(columns, axis=-1)
+    unit = bands.values / np.abs(bands.values)
+    for direction, deviation in ((unit, bands.magnitude), (1j * unit, bands.phase)):
+        along = (direction[..., None].conj() * slopes).real
+        variance = np.einsum("...k,kl,...l->...", along, covariance, along)
+        np.testing.assert_allclose(deviation, np.sqrt(variance), rtol=1e-5)
+
+
+def test_samples_spread_as_the_bands_say(posterior):
+    bands = frf_bands(posterior, REQUEST)
+    values = sample_frfs(posterior, posterior.sample(400, seed=8), REQUEST)
+    ratio = np.abs(values).std(axis=0) / bands.magnitude
+    assert 0.9 < np.median(ratio) < 1.1
+    low, high = replace(bands, model_error=0 * bands.model_error).magnitude_interval()
+    inside = (np.abs(values) >= low) & (np.abs(values) <= high)
+    assert 0.92 < inside.mean() < 0.97
+
+
+def test_samples_are_those_of_their_seed(posterior):
+    first, again = (posterior.sample(3, seed=5) for _ in range(2))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, posterior.sample(3, seed=6))
+
+
+def test_the_model_error_is_relative_to_the_motion_of_the_whole_point(posterior):
+    bands = frf_bands(posterior, REQUEST)
+    outputs = tuple(Dof.of("acc1", axis) for axis in range(3))
+    lines = Evaluator(posterior.model, replace(REQUEST, outputs=outputs)).at(posterior.model.drawn)
+    power = (np.abs(lines.values) ** 2).sum(axis=1)
+    np.testing.assert_allclose(bands.model_error[:, 1], 0.02 * np.sqrt(power / 2), rtol=1e-12)
+    motion = point_motion(posterior.model, posterior.model.drawn, REQUEST)
+    assert (motion >= np.abs(bands.values) * (1 - 1e-12)).all()
+
+
+def test_a_model_that_changed_after_the_fit_is_refused(posterior, from_text):
+    other = machine_model(from_text(MJCF.replace('stiffness="8e6"', 'stiffness="8.1e6"')))
+    with pytest.raises(InputError, match=r"head_tx\.stiffness"):
+        posterior.posterior.on(other)
+    without = machine_model(from_text(MJCF.replace(' damping="40"', "")))
+    with pytest.raises(InputError, match=r"head_rz\.damping"):
+        posterior.posterior.on(without)
+
+
+def test_a_port_that_the_machine_lacks_is_refused(posterior):
+    with pytest.raises(UsageError, match="acc9"):
+        frf_bands(posterior, replace(REQUEST, outputs=(Dof.parse("acc9:+tx"),)))

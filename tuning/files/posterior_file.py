@@ -1,0 +1,105 @@
+"""posterior.npz: posterior of the machine's parameters after a tuning, for ``mbw predict``.
+
+The measurement's own parameters (gains, angles, positions of sensors and hammer) are integrated
+out: a plant from motor to encoder has none of them.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from identification.readers.result_files import read_result_arrays
+from identification.words import InputError, Integers
+from mbmodel import Model, ParameterPosterior
+from tuning.assessment.parameter_confidence import ParameterConfidence
+
+POSTERIOR_NPZ = "posterior.npz"
+_MACHINE_LOCATIONS = ("joint:", "tendon:", "body:")  # Parts of the machine, not of the measurement
+
+
+def machine_posterior(
+    model: Model, confidence: ParameterConfidence, error_floor: float | None
+) -> ParameterPosterior:
+    """Return the posterior of the machine's parameters.
+
+    Args:
+        model: model that was fitted.
+        confidence: covariance of all coordinates at the end of the fit.
+        error_floor: relative error of the model beside the noise; None if it shows none.
+    """
+    parametrisation = confidence.parametrisation
+    is_of_machine = np.array(
+        [location.startswith(_MACHINE_LOCATIONS) for location in model.locations], bool
+    )
+    indices = np.flatnonzero(is_of_machine & parametrisation.free)
+    kept: Integers = np.unique(parametrisation.coordinate_of[indices])
+    return ParameterPosterior(
+        tuple(parametrisation.names[k] for k in kept),
+        tuple(model.parameters[k].name for k in indices),
+        parametrisation.theta(confidence.x)[indices],
+        np.searchsorted(kept, parametrisation.coordinate_of[indices]),
+        parametrisation.scales[kept],
+        parametrisation.is_logarithmic[kept],
+        confidence.covariance[np.ix_(kept, kept)],
+        error_floor or 0.0,
+    )
+
+
+def write_posterior(posterior: ParameterPosterior, target: Path) -> None:
+    """Write posterior.npz."""
+    np.savez_compressed(
+        target,
+        allow_pickle=False,
+        names=np.array(posterior.names),
+        parameters=np.array(posterior.parameters),
+        values=posterior.values,
+        coordinate_of=posterior.coordinate_of,
+        scale=posterior.scale,
+        is_logarithmic=posterior.is_logarithmic,
+        covariance=posterior.covariance,
+        error_floor=np.array(posterior.error_floor),
+    )
+
+
+def read_posterior(path: Path) -> ParameterPosterior:
+    """Read posterior.npz.
+
+    Args:
+        path: the file, or the folder of a tuning.
+
+    Raises:
+        InputError: the file is missing, broken or of another version.
+    """
+    file = path / POSTERIOR_NPZ if path.is_dir() else path
+    arrays = read_result_arrays(file, "mbw tune")
+    try:
+        posterior = ParameterPosterior(
+            tuple(map(str, arrays["names"])),
+            tuple(map(str, arrays["parameters"])),
+            np.asarray(arrays["values"], float),
+            np.asarray(arrays["coordinate_of"], np.intp),
+            np.asarray(arrays["scale"], float),
+            np.asarray(arrays["is_logarithmic"], bool),
+            np.asarray(arrays["covariance"], float),
+            float(arrays["error_floor"]),
+        )
+        _check(posterior)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{file} is broken or of another version: run mbw tune again") from error
+    return posterior
+
+
+def _check(posterior: ParameterPosterior) -> None:
+    """Raise ValueError for arrays that do not fit each other."""
+    size, count = posterior.size, len(posterior.parameters)
+    covariance, members = posterior.covariance, posterior.coordinate_of
+    if covariance.shape != (size, size) or posterior.values.shape != (count,):
+        raise ValueError("shapes")
+    if posterior.scale.shape != (size,) or posterior.is_logarithmic.shape != (size,):
+        raise ValueError("shapes")
+    if members.shape != (count,) or set(members.tolist()) != set(range(size)):
+        raise ValueError("coordinates")
+    if not (np.isfinite(covariance).all() and np.isfinite(posterior.values).all()):
+        raise ValueError("numbers")
+    if not 0 <= posterior.error_floor < np.inf:
+        raise ValueError("floor")
