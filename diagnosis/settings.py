@@ -94,7 +94,7 @@ class DiagnosisSettings:
     min_closed: float = 0.2
     min_probability: float = 0.5
     min_visible_excess: float = MIN_VISIBLE_EXCESS
-    force_floor_ratio: float = 0.25
+    force_floor_ratio: float = 0.1
     min_local_share: float = 0.5
     outlier_sigma: float = 4.5
     min_twin_cosine: float = 0.9

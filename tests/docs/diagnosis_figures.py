@@ -22,6 +22,7 @@ from tests.docs.results import (
     grade_tables,
 )
 
+LEAST_PROBABILITY = 0.1  # of a cause that the table of measured machines shows
 DIAGNOSIS_ROWS = (
     ("Nothing missing: false alarms", "silence", "by tag", "nothing", "false_alarm"),
     ("Mis-tuned only: false alarms", "silence", "by tag", "mistuned", "false_alarm"),
@@ -165,6 +166,25 @@ def sealed_table() -> str:
     return table(header, rows, text=3)
 
 
+def measured_table() -> str:
+    """Verdicts on campaigns that others measured, with the first places and all likely causes."""
+    rows = []
+    for path in sorted((RESULTS / "measured").glob("*.json")):
+        verdict = json.loads(path.read_text(encoding="utf-8"))
+        places = [f"`{row['location']}` {row['share']:.2f}" for row in verdict["where"][:4]]
+        causes = [
+            f"`{row['effect']}` at `{row['location']}` {row['probability']:.2f}"
+            for row in verdict["causes"]
+            if row["probability"] >= LEAST_PROBABILITY
+        ]
+        told = f"{verdict['probability']['unexplained']:.2f}"
+        rows.append(
+            (path.stem, verdict["verdict"], told, ", ".join(places), ", ".join(causes) or "none")
+        )
+    header = ("Campaign", "Verdict", "Probability unexplained", "First places", "Causes")
+    return table(header, rows, text=5)
+
+
 FIGURES = {
     "diagnosis-table": lambda: rate_table(DIAGNOSIS_ROWS),
     "diagnosis-campaigns": lambda: str(len(bench_cases("diagnosis.220000"))),
@@ -191,6 +211,7 @@ FIGURES = {
     "diagnosis-two-threads": count_fragment("diagnosis", "same verdict with two threads"),
     "diagnosis-size-errors": lambda: size_errors("diagnosis"),
     "diagnosis-intervals": rate_fragment("diagnosis", "intervals", "all", "hold the truth"),
+    "measured-table": measured_table,
     "sealed-table": sealed_table,
     "silence-campaigns": lambda: str(len(bench_cases("silence.270000"))),
     "silence-seeds": seeds_fragment("silence.270000"),
