@@ -13,6 +13,7 @@ from mbmodel.compliance.flexible_body import BendingMode, add_bending_mode
 from mbmodel.compliance.released_directions import RigidDirection, release_rigid_directions
 from mbmodel.export.branch_states import ApproximatedLaw
 from mbmodel.export.comparison import StateSpaceComparison, compare_state_space
+from mbmodel.export.discrete import SampledSystem, discretise
 from mbmodel.export.linear_response import respond_linearly
 from mbmodel.export.state_space import StateSpaceExport, export_state_space, state_space
 from mbmodel.frf.forward_sensitivities import ForwardSensitivities
@@ -61,6 +62,8 @@ from mbmodel.parts import (
     spring_parts,
 )
 from mbmodel.parts.spring_laws import ConstantLoss, LateForce, Relaxation, spring_law_part
+from mbmodel.reduction.matrices import SystemMatrices
+from mbmodel.reduction.truncation import ReducedSystem, Reduction, ReductionMethod, reduce_system
 from mbmodel.simulation.integration import TimeStep
 from mbmodel.simulation.response import TimeResponse, simulate
 from mbmodel.spatial import rotation_matrix, transport
@@ -75,6 +78,8 @@ from mbmodel.uncertainty.parameter_posterior import (
     PosteriorOfModel,
     machine_model,
 )
+from mbmodel.uncertainty.plant_assembly import assemble_uncertain_plant
+from mbmodel.uncertainty.uncertain_plant import UncertainPlant, measure_lft_error
 from mbmodel.virtual_test.hammer_test import VirtualTest, strike
 from mbmodel.virtual_test.plan import HammerTestPlan, HitScatter, Noise, RecordedFile
 
@@ -126,21 +131,29 @@ __all__ = [
     "PolynomialSpring",
     "PosteriorOfModel",
     "RecordedFile",
+    "ReducedSystem",
+    "Reduction",
+    "ReductionMethod",
     "Relaxation",
     "RigidDirection",
+    "SampledSystem",
     "SensorPart",
     "Spring",
     "SpringPart",
     "StateSpaceComparison",
     "StateSpaceExport",
+    "SystemMatrices",
     "TimeResponse",
     "TimeStep",
+    "UncertainPlant",
     "VirtualTest",
     "add_bending_mode",
     "as_drawn",
+    "assemble_uncertain_plant",
     "body_parts",
     "combine",
     "compare_state_space",
+    "discretise",
     "energy_shares",
     "export_state_space",
     "frf_bands",
@@ -153,6 +166,7 @@ __all__ = [
     "load_machine",
     "machine_geometry",
     "machine_model",
+    "measure_lft_error",
     "mjcf_files",
     "model_modes",
     "modes_of_matrices",
@@ -160,6 +174,7 @@ __all__ = [
     "parent_bodies",
     "parse_input",
     "read_nonlinear_joints",
+    "reduce_system",
     "release_rigid_directions",
     "released_joint_elements",
     "respond_linearly",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from identification.words import Real, UsageError
-from mbmodel.export.branch_states import ApproximatedLaw, branch_states
+from mbmodel.export.branch_states import ApproximatedLaw, BranchStates, branch_states
 from mbmodel.frf.ports import apply_point_changes, find_ports
 from mbmodel.frf.request import FrfRequest
 from mbmodel.model import Model
@@ -88,28 +88,14 @@ def export_state_space(model: Model, theta: Real, request: FrfRequest) -> StateS
     ports = apply_point_changes(ports, assembly.point_changes, request.outputs, request.inputs)
     drive = assembly.jacobian.T @ (ports.force - assembly.body[2] @ ports.floor) + ports.motor
     names = model.machine.coordinates
-    matrices, size, order = branches.matrices, len(names), request.order
-    readout = ports.readout @ assembly.jacobian
-    rows = [matrices.stiffness, matrices.damping, branches.force, -drive]
-    accelerations = -np.linalg.solve(matrices.mass, np.hstack(rows))
-    count, further = 2 * size + len(branches.dynamics), len(branches.dynamics)
-    dynamics, gain = np.zeros((count, count)), np.zeros((count, drive.shape[1]))
-    dynamics[:size, size : 2 * size] = np.eye(size)
-    dynamics[size : 2 * size] = accelerations[:, :count]
-    gain[size : 2 * size] = accelerations[:, count:]
-    if further:
-        position, rate, acceleration = branches.gains
-        dynamics[2 * size :] = np.hstack([position, rate, branches.dynamics])
-        dynamics[2 * size :] += acceleration @ dynamics[size : 2 * size]
-        gain[2 * size :] = acceleration @ gain[size : 2 * size]
+    form = first_order_form(branches, drive)
+    order = request.order
+    reading, feedthrough = form.read(order, ports.readout @ assembly.jacobian)
+    dynamics, gain = form.dynamics, form.gain
     states = [*names, *(f"{name}'" for name in names), *branches.names]
     if order == 2:
-        reading = readout @ dynamics[size : 2 * size]
-        feedthrough = readout @ gain[size : 2 * size] + ports.readout @ ports.floor
+        feedthrough = feedthrough + ports.readout @ ports.floor
     else:
-        reading = np.zeros((len(readout), count))
-        reading[:, order * size : (order + 1) * size] = readout
-        feedthrough = np.zeros((len(readout), drive.shape[1]))
         moving = np.flatnonzero(ports.floor.any(axis=0))
         states += [f"{request.inputs[k]}{rate}" for rate in ("", "'") for k in moving]
         dynamics, gain = _append_integrators(dynamics, gain, moving)
@@ -131,6 +117,59 @@ def export_state_space(model: Model, theta: Real, request: FrfRequest) -> StateS
         name=_signal_names([model.machine.name])[0],
     )
     return StateSpaceExport(system, branches.laws)
+
+
+@dataclass(frozen=True, eq=False)
+class FirstOrderForm:
+    """The equation of motion in first order, x = [q; q'; xi].
+
+    Args:
+        size: number of joint coordinates q.
+        dynamics: A; (n, n).
+        gain: B, per unit of each force; (n, n_force).
+    """
+
+    size: int
+    dynamics: Real
+    gain: Real
+
+    def read(self, order: int, rows: Real) -> tuple[Real, Real]:
+        """Return C and D of a reading of q, q' or q''; (n_out, n) and (n_out, n_force).
+
+        Args:
+            order: 0, 1 or 2.
+            rows: reading per unit of each coordinate's derivative; (n_out, nv).
+        """
+        if order == 2:
+            span = slice(self.size, 2 * self.size)
+            return rows @ self.dynamics[span], rows @ self.gain[span]
+        reading = np.zeros((len(rows), len(self.dynamics)))
+        reading[:, order * self.size : (order + 1) * self.size] = rows
+        return reading, np.zeros((len(rows), self.gain.shape[1]))
+
+
+def first_order_form(branches: BranchStates, drive: Real) -> FirstOrderForm:
+    """Return A and B of the equation of motion with the states of its laws.
+
+    Args:
+        branches: matrices, and states xi of laws.
+        drive: generalised forces per unit of each input; (nv, n_force).
+    """
+    matrices, size = branches.matrices, len(drive)
+    rows = [matrices.stiffness, matrices.damping, branches.force, -drive]
+    accelerations = -np.linalg.solve(matrices.mass, np.hstack(rows))
+    further = len(branches.dynamics)
+    count = 2 * size + further
+    dynamics, gain = np.zeros((count, count)), np.zeros((count, drive.shape[1]))
+    dynamics[:size, size : 2 * size] = np.eye(size)
+    dynamics[size : 2 * size] = accelerations[:, :count]
+    gain[size : 2 * size] = accelerations[:, count:]
+    if further:
+        position, rate, acceleration = branches.gains
+        dynamics[2 * size :] = np.hstack([position, rate, branches.dynamics])
+        dynamics[2 * size :] += acceleration @ dynamics[size : 2 * size]
+        gain[2 * size :] = acceleration @ gain[size : 2 * size]
+    return FirstOrderForm(size, dynamics, gain)
 
 
 def _append_integrators(dynamics: Real, gain: Real, moving: np.ndarray) -> tuple[Real, Real]:

@@ -130,9 +130,12 @@ class ParameterPosterior:
 class PosteriorOfModel:
     """Posterior of the parameters of a model; x = 0 are the nominal values.
 
+    A size changes by its fitted value times exp(scale x) - 1. So a body that carries a known mass
+    since the fit has the uncertainty of the mass that was fitted.
+
     Args:
         posterior: of the coordinates that the model has.
-        model: with the fitted values as nominal ones.
+        model: with the fitted values as nominal ones, but for known additions.
         indices: number of each parameter of the posterior in the model's theta; (n_parameter,).
     """
 
@@ -145,9 +148,8 @@ class PosteriorOfModel:
         posterior, theta = self.posterior, self.model.drawn.copy()
         steps = (posterior.scale * x)[posterior.coordinate_of]
         logarithmic = posterior.is_logarithmic[posterior.coordinate_of]
-        nominal = theta[self.indices]
-        theta[self.indices] = np.where(
-            logarithmic, nominal * np.exp(np.where(logarithmic, steps, 0.0)), nominal + steps
+        theta[self.indices] += np.where(
+            logarithmic, posterior.values * np.expm1(np.where(logarithmic, steps, 0.0)), steps
         )
         return theta
 
@@ -162,14 +164,19 @@ class PosteriorOfModel:
         return np.array([self.theta(x) for x in drawn]).reshape(count, len(self.model.drawn))
 
     @cached_property
+    def units(self) -> Real:
+        """Change of each theta per unit of its delta, the fitted value of a size; (n_theta,)."""
+        posterior, units = self.posterior, np.zeros(len(self.model.drawn))
+        units[self.indices] = np.where(
+            posterior.is_logarithmic[posterior.coordinate_of], posterior.values, 1.0
+        )
+        return units
+
+    @cached_property
     def rates(self) -> Real:
         """Derivative of each theta by its coordinate at x = 0; (n_theta,)."""
-        posterior = self.posterior
-        members, rates = posterior.coordinate_of, np.zeros(len(self.model.drawn))
-        nominal = self.model.drawn[self.indices]
-        rates[self.indices] = posterior.scale[members] * np.where(
-            posterior.is_logarithmic[members], nominal, 1.0
-        )
+        rates = self.units.copy()
+        rates[self.indices] *= self.posterior.scale[self.posterior.coordinate_of]
         return rates
 
     @cached_property

@@ -1,0 +1,102 @@
+"""Discretisation by a zero-order hold, with delays of the inputs held exactly.
+
+Over a sampling period T the input is constant, and it arrives late by tau = l T + f, 0 <= f < T. So
+within each period the old value acts for a time f, and the new one for the rest (the modified z
+transform; Astrom and Wittenmark 1997, sec. 2.3):
+
+    x[k+1] = Phi x[k] + Gamma_1 u[k-l-1] + Gamma_0 u[k-l],    Phi = exp(A T)
+    Gamma_0 = int_0^(T-f) exp(A s) ds B,   Gamma_1 = exp(A (T-f)) int_0^f exp(A s) ds B
+    y[k] = C x[k] + D u(k T - tau)
+
+At the instant k T the input that has arrived is u[k-l], or u[k-l-1] with a fraction f. Old values
+of the inputs are further states, so that nothing is approximated.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from identification.words import InputError, Real
+from mbmodel.reduction.matrices import SystemMatrices
+
+_MAX_DELAY_PERIODS = 10_000  # of an input: each period is a state
+_WHOLE_PERIOD_SHARE = 1e-9  # of a period: a fraction nearer to a whole period is rounding
+
+
+@dataclass(frozen=True, eq=False)
+class SampledSystem:
+    """A system in discrete time.
+
+    Args:
+        system: x[k+1] = A x[k] + B u[k], y[k] = C x[k] + D u[k].
+        period_s: sampling period [s].
+        delay_states: names of the states that hold old inputs, ``(input number, periods ago)``;
+            they follow the states of the machine.
+    """
+
+    system: SystemMatrices
+    period_s: float
+    delay_states: tuple[tuple[int, int], ...]
+
+
+def discretise(system: SystemMatrices, period_s: float, delays_s: Real) -> SampledSystem:
+    """Return the zero-order-hold equivalent of a system whose inputs arrive late.
+
+    Args:
+        system: in continuous time.
+        period_s: T [s].
+        delays_s: tau of each input [s]; (n_in,).
+
+    Raises:
+        InputError: a delay of more than 10000 periods.
+    """
+    lateness = [_split_delay(float(delay), period_s) for delay in delays_s]
+    whole = system.balance_units()
+    memory = [periods + (fraction > 0) for periods, fraction in lateness]
+    first = whole.order + np.cumsum([0, *memory])  # state of each input's last value
+    size, order = int(first[-1]), whole.order
+    table = np.zeros((size + len(whole.c), size + len(memory)))  # [[A, B], [C, D]]
+    table[:order, :order], table[size:, :order] = _hold(whole, period_s)[0], whole.c
+
+    def place(number: int, age: int) -> int:
+        """Return the column of an input's value of some periods ago."""
+        return size + number if age == 0 else int(first[number]) + age - 1
+
+    for number, (periods, fraction) in enumerate(lateness):
+        remaining, new = _hold(whole, period_s - fraction)
+        table[:order, place(number, periods)] += new[:, number]
+        if fraction > 0:
+            old = remaining @ _hold(whole, fraction)[1][:, number]
+            table[:order, place(number, periods + 1)] += old
+        table[size:, place(number, memory[number])] += whole.d[:, number]
+        for age in range(memory[number]):
+            table[int(first[number]) + age, place(number, age)] = 1.0
+    names = [(number, age + 1) for number, count in enumerate(memory) for age in range(count)]
+    held = SystemMatrices(
+        table[:size, :size], table[:size, size:], table[size:, :size], table[size:, size:]
+    )
+    return SampledSystem(held, period_s, tuple(names))
+
+
+def _split_delay(delay: float, period: float) -> tuple[int, float]:
+    """Return the whole periods of a delay, and the rest [s]."""
+    if delay > _MAX_DELAY_PERIODS * period:
+        raise InputError(
+            f"a delay of {delay:g} s is more than {_MAX_DELAY_PERIODS} sampling periods of "
+            f"{period:g} s: give both in s"
+        )
+    periods = int(np.floor(delay / period + _WHOLE_PERIOD_SHARE))
+    fraction = delay - periods * period
+    return periods, fraction if fraction > _WHOLE_PERIOD_SHARE * period else 0.0
+
+
+def _hold(system: SystemMatrices, time: float) -> tuple[Real, Real]:
+    """Return exp(A t) and int_0^t exp(A s) ds B by one exponential (Van Loan 1978)."""
+    order, n_in = system.b.shape
+    # the input per unit of its largest column, so that the norm is that of A
+    unit = max(float(np.abs(system.b).max(initial=0.0)), np.finfo(float).tiny)
+    extended = np.zeros((order + n_in, order + n_in))
+    extended[:order, :order], extended[:order, order:] = system.a, system.b / unit
+    power = scipy.linalg.expm(extended * time)
+    return power[:order, :order], power[:order, order:] * unit

@@ -1,0 +1,1 @@
+"""Reduction of a state space with a bound of its error."""
