@@ -1,0 +1,254 @@
+"""Error budgets against closed forms and against time simulations of random inputs."""
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from identification.words import InputError
+from mbmodel import as_drawn, load_machine
+from tuning.error_budget.budget import budget_on_lines, error_budget
+from tuning.error_budget.closed_loop_states import growing_pole
+from tuning.error_budget.read_definition import read_definition
+from tuning.error_budget.rms_interval import log_rms_gradient
+
+TWO = """
+<mujoco model="two"><option gravity="0 0 0"/><worldbody>
+  <body name="base"><inertial pos="0 0 0" mass="{m1}" diaginertia="1 1 1"/>
+    <joint name="base_tx" type="slide" axis="1 0 0" stiffness="{k1}" damping="{c1}"/>
+    <site name="acc1" pos="0 0 0"/>
+    <body name="head"><inertial pos="0 0 0.2" mass="{m2}" diaginertia="1 1 1"/>
+      <joint name="head_tx" type="slide" axis="1 0 0" stiffness="{k2}" damping="{c2}"/>
+      <site name="acc2" pos="0 0 0.2"/>
+    </body></body></worldbody>
+  <actuator><motor name="drive" joint="head_tx" gear="2"/></actuator></mujoco>
+"""
+VALUES = {"m1": 30.0, "k1": 9e5, "c1": 400.0, "m2": 8.0, "k2": 7e4, "c2": 40.0}
+BUDGET = """
+band = [2.0, 45.0]
+[error.top]
+output = "acc2:+tx"
+minus = "acc1:+tx"
+[error.base]
+output = "acc1:+tx"
+unit = "um"
+[disturbance.floor]
+input = "floor:+tx"
+csv = "floor.csv"
+[disturbance.ripple]
+input = "drive"
+density = 0.3
+unit = "N^2/Hz"
+{lines}
+[noise.encoder]
+loop = "axis"
+density = 2e-7
+unit = "m/sqrt(Hz)"
+[loop.axis]
+input = "drive"
+output = "acc2:+tx"
+minus = "acc1:+tx"
+delay = {delay}
+controller = {{zeros = [-60.0, -8.0], poles = [-0.5, -700.0], gain = {gain}}}
+[[correlation]]
+between = ["floor", "ripple"]
+coherence = 0.6
+phase_deg = 40.0
+"""
+FLOOR_HZ, FLOOR = np.array([1.0, 9.0, 60.0]), np.array([1e-4, 4e-3, 8e-4])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("budget")
+    (place / "two.xml").write_text(TWO.format(**VALUES), encoding="utf-8")
+    rows = "\n".join(f"{f};{s}" for f, s in zip(FLOOR_HZ, FLOOR, strict=True))
+    (place / "floor.csv").write_text(f"f;x [(m/s^2)^2/Hz]\n{rows}\n", encoding="utf-8")
+    return place
+
+
+@pytest.fixture(scope="module")
+def model(folder):
+    return as_drawn(load_machine(folder / "two.xml"))
+
+
+def budget_of(folder, model, text, theta=None):
+    (folder / "budget.toml").write_text(text, encoding="utf-8")
+    definition = read_definition(folder / "budget.toml", model.machine)
+    return error_budget(model, model.drawn if theta is None else theta, definition)
+
+
+def closed_text(gain=3e5, delay=0.0, lines=""):
+    return BUDGET.format(gain=gain, delay=delay, lines=lines)
+
+
+def test_white_force_on_one_mass_has_the_rms_of_the_closed_form(tmp_path):
+    # One-sided S0 [N^2/Hz]: rms^2 = S0 / (4 c k) = S0 / (8 zeta w0^3 m^2).
+    mass, stiffness, damping, density = 3.0, 12e3, 7.0, 2.0
+    (tmp_path / "one.xml").write_text(
+        f"""<mujoco><option gravity="0 0 0"/><worldbody><body name="m">
+        <inertial pos="0 0 0" mass="{mass}" diaginertia="1 1 1"/>
+        <joint name="m_tx" type="slide" axis="1 0 0" stiffness="{stiffness}" damping="{damping}"/>
+        <site name="acc1"/></body></worldbody></mujoco>"""
+    )
+    model = as_drawn(load_machine(tmp_path / "one.xml"))
+    budget = budget_of(
+        tmp_path,
+        model,
+        f"""band = [1e-3, 5e3]
+        [error.x]
+        output = "acc1:+tx"
+        [disturbance.f]
+        input = "acc1:+tx"
+        density = {np.sqrt(density)}
+        unit = "N/sqrt(Hz)" """,
+    )
+    omega = np.sqrt(stiffness / mass)
+    ratio = damping / (2 * mass * omega)
+    expected = density / (8 * ratio * omega**3 * mass**2)
+    assert budget.rms[0] ** 2 == pytest.approx(expected, rel=5e-4)
+    # rms^2 = S0 / (4 c k): each per cent of c or k takes half a per cent of the rms.
+    slopes = log_rms_gradient(budget)[0] * model.drawn
+    assert slopes == pytest.approx([-0.5, -0.5], abs=2e-3)
+    freq, above = budget.cumulative()
+    half = above[np.searchsorted(freq, omega / 2 / np.pi), 0]
+    assert half == pytest.approx(budget.rms[0] / np.sqrt(2), rel=0.03)  # a narrow peak at w0
+
+
+def matrices():
+    """M, C, K of both masses on the floor, relative to it, by hand."""
+    m1, k1, c1, m2, k2, c2 = VALUES.values()
+    mass = np.diag([m1, m2])
+    stiffness = np.array([[k1 + k2, -k2], [-k2, k2]])
+    damping = np.array([[c1 + c2, -c2], [-c2, c2]])
+    return mass, damping, stiffness
+
+
+def closed_loop(gain):
+    """A, B of floor, drive and noise, C of both errors but for the floor's own motion."""
+    mass, damping, stiffness = matrices()
+    inverse = np.linalg.inv(mass)
+    plant = np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ stiffness, -inverse @ damping]])
+    floor = np.concatenate([np.zeros(2), -np.ones(2)])
+    drive = np.concatenate([np.zeros(2), inverse @ (2.0 * np.array([-1.0, 1.0]))])
+    read = np.array([-1.0, 1.0, 0.0, 0.0])
+    # gain (s + 60) (s + 8) / ((s + 0.5) (s + 700)), in controllable form
+    numerator, denominator = np.polymul([1, 60.0], [1, 8.0]), np.polymul([1, 0.5], [1, 700.0])
+    states = np.array([[0.0, 1.0], [-denominator[2], -denominator[1]]])
+    entry = np.array([0.0, 1.0])
+    output = gain * (numerator[:0:-1] - denominator[:0:-1])
+    total = np.block(
+        [
+            [plant - gain * np.outer(drive, read), -np.outer(drive, output)],
+            [np.outer(entry, read), states],
+        ]
+    )
+    gains = np.zeros((6, 3))
+    gains[:4] = np.stack([floor, drive, -gain * drive], axis=1)
+    gains[4:, 2] = entry
+    return total, gains
+
+
+def random_signals(rng, count, samples, step):
+    """Floor, drive and noise with the densities of the budget; (n_source, samples, count)."""
+    freq = np.fft.rfftfreq(samples, step)
+    inside = (freq >= 2.0) & (freq <= 45.0)
+    line = np.where(freq > 0, freq, 1.0)
+    floor = np.exp(np.interp(np.log(line), np.log(FLOOR_HZ), np.log(FLOOR)))
+    cross = np.sqrt(0.6) * np.exp(1j * np.radians(40.0))
+    root = np.linalg.cholesky(np.array([[1, cross, 0], [np.conj(cross), 1, 0], [0, 0, 1]]))
+    sizes = np.sqrt(np.stack([floor, 0.3 + 0 * freq, (2e-7) ** 2 + 0 * freq]) * inside)
+    drawn = rng.standard_normal((2, 3, len(freq), count))
+    white = np.einsum("st,tfk->sfk", root, drawn[0] + 1j * drawn[1])
+    spectrum = white * sizes[:, :, None] * np.sqrt(samples / (4 * step))
+    return np.fft.irfft(spectrum, samples, axis=1), freq, floor * inside
+
+
+def test_a_closed_loop_under_correlated_sources_agrees_with_a_simulation_in_time(folder, model):
+    gain, step, samples, count = 3e5, 1 / 500, 6000, 400
+    budget = budget_of(folder, model, closed_text(gain))
+    total, gains = closed_loop(gain)
+    assert growing_pole(np.linalg.eigvals(total)) is None
+    signals, *_ = random_signals(np.random.default_rng(3), count, samples, step)
+    # Inputs that are straight between samples: exact exponential of the joined matrix.
+    joined = np.zeros((12, 12))
+    joined[:6, :6], joined[:6, 6:9], joined[6:9, 9:] = total * step, gains * step, np.eye(3)
+    transition = expm(joined)
+    state = np.zeros((6, count))
+    squares, kept = np.zeros(1), 0
+    inputs = signals.transpose(1, 0, 2)
+    for k in range(samples - 1):
+        now, change = inputs[k], inputs[k + 1] - inputs[k]
+        state = transition[:6, :6] @ state + transition[:6, 6:9] @ now + transition[:6, 9:] @ change
+        if k > 1000:  # the slowest pole has decayed
+            squares += ((state[1] - state[0]) ** 2).sum()
+            kept += count
+    assert budget.rms[0] == pytest.approx(np.sqrt(squares[0] / kept), rel=0.02)
+
+
+def test_shares_of_sources_modes_and_joints_add_up(folder, model):
+    budget = budget_of(folder, model, closed_text(delay=3e-4))
+    cross = budget.cross_shares()
+    assert [row[:2] for row in cross] == [("floor", "ripple")]
+    assert budget.source_shares.sum(axis=1) + cross[0][2] == pytest.approx([1.0, 1.0], rel=1e-9)
+    names, joints = budget.joint_shares
+    assert names == ("base_tx", "head_tx", "floor")
+    assert joints[0] == pytest.approx([0.0, 1.0, 0.0], abs=1e-9)  # the difference is one joint
+    poles, modes = budget.mode_shares
+    assert np.sum(poles.imag > 0) >= 2
+    # The machine's and controller's modes hold the difference; no motion of the floor is in it.
+    assert modes[0, -1] == pytest.approx(0.0, abs=1e-6)
+    assert abs(joints[1, -1]) > 1e-3  # the base moves with the floor, too
+    assert modes[1, -1] == pytest.approx(joints[1, -1], rel=0.2)
+
+
+def test_sines_of_a_rotor_add_half_the_square_of_their_peak(folder, model):
+    quiet = budget_of(folder, model, closed_text())
+    lines = "\n".join(
+        ("[disturbance.rotor]", 'input = "acc1:+tx"', "speed_rpm = 600",
+         "lines = [{order = 1, unbalance = 2e-4}, {order = 2, amplitude = 0.5}]")
+    )  # fmt: skip
+    budget = budget_of(folder, model, closed_text(lines=lines))
+    mass, damping, stiffness = matrices()
+    s = 2j * np.pi * np.array([10.0, 20.0])
+    peaks = [2e-4 * (2 * np.pi * 10.0) ** 2, 0.5]
+    moves = []
+    for k, peak in enumerate(peaks):
+        control = 3e5 * (s[k] + 60) * (s[k] + 8) / ((s[k] + 0.5) * (s[k] + 700))
+        loop = stiffness + s[k] * damping + s[k] ** 2 * mass
+        loop = loop + 2 * control * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        moves.append(np.linalg.solve(loop, [peak, 0.0]))
+    expected = sum(abs(x[1] - x[0]) ** 2 / 2 for x in moves)
+    added = budget.rms[0] ** 2 - quiet.rms[0] ** 2
+    assert added == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_gradient_is_that_of_differences(folder, model):
+    budget = budget_of(folder, model, closed_text(delay=5e-4))
+    gradient, definition = log_rms_gradient(budget) * model.drawn, budget.definition
+    lines = budget.freq_hz, budget.weights, budget.random_lines  # of the same integral
+    for k in range(len(model.drawn)):
+        logs = []
+        for step in (1e-4, -1e-4):
+            theta = model.drawn.copy()
+            theta[k] *= np.exp(step)
+            logs.append(np.log(budget_on_lines(model, theta, definition, lines, budget.states).rms))
+        assert gradient[:, k] == pytest.approx((logs[0] - logs[1]) / 2e-4, rel=1e-5, abs=1e-7)
+
+
+def test_an_unstable_loop_is_refused_with_its_pole(folder, model):
+    with pytest.raises(InputError, match=r"closed loop is unstable: the pole .* at \d.* Hz grows"):
+        budget_of(folder, model, closed_text(gain=4e6, delay=4e-3))
+
+
+def test_a_delay_moves_the_poles_as_the_exact_characteristic_equation_says(folder, model):
+    gain, delay = 3e5, 2e-3
+    budget = budget_of(folder, model, closed_text(gain, delay))
+    mass, damping, stiffness = matrices()
+    poles = budget.states.poles()
+    for pole in poles[(poles.imag > 20) & (np.abs(poles) < 300)]:
+        control = gain * (pole + 60) * (pole + 8) / ((pole + 0.5) * (pole + 700))
+        control *= 2 * np.exp(-pole * delay)
+        z = stiffness + pole * damping + pole**2 * mass
+        z = z + control * np.array([[1.0, -1.0], [-1.0, 1.0]])
+        scale = np.prod(np.abs(np.diag(z))) + np.abs(z[0, 1]) ** 2
+        assert abs(np.linalg.det(z)) < 1e-6 * scale

@@ -1,0 +1,1 @@
+"""Dynamic error budget: spectra of disturbances, loops, and the error at a point of interest."""

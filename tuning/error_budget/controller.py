@@ -1,0 +1,153 @@
+"""Controllers of one input and one output: from numbers, a .mat file, or python-control."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identification.readers.matlab5 import read_matlab5
+from identification.words import Complex, InputError, Real, UsageError, frozen_array
+
+# A complex zero or pole without its conjugate: relative distance that counts as none.
+_MAX_CONJUGATE_ERROR = 1e-6
+_CONTROLLER_REMEDY = "give A, B, C, D, or num, den, or zeros, poles, gain"
+
+
+@dataclass(frozen=True, eq=False)
+class Controller:
+    """A continuous controller K(s) = C (s - A)^-1 B + D.
+
+    Args:
+        dynamics: A [1/s]; (n, n).
+        input_matrix: B; (n, 1).
+        output_matrix: C; (1, n).
+        feedthrough: D; (1, 1).
+    """
+
+    dynamics: Real
+    input_matrix: Real
+    output_matrix: Real
+    feedthrough: Real
+
+    def __post_init__(self) -> None:
+        """Check and freeze the arrays."""
+        n = len(np.atleast_1d(self.dynamics)) if np.size(self.dynamics) else 0
+        shapes = {
+            "dynamics": (n, n),
+            "input_matrix": (n, 1),
+            "output_matrix": (1, n),
+            "feedthrough": (1, 1),
+        }
+        for name, shape in shapes.items():
+            array = frozen_array(getattr(self, name), np.float64, shape, name)
+            object.__setattr__(self, name, array)
+
+    def response(self, laplace: Complex) -> Complex:
+        """Return K(s) at each s [rad/s]; (n_freq,)."""
+        size = len(self.dynamics)
+        if not size:
+            return np.full(len(laplace), self.feedthrough[0, 0], complex)
+        resolvent = laplace[:, None, None] * np.eye(size) - self.dynamics
+        states = np.linalg.solve(resolvent, self.input_matrix[None].astype(complex))
+        response: Complex = (self.output_matrix @ states + self.feedthrough)[:, 0, 0]
+        return response
+
+
+def controller_from_roots(
+    zeros: Sequence[complex], poles: Sequence[complex], gain: float
+) -> Controller:
+    """Return ``gain prod(s - zero) / prod(s - pole)``, zeros and poles in rad/s.
+
+    Raises:
+        ValueError: more zeros than poles, or a complex root without its conjugate.
+    """
+    import scipy.signal  # noqa: PLC0415  # slow to load, and few commands need it
+
+    for name, roots in (("zeros", zeros), ("poles", poles)):
+        values = np.array(roots, complex)
+        scale = max(1.0, float(np.abs(values).max(initial=0.0)))
+        pairs = np.abs(np.sort_complex(values) - np.sort_complex(values.conj()))
+        if (pairs > _MAX_CONJUGATE_ERROR * scale).any():
+            raise ValueError(f"{name} hold a complex number without its conjugate: add it")
+    if len(zeros) > len(poles):
+        raise ValueError(
+            f"{len(zeros)} zeros and {len(poles)} poles: add the poles that limit its bandwidth"
+        )
+    if not poles:
+        return Controller(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]]))
+    return Controller(*_real_arrays(scipy.signal.zpk2ss(list(zeros), list(poles), gain)))
+
+
+def controller_from_system(system: Any) -> Controller:
+    """Return the controller that a python-control object is.
+
+    Args:
+        system: state space or transfer function of one input and one output, or a number.
+
+    Raises:
+        UsageError: it is no continuous linear system of one input and one output.
+    """
+    import control  # noqa: PLC0415  # with its matplotlib it would add 0.7 s to every start
+
+    if isinstance(system, Controller):
+        return system
+    try:
+        converted = control.ss(system)
+    except Exception as error:
+        raise UsageError(
+            f"{type(system).__name__} is no linear controller ({error}): give a state space or a "
+            "transfer function of python-control"
+        ) from error
+    if converted.ninputs != 1 or converted.noutputs != 1:
+        raise UsageError(
+            f"the controller has {converted.noutputs} x {converted.ninputs} channels: give each "
+            "loop a controller with one input and one output"
+        )
+    if converted.dt not in (0, None):
+        raise UsageError(
+            f"the controller is discrete, with a step of {converted.dt} s: give the continuous one "
+            "and state the delay of the loop"
+        )
+    return Controller(converted.A, converted.B, converted.C, converted.D)
+
+
+def read_controller(path: Path) -> Controller:
+    """Read a controller from a .mat file with A, B, C, D, with num, den, or zeros, poles, gain.
+
+    Raises:
+        InputError: the file cannot be read, or holds no continuous controller.
+    """
+    import scipy.signal  # noqa: PLC0415  # slow to load, and few commands need it
+
+    try:
+        arrays = read_matlab5(path)
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be read ({error.strerror}): name a .mat file of a controller"
+        ) from error
+    except ValueError as error:
+        raise InputError(f"{path}: {error}: {_CONTROLLER_REMEDY}, saved with -v7 or older") from error
+    for step in ("dt", "Ts"):
+        if step in arrays and np.any(np.asarray(arrays[step], float) > 0):
+            raise InputError(
+                f"{path}: {step} says that the controller is discrete: save the continuous one "
+                "and state the delay of the loop"
+            )
+    try:
+        if set("ABCD") <= set(arrays):
+            return Controller(*(np.atleast_2d(np.real(arrays[name])) for name in "ABCD"))
+        if {"num", "den"} <= set(arrays):
+            numerator, denominator = (np.ravel(arrays[name]) for name in ("num", "den"))
+            return Controller(*_real_arrays(scipy.signal.tf2ss(numerator, denominator)))
+        if {"zeros", "poles", "gain"} <= set(arrays):
+            zeros, poles, gain = (np.ravel(arrays[name]) for name in ("zeros", "poles", "gain"))
+            return controller_from_roots(zeros.tolist(), poles.tolist(), float(gain[0].real))
+    except (ValueError, TypeError, IndexError) as error:
+        raise InputError(f"{path} holds no controller ({error}): {_CONTROLLER_REMEDY}") from error
+    raise InputError(f"{path} holds no controller: {_CONTROLLER_REMEDY}")
+
+
+def _real_arrays(matrices: Sequence[Any]) -> list[Real]:
+    return [np.atleast_2d(np.real(matrix)) for matrix in matrices]
