@@ -5,11 +5,16 @@ import pytest
 from scipy.linalg import expm
 
 from identification.words import InputError
-from mbmodel import as_drawn, load_machine
+from mbmodel import ParameterPosterior, as_drawn, load_machine
 from tuning.error_budget.budget import budget_on_lines, error_budget
 from tuning.error_budget.closed_loop_states import growing_pole
 from tuning.error_budget.read_definition import read_definition
-from tuning.error_budget.rms_interval import log_rms_gradient
+from tuning.error_budget.rms_interval import (
+    log_rms_gradient,
+    refuse_unstable_samples,
+    rms_interval,
+    sample_rms,
+)
 
 TWO = """
 <mujoco model="two"><option gravity="0 0 0"/><worldbody>
@@ -252,3 +257,37 @@ def test_a_delay_moves_the_poles_as_the_exact_characteristic_equation_says(folde
         z = z + control * np.array([[1.0, -1.0], [-1.0, 1.0]])
         scale = np.prod(np.abs(np.diag(z))) + np.abs(z[0, 1]) ** 2
         assert abs(np.linalg.det(z)) < 1e-6 * scale
+
+
+def posterior_of(model, deviation):
+    """A posterior of all four parameters, correlated, about the model's nominal values."""
+    size = len(model.drawn)
+    root = np.eye(size) + 0.5 * np.eye(size, k=1)
+    posterior = ParameterPosterior(
+        tuple(parameter.name for parameter in model.parameters),
+        tuple(parameter.name for parameter in model.parameters),
+        model.drawn,
+        np.arange(size),
+        np.ones(size),
+        np.ones(size, bool),
+        deviation**2 * root @ root.T,
+    )
+    return posterior.on(model)
+
+
+def test_the_interval_is_that_of_samples_of_the_posterior(folder, model):
+    budget = budget_of(folder, model, closed_text(delay=3e-4))
+    posterior = posterior_of(model, 0.04)
+    interval = rms_interval(budget, posterior)
+    logs = np.log(sample_rms(budget, posterior.sample(300, seed=5)))
+    assert logs.std(axis=0) == pytest.approx(interval.deviation, rel=0.12)  # 3 sd of 300 draws
+    low, high = interval.ends()
+    inside = (logs > np.log(low)) & (logs < np.log(high))
+    assert inside.mean(axis=0) == pytest.approx([0.95, 0.95], abs=0.04)
+
+
+def test_loops_that_some_machine_of_the_posterior_does_not_bear_are_refused(folder, model):
+    budget = budget_of(folder, model, closed_text(gain=9e5, delay=2.2e-3))
+    thetas = posterior_of(model, 0.3).sample(60, seed=1)
+    with pytest.raises(InputError, match=r"unstable in \d+ of 60 machines of the posterior"):
+        refuse_unstable_samples(budget, thetas)

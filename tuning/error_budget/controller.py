@@ -41,8 +41,9 @@ class Controller:
             "feedthrough": (1, 1),
         }
         for name, shape in shapes.items():
-            array = frozen_array(getattr(self, name), np.float64, shape, name)
-            object.__setattr__(self, name, array)
+            object.__setattr__(
+                self, name, frozen_array(getattr(self, name), np.float64, shape, name)
+            )
 
     def response(self, laplace: Complex) -> Complex:
         """Return K(s) at each s [rad/s]; (n_freq,)."""
@@ -50,9 +51,10 @@ class Controller:
         if not size:
             return np.full(len(laplace), self.feedthrough[0, 0], complex)
         resolvent = laplace[:, None, None] * np.eye(size) - self.dynamics
-        states = np.linalg.solve(resolvent, self.input_matrix[None].astype(complex))
-        response: Complex = (self.output_matrix @ states + self.feedthrough)[:, 0, 0]
-        return response
+        entry = np.broadcast_to(self.input_matrix.astype(complex), (len(laplace), size, 1))
+        states = np.linalg.solve(resolvent, entry)
+        response = self.output_matrix @ states + self.feedthrough
+        return np.asarray(response[:, 0, 0], np.complex128)
 
 
 def controller_from_roots(
@@ -94,7 +96,8 @@ def controller_from_system(system: Any) -> Controller:
     if isinstance(system, Controller):
         return system
     try:
-        converted = control.ss(system)
+        is_number = isinstance(system, int | float)
+        converted = control.ss(control.tf([system], [1]) if is_number else system)
     except Exception as error:
         raise UsageError(
             f"{type(system).__name__} is no linear controller ({error}): give a state space or a "
@@ -128,7 +131,9 @@ def read_controller(path: Path) -> Controller:
             f"{path} cannot be read ({error.strerror}): name a .mat file of a controller"
         ) from error
     except ValueError as error:
-        raise InputError(f"{path}: {error}: {_CONTROLLER_REMEDY}, saved with -v7 or older") from error
+        raise InputError(
+            f"{path}: {error}: {_CONTROLLER_REMEDY}, saved with -v7 or older"
+        ) from error
     for step in ("dt", "Ts"):
         if step in arrays and np.any(np.asarray(arrays[step], float) > 0):
             raise InputError(

@@ -11,7 +11,7 @@ from identification.words import Complex, Real
 _LINES_PER_DECADE = 200  # between resonances: a density bends little within 1 %
 _LINES_PER_RESONANCE = 160  # an even share errs by a part of 1e-4
 _WIDEST_ANGLE = 1.53  # of u: 24 half widths away, where the other lines take over
-_MIN_DAMPING_RATIO = 1e-7  # of a resonance with lines of its own: those below have no finite rms
+_MIN_RESOLVED_DAMPING = 1e-7  # of a resonance with lines of its own: those below have no finite rms
 
 
 def integration_lines(band: tuple[float, float], poles: Complex, edges: Real) -> Real:
@@ -27,7 +27,7 @@ def integration_lines(band: tuple[float, float], poles: Complex, edges: Real) ->
     angles = np.tan(np.linspace(-_WIDEST_ANGLE, _WIDEST_ANGLE, _LINES_PER_RESONANCE))
     oscillating = poles[poles.imag > 0]
     natural = np.abs(oscillating.imag) / (2 * np.pi)
-    half_width = np.maximum(np.abs(oscillating.real) / (2 * np.pi), _MIN_DAMPING_RATIO * natural)
+    half_width = np.maximum(np.abs(oscillating.real) / (2 * np.pi), _MIN_RESOLVED_DAMPING * natural)
     near = (natural[:, None] + half_width[:, None] * angles).ravel()
     lines = np.concatenate(
         [np.geomspace(low, high, count), near, edges * (1 - 1e-9), edges, edges * (1 + 1e-9)]

@@ -4,6 +4,10 @@ A mean square J = sum_f E S E^H changes with the FRFs by dJ = 2 Re sum L dH R S 
 ``loop_algebra``: its cotangent is conj(L' (R S E^H)'). The adjoint method turns it into the
 derivatives of J by all parameters. To first order log rms = log(J) / 2 has the variance g' P g, g
 its gradient and P the covariance.
+
+The model error that held-out lines show is a relative error of unknown phase at each line. If it
+had one sign over all lines that matter, it would change the rms by that ratio over sqrt(2): this is
+added as a deviation of its own.
 """
 
 from dataclasses import dataclass
@@ -11,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.words import Real
-from tuning.assessment.parameter_confidence import NORMAL_QUANTILE_95, ParameterConfidence
-from tuning.error_budget.budget import ErrorBudget
+from mbmodel import NORMAL_QUANTILE_95, PosteriorOfModel
+from tuning.error_budget.budget import ErrorBudget, error_budget
+from tuning.error_budget.closed_loop_states import growing_pole, loop_states, refuse_unstable
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,50 +25,85 @@ class RmsInterval:
     """Interval of each error.
 
     Args:
-        deviation: standard deviation of the logarithm of the rms; (n_error,).
-        low: lower end of the 95 % interval [m or rad]; (n_error,).
-        high: upper end; (n_error,).
+        rms: of the fitted model [m or rad]; (n_error,).
+        by_parameters: standard deviation of the logarithm of the rms by the parameters;
+            (n_error,).
+        by_model_error: by the error of the model beside the noise.
     """
 
-    deviation: Real
-    low: Real
-    high: Real
+    rms: Real
+    by_parameters: Real
+    by_model_error: float
+
+    @property
+    def deviation(self) -> Real:
+        """Standard deviation of the logarithm of the rms; (n_error,)."""
+        return np.hypot(self.by_parameters, self.by_model_error)
+
+    def ends(self) -> tuple[Real, Real]:
+        """Return both ends of the 95 % interval [m or rad]; (n_error,) each."""
+        spread = np.exp(NORMAL_QUANTILE_95 * self.deviation)
+        return self.rms / spread, self.rms * spread
 
 
 def log_rms_gradient(budget: ErrorBudget) -> Real:
     """Return the derivative of log rms by every parameter in SI; (n_error, n_parameter)."""
-    response, lines, ports = budget.response, budget.linearised, budget.ports
-    correlated = budget.scaled @ budget.definition.coherence  # E a times the coherence
+    response = budget.response
+    correlated = (budget.scaled @ budget.definition.coherence).conj()
     rows = []
     for error, mean_square in enumerate(budget.rms**2):
-        drive = np.einsum(
-            "fis,fs,fs->fi",
-            response.right,
-            budget.weights,
-            correlated[:, error].conj(),
-            optimize=True,
-        )
+        drive = (response.right @ (budget.weights * correlated[:, error])[:, :, None])[:, :, 0]
         cotangent = (response.left[:, error, :, None] * drive[:, None, :]).conj()
-        gradient = lines.gradient(np.asarray(cotangent))
+        gradient = budget.linearised.gradient(cotangent)
         rows.append(gradient / mean_square if mean_square else 0 * gradient)
-    del ports
     return np.array(rows)
 
 
-def rms_interval(budget: ErrorBudget, confidence: ParameterConfidence) -> RmsInterval:
+def rms_interval(budget: ErrorBudget, posterior: PosteriorOfModel) -> RmsInterval:
     """Return the interval of each error.
 
     Args:
-        budget: at the parameters of ``confidence``.
-        confidence: covariance of the fit's coordinates.
+        budget: of the posterior's model at its nominal values.
+        posterior: of the parameters.
     """
-    parametrisation = confidence.parametrisation
-    by_parameter = log_rms_gradient(budget) * parametrisation.rates(confidence.x)
-    by_coordinate = np.zeros((len(by_parameter), parametrisation.size))
-    free = parametrisation.free
-    for row, values in zip(by_coordinate, by_parameter, strict=True):
-        np.add.at(row, parametrisation.coordinate_of[free], values[free])
-    variance = np.einsum("zi,ij,zj->z", by_coordinate, confidence.covariance, by_coordinate)
-    deviation = np.sqrt(np.maximum(variance, 0.0))
-    spread = np.exp(NORMAL_QUANTILE_95 * deviation)
-    return RmsInterval(deviation, budget.rms / spread, budget.rms * spread)
+    by_parameter = (log_rms_gradient(budget) * posterior.rates)[:, posterior.varies]
+    by_coordinate = by_parameter @ posterior.membership
+    covariance = posterior.posterior.covariance
+    variance = np.einsum("zi,ij,zj->z", by_coordinate, covariance, by_coordinate)
+    return RmsInterval(
+        budget.rms,
+        np.sqrt(np.maximum(variance, 0.0)),
+        posterior.posterior.error_floor / np.sqrt(2),
+    )
+
+
+def sample_rms(budget: ErrorBudget, thetas: Real) -> Real:
+    """Return the rms errors of machines drawn from the posterior; (n_sample, n_error).
+
+    Args:
+        budget: of the fitted machine.
+        thetas: parameters of each machine [SI]; (n_sample, n_theta).
+
+    Raises:
+        InputError: a machine is unstable with the loops.
+    """
+    model = budget.linearised.model
+    return np.array([error_budget(model, theta, budget.definition).rms for theta in thetas])
+
+
+def refuse_unstable_samples(budget: ErrorBudget, thetas: Real) -> None:
+    """Refuse loops with which some machine of the posterior is unstable.
+
+    Args:
+        budget: of the fitted machine.
+        thetas: parameters of each machine [SI]; (n_sample, n_theta).
+
+    Raises:
+        InputError: a machine is unstable with the loops; the worst pole is named.
+    """
+    definition, model = budget.definition, budget.linearised.model
+    poles = [loop_states(model, theta, definition, budget.ports).poles() for theta in thetas]
+    growing = [each for each in poles if growing_pole(each) is not None]
+    if growing:
+        worst = max(growing, key=lambda each: float(each.real.max()))
+        refuse_unstable(worst, definition.loops, samples=(len(growing), len(poles)))

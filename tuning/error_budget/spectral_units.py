@@ -65,7 +65,8 @@ def parse_signal_unit(text: str) -> SignalUnit:
     plain = re.sub(r"[\s*·()]", "", text).replace("²", "^2").replace("s2", "s^2")
     for base, (kind, derivative, size) in _BASE_UNITS.items():
         prefix = plain.removesuffix(base)
-        if plain.endswith(base) and prefix in _PREFIXES and (base != "1" or not prefix):
+        is_prefix = prefix in _PREFIXES and not (prefix and base == "1")
+        if plain.endswith(base) and is_prefix and plain != "kg":
             return SignalUnit(kind, derivative, _PREFIXES[prefix] * size)
     raise ValueError(f"{text!r} is no unit of a signal: write for example nm, m/s^2, N or V")
 
