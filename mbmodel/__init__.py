@@ -67,12 +67,14 @@ from mbmodel.reduction.truncation import ReducedSystem, Reduction, ReductionMeth
 from mbmodel.simulation.integration import TimeStep
 from mbmodel.simulation.response import TimeResponse, simulate
 from mbmodel.spatial import rotation_matrix, transport
+from mbmodel.uncertainty.alternatives import AlternativePlants
 from mbmodel.uncertainty.frf_bands import (
     NORMAL_QUANTILE_95,
     FrfBands,
     frf_bands,
     sample_frfs,
 )
+from mbmodel.uncertainty.minimum_phase_bound import MinimumPhaseFilter, bound_magnitudes
 from mbmodel.uncertainty.parameter_posterior import (
     ParameterPosterior,
     PosteriorOfModel,
@@ -91,6 +93,7 @@ __all__ = [
     "STAGE_COPY_NAME",
     "AddedPart",
     "Addition",
+    "AlternativePlants",
     "ApproximatedLaw",
     "BendingMode",
     "Change",
@@ -115,6 +118,7 @@ __all__ = [
     "Machine",
     "MachineGeometry",
     "Matrices",
+    "MinimumPhaseFilter",
     "ModeEvaluator",
     "Model",
     "Modes",
@@ -151,6 +155,7 @@ __all__ = [
     "as_drawn",
     "assemble_uncertain_plant",
     "body_parts",
+    "bound_magnitudes",
     "combine",
     "compare_state_space",
     "discretise",

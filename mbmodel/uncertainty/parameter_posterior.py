@@ -11,7 +11,7 @@ Parts of the machine count alone. Tolerances of sensors and hammer belong to the
 integrated out: their rows and columns of C are left out.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -124,6 +124,22 @@ class ParameterPosterior:
                 "uncertainty is not known: name the tuned.xml as it was written"
             )
         return PosteriorOfModel(self, model, indices)
+
+    def moved_to(self, model: Model) -> "PosteriorOfModel":
+        """Return a posterior of equal relative spread about the values of another model.
+
+        Args:
+            model: with all parameters of the posterior, such as that with a diagnosed cause.
+
+        Raises:
+            InputError: the model lacks a parameter.
+        """
+        index_of = {parameter.name: k for k, parameter in enumerate(model.parameters)}
+        values = [
+            model.drawn[index_of[name]] if name in index_of else value
+            for name, value in zip(self.parameters, self.values, strict=True)
+        ]
+        return replace(self, values=np.array(values)).on(model)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,17 +6,18 @@ from typing import Annotated
 import typer
 
 from mbw.loader import run_verb
-from mbw.options import Json, Key, Overwrite, Pictures, Quiet, SingleJob, out_option
+from mbw.options import Json, Key, Overwrite, Pictures, Quiet, Seed, SingleJob, out_option
 
 # Frequency lines of FRFs: at 200 Hz one every 0.2 mHz, and a few hundred MB for each FRF.
 MAX_FREQUENCY_LINES = 1_000_000
+MAX_SAMPLES = 100_000  # of the posterior: each has its FRFs and state space in one file
 
 app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
 
 @app.command()
 def predict(  # noqa: PLR0913  # one for each option
-    model: Annotated[Path, typer.Argument(help="MJCF of a machine.")],
+    model: Annotated[Path, typer.Argument(help="MJCF of a machine, or the folder of mbw tune.")],
     *,
     modes: Annotated[
         bool, typer.Option("--modes", help="Print natural frequencies and damping ratios.")
@@ -101,6 +102,73 @@ def predict(  # noqa: PLR0913  # one for each option
             help="Maxwell branch: k (1 + ratio s tau / (1 + s tau)); repeatable.",
         ),
     ] = None,
+    bands: Annotated[
+        bool,
+        typer.Option(
+            "--bands", help="Write the FRFs with their 95 % intervals to bands.npz; of a tuning."
+        ),
+    ] = False,
+    diagnosed: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder of mbw diagnose: its causes widen the bands as alternatives.",
+        ),
+    ] = None,
+    samples: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            max=MAX_SAMPLES,
+            help="Samples of the tuning's posterior: parameters, FRFs and state spaces, in "
+            "samples.npz.",
+        ),
+    ] = 0,
+    seed: Seed = 0,
+    uncertain: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write the uncertain plant F_u(M, Delta) of a tuning as .npz or .mat.",
+        ),
+    ] = None,
+    weight: Annotated[
+        int | None,
+        typer.Option(
+            metavar="ORDER",
+            help="Write a filter of this order that bounds the tuning's held-out error at the "
+            "inputs, to weight.npz and weight.mat.",
+        ),
+    ] = None,
+    reduce: Annotated[
+        str | None,
+        typer.Option(
+            metavar="METHOD", help="Reduce the state space: balanced or modal truncation."
+        ),
+    ] = None,
+    order: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            help="States of the reduced state space; default: what the intervals of a tuning can "
+            "tell, else an error of 1e-3.",
+        ),
+    ] = None,
+    input_delay: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[INPUT=]SECONDS",
+            help="Delay of the plant's inputs; exact with --discrete, else stated in the file; "
+            "repeatable.",
+        ),
+    ] = None,
+    discrete: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Sampling period of the state space, by a zero-order hold.",
+        ),
+    ] = None,
     key: Key = None,
     out: Annotated[Path | None, out_option("<model>-predicted beside it")] = None,
     pictures: Pictures = True,
@@ -130,6 +198,16 @@ def predict(  # noqa: PLR0913  # one for each option
         loss_factor=loss_factor or [],
         delay=delay or [],
         maxwell=maxwell or [],
+        bands=bands,
+        diagnosed=diagnosed,
+        samples=samples,
+        seed=seed,
+        uncertain=uncertain,
+        weight=weight,
+        reduce=reduce,
+        order=order,
+        input_delay=input_delay or [],
+        discrete=discrete,
         key=key,
         out=out,
         pictures=pictures,

@@ -1,6 +1,7 @@
 """All that ``mbw predict`` computes: modes, curves, and both before additions."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from mbmodel import FrfRequest, Machine, StateSpaceComparison, compare_state_space
 from mbw.predict.additions import Additions
@@ -10,7 +11,7 @@ from mbw.predict.curves import Curves, drive_points, requested_curves, with_curv
 from mbw.predict.machines import Machines
 from mbw.predict.prediction import Prediction, modes_file, predict, table
 from mbw.predict.requests import PredictRequest, frequency_lines, read_quantity
-from mbw.predict.schema import PredictedModesFile, StateSpaceCheckRow
+from mbw.predict.schema import PlantRow, PredictedModesFile, StateSpaceCheckRow
 from mbw.predict.state_space_check import check_lines, check_request, check_row
 
 
@@ -24,6 +25,7 @@ class Outcome:
         comparison: modes before and after; None if nothing is put on the machine.
         combination_remarks: sentences on the combination.
         state_space: FRFs of the state space beside those of the model; None if not asked for.
+        plant_rows: rows of the JSON file about the plant, by key.
     """
 
     prediction: Prediction
@@ -31,6 +33,7 @@ class Outcome:
     comparison: BeforeAfter | None
     combination_remarks: tuple[str, ...]
     state_space: StateSpaceComparison | None
+    plant_rows: Mapping[str, PlantRow] = field(default_factory=dict)
 
     @property
     def machine(self) -> Machine:
@@ -62,6 +65,8 @@ class Outcome:
             summary.put_on_top = put_on_top_row(self.comparison, self.curves)
         if (row := self.state_space_row) is not None:
             summary.state_space_check = row
+        for key, plant_row in self.plant_rows.items():
+            setattr(summary, key, plant_row)
         return summary
 
     def table(self) -> list[str]:

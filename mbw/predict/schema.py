@@ -174,12 +174,88 @@ class StateSpaceCheckRow(BaseModel):
     laws: list[LawRow]
 
 
+class BandsRow(BaseModel):
+    """Bands of the requested FRFs.
+
+    Args:
+        median: median over FRFs and lines of the relative half width of the 95 % interval.
+        most: 95 % quantile of it.
+        error_floor: relative error of the model at its sensors beside the noise.
+        coordinates: number of coordinates of the posterior.
+    """
+
+    median: Finite
+    most: Finite
+    error_floor: Finite
+    coordinates: int
+
+
+class UncertainPlantRow(BaseModel):
+    """Uncertain plant F_u(M, Delta).
+
+    Args:
+        blocks: number of parameters with a block.
+        exact_blocks: number of those that it holds exactly.
+        width: size of Delta.
+        states: of M.
+        max_error: largest error at samples of the posterior, relative to the peak of its FRF.
+        samples: number of these samples.
+    """
+
+    blocks: int
+    exact_blocks: int
+    width: int
+    states: int
+    max_error: Finite
+    samples: int
+
+
+class WeightRow(BaseModel):
+    """Weight that bounds the held-out error at the inputs.
+
+    Args:
+        order: of the filter.
+        ratio: largest ratio of the filter to what it bounds.
+        median, largest: of what it bounds, over lines.
+        quantile: over the lines of a window, which is what it bounds.
+    """
+
+    order: int
+    ratio: Finite
+    median: Finite
+    largest: Finite
+    quantile: Finite
+
+
+class ReductionRow(BaseModel):
+    """Reduction of the state space.
+
+    Args:
+        method: ``balanced`` or ``modal``.
+        states, whole_states: after and before.
+        kept_states: of rigid, undamped and unstable modes, which stay.
+        bound: of the error at every frequency, relative to the peak of its FRF in the band.
+        max_error: largest error in the band, relative to that peak.
+    """
+
+    method: str
+    states: int
+    whole_states: int
+    kept_states: int
+    bound: Finite
+    max_error: Finite
+
+
+PlantRow = BandsRow | UncertainPlantRow | WeightRow | ReductionRow
+
+
 class PredictedModesFile(BaseModel):
     """Content of the JSON file of ``mbw predict --json``.
 
     Args:
         put_on_top: only with ``--mount`` or ``--add-mass``.
         state_space_check: only with ``--check``.
+        bands, uncertain_plant, weight, reduction: only with the options of these names.
     """
 
     model: str
@@ -190,3 +266,7 @@ class PredictedModesFile(BaseModel):
     modes: list[PredictedModeRow]
     put_on_top: PutOnTopRow | None = None
     state_space_check: StateSpaceCheckRow | None = None
+    bands: BandsRow | None = None
+    uncertain_plant: UncertainPlantRow | None = None
+    weight: WeightRow | None = None
+    reduction: ReductionRow | None = None

@@ -1,22 +1,24 @@
 """``mbw predict``: modes, FRFs and state space of a model."""
 
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import typer
 
 from identification.words import UsageError
-from mbmodel import COMBINED_NAME, STAGE_COPY_NAME, FrfRequest
+from mbmodel import COMBINED_NAME, STAGE_COPY_NAME
 from mbmodel.geometry.surfaces import machine_geometry
 from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder, ResultOptions
 from mbw.predict.additions import parse_additions
-from mbw.predict.frf_files import print_frf, write_state_space
+from mbw.predict.frf_files import print_frf
 from mbw.predict.machines import MachineRequest, Machines, load_machines
 from mbw.predict.outcome import Outcome, predict_outcome
 from mbw.predict.page import PAGE, render
+from mbw.predict.plant import FOLDER_NAMES, PlantResult, compute_plant, find_model
+from mbw.predict.plant_request import PlantRequest
 from mbw.predict.requests import PredictRequest, frf_request
 from mbw.predict.spring_laws import parse_laws
 
@@ -31,14 +33,14 @@ class PredictOutputs:
         modes: whether the table of modes is asked for.
         check: whether the state space is compared with the FRFs.
         frf: whether FRFs are written as CSV to stdout.
-        statespace: file of the state space, .npz or .mat; None for none.
+        plant: state space and uncertainty of the plant.
         options: where page and JSON are written.
     """
 
     modes: bool
     check: bool
     frf: bool
-    statespace: Path | None
+    plant: PlantRequest
     options: ResultOptions
 
     @property
@@ -49,7 +51,7 @@ class PredictOutputs:
     @property
     def table(self) -> bool:
         """Whether the table of modes is printed: if asked for, or if no other data are."""
-        has_data = self.frf or self.statespace is not None
+        has_data = self.frf or self.plant.has_output
         is_wanted = self.modes or not (has_data or SCREEN.quiet)
         return is_wanted and not self.options.has_json_on_stdout
 
@@ -74,6 +76,16 @@ def run_options(  # noqa: PLR0913  # one for each option
     delay: list[str],
     maxwell: list[str],
     key: str | None,
+    bands: bool,
+    diagnosed: Path | None,
+    samples: int,
+    seed: int,
+    uncertain: Path | None,
+    weight: int | None,
+    reduce: str | None,
+    order: int | None,
+    input_delay: list[str],
+    discrete: float | None,
     out: Path | None,
     pictures: bool,
     json: Path | None,
@@ -83,8 +95,21 @@ def run_options(  # noqa: PLR0913  # one for each option
     request = PredictRequest(tuple(inputs), tuple(outputs), quantity, band, lines)
     options = ResultOptions(out, json, overwrite, pictures)
     additions, laws = parse_additions(mount, at, add_mass), parse_laws(loss_factor, delay, maxwell)
-    machine_request = MachineRequest(model, tuple(spin), key, additions, laws)
-    run(machine_request, request, PredictOutputs(modes, check, frf, statespace, options))
+    machine_request = MachineRequest(find_model(model), tuple(spin), key, additions, laws)
+    plant = PlantRequest(
+        bands=bands,
+        diagnosed=diagnosed,
+        samples=samples,
+        seed=seed,
+        uncertain=uncertain,
+        weight=weight,
+        reduction=reduce,
+        order=order,
+        delays=tuple(input_delay),
+        period_s=discrete,
+        statespace=statespace,
+    )
+    run(machine_request, request, PredictOutputs(modes, check, frf, plant, options))
 
 
 def run(machine_request: MachineRequest, request: PredictRequest, targets: PredictOutputs) -> None:
@@ -100,10 +125,10 @@ def run(machine_request: MachineRequest, request: PredictRequest, targets: Predi
         InputError: the model cannot be read or linearised, or a file cannot be written.
     """
     _check(targets)
-    is_needed = targets.frf or targets.statespace is not None
+    is_needed = targets.frf or targets.plant.needs_ports
     with load_machines(machine_request) as machines:
         frfs = frf_request(machines.model.machine, request, is_needed=is_needed)
-        with _open_output(machine_request, targets.options) as output:
+        with _open_output(machine_request, targets) as output:
             outcome = predict_outcome(
                 machines,
                 machine_request.additions,
@@ -114,35 +139,42 @@ def run(machine_request: MachineRequest, request: PredictRequest, targets: Predi
             )
             for remark in outcome.remarks:
                 SCREEN.say(remark)
-            _write_data(machines, outcome, frfs, targets)
-            if output is not None:
-                with output.write() as place:
-                    machines.write_combined(place, output.path)
-                    if targets.options.pictures:
-                        geometry = machine_geometry(outcome.machine)
-                        text = render(outcome, geometry, machines.rates)
-                        (place / PAGE).write_text(text, encoding="utf-8")
+            plant = compute_plant(machines, machine_request.path, frfs, targets.plant)
+            _write_files(machines, outcome, plant, targets, output)
+            outcome = replace(outcome, plant_rows=plant.rows)
         if targets.options.has_json_on_stdout:
             typer.echo(outcome.json())
         if targets.table:
             typer.echo("\n".join(outcome.table()))
+        for sentence in plant.sentences:
+            SCREEN.say(sentence)
         for line in outcome.check_lines():
             (SCREEN.say if targets.has_data_on_stdout else typer.echo)(line)
         if targets.frf and frfs is not None:
-            print_frf(machines.model, frfs)
+            print_frf(machines.model, frfs, plant.interval if targets.plant.bands else None)
         if output is not None:
             _say_where(output.path, machines, targets.options)
 
 
-def _write_data(
-    machines: Machines, outcome: Outcome, frfs: FrfRequest | None, targets: PredictOutputs
+def _write_files(
+    machines: Machines,
+    outcome: Outcome,
+    plant: PlantResult,
+    targets: PredictOutputs,
+    output: OutputFolder | None,
 ) -> None:
-    """Write JSON and state space to their files."""
-    options = targets.options
-    if options.json is not None and not options.has_json_on_stdout:
-        write_json(outcome.json(), options.json)
-    if targets.statespace is not None and frfs is not None:
-        write_state_space(machines.model, frfs, targets.statespace)
+    """Write the folder of the result, the files that the user names, and the JSON last."""
+    if output is not None:
+        with output.write() as place:
+            machines.write_combined(place, output.path)
+            plant.write_into(place)
+            if targets.options.pictures:
+                geometry = machine_geometry(outcome.machine)
+                text = render(outcome, geometry, machines.rates)
+                (place / PAGE).write_text(text, encoding="utf-8")
+    plant.write_named_files()
+    if targets.options.json is not None and not targets.options.has_json_on_stdout:
+        write_json(replace(outcome, plant_rows=plant.rows).json(), targets.options.json)
 
 
 def _say_where(folder: Path, machines: Machines, options: ResultOptions) -> None:
@@ -154,12 +186,15 @@ def _say_where(folder: Path, machines: Machines, options: ResultOptions) -> None
 
 
 def _open_output(
-    request: MachineRequest, options: ResultOptions
+    request: MachineRequest, targets: PredictOutputs
 ) -> AbstractContextManager[OutputFolder | None]:
-    """Return the folder of page and combined machine; None if neither shall be written."""
-    if not (options.pictures or request.additions):
+    """Return the folder of page, combined machine, bands and samples; None without any of them."""
+    options = targets.options
+    if not (options.pictures or request.additions or targets.plant.has_folder):
         return nullcontext()
-    names = (PAGE, COMBINED_NAME, STAGE_COPY_NAME) if request.additions else (PAGE,)
+    names: tuple[str, ...] = (PAGE, *FOLDER_NAMES)
+    if request.additions:
+        names = (*names, COMBINED_NAME, STAGE_COPY_NAME)
     if options.out is not None:
         request.refuse_overwriting(options.out)
     return options.open("predict", request.path, _FOLDER_SUFFIX, names)
@@ -167,8 +202,7 @@ def _open_output(
 
 def _check(targets: PredictOutputs) -> None:
     """Refuse unusable targets before the computation starts."""
-    if targets.statespace is not None and targets.statespace.suffix not in (".npz", ".mat"):
-        raise UsageError(f"{targets.statespace}: the state space is written as .npz or .mat")
+    targets.plant.check()
     json, out = targets.options.json, targets.options.out
     if json is not None:
         check_json_target(json)

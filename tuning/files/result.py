@@ -49,6 +49,7 @@ class LevelFrfs:
         tuned: FRFs of the tuned model; (n_freq, n_channel).
         noise: standard deviation of the measured FRFs; (n_freq, n_channel).
         deviation: standard deviation of the tuned model's magnitudes; None if interrupted.
+        held_out: FRFs by the fits that left each line out; None if there are none.
     """
 
     outputs: tuple[str, ...]
@@ -58,6 +59,7 @@ class LevelFrfs:
     tuned: Complex
     noise: Real
     deviation: Real | None = None
+    held_out: Complex | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,7 +320,7 @@ def read_result(path: Path) -> TuningResult:
                 tests=tuple(map(str, arrays[f"{name}_tests"])),
                 **{
                     key: arrays[f"{name}_{key}"]
-                    for key in ("measured", "as_drawn", "tuned", "noise", "deviation")
+                    for key in ("measured", "as_drawn", "tuned", "noise", "deviation", "held_out")
                     if f"{name}_{key}" in arrays
                 },
             )

@@ -1,0 +1,59 @@
+"""Causes of a diagnosis as alternative plants: with them, and as the tuning has it without."""
+
+from pathlib import Path
+
+import numpy as np
+
+from identification.words import InputError, shorten_names
+from mbmodel import (
+    AlternativePlants,
+    FrfBands,
+    FrfRequest,
+    PosteriorOfModel,
+    frf_bands,
+    load_machine,
+    machine_model,
+)
+from mbw.diagnose.files import AUGMENTED, read_result
+
+
+def read_alternatives(
+    folder: Path, posterior: PosteriorOfModel, frfs: FrfRequest, bands: FrfBands
+) -> AlternativePlants:
+    """Return the tuned plant and the one with the established causes, with their probabilities.
+
+    The augmented plant has the relative spread of the tuning's parameters. The causes are present
+    with the probability of the least probable one.
+
+    Args:
+        folder: of ``mbw diagnose``.
+        posterior: of the tuned model.
+        frfs: outputs, inputs and lines.
+        bands: of the tuned model.
+
+    Raises:
+        InputError: no diagnosis, no established cause, or a port that the augmented model lacks.
+    """
+    result = read_result(folder)
+    causes = [result.verdict.causes[row.cause] for row in result.shown.established]
+    if not causes:
+        raise InputError(f"{folder} established no cause: there is no alternative plant")
+    model = machine_model(load_machine(folder / AUGMENTED))
+    present = min(cause.probability for cause in causes)
+    names = "+".join(f"{cause.effect}@{cause.location}" for cause in causes)
+    augmented = frf_bands(posterior.posterior.moved_to(model), frfs)
+    return AlternativePlants(("tuned", names), np.array([1 - present, present]), (bands, augmented))
+
+
+def alternatives_sentence(plants: AlternativePlants, folder: Path | None) -> str:
+    """Return which plants there are, and what the augmented one lacks.
+
+    Args:
+        plants: the alternatives.
+        folder: of the diagnosis.
+    """
+    pairs = zip(plants.names, plants.weights, strict=True)
+    listed = ", ".join(f"{name} ({100 * weight:.3g} %)" for name, weight in pairs)
+    missing = read_result(folder).shown.not_held_by_mjcf if folder is not None else []
+    lacks = f"; {AUGMENTED} does not hold {shorten_names(missing)}" if missing else ""
+    return f"alternative plants: {listed}{lacks}"

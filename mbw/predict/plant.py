@@ -1,0 +1,220 @@
+"""The plant with its uncertainty: bands, samples, uncertain plant and weight, from a tuning."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from identification.words import InputError, Real
+from mbmodel import (
+    AlternativePlants,
+    FrfBands,
+    FrfRequest,
+    Model,
+    PosteriorOfModel,
+    body_parts,
+    frf_bands,
+    joint_parts,
+)
+from mbw.predict.alternative_plants import alternatives_sentence, read_alternatives
+from mbw.predict.machines import Machines
+from mbw.predict.plant_files import (
+    BANDS_NPZ,
+    SAMPLES_NPZ,
+    WEIGHT_MAT,
+    WEIGHT_NPZ,
+    write_bands,
+    write_samples,
+    write_uncertain_plant,
+    write_weight,
+)
+from mbw.predict.plant_request import PlantRequest
+from mbw.predict.plant_state_space import (
+    plant_state_space,
+    reduction_sentence,
+    write_plant,
+)
+from mbw.predict.schema import BandsRow, PlantRow, UncertainPlantRow, WeightRow
+from mbw.predict.state_space_check import law_rows, law_sentences
+from tuning import POSTERIOR_NPZ, read_posterior
+from tuning.files.result import TUNED_MJCF
+
+FOLDER_NAMES = (BANDS_NPZ, SAMPLES_NPZ, WEIGHT_NPZ, WEIGHT_MAT)
+_MANY_LINES_SHARE = 0.95  # of the lines of all FRFs, whose interval is stated
+
+
+@dataclass(frozen=True, eq=False)
+class PlantResult:
+    """State space and uncertainty of the plant, and where they are written.
+
+    Args:
+        model: at its nominal parameters.
+        source: its MJCF.
+        frfs: outputs, inputs and lines; None if no port is requested.
+        request: what is asked for.
+        posterior: of a tuning; None if nothing of it is asked for.
+        bands: of the FRFs; None without a posterior or ports.
+        alternatives: plants with and without the causes of a diagnosis; None without one.
+        rows: of the JSON file, by key.
+        sentences: for the terminal.
+    """
+
+    model: Model
+    source: Path
+    frfs: FrfRequest | None
+    request: PlantRequest
+    posterior: PosteriorOfModel | None = None
+    bands: FrfBands | None = None
+    alternatives: AlternativePlants | None = None
+    rows: dict[str, PlantRow] = field(default_factory=dict)
+    sentences: list[str] = field(default_factory=list)
+
+    @property
+    def interval(self) -> tuple[Real, Real] | None:
+        """Ends of the 95 % interval of the magnitudes, over all alternatives."""
+        if self.alternatives is not None:
+            return self.alternatives.magnitude_interval()
+        return None if self.bands is None else self.bands.magnitude_interval()
+
+    def write_into(self, place: Path) -> None:
+        """Write bands, samples and weight into the folder of the result.
+
+        Raises:
+            InputError: a file cannot be written, or the tuning has no held-out predictions.
+        """
+        frfs, request, posterior = self.frfs, self.request, self.posterior
+        if self.bands is not None and self.interval is not None and request.bands:
+            machine, target = self.model.machine, place / BANDS_NPZ
+            write_bands(machine, self.bands, self.interval, self.alternatives, target)
+        if posterior is not None and frfs is not None and request.samples:
+            write_samples(posterior, frfs, request.samples, request.seed, place / SAMPLES_NPZ)
+            self.sentences.append(
+                f"samples: {request.samples} of the posterior, seed {request.seed}: parameters, "
+                "FRFs and state spaces"
+            )
+        if request.weight is not None:
+            row = write_weight(self.source.parent, request.weight, place)
+            self.rows["weight"] = row
+            self.sentences.append(_weight_sentence(row))
+
+    def write_named_files(self) -> None:
+        """Write state space and uncertain plant to the files that the user names.
+
+        Raises:
+            InputError: a file cannot be written.
+        """
+        frfs, request = self.frfs, self.request
+        if frfs is None:
+            return
+        if self.posterior is not None and request.uncertain is not None:
+            row = write_uncertain_plant(self.posterior, frfs, request.uncertain, request.seed)
+            self.rows["uncertain_plant"] = row
+            self.sentences.append(_uncertain_sentence(row))
+        if request.statespace is not None:
+            plant = plant_state_space(self.model, frfs, request, self.bands)
+            write_plant(plant, self.model.machine, frfs, request.statespace)
+            self.sentences.extend(
+                f"state space: {sentence}"
+                for sentence in law_sentences(law_rows(plant.laws, self.model))
+            )
+            if plant.reduction is not None:
+                self.rows["reduction"] = plant.reduction
+                self.sentences.append(reduction_sentence(plant.reduction))
+
+
+def find_model(path: Path) -> Path:
+    """Return the MJCF of a model, or the tuned.xml of a tuning's folder.
+
+    Raises:
+        InputError: a folder without one.
+    """
+    if not path.is_dir():
+        return path
+    if not (path / TUNED_MJCF).is_file():
+        raise InputError(f"{path} holds no {TUNED_MJCF}: name an MJCF or a folder of mbw tune")
+    return path / TUNED_MJCF
+
+
+def compute_plant(
+    machines: Machines, source: Path, frfs: FrfRequest | None, request: PlantRequest
+) -> PlantResult:
+    """Read the posterior beside a tuned MJCF, if it is needed, and compute the bands.
+
+    A reduction without an order takes it too where it is there: it says which states matter.
+
+    Args:
+        machines: the machine, with what is put on it.
+        source: its MJCF.
+        frfs: outputs, inputs and lines; None if no port is requested.
+        request: what is asked for.
+
+    Raises:
+        InputError: no posterior, or one of another model.
+    """
+    model, file = machines.model, source.parent / POSTERIOR_NPZ
+    is_useful = request.method is not None and request.order is None and _is_tuned(source)
+    if not (request.needs_fit or is_useful):
+        return PlantResult(model, source, frfs, request)
+    if not file.is_file():
+        raise InputError(
+            f"{file} is missing, which mbw tune writes: name the folder of a tuning, or its "
+            f"{TUNED_MJCF}"
+        )
+    machine = model.machine
+    whole = Model(machine, (*model.parts, *body_parts(machine), *joint_parts(machine)))
+    posterior = read_posterior(file).on(whole)
+    if frfs is None:
+        return PlantResult(model, source, frfs, request, posterior)
+    bands = frf_bands(posterior, frfs)
+    alternatives = None
+    if request.diagnosed is not None:
+        alternatives = read_alternatives(request.diagnosed, posterior, frfs, bands)
+    plant = PlantResult(model, source, frfs, request, posterior, bands, alternatives)
+    if request.bands:
+        row = _bands_row(plant, bands, posterior)
+        plant.rows["bands"] = row
+        plant.sentences.append(
+            f"bands: the 95 % interval of the magnitude is +-{100 * row.median:.2g} % in the "
+            f"median and at most +-{100 * row.most:.2g} % at 95 % of the frequency lines; it holds "
+            f"a model error of {100 * row.error_floor:.2g} %"
+        )
+    if alternatives is not None:
+        plant.sentences.append(alternatives_sentence(alternatives, request.diagnosed))
+    return plant
+
+
+def _is_tuned(source: Path) -> bool:
+    """Return whether a posterior lies beside a tuned MJCF."""
+    return source.name == TUNED_MJCF and (source.parent / POSTERIOR_NPZ).is_file()
+
+
+def _bands_row(plant: PlantResult, bands: FrfBands, posterior: PosteriorOfModel) -> BandsRow:
+    """Return the relative half widths of the intervals."""
+    size = np.abs(bands.values)
+    moving = size > 0
+    low, high = plant.interval or bands.magnitude_interval()
+    half = ((high - low) / 2)[moving] / size[moving]
+    return BandsRow(
+        median=float(np.median(half)) if half.size else 0.0,
+        most=float(np.quantile(half, _MANY_LINES_SHARE)) if half.size else 0.0,
+        error_floor=posterior.posterior.error_floor,
+        coordinates=posterior.posterior.size,
+    )
+
+
+def _uncertain_sentence(row: UncertainPlantRow) -> str:
+    """Return size and error of the uncertain plant."""
+    return (
+        f"uncertain plant: {row.blocks} parameters, {row.exact_blocks} of them exact, Delta of "
+        f"{row.width} x {row.width}, {row.states} states; its error is at most "
+        f"{row.max_error:.2g} of the peak at {row.samples} samples of the posterior"
+    )
+
+
+def _weight_sentence(row: WeightRow) -> str:
+    """Return what the weight bounds, and how closely."""
+    return (
+        f"weight: |W| of order {row.order} bounds the held-out error at the inputs, "
+        f"{100 * row.median:.2g} % in the median and {100 * row.largest:.2g} % at most, from above "
+        f"within a factor of {row.ratio:.3g}"
+    )
