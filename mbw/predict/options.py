@@ -169,6 +169,22 @@ def predict(  # noqa: PLR0913  # one for each option
             help="Sampling period of the state space, by a zero-order hold.",
         ),
     ] = None,
+    budget: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Error budget of the sources, errors and loops of a budget.toml; shown in "
+            "plant.html.",
+        ),
+    ] = None,
+    before: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MODEL.xml",
+            help="Machine that stands beside in the budget; default: the nominal one of a "
+            "tuning, the tuned one of a diagnosis.",
+        ),
+    ] = None,
     key: Key = None,
     out: Annotated[Path | None, out_option("<model>-predicted beside it")] = None,
     pictures: Pictures = True,
@@ -208,6 +224,8 @@ def predict(  # noqa: PLR0913  # one for each option
         order=order,
         input_delay=input_delay or [],
         discrete=discrete,
+        budget=budget,
+        before=before,
         key=key,
         out=out,
         pictures=pictures,

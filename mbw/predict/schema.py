@@ -4,6 +4,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, Field
 
+from mbw.plant.schema import BudgetRow
+
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Shares = dict[str, Finite]
 
@@ -246,7 +248,7 @@ class ReductionRow(BaseModel):
     max_error: Finite
 
 
-PlantRow = BandsRow | UncertainPlantRow | WeightRow | ReductionRow
+PlantRow = BandsRow | UncertainPlantRow | WeightRow | ReductionRow | BudgetRow
 
 
 class PredictedModesFile(BaseModel):
@@ -256,6 +258,7 @@ class PredictedModesFile(BaseModel):
         put_on_top: only with ``--mount`` or ``--add-mass``.
         state_space_check: only with ``--check``.
         bands, uncertain_plant, weight, reduction: only with the options of these names.
+        budget: only with ``--budget``.
     """
 
     model: str
@@ -270,3 +273,4 @@ class PredictedModesFile(BaseModel):
     uncertain_plant: UncertainPlantRow | None = None
     weight: WeightRow | None = None
     reduction: ReductionRow | None = None
+    budget: BudgetRow | None = None

@@ -12,6 +12,8 @@ from mbmodel.geometry.surfaces import machine_geometry
 from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder, ResultOptions
+from mbw.plant.page import PLANT_PAGE
+from mbw.plant.task import BudgetRequest, BudgetResult, compute_budget
 from mbw.predict.additions import parse_additions
 from mbw.predict.frf_files import print_frf
 from mbw.predict.machines import MachineRequest, Machines, load_machines
@@ -35,6 +37,7 @@ class PredictOutputs:
         frf: whether FRFs are written as CSV to stdout.
         plant: state space and uncertainty of the plant.
         options: where page and JSON are written.
+        budget: error budget; None for none.
     """
 
     modes: bool
@@ -42,6 +45,7 @@ class PredictOutputs:
     frf: bool
     plant: PlantRequest
     options: ResultOptions
+    budget: BudgetRequest | None = None
 
     @property
     def has_data_on_stdout(self) -> bool:
@@ -51,7 +55,7 @@ class PredictOutputs:
     @property
     def table(self) -> bool:
         """Whether the table of modes is printed: if asked for, or if no other data are."""
-        has_data = self.frf or self.plant.has_output
+        has_data = self.frf or self.plant.has_output or self.budget is not None
         is_wanted = self.modes or not (has_data or SCREEN.quiet)
         return is_wanted and not self.options.has_json_on_stdout
 
@@ -75,6 +79,8 @@ def run_options(  # noqa: PLR0913  # one for each option
     loss_factor: list[str],
     delay: list[str],
     maxwell: list[str],
+    budget: Path | None,
+    before: Path | None,
     key: str | None,
     bands: bool,
     diagnosed: Path | None,
@@ -109,7 +115,10 @@ def run_options(  # noqa: PLR0913  # one for each option
         period_s=discrete,
         statespace=statespace,
     )
-    run(machine_request, request, PredictOutputs(modes, check, frf, plant, options))
+    if before is not None and budget is None:
+        raise UsageError("--before names a machine for the budget: add --budget FILE")
+    wanted = None if budget is None else BudgetRequest(budget, before)
+    run(machine_request, request, PredictOutputs(modes, check, frf, plant, options, wanted))
 
 
 def run(machine_request: MachineRequest, request: PredictRequest, targets: PredictOutputs) -> None:
@@ -140,7 +149,8 @@ def run(machine_request: MachineRequest, request: PredictRequest, targets: Predi
             for remark in outcome.remarks:
                 SCREEN.say(remark)
             plant = compute_plant(machines, machine_request.path, frfs, targets.plant)
-            _write_files(machines, outcome, plant, targets, output)
+            budget = _compute_budget(machines, machine_request.path, targets.budget, plant)
+            _write_files(machines, outcome, (plant, budget), targets, output)
             outcome = replace(outcome, plant_rows=plant.rows)
         if targets.options.has_json_on_stdout:
             typer.echo(outcome.json())
@@ -148,22 +158,34 @@ def run(machine_request: MachineRequest, request: PredictRequest, targets: Predi
             typer.echo("\n".join(outcome.table()))
         for sentence in plant.sentences:
             SCREEN.say(sentence)
-        for line in outcome.check_lines():
+        for line in [*outcome.check_lines(), *([] if budget is None else budget.lines())]:
             (SCREEN.say if targets.has_data_on_stdout else typer.echo)(line)
         if targets.frf and frfs is not None:
             print_frf(machines.model, frfs, plant.interval if targets.plant.bands else None)
         if output is not None:
-            _say_where(output.path, machines, targets.options)
+            _say_where(output.path, machines, targets)
+
+
+def _compute_budget(
+    machines: Machines, path: Path, request: BudgetRequest | None, plant: PlantResult
+) -> BudgetResult | None:
+    """Return the error budget and add its row to those of the JSON file; None for none."""
+    if request is None:
+        return None
+    budget = compute_budget(machines.model.machine, machines.model, path, request)
+    plant.rows["budget"] = budget.row
+    return budget
 
 
 def _write_files(
     machines: Machines,
     outcome: Outcome,
-    plant: PlantResult,
+    plant_and_budget: tuple[PlantResult, BudgetResult | None],
     targets: PredictOutputs,
     output: OutputFolder | None,
 ) -> None:
     """Write the folder of the result, the files that the user names, and the JSON last."""
+    plant, budget = plant_and_budget
     if output is not None:
         with output.write() as place:
             machines.write_combined(place, output.path)
@@ -172,17 +194,22 @@ def _write_files(
                 geometry = machine_geometry(outcome.machine)
                 text = render(outcome, geometry, machines.rates)
                 (place / PAGE).write_text(text, encoding="utf-8")
+                if budget is not None:
+                    (place / PLANT_PAGE).write_text(budget.page(), encoding="utf-8")
     plant.write_named_files()
     if targets.options.json is not None and not targets.options.has_json_on_stdout:
         write_json(replace(outcome, plant_rows=plant.rows).json(), targets.options.json)
 
 
-def _say_where(folder: Path, machines: Machines, options: ResultOptions) -> None:
+def _say_where(folder: Path, machines: Machines, targets: PredictOutputs) -> None:
     """Say where the files of the result are."""
     if machines.combined is not None:
         SCREEN.say(f"combined machine: {folder / COMBINED_NAME}")
-    if options.pictures:
-        SCREEN.say(f"pictures: open {(folder / PAGE).resolve().as_uri()}")
+    if not targets.options.pictures:
+        return
+    SCREEN.say(f"pictures: open {(folder / PAGE).resolve().as_uri()}")
+    if targets.budget is not None:
+        SCREEN.say(f"error budget: open {(folder / PLANT_PAGE).resolve().as_uri()}")
 
 
 def _open_output(
@@ -192,7 +219,7 @@ def _open_output(
     options = targets.options
     if not (options.pictures or request.additions or targets.plant.has_folder):
         return nullcontext()
-    names: tuple[str, ...] = (PAGE, *FOLDER_NAMES)
+    names: tuple[str, ...] = (PAGE, PLANT_PAGE, *FOLDER_NAMES)
     if request.additions:
         names = (*names, COMBINED_NAME, STAGE_COPY_NAME)
     if options.out is not None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from budget_case import BUDGET, FLOOR, FLOOR_HZ, TWO, VALUES
 from scipy.linalg import expm
 
 from identification.words import InputError
@@ -15,51 +16,6 @@ from tuning.error_budget.rms_interval import (
     rms_interval,
     sample_rms,
 )
-
-TWO = """
-<mujoco model="two"><option gravity="0 0 0"/><worldbody>
-  <body name="base"><inertial pos="0 0 0" mass="{m1}" diaginertia="1 1 1"/>
-    <joint name="base_tx" type="slide" axis="1 0 0" stiffness="{k1}" damping="{c1}"/>
-    <site name="acc1" pos="0 0 0"/>
-    <body name="head"><inertial pos="0 0 0.2" mass="{m2}" diaginertia="1 1 1"/>
-      <joint name="head_tx" type="slide" axis="1 0 0" stiffness="{k2}" damping="{c2}"/>
-      <site name="acc2" pos="0 0 0.2"/>
-    </body></body></worldbody>
-  <actuator><motor name="drive" joint="head_tx" gear="2"/></actuator></mujoco>
-"""
-VALUES = {"m1": 30.0, "k1": 9e5, "c1": 400.0, "m2": 8.0, "k2": 7e4, "c2": 40.0}
-BUDGET = """
-band = [2.0, 45.0]
-[error.top]
-output = "acc2:+tx"
-minus = "acc1:+tx"
-[error.base]
-output = "acc1:+tx"
-unit = "um"
-[disturbance.floor]
-input = "floor:+tx"
-csv = "floor.csv"
-[disturbance.ripple]
-input = "drive"
-density = 0.3
-unit = "N^2/Hz"
-{lines}
-[noise.encoder]
-loop = "axis"
-density = 2e-7
-unit = "m/sqrt(Hz)"
-[loop.axis]
-input = "drive"
-output = "acc2:+tx"
-minus = "acc1:+tx"
-delay = {delay}
-controller = {{zeros = [-60.0, -8.0], poles = [-0.5, -700.0], gain = {gain}}}
-[[correlation]]
-between = ["floor", "ripple"]
-coherence = 0.6
-phase_deg = 40.0
-"""
-FLOOR_HZ, FLOOR = np.array([1.0, 9.0, 60.0]), np.array([1e-4, 4e-3, 8e-4])
 
 
 @pytest.fixture(scope="module")

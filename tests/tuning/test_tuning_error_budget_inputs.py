@@ -4,7 +4,7 @@ import control
 import numpy as np
 import pytest
 import scipy.io
-from test_tuning_error_budget import BUDGET, TWO, VALUES
+from budget_case import BUDGET, TWO, VALUES
 
 from identification.words import InputError, UsageError
 from mbmodel import as_drawn, load_machine

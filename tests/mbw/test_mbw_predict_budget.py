@@ -1,0 +1,171 @@
+"""``mbw predict --budget``: terminal, JSON, page, and the machine beside."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import CHROMIUM, browse, data_of, unpacked
+from budget_case import BUDGET, FLOOR, FLOOR_HZ, TWO, VALUES
+from typer.testing import CliRunner
+
+from mbmodel import ParameterPosterior, load_machine, machine_model
+from mbw.command import app
+from tuning.files.posterior_file import write_posterior
+
+ASSETS = Path(__file__).resolve().parents[2] / "assets"
+RUNNER = CliRunner()
+PROBE = """<script>
+setTimeout(() => {
+  const texts = {plots: ["spectrum", "sources", "modes-of-error", "joints", "touches", "bode", "poles"].filter(name => byId(name).data && byId(name).data.length),
+    spectrum: byId("spectrum").data.filter(t => t.showlegend !== false).map(t => t.name),
+    bode: byId("bode").data.filter(t => t.showlegend !== false && t.name).map(t => t.name), faults: FAULTS};
+  byId("choice").querySelectorAll("button")[1].click();
+  const select = document.querySelector("#curves select");
+  select.value = String(select.options.length - 1); select.onchange();
+  texts.title = byId("bode").layout.title.text;
+  texts.error = byId("spectrum").layout.yaxis.title.text;
+  document.body.append(element("pre", JSON.stringify(texts), {id: "found"}));
+}, 2500);
+</script>"""  # noqa: E501
+
+
+def run(*arguments):
+    return RUNNER.invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A tuned machine with its posterior, its nominal one, and a budget with a loop."""
+    place = tmp_path_factory.mktemp("plant")
+    (place / "two.xml").write_text(TWO.format(**{**VALUES, "k1": 7e5}), encoding="utf-8")
+    (place / "campaign.toml").write_text('model = "two.xml"\n', encoding="utf-8")
+    tuned = place / "x-tuned"
+    tuned.mkdir()
+    (tuned / "tuned.xml").write_text(TWO.format(**VALUES), encoding="utf-8")
+    record = {"tuned.xml": {"verb": "tune", "source": "../campaign.toml"}}
+    (tuned / ".mbw.json").write_text(json.dumps(record), encoding="utf-8")
+    model = machine_model(load_machine(tuned / "tuned.xml"))
+    names = tuple(p.name for p in model.parameters[:4])
+    posterior = ParameterPosterior(
+        names, names, model.drawn[:4], np.arange(4), np.ones(4), np.ones(4, bool),
+        0.03**2 * np.eye(4), 0.02,
+    )  # fmt: skip
+    write_posterior(posterior, tuned / "posterior.npz")
+    rows = "\n".join(f"{f},{s}" for f, s in zip(FLOOR_HZ, FLOOR, strict=True))
+    (place / "floor.csv").write_text(f"f,x [(m/s^2)^2/Hz]\n{rows}\n", encoding="utf-8")
+    text = BUDGET.format(gain=3e5, delay=3e-4, lines="")
+    (place / "budget.toml").write_text(text, encoding="utf-8")
+    result = run(
+        "predict", tuned / "tuned.xml", "--budget", place / "budget.toml",
+        "--out", place / "out", "--json", place / "out.json",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    (place / "stdout.txt").write_text(result.stdout, encoding="utf-8")
+    return place
+
+
+def test_a_tuned_machine_has_intervals_and_stands_beside_the_nominal_one(folder):
+    row = json.loads((folder / "out.json").read_text())["budget"]
+    assert row["before"].endswith("two.xml")
+    assert row["loops"] == ["axis"]
+    for error in row["errors"]:
+        assert error["low"] < error["rms"] < error["high"]
+        assert error["before"] != pytest.approx(error["rms"], rel=1e-3)
+        assert sum(share["share"] for share in error["sources"] + error["cross_terms"]) == (
+            pytest.approx(1.0)
+        )
+        assert error["cumulative"][0] == pytest.approx(error["rms"])
+        assert sorted(error["cumulative"], reverse=True) == error["cumulative"]
+        # Model error of 2 % of unknown sign: sqrt(2) less for the rms.
+        assert error["deviation"] > 0.02 / np.sqrt(2)
+    assert {touch["parameter"] for touch in row["errors"][0]["touches"]} == {
+        "base_tx.stiffness", "base_tx.damping", "head_tx.stiffness", "head_tx.damping"
+    }  # fmt: skip
+
+
+def test_the_terminal_states_the_error_with_its_interval_and_shares(folder):
+    lines = (folder / "stdout.txt").read_text().splitlines()
+    assert lines[0] == "error budget, 2 to 45 Hz, loops closed: axis:"
+    assert lines[1].startswith("  top = acc2:+tx - acc1:+tx: ")
+    assert " nm rms (95 %: " in lines[1]
+    assert "; before " in lines[1]
+    assert any(line.startswith("    cross terms: floor and ripple ") for line in lines)
+    assert any(line.startswith("    10 % more of: ") for line in lines)
+
+
+def test_the_page_holds_the_numbers_of_the_json(folder):
+    row = json.loads((folder / "out.json").read_text())["budget"]["errors"][0]
+    data = data_of((folder / "out" / "plant.html").read_text("utf-8"))
+    top = data["errors"][0]
+    assert unpacked(top["cumulative"]["values"])[0] == pytest.approx(1e9 * row["rms"], rel=1e-5)
+    freq = unpacked(top["density"]["freq"]).astype(float)
+    total = unpacked(top["density"]["total"]).astype(float)
+    rms = np.sqrt(np.trapezoid(total**2, freq))
+    assert rms == pytest.approx(1e9 * row["rms"], rel=0.02)
+    assert data["curves"]["ports"][-1][0].startswith("plant of axis")
+    assert data["samples"]
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
+def test_the_page_draws_in_a_browser(folder):
+    found = browse((folder / "out" / "plant.html").read_text("utf-8"), folder, probe=PROBE)
+    assert found["faults"] == []
+    assert len(found["plots"]) == 7
+    assert found["spectrum"][:2] == ["two", "as drawn (two.xml)"]
+    assert found["bode"] == ["95 % interval", "as drawn (two.xml)", "two"]
+    assert found["title"].startswith("plant of axis")
+    assert found["error"] == "rms above / um"
+
+
+def test_what_a_diagnosis_found_is_stated_in_the_unit_of_the_error(folder):
+    diagnosed = folder / "x-diagnosed"
+    diagnosed.mkdir()
+    text = TWO.format(**{**VALUES, "k2": 5e4})
+    (diagnosed / "augmented.xml").write_text(text, encoding="utf-8")
+    steps = {name: {"error": 1.0, "excess": 9.0} for name in ("as_drawn", "retuned", "after")}
+    cause = {
+        "effect": "parallel_path", "location": "pair:base-head", "dof": "tx", "probability": 0.97,
+        "parameters": {}, "interval": {}, "excess_after": 1.0,
+    }  # fmt: skip
+    verdict = {
+        "verdict": "explained", "probability": {"none": 0.0, "unexplained": 0.0, "several": 0.0},
+        "gap": {**steps, "noise": 0.1, "closed": 0.9, "interval": {}}, "where": [],
+        "causes": [cause, {**cause, "effect": "appendage", "probability": 0.02}],
+        "twins": [], "not_testable": [], "next_experiment": None,
+    }  # fmt: skip
+    (diagnosed / "verdict.json").write_text(json.dumps(verdict), encoding="utf-8")
+    result = run(
+        "predict", diagnosed / "augmented.xml", "--budget", folder / "budget.toml",
+        "--before", folder / "x-tuned", "--no-pictures",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    causes = [line for line in result.stdout.splitlines() if "parallel_path" in line]
+    assert causes[0].startswith("top: parallel_path at pair:base-head costs ")
+    assert causes[0].endswith(" nm")
+
+
+def test_an_unstable_loop_ends_with_exit_code_3_and_one_sentence(folder):
+    text = (folder / "budget.toml").read_text().replace("gain = 300000.0", "gain = 5e6")
+    (folder / "hot.toml").write_text(text, encoding="utf-8")
+    result = run("predict", folder / "two.xml", "--budget", folder / "hot.toml", "--no-pictures")
+    assert result.exit_code == 3
+    assert "closed loop is unstable: the pole" in result.stderr
+    assert "lower the gain of axis" in result.stderr
+
+
+def test_a_machine_beside_without_a_budget_is_a_usage_error(folder):
+    result = run("predict", folder / "two.xml", "--before", folder / "two.xml")
+    assert result.exit_code == 2
+
+
+def test_the_station_has_a_budget_as_its_readme_shows(tmp_path):
+    station = ASSETS / "microstation"
+    result = run(
+        "predict", station / "station_identified.xml", "--budget", station / "budget.toml",
+        "--before", station / "station.xml", "--no-pictures", "--json", tmp_path / "b.json",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    row = json.loads((tmp_path / "b.json").read_text())["budget"]
+    assert [error["name"] for error in row["errors"]] == ["x", "z", "tilt"]
+    assert row["errors"][0]["modes"][0]["frequency"] == pytest.approx(11.9, abs=0.1)

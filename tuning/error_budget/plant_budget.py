@@ -1,0 +1,110 @@
+"""The budget of a machine beside that of another one, with its interval and what to touch."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from identification.words import InputError, Real
+from mbmodel import Model, PosteriorOfModel
+from tuning.error_budget.budget import ErrorBudget, error_budget
+from tuning.error_budget.definition import BudgetDefinition
+from tuning.error_budget.plant_curves import PlantCurves, plant_curves
+from tuning.error_budget.rms_interval import (
+    RmsInterval,
+    log_rms_gradient,
+    refuse_unstable_samples,
+    rms_interval,
+)
+
+STEP_OF_A_TOUCH = 0.1  # relative change of a stiffness or damping whose effect is stated
+_POSTERIOR_SAMPLES = 60  # for bands and stability: a deviation is right to 9 %
+_SAMPLE_SEED = 1
+
+
+@dataclass(frozen=True)
+class Touch:
+    """Effect of one spring or damper on an error.
+
+    Args:
+        parameter: such as ``tilt_ry.stiffness``.
+        change: of the rms for 10 % more of it [m or rad].
+    """
+
+    parameter: str
+    change: float
+
+
+@dataclass(frozen=True, eq=False)
+class PlantBudget:
+    """Budget of a machine, and what stands beside it.
+
+    Args:
+        budget: of the machine.
+        before: of another machine, such as the nominal one; None for none.
+        before_failure: why the other machine has no budget; empty if it has one.
+        interval: of the rms errors; None without a posterior.
+        posterior: of the parameters; None for none.
+        thetas: samples of the posterior; None for none.
+    """
+
+    budget: ErrorBudget
+    before: ErrorBudget | None = None
+    before_failure: str = ""
+    interval: RmsInterval | None = None
+    posterior: PosteriorOfModel | None = None
+    thetas: Real | None = None
+
+    @cached_property
+    def touches(self) -> tuple[tuple[Touch, ...], ...]:
+        """For each error the springs and dampers, the strongest first."""
+        model = self.budget.linearised.model
+        slopes = log_rms_gradient(self.budget) * model.drawn
+        changes = self.budget.rms[:, None] * ((1 + STEP_OF_A_TOUCH) ** slopes - 1)
+        names = [parameter.name for parameter in model.parameters]
+        rows = []
+        for values in changes:
+            order = np.argsort(-np.abs(values), kind="stable")
+            rows.append(
+                tuple(
+                    Touch(names[k], float(values[k]))
+                    for k in order
+                    if names[k].endswith((".stiffness", ".damping")) and values[k]
+                )
+            )
+        return tuple(rows)
+
+    def curves(self) -> PlantCurves:
+        """Return the FRFs of the budget with their bands."""
+        return plant_curves(self.budget, self.before, self.posterior, self.thetas)
+
+
+def plant_budget(
+    model: Model,
+    definition: BudgetDefinition,
+    before: Model | None = None,
+    posterior: PosteriorOfModel | None = None,
+) -> PlantBudget:
+    """Compute the budget of a machine at its nominal values.
+
+    Args:
+        model: of the machine; that of the posterior if there is one.
+        definition: errors, sources and loops.
+        before: another machine with the same labels; None for none.
+        posterior: of the parameters; None for no intervals.
+
+    Raises:
+        InputError: the machine, or some machine of the posterior, is unstable with the loops.
+    """
+    budget = error_budget(model, model.drawn, definition)
+    other, failure = None, ""
+    if before is not None:
+        try:
+            other = error_budget(before, before.drawn, definition)
+        except InputError as error:
+            failure = str(error)
+    if posterior is None:
+        return PlantBudget(budget, other, failure)
+    thetas = posterior.sample(_POSTERIOR_SAMPLES, _SAMPLE_SEED)
+    refuse_unstable_samples(budget, thetas)
+    return PlantBudget(budget, other, failure, rms_interval(budget, posterior), posterior, thetas)
