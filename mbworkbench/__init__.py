@@ -28,6 +28,7 @@ from identification.words import (
     UsageError,
     WorkbenchError,
 )
+from mbworkbench.budgets import ErrorBudgetResult, error_budget
 from mbworkbench.campaign import MeasuredCampaign, read_campaign
 from mbworkbench.diagnosing import DiagnosisResult, diagnose
 from mbworkbench.identifying import IdentifiedModel, identify
@@ -43,6 +44,7 @@ __all__ = [
     "ConvergenceError",
     "DiagnosisResult",
     "Dof",
+    "ErrorBudgetResult",
     "Frf",
     "FrfEstimate",
     "IdentifiedModel",
@@ -59,6 +61,7 @@ __all__ = [
     "WorkbenchError",
     "__version__",
     "diagnose",
+    "error_budget",
     "identify",
     "plot",
     "read_campaign",

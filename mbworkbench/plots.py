@@ -8,6 +8,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from identification.words import Complex, Dof, Frf, FrfEstimate, Real, Test
+from mbworkbench.budgets import ErrorBudgetResult
 from mbworkbench.campaign import MeasuredCampaign
 from mbworkbench.diagnosing import DiagnosisResult
 from mbworkbench.identifying import IdentifiedModel
@@ -27,11 +28,11 @@ def plot(result: object) -> go.Figure:
 
     FRFs are drawn with magnitude and phase; a campaign with its drive points and their coherence;
     modes with frequency and damping; a tuned model beside the measurement at the drive points; a
-    diagnosis with its gap, places and causes.
+    diagnosis with its gap, places and causes; an error budget with its cumulative spectra.
 
     Args:
         result: ``Frf``, ``FrfEstimate``, or what ``read_campaign``, ``identify``, ``modes``,
-            ``tune`` or ``diagnose`` returned.
+            ``tune``, ``diagnose`` or ``error_budget`` returned.
 
     Raises:
         TypeError: there is no figure of this type.
@@ -119,6 +120,20 @@ def _(result: TunedModel) -> go.Figure:
                 visible=True if number == 0 else "legendonly",
             )
     figure.update_layout(title=f"drive points of {comparison.campaign.name}")
+    return figure
+
+
+@plot.register
+def _(result: ErrorBudgetResult) -> go.Figure:
+    figure = go.Figure()
+    budget = result.plant.budget
+    freq, values = budget.cumulative()
+    for number, error in enumerate(budget.definition.errors):
+        unit, size = budget.definition.units[error.name]
+        figure.add_scatter(x=freq, y=values[:, number] / size, name=f"{error.name} [{unit}]")
+    figure.update_xaxes(type="log", title_text="frequency [Hz]")
+    figure.update_yaxes(title_text="rms above the frequency")
+    figure.update_layout(title="cumulative amplitude spectra")
     return figure
 
 

@@ -21,7 +21,7 @@ from tuning.error_budget.plant_curves import PlantCurves
 
 PLANT_PAGE = "plant.html"
 _MAX_BARS = 8  # of each kind
-_MAX_DENSITY_LINES = 900  # of a curve on the page
+_MAX_CURVE_LINES = 900  # of a curve on the page
 _MAX_SHOWN_SAMPLES = 25  # machines of the posterior whose poles are drawn
 
 
@@ -33,7 +33,7 @@ def render_plant(
     Args:
         plant: the budget, and what stands beside it.
         row: its rows.
-        names: of the machine, and of the other one.
+        names: of the machine, and of the counterpart.
         causes: sentences on what a diagnosis found.
     """
     after, before = names
@@ -111,7 +111,7 @@ def _error_cells(error: ErrorRow, unit: float) -> str:
 def _data(plant: PlantBudget, row: BudgetRow, names: tuple[str, str]) -> dict[str, object]:
     """Return the data of the script."""
     definition = plant.budget.definition
-    other = plant.before
+    counterpart = plant.before
     return {
         "after": names[0],
         "before": names[1],
@@ -120,14 +120,16 @@ def _data(plant: PlantBudget, row: BudgetRow, names: tuple[str, str]) -> dict[st
         "errors": [_error_data(plant, error, k) for k, error in enumerate(row.errors)],
         "curves": _curve_data(plant.curves()),
         "poles": [[pole.frequency, pole.damping] for pole in row.poles],
-        "polesBefore": None if other is None else _shown_poles(other.states.poles(), row.band[1]),
+        "polesBefore": None
+        if counterpart is None
+        else _shown_poles(counterpart.states.poles(), row.band[1]),
         "samples": _sample_poles(plant, row.band[1]),
     }
 
 
 def _error_data(plant: PlantBudget, error: ErrorRow, number: int) -> dict[str, object]:
     """Return spectra and bars of one error."""
-    budget, other = plant.budget, plant.before
+    budget, counterpart = plant.budget, plant.before
     unit = budget.definition.units[error.name][1]
     cumulative: dict[str, object] = {
         "freq": pack_real(np.array(error.freq_hz)),
@@ -139,10 +141,10 @@ def _error_data(plant: PlantBudget, error: ErrorRow, number: int) -> dict[str, o
         "total": pack_real(total / unit),
         "sources": [pack_real(part / unit) for part in parts],
     }
-    if other is not None:
-        lines, values = thin_cumulative(other, number)
+    if counterpart is not None:
+        lines, values = thin_cumulative(counterpart, number)
         cumulative |= {"beforeFreq": pack_real(lines), "before": pack_real(values / unit)}
-        lines, values, _ = _densities(other, number)
+        lines, values, _ = _densities(counterpart, number)
         density |= {"beforeFreq": pack_real(lines), "before": pack_real(values / unit)}
     return {
         "name": error.name,
@@ -163,7 +165,7 @@ def _densities(budget: ErrorBudget, number: int) -> tuple[Real, Real, list[Real]
     freq, density = budget.density()
     count, total = budget.random_lines, np.sqrt(density[:, number])
     parts = np.abs(budget.scaled[:count, number]) / np.sqrt(trapezoid_weights(freq))[:, None]
-    chosen = np.unique(np.linspace(0, count - 1, _MAX_DENSITY_LINES).round().astype(int))
+    chosen = np.unique(np.linspace(0, count - 1, _MAX_CURVE_LINES).round().astype(int))
     return freq[chosen], total[chosen], [parts[chosen, k] for k in range(parts.shape[1])]
 
 

@@ -42,7 +42,7 @@ class BudgetResult:
     Args:
         plant: the budget, and what stands beside it.
         row: for the JSON file.
-        names: of the machine, and of the other one.
+        names: of the machine, and of the counterpart.
         causes: sentences on what a diagnosis found.
     """
 
@@ -74,7 +74,7 @@ def compute_budget(
         machine: with what is put on it.
         model: its nominal model with laws of its springs, for a machine without a posterior.
         path: MJCF of the machine.
-        request: budget.toml, and the other machine.
+        request: budget.toml, and the counterpart.
 
     Raises:
         InputError: a file cannot be used, or the machine is unstable with the loops.
@@ -82,12 +82,12 @@ def compute_budget(
     definition = read_definition(request.file, machine)
     fitted, posterior = model_with_posterior(machine, path)
     before = request.before or _machine_before(path)
-    other = None
+    counterpart = None
     if before is not None:
         before = tuned_file(before)
-        other, _ = model_with_posterior(load_machine(before), before)
-        read_definition(request.file, other.machine)  # refuses labels that it lacks
-    plant = plant_budget(model if posterior is None else fitted, definition, other, posterior)
+        counterpart, _ = model_with_posterior(load_machine(before), before)
+        read_definition(request.file, counterpart.machine)  # refuses labels that it lacks
+    plant = plant_budget(model if posterior is None else fitted, definition, counterpart, posterior)
     remarks = list(definition.remarks)
     if plant.before_failure and before is not None:
         remarks.append(f"{before.name} has no budget: {plant.before_failure}")
@@ -100,7 +100,7 @@ def compute_budget(
 
 
 def _name_of(before: Path) -> str:
-    """Return the name of the other machine: as drawn, or by its file."""
+    """Return the name of the counterpart: as drawn, or by its file."""
     return "tuned" if before.name == TUNED_MJCF else f"as drawn ({before.name})"
 
 

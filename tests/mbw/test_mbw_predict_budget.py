@@ -146,7 +146,7 @@ def test_what_a_diagnosis_found_is_stated_in_the_unit_of_the_error(folder):
 
 
 def test_an_unstable_loop_ends_with_exit_code_3_and_one_sentence(folder):
-    text = (folder / "budget.toml").read_text().replace("gain = 300000.0", "gain = 5e6")
+    text = (folder / "budget.toml").read_text().replace("gain = 300000.0", "gain = 8e7")
     (folder / "hot.toml").write_text(text, encoding="utf-8")
     result = run("predict", folder / "two.xml", "--budget", folder / "hot.toml", "--no-pictures")
     assert result.exit_code == 3

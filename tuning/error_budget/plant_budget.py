@@ -42,7 +42,7 @@ class PlantBudget:
     Args:
         budget: of the machine.
         before: of another machine, such as the nominal one; None for none.
-        before_failure: why the other machine has no budget; empty if it has one.
+        before_failure: why the counterpart has no budget; empty if it has one.
         interval: of the rms errors; None without a posterior.
         posterior: of the parameters; None for none.
         thetas: samples of the posterior; None for none.
@@ -97,14 +97,16 @@ def plant_budget(
         InputError: the machine, or some machine of the posterior, is unstable with the loops.
     """
     budget = error_budget(model, model.drawn, definition)
-    other, failure = None, ""
+    counterpart, failure = None, ""
     if before is not None:
         try:
-            other = error_budget(before, before.drawn, definition)
+            counterpart = error_budget(before, before.drawn, definition)
         except InputError as error:
             failure = str(error)
     if posterior is None:
-        return PlantBudget(budget, other, failure)
+        return PlantBudget(budget, counterpart, failure)
     thetas = posterior.sample(_POSTERIOR_SAMPLES, _SAMPLE_SEED)
     refuse_unstable_samples(budget, thetas)
-    return PlantBudget(budget, other, failure, rms_interval(budget, posterior), posterior, thetas)
+    return PlantBudget(
+        budget, counterpart, failure, rms_interval(budget, posterior), posterior, thetas
+    )

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import Complex, Real
+from identification.words import Complex, Dof, Input, Real
 from mbmodel import Evaluator, FrfRequest, Model, PosteriorOfModel
 from tuning.error_budget.budget import ErrorBudget
 from tuning.error_budget.definition import BudgetDefinition, Source, is_motion
@@ -69,9 +69,9 @@ def plant_curves(
     freq = _curve_lines(definition.band, np.concatenate(poles))
     model = budget.linearised.model
     values = _responses(model, budget.linearised.theta, definition, freq)
-    other = None
+    counterpart = None
     if before is not None:
-        other = _responses(before.linearised.model, before.linearised.theta, definition, freq)
+        counterpart = _responses(before.linearised.model, before.linearised.theta, definition, freq)
     magnitude = phase = None
     if posterior is not None and thetas is not None:
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -82,7 +82,7 @@ def plant_curves(
         floor = posterior.posterior.error_floor / np.sqrt(2)
         magnitude = np.hypot(np.nan_to_num(logs.real).std(axis=0), floor)
         phase = np.hypot(np.nan_to_num(logs.imag).std(axis=0), floor)
-    return PlantCurves(_curve_ports(definition), freq, values, other, magnitude, phase)
+    return PlantCurves(_curve_ports(definition), freq, values, counterpart, magnitude, phase)
 
 
 def _curve_lines(band: tuple[float, float], poles: Complex) -> Real:
@@ -142,10 +142,10 @@ def _source_units(definition: BudgetDefinition) -> list[str]:
     return [unit(source) for source in definition.sources]
 
 
-def _input_unit(port: object) -> str:
-    is_rotation = bool(getattr(port, "is_rotation", False))
+def _input_unit(port: Input) -> str:
+    is_rotation = isinstance(port, Dof) and port.is_rotation
     if is_motion(port):
         return "rad/s²" if is_rotation else "m/s²"
-    if ":" not in str(port):
+    if not isinstance(port, Dof):
         return "unit of control"
     return "N m" if is_rotation else "N"

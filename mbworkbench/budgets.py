@@ -1,0 +1,109 @@
+"""The error budget of a machine, with its intervals."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from mbmodel import as_drawn
+from mbworkbench.labels import AnyPath, as_path
+from mbworkbench.model import MachineModel, read_model
+from mbworkbench.tables import html_table
+from tuning.error_budget.machine_files import model_with_posterior, tuned_file
+from tuning.error_budget.plant_budget import PlantBudget, plant_budget
+from tuning.error_budget.read_definition import read_definition
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorBudgetResult:
+    """Errors of a machine under its disturbances, in SI, with shares and intervals.
+
+    Attributes:
+        plant: spectra, shares, poles and gradients.
+    """
+
+    plant: PlantBudget
+
+    @property
+    def rms(self) -> dict[str, float]:
+        """Root mean square of each error by name [m or rad]."""
+        budget = self.plant.budget
+        names = [error.name for error in budget.definition.errors]
+        return dict(zip(names, budget.rms.tolist(), strict=True))
+
+    @property
+    def interval(self) -> dict[str, tuple[float, float]]:
+        """Ends of the 95 % interval of each error [m or rad]; empty without a posterior."""
+        if self.plant.interval is None:
+            return {}
+        low, high = self.plant.interval.ends()
+        return dict(zip(self.rms, zip(low.tolist(), high.tolist(), strict=True), strict=True))
+
+    @property
+    def sources(self) -> dict[str, dict[str, float]]:
+        """Share of each source in the mean square of each error, without cross terms."""
+        budget = self.plant.budget
+        names = [source.name for source in budget.definition.sources]
+        rows = budget.source_shares.tolist()
+        return {
+            error: dict(zip(names, row, strict=True))
+            for error, row in zip(self.rms, rows, strict=True)
+        }
+
+    def _rows(self) -> list[tuple[str, str, str, str]]:
+        """Return name, rms, interval and largest source of each error."""
+        units, intervals = self.plant.budget.definition.units, self.interval
+        rows = []
+        for name, value in self.rms.items():
+            unit, size = units[name]
+            ends = intervals.get(name)
+            largest = max(self.sources[name].items(), key=lambda pair: pair[1])
+            rows.append(
+                (
+                    name,
+                    f"{value / size:.4g} {unit}",
+                    "" if ends is None else f"{ends[0] / size:.4g} to {ends[1] / size:.4g}",
+                    f"{largest[0]} {100 * largest[1]:.0f} %",
+                )
+            )
+        return rows
+
+    def __repr__(self) -> str:
+        """Return each error with its interval and its largest source in a line."""
+        return "\n".join(
+            f"{name}: {value} rms{f' (95 %: {ends})' if ends else ''}, largest source {source}"
+            for name, value, ends, source in self._rows()
+        )
+
+    def _repr_html_(self) -> str:
+        """Return a table of the errors for a notebook."""
+        header = ("error", "rms", "95 % interval", "largest source")
+        return html_table("Error budget", header, self._rows())
+
+
+def error_budget(
+    model: MachineModel | AnyPath,
+    budget: AnyPath,
+    *,
+    controllers: Mapping[str, Any] | None = None,
+    before: MachineModel | None = None,
+) -> ErrorBudgetResult:
+    """Compute the error budget of a machine.
+
+    Args:
+        model: from ``read_model``, or the path of an MJCF or of a tuning's folder. A ``tuned.xml``
+            with ``posterior.npz`` beside it has intervals.
+        budget: path of budget.toml.
+        controllers: systems of python-control that replace controllers of the file, by the name of
+            their loop.
+        before: another machine to compare with.
+
+    Raises:
+        InputError: a file cannot be used, or the machine is unstable with its loops.
+        UsageError: a controller of no loop, or one that is not continuous.
+    """
+    if not isinstance(model, MachineModel):
+        model = read_model(tuned_file(as_path(model)))
+    definition = read_definition(as_path(budget), model.machine, controllers)
+    fitted, posterior = model_with_posterior(model.machine, model.machine.source)
+    reference = None if before is None else as_drawn(before.machine)
+    return ErrorBudgetResult(plant_budget(fitted, definition, reference, posterior))
