@@ -9,6 +9,7 @@ from mbmodel.additions import (
     released_joint_elements,
     suspended_mass_elements,
 )
+from mbmodel.assembly import Matrices
 from mbmodel.compliance.flexible_body import BendingMode, add_bending_mode
 from mbmodel.compliance.released_directions import RigidDirection, release_rigid_directions
 from mbmodel.export.branch_states import ApproximatedLaw
@@ -26,7 +27,7 @@ from mbmodel.machine import Machine, parent_bodies
 from mbmodel.machine_loading import load_machine
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf, write_mjcf
 from mbmodel.mjcf.read import mjcf_files
-from mbmodel.model import Matrices, Model, as_drawn
+from mbmodel.model import Model, as_drawn
 from mbmodel.modes.common_motions import weighted_motions
 from mbmodel.modes.energy_shares import EnergyShares, energy_shares
 from mbmodel.modes.model_modes import Modes, model_modes, modes_of_matrices, shapes_at

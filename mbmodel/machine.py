@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from identification.words import (
 from mbmodel.linearisation.drawing import Drawing
 from mbmodel.linearisation.motors import ActuatorGain
 from mbmodel.linearisation.springs import Spring
+from mbmodel.linearisation.statics import Statics
 from mbmodel.spatial import transport
 
 
@@ -53,6 +55,21 @@ class Axle:
 
 
 @dataclass(frozen=True, eq=False)
+class Pose:
+    """Where a machine rests with other parameters than those of the nominal model.
+
+    Args:
+        position: joint positions [m, rad]; (nq,).
+        turns: rotation of each body from its nominal rest, world axes; (n_body, 3, 3).
+        centres: place of each body's nominal centre of mass [m]; (n_body, 3).
+    """
+
+    position: Real
+    turns: Real
+    centres: Real
+
+
+@dataclass(frozen=True, eq=False)
 class Machine:
     """Rigid bodies on joints, at static equilibrium, in joint coordinates q.
 
@@ -81,6 +98,9 @@ class Machine:
         spinning: whether a hinge turns steadily.
         keyframe: name of the keyframe that gives the pose and the controls; empty for the drawing.
         remarks: sentences for the user on this linearisation.
+        statics: of the MJCF, if the equilibrium follows the parameters; None if it stays.
+        pose: where the machine rests, if not at its nominal rest. Body motions, forces and points
+            are then in axes that turned with the bodies, in which they are as in the nominal rest.
 
     Raises:
         ValueError: arrays whose shapes do not fit.
@@ -105,6 +125,8 @@ class Machine:
     spinning: bool = False
     keyframe: str = ""
     remarks: tuple[str, ...] = ()
+    statics: Statics | None = None
+    pose: Pose | None = None
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""
@@ -163,12 +185,25 @@ class Machine:
         Rows of bodies that the drawing lacks, such as bending modes, are zero.
         """
         layout = self.layout
-        return np.concatenate(
+        centres = layout.centres if self.pose is None else self.pose.centres
+        motion = np.stack(
             [
                 transport(centre) if name in self.drawing.bodies else np.zeros((6, 6))
-                for name, centre in zip(layout.bodies, layout.centres, strict=True)
+                for name, centre in zip(layout.bodies, centres, strict=True)
             ]
         )
+        if self.pose is not None:
+            turned = motion.reshape(-1, 2, 3, 6)
+            motion = np.einsum("bji,bkjn->bkin", self.pose.turns, turned).reshape(-1, 6, 6)
+        return motion.reshape(-1, 6)
+
+    @cached_property
+    def body_gravity(self) -> Real:
+        """Gravity in the axes of each body [m/s^2]; (n_body, 3)."""
+        if self.pose is None:
+            return np.tile(self.gravity, (len(self.layout.bodies), 1))
+        gravity: Real = np.einsum("bji,j->bi", self.pose.turns, self.gravity)
+        return gravity
 
 
 def parent_bodies(machine: Machine) -> dict[str, str | None]:

@@ -16,12 +16,14 @@ from mbmodel.linearisation.points import machine_layout
 from mbmodel.linearisation.remarks import equilibrium_remarks
 from mbmodel.linearisation.spin import spin_remarks, spin_velocity
 from mbmodel.linearisation.springs import find_springs
+from mbmodel.linearisation.statics import Statics
 from mbmodel.linearisation.tendon_slopes import tendon_jacobian
 from mbmodel.machine import Axle, Machine
 from mbmodel.mjcf.keyframes import choose_keyframe, keyframe_remarks, pose_data
 from mbmodel.mjcf.names import body_name, coordinate_names, joint_name
 from mbmodel.mjcf.read import compile_with_remarks
 from mbmodel.mjcf.stages import stage_bodies, stage_members, stage_of
+from mbmodel.moving_equilibrium.relevance import with_statics
 from mbmodel.nonlinear_joints.remarks import nonlinear_remarks
 from mbmodel.spatial import spatial_inertia
 
@@ -95,7 +97,12 @@ def load_machine(
         ),
     )
     check_linear_model(model, data, machine, path, velocity)
-    return machine
+    frames = data.xmat[stages].reshape(-1, 3, 3)
+    from_origins = np.array(centres) - data.xpos[stages]
+    in_frames = np.einsum("bji,bj->bi", frames, from_origins)
+    rest = data.qpos.copy()
+    statics = Statics(model, path, keyframe, rest, tuple(stages), frames, in_frames)
+    return with_statics(machine, statics, data)
 
 
 def _gravity(model: mujoco.MjModel) -> Real:

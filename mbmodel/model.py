@@ -1,8 +1,8 @@
 """A model: a machine with its Parts, assembled to an equation of motion at given parameters."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate, pairwise
 from typing import TypeVar
@@ -10,10 +10,13 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from identification.words import Complex, Condition, Mask, Real, UsageError
+from identification.words import Condition, Mask, Real, UsageError
+from mbmodel.assembly import Assembly, Matrices, add_product, frequency_dependent_term
 from mbmodel.linearisation.gravity import gravity_slope, gravity_stiffness
 from mbmodel.machine import Machine
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
+from mbmodel.moving_equilibrium.posed_model import model_at_rest, static_parameters
+from mbmodel.moving_equilibrium.slopes import equilibrium_slopes
 from mbmodel.parts import (
     AddedPart,
     BodyPart,
@@ -30,106 +33,6 @@ T = TypeVar("T", bound=np.generic)
 
 # Selects the coefficient of s^2 among (3, n, n): a mass matrix as a polynomial in s.
 _MASS_POWER = np.array([0.0, 0.0, 1.0])[:, None, None]
-
-
-@dataclass(frozen=True, eq=False)
-class Matrices:
-    """The equation of motion M q'' + C q' + K q = T' P f, in joint coordinates.
-
-    Args:
-        mass: M [kg, kg m^2]; (nv, nv).
-        damping: C [N s/m, N m s/rad]; (nv, nv).
-        stiffness: K [N/m, N m/rad]; (nv, nv).
-    """
-
-    mass: Real
-    damping: Real
-    stiffness: Real
-
-    def dynamic_stiffness(self, laplace: complex) -> np.ndarray[tuple[int, int], np.dtype]:
-        """Return Z(s) = s^2 M + s C + K at one complex s [rad/s]; (nv, nv)."""
-        return laplace**2 * self.mass + laplace * self.damping + self.stiffness
-
-
-@dataclass(frozen=True, eq=False)
-class FrequencyDependentTerm:
-    """A term of Z(s) that is no polynomial in s: ``f(s) left (core_0 + s core_1 + ...) right'``.
-
-    Args:
-        left: (nv, r).
-        right: (nv, t).
-        change: the change at bodies or joints that it comes from.
-        owner: first parameter of its Part, or the Part's location without any.
-    """
-
-    left: Real
-    right: Real
-    change: Change
-    owner: str = ""
-
-    def at(self, laplace: Complex) -> Complex:
-        """Return the core times f(s) at each s; (n_freq, r, t)."""
-        return frequency_dependent_core(self.change, laplace)
-
-
-def frequency_dependent_core(change: Change, laplace: Complex) -> Complex:
-    """Return F(s) = f(s) (core_0 + s core_1 + s^2 core_2); (n_freq, r, t).
-
-    Args:
-        change: with its core (3, r, t), and f(s) if it has one.
-        laplace: s [rad/s]; (n_freq,).
-    """
-    powers = laplace[:, None] ** np.arange(3)
-    if change.shape is not None:
-        powers = powers * change.shape(laplace)[:, None]
-    core: Complex = np.einsum("fk,krt->frt", powers, change.core)
-    return core
-
-
-@dataclass(frozen=True, eq=False)
-class Assembly:
-    """All factors of the equation of motion at one theta.
-
-    Args:
-        machine: the machine.
-        jacobian: T; (6 n_body, nv).
-        matrices: M, C, K in joint coordinates.
-        body_changes: what Parts add to Zb.
-        point_changes: what Parts add at sensors and hammer.
-        frequency_dependent: what Parts add to Zb and Zj that is no polynomial in s.
-        input_changes: what each Part changes in the factor of the inputs, by the Part's number.
-        output_changes: what Parts add to the logarithm of the readings' factors.
-    """
-
-    machine: Machine
-    jacobian: Real
-    matrices: Matrices
-    body_changes: tuple[Change, ...]
-    point_changes: tuple[Change, ...]
-    frequency_dependent: tuple[FrequencyDependentTerm, ...] = ()
-    input_changes: Mapping[int, tuple[Change, ...]] = field(default_factory=dict)
-    output_changes: tuple[Change, ...] = ()
-
-    @cached_property
-    def body(self) -> Real:
-        """Zb: coefficients of s^0, s^1, s^2; (3, 6 n_body, 6 n_body)."""
-        size = len(self.machine.body_mass)
-        total = np.zeros((3, size, size))
-        total[2] = self.machine.body_mass
-        for change in self.body_changes:
-            total += change.left @ change.core @ change.right.T
-        return total
-
-    @property
-    def weight_bearing_mass(self) -> Real:
-        """Mb, its rows times each body's weight fraction; (6 n_body, 6 n_body)."""
-        weight_bearing_mass: Real = self.machine.weight_fraction[:, None] * self.body[2]
-        return weight_bearing_mass
-
-    @property
-    def has_weight(self) -> bool:
-        """Whether gravity is on."""
-        return bool(self.machine.gravity.any())
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,9 +120,44 @@ class Model:
         if machine.gravity.any():
             weight_bearing_mass = machine.weight_fraction[:, None] * body[2]
             total[0] += gravity_stiffness(
-                machine.gravity, machine.precedence, jacobian, weight_bearing_mass
+                machine.body_gravity, machine.precedence, jacobian, weight_bearing_mass
             )
         return total
+
+    @cached_property
+    def _rests(self) -> dict[bytes, "Model"]:
+        """The model at its last static equilibrium, by the parameters that it depends on."""
+        return {}
+
+    @cached_property
+    def _slopes_of_rest(
+        self,
+    ) -> dict[tuple[bytes, bytes, tuple[float, ...]], list[tuple[Change, ...]]]:
+        """The last slopes through the equilibrium, by theta, chosen parameters and test."""
+        return {}
+
+    def at_rest(self, theta: Real) -> "Model":
+        """Return the model at its static equilibrium at theta.
+
+        It is the model itself if the equilibrium stays, or if nothing on which it depends differs
+        from the nominal model.
+
+        Args:
+            theta: parameters in SI; (n_parameter,).
+
+        Raises:
+            ConvergenceError: the machine has no equilibrium at theta.
+        """
+        if self.machine.statics is None:
+            return self
+        values = static_parameters(self, theta)
+        if np.array_equal(values, static_parameters(self, self.drawn)):
+            return self
+        key = values.tobytes()
+        if key not in self._rests:
+            self._rests.clear()
+            self._rests[key] = model_at_rest(self, theta)
+        return self._rests[key]
 
     def assemble(self, theta: Real, condition: Condition | None = None) -> Assembly:
         """Assemble T, M, C, K and the changes at sensors and hammer.
@@ -227,7 +165,13 @@ class Model:
         Args:
             theta: parameters in SI; (n_parameter,).
             condition: of the test, for Parts that act in some tests only; None if no test is meant.
+
+        Raises:
+            ConvergenceError: a hung or preloaded machine has no equilibrium at theta.
         """
+        posed = self.at_rest(theta)
+        if posed is not self:
+            return posed.assemble(theta, condition)
         machine = self.machine
         context = PartContext(machine, condition)
         slots = "joint", "body", "path", "output", "point"
@@ -257,7 +201,7 @@ class Model:
             tuple(by_slot["body"]),
             tuple(by_slot["point"]),
             tuple(
-                replace(_frequency_dependent_term(change, jacobian), owner=owner)
+                replace(frequency_dependent_term(change, jacobian), owner=owner)
                 for change, owner in frequency_dependent
             ),
             {number: tuple(changes) for number, changes in input_changes.items()},
@@ -286,7 +230,7 @@ class Model:
             if machine.gravity.any() and change.core[2].any():
                 added = change.left @ change.core[2] @ change.right.T
                 total[0] += gravity_slope(
-                    machine.gravity,
+                    machine.body_gravity,
                     machine.precedence,
                     jacobian,
                     machine.body_mass,
@@ -354,43 +298,26 @@ class Model:
             chosen: parameters of interest; Parts without one get no slopes; all if None;
                 (n_parameter,).
         """
-        context = PartContext(self.machine, condition)
+        posed = self.at_rest(theta)
+        context = PartContext(posed.machine, condition)
         chosen_of_parts = self.split_parameters(
             np.ones(len(theta), bool) if chosen is None else chosen
         )
-        return [
+        slopes = [
             part.slopes(values, context) if mask.any() else ()
             for part, values, mask in zip(
-                self.parts, self.split_parameters(theta), chosen_of_parts, strict=True
+                posed.parts, self.split_parameters(theta), chosen_of_parts, strict=True
             )
         ]
-
-
-def _frequency_dependent_term(change: Change, jacobian: Real) -> FrequencyDependentTerm:
-    """Return a change of joints or bodies in joint coordinates."""
-    if change.slot == "joint":
-        return FrequencyDependentTerm(change.left, change.right, change)
-    if change.slot != "body":
-        raise ValueError(
-            f"a change in slot {change.slot} has a shape f(s): use the slots joint or body"
-        )
-    return FrequencyDependentTerm(jacobian.T @ change.left, jacobian.T @ change.right, change)
-
-
-def add_product(total: Real, left: Real, core: Real, right: Real) -> None:
-    """Add left core right' to the coefficients of s^0, s^1, s^2, in place.
-
-    Most Parts touch a few coordinates only, so that only those rows and columns are computed.
-
-    Args:
-        total: coefficients; (3, n, n).
-        left: (n, r).
-        core: (3, r, t).
-        right: (n, t).
-    """
-    rows, columns = np.flatnonzero(left.any(axis=1)), np.flatnonzero(right.any(axis=1))
-    for power in np.flatnonzero(core.any(axis=(1, 2))):
-        total[power][np.ix_(rows, columns)] += left[rows] @ core[power] @ right[columns].T
+        if self.machine.statics is None:
+            return slopes
+        mask = np.concatenate(chosen_of_parts)
+        key = theta.tobytes(), mask.tobytes(), self.acting_fractions(condition)
+        if key not in self._slopes_of_rest:  # tests of one fit share theta
+            self._slopes_of_rest.clear()
+            self._slopes_of_rest[key] = equilibrium_slopes(self, theta, condition, chosen_of_parts)
+        added = self._slopes_of_rest[key]
+        return [(*fixed, *moved) for fixed, moved in zip(slopes, added, strict=True)]
 
 
 def as_drawn(machine: Machine) -> Model:

@@ -27,7 +27,7 @@ import scipy.linalg
 
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.words import Complex, Integers, Real
-from mbmodel.model import Matrices
+from mbmodel.assembly import Matrices
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,8 +12,8 @@ from diagnosis.levels.law_family import LawFamily
 from diagnosis.levels.law_simulation import LawUnderHits, compute_equivalent_stiffness
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.words import Complex, Real
+from mbmodel.assembly import Matrices
 from mbmodel.frf.ports import apply_point_changes, find_ports
-from mbmodel.model import Matrices
 
 
 @dataclass(frozen=True, eq=False)

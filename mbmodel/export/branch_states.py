@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.words import Real
+from mbmodel.assembly import FrequencyDependentTerm, Matrices
 from mbmodel.export.approximations import Approximation, approximate
-from mbmodel.model import FrequencyDependentTerm, Matrices
 
 _MAX_SOFTENING = 0.5  # of the static stiffness that the branches of a law may take away
 _LOSS_OF_WEIGHTS = 0.02  # loss factor of all springs where lines are weighted by their strain

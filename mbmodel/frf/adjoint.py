@@ -207,11 +207,16 @@ def _drive_sums(solution: FrfSolution, adjoint: Complex) -> Real:
 
 def _gravity_cotangents(solution: FrfSolution, sums: Real) -> tuple[Real, Real]:
     """Return the cotangents of T and Mb by the stiffness of gravity."""
-    assembly, machine = solution.assembly, solution.model.machine
+    assembly = solution.assembly
+    machine = assembly.machine
     if not assembly.has_weight:
         return np.zeros_like(assembly.jacobian), np.zeros_like(machine.body_mass)
     by_jacobian, by_weight_bearing = gravity_adjoint(
-        machine.gravity, machine.precedence, assembly.jacobian, assembly.weight_bearing_mass, -sums
+        machine.body_gravity,
+        machine.precedence,
+        assembly.jacobian,
+        assembly.weight_bearing_mass,
+        -sums,
     )
     return by_jacobian, machine.weight_fraction[:, None] * by_weight_bearing
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from identification.words import Complex, Dof, Real
-from mbmodel.model import frequency_dependent_core
+from mbmodel.assembly import frequency_dependent_core
 from mbmodel.parts import Change
 
 

@@ -31,13 +31,13 @@ from typing import Literal
 import numpy as np
 
 from identification.words import Complex, Integers, Mask, Real
+from mbmodel.assembly import frequency_dependent_core
 from mbmodel.frf.channel_factors import input_factor, output_selection
 from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.parameter_groups import ParameterGroup, stack_parameters
 from mbmodel.frf.ports import direction_selection
 from mbmodel.frf.solution import FrfSolution
 from mbmodel.linearisation.gravity import gravity_slope
-from mbmodel.model import frequency_dependent_core
 from mbmodel.parts import Change
 
 Slopes = Sequence[tuple[Change, ...]]
@@ -368,7 +368,8 @@ class ForwardSensitivities:
 
     def _gravity_terms(self, change: Change, core: Real) -> Iterator[tuple[_Key, Real]]:
         """Yield the pseudo-forces -dK x of gravity."""
-        assembly, machine = self.solution.assembly, self.solution.model.machine
+        assembly = self.solution.assembly
+        machine = assembly.machine
         power = _INERTIA_POWER if change.slot == "body" else 0
         if not assembly.has_weight or not core[:, power].any():
             return
@@ -379,7 +380,7 @@ class ForwardSensitivities:
             if change.slot == "body":
                 varied = {"inertia_change": machine.weight_fraction[:, None] * body_slope}
             slope[:] = gravity_slope(
-                machine.gravity,
+                machine.body_gravity,
                 machine.precedence,
                 assembly.jacobian,
                 assembly.weight_bearing_mass,

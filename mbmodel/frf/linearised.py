@@ -13,17 +13,20 @@ relative to the floor, then feel the bodies' inertia. Data that still carry an e
 exp(-t / tau) are the transform at s = i w + 1 / tau, and so is their model.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from identification.words import Complex, Condition, Frf, Mask, Real, UsageError
 from mbmodel.frf.adjoint import gradient
 from mbmodel.frf.forward_sensitivities import ForwardSensitivities
 from mbmodel.frf.modal_form import ModalForm, modal_form
-from mbmodel.frf.ports import apply_point_changes, find_ports
+from mbmodel.frf.ports import Ports, apply_point_changes, find_ports
 from mbmodel.frf.request import FrfRequest
 from mbmodel.frf.solution import FrfSolution, generalised_force, input_drive_factor
 from mbmodel.frf.solver import Solver
 from mbmodel.frf.woodbury import WoodburySolver
+from mbmodel.machine import Machine
 from mbmodel.model import Model
 
 # Difference of the modal form from elimination, relative to each coordinate's peak.
@@ -122,7 +125,10 @@ class Evaluator:
         request = self.request
         assembly = self.model.assemble(theta, self.condition)
         ports = apply_point_changes(
-            self.ports, assembly.point_changes, request.outputs, request.inputs
+            self._ports_at(assembly.machine),
+            assembly.point_changes,
+            request.outputs,
+            request.inputs,
         )
         drive = generalised_force(assembly, ports)[:, :, None]
         factor = input_drive_factor(assembly, request)
@@ -141,6 +147,13 @@ class Evaluator:
         return Linearised(
             self.model, theta, request, self.condition, assembly, ports, solver, motion
         )
+
+    def _ports_at(self, machine: Machine) -> Ports:
+        """Return the ports at a pose: of those fixed to bodies, only the floor's motion changes."""
+        if machine.pose is None or not self.ports.has_floor:
+            return self.ports
+        floor = find_ports(machine, (), self.request.inputs).floor
+        return replace(self.ports, floor=floor)
 
     def _modal_form_agrees(
         self, solver: Solver, form: ModalForm, drive: Real, motion: Complex, factor: Complex

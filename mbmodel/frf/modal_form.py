@@ -26,7 +26,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from identification.words import Complex, Real
-from mbmodel.model import Matrices
+from mbmodel.assembly import Matrices
 
 _MAX_STIFFNESS_ASYMMETRY = 1e-9  # of the diagonal entries: larger is no rounding
 # Lowest over highest natural frequency; below it a machine counts as free.

@@ -6,13 +6,14 @@ from functools import cached_property
 import numpy as np
 
 from identification.words import Complex, Condition, Real
+from mbmodel.assembly import Assembly
 from mbmodel.frf.channel_factors import input_factor, output_factor
 from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.ports import Ports
 from mbmodel.frf.request import FrfRequest
 from mbmodel.frf.solver import Solver
 from mbmodel.frf.woodbury import WoodburySolver
-from mbmodel.model import Assembly, Model
+from mbmodel.model import Model
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,8 @@ from functools import cached_property
 import numpy as np
 
 from identification.words import Complex, Real, UsageError
+from mbmodel.assembly import Matrices
 from mbmodel.frf.modal_form import ModalForm, real_times
-from mbmodel.model import Matrices
 
 _MAX_CHUNK_BYTES = 64 * 2**20  # of dynamic stiffness that is solved at once: bounds the memory
 

@@ -13,9 +13,9 @@ from functools import cached_property
 import numpy as np
 
 from identification.words import Complex, Real
+from mbmodel.assembly import FrequencyDependentTerm
 from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.solver import Solver
-from mbmodel.model import FrequencyDependentTerm
 
 _SINGULAR_SHIFT = 1e-13  # of the largest entry: what a singular matrix gets on its diagonal
 

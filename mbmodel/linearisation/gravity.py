@@ -8,8 +8,8 @@ the momenta). With the block-diagonal X of [[0, 0], [-[g]x, 0]],
 
     U = -T' X Mb T,   K = N o U + (N o U)',
 
-N the precedence: 1 for i before j, 1/2 where i = j (o: entry by entry). The sag, the displacement
-at which all forces balance, is not part of this: the pose at rest stays that of the drawing.
+N the precedence: 1 for i before j, 1/2 where i = j (o: entry by entry). Each body may have axes of
+its own, in which its motions, inertia and gravity are given.
 """
 
 from functools import lru_cache
@@ -21,12 +21,13 @@ from mbmodel.spatial import cross_matrix
 
 
 @lru_cache(maxsize=16)
-def _gravity_cross(gravity: tuple[float, ...], n_body: int) -> Real:
+def _gravity_cross(gravity: tuple[tuple[float, ...], ...]) -> Real:
     """Return X; (6 n_body, 6 n_body)."""
+    n_body = len(gravity)
     matrix = np.zeros((6 * n_body, 6 * n_body))
     for body in range(n_body):
         matrix[6 * body + 3 : 6 * body + 6, 6 * body : 6 * body + 3] = -cross_matrix(
-            np.array(gravity)
+            np.array(gravity[body])
         )
     return matrix
 
@@ -42,7 +43,7 @@ def gravity_stiffness(gravity: Real, precedence: Real, jacobian: Real, inertia: 
     """Return the stiffness of gravity in joint coordinates.
 
     Args:
-        gravity: [m/s^2]; (3,).
+        gravity: in the axes of each body [m/s^2]; (n_body, 3).
         precedence: N; (nv, nv).
         jacobian: T; (6 n_body, nv).
         inertia: Mb, its rows times each body's weight fraction; (6 n_body, 6 n_body).
@@ -50,7 +51,7 @@ def gravity_stiffness(gravity: Real, precedence: Real, jacobian: Real, inertia: 
     Returns:
         K [N/m, N m/rad]; (nv, nv), symmetric.
     """
-    cross = _gravity_cross(tuple(gravity), len(jacobian) // 6)
+    cross = _gravity_cross(tuple(map(tuple, gravity.tolist())))
     return _symmetrise(precedence, -jacobian.T @ cross @ inertia @ jacobian)
 
 
@@ -66,14 +67,14 @@ def gravity_slope(  # one argument for each factor of U and its change
     """Return the change of K for small changes of T and Mb; (nv, nv).
 
     Args:
-        gravity: [m/s^2]; (3,).
+        gravity: in the axes of each body [m/s^2]; (n_body, 3).
         precedence: N; (nv, nv).
         jacobian: T; (6 n_body, nv).
         inertia: Mb, its rows times each body's weight fraction; (6 n_body, 6 n_body).
         jacobian_change: dT; (6 n_body, nv).
         inertia_change: change of ``inertia``; (6 n_body, 6 n_body).
     """
-    cross = _gravity_cross(tuple(gravity), len(jacobian) // 6)
+    cross = _gravity_cross(tuple(map(tuple, gravity.tolist())))
     half = np.zeros((jacobian.shape[1],) * 2)
     if jacobian_change is not None:
         half -= jacobian_change.T @ cross @ inertia @ jacobian
@@ -89,13 +90,13 @@ def gravity_adjoint(
     """Return the derivatives of <S, K> by T and by Mb; (6 n_body, nv) and (6 n_body, 6 n_body).
 
     Args:
-        gravity: [m/s^2]; (3,).
+        gravity: in the axes of each body [m/s^2]; (n_body, 3).
         precedence: N; (nv, nv).
         jacobian: T; (6 n_body, nv).
         inertia: Mb, its rows times each body's weight fraction; (6 n_body, 6 n_body).
         cotangent: S; (nv, nv).
     """
-    cross = _gravity_cross(tuple(gravity), len(jacobian) // 6)
+    cross = _gravity_cross(tuple(map(tuple, gravity.tolist())))
     weight = precedence * (cotangent + cotangent.T)
     cross_inertia = cross @ inertia
     by_jacobian = -(cross_inertia @ jacobian @ weight.T + cross_inertia.T @ jacobian @ weight)

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification.words import DIRECTIONS, Complex, Real
+from mbmodel.assembly import Assembly
 from mbmodel.linearisation.gravity import gravity_stiffness
-from mbmodel.model import Assembly, Model
+from mbmodel.model import Model
 from mbmodel.modes.model_modes import Modes
 from mbmodel.parts import SpringPart
 
@@ -76,14 +77,18 @@ def energy_shares(model: Model, theta: Real, modes: Modes) -> EnergyShares:
         theta: parameters in SI; (n_parameter,).
         modes: of the model at theta.
     """
+    model = model.at_rest(theta)
     assembly = model.assemble(theta)
     shapes = modes.shapes
     rows = _spring_rows(model, theta, assembly, shapes)
     totals = (assembly.matrices.stiffness, assembly.matrices.damping)
     if assembly.has_weight:
-        machine = model.machine
+        machine = assembly.machine
         weight = gravity_stiffness(
-            machine.gravity, machine.precedence, assembly.jacobian, assembly.weight_bearing_mass
+            machine.body_gravity,
+            machine.precedence,
+            assembly.jacobian,
+            assembly.weight_bearing_mass,
         )
         strain_of_gravity = _quadratic(weight, shapes)
         rows.append(("gravity", "gravity", strain_of_gravity, np.zeros_like(strain_of_gravity)))

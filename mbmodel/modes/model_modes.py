@@ -16,8 +16,9 @@ from identification.words import (
     Real,
     shorten_names,
 )
+from mbmodel.assembly import Assembly, Matrices
 from mbmodel.frf.ports import apply_point_changes, find_ports
-from mbmodel.model import Assembly, Matrices, Model
+from mbmodel.model import Model
 from mbmodel.spatial import transport
 
 _KERNEL_TOLERANCE = 1e-12  # of singular values, relative to the largest entry: rounding

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.words import Complex, ConvergenceError, Integers, Real
-from mbmodel.model import FrequencyDependentTerm, Matrices, Model
+from mbmodel.assembly import FrequencyDependentTerm, Matrices
+from mbmodel.model import Model
 from mbmodel.modes.model_modes import Modes, model_modes
 
 # Growth of the laws in one step, and the MAC that a mode must keep over it: first coarse, then fine

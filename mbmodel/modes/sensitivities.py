@@ -24,12 +24,13 @@ from functools import cached_property
 import numpy as np
 
 from identification.words import Complex, Dof, Integers, Mask, Motor, Real, UsageError
+from mbmodel.assembly import Assembly, Matrices
 from mbmodel.frf.adjoint import gradient
 from mbmodel.frf.ports import Ports, apply_point_changes, find_ports
 from mbmodel.frf.request import FrfRequest
 from mbmodel.frf.solution import FrfSolution
 from mbmodel.frf.solver import Solver
-from mbmodel.model import Assembly, Matrices, Model
+from mbmodel.model import Model
 from mbmodel.modes.model_modes import Modes, modes_of_matrices
 from mbmodel.parts import Change
 

@@ -21,7 +21,7 @@ class JointPart:
     A coordinate moves all bodies above it by the twist of its axis: (a, 0) of a slide,
     (p x a, a) of a hinge through p. With a displacement d of the joints and their rotation
     ``R = exp([r]x)``, each about its own anchor, the twist is (R a, 0) or ((p + d) x R a, R a). T
-    changes by the difference. The pose at rest stays that of the drawing.
+    changes by the difference, at one pose at rest (see ``mbmodel.moving_equilibrium``).
 
     Args:
         stage: name of the body that the joints carry.

@@ -19,8 +19,8 @@ class SpringPart:
 
     A tendon between sites pulls at bodies: its g_i is a row of body motions, so that it follows
     when joints move. G_i is the geometric stiffness of a tendon under tension, per unit of its
-    stiffness. The equilibrium stays that of the drawing, and so does G_i if other Parts move
-    joints.
+    stiffness. Both belong to one equilibrium; a machine whose equilibrium follows its parameters
+    gives the Part other springs there (``mbmodel.moving_equilibrium``).
 
     Coefficients that are zero on the drawing stay zero: they have no logarithm to tune.
 

@@ -26,8 +26,8 @@ from diagnosis.levels.law_simulation import (
 )
 from diagnosis.levels.restoring_laws import CubicLaw, GapLaw, SlidingLaw, stack_laws
 from mbmodel import Model, PartContext, as_drawn, load_machine
+from mbmodel.assembly import Matrices
 from mbmodel.mjcf.edit import write_mjcf
-from mbmodel.model import Matrices
 from mbmodel.nonlinear_joints.files import read_nonlinear_joints
 from mbmodel.nonlinear_joints.laws import GapSpring, JenkinsElement, PolynomialSpring
 from tests.helpers.nonlinear_mass import (

@@ -22,8 +22,8 @@ from mbmodel import (
     sensor_parts,
     spring_parts,
 )
+from mbmodel.assembly import FrequencyDependentTerm
 from mbmodel.frf.woodbury import WoodburySolver
-from mbmodel.model import FrequencyDependentTerm
 
 __all__ = ["drawing"]
 

@@ -1,0 +1,138 @@
+"""The equation of motion of a machine with its Parts, assembled at one theta."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from identification.words import Complex, Real
+from mbmodel.machine import Machine
+from mbmodel.parts import Change
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices:
+    """The equation of motion M q'' + C q' + K q = T' P f, in joint coordinates.
+
+    Args:
+        mass: M [kg, kg m^2]; (nv, nv).
+        damping: C [N s/m, N m s/rad]; (nv, nv).
+        stiffness: K [N/m, N m/rad]; (nv, nv).
+    """
+
+    mass: Real
+    damping: Real
+    stiffness: Real
+
+    def dynamic_stiffness(self, laplace: complex) -> np.ndarray[tuple[int, int], np.dtype]:
+        """Return Z(s) = s^2 M + s C + K at one complex s [rad/s]; (nv, nv)."""
+        return laplace**2 * self.mass + laplace * self.damping + self.stiffness
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyDependentTerm:
+    """A term of Z(s) that is no polynomial in s: ``f(s) left (core_0 + s core_1 + ...) right'``.
+
+    Args:
+        left: (nv, r).
+        right: (nv, t).
+        change: the change at bodies or joints that it comes from.
+        owner: first parameter of its Part, or the Part's location without any.
+    """
+
+    left: Real
+    right: Real
+    change: Change
+    owner: str = ""
+
+    def at(self, laplace: Complex) -> Complex:
+        """Return the core times f(s) at each s; (n_freq, r, t)."""
+        return frequency_dependent_core(self.change, laplace)
+
+
+def frequency_dependent_core(change: Change, laplace: Complex) -> Complex:
+    """Return F(s) = f(s) (core_0 + s core_1 + s^2 core_2); (n_freq, r, t).
+
+    Args:
+        change: with its core (3, r, t), and f(s) if it has one.
+        laplace: s [rad/s]; (n_freq,).
+    """
+    powers = laplace[:, None] ** np.arange(3)
+    if change.shape is not None:
+        powers = powers * change.shape(laplace)[:, None]
+    core: Complex = np.einsum("fk,krt->frt", powers, change.core)
+    return core
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """All factors of the equation of motion at one theta.
+
+    Args:
+        machine: the machine.
+        jacobian: T; (6 n_body, nv).
+        matrices: M, C, K in joint coordinates.
+        body_changes: what Parts add to Zb.
+        point_changes: what Parts add at sensors and hammer.
+        frequency_dependent: what Parts add to Zb and Zj that is no polynomial in s.
+        input_changes: what each Part changes in the factor of the inputs, by the Part's number.
+        output_changes: what Parts add to the logarithm of the readings' factors.
+    """
+
+    machine: Machine
+    jacobian: Real
+    matrices: Matrices
+    body_changes: tuple[Change, ...]
+    point_changes: tuple[Change, ...]
+    frequency_dependent: tuple[FrequencyDependentTerm, ...] = ()
+    input_changes: Mapping[int, tuple[Change, ...]] = field(default_factory=dict)
+    output_changes: tuple[Change, ...] = ()
+
+    @cached_property
+    def body(self) -> Real:
+        """Zb: coefficients of s^0, s^1, s^2; (3, 6 n_body, 6 n_body)."""
+        size = len(self.machine.body_mass)
+        total = np.zeros((3, size, size))
+        total[2] = self.machine.body_mass
+        for change in self.body_changes:
+            total += change.left @ change.core @ change.right.T
+        return total
+
+    @property
+    def weight_bearing_mass(self) -> Real:
+        """Mb, its rows times each body's weight fraction; (6 n_body, 6 n_body)."""
+        weight_bearing_mass: Real = self.machine.weight_fraction[:, None] * self.body[2]
+        return weight_bearing_mass
+
+    @property
+    def has_weight(self) -> bool:
+        """Whether gravity is on."""
+        return bool(self.machine.gravity.any())
+
+
+def frequency_dependent_term(change: Change, jacobian: Real) -> FrequencyDependentTerm:
+    """Return a change of joints or bodies in joint coordinates."""
+    if change.slot == "joint":
+        return FrequencyDependentTerm(change.left, change.right, change)
+    if change.slot != "body":
+        raise ValueError(
+            f"a change in slot {change.slot} has a shape f(s): use the slots joint or body"
+        )
+    return FrequencyDependentTerm(jacobian.T @ change.left, jacobian.T @ change.right, change)
+
+
+def add_product(total: Real, left: Real, core: Real, right: Real) -> None:
+    """Add left core right' to the coefficients of s^0, s^1, s^2, in place.
+
+    Most Parts touch a few coordinates only, so that only those rows and columns are computed.
+
+    Args:
+        total: coefficients; (3, n, n).
+        left: (n, r).
+        core: (3, r, t).
+        right: (n, t).
+    """
+    rows, columns = np.flatnonzero(left.any(axis=1)), np.flatnonzero(right.any(axis=1))
+    for power in np.flatnonzero(core.any(axis=(1, 2))):
+        total[power][np.ix_(rows, columns)] += left[rows] @ core[power] @ right[columns].T

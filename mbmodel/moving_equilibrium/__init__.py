@@ -1,0 +1,1 @@
+"""Static equilibrium that follows the tuned parameters: hung and preloaded machines."""

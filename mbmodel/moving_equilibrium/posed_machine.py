@@ -1,0 +1,137 @@
+"""A machine at another pose than that of its nominal rest, in axes that turn with its bodies.
+
+Where stiffness and masses change, a hung or preloaded machine rests elsewhere. Each body then has
+turned by R_b and moved. In axes that turn along with the bodies, all that is fixed to a body stays:
+its inertia Mb, the rows of its sensors, the columns of its hits. What changes is the Jacobian,
+T = R' J, gravity, R_b' g, and the springs: their directions and their tension.
+"""
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from identification.words import Real
+from mbmodel.linearisation.force_slopes import remaining_stiffness_and_damping
+from mbmodel.linearisation.springs import Spring, find_springs
+from mbmodel.linearisation.statics import Statics
+from mbmodel.linearisation.tendon_slopes import tendon_jacobian
+from mbmodel.machine import Machine, Pose
+
+
+def machine_at_pose(
+    machine: Machine, statics: Statics, model: mujoco.MjModel, position: Real
+) -> Machine:
+    """Return a machine at a pose; coordinates and bodies that the MJCF lacks stay as they are.
+
+    Args:
+        machine: at its nominal rest.
+        statics: of its MJCF.
+        model: compiled, with the parameters that hold at the pose.
+        position: joint positions [m, rad]; (nq,).
+    """
+    data = statics.data_at(model, position)
+    pose = _pose_of(machine, statics, data)
+    n_body, nv = len(statics.stages), model.nv
+    turns, centres = pose.turns[:n_body], tuple(pose.centres[:n_body])
+    bodies = np.zeros((6 * n_body, nv))
+    for k, stage in enumerate(statics.stages):
+        block = bodies[6 * k : 6 * k + 6]
+        mujoco.mj_jac(model, data, block[:3], block[3:], centres[k], stage)
+    jacobian = machine.jacobian.copy()
+    jacobian[: 6 * n_body, :nv] = _turn_back(turns, bodies)
+    rows = tendon_jacobian(model, data)
+    armature, stiffness, damping = (
+        machine.armature.copy(),
+        machine.remaining_stiffness.copy(),
+        machine.remaining_damping.copy(),
+    )
+    armature[:nv, :nv] = np.diag(model.dof_armature) + rows.T @ (
+        model.tendon_armature[:, None] * rows
+    )
+    if _has_other_forces(machine, model):
+        stiffness[:nv, :nv], damping[:nv, :nv] = remaining_stiffness_and_damping(
+            model, data, np.zeros(nv)
+        )
+    springs_there = find_springs(model, data, statics.path, list(statics.stages), centres)
+    return replace(
+        machine,
+        jacobian=jacobian,
+        armature=armature,
+        remaining_stiffness=stiffness,
+        remaining_damping=damping,
+        springs=_springs_at_pose(machine, springs_there, turns),
+        pose=pose,
+        statics=None,
+    )
+
+
+def _pose_of(machine: Machine, statics: Statics, data: mujoco.MjData) -> Pose:
+    """Return where the bodies are, those that the MJCF lacks at their nominal rest."""
+    stages, n_body = list(statics.stages), len(machine.layout.bodies)
+    frames = data.xmat[stages].reshape(-1, 3, 3)
+    turns, centres = np.tile(np.eye(3), (n_body, 1, 1)), machine.layout.centres.copy()
+    turns[: len(stages)] = frames @ statics.frames.transpose(0, 2, 1)
+    centres[: len(stages)] = data.xpos[stages] + np.einsum("bij,bj->bi", frames, statics.centres)
+    return Pose(data.qpos.copy(), turns, centres)
+
+
+def _turn_back(turns: Real, matrix: Real) -> Real:
+    """Return rows of body motions or forces in the axes of the turned bodies; (6 n_body, n).
+
+    Args:
+        turns: R_b; (n_body, 3, 3).
+        matrix: in world axes; (6 n_body, n).
+    """
+    blocks = matrix.reshape(len(turns), 2, 3, -1)
+    turned: Real = np.einsum("bji,bkjn->bkin", turns, blocks).reshape(matrix.shape)
+    return turned
+
+
+def _has_other_forces(machine: Machine, model: mujoco.MjModel) -> bool:
+    """Return whether something else than gravity and linear springs depends on the pose."""
+    polynomials = (
+        "jnt_stiffnesspoly",
+        "dof_dampingpoly",
+        "tendon_stiffnesspoly",
+        "tendon_dampingpoly",
+    )
+    return bool(
+        model.nactuator
+        or machine.remaining_stiffness.any()
+        or machine.remaining_damping.any()
+        or any(getattr(model, name).any() for name in polynomials)
+    )
+
+
+def _springs_at_pose(
+    machine: Machine, springs_there: tuple[Spring, ...], turns: Real
+) -> tuple[Spring, ...]:
+    """Return the machine's springs with the directions and tensions of tendons at a pose.
+
+    A tendon that is slack there exerts nothing.
+    """
+    nv, size = len(machine.coordinates), len(machine.body_mass)
+    tendons = {s.name: s for s in springs_there if s.location.startswith("tendon:")}
+    springs = []
+    for spring in machine.springs:
+        posed = tendons.get(spring.name)
+        if posed is None:
+            springs.append(spring)
+            continue
+        share = 0.0 if spring.stiffness and not posed.stiffness else 1.0
+        count = nv - len(posed.direction)
+        bodies = None
+        if posed.at_bodies is not None:
+            bodies = _turn_back(turns, posed.at_bodies[:, None])[:, 0]
+            bodies = share * np.pad(bodies, (0, size - len(bodies)))
+        geometric = posed.geometric
+        springs.append(
+            replace(
+                spring,
+                direction=share * np.pad(posed.direction, (0, count)),
+                geometric=None if geometric is None else np.pad(geometric, ((0, count),) * 2),
+                at_bodies=bodies,
+            )
+        )
+    return tuple(springs)
