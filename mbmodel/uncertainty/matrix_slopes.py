@@ -77,13 +77,13 @@ def part_slopes(lines: Linearised, changes: tuple[Change, ...]) -> list[MatrixSl
 
 def _add_body_slope(lines: Linearised, slope: MatrixSlope, body: Real) -> None:
     """Add the change of Zb, body (3, 6 n_body, 6 n_body)."""
-    assembly, machine = lines.assembly, lines.model.machine
+    assembly, machine = lines.assembly, lines.assembly.machine
     jacobian = assembly.jacobian
     slope.polynomial[:] += jacobian.T @ body @ jacobian
     slope.drive[:] -= jacobian.T @ body[_INERTIA_POWER_OF_S] @ lines.ports.floor
     if assembly.has_weight and body[_INERTIA_POWER_OF_S].any():
         slope.polynomial[0] += gravity_slope(
-            machine.gravity,
+            machine.body_gravity,
             machine.precedence,
             jacobian,
             assembly.weight_bearing_mass,
@@ -93,14 +93,14 @@ def _add_body_slope(lines: Linearised, slope: MatrixSlope, body: Real) -> None:
 
 def _add_path_slope(lines: Linearised, slope: MatrixSlope, path: Real) -> None:
     """Add the change of T, path (6 n_body, nv)."""
-    assembly, machine, ports = lines.assembly, lines.model.machine, lines.ports
+    assembly, machine, ports = lines.assembly, lines.assembly.machine, lines.ports
     jacobian, body = assembly.jacobian, assembly.body
     slope.polynomial[:] += path.T @ body @ jacobian + jacobian.T @ body @ path
     slope.drive[:] += path.T @ (ports.force - body[_INERTIA_POWER_OF_S] @ ports.floor)
     slope.readout[:] += ports.readout @ path
     if assembly.has_weight:
         slope.polynomial[0] += gravity_slope(
-            machine.gravity,
+            machine.body_gravity,
             machine.precedence,
             jacobian,
             assembly.weight_bearing_mass,

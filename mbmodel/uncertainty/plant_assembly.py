@@ -82,10 +82,13 @@ def _coordinate_slopes(posterior: PosteriorOfModel, lines: Linearised) -> list[_
     totals: dict[int, Real] = {}
     exact = dict.fromkeys(range(blocks.size), True)
     context, start = PartContext(model.machine), 0
-    for part, values in zip(model.parts, model.split_parameters(model.drawn), strict=True):
+    varies = np.isin(np.arange(len(model.parameters)), list(coordinate))
+    of_parts = model.slopes(model.drawn, None, varies)
+    for part, values, changes in zip(
+        model.parts, model.split_parameters(model.drawn), of_parts, strict=True
+    ):
         varying = [k for k in range(len(values)) if start + k in coordinate]
         if varying:
-            changes = part.slopes(values, context)
             slopes = part_slopes(lines, changes)
             for k in varying:
                 member = coordinate[start + k]
@@ -93,6 +96,7 @@ def _coordinate_slopes(posterior: PosteriorOfModel, lines: Linearised) -> list[_
                 totals[member] = totals.get(member, 0.0) + step * slopes[k].stack(order)
                 trial = _TRIAL_STEP * (step if blocks.is_logarithmic[member] else 1e-2)
                 exact[member] &= _is_linear(part, values, context, k, trial)
+                exact[member] &= len(changes) == len(part.slopes(values, context))
         start += len(values)
     return [_CoordinateSlope(np.asarray(totals[k]), exact[k]) for k in range(blocks.size)]
 
