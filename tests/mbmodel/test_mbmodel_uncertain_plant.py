@@ -54,9 +54,12 @@ def worst(values, expected):
 @pytest.mark.parametrize("quantity", ["receptance", "mobility", "accelerance"])
 @pytest.mark.parametrize("seed", [1, 4])
 def test_stiffness_damping_and_mass_are_exact_at_any_size(from_text, seed, quantity):
+    # Under so little weight the equilibrium stays. Where it moves with stiffness and mass, as of
+    # a hung machine, blocks are linearised.
     model = machine_model(
-        from_text(random_tree(seed, n_body=3).replace('"0 0 0"', '"0 0 -9.81"', 1))
+        from_text(random_tree(seed, n_body=3).replace('"0 0 0"', '"0 0 -0.2"', 1))
     )
+    assert model.machine.statics is None
     request = random_request(model.machine, FREQ, quantity=quantity, seed=seed)
     posterior = posterior_of(model)
     plant = assemble_uncertain_plant(posterior, request, min_share=0.0)
