@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 from diagnosis.data_checks.check_data import check_data
 from diagnosis.data_checks.sensors import SensorChecks
-from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, estimate_gaps, hold_out
+from diagnosis.estimates.held_out_check import admit_predictive_causes
+from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, hold_out
 from diagnosis.estimates.intervals import FittedParameters
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.inference.evidence import Evidence
-from diagnosis.inference.posterior import Posterior, compute_posterior
+from diagnosis.inference.posterior import Posterior
 from diagnosis.null_model import fit_baseline
 from diagnosis.refit_record import RefitRecord
 from diagnosis.refits.refit import Refit
@@ -18,7 +19,7 @@ from diagnosis.search.collect import collect_evidence
 from diagnosis.search.confounded import find_confounded
 from diagnosis.search.selection import Search, refit_null_model, select_causes
 from diagnosis.settings import SETTINGS, DiagnosisSettings
-from diagnosis.verdict.established import Present, describe_present, find_present
+from diagnosis.verdict.established import Present, describe_present
 from tuning import Checkpoint, Gap, Session, channel_gaps, predict, summarise_gaps
 
 
@@ -102,7 +103,8 @@ def diagnose(
     7. A free force is fitted at every place: that with the largest gain locates the gap, or the
        rest.
     8. The posterior weighs all sets of causes, by the number of independent values of the residual.
-    9. The gap is estimated on held-out lines, without and with the causes.
+    9. The gap is estimated on held-out lines, without and with the causes; a set that does not
+       predict them is replaced by one of fewer causes.
     10. Causes that are probable and close a fifth of the gap are established; what remains is the
         rest.
 
@@ -126,10 +128,10 @@ def diagnose(
     search = refit_null_model(base, search, settings)
     say("unknown forces at every place")
     evidence = collect_evidence(base, search, data.unsteady, settings)
-    posterior = compute_posterior(evidence, settings=settings)
-    causes = find_present(search, posterior, settings)
     say("the gap on held-out lines")
-    gaps = estimate_gaps(base, data.session, search.null, causes, settings)
+    evidence, posterior, gaps = admit_predictive_causes(
+        base, data.session, search, evidence, settings
+    )
     present = describe_present(base, search, evidence, posterior, gaps, settings)
     nominal = predict(data.session.model, data.session.model.drawn, data.session.campaign)
     return Diagnosis(

@@ -42,7 +42,7 @@ class DiagnosisSettings:
         force_floor_ratio: part of the model-error floor that counts for free forces: with a force
             that explains the gap the floor falls.
         min_local_share: part of the rest that a force of any spectrum at one place explains where
-            the rest is local.
+            the rest is local: a single effect mostly acts in several directions of its place.
         outlier_sigma: standard deviations up to which a tolerance is no effect: among 300
             tolerances four lie beyond 2.5, none beyond 4.5 (probability 0.002).
         min_twin_cosine: cosine of two signatures from which causes are confounded (FORMATS).
@@ -95,7 +95,7 @@ class DiagnosisSettings:
     min_probability: float = 0.5
     min_visible_excess: float = MIN_VISIBLE_EXCESS
     force_floor_ratio: float = 0.1
-    min_local_share: float = 0.5
+    min_local_share: float = 0.4
     outlier_sigma: float = 4.5
     min_twin_cosine: float = 0.9
     twin_nats: float = 3.0

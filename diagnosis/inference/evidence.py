@@ -141,6 +141,8 @@ class Evidence(_Row):
         variance: where the noise's variance comes from; the worse source if there are two.
         unsteady: number of tests whose machine changed from hit to hit.
         scored: scores, the most promising first; the posterior does not need them.
+        admitted_causes: largest number of causes of a set that predicts held-out lines; None if
+            none fails to.
     """
 
     proven: tuple[Key, ...] = ()
@@ -155,6 +157,13 @@ class Evidence(_Row):
     variance: VarianceSource
     unsteady: int = 0
     scored: tuple[Scored, ...] = ()
+    admitted_causes: int | None = None
+
+    @property
+    def admitted_sets(self) -> tuple[FittedSet, ...]:
+        """Sets of no more causes than those that predict held-out lines."""
+        most = self.admitted_causes
+        return tuple(row for row in self.sets if most is None or len(row.keys) <= most)
 
     @property
     def gap_source(self) -> str:

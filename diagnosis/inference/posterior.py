@@ -169,7 +169,7 @@ def _remove_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSet
     if evidence.unbounded is not None and evidence.largest_shift <= outlier:
         gaps.append(evidence.unbounded)
     kept = []
-    for fitted in evidence.sets:
+    for fitted in evidence.admitted_sets:
         shifts = fitted.shifts or (None,) * len(fitted.keys)
         is_outlier = [shift is not None and shift <= outlier for shift in shifts]
         if all(is_outlier):

@@ -41,7 +41,11 @@ def fitted_rows(evidence: Evidence, settings: DiagnosisSettings = SETTINGS) -> l
     """
     null = evidence.null
     material = {id(fitted) for fitted in select_material_sets(null, evidence.sets, settings)}
-    reasons = [_rejection(fitted, id(fitted) in material, settings) for fitted in evidence.sets]
+    admitted = set(map(id, evidence.admitted_sets))
+    reasons = [
+        _rejection(fitted, id(fitted) in material, id(fitted) in admitted, settings)
+        for fitted in evidence.sets
+    ]
     best: dict[frozenset[Key], tuple[FittedSet, str]] = {}
     rows = zip(evidence.sets, reasons, strict=True)
     for fitted, reason in sorted(rows, key=lambda row: (bool(row[1]), row[0].objective)):
@@ -96,10 +100,14 @@ def _row(fitted: FittedSet, null: FittedSet, log_odds: float | None, rejection: 
     )
 
 
-def _rejection(fitted: FittedSet, is_material: bool, settings: DiagnosisSettings) -> str:
+def _rejection(
+    fitted: FittedSet, is_material: bool, is_admitted: bool, settings: DiagnosisSettings
+) -> str:
     """Return why a set is not weighed; empty if it is."""
     if any(shift is not None and shift <= settings.outlier_sigma for shift in fitted.shifts):
         return f"pull < {settings.outlier_sigma:g}"
     if not is_material:
         return f"closes < {100 * settings.min_closed:g} %"
+    if not is_admitted:
+        return "fails on held-out lines"
     return ""

@@ -26,9 +26,9 @@ def rest_sentence(verdict: Verdict) -> str | None:
     excess = "" if rest.excess is None else f" is {rest.excess:.3g} times the noise"
     opening = f"what remains{excess}" if excess else "a significant rest remains"
     spread = (
-        "small errors everywhere, of which no single place explains half"
+        "small errors everywhere, of which no single place explains most"
         if rest.spread == "everywhere"
-        else f"most of it arises {_places(rest.where)}"
+        else f"it mainly arises {_places(rest.where)}"
     )
     return f"{opening}: the model's error is {error} at each sensor; {spread}"
 
@@ -41,7 +41,7 @@ def _describe_unexplained(rest: RestRow, error: str) -> str:
             "a fifth of it"
         )
     return (
-        f"the model's error is {error} at each sensor: most of it arises {_places(rest.where)}, "
+        f"the model's error is {error} at each sensor: it mainly arises {_places(rest.where)}, "
         "where no effect of the catalogue explains a fifth of it"
     )
 

@@ -7,6 +7,11 @@ from types import SimpleNamespace
 import pytest
 
 from diagnosis import Hypothesis, build_verdict, diagnose
+from diagnosis.estimates import held_out_check
+from diagnosis.estimates.held_out_check import (
+    admit_predictive_causes,
+    predicts_held_out,
+)
 from diagnosis.search.selection import Search, _eliminate
 from diagnosis.settings import SETTINGS
 from diagnosis.verdict.established import describe_present
@@ -36,6 +41,27 @@ def test_a_set_with_the_causes_has_a_lower_floor_than_the_null_model(two_effects
     found, _ = two_effects
     assert found.search.selected.floor < 0.2 * found.null.floor
     assert found.search.selected.objective < found.null.objective
+
+
+def test_causes_that_predict_held_out_lines_no_better_are_not_admitted(two_effects, monkeypatch):
+    found, _ = two_effects
+    gaps = found.gaps
+    assert predicts_held_out(gaps.retuned, gaps.after, 2, SETTINGS.min_visible_excess)
+    useless = replace(gaps.after, predicted=gaps.retuned.predicted)
+    assert not predicts_held_out(gaps.retuned, useless, 1, SETTINGS.min_visible_excess)
+    assert predicts_held_out(gaps.retuned, useless, 1, least=1e6)  # not visible: the fits decide
+
+    def estimate(base, whole, null, chosen, settings):
+        return replace(gaps, after=useless if chosen.causes else None)
+
+    monkeypatch.setattr(held_out_check, "estimate_gaps", estimate)
+    base = SimpleNamespace(proven=())
+    arguments = base, found.session, found.search, found.evidence, SETTINGS
+    evidence, posterior, left = admit_predictive_causes(*arguments)
+    assert evidence.admitted_causes == 0
+    assert not posterior.sets
+    assert posterior.unexplained > 0.99
+    assert left.after is None
 
 
 def test_a_proven_fault_that_closes_little_beside_a_larger_gap_is_a_remark(two_effects):

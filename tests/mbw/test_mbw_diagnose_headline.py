@@ -93,7 +93,7 @@ def test_a_rest_that_is_spread_everywhere_is_said_to_be(explained):
     verdict = explained.verdict.model_copy(update={"verdict": "partly", "rest": rest})
     assert lead_of(render(replace(explained, verdict=verdict))).endswith(
         "What remains is 1.63 times the noise: the model's error is 2.1 % of the motion at each "
-        "sensor; small errors everywhere, of which no single place explains half."
+        "sensor; small errors everywhere, of which no single place explains most."
     )
     verdict = verdict.model_copy(update={"verdict": "unexplained", "causes": []})
     shown = explained.shown.model_copy(update={"means": [], "established": []})

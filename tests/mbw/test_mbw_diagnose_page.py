@@ -104,7 +104,7 @@ def test_a_partly_explained_gap_names_cause_and_rest(folders, texts):
     assert f"{verdict.gap.retuned.excess:.3g} times the noise (re-tuned) to" in lead
     assert f"What remains is {rest.excess:.3g} times the noise: the model's error is" in lead
     assert rest.spread == "local"
-    assert f"most of it arises {place_phrase(rest.where[0].location)} (" in lead
+    assert f"it mainly arises {place_phrase(rest.where[0].location)} (" in lead
     error = f"{100 * rest.model_error:.3g} %"
     assert f'<span class="badge trouble">a rest remains: model error {error}' in texts["partly"]
     assert '<span class="badge good">one cause' in texts["partly"]
