@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.words import Campaign, Complex, Dof, FrfEstimate, Mask, Real
+from identification.words import Campaign, Complex, Dof, FrfEstimate, Mask, Port, Real
 
 Reading = Callable[[Real], Complex]
 
 
-def match_channels(location: str, dof: str | None) -> Callable[[Dof], bool]:
+def match_channels(location: str, dof: str | None) -> Callable[[Port], bool]:
     """Return a function that says whether a fault concerns a channel.
 
     Args:
@@ -20,13 +20,13 @@ def match_channels(location: str, dof: str | None) -> Callable[[Dof], bool]:
     sites = location.partition(":")[2].split("+")
     axes = None if dof is None else dof.split("+")
 
-    def concerns(channel: Dof) -> bool:
+    def concerns(channel: Port) -> bool:
         return channel.point in sites and (axes is None or channel.direction[1:] in axes)
 
     return concerns
 
 
-def mask_channels(campaign: Campaign, concerns: Callable[[Dof], bool]) -> Campaign:
+def mask_channels(campaign: Campaign, concerns: Callable[[Port], bool]) -> Campaign:
     """Return the campaign without some channels, whose cells count as not measured."""
 
     def edit(estimate: FrfEstimate) -> FrfEstimate:
@@ -37,7 +37,7 @@ def mask_channels(campaign: Campaign, concerns: Callable[[Dof], bool]) -> Campai
 
 
 def divide_channels(
-    campaign: Campaign, concerns: Callable[[Dof], bool], reading: Reading
+    campaign: Campaign, concerns: Callable[[Port], bool], reading: Reading
 ) -> Campaign:
     """Return the campaign with some channels divided by their reading per motion."""
 
@@ -54,9 +54,8 @@ def divide_channels(
 
 def exchange_channels(campaign: Campaign, pairs: tuple[tuple[Dof, Dof], ...]) -> Campaign:
     """Return the campaign with exchanged channels; a channel without its partner is masked."""
-    partner = {a.positive: b.positive for a, b in pairs} | {
-        b.positive: a.positive for a, b in pairs
-    }
+    partner: dict[Port, Port] = {a.positive: b.positive for a, b in pairs}
+    partner |= {b.positive: a.positive for a, b in pairs}
 
     def edit(estimate: FrfEstimate) -> FrfEstimate:
         outputs = estimate.frf.outputs

@@ -19,7 +19,8 @@ from mbmodel.export.linear_response import respond_linearly
 from mbmodel.export.state_space import StateSpaceExport, export_state_space, state_space
 from mbmodel.frf.forward_sensitivities import ForwardSensitivities
 from mbmodel.frf.linearised import Evaluator, Linearised, linearise
-from mbmodel.frf.ports import parse_input
+from mbmodel.frf.port_units import CONTROL, input_unit, output_quantity, output_unit
+from mbmodel.frf.ports import parse_input, parse_output
 from mbmodel.frf.request import FrfRequest
 from mbmodel.geometry.surfaces import MachineGeometry, machine_geometry
 from mbmodel.linearisation.springs import Spring
@@ -90,6 +91,7 @@ silence_mujoco_log()
 
 __all__ = [
     "COMBINED_NAME",
+    "CONTROL",
     "NORMAL_QUANTILE_95",
     "STAGE_COPY_NAME",
     "AddedPart",
@@ -165,6 +167,7 @@ __all__ = [
     "frf_bands",
     "hammer_gain_parts",
     "hammer_parts",
+    "input_unit",
     "joint_coupling_writer",
     "joint_parts",
     "linearise",
@@ -177,8 +180,11 @@ __all__ = [
     "model_modes",
     "modes_of_matrices",
     "modes_with_laws",
+    "output_quantity",
+    "output_unit",
     "parent_bodies",
     "parse_input",
+    "parse_output",
     "read_nonlinear_joints",
     "reduce_system",
     "release_rigid_directions",

@@ -1,7 +1,7 @@
 """A machine: everything that the equation of motion needs of an MJCF, at static equilibrium."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -16,6 +16,7 @@ from identification.words import (
 )
 from mbmodel.linearisation.drawing import Drawing
 from mbmodel.linearisation.motors import ActuatorGain
+from mbmodel.linearisation.sensors import MujocoSensors
 from mbmodel.linearisation.springs import Spring
 from mbmodel.linearisation.statics import Statics
 from mbmodel.spatial import transport
@@ -101,6 +102,7 @@ class Machine:
         statics: of the MJCF, if the equilibrium follows the parameters; None if it stays.
         pose: where the machine rests, if not at its nominal rest. Body motions, forces and points
             are then in axes that turned with the bodies, in which they are as in the nominal rest.
+        sensors: the MuJoCo sensors of the MJCF.
 
     Raises:
         ValueError: arrays whose shapes do not fit.
@@ -127,6 +129,7 @@ class Machine:
     remarks: tuple[str, ...] = ()
     statics: Statics | None = None
     pose: Pose | None = None
+    sensors: MujocoSensors = field(default_factory=MujocoSensors)
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""

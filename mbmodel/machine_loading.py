@@ -14,6 +14,8 @@ from mbmodel.linearisation.force_slopes import remaining_stiffness_and_damping
 from mbmodel.linearisation.motors import actuator_gains
 from mbmodel.linearisation.points import machine_layout
 from mbmodel.linearisation.remarks import equilibrium_remarks
+from mbmodel.linearisation.sensor_rows import RestPose
+from mbmodel.linearisation.sensors import read_sensors
 from mbmodel.linearisation.spin import spin_remarks, spin_velocity
 from mbmodel.linearisation.springs import find_springs
 from mbmodel.linearisation.statics import Statics
@@ -95,6 +97,7 @@ def load_machine(
             *motor_remarks,
             *nonlinear_remarks(model),
         ),
+        sensors=read_sensors(RestPose(model, data, stages, centres, jacobian), path),
     )
     check_linear_model(model, data, machine, path, velocity)
     frames = data.xmat[stages].reshape(-1, 3, 3)

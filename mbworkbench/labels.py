@@ -6,8 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.words import DERIVATIVE_ORDER, Dof, Input, Motor, Quantity, Real, UsageError
-from mbmodel import Machine, parse_input
+from identification.words import (
+    DERIVATIVE_ORDER,
+    Dof,
+    Input,
+    Output,
+    Quantity,
+    Real,
+    Signal,
+    UsageError,
+)
+from mbmodel import Machine, parse_input, parse_output
 
 AnyPath = str | PathLike[str]
 AnyLabel = str | Input
@@ -18,17 +27,19 @@ def as_path(path: AnyPath) -> Path:
     return Path(path).expanduser()
 
 
-def parse_outputs(labels: AnyLabel | Iterable[AnyLabel]) -> tuple[Dof, ...]:
-    """Return outputs as degrees of freedom.
+def parse_outputs(machine: Machine, labels: AnyLabel | Iterable[AnyLabel]) -> tuple[Output, ...]:
+    """Return outputs as degrees of freedom or signals.
 
     Args:
-        labels: one label or several, such as ``acc11:+tx``.
+        machine: its joints and MuJoCo sensors may be named.
+        labels: one label or several: ``acc11:+tx``, ``joint:ty_tx``, or the name of a sensor.
 
     Raises:
-        UsageError: a text is no label.
+        UsageError: a text is no output of the machine.
     """
     return tuple(
-        label if isinstance(label, Dof) else Dof.parse(str(label)) for label in as_labels(labels)
+        parse_output(machine, label) if isinstance(label, str) else label
+        for label in as_labels(labels)
     )
 
 
@@ -114,7 +125,7 @@ def as_labels(labels: AnyLabel | Iterable[AnyLabel]) -> tuple[AnyLabel, ...]:
     Raises:
         UsageError: there is no label, or one appears twice.
     """
-    chosen = (labels,) if isinstance(labels, str | Dof | Motor) else tuple(labels)
+    chosen = (labels,) if isinstance(labels, str | Dof | Signal) else tuple(labels)
     if not chosen:
         raise UsageError("give at least one label, such as acc11:+tx")
     texts = [str(label) for label in chosen]

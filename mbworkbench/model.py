@@ -126,7 +126,7 @@ class MachineModel:
         """
         request = FrfRequest(
             check_frequencies(freq_hz),
-            parse_outputs(outputs),
+            parse_outputs(self.machine, outputs),
             parse_inputs(self.machine, inputs),
             check_quantity(quantity),
         )
@@ -157,7 +157,7 @@ class MachineModel:
         model = self.nominal
         request = FrfRequest(
             np.array([1.0]),
-            parse_outputs(outputs),
+            parse_outputs(self.machine, outputs),
             parse_inputs(self.machine, inputs),
             check_quantity(quantity),
         )

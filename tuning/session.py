@@ -9,7 +9,7 @@ from identification import correct_layout, read_campaign, read_settings, select_
 from identification.checks.unknown_gains import leave_out_unknown_gains
 from identification.readers.file_kinds import is_universal
 from identification.readers.frf_units import parse_frf_units
-from identification.words import Campaign, Dof, InputError, Motor
+from identification.words import Campaign, Dof, InputError, Signal
 from mbmodel import (
     HammerGainPart,
     HammerPart,
@@ -136,6 +136,7 @@ def build_toleranced_model(machine: Machine, campaign: Campaign) -> Model:
         campaign: tests, which say which sensors are read and where the hammer hits.
     """
     read_points = {dof.point for test in campaign.tests for dof in test.estimate.frf.outputs}
+    directions = [dof for dof in campaign.outputs if isinstance(dof, Dof)]
     unknown = campaign.unknown_gains
     return Model(
         machine,
@@ -145,7 +146,7 @@ def build_toleranced_model(machine: Machine, campaign: Campaign) -> Model:
             *joint_parts(machine),
             *(
                 part
-                for part in sensor_parts(machine, campaign.outputs, unknown.sensors)
+                for part in sensor_parts(machine, directions, unknown.sensors)
                 if part.point.name in read_points
             ),
             *hammer_parts(machine, _forces_at_points(machine, campaign)),
@@ -251,7 +252,7 @@ def open_campaign(
 def _refuse_unknown_motors(source: Path, machine: Machine, campaign: Campaign) -> None:
     """Raise InputError for a reference without a colon that is no motor of the model."""
     for reference in campaign.inputs:
-        if isinstance(reference, Motor) and reference.name not in machine.motors:
+        if isinstance(reference, Signal) and reference.name not in machine.motors:
             names = ", ".join(machine.motors) or "none"
             raise InputError(
                 f"{source}: reference {reference.name!r} is no motor of the model (it has "

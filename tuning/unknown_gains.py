@@ -26,9 +26,9 @@ from identification.words import (
     DERIVATIVE_ORDER,
     Campaign,
     Complex,
-    Dof,
     Mask,
     NominalGain,
+    Output,
     Real,
     Test,
 )
@@ -110,7 +110,7 @@ def divide_by_unknown_gains(machine: Machine, campaign: Campaign) -> Campaign:
     )
 
 
-def _nodes_of(campaign: Campaign, test: Test, dof: Dof) -> tuple[_Node, ...]:
+def _nodes_of(campaign: Campaign, test: Test, dof: Output) -> tuple[_Node, ...]:
     """Return the unknown gains in the FRF of a channel."""
     unknown, nodes = campaign.unknown_gains, list[_Node]()
     if dof.point in unknown.sensors:

@@ -33,7 +33,7 @@ from identification import (
     mount_response,
     noise_only_channels,
 )
-from identification.words import Campaign, Dof
+from identification.words import Campaign, Dof, Output
 from tuning import Session
 
 _GROSS = ("dead_channel", "sensor_polarity", "sensor_swap")
@@ -115,7 +115,7 @@ def check_sensors(campaign: Campaign, settings: DiagnosisSettings) -> SensorChec
     )
 
 
-def _is_credible(fault: Fault, campaign: Campaign, silent: Collection[Dof]) -> bool:
+def _is_credible(fault: Fault, campaign: Campaign, silent: Collection[Output]) -> bool:
     """Return whether a fault is more than the silence of channels that read noise alone.
 
     Args:
@@ -129,7 +129,7 @@ def _is_credible(fault: Fault, campaign: Campaign, silent: Collection[Dof]) -> b
     return any(concerns(dof) and dof.positive not in silent for dof in campaign.outputs)
 
 
-def _replace_duplicates(fault: Fault, duplicates: frozenset[Dof]) -> list[Fault]:
+def _replace_duplicates(fault: Fault, duplicates: frozenset[Output]) -> list[Fault]:
     """Return the unknown faults of channels that hold the numbers of other channels.
 
     Args:

@@ -3,7 +3,7 @@
 from collections import Counter
 
 from diagnosis.algorithm import Diagnosis
-from identification.words import DIRECTIONS, Campaign, Dof
+from identification.words import DIRECTIONS, Campaign, Output
 from mbmodel import Machine, parent_bodies
 
 
@@ -54,7 +54,7 @@ def _propose_test_at(place: str, machine: Machine, campaign: Campaign) -> str:
     )
 
 
-def _find_measured_channels(campaign: Campaign) -> set[Dof]:
+def _find_measured_channels(campaign: Campaign) -> set[Output]:
     """Return the channels that some test measured."""
     return {
         dof.positive

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import Campaign, Dof, FrfEstimate, Test
+from identification.words import Campaign, FrfEstimate, Output, Test
 
 _MAX_DEAD_COHERENCE = 0.1  # coherence below which a channel holds no response to the hit
 _NOISE_MARGIN = 1.25  # factor on the coherence or power ratio of noise alone
@@ -34,7 +34,7 @@ def channel_remarks(campaign: Campaign) -> tuple[str, ...]:
     )
 
 
-def noise_only_channels(campaign: Campaign) -> dict[Dof, str]:
+def noise_only_channels(campaign: Campaign) -> dict[Output, str]:
     """Find channels that read noise alone in every test.
 
     Without coherence the measure is the power of the FRF over the variance of its noise, which has
@@ -44,7 +44,7 @@ def noise_only_channels(campaign: Campaign) -> dict[Dof, str]:
     Returns:
         For each such channel, its measure and that of the other channels, as part of a sentence.
     """
-    levels: dict[Dof, list[_SignalLevel]] = {}
+    levels: dict[Output, list[_SignalLevel]] = {}
     for test in campaign.tests:
         estimate = test.estimate
         is_zero = np.abs(estimate.frf.values[:, :, 0]).max(axis=0) == 0
@@ -143,7 +143,7 @@ def _describe_dead(test: Test) -> list[str]:
     ]
 
 
-def duplicate_channels(campaign: Campaign) -> frozenset[Dof]:
+def duplicate_channels(campaign: Campaign) -> frozenset[Output]:
     """Find channels that hold the numbers of another channel, up to their sign, in every test."""
     of_tests = (
         {test.estimate.frf.outputs[k].positive for pair in _equal_pairs(test) for k in pair}

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.words import Campaign, Complex, Dof, InputError, Test
+from identification.words import Campaign, Complex, InputError, Output, Test
 
 _MAX_REPEATED_DIFFERENCE = (
     1e-5  # relative: what the six digits of text files leave of equal numbers
@@ -40,7 +40,7 @@ def refuse_repeated_tests(path: Path, campaign: Campaign) -> None:
             )
 
 
-def _column(test: Test) -> dict[Dof, Complex]:
+def _column(test: Test) -> dict[Output, Complex]:
     """Return the FRFs of the measured channels, along positive axes of channel and reference."""
     frf = test.estimate.frf
     return {
@@ -50,7 +50,7 @@ def _column(test: Test) -> dict[Dof, Complex]:
     }
 
 
-def _size(column: dict[Dof, Complex]) -> float:
+def _size(column: dict[Output, Complex]) -> float:
     """Return the norm of all FRFs of a test."""
     return float(np.sqrt(sum(float((np.abs(values) ** 2).sum()) for values in column.values())))
 

@@ -4,7 +4,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.words import Campaign, Complex, Dof, Frf, FrfEstimate, Motor, Real, Test
+from identification.words import (
+    Campaign,
+    Complex,
+    Dof,
+    Frf,
+    FrfEstimate,
+    Output,
+    Real,
+    Signal,
+    Test,
+)
 
 
 def is_roving_hammer(campaign: Campaign) -> bool:
@@ -15,7 +25,7 @@ def is_roving_hammer(campaign: Campaign) -> bool:
     return len(_hit_points(campaign)) > len(campaign.outputs)
 
 
-def shape_points(campaign: Campaign) -> tuple[Dof, ...]:
+def shape_points(campaign: Campaign) -> tuple[Output, ...]:
     """Return the degrees of freedom of shapes: channels, or references of a roving hammer."""
     return _hit_points(campaign) if is_roving_hammer(campaign) else campaign.outputs
 
@@ -32,10 +42,10 @@ def exchange_hits_and_channels(campaign: Campaign) -> Campaign:
     as that of solid bodies need many channels for each reference. If a point was hit in several
     tests, the first one counts. Tests with a motor as reference are left out.
     """
-    cells: dict[Dof, list[_Cell]] = {}
+    cells: dict[Output, list[_Cell]] = {}
     for test in campaign.tests:
         reference = test.condition.reference
-        if isinstance(reference, Motor):
+        if isinstance(reference, Signal):
             continue
         for row, dof in enumerate(test.estimate.frf.outputs):
             if test.estimate.measured[row, 0]:
@@ -64,7 +74,7 @@ class _Cell:
         return cls(test, hit, values, estimate.variance[:, row, 0], coherence)
 
 
-def _test(sensor: Dof, cells: list[_Cell]) -> Test:
+def _test(sensor: Output, cells: list[_Cell]) -> Test:
     """Build the test with the sensor as reference and the points that were hit as channels."""
     by_point = {cell.hit.positive: cell for cell in reversed(cells)}
     kept = [cell for cell in cells if by_point[cell.hit.positive] is cell]

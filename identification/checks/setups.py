@@ -28,7 +28,7 @@ from scipy.optimize import minimize_scalar
 
 from identification.modal import ModeCriteria, frac, lscf
 from identification.modal.pole_clusters import cluster_poles
-from identification.words import Campaign, Complex, Dof, Input, Mask, Real, Test
+from identification.words import Campaign, Complex, Input, Mask, Output, Real, Test
 
 _MAX_SHIFT = 0.05  # largest relative shift of frequencies that is searched
 _N_SHIFT = 101  # shifts on the grid that starts the search
@@ -63,7 +63,7 @@ class SetupCheck:
 
     names: tuple[str, str]
     reference: Input
-    shared: tuple[Dof, ...]
+    shared: tuple[Output, ...]
     frac: Real
     scale: Real
     excess: float | None
@@ -152,7 +152,7 @@ class _Pair:
     """FRFs and variances of the shared channels of two tests; (n_freq, n_shared) each."""
 
     freq_hz: Real
-    shared: tuple[Dof, ...]
+    shared: tuple[Output, ...]
     first: Complex
     second: Complex
     first_var: Real

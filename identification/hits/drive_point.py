@@ -29,7 +29,7 @@ from identification.words import (
     Campaign,
     Dof,
     Layout,
-    Motor,
+    Signal,
     Test,
     node_number,
 )
@@ -100,9 +100,11 @@ def drive_point_signs(campaign: Campaign) -> tuple[DrivePoint, ...]:
     points = []
     for test in campaign.tests:
         reference = test.condition.reference
-        if isinstance(reference, Motor):  # a control signal has neither place nor direction
+        if isinstance(reference, Signal):  # a control signal has neither place nor direction
             continue
         for row, output in enumerate(test.estimate.frf.outputs):
+            if isinstance(output, Signal):
+                continue
             cosine = _cosine(campaign.layout, output, reference)
             if (
                 cosine is None
@@ -130,6 +132,8 @@ def _find_stand_in(campaign: Campaign, test: Test, output: Dof) -> Dof | None:
         if candidate.condition.reference != test.condition.reference:
             continue
         for row, dof in enumerate(candidate.estimate.frf.outputs):
+            if isinstance(dof, Signal):
+                continue
             share = _power_share(candidate, row) if dof.point != output.point else None
             if share is not None and dof.direction[1:] == output.direction[1:]:
                 shares[dof] = share

@@ -19,6 +19,7 @@ from identification.words import (
     InputError,
     Mask,
     ModalModel,
+    Output,
     Real,
 )
 
@@ -54,7 +55,7 @@ class MeasuredFrfs:
     values: Complex
     variance: Real
     measured: Mask
-    outputs: tuple[Dof, ...]
+    outputs: tuple[Output, ...]
     inputs: tuple[Input, ...]
     order: int
     decay: float

@@ -26,6 +26,7 @@ from identification.words import (
     Layout,
     Mask,
     ModalModel,
+    Output,
     Real,
     drive_point_scale,
 )
@@ -186,14 +187,14 @@ class BodyShapes:
         undetermined: bodies of which a degree of freedom is not determined.
     """
 
-    dofs: tuple[Dof, ...]
+    dofs: tuple[Output, ...]
     values: Complex
     reconstructed: Complex
     solid: Mask
     undetermined: tuple[str, ...]
 
 
-def shapes_at_bodies(shapes: Complex, outputs: Sequence[Dof], layout: Layout) -> BodyShapes:
+def shapes_at_bodies(shapes: Complex, outputs: Sequence[Output], layout: Layout) -> BodyShapes:
     """Compute the least-squares motion of each solid body, with equal weights (seed, eq. 2.5).
 
     Args:
@@ -207,7 +208,9 @@ def shapes_at_bodies(shapes: Complex, outputs: Sequence[Dof], layout: Layout) ->
     reduced = reduce_to_bodies(_shapes_as_estimate(nonempty, outputs), layout).frf
     determined = set(reduced.outputs)
     complete = {b for b in layout.bodies if all(Dof.of(b, axis) in determined for axis in range(6))}
-    solid = np.array([layout.body_name(dof.point) in complete for dof in outputs], bool)
+    solid = np.array(
+        [isinstance(d, Dof) and layout.body_name(d.point) in complete for d in outputs], bool
+    )
     rebuilt = np.zeros(shapes.shape, complex)
     if solid.any():
         kept = tuple(dof for dof, inside in zip(outputs, solid, strict=True) if inside)
@@ -221,7 +224,7 @@ def shapes_at_bodies(shapes: Complex, outputs: Sequence[Dof], layout: Layout) ->
     )
 
 
-def _shapes_as_estimate(shapes: Complex, outputs: tuple[Dof, ...]) -> FrfEstimate:
+def _shapes_as_estimate(shapes: Complex, outputs: tuple[Output, ...]) -> FrfEstimate:
     """Store shapes as the lines of an FRF, since bodies reduce modes and lines equally."""
     values = shapes.T[:, :, None]
     lines = np.arange(1, shapes.shape[1] + 1, dtype=np.float64)

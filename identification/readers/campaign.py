@@ -40,8 +40,8 @@ from identification.words import (
     InputError,
     Layout,
     Mask,
-    Motor,
     Real,
+    Signal,
     Test,
     Tolerance,
     UnknownGains,
@@ -207,7 +207,7 @@ def _on_sites(file: Path, table: FrfTable, layout: Layout) -> FrfTable:
     return replace(table, responses=responses, references=references)
 
 
-def _refuse_point(file: Path, layout: Layout, motor: Motor) -> Motor:
+def _refuse_point(file: Path, layout: Layout, motor: Signal) -> Signal:
     """Return a motor, unless its name is that of a point or body, whose direction is missing."""
     if motor.name in (*layout.points, *layout.bodies):
         raise InputError(

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import TypeVar
 
-from identification.words import Dof, Input, InputError, Motor, UsageError
+from identification.words import Dof, Input, InputError, Signal, UsageError
 
 _NODE_RANGE = re.compile(r"(?P<first>[0-9]{1,18})(\.\.(?P<last>[0-9]{1,18}))?")
 _MAX_CHANNELS = 100_000  # of a campaign: a range beyond it is a slip of the pen
@@ -89,5 +89,5 @@ def _parse_reference(path: Path, text: str) -> Input:
     """Parse a label, or the name of a motor, which has no colon and is no number."""
     name = text.strip()
     if name and ":" not in name and not name.isdecimal():
-        return Motor(name)
+        return Signal(name)
     return _parse(path, text)

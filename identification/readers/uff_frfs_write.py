@@ -16,9 +16,9 @@ from identification.words import (
     Frf,
     FrfEstimate,
     Input,
-    Motor,
     Quantity,
     Real,
+    Signal,
     node_number,
 )
 
@@ -96,7 +96,7 @@ def _function(frf: Frf, row: int, nodes: Mapping[str, int], source: Input, value
 
 def _reference(source: Input) -> tuple[int, int, str]:
     """Return node, direction and unit of an input; a motor has neither node nor direction."""
-    if isinstance(source, Motor):
+    if isinstance(source, Signal):
         return 0, 0, "NONE"
     unit = "N m" if source.is_rotation else "N"
     return node_number(source.point) or 0, source.sign * (source.axis + 1), unit

@@ -21,7 +21,9 @@ from identification.words import (
     Integers,
     Layout,
     Mask,
+    Output,
     Real,
+    Signal,
     frozen_array,
     node_number,
 )
@@ -62,7 +64,7 @@ class NodeShapes(HasPoles):
         ):
             object.__setattr__(self, name, frozen_array(getattr(self, name), kind, shape, name))
 
-    def at_channels(self, outputs: Sequence[Dof], layout: Layout) -> tuple[Complex, Mask]:
+    def at_channels(self, outputs: Sequence[Output], layout: Layout) -> tuple[Complex, Mask]:
         """Return the shapes along the axes of channels, and which channels have a value.
 
         Args:
@@ -74,11 +76,13 @@ class NodeShapes(HasPoles):
             is known and which are translations (n_out,).
         """
         rows = {int(node): row for row, node in enumerate(self.nodes)}
-        points = list(dict.fromkeys(dof.point for dof in outputs))
+        points = list(dict.fromkeys(dof.point for dof in outputs if isinstance(dof, Dof)))
         numbers = dict(zip(points, _number_points(points), strict=True))
         shapes = np.zeros((len(outputs), len(self.poles)), complex)
         is_available = np.zeros(len(outputs), bool)
         for k, dof in enumerate(outputs):
+            if isinstance(dof, Signal):
+                continue
             row = rows.get(numbers[dof.point])
             if row is not None and not dof.is_rotation:
                 shapes[k] = _axis(dof, layout) @ self.values[row]

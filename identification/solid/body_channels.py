@@ -72,7 +72,7 @@ def join_tests(campaign: Campaign) -> ChannelTable:
     FRFs are per force, so that tests with different hits can be joined. A test without a new
     channel becomes a column of its own. If several set-ups measured a channel, the first is used.
     """
-    channels = campaign.outputs
+    channels = tuple(dof for dof in campaign.outputs if isinstance(dof, Dof))
     columns: list[tuple[object, dict[Dof, tuple[Test, int]]]] = []
     for test in campaign.tests:
         key = (
@@ -84,7 +84,7 @@ def join_tests(campaign: Campaign) -> ChannelTable:
         cells = {
             dof.positive: (test, row)
             for row, dof in enumerate(test.estimate.frf.outputs)
-            if test.estimate.measured[row, 0]
+            if test.estimate.measured[row, 0] and isinstance(dof, Dof)
         }
         matching = [
             known_cells

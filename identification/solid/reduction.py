@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from identification.words import Dof, Frf, FrfEstimate, Layout, Mask, Real
+from identification.words import Dof, Frf, FrfEstimate, Layout, Mask, Output, Real
 
 _MIN_SINGULAR_VALUE = 1e-8  # singular value over the largest below which a motion is undetermined
 _MAX_MIXING = 1e-6  # part of a determined degree of freedom in undetermined motions
@@ -82,7 +82,7 @@ def reduction_covariance(estimate: FrfEstimate, layout: Layout) -> Real:
     return covariance
 
 
-def reconstruct(reduced: Frf, outputs: tuple[Dof, ...], layout: Layout) -> Frf:
+def reconstruct(reduced: Frf, outputs: tuple[Output, ...], layout: Layout) -> Frf:
     """Compute the readings of sensors on solid bodies (seed, ch. 2.2).
 
     Args:

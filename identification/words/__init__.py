@@ -32,15 +32,24 @@ from identification.words.hits import (
 )
 from identification.words.layout import Layout, is_hammer_point, node_number
 from identification.words.modal import ModalModel, drive_point_scale, modal_sum
-from identification.words.motor import Input, Motor
 from identification.words.names import shorten_names
 from identification.words.poles import HasPoles
 from identification.words.records import Records
+from identification.words.signal import (
+    JOINT_PREFIX,
+    Input,
+    Output,
+    Port,
+    Signal,
+    parse_port,
+    settle_port,
+)
 
 __all__ = [
     "DEFAULT_HAMMER",
     "DERIVATIVE_ORDER",
     "DIRECTIONS",
+    "JOINT_PREFIX",
     "MAX_FREQUENCY_HZ",
     "MAX_INPUT_MAGNITUDE",
     "MIN_FREQUENCY_HZ",
@@ -63,11 +72,13 @@ __all__ = [
     "Layout",
     "Mask",
     "ModalModel",
-    "Motor",
     "NominalGain",
+    "Output",
+    "Port",
     "Quantity",
     "Real",
     "Records",
+    "Signal",
     "SignalTraces",
     "SpectralDensities",
     "Test",
@@ -82,5 +93,7 @@ __all__ = [
     "is_hammer_point",
     "modal_sum",
     "node_number",
+    "parse_port",
+    "settle_port",
     "shorten_names",
 ]

@@ -11,8 +11,8 @@ from identification.words.frf import FrfEstimate
 from identification.words.gains import UnknownGains
 from identification.words.hits import HitEstimate
 from identification.words.layout import Layout
-from identification.words.motor import Input, Motor
 from identification.words.names import shorten_names
+from identification.words.signal import Input, Output, Signal
 
 # Standard deviations within which every tolerance is kept in a fit; what lies beyond is an effect
 # that the model lacks, or a fault of a sensor.
@@ -45,8 +45,8 @@ class Condition:
 
     def __post_init__(self) -> None:
         """Check the reference, the level and the spindle speed."""
-        if not isinstance(self.reference, Dof | Motor):
-            raise ValueError(f"reference is {self.reference!r}, expected a Dof or a Motor")
+        if not isinstance(self.reference, Dof | Signal):
+            raise ValueError(f"reference is {self.reference!r}, expected a Dof or a Signal")
         if self.level_n is not None and not (np.isfinite(self.level_n) and self.level_n > 0):
             raise ValueError(f"level is {self.level_n} N, expected more than 0")
         if not np.isfinite(self.spindle_speed):
@@ -60,7 +60,7 @@ class Condition:
         """
         if self.hammer is not None:
             return self.hammer
-        return self.reference.name if isinstance(self.reference, Motor) else DEFAULT_HAMMER
+        return self.reference.name if isinstance(self.reference, Signal) else DEFAULT_HAMMER
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +186,7 @@ class Campaign:
         return self.tests[0].estimate.frf.freq_hz
 
     @property
-    def outputs(self) -> tuple[Dof, ...]:
+    def outputs(self) -> tuple[Output, ...]:
         """Channels of all tests, each once, with positive sign."""
         return distinct_dofs(dof for test in self.tests for dof in test.estimate.frf.outputs)
 

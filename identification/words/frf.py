@@ -17,8 +17,8 @@ from identification.words._arrays import (
 )
 from identification.words.dof import Dof
 from identification.words.errors import UsageError
-from identification.words.motor import Input, Motor
 from identification.words.names import shorten_names
+from identification.words.signal import Input, Output, Signal
 
 Quantity = Literal["receptance", "mobility", "accelerance"]
 VarianceSource = Literal["coherence", "differences"]
@@ -43,7 +43,7 @@ class Frf:
 
     freq_hz: Real
     values: Complex
-    outputs: tuple[Dof, ...]
+    outputs: tuple[Output, ...]
     inputs: tuple[Input, ...]
     quantity: Quantity
 
@@ -61,8 +61,8 @@ class Frf:
             ("input", self.inputs),
         )
         for side, dofs in sides:
-            if wrong := [dof for dof in dofs if not isinstance(dof, Dof | Motor)]:
-                raise ValueError(f"an {side} is {wrong[0]!r}, expected a Dof or a Motor")
+            if wrong := [dof for dof in dofs if not isinstance(dof, Dof | Signal)]:
+                raise ValueError(f"an {side} is {wrong[0]!r}, expected a Dof or a Signal")
             if len({dof.positive for dof in dofs}) < len(dofs):
                 raise ValueError(f"an {side} appears twice: {', '.join(map(str, dofs))}")
         if self.quantity not in DERIVATIVE_ORDER:
@@ -72,7 +72,7 @@ class Frf:
         object.__setattr__(self, "outputs", tuple(self.outputs))
         object.__setattr__(self, "inputs", tuple(self.inputs))
 
-    def select(self, outputs: Sequence[Dof], inputs: Sequence[Input]) -> Self:
+    def select(self, outputs: Sequence[Output], inputs: Sequence[Input]) -> Self:
         """Select outputs and inputs by label, in this order, with the signs of these labels.
 
         Raises:
@@ -140,7 +140,7 @@ class Frf:
 
 def _position(available: Sequence[Input], label: str | Input, side: str) -> tuple[int, int]:
     """Return the position of a label and its sign relative to the available one."""
-    if not isinstance(label, str | Dof | Motor):
+    if not isinstance(label, str | Dof | Signal):
         raise UsageError(f"{label!r} is not a label: write text such as acc11:+tx, or a Dof")
     if isinstance(label, str):
         names = {str(dof): dof for dof in available}

@@ -11,6 +11,7 @@ from identification.words._arrays import MAX_INPUT_MAGNITUDE, Integers, Real, fr
 from identification.words.dof import Dof
 from identification.words.errors import UsageError
 from identification.words.names import shorten_names
+from identification.words.signal import Port, Signal
 
 _NODE_SUFFIX = re.compile(r"(\d+)$")
 _HAMMER_POINT = re.compile(r"hit\d+$")
@@ -75,7 +76,7 @@ class Layout:
         """Return the names of bodies and points in a few lines."""
         return f"bodies: {shorten_names(self.bodies)}\npoints: {shorten_names(self.points)}"
 
-    def rows(self, dofs: Sequence[Dof]) -> Real:
+    def rows(self, dofs: Sequence[Port]) -> Real:
         """Return the rigid-body rows: motion at each degree of freedom per motion of the bodies.
 
         A point at ``r`` from the centre of mass of its body moves by v + theta x r. Along its
@@ -83,7 +84,8 @@ class Layout:
         force along ``a`` at the point to force and moment at the centre: a and r x a.
 
         Args:
-            dofs: n degrees of freedom at points of the layout, or at bodies (world axes).
+            dofs: n degrees of freedom at points of the layout, or at bodies (world axes). A signal,
+                which is no single direction at a point, has a row of zeros.
 
         Returns:
             Rows [1, m, 1/m]; (n, 6 n_body), with six columns for each body: tx ty tz rx ry rz.
@@ -93,6 +95,8 @@ class Layout:
         """
         rows = np.zeros((len(dofs), len(self.bodies), 6))
         for row, dof in zip(rows, dofs, strict=True):
+            if isinstance(dof, Signal):
+                continue
             body, arm, axes = self._place(dof.point)
             axis = dof.sign * axes[:, dof.axis % 3]
             if dof.is_rotation:

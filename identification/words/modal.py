@@ -6,12 +6,11 @@ from typing import Protocol
 import numpy as np
 
 from identification.words._arrays import Complex, Real, frozen_array
-from identification.words.dof import Dof
 from identification.words.errors import UsageError
 from identification.words.frf import DERIVATIVE_ORDER, Frf, Quantity
-from identification.words.motor import Input
 from identification.words.names import shorten_names
 from identification.words.poles import HasPoles
+from identification.words.signal import Input, Output
 
 
 class HasModes(Protocol):
@@ -111,7 +110,7 @@ class ModalModel(HasPoles):
     participation: Complex
     lower: Real
     upper: Real
-    outputs: tuple[Dof, ...]
+    outputs: tuple[Output, ...]
     inputs: tuple[Input, ...]
     freq_sd: Real
     damping_sd: Real

@@ -34,6 +34,7 @@ def add_coordinates(machine: Machine, names: tuple[str, ...], columns: Real) -> 
             name: ActuatorGain(np.pad(drive.joint, (0, count)), drive.body)
             for name, drive in machine.motors.items()
         },
+        sensors=machine.sensors.extend(coordinates=count),
     )
 
 
@@ -70,6 +71,7 @@ def add_body(machine: Machine, name: str, centre: Real, motion: Real, mass: Real
             name: ActuatorGain(drive.joint, np.pad(drive.body, (0, 6)))
             for name, drive in machine.motors.items()
         },
+        sensors=machine.sensors.extend(bodies=1),
     )
 
 

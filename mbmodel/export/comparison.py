@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from identification.words import Complex, Dof, Input, UsageError
+from identification.words import Complex, Input, Output, UsageError
 from mbmodel.export.branch_states import ApproximatedLaw
 from mbmodel.export.state_space import export_state_space
 from mbmodel.frf.linearised import Evaluator
@@ -36,7 +36,7 @@ class StateSpaceComparison:
     states: int
     max_difference: float
     rms_difference: float
-    worst: tuple[Dof, Input, float]
+    worst: tuple[Output, Input, float]
     worst_frfs: Complex
     growth: float
     laws: tuple[ApproximatedLaw, ...]

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identification.words import Real, UsageError
+from identification.words import DERIVATIVE_ORDER, Integers, Real, UsageError
 from mbmodel.export.branch_states import ApproximatedLaw, BranchStates, branch_states
-from mbmodel.frf.ports import apply_point_changes, find_ports
+from mbmodel.frf.ports import Ports, apply_point_changes, find_ports
 from mbmodel.frf.request import FrfRequest
 from mbmodel.model import Model
 
@@ -89,23 +89,14 @@ def export_state_space(model: Model, theta: Real, request: FrfRequest) -> StateS
     drive = assembly.jacobian.T @ (ports.force - assembly.body[2] @ ports.floor) + ports.motor
     names = model.machine.coordinates
     form = first_order_form(branches, drive)
-    order = request.order
-    reading, feedthrough = form.read(order, ports.readout @ assembly.jacobian)
-    dynamics, gain = form.dynamics, form.gain
+    readout = ports.readout @ assembly.jacobian + ports.joint_readout
+    quantity = DERIVATIVE_ORDER[request.quantity]
+    orders = np.array([quantity if order is None else order for order in ports.orders], int)
     states = [*names, *(f"{name}'" for name in names), *branches.names]
-    if order == 2:
-        feedthrough = feedthrough + ports.readout @ ports.floor
-    else:
-        moving = np.flatnonzero(ports.floor.any(axis=0))
-        states += [f"{request.inputs[k]}{rate}" for rate in ("", "'") for k in moving]
-        dynamics, gain = _append_integrators(dynamics, gain, moving)
-        floor_readout = ports.readout @ ports.floor[:, moving]
-        blocks = (
-            [reading, floor_readout, 0 * floor_readout]
-            if order == 0
-            else [reading, 0 * floor_readout, floor_readout]
-        )
-        reading = np.hstack(blocks)
+    moving = np.flatnonzero(ports.floor.any(axis=0) & bool((orders < 2).any()))
+    states += [f"{request.inputs[k]}{rate}" for rate in ("", "'") for k in moving]
+    dynamics, gain = _append_integrators(form.dynamics, form.gain, moving)
+    reading, feedthrough = _readings(ports, readout, orders, dynamics, gain, moving)
     system = control.ss(
         dynamics,
         gain,
@@ -170,6 +161,40 @@ def first_order_form(branches: BranchStates, drive: Real) -> FirstOrderForm:
         dynamics[2 * size :] += acceleration @ dynamics[size : 2 * size]
         gain[2 * size :] = acceleration @ gain[size : 2 * size]
     return FirstOrderForm(size, dynamics, gain)
+
+
+def _readings(
+    ports: Ports, readout: Real, orders: Integers, dynamics: Real, gain: Real, moving: Integers
+) -> tuple[Real, Real]:
+    """Return the readings per state, (n_out, n_state), and per input, (n_out, n_in).
+
+    Args:
+        ports: rows of the outputs.
+        readout: L T + J; (n_out, nv).
+        orders: derivative that each output reads; (n_out,).
+        dynamics: A, with the states of the floor at the end; (n_state, n_state).
+        gain: B; (n_state, n_in).
+        moving: numbers of the inputs that move the floor and have states.
+    """
+    size, count = readout.shape[1], len(dynamics)
+    derivatives = np.zeros((3, size, count))  # of the joint coordinates, per state
+    derivatives[0, :, :size] = derivatives[1, :, size : 2 * size] = np.eye(size)
+    derivatives[2] = dynamics[size : 2 * size]
+    floor = ports.readout @ ports.floor
+    floor_states = np.zeros((3, len(readout), count))
+    first = count - 2 * len(moving)
+    floor_states[0, :, first : first + len(moving)] = floor[:, moving]
+    floor_states[1, :, first + len(moving) :] = floor[:, moving]
+    reading = np.zeros((len(readout), count))
+    feedthrough = np.zeros((len(readout), gain.shape[1]))
+    for row, order in enumerate(orders):
+        reading[row] = readout[row] @ derivatives[order] + floor_states[order, row]
+        if order == 2:
+            feedthrough[row] = readout[row] @ gain[size : 2 * size] + floor[row]
+    if ports.further is not None:
+        reading += np.einsum("kom,kms->os", ports.further.motion, derivatives)
+        feedthrough += ports.further.direct + ports.further.motion[2] @ gain[size : 2 * size]
+    return reading, feedthrough
 
 
 def _append_integrators(dynamics: Real, gain: Real, moving: np.ndarray) -> tuple[Real, Real]:

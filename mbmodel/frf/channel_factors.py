@@ -4,13 +4,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identification.words import Complex, Dof, Real
+from identification.words import Complex, Output, Real
 from mbmodel.assembly import frequency_dependent_core
 from mbmodel.parts import Change
 
 
 def output_factor(
-    changes: Sequence[Change], outputs: Sequence[Dof], laplace: Complex
+    changes: Sequence[Change], outputs: Sequence[Output], laplace: Complex
 ) -> Complex | None:
     """Return the factor by which each channel's reading is multiplied, None without a change.
 
@@ -43,7 +43,7 @@ def output_factor(
     return np.asarray(np.exp(shaped), np.complex128)
 
 
-def output_selection(outputs: Sequence[Dof], point: str) -> Real:
+def output_selection(outputs: Sequence[Output], point: str) -> Real:
     """Return 1 where a channel reads a direction of a point, whatever its sign; (n_out, 6)."""
     matrix = np.zeros((len(outputs), 6))
     for row, dof in zip(matrix, outputs, strict=True):

@@ -314,10 +314,10 @@ class ForwardSensitivities:
             elif change.slot == "output":
                 selected = output_selection(solution.request.outputs, change.point) @ change.left
                 relative = (selected @ slope @ right)[:, :, 0]
-                yield (
-                    ("readout", "absolute", power, shape),
-                    relative[:, :, None] * solution.ports.readout,
-                )
+                ports = solution.ports
+                scale = relative[:, :, None]
+                yield ("readout", "absolute", power, shape), scale * ports.readout
+                yield ("readout", "joints", power, shape), scale * ports.joint_readout
             elif change.slot == "hammer":
                 directions = direction_selection(solution.request.inputs, change.point) @ left
                 force = (to_joints @ change.right) @ slope_transposed @ directions.T

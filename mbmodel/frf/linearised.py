@@ -21,7 +21,7 @@ from identification.words import Complex, Condition, Frf, Mask, Real, UsageError
 from mbmodel.frf.adjoint import gradient
 from mbmodel.frf.forward_sensitivities import ForwardSensitivities
 from mbmodel.frf.modal_form import ModalForm, modal_form
-from mbmodel.frf.ports import Ports, apply_point_changes, find_ports
+from mbmodel.frf.ports import Ports, apply_point_changes, find_ports, with_orders
 from mbmodel.frf.request import FrfRequest
 from mbmodel.frf.solution import FrfSolution, generalised_force, input_drive_factor
 from mbmodel.frf.solver import Solver
@@ -52,6 +52,7 @@ class Linearised(FrfSolution):
         Returns:
             dJ / dtheta in SI, zero for Parts without a chosen parameter; (n_parameter,).
         """
+        self._refuse_further_terms()
         slopes = self.model.slopes(self.theta, self.condition, chosen)
         return gradient(self, slopes, cotangent)
 
@@ -72,9 +73,26 @@ class Linearised(FrfSolution):
             chosen: parameters of interest; all if None; (n_parameter,).
             rates: factor of each derivative; one if None; (n_parameter,).
         """
+        self._refuse_further_terms()
         chosen = np.ones(len(self.theta), bool) if chosen is None else chosen
         slopes = self.model.slopes(self.theta, self.condition, chosen)
         return ForwardSensitivities(self, slopes, chosen, rates)
+
+    def _refuse_further_terms(self) -> None:
+        """Raise UsageError for readings whose derivatives are not known.
+
+        Raises:
+            UsageError: an output reads forces, or the weight that a tilting accelerometer feels.
+        """
+        if self.ports.further is None:
+            return
+        motion, direct = self.ports.further.motion, self.ports.further.direct
+        rows = np.flatnonzero(motion.any(axis=(0, 2)) | direct.any(axis=1)).tolist()
+        names = ", ".join(repr(str(self.request.outputs[row])) for row in rows)
+        raise UsageError(
+            f"{names} reads forces or the weight in a tilting sensor, which only mbw predict "
+            "handles: name the site or joint as the channel instead"
+        )
 
 
 class Evaluator:
@@ -100,12 +118,13 @@ class Evaluator:
         direct: bool = False,
         agreement: float = _MAX_MODAL_ERROR,
     ) -> None:
-        self.model, self.request, self.condition = model, request, condition
+        self.model, self.condition = model, condition
         self.ports = find_ports(model.machine, request.outputs, request.inputs)
+        self.request = request = with_orders(request, self.ports)
         self.is_direct, self._agreement = direct, agreement
         if self.ports.has_floor and request.order < 2 and not request.laplace.all():
             raise UsageError(
-                f"{request.quantity} per acceleration of the floor has no value at 0 Hz: start "
+                "a position or velocity per acceleration of the floor has no value at 0 Hz: start "
                 "the band above it, or request the accelerance"
             )
 

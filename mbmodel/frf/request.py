@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.words import DERIVATIVE_ORDER, Complex, Dof, Input, Quantity, Real
+from identification.words import DERIVATIVE_ORDER, Complex, Input, Output, Quantity, Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,13 +22,18 @@ class FrfRequest:
         inputs: labels of the inputs.
         quantity: receptance, mobility or accelerance.
         window_tau: time constant of the exponential window in the data [s]; 0 for none.
+        orders: derivative that each output reads, as its ports state it; empty if all read the
+            quantity; n_out.
+        base_order: derivative of the motion that is solved for; by default the quantity's.
     """
 
     freq_hz: Real
-    outputs: tuple[Dof, ...]
+    outputs: tuple[Output, ...]
     inputs: tuple[Input, ...]
     quantity: Quantity = "accelerance"
     window_tau: float = 0.0
+    orders: tuple[int, ...] = ()
+    base_order: int | None = None
 
     @cached_property
     def laplace(self) -> Complex:
@@ -38,8 +43,29 @@ class FrfRequest:
 
     @property
     def order(self) -> int:
-        """Number of differentiations q: 0, 1, 2 for receptance, mobility, accelerance."""
+        """Number of differentiations q of the motion: 0, 1, 2 for receptance to accelerance.
+
+        Outputs that read a higher derivative differentiate once or twice more.
+        """
+        if self.base_order is not None:
+            return self.base_order
         return DERIVATIVE_ORDER[self.quantity]
+
+    @property
+    def output_orders(self) -> tuple[int, ...]:
+        """Derivative that each output reads; n_out."""
+        return self.orders or (self.order,) * len(self.outputs)
+
+    @cached_property
+    def output_powers(self) -> Complex | None:
+        """The s^(k - q) of every output that reads the k-th derivative; (n_out, n_freq).
+
+        None if all outputs read the quantity.
+        """
+        if not any(order != self.order for order in self.orders):
+            return None
+        powers: Complex = self.laplace ** (np.array(self.orders)[:, None] - self.order)
+        return powers
 
     @cached_property
     def factor(self) -> Complex:

@@ -9,7 +9,7 @@ from identification.words import Complex, Condition, Real
 from mbmodel.assembly import Assembly
 from mbmodel.frf.channel_factors import input_factor, output_factor
 from mbmodel.frf.modal_form import real_times
-from mbmodel.frf.ports import Ports
+from mbmodel.frf.ports import FurtherTerms, Ports
 from mbmodel.frf.request import FrfRequest
 from mbmodel.frf.solver import Solver
 from mbmodel.frf.woodbury import WoodburySolver
@@ -43,24 +43,53 @@ class FrfSolution:
 
     @cached_property
     def readout(self) -> Real:
-        """G = L T; (n_out, nv)."""
-        readout: Real = self.ports.readout @ self.assembly.jacobian
+        """G = L T + J; (n_out, nv)."""
+        readout: Real = self.ports.readout @ self.assembly.jacobian + self.ports.joint_readout
         return readout
 
     @cached_property
     def values(self) -> Complex:
         """FRFs H, a view on memory that runs along frequency; (n_freq, n_out, n_in)."""
         factor = self.output_factor
-        if factor is None:
+        if factor is None and self.ports.further is None:
             return self.ideal_values
-        delayed = self.ideal_values.transpose(1, 2, 0) * factor[:, None]
-        return delayed.transpose(2, 0, 1)
+        values = self.ideal_values.transpose(1, 2, 0)
+        if factor is not None:
+            values = values * factor[:, None]
+        if self.ports.further is not None:
+            further = self._further_values(self.ports.further)
+            channel = self._channel_factor
+            values = values + (further if channel is None else further * channel[:, None])
+        return values.transpose(2, 0, 1)
 
     @cached_property
     def output_factor(self) -> Complex | None:
-        """Factor of each channel's readings, None if all are one; (n_out, n_freq)."""
+        """Factor of each channel's readings, None if all are one; (n_out, n_freq).
+
+        It is the product of the channel's factor and of s for each derivative that the output reads
+        beyond those of the motion.
+        """
+        powers, channel = self.request.output_powers, self._channel_factor
+        if powers is None or channel is None:
+            return channel if powers is None else powers
+        return powers * channel
+
+    @cached_property
+    def _channel_factor(self) -> Complex | None:
+        """Gain and delay of each channel, None if all are one; (n_out, n_freq)."""
         request = self.request
         return output_factor(self.assembly.output_changes, request.outputs, request.laplace)
+
+    def _further_values(self, further: FurtherTerms) -> Complex:
+        """Return (C_0 + s C_1 + s^2 C_2) x s^-q + D c; (n_out, n_in, n_freq).
+
+        The motion's order q is 0 here, since readings with further terms are of that order.
+        """
+        values: Complex = further.direct[:, :, None] * self.factor
+        for power in np.flatnonzero(further.motion.any(axis=(1, 2))):
+            motion = self.motion * self.request.laplace**power
+            values += real_times(further.motion[power], motion)
+        return values
 
     @cached_property
     def ideal_values(self) -> Complex:

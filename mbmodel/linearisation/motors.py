@@ -67,7 +67,7 @@ def actuator_gains(  # one argument for each thing known of the machine at rest
     idle = []
     for actuator in range(model.nactuator):
         name, count = actuator_name(model, actuator), int(model.actuator_ctrlnum[actuator])
-        wrench = _wrench_at_bodies(model, data, actuator, pulls, stages, centres)
+        wrench = wrench_at_bodies(model, data, actuator, pulls, stages, centres)
         for k in range(count):
             joint = _force_per_control(model, data, int(model.actuator_ctrladr[actuator]) + k)
             if joint is None:
@@ -141,7 +141,7 @@ def _control_difference(
     return difference
 
 
-def _wrench_at_bodies(
+def wrench_at_bodies(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     actuator: int,

@@ -10,9 +10,9 @@ from scipy.sparse.csgraph import connected_components
 from identification.words import (
     DIRECTIONS,
     Complex,
-    Dof,
     HasPoles,
     Mask,
+    Output,
     Real,
     shorten_names,
 )
@@ -284,7 +284,7 @@ def _remove_direction(basis: Real, motion: Real, mass: Real) -> Real:
     return smaller
 
 
-def shapes_at(model: Model, theta: Real, modes: Modes, outputs: Sequence[Dof]) -> Complex:
+def shapes_at(model: Model, theta: Real, modes: Modes, outputs: Sequence[Output]) -> Complex:
     """Return the motion at sensors or centres of mass in each mode, L T phi; (n_out, n_mode).
 
     Args:
@@ -299,5 +299,6 @@ def shapes_at(model: Model, theta: Real, modes: Modes, outputs: Sequence[Dof]) -
     assembly = model.assemble(theta)
     ports = find_ports(model.machine, outputs, ())
     ports = apply_point_changes(ports, assembly.point_changes, outputs, ())
-    shapes: Complex = ports.readout @ assembly.jacobian @ modes.shapes
+    readout = ports.readout @ assembly.jacobian + ports.joint_readout
+    shapes: Complex = readout @ modes.shapes
     return shapes

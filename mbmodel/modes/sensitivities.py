@@ -23,7 +23,7 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.words import Complex, Dof, Integers, Mask, Motor, Real, UsageError
+from identification.words import Complex, Integers, Mask, Output, Real, Signal, UsageError
 from mbmodel.assembly import Assembly, Matrices
 from mbmodel.frf.adjoint import gradient
 from mbmodel.frf.ports import Ports, apply_point_changes, find_ports
@@ -53,7 +53,7 @@ class LinearisedModes:
 
     model: Model
     theta: Real
-    outputs: tuple[Dof, ...]
+    outputs: tuple[Output, ...]
     assembly: Assembly
     ports: Ports
     modes: Modes
@@ -61,7 +61,9 @@ class LinearisedModes:
     @cached_property
     def shapes(self) -> Complex:
         """Motion of the outputs in each mode, L T phi; (n_out, n_mode)."""
-        shapes: Complex = self.ports.readout @ self.assembly.jacobian @ self.modes.shapes
+        shapes: Complex = (
+            self.ports.readout @ self.assembly.jacobian + self.ports.joint_readout
+        ) @ self.modes.shapes
         return shapes
 
     def gradient(self, chosen: Integers, by_poles: Complex, by_shapes: Complex) -> Real:
@@ -91,7 +93,7 @@ class LinearisedModes:
             self.model,
             self.theta,
             _RequestAtPoles(
-                np.abs(poles), self.outputs, (Motor("mode"),), "receptance", laplace_at=poles
+                np.abs(poles), self.outputs, (Signal("mode"),), "receptance", laplace_at=poles
             ),
             None,
             self.assembly,
@@ -122,12 +124,12 @@ class ModeEvaluator:
         UsageError: a label that the machine does not have.
     """
 
-    def __init__(self, model: Model, outputs: Sequence[Dof]) -> None:
+    def __init__(self, model: Model, outputs: Sequence[Output]) -> None:
         self.model, self.outputs = model, tuple(outputs)
         ports = find_ports(model.machine, self.outputs, ())
         size, nv = len(model.machine.body_mass), len(model.machine.coordinates)
         no_input = np.zeros((size, 1))
-        self._ports = Ports(ports.readout, no_input, np.zeros((nv, 1)), no_input)
+        self._ports = replace(ports, force=no_input, motor=np.zeros((nv, 1)), floor=no_input)
 
     def at(self, theta: Real) -> LinearisedModes:
         """Return modes at theta, with derivatives."""

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from identification.words import Dof, Input, Motor, Real, UsageError, shorten_names
-from mbmodel.frf.ports import find_ports, is_floor, parse_input
+from identification.words import Dof, Input, Real, Signal, UsageError, shorten_names
+from mbmodel.frf.ports import find_ports, parse_input
+from mbmodel.frf.signal_rows import is_floor
 from mbmodel.machine import Machine
 from mbmodel.mjcf.names import actuator_name
 from mbmodel.simulation.time_model import TimeModel, joint_coordinate
@@ -154,7 +155,7 @@ def find_drives(model: TimeModel, inputs: Sequence[Input | JointDof]) -> Drives:
     gain = np.zeros((len(rest_controls(model)), len(inputs)))
     floor = np.zeros((3, len(inputs)))
     for column, drive in enumerate(inputs):
-        if isinstance(drive, Motor):
+        if isinstance(drive, Signal):
             find_ports(machine, (), (drive,))  # refuses an unknown motor
             gain[_control_number(model, drive.name), column] = 1.0
         elif isinstance(drive, JointDof):

@@ -10,6 +10,7 @@ For a spring A is g g' in the block of K, of rank one. For a mass it is T' dMb T
 of rank three, with T' dMb U in dF where the floor moves, and with the stiffness of its weight.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,16 +37,17 @@ class MatrixSlope:
     drive: Real
     readout: Real
 
-    def stack(self, order: int) -> Real:
+    def stack(self, orders: Sequence[int]) -> Real:
         """Return A; (nv + n_out, 3 nv + n_in).
 
         Args:
-            order: differentiations of the output.
+            orders: derivative that each output reads; n_out.
         """
         size, count = len(self.drive), self.drive.shape[1]
         forces = np.hstack([*self.polynomial, -self.drive])
         readings = np.zeros((len(self.readout), 3 * size + count))
-        readings[:, order * size : (order + 1) * size] = self.readout
+        for reading, order, row in zip(readings, orders, self.readout, strict=True):
+            reading[order * size : (order + 1) * size] = row
         return np.vstack([forces, readings])
 
 

@@ -77,7 +77,7 @@ class _CoordinateSlope:
 def _coordinate_slopes(posterior: PosteriorOfModel, lines: Linearised) -> list[_CoordinateSlope]:
     """Return the derivative by the delta of each coordinate; n_x."""
     model, blocks = posterior.model, posterior.posterior
-    order = lines.request.order
+    orders = lines.request.output_orders
     coordinate = dict(zip(posterior.indices.tolist(), blocks.coordinate_of.tolist(), strict=True))
     totals: dict[int, Real] = {}
     exact = dict.fromkeys(range(blocks.size), True)
@@ -93,7 +93,7 @@ def _coordinate_slopes(posterior: PosteriorOfModel, lines: Linearised) -> list[_
             for k in varying:
                 member = coordinate[start + k]
                 step = float(posterior.units[start + k])
-                totals[member] = totals.get(member, 0.0) + step * slopes[k].stack(order)
+                totals[member] = totals.get(member, 0.0) + step * slopes[k].stack(orders)
                 trial = _TRIAL_STEP * (step if blocks.is_logarithmic[member] else 1e-2)
                 exact[member] &= _is_linear(part, values, context, k, trial)
                 exact[member] &= len(changes) == len(part.slopes(values, context))
@@ -156,7 +156,9 @@ def _typical_sizes(lines: Linearised) -> tuple[Real, Real]:
     force = np.sqrt(np.asarray(forces))
     motions = [omega**power / force for power in range(3)]
     inputs = np.linalg.norm(lines.drive / force[:, None], axis=0)
-    outputs = np.linalg.norm(lines.readout / force, axis=1) * omega**request.order
+    outputs = np.linalg.norm(lines.readout / force, axis=1) * omega ** np.array(
+        request.output_orders
+    )
     rows = np.concatenate([force, np.where(outputs == 0, 1.0, outputs)])
     columns = np.concatenate([*motions, 1 / np.where(inputs == 0, 1.0, inputs)])
     return rows, columns
@@ -194,8 +196,11 @@ def _open_plant(lines: Linearised, left: Real, right: Real) -> tuple[Real, Real,
     for order in range(3):
         c, d = form.read(order, right[:, order * size : (order + 1) * size])
         reading, through = reading + c, through + d
-    c, d = form.read(request.order, lines.readout)
+    pairs = [
+        form.read(order, lines.readout[[row]]) for row, order in enumerate(request.output_orders)
+    ]
+    c, d = np.vstack([pair[0] for pair in pairs]), np.vstack([pair[1] for pair in pairs])
     d = d + np.hstack([left[size:], np.zeros((len(c), n_in))])
-    if request.order == 2:
-        d[:, width:] += lines.ports.readout @ lines.ports.floor
+    accelerates = np.array(request.output_orders) == 2
+    d[accelerates, width:] += (lines.ports.readout @ lines.ports.floor)[accelerates]
     return form.dynamics, form.gain, np.vstack([reading, c]), np.vstack([through, d])

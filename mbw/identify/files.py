@@ -19,8 +19,8 @@ from identification.words import (
     InputError,
     Layout,
     ModalModel,
-    Motor,
     Quantity,
+    Signal,
 )
 from mbw.identify.body_frfs import BODY_MAT, BODY_NPZ, BODY_UFF, reduce_to_centres, write_body_frfs
 from mbw.identify.result import IdentificationResult
@@ -58,7 +58,7 @@ def _measured_estimate(result: IdentificationResult) -> FrfEstimate:
         arrays["freq_hz"],
         arrays["measured"],
         tuple(Dof.parse(label) for label in summary.outputs),
-        tuple(Dof.parse(text) if ":" in text else Motor(text) for text in summary.inputs),
+        tuple(Dof.parse(text) if ":" in text else Signal(text) for text in summary.inputs),
         cast(Quantity, summary.quantity),
     )
     variance = arrays["noise_sd"].astype(float) ** 2

@@ -7,7 +7,7 @@ import numpy as np
 from identification import reconstruct, reduce_to_bodies
 from identification.checks.roving_hammer import is_roving_hammer
 from identification.modal import MeasuredFrfs
-from identification.words import Campaign, Complex, Layout, Mask, Motor, Real
+from identification.words import Campaign, Complex, Layout, Mask, Real, Signal
 from mbw.identify.body_frfs import measured_estimate
 
 
@@ -50,7 +50,7 @@ def _coherence(campaign: Campaign, measured: MeasuredFrfs) -> tuple[Real, Mask]:
     has_coherence = np.zeros(values.shape[1:], bool)
     for test in campaign.tests:
         estimate, reference = test.estimate, test.condition.reference.positive
-        if roved and isinstance(reference, Motor):  # left out: it has no reciprocal channel
+        if roved and isinstance(reference, Signal):  # left out: it has no reciprocal channel
             continue
         for row, dof in enumerate(estimate.frf.outputs):
             ends = (reference, dof.positive) if roved else (dof.positive, reference)

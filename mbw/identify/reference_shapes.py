@@ -7,7 +7,7 @@ import numpy as np
 
 from identification.modal import mac, pair_shapes, signed_comac
 from identification.readers.uff_modes_read import read_uff_modes
-from identification.words import Complex, Dof, InputError, Layout, Mask, Real
+from identification.words import Complex, InputError, Layout, Mask, Output, Real
 from mbmodel import Machine, as_drawn, model_modes, shapes_at
 
 _MODEL_BAND_FACTOR = 1.3  # highest compared frequency of the model, over the band's highest line
@@ -70,14 +70,14 @@ def compare_shapes(
     return ShapeComparison(reference, criterion, pairs, comac)
 
 
-def no_reference_modes(outputs: tuple[Dof, ...]) -> ReferenceModes:
+def no_reference_modes(outputs: tuple[Output, ...]) -> ReferenceModes:
     """Return an empty set of reference modes."""
     n_out, empty = len(outputs), np.zeros(0)
     return ReferenceModes("", empty, empty, np.zeros((n_out, 0), complex), np.zeros(n_out, bool))
 
 
 def compute_nominal_modes(
-    machine: Machine, outputs: tuple[Dof, ...], highest_hz: float
+    machine: Machine, outputs: tuple[Output, ...], highest_hz: float
 ) -> ReferenceModes:
     """Compute the oscillating modes of the nominal model, as the MJCF describes the machine.
 
@@ -99,7 +99,7 @@ def compute_nominal_modes(
     )
 
 
-def read_reference_modes(path: Path, outputs: tuple[Dof, ...], layout: Layout) -> ReferenceModes:
+def read_reference_modes(path: Path, outputs: tuple[Output, ...], layout: Layout) -> ReferenceModes:
     """Read the modes of a universal file at the measured channels, matched by node numbers.
 
     Raises:

@@ -1,14 +1,24 @@
 """FRFs of the page of ``mbw predict``: those that the user names, else drive points."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.words import Complex, Dof, Input, Motor, Quantity, Real, UsageError
+from identification.words import (
+    Complex,
+    Dof,
+    Input,
+    Output,
+    Port,
+    Quantity,
+    Real,
+    UsageError,
+)
 from mbmodel import Evaluator, FrfRequest, Machine, Model, Modes
-from mbmodel.frf.ports import FLOOR, is_floor
-from mbw.page.numbers import MOTION_UNITS
+from mbmodel.frf.port_units import CONTROL, input_unit, output_unit
+from mbmodel.frf.ports import find_ports
+from mbmodel.frf.signal_rows import FLOOR
 from mbw.site_kinds import hammer_sites
 
 _MAX_CURVES = 300  # FRFs that the page shows; more would make it slow
@@ -18,7 +28,7 @@ _MAX_MOTION_BYTES = 300 * 2**20  # memory of the motions that one evaluation hol
 _RESONANCE_OFFSETS = np.array([-4.0, -2.0, -1.0, -0.5, -0.2, 0.2, 0.5, 1.0, 2.0, 4.0])
 
 
-Pair = tuple[Dof, Input]
+Pair = tuple[Output, Input]
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,16 +128,30 @@ def with_curves_before(curves: Curves, model: Model) -> Curves:
         model: the machine alone.
     """
     layout = model.machine.layout
-    labels = {*layout.points, *layout.bodies, *model.machine.motors, FLOOR}
+    labels = {*layout.points, *layout.bodies, FLOOR}
     numbers = [
         k
         for k, pair in enumerate(curves.pairs)
-        if all((port.name if isinstance(port, Motor) else port.point) in labels for port in pair)
+        if all(_has_port(model.machine, port, labels) for port in pair)
     ]
     before = np.full(curves.values.shape, np.nan, complex)
     pairs = [curves.pairs[k] for k in numbers]
     before[numbers] = _values(model, curves.freq_hz, curves.quantity, pairs)
     return replace(curves, before=before)
+
+
+def _has_port(machine: Machine, port: Port, labels: Collection[str]) -> bool:
+    """Return whether a machine has a port, as an output or as an input."""
+    if isinstance(port, Dof):
+        return port.point in labels
+    sides: tuple[tuple[tuple[Port, ...], tuple[Port, ...]], ...] = (((port,), ()), ((), (port,)))
+    for outputs, inputs in sides:
+        try:
+            find_ports(machine, outputs, inputs)
+        except UsageError:
+            continue
+        return True
+    return False
 
 
 def _values(model: Model, freq: Real, quantity: Quantity, pairs: Sequence[Pair]) -> Complex:
@@ -162,11 +186,8 @@ def _with_lines_at_poles(freq: Real, modes: Sequence[Modes]) -> Real:
     return lines
 
 
-def port_unit(machine: Machine, quantity: Quantity, out: Dof, inp: Input) -> str:
+def port_unit(machine: Machine, quantity: Quantity, out: Output, inp: Input) -> str:
     """Return the unit of an FRF, such as ``m/s² per N``."""
-    motion = MOTION_UNITS[quantity][out.is_rotation]
-    if isinstance(inp, Motor):
-        return f"{motion} per unit of control"
-    if is_floor(machine, inp):
-        return f"{motion} per {MOTION_UNITS['accelerance'][inp.is_rotation]}"
-    return f"{motion} per {'N m' if inp.is_rotation else 'N'}"
+    source = input_unit(machine, inp)
+    per = "unit of control" if source == CONTROL else source
+    return f"{output_unit(machine, out, quantity)} per {per}"

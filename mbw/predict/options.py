@@ -34,11 +34,18 @@ def predict(  # noqa: PLR0913  # one for each option
     inputs: Annotated[
         list[str] | None,
         typer.Option(
-            "--input", metavar="LABEL", help="acc11:+tx, floor:+tx or a motor; repeatable."
+            "--input",
+            metavar="LABEL",
+            help="acc11:+tx, floor:+tx, a motor, joint:ty_tx, a-b:+tx; repeatable.",
         ),
     ] = None,
     outputs: Annotated[
-        list[str] | None, typer.Option("--output", metavar="LABEL", help="hexapod:+rz; repeatable.")
+        list[str] | None,
+        typer.Option(
+            "--output",
+            metavar="LABEL",
+            help="hexapod:+rz, a MuJoCo sensor, joint:ty_tx, a-b:+tx; repeatable.",
+        ),
     ] = None,
     quantity: Annotated[
         str, typer.Option(help="receptance, mobility or accelerance.")

@@ -17,6 +17,8 @@ from mbmodel import (
     SystemMatrices,
     discretise,
     export_state_space,
+    input_unit,
+    output_unit,
     reduce_system,
 )
 from mbmodel.export.branch_states import ApproximatedLaw
@@ -24,7 +26,6 @@ from mbmodel.reduction.order_choice import reduce_by_bound, reduce_within_interv
 from mbw.predict.named_arrays import write_named_arrays
 from mbw.predict.plant_request import PlantRequest
 from mbw.predict.schema import ReductionRow
-from mbw.simulate.units import input_unit, output_unit
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,11 +11,12 @@ from identification.words import (
     MIN_FREQUENCY_HZ,
     Dof,
     Input,
+    Output,
     Quantity,
     Real,
     UsageError,
 )
-from mbmodel import Evaluator, FrfRequest, Machine, Modes, as_drawn, parse_input
+from mbmodel import Evaluator, FrfRequest, Machine, Modes, as_drawn, parse_input, parse_output
 from mbw.site_kinds import hammer_sites, sensor_sites
 
 _DEFAULT_BAND_HZ = (0.0, 200.0)
@@ -60,7 +61,7 @@ def frf_request(machine: Machine, request: PredictRequest, *, is_needed: bool) -
         return None
     layout = machine.layout
     inputs: tuple[Input, ...] = tuple(parse_input(machine, text) for text in request.inputs)
-    outputs = tuple(Dof.parse(text) for text in request.outputs)
+    outputs: tuple[Output, ...] = tuple(parse_output(machine, text) for text in request.outputs)
     frfs = FrfRequest(
         lines,
         outputs or _axes(sensor_sites(layout)),

@@ -12,7 +12,7 @@ from identification.words import (
     Campaign,
     Dof,
     InputError,
-    Motor,
+    Signal,
     Tolerance,
     UsageError,
 )
@@ -228,7 +228,7 @@ def _imitate_file(campaign: Campaign, name: str, options: TestOptions, target: s
     tests = [test for test in campaign.tests if test.condition.test == name]
     references: list[Dof] = []
     for test in tests:
-        if isinstance(test.condition.reference, Motor):
+        if isinstance(test.condition.reference, Signal):
             raise InputError(
                 f"{name}: {test.condition.reference} is a motor, which no hammer replaces: play a "
                 "signal at it instead"
@@ -239,7 +239,7 @@ def _imitate_file(campaign: Campaign, name: str, options: TestOptions, target: s
     return RecordedFile(
         file=target,
         level_n=(options.levels or (condition.level_n or _DEFAULT_LEVEL_N,))[0],
-        outputs=estimate.frf.outputs,
+        outputs=tuple(dof for dof in estimate.frf.outputs if isinstance(dof, Dof)),
         references=tuple(references),
         hits=options.hits or count or _DEFAULT_HITS,
         setup=condition.setup,

@@ -1,15 +1,15 @@
 """Units of inputs and outputs of a simulation in time."""
 
-from identification.words import Input, Motor, Quantity
+from identification.words import Input, Quantity, Signal
 from mbmodel import Machine
-from mbmodel.frf.ports import is_floor
+from mbmodel.frf.signal_rows import is_floor
 from mbmodel.simulation.drives import JointDof, Reading, SensorValue
 from mbw.page.numbers import MOTION_UNITS
 
 
 def input_unit(machine: Machine, drive: Input | JointDof) -> str:
     """Return the unit of an input."""
-    if isinstance(drive, Motor):
+    if isinstance(drive, Signal):
         return "control"
     if isinstance(drive, JointDof):
         return "N m" if _turns(machine, drive) else "N"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.words import Dof, Input, Motor
+from identification.words import Dof, Input, Signal
 from mbmodel import Evaluator, FrfRequest, Model, load_machine
 from tests.helpers.small_machine import MJCF
 
@@ -20,7 +20,7 @@ REFERENCES: tuple[Input, ...] = (
     Dof("acc3", "-ty"),
     Dof("acc3", "+tz"),
     Dof("acc3", "+rz"),
-    Motor("drive"),
+    Signal("drive"),
 )
 TURNING = (Dof("acc1", "+ry"), Dof("acc4", "+rz"), Dof("acc6", "-rz"))
 OUTPUTS = (*(Dof.of(f"acc{k}", axis) for k in range(1, 7) for axis in range(3)), *TURNING)

@@ -6,7 +6,7 @@ import pytest
 from identification.readers.array_frfs import read_arrays
 from identification.readers.array_records import read_array_records
 from identification.readers.frf_units import parse_frf_units
-from identification.words import Dof, InputError, Motor
+from identification.words import Dof, InputError, Signal
 
 FREQ = np.linspace(1.0, 9.0, 7)
 CHANNELS, REFERENCES = ["1:+x", "2:+rz"], ["3:+x", "3:+rz", "drive"]
@@ -44,7 +44,7 @@ def read(folder, unit, quantity="accelerance"):
 )
 def test_each_kind_has_its_own_factor(tmp_path, quantity, unit, factors, remark):
     table = read(tmp_path, unit, quantity)
-    assert table.references[2] == Motor("drive")
+    assert table.references[2] == Signal("drive")
     np.testing.assert_allclose(table.values[3].real, factors, rtol=1e-12)
     assert (remark in " ".join(table.remarks)) if remark else not table.remarks
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from identification.words import Condition, Dof, Motor
+from identification.words import Condition, Dof, Signal
 from mbmodel import (
     AddedPart,
     Change,
@@ -21,7 +21,7 @@ from tests.helpers.torque_campaign import MOTOR, OUTPUTS, REFERENCES
 
 FREQ = np.linspace(20.0, 150.0, 9)
 HIT = Condition("a", Dof("acc3", "+tx"))
-DRIVEN = Condition("b", Motor("drive"))
+DRIVEN = Condition("b", Signal("drive"))
 UNIT = np.ones((1, 1))
 
 
@@ -83,12 +83,12 @@ def test_gain_and_delay_multiply_every_frf_of_their_tests(model, tau):
     np.testing.assert_allclose(hit, -3.0 * factor * plain, rtol=1e-10, atol=1e-14)
     lags = evaluate(model, theta_of(model, default=-3.0, late=2e-4), HIT, tau=tau).values
     np.testing.assert_allclose(lags, hit, rtol=1e-10, atol=1e-14)
-    drive = evaluate(model, theta, DRIVEN, inputs=(Motor("drive"),), tau=tau).values
-    unit = evaluate(model, model.drawn, None, inputs=(Motor("drive"),), tau=tau).values
+    drive = evaluate(model, theta, DRIVEN, inputs=(Signal("drive"),), tau=tau).values
+    unit = evaluate(model, model.drawn, None, inputs=(Signal("drive"),), tau=tau).values
     np.testing.assert_allclose(drive, 7.0 * factor * unit, rtol=1e-10, atol=1e-14)
 
 
-@pytest.mark.parametrize("inputs", [REFERENCES[:2], (Motor("drive"), Dof("floor", "+tx"))])
+@pytest.mark.parametrize("inputs", [REFERENCES[:2], (Signal("drive"), Dof("floor", "+tx"))])
 @pytest.mark.parametrize("direct", [True, False])
 def test_slopes_are_exact_forward_and_adjoint(model, direct, inputs):
     random = np.random.default_rng(2)

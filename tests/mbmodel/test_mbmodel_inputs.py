@@ -6,7 +6,7 @@ from mbmodel_examples import mass_on_spring, mjcf, random_tree, some_dofs, worst
 from test_mbmodel_parts import differences, off, size_of
 from test_mbmodel_slopes import assert_gradient_is_contraction, worst_column
 
-from identification.words import Dof, InputError, Motor, UsageError
+from identification.words import Dof, InputError, Signal, UsageError
 from mbmodel import (
     FrfRequest,
     Model,
@@ -103,7 +103,7 @@ def test_slopes_are_right_where_the_floor_moves(from_text, quantity):
 @pytest.mark.parametrize("quantity", ["accelerance", "mobility", "receptance"])
 def test_python_control_gives_the_same_with_floor_and_motor(from_text, quantity):
     model = as_drawn(from_text(driven()))
-    inputs = (Dof("floor", "+tx"), Motor("push"), Dof("acc2", "-tz"), Dof("floor", "-tz"))
+    inputs = (Dof("floor", "+tx"), Signal("push"), Dof("acc2", "-tz"), Dof("floor", "-tz"))
     outputs = tuple(map(Dof.parse, ["acc2:+tz", "acc1:-tz", "b:+tx", "b:+tz", "a:+tz"]))
     frf_request = FrfRequest(FREQ, outputs, inputs, quantity)
     system = state_space(model, model.drawn, frf_request)
@@ -123,7 +123,7 @@ def driven(motor='<motor name="push" joint="b_j" gear="2.5"/>'):
 def test_a_motor_pushes_its_joint_by_its_gear(from_text):
     model = as_drawn(from_text(driven()))
     outputs = tuple(map(Dof.parse, ["a:+tz", "b:+tz"]))
-    frf_request = FrfRequest(FREQ, outputs, (Motor("push"), *outputs), "receptance")
+    frf_request = FrfRequest(FREQ, outputs, (Signal("push"), *outputs), "receptance")
     values = linearise(model, model.drawn, frf_request).values
     between = 2.5 * (values[:, :, 2] - values[:, :, 1])
     assert worst_of_channels(values[:, :, :1], between[:, :, None]) < 1e-12
@@ -134,7 +134,7 @@ def test_a_servos_control_moves_its_set_point(from_text):
     servo = '<position name="hold" joint="b_j" kp="3e4" ctrlrange="-1e-3 1e-3"/>'
     model = as_drawn(from_text(driven(servo)))
     frf_request = FrfRequest(
-        np.array([0.0]), tuple(map(Dof.parse, ["b:+tz"])), (Motor("hold"),), "receptance"
+        np.array([0.0]), tuple(map(Dof.parse, ["b:+tz"])), (Signal("hold"),), "receptance"
     )
     value = linearise(model, model.drawn, frf_request).values[0, 0, 0]
     assert value == pytest.approx(3e4 / (2e4 + 3e4), rel=1e-9)
@@ -142,11 +142,11 @@ def test_a_servos_control_moves_its_set_point(from_text):
 
 def test_labels_and_motors_are_distinguished(from_text):
     machine = from_text(driven())
-    assert parse_input(machine, "push") == Motor("push")
+    assert parse_input(machine, "push") == Signal("push")
     assert parse_input(machine, "acc1:z") == Dof("acc1", "+tz")
     with pytest.raises(UsageError, match="no motor of the model: choose one of push"):
         linearise(
-            as_drawn(machine), as_drawn(machine).drawn, FrfRequest(FREQ, TZ, (Motor("pull"),))
+            as_drawn(machine), as_drawn(machine).drawn, FrfRequest(FREQ, TZ, (Signal("pull"),))
         )
 
 

@@ -7,7 +7,7 @@ import pytest
 from mbmodel_examples import STATION, mass_on_spring, mjcf
 from test_mbmodel_inputs import driven
 
-from identification.words import Dof, Motor, UsageError
+from identification.words import Dof, Signal, UsageError
 from mbmodel import FrfRequest, as_drawn, load_machine, respond_linearly, state_space
 
 LEGS = STATION.with_name("station_legs.xml")
@@ -46,7 +46,7 @@ def test_one_mass_follows_its_closed_form_under_a_parabola(from_text):
 @pytest.mark.parametrize("quantity", ["receptance", "mobility", "accelerance"])
 def test_python_control_gives_the_same_at_a_fine_step(from_text, quantity):
     model = as_drawn(from_text(driven()))
-    inputs = (Motor("push"), Dof("floor", "+tz"), Dof("acc2", "-tz"))
+    inputs = (Signal("push"), Dof("floor", "+tz"), Dof("acc2", "-tz"))
     frf_request = FrfRequest(np.ones(1), (Dof("acc1", "+tz"), Dof("b", "-tz")), inputs, quantity)
     coarse = np.linspace(0, 0.2, 201)
     fine = np.linspace(0, 0.2, 20 * 200 + 1)

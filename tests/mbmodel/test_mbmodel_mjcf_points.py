@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mbmodel_examples import mass_on_spring, mjcf
 
-from identification.words import Dof, InputError, Motor
+from identification.words import Dof, InputError, Signal
 from mbmodel import FrfRequest, as_drawn, linearise, parse_input, sensor_parts
 from mbw.site_kinds import sensor_sites
 
@@ -70,7 +70,7 @@ def test_one_name_on_body_joint_site_geom_and_motor(from_text):
     assert "site 'a' has the name of a body" in remark
     model = as_drawn(machine)
     inputs = (parse_input(machine, "a"), parse_input(machine, "a:+tz"))
-    assert isinstance(inputs[0], Motor)
+    assert isinstance(inputs[0], Signal)
     request = FrfRequest(np.array([3.0, 20.0]), (Dof("a", "+tz"),), inputs)
     values = linearise(model, model.drawn, request).values
     np.testing.assert_allclose(values[:, :, 0], values[:, :, 1], rtol=1e-12)

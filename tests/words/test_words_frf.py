@@ -338,5 +338,5 @@ def test_an_estimate_without_sense_is_refused_when_built(changes, said):
 
 
 def test_labels_that_are_no_labels_are_refused_when_built():
-    with pytest.raises(ValueError, match="expected a Dof or a Motor"):
+    with pytest.raises(ValueError, match="expected a Dof or a Signal"):
         Frf([1.0], [[[1.0]]], ("a:+tx",), (Dof("a", "+tx"),), "accelerance")

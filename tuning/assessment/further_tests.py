@@ -19,10 +19,11 @@ from identification.words import (
     Campaign,
     Dof,
     Layout,
+    Output,
     Real,
     distinct_dofs,
 )
-from mbmodel import Model, Part, hammer_parts, sensor_parts
+from mbmodel import Model, Part, SensorPart, hammer_parts, sensor_parts
 from tuning.assessment.parameter_confidence import FREE_PRIOR_SD, ParameterConfidence
 from tuning.assessment.predicted_tests import mean_channel_variance, predict_tests
 from tuning.files.schema import GainRow
@@ -97,7 +98,9 @@ def _candidates(
     outputs = distinct_dofs(
         dof.positive for test in campaign.tests for dof in test.estimate.frf.outputs
     )
-    read, noise = dict.fromkeys(dof.point for dof in outputs), mean_channel_variance(campaign)
+    sensors = {part.point.name for part in model.parts if isinstance(part, SensorPart)}
+    read = dict.fromkeys(dof.point for dof in outputs if dof.point in sensors)
+    noise = mean_channel_variance(campaign)
     channel_noise = _channel_noise(noise, outputs)
     for place in (point for point in read if point not in hit):
         directions = tuple(Dof.of(place, axis) for axis in range(3))
@@ -150,8 +153,8 @@ def _add_point(model: Model, place: str) -> Layout:
 
 
 def _channel_noise(
-    noise: Mapping[Dof, Real], channels: Sequence[Dof], point: str | None = None
-) -> dict[Dof, Real]:
+    noise: Mapping[Output, Real], channels: Sequence[Output], point: str | None = None
+) -> dict[Output, Real]:
     """Return the noise of channels, the mean of all for an unknown one.
 
     Args:
@@ -162,7 +165,7 @@ def _channel_noise(
     mean: Real = np.mean(list(noise.values()), axis=0)
     by_channel = {dof: noise.get(dof, mean) for dof in channels}
     return {
-        dof if point is None else replace(dof, point=point): variance
+        replace(dof, point=point) if point is not None and isinstance(dof, Dof) else dof: variance
         for dof, variance in by_channel.items()
     }
 

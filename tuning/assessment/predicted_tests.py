@@ -6,7 +6,16 @@ from dataclasses import replace
 import numpy as np
 
 from identification import smooth_variance
-from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Input, Real, Test
+from identification.words import (
+    Campaign,
+    Condition,
+    Frf,
+    FrfEstimate,
+    Input,
+    Output,
+    Real,
+    Test,
+)
 from mbmodel import Evaluator, FrfRequest, Model
 
 
@@ -14,7 +23,7 @@ def predict_tests(
     model: Model,
     theta: Real,
     campaign: Campaign,
-    variances: Mapping[Dof, Real],
+    variances: Mapping[Output, Real],
     inputs: tuple[Input, ...],
 ) -> Campaign:
     """Return a campaign of one predicted test for each hit.
@@ -39,9 +48,9 @@ def predict_tests(
     return replace(campaign, tests=tuple(tests))
 
 
-def mean_channel_variance(campaign: Campaign) -> dict[Dof, Real]:
+def mean_channel_variance(campaign: Campaign) -> dict[Output, Real]:
     """Return the mean variance of each channel over the tests that measured it; (n_freq,) each."""
-    by_channel: dict[Dof, list[Real]] = {}
+    by_channel: dict[Output, list[Real]] = {}
     for test in campaign.tests:
         variance = smooth_variance(test.estimate)
         for row, dof in enumerate(test.estimate.frf.outputs):

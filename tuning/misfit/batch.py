@@ -6,7 +6,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification import smooth_variance
-from identification.words import Campaign, Complex, Dof, Integers, Mask, Real, Test, distinct_dofs
+from identification.words import (
+    Campaign,
+    Complex,
+    Integers,
+    Mask,
+    Output,
+    Real,
+    Test,
+    distinct_dofs,
+)
 from mbmodel import Evaluator, FrfRequest, Linearised, Model
 
 # Relative difference that the modal form may have from the direct solution: far below the noise,
@@ -114,7 +123,7 @@ def _batch(model: Model, campaign: Campaign, numbers: tuple[int, ...], direct: b
     )
 
 
-def _rows_and_signs(test: Test, outputs: tuple[Dof, ...]) -> tuple[list[int], Real]:
+def _rows_and_signs(test: Test, outputs: tuple[Output, ...]) -> tuple[list[int], Real]:
     """Return the row of each channel of a test among the outputs, and its sign there."""
     row_of = {dof: row for row, dof in enumerate(outputs)}
     labels = test.estimate.frf.outputs

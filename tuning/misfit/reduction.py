@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identification import body_inverse
-from identification.words import Complex, Dof, Integers, Layout, Mask, Real
+from identification.words import Complex, Integers, Layout, Mask, Output, Real
 
 # Eigenvalues of a weight below this part of the largest one count as zero.
 _WEIGHT_RANK = 1e-9
@@ -37,7 +37,7 @@ class BodyWeight:
 
 
 def body_weights(
-    layout: Layout, outputs: Sequence[Dof], variance: Real, counts: Mask
+    layout: Layout, outputs: Sequence[Output], variance: Real, counts: Mask
 ) -> tuple[BodyWeight, ...]:
     """Return M of each body whose channels determine at least one of its six degrees of freedom.
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.words import Complex, Dof, Layout, Mask, Real
+from identification.words import Complex, Layout, Mask, Output, Real
 from tuning.misfit.batch import Batch
 from tuning.misfit.reduction import BodyWeight, body_weights
 
@@ -92,7 +92,7 @@ def _is_moving(batch: Batch) -> Mask:
     return is_moving
 
 
-def point_power_of(values: Complex, outputs: Sequence[Dof]) -> Real:
+def point_power_of(values: Complex, outputs: Sequence[Output]) -> Real:
     """Return |H_point|^2 of each channel: the sum over the directions of its kind at its point.
 
     Args:
