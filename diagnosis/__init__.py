@@ -4,6 +4,7 @@ from diagnosis.algorithm import Diagnosis, diagnose
 from diagnosis.effects import EFFECTS, PROVEN, Effect, load_catalogue
 from diagnosis.estimates.residual_shares import ResidualShare, compute_residual_shares
 from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.input_hash import hash_inputs
 from diagnosis.known_cause_bound import read_fault, refit_true_cause
 from diagnosis.verdict.build import build_verdict, estimate_step_intervals
 from diagnosis.verdict.schema import Verdict
@@ -21,6 +22,7 @@ __all__ = [
     "compute_residual_shares",
     "diagnose",
     "estimate_step_intervals",
+    "hash_inputs",
     "load_catalogue",
     "read_fault",
     "refit_true_cause",

@@ -53,6 +53,7 @@ VERBS = {
         "mbw.diagnose.options", "Find effects that the model lacks, and their places."
     ),
     "blind": Verb("mbw.blind.options", "Score the diagnosis on withheld truth."),
+    "blind merge": Verb("mbw.blind.merge_options", "Join the shards of a blind test."),
     "report": Verb("mbw.report.options", "Write the page of a result as one HTML file."),
 }
 BLAS_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -74,11 +75,13 @@ class VerbGroup(TyperGroup):
         return command
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Return the verb that the first argument names, with the arguments that remain.
+        """Return the verb that the first words name, with the arguments that remain.
 
         Raises:
             UsageError: of typer: there is no such verb; the sentence names similar ones.
         """
+        if " ".join(args[:2]) in VERBS:  # a verb of two words
+            args = [" ".join(args[:2]), *args[2:]]
         if args[0] not in VERBS and not args[0].startswith("-"):
             similar = get_close_matches(args[0], VERBS)
             hint = f"did you mean {' or '.join(similar)}?" if similar else "mbw --help lists them"

@@ -4,7 +4,7 @@ An independent twin: its equations of motion are its own, and files are its only
 rest of the project. It imports no other package of it, and no simulator.
 """
 
-from truth.campaign.case_design import draw_case
+from truth.campaign.case_design import Card, deal_cards, draw_case
 from truth.campaign.cause import Cause, Wanted
 from truth.campaign.folder import write_answer, write_campaign
 from truth.campaign.protocol import Protocol, draw_protocol
@@ -14,11 +14,13 @@ from truth.machine.mjcf_reader import read_station
 
 __all__ = [
     "Campaign",
+    "Card",
     "Cause",
     "Plan",
     "Protocol",
     "TruthError",
     "Wanted",
+    "deal_cards",
     "draw_campaign",
     "draw_case",
     "draw_protocol",

@@ -9,7 +9,6 @@ from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.null_model import Baseline
 from diagnosis.refits.measured import choose_stride
-from diagnosis.refits.parallel import Call, run_in_parallel
 from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import RefitTask, add_hypothesis, find_start, run_refits
 from diagnosis.settings import DiagnosisSettings
@@ -25,6 +24,7 @@ from tuning import (
     predict,
     summarise_gaps,
 )
+from tuning.workers.independent_calls import Call, run_in_parallel
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,6 @@ from diagnosis.inference.evidence import BADLY_KNOWN
 from diagnosis.refit_record import RefitRecord, restore_fit
 from diagnosis.refits.extended_parametrisation import extend_parametrisation
 from diagnosis.refits.measured import choose_stride, find_variance_source
-from diagnosis.refits.parallel import Call, run_in_parallel
 from diagnosis.refits.refit import Refit, describe_fit
 from identification.words import Real
 from mbmodel import Model
@@ -30,6 +29,7 @@ from tuning import (
     fit_at_error_floor,
     rebuild_for_machine,
 )
+from tuning.workers.independent_calls import Call, run_in_parallel
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,20 +6,23 @@ made anew: its hash no longer fits.
 
 import hashlib
 import json
+import os
+import platform
 import tomllib
 import traceback
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from threadpoolctl import threadpool_limits
 
-from diagnosis import build_verdict, diagnose, read_fault, refit_true_cause
+from diagnosis import build_verdict, diagnose, hash_inputs, read_fault, refit_true_cause
 from identification.words import InputError, WorkbenchError
 from identification.words.file_access import write_text
 from truth import TruthError, draw_case, read_station, write_answer, write_campaign
-from tuning import open_session
+from tuning import Checkpoint, open_session
 
 TREES = "trees"
+REQUEST_JSON = "asked.json"
 HASHES = "hashes.txt"  # SHA-256 of every answer, published before its verdict
 
 
@@ -77,9 +80,29 @@ class BlindCase:
         return self.out / "sealed" / f"{self.name}.toml"
 
     @property
+    def results(self) -> tuple[Path, ...]:
+        """Files of verdict and residual gaps."""
+        return self.verdict, self.refit, self.oracle
+
+    @property
+    def answer_hash(self) -> Path:
+        """File with the hash of the answer, written once the case is drawn."""
+        return self.folder / "sha256.txt"
+
+    @property
     def checksum(self) -> Path:
         """File with the hash of the verdict and both residual gaps, written last."""
         return self.folder / "results.sha256"
+
+    @property
+    def checkpoint(self) -> Path:
+        """File of the finished refits, while the case is diagnosed."""
+        return self.folder / "diagnose.checkpoint.json"
+
+    @property
+    def worker_note(self) -> Path:
+        """File that names the worker, while the case is run."""
+        return self.folder / "worker.txt"
 
     @property
     def failure(self) -> Path:
@@ -95,11 +118,13 @@ class CaseOutcome:
         case: the case.
         error: error that stopped it; empty if none did.
         is_refused: whether that error is a sentence on the model, and not a fault of the program.
+        lost_workers: workers that ended before they had finished the case.
     """
 
     case: BlindCase
     error: str = ""
     is_refused: bool = False
+    lost_workers: tuple[str, ...] = ()
 
 
 def run_case(case: BlindCase) -> CaseOutcome:
@@ -108,20 +133,45 @@ def run_case(case: BlindCase) -> CaseOutcome:
     An exception becomes the case's failure, so that the other cases continue.
 
     Raises:
-        InputError: a file of the case cannot be written, for example because the disk is full.
+        InputError: the worker does not see the folder of the test, or a file of the case cannot be
+            written, for example because the disk is full.
     """
+    if not (case.out / REQUEST_JSON).is_file():
+        raise InputError(
+            f"the worker on {platform.node()} does not see {case.out}: name a folder with --out "
+            "that all workers share under one path, or run shards with --shard"
+        )
     try:
-        with threadpool_limits(1):
-            answer_hash = _draw(case)
-            _publish(case.out / HASHES, f"{case.name} {answer_hash}")
-            _judge(case)
+        lost_workers = _note_worker(case)
+        outcome = replace(_run_steps(case), lost_workers=lost_workers)
+        case.worker_note.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(
             f"{error.filename or case.folder} cannot be read or written ({error.strerror}): make "
             "room on the disk, or name another folder with --out"
         ) from error
+    return outcome
+
+
+def _note_worker(case: BlindCase) -> tuple[str, ...]:
+    """Note who runs the case; return the workers of this run that began it and did not end it."""
+    case.folder.mkdir(parents=True, exist_ok=True)
+    lines = case.worker_note.read_text("utf-8").splitlines() if case.worker_note.is_file() else []
+    worker = f"{platform.node()}, process {os.getpid()}"
+    _write(case.worker_note, "\n".join([*lines, worker]))
+    return tuple(lines)
+
+
+def _run_steps(case: BlindCase) -> CaseOutcome:
+    """Draw the case, publish the hash of its answer, and diagnose it."""
+    try:
+        with threadpool_limits(1):
+            answer_hash = _draw(case)
+            _publish(case.out / HASHES, f"{case.name} {answer_hash}")
+            _judge(case)
+    except OSError:
+        raise
     except Exception as error:  # of any kind: the other cases continue
-        case.folder.mkdir(parents=True, exist_ok=True)
         write_text(case.failure, traceback.format_exc())
         message = " ".join(str(error).split()) or type(error).__name__
         is_refused = isinstance(error, WorkbenchError | TruthError)
@@ -130,17 +180,33 @@ def run_case(case: BlindCase) -> CaseOutcome:
     return CaseOutcome(case)
 
 
+def is_finished(case: BlindCase) -> bool:
+    """Return whether a case has its verdict or a failure, and no file was altered since."""
+    return case.failure.is_file() or (_is_drawn(case) and _is_judged(case))
+
+
+def _is_drawn(case: BlindCase) -> bool:
+    """Return whether the sealed answer is the one whose hash was kept."""
+    kept = case.answer_hash.read_bytes().strip() if case.answer_hash.is_file() else b""
+    return kept == _hash_files(case.sealed).encode()
+
+
+def _is_judged(case: BlindCase) -> bool:
+    """Return whether the verdict and both residual gaps are those whose hash was kept."""
+    kept = case.checksum.read_bytes().strip() if case.checksum.is_file() else b""
+    return kept == _hash_files(*case.results).encode()
+
+
 def _draw(case: BlindCase) -> str:
     """Write campaign and sealed answer; return the hash of the answer."""
-    hash_file = case.folder / "sha256.txt"
-    if hash_file.is_file() and hash_file.read_bytes().strip() == _hash_files(case.sealed).encode():
+    if _is_drawn(case):
         return _hash_files(case.sealed)
     station = None if case.model == TREES else read_station(Path(case.model))
     campaign = draw_case(station, case.seed, case.number).campaign
     # The hash comes last: without it the case is drawn again, to the same bytes.
     write_campaign(campaign, case.campaign, overwrite=True, sealed=True)
     write_answer(campaign, case.sealed)
-    _write(hash_file, campaign.answer_hash)
+    _write(case.answer_hash, campaign.answer_hash)
     return campaign.answer_hash
 
 
@@ -154,21 +220,28 @@ def _publish(path: Path, line: str) -> None:
 
 def _judge(case: BlindCase) -> None:
     """Write the verdict, and then the residual gaps of refits without and with the true effect."""
-    results = case.verdict, case.refit, case.oracle
-    if (
-        case.checksum.is_file()
-        and case.checksum.read_bytes().strip() == _hash_files(*results).encode()
-    ):
+    if _is_judged(case):
         return
     case.oracle.unlink(missing_ok=True)
-    diagnosis = diagnose(open_session(case.campaign, case.band))
+    session = open_session(case.campaign, case.band)
+    checkpoint = _open_checkpoint(case.checkpoint, hash_inputs(session))
+    diagnosis = diagnose(session, checkpoint=checkpoint)
     _write(case.verdict, build_verdict(diagnosis).model_dump_json(indent=1))
     true_cause = read_fault(tomllib.loads(case.sealed.read_text("utf-8")))
     bound = None if true_cause is None else refit_true_cause(diagnosis, true_cause)
     if bound is not None:
         _write(case.oracle, json.dumps({"excess": bound.gap.excess}, allow_nan=False))
     _write(case.refit, json.dumps({"excess": diagnosis.retuned.gap.excess}, allow_nan=False))
-    _write(case.checksum, _hash_files(*results))
+    _write(case.checksum, _hash_files(*case.results))
+    checkpoint.close()
+
+
+def _open_checkpoint(file: Path, key: str) -> Checkpoint:
+    """Open the finished refits of an interrupted case; those of other inputs are dropped."""
+    try:
+        return Checkpoint(file, key, resume=True)
+    except InputError:
+        return Checkpoint(file, key)
 
 
 def _hash_files(*paths: Path) -> str:

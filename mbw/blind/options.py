@@ -19,6 +19,18 @@ def blind(  # noqa: PLR0913  # one for each option
     out: Annotated[Path | None, out_option("<model>-blind beside it")] = None,
     seed: Seed = 0,
     jobs: Jobs = 1,
+    cluster: Annotated[
+        str | None,
+        typer.Option(metavar="ADDRESS", help="Dask scheduler, such as tcp://node1:8786."),
+    ] = None,
+    executor: Annotated[
+        str | None,
+        typer.Option(metavar="PACKAGE:FACTORY", help="Executor of concurrent.futures to run on."),
+    ] = None,
+    shard: Annotated[
+        str | None,
+        typer.Option(metavar="I/N", help="Run one of N parts; mbw blind merge joins them."),
+    ] = None,
     band: Band = None,
     json: Json = None,
     quiet: Quiet = False,
@@ -32,6 +44,9 @@ def blind(  # noqa: PLR0913  # one for each option
         out=out,
         seed=seed,
         jobs=jobs,
+        cluster=cluster,
+        executor=executor,
+        shard=shard,
         band=band,
         json=json,
         overwrite=overwrite,

@@ -54,10 +54,10 @@ def render_folder(path: Path) -> str:
     remedy = "run mbw blind again"
     grades = json.loads(read_bytes(folder / GRADES, remedy))
     tables = read_bytes(folder / TABLES, remedy).decode("utf-8")
-    return render(grades, tables, title, _failed_cases(folder))
+    return render(grades, tables, title, describe_failures(folder))
 
 
-def _failed_cases(folder: Path) -> list[str]:
+def describe_failures(folder: Path) -> list[str]:
     """Return a sentence on each case that ended in an exception."""
     return [
         f"case {file.parent.name} could not be run: {_last_error(file.read_text('utf-8'))}"

@@ -6,9 +6,8 @@ import typer
 from rich.progress import Progress
 from rich.table import Table
 
-from diagnosis import Diagnosis, Verdict, diagnose
-from diagnosis.effects import check_others, load_catalogue
-from diagnosis.settings import SETTINGS
+from diagnosis import Diagnosis, Verdict, diagnose, hash_inputs
+from diagnosis.effects import check_others
 from mbw.band import check_band
 from mbw.diagnose.files import (
     AUGMENTED,
@@ -43,7 +42,7 @@ from mbw.output_folder import ResultOptions
 from mbw.page.numbers import format_percent
 from mbw.remarks import calibration_sentence, describe_not_in_mjcf
 from mbw.resume import open_checkpoint
-from tuning import Checkpoint, Session, fingerprint, open_session
+from tuning import Checkpoint, Session, open_session
 
 _MAX_LISTED_CAUSES = 8  # causes that the terminal lists, and hypotheses without a refit
 _MAX_LISTED_SETS = 16  # sets of causes that --explain lists
@@ -95,7 +94,7 @@ def run(
     check_others(session)
     with outputs.open("diagnose", session.source, "diagnosed", NAMES) as output:
         checkpoint = open_checkpoint(
-            output.path / CHECKPOINT, _fingerprint(session), "search", resume=resume
+            output.path / CHECKPOINT, hash_inputs(session), "search", resume=resume
         )
         diagnosis = _diagnose(session, jobs, checkpoint)
         with output.write() as place:
@@ -116,12 +115,6 @@ def run(
         SCREEN.say(f"  {missing}")
     SCREEN.say(f"report in {(output.path / PAGE).absolute().as_uri()}")
     return output.path
-
-
-def _fingerprint(session: Session) -> str:
-    """Return a hash of all that determines the verdict: inputs, effects and settings."""
-    effects = {name: effect.means for name, effect in load_catalogue().items()}
-    return fingerprint(session, {"effects": effects, "settings": SETTINGS})
 
 
 def _diagnose(session: Session, jobs: int, checkpoint: Checkpoint) -> Diagnosis:

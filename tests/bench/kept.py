@@ -10,7 +10,8 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from joblib import Parallel, delayed
+from tuning.workers.executors import use_processes
+from tuning.workers.independent_calls import run_calls
 
 
 def only_kept() -> bool:
@@ -46,8 +47,9 @@ def cases(
     with kept.open("a", encoding="utf-8") as file:
         if is_cut:
             file.write("\n")
-        work = (delayed(_numbered)(make, number) for number in missing)
-        for number, row in Parallel(n_jobs=jobs, return_as="generator_unordered")(work):
+        calls = [(make, (number,)) for number in missing]
+        for result in run_calls(calls, use_processes(jobs)):
+            number, row = missing[result.index], result.unwrap()
             known[number] = row
             file.write(json.dumps([number, row, _checksum(row)]) + "\n")
             file.flush()
@@ -83,9 +85,3 @@ def _file(name: str) -> Path:
 def _checksum(row: object) -> str:
     """Hash of a row as JSON, beside it in its line."""
     return hashlib.sha256(json.dumps(row, sort_keys=True).encode()).hexdigest()[:16]
-
-
-def _numbered(
-    make: Callable[[int], dict[str, object]], number: int
-) -> tuple[int, dict[str, object]]:
-    return number, make(number)

@@ -7,12 +7,12 @@ import time
 from collections import defaultdict
 from pathlib import Path
 
-from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from truth import Cause, Plan, Wanted, draw_campaign, draw_protocol, read_station
 from truth.campaign.case_design import RATIOS
 from truth.effects import CATALOGUE
+from tuning.workers.independent_calls import run_in_parallel
 
 STATION = Path(__file__).parents[2] / "assets" / "microstation" / "station.xml"
 CASES, JOBS, FIRST = 200, 2, 60_000
@@ -23,12 +23,11 @@ def run() -> list[dict[str, object]]:
     """200 linear cases of the station, all protocols, on two processes."""
     names = [name for name in CATALOGUE if name not in NONLINEAR]
     start = time.perf_counter()
-    found = Parallel(n_jobs=JOBS)(
-        delayed(_drawn)(
-            names[number % len(names)], RATIOS[number // len(names) % 4], FIRST + number
-        )
+    calls = [
+        (_drawn, (names[number % len(names)], RATIOS[number // len(names) % 4], FIRST + number))
         for number in range(CASES)
-    )
+    ]
+    found = list(run_in_parallel(calls, JOBS))
     whole = time.perf_counter() - start
     by_name: dict[str, list[tuple[float, int]]] = defaultdict(list)
     for name, seconds, discarded in found:

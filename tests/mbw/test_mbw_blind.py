@@ -172,7 +172,7 @@ def test_an_altered_result_is_made_anew(done, model, tmp_path, monkeypatch, name
         path = out / "cases" / "0001" / name
         path.write_text(path.read_text() + " ")
 
-    def refuse(*_):
+    def refuse(*_, **__):
         raise RuntimeError("made anew")
 
     monkeypatch.setattr(blind_case, "diagnose", refuse)

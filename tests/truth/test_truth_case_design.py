@@ -7,7 +7,7 @@ from itertools import islice
 
 import pytest
 
-from truth.campaign.case_design import _NOT_IN_DECK, RATIOS, Card, cards, draw_case
+from truth.campaign.case_design import _NOT_IN_DECK, RATIOS, Card, deal_cards, draw_case
 from truth.campaign.survival import Refit
 from truth.campaign.virtual_test import draw_campaign
 from truth.effects import CATALOGUE
@@ -20,7 +20,7 @@ DECK = [name for name in CATALOGUE if name not in _NOT_IN_DECK]
 def round_of(seed, turn=0):
     """The cards of one round; it ends where all of the catalogue came once."""
     size = 4 + 2 + 2 + 1 + 2 + len(DECK) + len(OUTSIDE)
-    return list(islice(cards(seed), turn * size, (turn + 1) * size))
+    return list(islice(deal_cards(seed), turn * size, (turn + 1) * size))
 
 
 def test_a_round_holds_every_effect_once_and_all_kinds():
@@ -59,7 +59,7 @@ def test_twins_share_machine_place_and_ratio(two_bodies, monkeypatch):
         Card("twin", ("viscoelastic",), 2.0, 1, "joint"),
         Card("one", ("viscoelastic",), 2.0),
     ]
-    monkeypatch.setattr("truth.campaign.case_design.cards", lambda seed: iter(pair))
+    monkeypatch.setattr("truth.campaign.case_design.deal_cards", lambda seed: iter(pair))
     first, second, alone = (draw_case(two_bodies, 4, number) for number in range(3))
     assert first.campaign.files["model.xml"] == second.campaign.files["model.xml"]
     assert first.campaign.files["model.xml"] != alone.campaign.files["model.xml"]
@@ -74,12 +74,15 @@ def test_an_effect_without_a_place_gives_way_to_another_in_the_same_machine(
 ):
     # Two bodies: no pair that no joint joins.
     monkeypatch.setattr(
-        "truth.campaign.case_design.cards", lambda seed: iter([Card("one", ("parallel_path",), 2)])
+        "truth.campaign.case_design.deal_cards",
+        lambda seed: iter([Card("one", ("parallel_path",), 2)]),
     )
     case = draw_case(two_bodies, 4, 0)
     answer = tomllib.loads(case.campaign.answer.decode())
     assert answer["effect"] != "parallel_path"
-    monkeypatch.setattr("truth.campaign.case_design.cards", lambda seed: iter([Card("nothing")]))
+    monkeypatch.setattr(
+        "truth.campaign.case_design.deal_cards", lambda seed: iter([Card("nothing")])
+    )
     assert (
         draw_case(two_bodies, 4, 0).campaign.files["model.xml"]
         == (case.campaign.files["model.xml"])
@@ -94,7 +97,7 @@ def test_a_case_is_the_same_whenever_it_is_drawn(two_bodies):
 
 def test_several_effects_have_their_tables(two_bodies, monkeypatch):
     card = Card("two", ("mass_error", "sensor_gain"), 2.0)
-    monkeypatch.setattr("truth.campaign.case_design.cards", lambda seed: iter([card]))
+    monkeypatch.setattr("truth.campaign.case_design.deal_cards", lambda seed: iter([card]))
     answer = tomllib.loads(draw_case(two_bodies, 1, 0).campaign.answer.decode())
     assert answer["effect"] == "several"
     assert [one["effect"] for one in answer["cause"]] == ["mass_error", "sensor_gain"]
@@ -123,7 +126,7 @@ def test_a_place_is_drawn_that_does_for_both_twins(pair, monkeypatch):
     )  # places are asked for, not sizes
     kind = "body" if pair[0] == "mass_error" else "joint"
     deck = [Card("twin", (name,), 1.0, number, kind, pair) for number in range(4) for name in pair]
-    monkeypatch.setattr("truth.campaign.case_design.cards", lambda seed: iter(deck))
+    monkeypatch.setattr("truth.campaign.case_design.deal_cards", lambda seed: iter(deck))
     for number in range(0, len(deck), 2):
         answers = [
             tomllib.loads(draw_case(None, 3, one).campaign.answer.decode())

@@ -85,7 +85,7 @@ def draw_case(nominal: Station | None, seed: int, number: int) -> Case:
         seed: of the whole test.
         number: of the case, from 0.
     """
-    card = next(islice(cards(seed), number, None))
+    card = next(islice(deal_cards(seed), number, None))
     own = (1, number) if card.shared is None else (2, card.shared)
     words = np.random.SeedSequence(seed, spawn_key=own).generate_state(4)  # too many to be tried
     machine = int.from_bytes(words.tobytes(), "little")
@@ -104,7 +104,7 @@ def draw_case(nominal: Station | None, seed: int, number: int) -> Case:
     raise NoPlaceError(f"{station.name}: none of {_TRIES} causes has a place in it")
 
 
-def cards(seed: int) -> Iterator[Card]:
+def deal_cards(seed: int) -> Iterator[Card]:
     """Go through the cases of a blind test, round after round, without end."""
     turn, pair = 0, 0
     while True:

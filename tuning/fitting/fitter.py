@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from joblib import Parallel, delayed
-from threadpoolctl import threadpool_limits
 
 from identification.words import Campaign, Mask, ModalModel, Real, UsageError
 from mbmodel import Model
@@ -23,6 +21,8 @@ from tuning.solvers.nlopt_solver import (
     Outcome,
     minimise,
 )
+from tuning.workers.executors import use_processes
+from tuning.workers.independent_calls import Call, run_calls
 
 _MAX_COST_DIFFERENCE = 0.02  # relative: starts that end within it agree
 # Absolute part of that for modes, whose cost vanishes if they are fitted exactly.
@@ -338,10 +338,12 @@ def _fit_in_parallel(
     checkpoint = search.checkpoint
     ends = [checkpoint.recall(f"{name}, start {number}") for number in range(len(start_points))]
     missing = [number for number, end in enumerate(ends) if end is None]
-    work = (delayed(_fit_one_start)(search, start_points[number], stages) for number in missing)
+    calls: list[Call] = [
+        (_fit_one_start, (search, start_points[number], stages)) for number in missing
+    ]
     try:
-        results = Parallel(n_jobs=search.threads, return_as="generator")(work)
-        for number, end in zip(missing, results, strict=True):
+        for result in run_calls(calls, use_processes(search.threads)):
+            number, end = missing[result.index], result.unwrap()
             ends[number] = end
             checkpoint.keep(f"{name}, start {number}", end)
     except KeyboardInterrupt:
@@ -353,8 +355,7 @@ def _fit_in_parallel(
 
 def _fit_one_start(search: _Search, x: Real, stages: _NumberedStages) -> Minimum:
     """Run the first stages from one start in a process of its own."""
-    with threadpool_limits(1):
-        return replace(search, threads=1, checkpoint=Checkpoint()).run(_start_point(x), stages, "")
+    return replace(search, threads=1, checkpoint=Checkpoint()).run(_start_point(x), stages, "")
 
 
 def random_starts(

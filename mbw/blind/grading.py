@@ -1,0 +1,53 @@
+"""Grades of a blind test: tables, page and JSON, from the files of its cases."""
+
+import json
+import tomllib
+from collections.abc import Sequence
+
+from mbw.blind.case import TREES, BlindCase
+from mbw.blind.page import GRADES, PAGE, TABLES, describe_failures, render
+from mbw.output_folder import OutputFolder
+from truth.grade import Case, Report, grade, tables, to_json
+
+
+def write_grades(output: OutputFolder, cases: Sequence[BlindCase], title: str) -> Report:
+    """Grade the cases that were drawn, and write the grades with their page.
+
+    Args:
+        output: folder of the test.
+        cases: cases that were drawn.
+        title: name of the model.
+    """
+    report = grade([_graded_case(case) for case in cases])
+    failures = describe_failures(output.path)
+    page = render(json.loads(to_json(report)), tables(report), title, failures)
+    with output.write() as place:
+        (place / GRADES).write_text(to_json(report) + "\n", encoding="utf-8")
+        (place / TABLES).write_text(tables(report), encoding="utf-8")
+        (place / PAGE).write_text(page, encoding="utf-8")
+    return report
+
+
+def describe_discarded_draws(cases: Sequence[BlindCase]) -> str:
+    """Return a sentence on draws that no plausible size of the effect made strong enough."""
+    answers = [tomllib.loads(case.sealed.read_text("utf-8")) for case in cases]
+    effects = sum(
+        len(answer.get("cause", [answer])) for answer in answers if answer["effect"] != "none"
+    )
+    discarded = sum(answer["drawn"]["discarded"] for answer in answers)
+    if not effects:
+        return "no effects were drawn"
+    return (
+        f"{effects} effects were drawn; {discarded} of {discarded + effects} draws "
+        f"({discarded / (discarded + effects):.0%}) were discarded: no plausible size of the "
+        "effect had the wanted strength"
+    )
+
+
+def _graded_case(case: BlindCase) -> Case:
+    """Return the paths of a case's files for the grading."""
+    oracle = case.oracle if case.oracle.is_file() else None
+    machine = "random trees" if case.model == TREES else ""
+    return Case(
+        case.name, case.campaign, case.verdict, case.sealed, case.refit, oracle, machine=machine
+    )

@@ -1,0 +1,26 @@
+"""Options of ``mbw blind merge``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from mbw.loader import run_verb
+from mbw.options import Json, Overwrite, Quiet
+
+app = typer.Typer(rich_markup_mode=None, add_completion=False)
+
+
+@app.command()
+def merge(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Folders of all shards of a test.")
+    ],
+    *,
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the whole test.")],
+    json: Json = None,
+    quiet: Quiet = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Join the shards of a blind test into the result of the whole test."""
+    run_verb("mbw.blind.merge", folders, out=out, json=json, overwrite=overwrite, quiet=quiet)

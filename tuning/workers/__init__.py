@@ -1,0 +1,1 @@
+"""Workers of independent calls: processes, a cluster, or an executor of the user."""
