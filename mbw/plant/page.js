@@ -88,6 +88,29 @@ function poles() {
     yaxis: {type: "log", dtick: "D2", gridcolor: GRID, title: {text: "damping ratio / %"}, exponentformat: "none"}}, CONFIG);
 }
 
+// ---- struts ----------------------------------------------------------------------------------
+
+function struts() {
+  if (!DATA.struts) return;
+  const data = [];
+  DATA.struts.loci.forEach((locus, k) => {
+    const color = HUES[k % HUES.length], marker = {type: "scatter", mode: "markers", showlegend: false, hoverinfo: "skip", legendgroup: locus.name};
+    data.push({type: "scatter", mode: "lines", x: locus.x, y: locus.y, name: locus.name, legendgroup: locus.name, line: {color, width: 1.8},
+      customdata: locus.gain, hovertemplate: "%{x:.4g} + %{y:.4g}i Hz, g = %{customdata:.4g} rad/s<extra>" + escaped(locus.name) + "</extra>"});
+    data.push({...marker, x: [locus.best[0]], y: [locus.best[1]], marker: {color, size: 10, symbol: "circle-open", line: {color, width: 2}}});
+    if (!k) data.push({...marker, x: [locus.x[0]], y: [locus.y[0]], marker: {color: INK, size: 10, symbol: "x-thin", line: {color: INK, width: 2}}});
+  });
+  const axis = {gridcolor: GRID, zerolinecolor: "#98a2b3"};
+  Plotly.react("locus", data, {...PLOT, height: 420, margin: {l: 60, r: 10, t: 8, b: 46}, legend: {orientation: "h", y: -0.18},
+    xaxis: {...axis, title: {text: "real part / Hz", standoff: 4}}, yaxis: {...axis, rangemode: "tozero", title: {text: "imaginary part / Hz"}}}, CONFIG);
+  const frames = DATA.struts.frames;
+  if (!frames) { byId("coupling").textContent = "Frames need six struts."; return; }
+  const freq = floats(frames.freq), curves = frames.names.map((name, k) => line(freq, floats(frames.coupling[k]), name, HUES[k]));
+  Plotly.react("coupling", curves, {...PLOT, height: 420, margin: {l: 66, r: 10, t: 8, b: 46}, legend: {orientation: "h", y: -0.18}, showlegend: true,
+    xaxis: {type: "log", dtick: "D2", gridcolor: GRID, title: {text: "Hz", standoff: 4}},
+    yaxis: {type: "log", gridcolor: GRID, exponentformat: "power", title: {text: "largest coupling"}}}, CONFIG);
+}
+
 function panels() {
   buttons(byId("choice"), "error", ERRORS.map((row, k) => [String(k), row.name]), spectrum);
   const select = element("select");
@@ -101,3 +124,4 @@ panels();
 spectrum();
 bode();
 poles();
+struts();

@@ -2,17 +2,16 @@
 
 from collections.abc import Sequence
 from html import escape
-from pathlib import Path
 
 import numpy as np
 
 from identification.words import Real
-from identification.words.file_access import read_bytes
 from mbw.page.html import fill_template, pack_complex, pack_real, warning_boxes
 from mbw.page.numbers import format_percent
 from mbw.plant.rows import thin_cumulative
 from mbw.plant.schema import BudgetRow, ErrorRow
 from mbw.plant.sentences import mode_name
+from mbw.plant.struts import StrutsResult
 from tuning.error_budget.budget import ErrorBudget
 from tuning.error_budget.closed_loop_states import loop_states
 from tuning.error_budget.frequency_grid import trapezoid_weights
@@ -26,7 +25,11 @@ _MAX_SHOWN_SAMPLES = 25  # machines of the posterior whose poles are drawn
 
 
 def render_plant(
-    plant: PlantBudget, row: BudgetRow, names: tuple[str, str], causes: Sequence[str]
+    plant: PlantBudget,
+    row: BudgetRow,
+    names: tuple[str, str],
+    causes: Sequence[str],
+    struts: StrutsResult | None = None,
 ) -> str:
     """Return the HTML page of a budget.
 
@@ -35,13 +38,14 @@ def render_plant(
         row: its rows.
         names: of the machine, and of the counterpart.
         causes: sentences on what a diagnosis found.
+        struts: damping and decoupling; None if not asked for.
     """
     after, before = names
     loops = f"with the loops {', '.join(row.loops)} closed" if row.loops else "without loops"
     has_other = plant.before is not None
     return fill_template(
         "plant/template.html",
-        _data(plant, row, names),
+        {**_data(plant, row, names), "struts": None if struts is None else struts.data()},
         title=escape(f"{after}: error budget"),
         subtitle=escape(f"{row.file}, {row.band[0]:g} to {row.band[1]:g} Hz, {loops}"),
         warnings=warning_boxes(row.remarks),
@@ -51,18 +55,9 @@ def render_plant(
         legend=escape(f"Dashed or crosses: {before}.") if has_other else "",
         bands=escape(_bands_note(plant)),
         loops=escape(loops),
+        struts="" if struts is None else struts.section(),
         scripts=["page/bode.js", "plant/page.js"],
     )
-
-
-def read_plant_page(path: Path) -> str:
-    """Return the page in a folder that ``mbw predict --budget`` wrote.
-
-    Raises:
-        InputError: the page cannot be read.
-    """
-    file = path / PLANT_PAGE if path.is_dir() else path
-    return read_bytes(file, "run mbw predict --budget again").decode("utf-8")
 
 
 def _note(plant: PlantBudget) -> str:

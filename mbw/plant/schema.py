@@ -78,6 +78,66 @@ class PoleRow(BaseModel):
     imaginary: Number
 
 
+class FeedbackRow(BaseModel):
+    """Integral force feedback of a set of struts at its best gain.
+
+    Args:
+        struts: names.
+        gain: g of -g / (s + w_l) [rad/s].
+        damping: damping ratio of the target mode.
+        frequency: its natural frequency [Hz].
+        static_stiffness: share of the struts' static stiffness that is left.
+    """
+
+    struts: list[str]
+    gain: Number
+    damping: Number
+    frequency: Number
+    static_stiffness: Number
+
+
+class FramesRow(BaseModel):
+    """Frames of the platform on six struts.
+
+    Args:
+        body: the platform.
+        centre_of_mass, centre_of_stiffness: [m].
+        jacobian_mass, jacobian_stiffness: elongations per motion at these points, 6 x 6.
+        coupling_low, coupling_high: largest coupling in each frame at both ends of the band.
+    """
+
+    body: str
+    centre_of_mass: list[Number]
+    centre_of_stiffness: list[Number]
+    jacobian_mass: list[list[Number]]
+    jacobian_stiffness: list[list[Number]]
+    coupling_low: dict[str, Number]
+    coupling_high: dict[str, Number]
+
+
+class StrutsRow(BaseModel):
+    """Damping and decoupling by struts.
+
+    Args:
+        target_hz, target_damping: target mode without feedback.
+        share: share of the struts in its strain energy.
+        leak_hz: corner of the leak [Hz].
+        sets: of struts, the best first.
+        interval: 95 % interval of the damping ratio of the best set; null without a posterior.
+        frames: of a platform on six struts; null without one.
+        no_frames: why there are none; empty with frames.
+    """
+
+    target_hz: Number
+    target_damping: Number
+    share: Number
+    leak_hz: Number
+    sets: list[FeedbackRow]
+    interval: tuple[Number, Number] | None
+    frames: FramesRow | None
+    no_frames: str
+
+
 class BudgetRow(BaseModel):
     """Error budget.
 

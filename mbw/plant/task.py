@@ -13,6 +13,7 @@ from mbw.plant.page import render_plant
 from mbw.plant.rows import budget_row
 from mbw.plant.schema import BudgetRow
 from mbw.plant.sentences import budget_lines_of_text, cause_sentences
+from mbw.plant.struts import StrutsResult
 from tuning.error_budget.machine_files import model_with_posterior, tuned_file
 from tuning.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.error_budget.read_definition import read_definition
@@ -55,9 +56,9 @@ class BudgetResult:
         """Return the budget as lines of text."""
         return [*budget_lines_of_text(self.row, self._units), *self.causes]
 
-    def page(self) -> str:
-        """Return the HTML page."""
-        return render_plant(self.plant, self.row, self.names, self.causes)
+    def page(self, struts: StrutsResult | None) -> str:
+        """Return the HTML page, with a section on struts if there is one."""
+        return render_plant(self.plant, self.row, self.names, self.causes, struts)
 
     @property
     def _units(self) -> list[float]:

@@ -1,0 +1,1 @@
+"""Damping by integral force feedback, and frames that decouple struts."""
