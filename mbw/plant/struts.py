@@ -160,7 +160,7 @@ def _frame_lines(row: StrutsRow) -> list[str]:
     }
     lines = [f"  frames of {frames.body}, largest coupling at low and at high frequency:"]
     for name, low in frames.coupling_low.items():
-        at = f" ({', '.join(f'{x:.4g}' for x in places[name])}) m" if name in places else ""
+        at = f" ({', '.join(f'{x:.4f}' for x in places[name])}) m" if name in places else ""
         high = frames.coupling_high[name]
         lines.append(f"    {name}{at}: {format_percent(low)}, {format_percent(high)}")
     return lines

@@ -6,14 +6,15 @@ from pathlib import Path
 from diagnosis import Verdict
 from identification.readers.result_files import read_result_json
 from identification.readers.toml_files import load_toml
+from identification.words import UsageError
 from mbmodel import Machine, Model, load_machine
 from mbw.diagnose.files import AUGMENTED, VERDICT
 from mbw.output_folder import folder_beside, source_of
-from mbw.plant.page import render_plant
+from mbw.plant.page import PLANT_PAGE, render_plant
 from mbw.plant.rows import budget_row
-from mbw.plant.schema import BudgetRow
+from mbw.plant.schema import BudgetRow, StrutsRow
 from mbw.plant.sentences import budget_lines_of_text, cause_sentences
-from mbw.plant.struts import StrutsResult
+from mbw.plant.struts import StrutsResult, compute_struts
 from tuning.error_budget.machine_files import model_with_posterior, tuned_file
 from tuning.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.error_budget.read_definition import read_definition
@@ -24,16 +25,32 @@ _MIN_CAUSE_PROBABILITY = 0.5  # of a cause that the augmented machine holds
 
 @dataclass(frozen=True)
 class BudgetRequest:
-    """What ``mbw predict`` is asked for of errors.
+    """What ``mbw predict`` is asked for of errors and struts.
 
     Args:
-        file: budget.toml.
+        file: budget.toml; None for no budget.
         before: MJCF of the machine that stands beside; None for the nominal one of a tuning, or
             the tuned one of a diagnosis.
+        struts: names of struts with force feedback; empty for none.
     """
 
-    file: Path
+    file: Path | None
     before: Path | None = None
+    struts: tuple[str, ...] = ()
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether anything is asked for."""
+        return self.file is not None or bool(self.struts)
+
+    def check(self) -> None:
+        """Refuse a machine beside without a budget.
+
+        Raises:
+            UsageError: there is no budget.
+        """
+        if self.before is not None and self.file is None:
+            raise UsageError("--before names a machine for the budget: add --budget FILE")
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,33 +83,85 @@ class BudgetResult:
         return [units[error.name][1] for error in self.row.errors]
 
 
-def compute_budget(
-    machine: Machine, model: Model, path: Path, request: BudgetRequest
-) -> BudgetResult:
-    """Compute the error budget of a machine, and of the machine beside it.
+@dataclass(frozen=True, eq=False)
+class PlantStudy:
+    """Budget and struts of one machine.
+
+    Args:
+        budget: None if not asked for.
+        struts: None if not asked for.
+    """
+
+    budget: BudgetResult | None
+    struts: StrutsResult | None
+
+    def lines(self) -> list[str]:
+        """Return both as lines of text."""
+        results = (self.budget, self.struts)
+        return [line for result in results if result is not None for line in result.lines()]
+
+    def rows(self) -> dict[str, BudgetRow | StrutsRow]:
+        """Return the rows of the JSON file by key."""
+        rows: dict[str, BudgetRow | StrutsRow] = {}
+        if self.budget is not None:
+            rows["budget"] = self.budget.row
+        if self.struts is not None:
+            rows["struts"] = self.struts.row
+        return rows
+
+    def write_page(self, folder: Path) -> None:
+        """Write plant.html, which a budget has."""
+        if self.budget is not None:
+            text = self.budget.page(self.struts)
+            (folder / PLANT_PAGE).write_text(text, encoding="utf-8")
+
+
+def study_plant(
+    machine: Machine,
+    model: Model,
+    path: Path,
+    request: BudgetRequest,
+    band: tuple[float, float],
+) -> PlantStudy:
+    """Compute budget and struts, as far as they are asked for.
 
     Args:
         machine: with what is put on it.
         model: its nominal model with laws of its springs, for a machine without a posterior.
         path: MJCF of the machine.
-        request: budget.toml, and the counterpart.
+        request: what is asked for.
+        band: of the coupling of struts without a budget [Hz].
 
     Raises:
         InputError: a file cannot be used, or the machine is unstable with the loops.
+        UsageError: a name of no strut.
     """
-    definition = read_definition(request.file, machine)
+    budget = struts = None
+    if request.file is not None:
+        budget = _compute_budget(machine, model, path, request, request.file)
+        band = budget.row.band
+    if request.struts:
+        struts = compute_struts(machine, model, path, request.struts, band)
+    return PlantStudy(budget, struts)
+
+
+def _compute_budget(
+    machine: Machine, model: Model, path: Path, request: BudgetRequest, file: Path
+) -> BudgetResult:
+    """Return the error budget of a machine, and of the machine beside it."""
+    definition = read_definition(file, machine)
     fitted, posterior = model_with_posterior(machine, path)
     before = request.before or _machine_before(path)
     counterpart = None
     if before is not None:
         before = tuned_file(before)
         counterpart, _ = model_with_posterior(load_machine(before), before)
-        read_definition(request.file, counterpart.machine)  # refuses labels that it lacks
+        read_definition(file, counterpart.machine)  # refuses labels that it lacks
     plant = plant_budget(model if posterior is None else fitted, definition, counterpart, posterior)
     remarks = list(definition.remarks)
     if plant.before_failure and before is not None:
         remarks.append(f"{before.name} has no budget: {plant.before_failure}")
-    row = budget_row(plant, request.file.name, None if before is None else str(before), remarks)
+    row = budget_row(plant, file.name, None if before is None else str(before), remarks)
     names = (machine.name, "" if before is None else _name_of(before))
     causes = _causes(path) if before is not None and before.name == TUNED_MJCF else []
     units = [definition.units[error.name][1] for error in row.errors]

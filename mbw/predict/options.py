@@ -192,6 +192,14 @@ def predict(  # noqa: PLR0913  # one for each option
             "tuning, the tuned one of a diagnosis.",
         ),
     ] = None,
+    struts: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Tendon or joint with integral force feedback, such as leg*: gain, damping and "
+            "decoupling frames; repeatable.",
+        ),
+    ] = None,
     key: Key = None,
     out: Annotated[Path | None, out_option("<model>-predicted beside it")] = None,
     pictures: Pictures = True,
@@ -233,6 +241,7 @@ def predict(  # noqa: PLR0913  # one for each option
         discrete=discrete,
         budget=budget,
         before=before,
+        struts=struts or [],
         key=key,
         out=out,
         pictures=pictures,

@@ -19,7 +19,7 @@ from identification.words import (
 from mbmodel import Evaluator, FrfRequest, Machine, Modes, as_drawn, parse_input, parse_output
 from mbw.site_kinds import hammer_sites, sensor_sites
 
-_DEFAULT_BAND_HZ = (0.0, 200.0)
+DEFAULT_BAND_HZ = (0.0, 200.0)
 _MIN_SHOWN_FREQUENCY = 0.1  # of the default band's upper limit; a mode above it is shown well
 _MAX_BAND_MODES = 12  # modes that a band above or below the default one includes
 
@@ -78,7 +78,7 @@ def band_lines(request: PredictRequest) -> Real:
     Raises:
         UsageError: a band without lines, or beyond the frequencies of machines.
     """
-    low, high = request.band or _DEFAULT_BAND_HZ
+    low, high = request.band or DEFAULT_BAND_HZ
     if not 0 <= low < high:
         raise UsageError(f"the band {low:g}..{high:g} Hz is empty: give LOW below HIGH")
     if not MIN_FREQUENCY_HZ <= high <= MAX_FREQUENCY_HZ:
@@ -109,10 +109,10 @@ def frequency_lines(modes: Modes, request: PredictRequest) -> Real:
     """Return frequency lines in the user's band; else in 0..200 Hz, or in a band with modes."""
     band = request.band
     if band is None:
-        natural, highest = modes.freq_hz[modes.oscillates], _DEFAULT_BAND_HZ[1]
+        natural, highest = modes.freq_hz[modes.oscillates], DEFAULT_BAND_HZ[1]
         is_inside = ((natural > _MIN_SHOWN_FREQUENCY * highest) & (natural < highest)).any()
         if is_inside or not natural.size:
-            band = _DEFAULT_BAND_HZ
+            band = DEFAULT_BAND_HZ
         else:
             band = (0.0, 1.5 * float(np.sort(natural)[:_MAX_BAND_MODES][-1]))
     return np.linspace(*band, request.lines)

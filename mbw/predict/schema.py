@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, Field
 
-from mbw.plant.schema import BudgetRow
+from mbw.plant.schema import BudgetRow, StrutsRow
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Shares = dict[str, Finite]
@@ -248,7 +248,7 @@ class ReductionRow(BaseModel):
     max_error: Finite
 
 
-PlantRow = BandsRow | UncertainPlantRow | WeightRow | ReductionRow | BudgetRow
+PlantRow = BandsRow | UncertainPlantRow | WeightRow | ReductionRow | BudgetRow | StrutsRow
 
 
 class PredictedModesFile(BaseModel):
@@ -258,7 +258,7 @@ class PredictedModesFile(BaseModel):
         put_on_top: only with ``--mount`` or ``--add-mass``.
         state_space_check: only with ``--check``.
         bands, uncertain_plant, weight, reduction: only with the options of these names.
-        budget: only with ``--budget``.
+        budget, struts: only with the options of these names.
     """
 
     model: str
@@ -274,3 +274,4 @@ class PredictedModesFile(BaseModel):
     weight: WeightRow | None = None
     reduction: ReductionRow | None = None
     budget: BudgetRow | None = None
+    struts: StrutsRow | None = None

@@ -13,7 +13,7 @@ from mbw.files import check_json_target, write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder, ResultOptions
 from mbw.plant.page import PLANT_PAGE
-from mbw.plant.task import BudgetRequest, BudgetResult, compute_budget
+from mbw.plant.task import BudgetRequest, PlantStudy, study_plant
 from mbw.predict.additions import parse_additions
 from mbw.predict.frf_files import print_frf
 from mbw.predict.machines import MachineRequest, Machines, load_machines
@@ -21,7 +21,7 @@ from mbw.predict.outcome import Outcome, predict_outcome
 from mbw.predict.page import PAGE, render
 from mbw.predict.plant import FOLDER_NAMES, PlantResult, compute_plant, find_model
 from mbw.predict.plant_request import PlantRequest
-from mbw.predict.requests import PredictRequest, frf_request
+from mbw.predict.requests import DEFAULT_BAND_HZ, PredictRequest, frf_request
 from mbw.predict.spring_laws import parse_laws
 
 _FOLDER_SUFFIX = "predicted"  # end of the default folder's name
@@ -37,7 +37,7 @@ class PredictOutputs:
         frf: whether FRFs are written as CSV to stdout.
         plant: state space and uncertainty of the plant.
         options: where page and JSON are written.
-        budget: error budget; None for none.
+        study: error budget and struts.
     """
 
     modes: bool
@@ -45,7 +45,7 @@ class PredictOutputs:
     frf: bool
     plant: PlantRequest
     options: ResultOptions
-    budget: BudgetRequest | None = None
+    study: BudgetRequest
 
     @property
     def has_data_on_stdout(self) -> bool:
@@ -55,7 +55,7 @@ class PredictOutputs:
     @property
     def table(self) -> bool:
         """Whether the table of modes is printed: if asked for, or if no other data are."""
-        has_data = self.frf or self.plant.has_output or self.budget is not None
+        has_data = self.frf or self.plant.has_output or self.study.is_wanted
         is_wanted = self.modes or not (has_data or SCREEN.quiet)
         return is_wanted and not self.options.has_json_on_stdout
 
@@ -81,6 +81,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     maxwell: list[str],
     budget: Path | None,
     before: Path | None,
+    struts: list[str],
     key: str | None,
     bands: bool,
     diagnosed: Path | None,
@@ -115,10 +116,8 @@ def run_options(  # noqa: PLR0913  # one for each option
         period_s=discrete,
         statespace=statespace,
     )
-    if before is not None and budget is None:
-        raise UsageError("--before names a machine for the budget: add --budget FILE")
-    wanted = None if budget is None else BudgetRequest(budget, before)
-    run(machine_request, request, PredictOutputs(modes, check, frf, plant, options, wanted))
+    study = BudgetRequest(budget, before, tuple(struts))
+    run(machine_request, request, PredictOutputs(modes, check, frf, plant, options, study))
 
 
 def run(machine_request: MachineRequest, request: PredictRequest, targets: PredictOutputs) -> None:
@@ -149,8 +148,15 @@ def run(machine_request: MachineRequest, request: PredictRequest, targets: Predi
             for remark in outcome.remarks:
                 SCREEN.say(remark)
             plant = compute_plant(machines, machine_request.path, frfs, targets.plant)
-            budget = _compute_budget(machines, machine_request.path, targets.budget, plant)
-            _write_files(machines, outcome, (plant, budget), targets, output)
+            study = study_plant(
+                machines.model.machine,
+                machines.model,
+                machine_request.path,
+                targets.study,
+                request.band or DEFAULT_BAND_HZ,
+            )
+            plant.rows.update(study.rows())
+            _write_files(machines, outcome, (plant, study), targets, output)
             outcome = replace(outcome, plant_rows=plant.rows)
         if targets.options.has_json_on_stdout:
             typer.echo(outcome.json())
@@ -158,7 +164,7 @@ def run(machine_request: MachineRequest, request: PredictRequest, targets: Predi
             typer.echo("\n".join(outcome.table()))
         for sentence in plant.sentences:
             SCREEN.say(sentence)
-        for line in [*outcome.check_lines(), *([] if budget is None else budget.lines())]:
+        for line in [*outcome.check_lines(), *study.lines()]:
             (SCREEN.say if targets.has_data_on_stdout else typer.echo)(line)
         if targets.frf and frfs is not None:
             print_frf(machines.model, frfs, plant.interval if targets.plant.bands else None)
@@ -166,26 +172,15 @@ def run(machine_request: MachineRequest, request: PredictRequest, targets: Predi
             _say_where(output.path, machines, targets)
 
 
-def _compute_budget(
-    machines: Machines, path: Path, request: BudgetRequest | None, plant: PlantResult
-) -> BudgetResult | None:
-    """Return the error budget and add its row to those of the JSON file; None for none."""
-    if request is None:
-        return None
-    budget = compute_budget(machines.model.machine, machines.model, path, request)
-    plant.rows["budget"] = budget.row
-    return budget
-
-
 def _write_files(
     machines: Machines,
     outcome: Outcome,
-    plant_and_budget: tuple[PlantResult, BudgetResult | None],
+    plant_and_study: tuple[PlantResult, PlantStudy],
     targets: PredictOutputs,
     output: OutputFolder | None,
 ) -> None:
     """Write the folder of the result, the files that the user names, and the JSON last."""
-    plant, budget = plant_and_budget
+    plant, study = plant_and_study
     if output is not None:
         with output.write() as place:
             machines.write_combined(place, output.path)
@@ -194,8 +189,7 @@ def _write_files(
                 geometry = machine_geometry(outcome.machine)
                 text = render(outcome, geometry, machines.rates)
                 (place / PAGE).write_text(text, encoding="utf-8")
-                if budget is not None:
-                    (place / PLANT_PAGE).write_text(budget.page(), encoding="utf-8")
+                study.write_page(place)
     plant.write_named_files()
     if targets.options.json is not None and not targets.options.has_json_on_stdout:
         write_json(replace(outcome, plant_rows=plant.rows).json(), targets.options.json)
@@ -208,7 +202,7 @@ def _say_where(folder: Path, machines: Machines, targets: PredictOutputs) -> Non
     if not targets.options.pictures:
         return
     SCREEN.say(f"pictures: open {(folder / PAGE).resolve().as_uri()}")
-    if targets.budget is not None:
+    if targets.study.file is not None:
         SCREEN.say(f"error budget: open {(folder / PLANT_PAGE).resolve().as_uri()}")
 
 
@@ -230,6 +224,7 @@ def _open_output(
 def _check(targets: PredictOutputs) -> None:
     """Refuse unusable targets before the computation starts."""
     targets.plant.check()
+    targets.study.check()
     json, out = targets.options.json, targets.options.out
     if json is not None:
         check_json_target(json)

@@ -169,3 +169,30 @@ def test_the_station_has_a_budget_as_its_readme_shows(tmp_path):
     row = json.loads((tmp_path / "b.json").read_text())["budget"]
     assert [error["name"] for error in row["errors"]] == ["x", "z", "tilt"]
     assert row["errors"][0]["modes"][0]["frequency"] == pytest.approx(11.9, abs=0.1)
+
+
+def test_struts_have_gain_damping_and_frames_on_terminal_page_and_json(tmp_path):
+    station = ASSETS / "microstation"
+    result = run(
+        "predict", station / "station_legs.xml", "--budget", station / "budget.toml",
+        "--struts", "leg*", "--out", tmp_path / "out", "--json", tmp_path / "s.json",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    row = json.loads((tmp_path / "s.json").read_text())["struts"]
+    assert row["sets"][0]["struts"] == [f"leg{k}" for k in range(1, 7)]
+    assert row["frames"]["body"] == "hexapod"
+    assert np.shape(row["frames"]["jacobian_mass"]) == (6, 6)
+    assert "integral force feedback" in result.stdout
+    data = data_of((tmp_path / "out" / "plant.html").read_text("utf-8"))["struts"]
+    first = data["loci"][0]
+    assert np.hypot(*first["best"]) == pytest.approx(row["sets"][0]["frequency"])
+
+
+def test_struts_need_no_budget_and_other_names_are_refused(folder):
+    result = run("predict", folder / "x-tuned", "--struts", "head_tx", "--no-pictures")
+    assert result.exit_code == 0, result.stderr
+    assert "no frames: a frame needs six struts" in result.stdout
+    assert "(95 %: " in result.stdout  # the tuned machine has a posterior
+    refused = run("predict", folder / "two.xml", "--struts", "arm", "--no-pictures")
+    assert refused.exit_code == 2
+    assert "choose of base_tx, head_tx" in refused.stderr

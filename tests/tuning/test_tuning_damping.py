@@ -133,5 +133,5 @@ def test_what_is_no_strut_or_no_frame_is_refused(legs):
     with pytest.raises(UsageError, match="no tendon or joint with stiffness is named 'arm'"):
         find_struts(legs, legs.drawn, ("arm",))
     struts = find_struts(legs, legs.drawn, ("leg1", "leg2"))
-    with pytest.raises(UsageError, match="2 struts are named, but a frame needs six"):
+    with pytest.raises(UsageError, match="a frame needs six struts, and 2 are named"):
         strut_frames(legs, legs.drawn, struts, np.array([1.0]))

@@ -26,8 +26,10 @@ _GAINS_PER_DECADE = 16  # of the locus: poles of neighbouring gains are told apa
 _LOWEST_GAIN, _HIGHEST_GAIN = 1e-2, 1e2  # relative to the angular frequency of the target mode
 _REFINED_GAINS, _REFINEMENTS = 9, 2  # between neighbours of the best gain, and how often
 _SET_SIZES = (1, 2)  # sets of struts that are compared, beside all of them
+_ENOUGH_DAMPING = 0.99  # of what the highest gain gives
+_MIN_IMAGINARY_PART = 1e-6  # of a pole: a real one has rounding
 _LEAK_SHARE = 0.1  # of the target mode's frequency: its phase there is 6 degrees
-_MAX_SETS = 60  # each takes a locus
+_MAX_STRUT_SETS = 60  # each takes a locus
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +54,14 @@ class RootLocus:
 
     @property
     def best(self) -> int:
-        """Number of the gain with the largest damping ratio."""
-        return int(np.argmax(self.damping))
+        """Number of the gain with the largest damping ratio.
+
+        Where more gain always gives more, the first one that comes within 1 % of it.
+        """
+        best = int(np.argmax(self.damping))
+        if best == len(self.gain) - 1 and self.damping[best] < 1:
+            best = int(np.argmax(self.damping >= _ENOUGH_DAMPING * self.damping[best]))
+        return best
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,18 +163,18 @@ def force_feedback(
         )
     frequency = abs(pole) / (2 * np.pi)
     leak_hz = leak / (2 * np.pi)
-    return ForceFeedback(
-        frequency, -pole.real / abs(pole), share, leak_hz, tuple(loci), samples
-    )
+    return ForceFeedback(frequency, -pole.real / abs(pole), share, leak_hz, tuple(loci), samples)
 
 
 def _strut_sets(struts: Struts) -> list[tuple[int, ...]]:
     """Return sets of struts that are compared: each one, each pair, and all."""
     count = len(struts.names)
-    everything = tuple(range(count))
-    sets = [each for size in _SET_SIZES for each in combinations(everything, size)]
-    if len(sets) > _MAX_SETS:
-        sets = [each for each in sets if len(each) == 1][:_MAX_SETS]
+    everything: tuple[int, ...] = tuple(range(count))
+    sets: list[tuple[int, ...]] = []
+    for size in _SET_SIZES:
+        sets.extend(combinations(everything, size))
+    if len(sets) > _MAX_STRUT_SETS:
+        sets = sets[: min(count, _MAX_STRUT_SETS)]
     return list(dict.fromkeys([*sets, everything]))
 
 
@@ -199,19 +207,24 @@ def _locus(matrices: Matrices, struts: Struts, pole: complex, leak: float) -> Ro
         _LOWEST_GAIN, _HIGHEST_GAIN, int(_GAINS_PER_DECADE * decades) + 1
     )
     poles = _follow(matrices, struts, pole, gains, leak)
+    gains = gains[: len(poles)]
     for _ in range(_REFINEMENTS):
         best = RootLocus(struts.names, gains, poles).best
         below = max(best - 1, 0)
         ends = gains[below], gains[min(best + 1, len(gains) - 1)]
         finer = np.geomspace(*ends, _REFINED_GAINS + 2)[1:-1]
         refined = _follow(matrices, struts, complex(poles[below]), finer, leak)
+        finer = finer[: len(refined)]
         order = np.argsort(np.append(gains, finer), kind="stable")
         gains, poles = np.append(gains, finer)[order], np.append(poles, refined)[order]
     return RootLocus(struts.names, gains, poles)
 
 
 def _follow(matrices: Matrices, struts: Struts, pole: complex, gains: Real, leak: float) -> Complex:
-    """Return the pole at each gain: the nearest one to that of the gain before."""
+    """Return the pole at each gain: the nearest one to where the last two gains point.
+
+    A locus ends where its pole has become real: it is critically damped, and more gain splits it.
+    """
     followed = []
     previous, step = pole, 0j
     for gain in gains:
@@ -221,6 +234,8 @@ def _follow(matrices: Matrices, struts: Struts, pole: complex, gains: Real, leak
         step = nearest - previous
         previous = nearest
         followed.append(nearest)
+        if nearest.imag <= _MIN_IMAGINARY_PART * abs(nearest):
+            break
     return np.array(followed)
 
 
@@ -233,4 +248,4 @@ def _damping_of(
     pole, _ = _target_mode(matrices, struts, target_hz)
     gains = locus.gain[: locus.best + 1]
     poles = _follow(matrices, struts, pole, gains, leak)
-    return float(RootLocus(locus.struts, gains, poles).damping[-1])
+    return float(RootLocus(locus.struts, gains[: len(poles)], poles).damping[-1])

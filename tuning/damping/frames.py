@@ -62,13 +62,13 @@ def strut_jacobian(model: Model, theta: Real, struts: Struts, body: str, point: 
     machine = model.machine
     number = machine.layout.bodies.index(body)
     motion = model.assemble(theta).jacobian[6 * number : 6 * number + 6]
-    own = _own_coordinates(model, body)
-    columns = motion[:, own]
-    if len(own) != 6 or np.linalg.cond(columns) > _MAX_JACOBIAN_CONDITION:
+    moving_coordinates = _own_coordinates(model, body)
+    columns = motion[:, moving_coordinates]
+    if len(moving_coordinates) != 6 or np.linalg.cond(columns) > _MAX_JACOBIAN_CONDITION:
         raise UsageError(
-            f"{body} has {len(own)} directions on its base, but a frame needs six independent ones"
+            f"{body} has {len(moving_coordinates)} directions on its base, but a frame needs six independent ones"
         )
-    per_centre = struts.elongation[own].T @ np.linalg.inv(columns)
+    per_centre = struts.elongation[moving_coordinates].T @ np.linalg.inv(columns)
     jacobian: Real = per_centre @ transport(machine.layout.centres[number] - point)
     return jacobian
 
@@ -104,7 +104,7 @@ def strut_frames(model: Model, theta: Real, struts: Struts, freq_hz: Real) -> St
         UsageError: other than six struts, or struts that do not hold a platform in six directions.
     """
     if len(struts.names) != 6:
-        raise UsageError(f"{len(struts.names)} struts are named, but a frame needs six")
+        raise UsageError(f"a frame needs six struts, and {len(struts.names)} are named")
     body = platform_of(model, struts)
     mass_centre = _carried_centre(model, theta, body)
     stiffness_centre = _stiffness_centre(model, theta, struts, body, mass_centre)
