@@ -66,7 +66,8 @@ def strut_jacobian(model: Model, theta: Real, struts: Struts, body: str, point: 
     columns = motion[:, moving_coordinates]
     if len(moving_coordinates) != 6 or np.linalg.cond(columns) > _MAX_JACOBIAN_CONDITION:
         raise UsageError(
-            f"{body} has {len(moving_coordinates)} directions on its base, but a frame needs six independent ones"
+            f"{body} has {len(moving_coordinates)} directions on its base, but a frame needs six "
+            "independent ones"
         )
     per_centre = struts.elongation[moving_coordinates].T @ np.linalg.inv(columns)
     jacobian: Real = per_centre @ transport(machine.layout.centres[number] - point)
