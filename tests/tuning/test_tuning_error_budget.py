@@ -247,3 +247,59 @@ def test_loops_that_some_machine_of_the_posterior_does_not_bear_are_refused(fold
     thetas = posterior_of(model, 0.3).sample(60, seed=1)
     with pytest.raises(InputError, match=r"unstable in \d+ of 60 machines of the posterior"):
         refuse_unstable_samples(budget, thetas)
+
+
+SENSORS = """<sensor><jointpos name="encoder" joint="head_tx"/>
+  <velocimeter name="speed" site="acc2"/><force name="cell" site="acc2"/></sensor></mujoco>"""
+LOOP = """output = "acc2:+tx"
+minus = "acc1:+tx"
+delay"""
+
+
+@pytest.fixture(scope="module")
+def sensed(folder):
+    text = TWO.format(**VALUES).replace("</mujoco>", SENSORS)
+    (folder / "sensed.xml").write_text(text, encoding="utf-8")
+    return as_drawn(load_machine(folder / "sensed.xml"))
+
+
+def test_joints_encoders_and_pairs_are_the_difference_of_two_points(folder, sensed):
+    expected = budget_of(folder, sensed, closed_text(delay=3e-4))
+    for port in ("joint:head_tx", "encoder", "acc2-acc1:+tx"):
+        text = closed_text(delay=3e-4).replace(LOOP, f'output = "{port}"\ndelay')
+        budget = budget_of(folder, sensed, text)
+        assert budget.rms == pytest.approx(expected.rms, rel=1e-9)
+        poles = np.sort_complex(budget.states.poles())
+        assert poles == pytest.approx(np.sort_complex(expected.states.poles()), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit", "gain"),
+    [("mobility", "m/s/sqrt(Hz)", 150.0), ("accelerance", "m/s^2/sqrt(Hz)", 2.0)],
+)
+def test_loops_of_velocity_and_acceleration_have_the_modes_of_their_frfs(
+    folder, sensed, quantity, unit, gain
+):
+    controller = "controller = {zeros = [-60.0, -8.0], poles = [-0.5, -700.0], gain = 300000.0}"
+    text = closed_text(delay=3e-4).replace("m/sqrt(Hz)", unit)
+    text = text.replace(
+        controller,
+        f'quantity = "{quantity}"\ncontroller = {{poles = [-900.0], gain = {900 * gain}}}',
+    )
+    budget = budget_of(folder, sensed, text)
+    _, shares = budget.mode_shares
+    assert shares[0, -1] == pytest.approx(0.0, abs=1e-5)
+    assert shares[0, :-1].sum() == pytest.approx(1.0, abs=1e-5)
+    quiet = budget_of(folder, sensed, text.replace(f"gain = {900 * gain}", "gain = 0.0"))
+    assert budget.rms[0] != pytest.approx(quiet.rms[0], rel=0.02)
+
+
+def test_a_velocimeter_in_a_loop_is_the_velocity_of_its_site(folder, sensed):
+    text = closed_text(gain=2e3).replace("m/sqrt(Hz)", "m/s/sqrt(Hz)")
+    by_site = budget_of(
+        folder, sensed, text.replace(LOOP, 'output = "acc2:+tx"\nquantity = "mobility"\ndelay')
+    )
+    by_sensor = budget_of(folder, sensed, text.replace(LOOP, 'output = "speed"\ndelay'))
+    assert by_sensor.rms == pytest.approx(by_site.rms, rel=1e-9)
+    assert by_sensor.joint_shares[1] == pytest.approx(by_site.joint_shares[1], abs=1e-9)
+    assert by_sensor.mode_shares[1][0] == pytest.approx(by_site.mode_shares[1][0], abs=1e-6)

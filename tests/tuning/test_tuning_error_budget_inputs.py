@@ -131,7 +131,7 @@ def machine(tmp_path_factory):
         ("coherence = 0.6", "coherence = 1.6", "less than or equal to 1"),
         ("band = [2.0, 45.0]", "band = [45.0, 2.0]", "lower first"),
         ("band = [2.0, 45.0]", "", "constant density without limits"),
-        ('minus = "acc1:+tx"', 'minus = "acc1:+rx"', "one is a rotation"),
+        ('minus = "acc1:+tx"', 'minus = "acc1:+rx"', "name two outputs of one unit"),
         ('unit = "um"', 'unit = "N"', "is no unit of this error"),
         ('csv = "floor.csv"', 'csv = "absent.csv"', "absent.csv"),
         ("delay = 0.0", "delay = 0.0\nsign = -1", "unknown key loop.axis.sign"),

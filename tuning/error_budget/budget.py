@@ -66,7 +66,7 @@ class ErrorBudget:
 
     @cached_property
     def rms(self) -> Real:
-        """Root mean square of each error [m or rad]; (n_error,)."""
+        """Root mean square of each error in SI; (n_error,)."""
         rms: Real = np.sqrt(self.mean_squares.sum(axis=0))
         return rms
 
@@ -113,8 +113,13 @@ class ErrorBudget:
         motion = np.einsum(
             "nif,fis,fs->fns", lines.motion, self.response.right, self.weights, optimize=True
         )
-        readout = ports.errors @ lines.readout
-        shares = np.einsum("zn,fns,fzs->zn", readout, motion, weighted, optimize=True).real
+        powers = lines.request.output_powers
+        if powers is None:
+            readout = ports.errors @ lines.readout
+            shares = np.einsum("zn,fns,fzs->zn", readout, motion, weighted, optimize=True).real
+        else:  # outputs that read different derivatives of the motion
+            readout = np.einsum("zo,of,on->fzn", ports.errors, powers, lines.readout)
+            shares = np.einsum("fzn,fns,fzs->zn", readout, motion, weighted, optimize=True).real
         shares = self._share(shares)
         names = (*lines.model.machine.coordinates, "floor")
         return names, np.hstack([shares, 1.0 - shares.sum(axis=1, keepdims=True)])
@@ -221,11 +226,10 @@ def budget_lines(definition: BudgetDefinition, poles: Complex) -> tuple[Real, Re
     freq = np.concatenate([lines, *(each.freq_hz for each in sines if each is not None)])
     weights = np.zeros((len(freq), len(definition.sources)))
     start = len(lines)
-    for column, (source, order) in enumerate(
-        zip(definition.sources, definition.derivatives, strict=True)
-    ):
+    for column, source in enumerate(definition.sources):
         if source.spectrum is not None:
-            weights[: len(lines), column] = np.sqrt(source.spectrum.at(lines, order) * steps)
+            density = source.spectrum.at(lines, source.derivative)
+            weights[: len(lines), column] = np.sqrt(density * steps)
         if source.lines is not None:
             count = len(source.lines.freq_hz)
             weights[start : start + count, column] = source.lines.amplitude / np.sqrt(2)

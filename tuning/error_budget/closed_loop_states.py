@@ -78,7 +78,7 @@ def loop_states(
         ports: labels.
     """
     lines = np.geomspace(*definition.band, _FIT_LINES)
-    orders = {0, *(loop.derivative for loop in definition.loops)}
+    orders = {0, *(loop.measured.derivative for loop in definition.loops)}
     machine = {order: _machine_states(model, theta, ports, lines, order) for order in orders}
     base, loops = machine[0], definition.loops
     count, size = len(loops), len(base.dynamics)
@@ -87,13 +87,13 @@ def loop_states(
         return LoopStates(base.dynamics, base.gain, ports.errors @ base.readout)
     read = np.stack(
         [
-            row @ machine[loop.derivative].readout
+            row @ machine[loop.measured.derivative].readout
             for row, loop in zip(ports.measured, loops, strict=True)
         ]
     )
     direct = np.stack(
         [
-            row @ machine[loop.derivative].feedthrough
+            row @ machine[loop.measured.derivative].feedthrough
             for row, loop in zip(ports.measured, loops, strict=True)
         ]
     )
@@ -138,12 +138,11 @@ def _machine_states(
     size, count, inputs = len(system.A) - integrators, len(ports.outputs), len(ports.inputs)
     feedthrough = np.zeros((count, 3 * inputs))
     feedthrough[:, :inputs] = system.D
-    if integrators:
+    if integrators:  # displacements of the moving inputs, then their velocities
         moving = [k for k, port in enumerate(ports.inputs) if str(port) in floor]
-        # The integrators are displacements, then velocities; outputs read one kind of them.
-        columns = slice(size, size + len(moving)) if order == 0 else slice(size + len(moving), None)
-        first = (2 - order) * inputs
-        feedthrough[:, [first + k for k in moving]] = system.C[:, columns]
+        positions, rates = size, size + len(moving)
+        feedthrough[:, [2 * inputs + k for k in moving]] = system.C[:, positions:rates]
+        feedthrough[:, [inputs + k for k in moving]] = system.C[:, rates:]
     gain = np.zeros((size, 3 * inputs))
     gain[:, :inputs] = system.B[:size]
     return _MachineStates(system.A[:size, :size], gain, system.C[:, :size], feedthrough)

@@ -79,7 +79,10 @@ def controller_from_roots(
         )
     if not poles:
         return Controller(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]]))
-    return Controller(*_real_arrays(scipy.signal.zpk2ss(list(zeros), list(poles), gain)))
+    states, entry, output, through = _real_arrays(
+        scipy.signal.zpk2ss(list(zeros), list(poles), 1.0)
+    )
+    return Controller(states, entry, gain * output, gain * through)
 
 
 def controller_from_system(system: Any) -> Controller:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from identification.words import DERIVATIVE_ORDER, Dof, Input, Quantity, Real
+from identification.words import Input, Output, Real
 from tuning.error_budget.controller import Controller
 from tuning.error_budget.spectra import Spectrum
 
@@ -16,20 +16,20 @@ class PortSum:
 
     Args:
         name: of the signal.
-        terms: outputs with their weights; all translations, or all rotations.
+        terms: outputs with their weights; all of one unit.
+        unit: SI unit in which they are read.
+        derivative: number of time derivatives of motions to be taken; 0 for sensors, which read
+            their own.
     """
 
     name: str
-    terms: tuple[tuple[Dof, float], ...]
-
-    @property
-    def is_rotation(self) -> bool:
-        """Whether it is an angle."""
-        return self.terms[0][0].is_rotation
+    terms: tuple[tuple[Output, float], ...]
+    unit: str
+    derivative: int = 0
 
     def __str__(self) -> str:
         """Return the outputs with their signs, such as ``hexapod:+tx - ty:+tx``."""
-        texts = [f"{'-' if weight < 0 else '+'} {dof}" for dof, weight in self.terms]
+        texts = [f"{'-' if weight < 0 else '+'} {port}" for port, weight in self.terms]
         return " ".join(texts).removeprefix("+ ")
 
 
@@ -56,6 +56,8 @@ class Source:
         noise_of: loop whose measurement it disturbs; empty for a disturbance.
         spectrum: density of the signal; None for lines alone.
         lines: sines of the signal; None for a random signal alone.
+        unit: SI unit in which it enters the machine or the measurement.
+        derivative: number of time derivatives of a motion that this unit is.
     """
 
     name: str
@@ -63,6 +65,8 @@ class Source:
     noise_of: str = ""
     spectrum: Spectrum | None = None
     lines: HarmonicLines | None = None
+    unit: str = "N"
+    derivative: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +77,8 @@ class Loop:
         name: of the loop.
         input: input of the machine that the controller drives.
         measured: signal that the controller reads.
-        quantity: of that signal: receptance for a position, mobility, accelerance.
         controller: K, in units of the input per SI unit of the signal.
+        input_unit: SI unit of the input, or that it is a control.
         delay: of the controller [s].
     """
 
@@ -82,13 +86,8 @@ class Loop:
     input: Input
     measured: PortSum
     controller: Controller
-    quantity: Quantity = "receptance"
+    input_unit: str
     delay: float = 0.0
-
-    @property
-    def derivative(self) -> int:
-        """Number of time derivatives of the measured signal."""
-        return DERIVATIVE_ORDER[self.quantity]
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +95,7 @@ class BudgetDefinition:
     """Errors of interest, sources and loops.
 
     Args:
-        errors: signals whose rms value is sought [m or rad].
+        errors: signals whose rms value is sought.
         units: unit in which each error is shown and its SI value, by the error's name.
         sources: disturbances and noise.
         loops: control loops that are closed.
@@ -113,24 +112,3 @@ class BudgetDefinition:
     band: tuple[float, float]
     units: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
-
-    @property
-    def derivatives(self) -> tuple[int, ...]:
-        """Number of time derivatives in which each source enters the machine or the loop."""
-        by_loop = {loop.name: loop.derivative for loop in self.loops}
-        return tuple(
-            by_loop[source.noise_of]
-            if source.noise_of
-            else 2 * int(any(is_motion(port) for port, _ in source.inputs))
-            for source in self.sources
-        )
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether there is a loop."""
-        return bool(self.loops)
-
-
-def is_motion(port: Input) -> bool:
-    """Return whether an input is a motion of the floor, which enters as an acceleration."""
-    return isinstance(port, Dof) and port.point == "floor"

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import Complex, Dof, Input, Real
+from identification.words import Complex, Input, Output, Real
 from tuning.error_budget.definition import BudgetDefinition, PortSum
 
 
@@ -32,7 +32,7 @@ class PortMap:
         noise: N; (n_loop, n_source).
     """
 
-    outputs: tuple[Dof, ...]
+    outputs: tuple[Output, ...]
     inputs: tuple[Input, ...]
     errors: Real
     measured: Real
@@ -44,7 +44,7 @@ class PortMap:
 def map_ports(definition: BudgetDefinition) -> PortMap:
     """Return the labels of a budget and the matrices of its signals."""
     signals = [*definition.errors, *(loop.measured for loop in definition.loops)]
-    outputs = tuple(dict.fromkeys(dof for signal in signals for dof, _ in signal.terms))
+    outputs = tuple(dict.fromkeys(port for signal in signals for port, _ in signal.terms))
     inputs = tuple(
         dict.fromkeys(
             [
@@ -75,12 +75,12 @@ def map_ports(definition: BudgetDefinition) -> PortMap:
     )
 
 
-def _selection(signals: "list[PortSum] | tuple[PortSum, ...]", outputs: tuple[Dof, ...]) -> Real:
+def _selection(signals: "list[PortSum] | tuple[PortSum, ...]", outputs: tuple[Output, ...]) -> Real:
     """Return signals as weighted sums of outputs; (n_signal, n_out)."""
     matrix = np.zeros((len(signals), len(outputs)))
     for row, signal in zip(matrix, signals, strict=True):
-        for dof, weight in signal.terms:
-            row[outputs.index(dof)] += weight
+        for port, weight in signal.terms:
+            row[outputs.index(port)] += weight
     return matrix
 
 
@@ -116,10 +116,10 @@ def close_loops(
     Args:
         definition: loops and sources.
         ports: labels of the FRFs.
-        frfs: H, receptances; (n_freq, n_out, n_in).
+        frfs: H, receptances or what sensors read; (n_freq, n_out, n_in).
         laplace: s of every line [rad/s]; (n_freq,).
     """
-    derivatives = np.array([loop.derivative for loop in definition.loops], int)
+    derivatives = np.array([loop.measured.derivative for loop in definition.loops], int)
     measured = ports.measured * laplace[:, None, None] ** derivatives[:, None]
     to_controls = frfs @ ports.controls
     gains = controller_response(definition, laplace)

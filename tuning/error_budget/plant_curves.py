@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import Complex, Dof, Input, Real
+from identification.words import Complex, Real
 from mbmodel import Evaluator, FrfRequest, Model, PosteriorOfModel
 from tuning.error_budget.budget import ErrorBudget
-from tuning.error_budget.definition import BudgetDefinition, Source, is_motion
+from tuning.error_budget.definition import BudgetDefinition
 from tuning.error_budget.loop_algebra import close_loops, map_ports
 
 _CURVE_LINES = 400  # evenly spaced in the logarithm of frequency
@@ -102,7 +102,7 @@ def _responses(model: Model, theta: Real, definition: BudgetDefinition, freq: Re
     frfs = Evaluator(model, request).at(theta).values
     errors = close_loops(definition, ports, frfs, request.laplace).errors
     plants = np.einsum("lo,foi,il->fl", ports.measured, frfs, ports.controls, optimize=True)
-    derivatives = np.array([loop.derivative for loop in definition.loops], int)
+    derivatives = np.array([loop.measured.derivative for loop in definition.loops], int)
     plants = plants * request.laplace[:, None] ** derivatives
     return np.hstack([errors.reshape(len(freq), -1), plants])
 
@@ -110,42 +110,15 @@ def _responses(model: Model, theta: Real, definition: BudgetDefinition, freq: Re
 def _curve_ports(definition: BudgetDefinition) -> tuple[CurvePort, ...]:
     """Return the names of the columns of ``_responses``."""
     rows = [
-        CurvePort(f"{error.name} / {source.name}", f"{_length(error.is_rotation)} per {unit}")
+        CurvePort(f"{error.name} / {source.name}", f"{error.unit} per {source.unit}")
         for error in definition.errors
-        for source, unit in zip(definition.sources, _source_units(definition), strict=True)
+        for source in definition.sources
     ]
     rows += [
         CurvePort(
             f"plant of {loop.name}: {loop.measured} / {loop.input}",
-            f"{_length(loop.measured.is_rotation)}{('', '/s', '/s²')[loop.derivative]} per "
-            f"{_input_unit(loop.input)}",
+            f"{loop.measured.unit} per {loop.input_unit}",
         )
         for loop in definition.loops
     ]
     return tuple(rows)
-
-
-def _length(is_rotation: bool) -> str:
-    return "rad" if is_rotation else "m"
-
-
-def _source_units(definition: BudgetDefinition) -> list[str]:
-    """Return the unit in which each source enters."""
-    loops = {loop.name: loop for loop in definition.loops}
-
-    def unit(source: Source) -> str:
-        if source.noise_of:
-            loop = loops[source.noise_of]
-            return f"{_length(loop.measured.is_rotation)}{('', '/s', '/s²')[loop.derivative]}"
-        return _input_unit(source.inputs[0][0])
-
-    return [unit(source) for source in definition.sources]
-
-
-def _input_unit(port: Input) -> str:
-    is_rotation = isinstance(port, Dof) and port.is_rotation
-    if is_motion(port):
-        return "rad/s²" if is_rotation else "m/s²"
-    if not isinstance(port, Dof):
-        return "unit of control"
-    return "N m" if is_rotation else "N"

@@ -6,8 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from identification.words import Dof, Input, InputError, UsageError
-from mbmodel import Machine, parse_input
+from identification.words import (
+    DERIVATIVE_ORDER,
+    Input,
+    InputError,
+    Output,
+    Quantity,
+    Signal,
+    UsageError,
+)
+from mbmodel import Machine, input_unit, output_unit, parse_input, parse_output
+from mbmodel.frf.signal_rows import is_floor
 from tuning.error_budget.budget_toml import (
     BudgetFile,
     CorrelationTable,
@@ -29,13 +38,12 @@ from tuning.error_budget.definition import (
     Loop,
     PortSum,
     Source,
-    is_motion,
 )
 from tuning.error_budget.source_spectra import PortKind, read_source_spectrum
-from tuning.error_budget.spectral_units import SignalUnit, parse_signal_unit
+from tuning.error_budget.spectral_units import parse_signal_unit
 
 _DEFAULT_BUDGET_BAND_HZ = (0.1, 1000.0)  # where no source has a band of its own
-_DEFAULT_UNITS = {"length": ("nm", 1e-9), "angle": ("nrad", 1e-9)}
+_DEFAULT_UNITS = {"m": ("nm", 1e-9), "rad": ("nrad", 1e-9)}  # shown, with their SI value
 _MIN_COHERENCE_EIGENVALUE = -1e-9  # of the coherence matrix: rounding
 
 
@@ -60,10 +68,7 @@ def read_definition(
             f"{path} has no loop {sorted(unknown)[0]!r}: add [loop.{sorted(unknown)[0]}] with its "
             "input and output"
         )
-    errors = tuple(
-        _signal(path, machine, f"error.{name}", name, table.output, table.minus)
-        for name, table in file.error.items()
-    )
+    errors = tuple(_port_sum(path, machine, name, table) for name, table in file.error.items())
     loops = tuple(
         _loop(path, machine, name, table, (controllers or {}).get(name))
         for name, table in file.loop.items()
@@ -81,56 +86,63 @@ def read_definition(
     )
 
 
-def _signal(
-    path: Path, machine: Machine, key: str, name: str, output: str, minus: str | None
+def _port_sum(
+    path: Path,
+    machine: Machine,
+    name: str,
+    table: ErrorTable | LoopTable,
+    quantity: Quantity = "receptance",
 ) -> PortSum:
     """Return an output, or the difference of two."""
-    terms = [(_output(path, machine, key, output), 1.0)]
-    if minus is not None:
-        terms.append((_output(path, machine, key, minus), -1.0))
-    if len({dof.is_rotation for dof, _ in terms}) > 1:
+    key = f"{'error' if isinstance(table, ErrorTable) else 'loop'}.{name}"
+    terms = [(_output(path, machine, key, table.output), 1.0)]
+    if table.minus is not None:
+        terms.append((_output(path, machine, key, table.minus), -1.0))
+    units = [output_unit(machine, port, quantity) for port, _ in terms]
+    if len(set(units)) > 1:
         raise InputError(
-            f"{path}: {key} subtracts {minus} from {output}, but one is a rotation: name two "
-            "translations or two rotations"
+            f"{path}: {key} subtracts {table.minus} [{units[1]}] from {table.output} [{units[0]}]: "
+            "name two outputs of one unit"
         )
-    return PortSum(name, tuple(terms))
+    is_sensor = [
+        isinstance(port, Signal) and not (port.is_joint or port.is_directed) for port, _ in terms
+    ]
+    derivative = 0 if any(is_sensor) else DERIVATIVE_ORDER[quantity]
+    if derivative == 0 and len(set(is_sensor)) > 1 and units[0] not in ("m", "rad"):
+        raise InputError(f"{path}: {key}: name two sensors, or two outputs without sensors")
+    return PortSum(name, tuple(terms), units[0], derivative)
 
 
-def _output(path: Path, machine: Machine, key: str, text: str) -> Dof:
+def _output(path: Path, machine: Machine, key: str, text: str) -> Output:
     """Return an output of the machine."""
     try:
-        dof = Dof.parse(text)
-        machine.layout.rows([dof])
+        return parse_output(machine, text)
     except (UsageError, ValueError) as error:
         raise InputError(f"{path}: {key}: {error}") from error
-    return dof
 
 
 def _input(path: Path, machine: Machine, key: str, text: str) -> Input:
     """Return an input of the machine."""
     try:
-        port = parse_input(machine, text)
-        if isinstance(port, Dof) and not is_motion(port):
-            machine.layout.rows([port])
+        return parse_input(machine, text)
     except (UsageError, ValueError) as error:
         raise InputError(f"{path}: {key}: {error}") from error
-    return port
 
 
 def _loop(path: Path, machine: Machine, name: str, table: LoopTable, system: Any | None) -> Loop:
     """Return a loop; a python-control object replaces the file's controller."""
     key = f"loop.{name}"
     port = _input(path, machine, key, table.input)
-    if is_motion(port):
+    if is_floor(machine, port):
         raise InputError(f"{path}: {key} drives the floor: name a motor or a force as input")
-    measured = _signal(path, machine, key, name, table.output, table.minus)
+    measured = _port_sum(path, machine, name, table, table.quantity)
     controller = _controller(path, key, table) if system is None else None
     return Loop(
         name,
         port,
         measured,
         controller_from_system(system) if controller is None else controller,
-        table.quantity,
+        input_unit(machine, port),
         table.delay,
     )
 
@@ -181,15 +193,16 @@ def _disturbance(
             "each input one of each"
         )
     ports = [_input(path, machine, key, text) for text in texts]
-    kinds = {_port_kind(machine, port) for port in ports}
+    kinds = {PortKind(input_unit(machine, port)) for port in ports}
     if len(kinds) > 1:
         raise InputError(
             f"{path}: {key} acts at inputs of different units: make a disturbance of each"
         )
     factors = np.array(gains) * np.exp(1j * np.radians(phases))
-    spectrum, lines = read_source_spectrum(path, key, table, kinds.pop(), band)
+    kind = kinds.pop()
+    spectrum, lines = read_source_spectrum(path, key, table, kind, band)
     inputs = tuple(zip(ports, factors.tolist(), strict=True))
-    return Source(name, inputs, spectrum=spectrum, lines=lines)
+    return Source(name, inputs, "", spectrum, lines, kind.unit, kind.derivative)
 
 
 def _noise(
@@ -208,19 +221,9 @@ def _noise(
             f"{path}: {key} disturbs the loop {table.loop!r}, which the file lacks: choose one of "
             f"{known}"
         )
-    kind = PortKind("angle" if loop.measured.is_rotation else "length", loop.derivative)
+    kind = PortKind(loop.measured.unit)
     spectrum, lines = read_source_spectrum(path, key, table, kind, band)
-    return Source(name, noise_of=loop.name, spectrum=spectrum, lines=lines)
-
-
-def _port_kind(machine: Machine, port: Input) -> PortKind:
-    """Return what an input is: a motion, a force, a torque or a control."""
-    del machine
-    if not isinstance(port, Dof):
-        return PortKind("control", 0)
-    if is_motion(port):
-        return PortKind("angle" if port.is_rotation else "length", 2)
-    return PortKind("torque" if port.is_rotation else "force", 0)
+    return Source(name, (), loop.name, spectrum, lines, kind.unit, kind.derivative)
 
 
 def _coherence(
@@ -270,17 +273,17 @@ def _band(path: Path, file: BudgetFile, sources: tuple[Source, ...]) -> tuple[fl
 
 def _shown_unit(path: Path, signal: PortSum, table: ErrorTable) -> tuple[str, float]:
     """Return the unit in which an error is shown, with its SI value."""
-    kind = "angle" if signal.is_rotation else "length"
+    default = _DEFAULT_UNITS.get(signal.unit, (signal.unit, 1.0))
     if table.unit is None:
-        return _DEFAULT_UNITS[kind]
+        return default
+    kind = PortKind(signal.unit)
     try:
         unit = parse_signal_unit(table.unit)
     except ValueError:
-        unit = SignalUnit("control", 0, 1.0)
-    if unit.kind != kind or unit.derivative:
-        example = "nrad" if signal.is_rotation else "nm"
+        unit = None
+    if unit is None or (unit.kind, unit.derivative) != (kind.kind, kind.derivative):
         raise InputError(
-            f"{path}: error.{signal.name}.unit = {table.unit!r} is no unit of this error: write "
-            f"for example {example}"
+            f"{path}: error.{signal.name}.unit = {table.unit!r} is no unit of this error, which is "
+            f"in {signal.unit}: write for example {default[0]}"
         )
     return table.unit, unit.factor

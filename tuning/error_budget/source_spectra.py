@@ -22,13 +22,6 @@ from tuning.error_budget.spectral_units import (
 )
 
 _SOURCE_KINDS = "csv, vc, density or lines"
-_SI_NAMES = {
-    "length": ("m", "m/s", "m/s^2"),
-    "angle": ("rad", "rad/s", "rad/s^2"),
-    "force": ("N",),
-    "torque": ("N m",),
-    "control": ("1",),
-}
 
 
 @dataclass(frozen=True)
@@ -36,17 +29,28 @@ class PortKind:
     """What a source drives.
 
     Args:
-        kind: of the signal.
-        derivative: number of time derivatives of a length or angle.
+        unit: its SI unit; ``control`` for a motor.
     """
 
-    kind: Kind
-    derivative: int
+    unit: str
 
     @property
-    def unit(self) -> str:
-        """Its SI unit."""
-        return _SI_NAMES[self.kind][self.derivative]
+    def signal(self) -> SignalUnit:
+        """Unit as kind and number of time derivatives."""
+        try:
+            return parse_signal_unit(self.unit)
+        except ValueError:
+            return SignalUnit("control", 0, 1.0)
+
+    @property
+    def kind(self) -> Kind:
+        """Kind of the signal."""
+        return self.signal.kind
+
+    @property
+    def derivative(self) -> int:
+        """Number of time derivatives of a length or angle."""
+        return self.signal.derivative
 
 
 def read_source_spectrum(
