@@ -17,6 +17,7 @@ from mbmodel.uncertainty.uncertain_plant import UncertainPlant
 _RANK_TOLERANCE = 1e-11  # of the largest singular value of a scaled slope: below it is rounding
 _LINEAR_TOLERANCE = 1e-9  # of a Part's change from its slope, relative to the slope
 _TRIAL_STEP = 0.5  # relative, or in units of the scale: at which a Part is tried for linearity
+_CHUNK_LINES_BYTES = 64 * 2**20  # of derivatives that are held at once
 _MIN_VARIANCE_SHARE = 1e-6  # of all parameters' variance of an FRF, for a block to be kept
 
 
@@ -132,12 +133,16 @@ def _visible_coordinates(
 ) -> Integers:
     """Return the coordinates that matter to some FRF at some line, in order; (n_kept,)."""
     blocks = posterior.posterior
-    columns = lines.sensitivities(posterior.varies, posterior.rates).columns()
-    slopes = columns @ posterior.membership
-    variance = np.abs(slopes) ** 2 * np.diag(blocks.covariance)
-    total = (np.abs(slopes @ blocks.root) ** 2).sum(axis=-1, keepdims=True)
-    share = variance / np.where(total == 0, 1.0, total)
-    kept: Integers = np.flatnonzero(share.reshape(-1, blocks.size).max(axis=0) > min_share)
+    sensitivities = lines.sensitivities(posterior.varies, posterior.rates)
+    values, largest = np.asarray(lines.values), np.zeros(blocks.size)
+    step = max(1, _CHUNK_LINES_BYTES // (16 * values[0].size * max(blocks.size, 1)))
+    for start in range(0, len(values), step):
+        slopes = sensitivities.columns(slice(start, start + step)) @ posterior.membership
+        variance = np.abs(slopes) ** 2 * np.diag(blocks.covariance)
+        total = (np.abs(slopes @ blocks.root) ** 2).sum(axis=-1, keepdims=True)
+        share = variance / np.where(total == 0, 1.0, total)
+        largest = np.maximum(largest, share.reshape(-1, blocks.size).max(axis=0))
+    kept: Integers = np.flatnonzero(largest > min_share)
     return kept
 
 

@@ -22,11 +22,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.linalg
 
-from identification.words import Complex, Integers, Mask, Real
+from identification.words import Integers, Mask, Real
 from mbmodel.frf.linearised import Evaluator
 from mbmodel.frf.request import FrfRequest
+from mbmodel.reduction.matrices import SystemMatrices
 from mbmodel.uncertainty.parameter_posterior import PosteriorOfModel
 
 if TYPE_CHECKING:
@@ -93,8 +93,8 @@ class UncertainPlant:
         )
         return delta
 
-    def close(self, delta: Real) -> tuple[Real, Real, Real, Real]:
-        """Return A, B, C, D of F_u(M, Delta).
+    def close(self, delta: Real) -> SystemMatrices:
+        """Return F_u(M, Delta).
 
         Args:
             delta: of each block; (n_block,).
@@ -105,7 +105,7 @@ class UncertainPlant:
         feedback = np.linalg.solve(inner, change[:, None] * np.hstack([self.c, self.d])[:width])
         to_states, to_inputs = feedback[:, : len(self.a)], feedback[:, len(self.a) + width :]
         drive, through = self.b[:, :width], self.d[width:, :width]
-        return (
+        return SystemMatrices(
             self.a + drive @ to_states,
             self.b[:, width:] + drive @ to_inputs,
             self.c[width:] + through @ to_states,
@@ -120,9 +120,9 @@ class UncertainPlant:
         """
         import control  # noqa: PLC0415  # with its matplotlib it would slow down every start
 
-        return control.ss(
-            *self.close(self.delta(z)), inputs=list(self.inputs), outputs=list(self.outputs)
-        )
+        plant = self.close(self.delta(z))
+        labels = {"inputs": list(self.inputs), "outputs": list(self.outputs)}
+        return control.ss(plant.a, plant.b, plant.c, plant.d, **labels)
 
     def nominal(self) -> control.StateSpace:
         """Return the fitted plant as a state space of python-control."""
@@ -145,24 +145,6 @@ def measure_lft_error(
         theta = posterior.theta(posterior.posterior.root @ sample)
         exact = evaluator.at(theta).values
         peak = np.abs(exact).max(axis=0)
-        error = np.abs(frf_of_matrices(plant.close(plant.delta(sample)), request) - exact)
+        error = np.abs(plant.close(plant.delta(sample)).at(request.laplace) - exact)
         largest = max(largest, float((error / np.where(peak == 0, 1.0, peak)).max(initial=0.0)))
     return largest
-
-
-def frf_of_matrices(matrices: tuple[Real, Real, Real, Real], request: FrfRequest) -> Complex:
-    """Return C (s - A)^-1 B + D at the lines of a request; (n_freq, n_out, n_in).
-
-    States get units in which the entries of A are of like size.
-
-    Args:
-        matrices: A, B, C, D.
-        request: its lines.
-    """
-    a, b, c, d = matrices
-    a, (units, _) = scipy.linalg.matrix_balance(a, permute=False, separate=True)
-    b, c = b / units[:, None], c * units
-    values = np.empty((len(request.laplace), *d.shape), complex)
-    for k, s in enumerate(request.laplace):
-        values[k] = c @ np.linalg.solve(s * np.eye(len(a)) - a, b) + d
-    return values

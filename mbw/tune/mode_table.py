@@ -22,10 +22,11 @@ from tuning.files.mode_table_result import (
     write_mode_table_result,
 )
 from tuning.files.mode_table_schema import ModeTableFile
+from tuning.files.posterior_file import POSTERIOR_NPZ
 from tuning.files.result import TUNED_MJCF
 from tuning.mode_table.mode_table_tuning import tune_to_modes
 
-NAMES = (MODE_TABLE_JSON, MODE_TABLE_CSV, TUNED_MJCF, MODE_TABLE_PAGE)
+NAMES = (MODE_TABLE_JSON, MODE_TABLE_CSV, TUNED_MJCF, POSTERIOR_NPZ, MODE_TABLE_PAGE)
 _MAX_LISTED_PARAMETERS = 12  # that the terminal names as determined
 
 

@@ -51,6 +51,16 @@ def test_the_tuned_mjcf_has_the_modes_that_the_json_states(result):
         assert abs(row["tuned"]["frequency_error"]) < 0.03 < abs(row["as_drawn"]["frequency_error"])
 
 
+def test_the_plant_of_a_table_of_modes_has_bands(result):
+    folder, _ = result
+    options = ("--bands", "--output", "head:+tx", "--input", "head:+tx", "--no-pictures")
+    run = mbw("predict", folder, *options, "--band", 5, 150, "--lines", 30)
+    assert run.exit_code == 0, run.stderr
+    with np.load(folder / "tuned-predicted" / "bands.npz") as bands:
+        assert (bands["low"] < np.abs(bands["frf"])).all()
+        assert (bands["high"] > np.abs(bands["frf"])).all()
+
+
 def test_the_table_stands_on_stdout_beside_the_model_before_and_after(result):
     _, run = result
     lines = run.stdout.splitlines()

@@ -19,6 +19,7 @@ from tuning.files.mode_table_schema import (
     TablePartnerRow,
     TabulatedModeRow,
 )
+from tuning.files.posterior_file import POSTERIOR_NPZ, machine_posterior, write_posterior
 from tuning.files.result import TUNED_MJCF, final_folder
 from tuning.files.schema import InputRow, ModelModeRow
 from tuning.mode_table.mode_table_misfit import MAX_FREQUENCY_RATIO, TableMatch, relative_deviations
@@ -198,7 +199,7 @@ def _input_rows(tuned: ModeTableTuning) -> list[InputRow]:
 
 
 def write_mode_table_result(tuned: ModeTableTuning, folder: Path) -> ModeTableFile:
-    """Write the tuned MJCF, mode_table.json and mode_table.csv into an existing folder.
+    """Write the tuned MJCF, mode_table.json, .csv and posterior.npz into an existing folder.
 
     Args:
         tuned: the tuning.
@@ -213,6 +214,9 @@ def write_mode_table_result(tuned: ModeTableTuning, folder: Path) -> ModeTableFi
     summary = summarise_mode_table(tuned, [str(missing) for missing in not_held])
     (folder / MODE_TABLE_JSON).write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
     (folder / MODE_TABLE_CSV).write_text(_csv_text(summary), "utf-8")
+    x, covariance = tuned.minimum.x, tuned.covariance
+    posterior = machine_posterior(tuned.model, tuned.parametrisation, x, covariance)
+    write_posterior(posterior, folder / POSTERIOR_NPZ)
     return summary
 
 

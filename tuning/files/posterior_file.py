@@ -9,25 +9,30 @@ from pathlib import Path
 import numpy as np
 
 from identification.readers.result_files import read_result_arrays
-from identification.words import InputError, Integers
+from identification.words import InputError, Integers, Real
 from mbmodel import Model, ParameterPosterior
-from tuning.assessment.parameter_confidence import ParameterConfidence
+from tuning.parametrisation.parametrisation import Parametrisation
 
 POSTERIOR_NPZ = "posterior.npz"
 _MACHINE_LOCATIONS = ("joint:", "tendon:", "body:")  # Parts of the machine, not of the measurement
 
 
 def machine_posterior(
-    model: Model, confidence: ParameterConfidence, error_floor: float | None
+    model: Model,
+    parametrisation: Parametrisation,
+    x: Real,
+    covariance: Real,
+    error_floor: float | None = None,
 ) -> ParameterPosterior:
     """Return the posterior of the machine's parameters.
 
     Args:
         model: model that was fitted.
-        confidence: covariance of all coordinates at the end of the fit.
+        parametrisation: coordinates of the fit.
+        x: coordinates at its end; (n_x,).
+        covariance: of all coordinates; (n_x, n_x).
         error_floor: relative error of the model beside the noise; None if it shows none.
     """
-    parametrisation = confidence.parametrisation
     is_of_machine = np.array(
         [location.startswith(_MACHINE_LOCATIONS) for location in model.locations], bool
     )
@@ -36,11 +41,11 @@ def machine_posterior(
     return ParameterPosterior(
         tuple(parametrisation.names[k] for k in kept),
         tuple(model.parameters[k].name for k in indices),
-        parametrisation.theta(confidence.x)[indices],
+        parametrisation.theta(x)[indices],
         np.searchsorted(kept, parametrisation.coordinate_of[indices]),
         parametrisation.scales[kept],
         parametrisation.is_logarithmic[kept],
-        confidence.covariance[np.ix_(kept, kept)],
+        covariance[np.ix_(kept, kept)],
         error_floor or 0.0,
     )
 

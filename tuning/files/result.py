@@ -227,8 +227,14 @@ def write_result(
         np.savez_compressed(place / FRF_NPZ, allow_pickle=False, **_arrays(tuned))
         summary = summarise_tuning(tuned, remaining, [str(missing) for missing in not_held])
         (place / TUNED_JSON).write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
-        if tuned.confidence is not None:
-            posterior = machine_posterior(model, tuned.confidence, summary.model_error)
+        if (confidence := tuned.confidence) is not None:
+            posterior = machine_posterior(
+                model,
+                confidence.parametrisation,
+                confidence.x,
+                confidence.covariance,
+                summary.model_error,
+            )
             write_posterior(posterior, place / POSTERIOR_NPZ)
     return summary
 
