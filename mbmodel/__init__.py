@@ -64,6 +64,7 @@ from mbmodel.parts import (
     spring_parts,
 )
 from mbmodel.parts.spring_laws import ConstantLoss, LateForce, Relaxation, spring_law_part
+from mbmodel.reduction.control_plant import ControlPlant, make_control_plant
 from mbmodel.reduction.matrices import SystemMatrices
 from mbmodel.reduction.truncation import ReducedSystem, Reduction, ReductionMethod, reduce_system
 from mbmodel.simulation.integration import TimeStep
@@ -102,6 +103,7 @@ __all__ = [
     "Change",
     "Combined",
     "ConstantLoss",
+    "ControlPlant",
     "DryFriction",
     "Edit",
     "EnergyShares",
@@ -175,6 +177,7 @@ __all__ = [
     "load_machine",
     "machine_geometry",
     "machine_model",
+    "make_control_plant",
     "measure_lft_error",
     "mjcf_files",
     "model_modes",

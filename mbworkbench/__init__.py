@@ -35,6 +35,7 @@ from mbworkbench.identifying import IdentifiedModel, identify
 from mbworkbench.model import MachineModel, ModelModes, read_model
 from mbworkbench.parameters import ParameterTable
 from mbworkbench.plots import plot
+from mbworkbench.tuned_plant import TunedPlant, read_plant
 from mbworkbench.tuning_result import TunedModel, tune
 
 __version__ = version("mbworkbench")
@@ -57,6 +58,7 @@ __all__ = [
     "ParameterTable",
     "Tolerance",
     "TunedModel",
+    "TunedPlant",
     "UsageError",
     "WorkbenchError",
     "__version__",
@@ -66,5 +68,6 @@ __all__ = [
     "plot",
     "read_campaign",
     "read_model",
+    "read_plant",
     "tune",
 ]

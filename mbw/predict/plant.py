@@ -31,6 +31,7 @@ from mbw.predict.plant_files import (
 from mbw.predict.plant_request import PlantRequest
 from mbw.predict.plant_state_space import (
     plant_state_space,
+    reduction_row,
     reduction_sentence,
     write_plant,
 )
@@ -112,14 +113,14 @@ class PlantResult:
             self.sentences.append(_uncertain_sentence(row))
         if request.statespace is not None:
             plant = plant_state_space(self.model, frfs, request, self.bands)
-            write_plant(plant, self.model.machine, frfs, request.statespace)
+            write_plant(plant, self.model.machine, request.statespace)
             self.sentences.extend(
                 f"state space: {sentence}"
                 for sentence in law_sentences(law_rows(plant.laws, self.model))
             )
-            if plant.reduction is not None:
-                self.rows["reduction"] = plant.reduction
-                self.sentences.append(reduction_sentence(plant.reduction))
+            if (reduction := reduction_row(plant)) is not None:
+                self.rows["reduction"] = reduction
+                self.sentences.append(reduction_sentence(reduction))
 
 
 def find_model(path: Path) -> Path:

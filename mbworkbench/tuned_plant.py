@@ -1,0 +1,107 @@
+"""The plant of a tuned machine for control design, with its uncertainty."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.words import Quantity, Real
+from mbmodel import (
+    ControlPlant,
+    FrfBands,
+    FrfRequest,
+    PosteriorOfModel,
+    UncertainPlant,
+    assemble_uncertain_plant,
+    frf_bands,
+    load_machine,
+    machine_model,
+    make_control_plant,
+)
+from mbworkbench.labels import (
+    AnyLabel,
+    AnyPath,
+    as_path,
+    check_frequencies,
+    check_quantity,
+    parse_inputs,
+    parse_outputs,
+)
+from tuning import read_posterior
+from tuning.error_budget.machine_files import tuned_file
+
+
+@dataclass(frozen=True, eq=False)
+class TunedPlant:
+    """A tuned machine between some ports: FRFs with bands, state spaces, uncertain plant.
+
+    Attributes:
+        posterior: of the machine's parameters.
+        request: outputs, inputs, lines and quantity.
+    """
+
+    posterior: PosteriorOfModel
+    request: FrfRequest
+
+    def bands(self) -> FrfBands:
+        """Compute the FRFs with the standard deviations of magnitude and phase."""
+        return frf_bands(self.posterior, self.request)
+
+    def state_space(self, delays_s: Sequence[float] | Real | None = None) -> ControlPlant:
+        """Return the state space; ``reduce``, ``sample`` and ``to_control`` are its methods.
+
+        Args:
+            delays_s: of the inputs [s]; none if None.
+        """
+        model = self.posterior.model
+        delays = None if delays_s is None else np.asarray(delays_s, float)
+        return make_control_plant(model, model.drawn, self.request, delays)
+
+    def uncertain(self) -> UncertainPlant:
+        """Return the plant as a linear fractional transformation of the parameters' changes."""
+        return assemble_uncertain_plant(self.posterior, self.request)
+
+    def __repr__(self) -> str:
+        """Return machine, ports and posterior in a few lines."""
+        request = self.request
+        return "\n".join(
+            (
+                f"plant of {self.posterior.model.machine.name}: {request.quantity}, "
+                f"{len(request.freq_hz)} lines",
+                f"  inputs: {', '.join(map(str, request.inputs))}",
+                f"  outputs: {', '.join(map(str, request.outputs))}",
+                f"  {self.posterior.posterior!r}",
+            )
+        )
+
+
+def read_plant(
+    folder: AnyPath,
+    outputs: AnyLabel | Iterable[AnyLabel],
+    inputs: AnyLabel | Iterable[AnyLabel],
+    freq_hz: Sequence[float] | Real,
+    quantity: Quantity = "accelerance",
+) -> TunedPlant:
+    """Read the plant between some ports from the folder of a tuning.
+
+    Args:
+        folder: that ``mbw tune`` or ``TunedModel.write`` wrote, or its ``tuned.xml``.
+        outputs: labels of motions; none need have been measured.
+        inputs: labels of forces or motors.
+        freq_hz: frequencies [Hz], increasing; (n_freq,).
+        quantity: receptance, mobility or accelerance.
+
+    Raises:
+        InputError: the folder holds no tuning, or its model was changed after the fit.
+        UsageError: a label that the machine does not have.
+    """
+    source = tuned_file(as_path(folder))
+    machine = load_machine(source)
+    posterior = read_posterior(source.parent).on(machine_model(machine))
+    request = FrfRequest(
+        check_frequencies(freq_hz),
+        parse_outputs(outputs),
+        parse_inputs(machine, inputs),
+        check_quantity(quantity),
+    )
+    return TunedPlant(posterior, request)
