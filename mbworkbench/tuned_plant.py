@@ -100,7 +100,7 @@ def read_plant(
     posterior = read_posterior(source.parent).on(machine_model(machine))
     request = FrfRequest(
         check_frequencies(freq_hz),
-        parse_outputs(outputs),
+        parse_outputs(machine, outputs),
         parse_inputs(machine, inputs),
         check_quantity(quantity),
     )

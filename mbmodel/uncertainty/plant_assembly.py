@@ -34,12 +34,18 @@ def assemble_uncertain_plant(
             get no block; 0 to keep all.
 
     Raises:
-        UsageError: an acceleration of the floor with another quantity than the accelerance.
+        UsageError: an acceleration of the floor with another quantity than the accelerance, or a
+            force sensor as output.
     """
     lines = Evaluator(posterior.model, request).at(posterior.model.drawn)
-    if lines.ports.has_floor and request.order < 2:
+    if lines.ports.has_floor and min(request.output_orders) < 2:
         raise UsageError(
             "the uncertain plant takes motions of the floor with the accelerance only: request it"
+        )
+    if lines.ports.further is not None:
+        raise UsageError(
+            "the uncertain plant has no outputs of force sensors, whose reading depends on the "
+            "parameters itself: leave them out, or draw samples"
         )
     slopes = _coordinate_slopes(posterior, lines)
     kept = _visible_coordinates(posterior, lines, min_share)
