@@ -11,6 +11,7 @@ from identification.hits.blocks import Blocks, cut_blocks
 from identification.hits.densities import hit_densities, noise_densities, noise_powers
 from identification.hits.detection import Blow, find_blows
 from identification.hits.estimators import AveragedSpectra, average_spectra, estimate_frf
+from identification.hits.peak_slope import estimate_peak_slope
 from identification.hits.recorded_window import combine_windows, detect_recorded_window
 from identification.hits.rejection import reject_hits
 from identification.hits.remarks import hit_remarks
@@ -178,6 +179,9 @@ def _estimate(hits: _UsableHits, settings: HitSettings, tau: float) -> HitEstima
         first_block=first_block,
         densities=hit_densities(blocks),
         noise=hits.noise,
+        peak_slope=estimate_peak_slope(
+            force, motion, np.array([blow.main.height for blow in blocks.blows])
+        ),
     )
     recorded_tau = None if settings.window_tau else hits.recorded_tau
     return replace(estimate, remarks=hit_remarks(estimate, tau, recorded_tau))

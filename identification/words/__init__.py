@@ -27,6 +27,7 @@ from identification.words.hits import (
     Hit,
     HitEstimate,
     HitRejection,
+    PeakSlope,
     SignalTraces,
     SpectralDensities,
 )
@@ -74,6 +75,7 @@ __all__ = [
     "ModalModel",
     "NominalGain",
     "Output",
+    "PeakSlope",
     "Port",
     "Quantity",
     "Real",

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from identification.words._arrays import Real, frozen_array
+from identification.words._arrays import Complex, Real, frozen_array
 from identification.words.dof import Dof
 from identification.words.frf import FrfEstimate
 
@@ -99,6 +99,28 @@ class SignalTraces:
 
 
 @dataclass(frozen=True, eq=False)
+class PeakSlope:
+    """Derivative of the FRFs of one reference by the logarithm of the hits' peak.
+
+    Args:
+        values: on all lines of the FRFs; (n_freq, n_out).
+        variance: E|error|^2; (n_freq, n_out).
+        spread: standard deviation of the logarithm of the peaks.
+    """
+
+    values: Complex
+    variance: Real
+    spread: float
+
+    def __post_init__(self) -> None:
+        """Validate and freeze."""
+        values = frozen_array(self.values, np.complex128, (None, None), "values")
+        object.__setattr__(self, "values", values)
+        variance = frozen_array(self.variance, np.float64, values.shape, "variance")
+        object.__setattr__(self, "variance", variance)
+
+
+@dataclass(frozen=True, eq=False)
 class HitEstimate:
     """FRFs estimated from the hits of one reference, with the settings that were used.
 
@@ -120,6 +142,7 @@ class HitEstimate:
         first_block: signals of the block of that hit.
         densities: spectral densities of the kept blocks, before the exponential window.
         noise: spectral densities before the hits, or None if the records start with a hit.
+        peak_slope: derivative of the FRFs by the peak of the hits; None for few or equal hits.
         remarks: sentences that a reader of the result must know.
     """
 
@@ -138,6 +161,7 @@ class HitEstimate:
     first_block: SignalTraces
     densities: SpectralDensities
     noise: SpectralDensities | None = None
+    peak_slope: PeakSlope | None = None
     remarks: tuple[str, ...] = ()
 
     @property

@@ -192,6 +192,7 @@ buttons(byId("errors"), "map", MAPS, errorMap);
 frf();
 errorMap();
 hits();
+levels();
 macPlot("auto-mac", DATA.mac, MODES.map(m => m.frequency), ["AutoMAC of the measured shapes", "measured / Hz"], []);
 macPlot("other-mac", DATA.other.mac, DATA.other.freq, ["MAC of measured shapes with " + escaped(DATA.other.name), "reference / Hz"], DATA.other.pairs);
 comacPlot("other-comac", DATA.other.comac, "COMAC of each channel over all mode pairs with " + escaped(DATA.other.name));

@@ -10,6 +10,7 @@ from identification.words import DERIVATIVE_ORDER, Dof, Quantity
 from mbmodel import MachineGeometry
 from mbw.identify.files import nodes_of
 from mbw.identify.hits import hits_data, hits_section
+from mbw.identify.levels import level_data, level_section
 from mbw.identify.moving_machine import body_motion, sensor_spokes
 from mbw.identify.remarks import lead, list_remarks
 from mbw.identify.result import IdentificationResult
@@ -28,7 +29,7 @@ def render(result: IdentificationResult, geometry: MachineGeometry | None) -> st
     """
     summary = result.summary
     shared_scripts = ("picture", "modes", "bode")
-    page_scripts = ("page", "hits", "solid", "reconstruction", "frf")
+    page_scripts = ("page", "hits", "levels", "solid", "reconstruction", "frf")
     return fill_template(
         "identify/template.html",
         _data(result, geometry),
@@ -43,6 +44,7 @@ def render(result: IdentificationResult, geometry: MachineGeometry | None) -> st
         compared=escape(summary.compared_with),
         column="as drawn" if summary.compared_with.endswith("as drawn") else "reference",
         hits=hits_section(summary.hits),
+        levels=level_section(summary.levels),
         body_frfs=escape(
             f" The FRFs at the centres of mass are in {summary.body_frfs}."
             if summary.body_frfs
@@ -101,6 +103,7 @@ def _data(result: IdentificationResult, geometry: MachineGeometry | None) -> dic
         },
         "solid": [solid_data(row) for row in summary.solid],
         "hits": hits_data(summary.hits, arrays),
+        "levels": level_data(summary.levels),
     }
 
 

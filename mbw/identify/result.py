@@ -9,6 +9,7 @@ import numpy as np
 from identification import BodyCheck, reduce_to_bodies
 from identification.checks.roving_hammer import is_roving_hammer
 from identification.checks.setups import SetupCheck
+from identification.level_check import LevelCheck
 from identification.modal import (
     IdentifiedModes,
     MeasuredFrfs,
@@ -24,6 +25,7 @@ from mbw.gain_text import unknown_gain_sentences
 from mbw.identify.arrays import collect_arrays
 from mbw.identify.body_frfs import BODY_NPZ, measured_estimate
 from mbw.identify.hits import hits_rows
+from mbw.identify.levels import level_row
 from mbw.identify.reference_shapes import ReferenceModes
 from mbw.identify.result_parts import MAX_NOISE_RATIO, ResultParts, derive_parts
 from mbw.identify.schema import IdentifiedModeRow, IdentifiedModesFile, SingleModeRow
@@ -54,10 +56,12 @@ class MeasurementChecks:
     Args:
         solid: rigid-body checks.
         setups: comparisons of tests with one reference.
+        levels: modes against the level; None for a campaign of one level.
     """
 
     solid: Sequence[BodyCheck] = ()
     setups: Sequence[SetupCheck] = ()
+    levels: LevelCheck | None = None
 
 
 def collect_result(
@@ -116,6 +120,7 @@ def _summary(parts: ResultParts, source: str, checks: MeasurementChecks) -> Iden
         solid=[solid_row(check) for check in checks.solid],
         hits=hits_rows(parts.campaign, modes),
         setups=[check.sentence for check in checks.setups],
+        levels=level_row(checks.levels),
         remarks=[
             *parts.campaign.remarks,
             *unknown_gain_sentences(parts.campaign),

@@ -195,6 +195,44 @@ class HitsRow(BaseModel):
     estimator: str
 
 
+class LevelTrendRow(BaseModel):
+    """One mode at each level.
+
+    Args:
+        frequency, frequency_sd: natural frequency at each level, and standard deviations [Hz].
+        damping, damping_sd: damping ratio at each level, and standard deviations.
+        frequency_changes, damping_changes: whether the quantity changes beyond chance.
+    """
+
+    frequency: list[Finite]
+    frequency_sd: list[Finite]
+    damping: list[Finite]
+    damping_sd: list[Finite]
+    frequency_changes: bool
+    damping_changes: bool
+
+
+class LevelCheckRow(BaseModel):
+    """Modes against the level of the hits.
+
+    Args:
+        level: peak forces, the lowest first [N].
+        effects: effects that explain the changes and cannot be told apart; empty if none changes.
+        words: finding in words.
+        returns: whether tests return to a level, so that drift between them is known.
+        within_tests: whether the levels are those of single hits: one standard deviation of their
+            peaks below and above the mean.
+        modes: modes that could be followed through all levels.
+    """
+
+    level: list[Finite]
+    effects: list[str]
+    words: str
+    returns: bool
+    within_tests: bool = False
+    modes: list[LevelTrendRow]
+
+
 class IdentifiedModesFile(BaseModel):
     """Content of ``modes.json``.
 
@@ -223,6 +261,7 @@ class IdentifiedModesFile(BaseModel):
         solid: rigid-body checks.
         hits: hits of each reference whose FRFs come from time records.
         setups: comparisons of tests with one reference.
+        levels: modes against the level of the hits; null for FRF files of one level.
         remarks: findings on channels, hits and set-ups.
     """
 
@@ -249,4 +288,5 @@ class IdentifiedModesFile(BaseModel):
     solid: list[SolidRow] = []
     hits: list[HitsRow] = []
     setups: list[str] = []
+    levels: LevelCheckRow | None = None
     remarks: list[str] = []

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import typer
 
 from identification import (
@@ -20,6 +21,7 @@ from identification.checks.roving_hammer import (
     shape_points,
 )
 from identification.checks.setups import compare_setups
+from identification.level_check import check_hits, check_levels
 from identification.modal import ModeChoices, ModeCriteria, identify
 from identification.words import Campaign, UsageError, WorkbenchError
 from mbmodel import Machine, load_machine, machine_geometry
@@ -172,7 +174,12 @@ def _identify(
         identified = identify(campaign, choices.tolerances, choices.modes)
         is_roving = is_roving_hammer(campaign)
         solid = check_bodies(exchange_hits_and_channels(campaign) if is_roving else campaign)
-        checks = MeasurementChecks(solid, compare_setups(campaign))
+        setups = compare_setups(campaign)
+    with SCREEN.status("modes at each level"):
+        model, modes, _ = identified
+        inside = np.arange(len(model.poles)) < int(modes.inside.sum())
+        levels = check_levels(campaign) or check_hits(campaign, model, inside)
+        checks = MeasurementChecks(solid, setups, levels)
     source = "" if machine is None else str(machine.source.absolute())
     return collect_result(
         campaign,
@@ -272,7 +279,11 @@ def parse_forced_modes(texts: list[str]) -> tuple[tuple[float, float], ...]:
 
 
 def _say(result: IdentificationResult) -> None:
-    for text in (*list_remarks(result), *(row.words for row in result.summary.solid)):
+    for text in (
+        *list_remarks(result),
+        *(row.words for row in result.summary.solid),
+        *(() if result.summary.levels is None else (result.summary.levels.words,)),
+    ):
         SCREEN.say(text)
 
 

@@ -12,6 +12,7 @@ from identification.words import (
     Campaign,
     Dof,
     InputError,
+    Real,
     Signal,
     Tolerance,
     UsageError,
@@ -112,6 +113,8 @@ def plan_test(machine: Machine, options: TestOptions, suffix: str) -> PlannedTes
     else:
         files, rate, block, stated = _imitate(options, suffix)
         rate, block = options.rate_hz or rate, options.block_s or block
+    if options.rate_hz is not None:
+        _refuse_empty_band(machine, rate)
     scatter = HitScatter(double_share=options.double_share)
     noise, drawn = Noise(), stated
     if options.exact:
@@ -180,11 +183,28 @@ def _references(machine: Machine, texts: Sequence[str]) -> tuple[Dof, ...]:
     return tuple(dict.fromkeys(references))
 
 
-def _default_rate(machine: Machine) -> float:
-    """Return 512 Hz if a mode lies below 200 Hz; else a rate whose band holds twelve modes."""
+def _find_natural_frequencies(machine: Machine) -> Real:
+    """Return the natural frequencies above zero, the lowest first [Hz]; (n_mode,)."""
     model = as_drawn(machine)
     modes = model_modes(model, model.drawn)
-    natural = np.sort(modes.freq_hz[modes.oscillates])
+    natural: Real = np.sort(modes.freq_hz[modes.oscillates])
+    return natural
+
+
+def _refuse_empty_band(machine: Machine, rate_hz: float) -> None:
+    """Refuse a rate whose band holds no mode: its hits would be long, and show nothing."""
+    natural = _find_natural_frequencies(machine)
+    if natural.size and natural[0] > BAND_SHARE * rate_hz:
+        raise UsageError(
+            f"--rate {rate_hz:g}: records show frequencies up to {BAND_SHARE * rate_hz:.3g} Hz, "
+            f"and the lowest mode of {machine.source} lies at {natural[0]:.3g} Hz: give more than "
+            f"{natural[0] / BAND_SHARE:.3g}, or leave --rate out"
+        )
+
+
+def _default_rate(machine: Machine) -> float:
+    """Return 512 Hz if a mode lies below 200 Hz; else a rate whose band holds twelve modes."""
+    natural = _find_natural_frequencies(machine)
     if not natural.size or natural[0] < BAND_SHARE * _RECORDER_RATE_HZ:
         return _RECORDER_RATE_HZ
     top = _BAND_OVER_MODES * natural[:_MODES_OF_BAND][-1]

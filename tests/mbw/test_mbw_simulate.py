@@ -169,6 +169,7 @@ def test_dry_friction_needs_a_nominal_model(model, tmp_path):
         (("--hammer", "nothing"), "neither a point nor a body"),
         (("--hammer", "3", "--setups", "9"), "at most as many"),
         (("--hammer", "3", "--rate", "-1"), "rate"),
+        (("--hammer", "3", "--rate", "1"), "the lowest mode"),
         (("--hammer", "3", "--block", "0.01"), "samples"),
         (("--hammer", "3", "--block", "0"), "above 0"),
         (("--hammer", "3", "--pulse", "0"), "above 0"),

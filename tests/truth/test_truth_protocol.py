@@ -20,7 +20,7 @@ def drawn(nominal):
 VARIANTS = {
     "second hammer point": lambda one: len(one.nodes) == 2,
     "set-ups": lambda one: one.setups > 1,
-    "three levels": lambda one: len(one.levels) == 3,
+    "three levels": lambda one: len(set(one.levels)) == 3,
     "no coherence": lambda one: not one.coherence,
     "dead channel": lambda one: one.dead is not None,
 }

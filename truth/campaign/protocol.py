@@ -16,7 +16,8 @@ Channel = tuple[int, int]  # node and direction 1, 2, 3
 
 _AVERAGES = (5, 8, 10, 10, 10, 15)
 _LEVELS = (100.0, 150.0, 200.0, 200.0, 300.0)
-_THREE = (0.2, 1.0, 5.0)  # levels of a test at three, as parts of the middle one
+# Levels of a test at three, as parts of the middle one; the return tells a law from a drift.
+_THREE_AND_BACK = (0.2, 1.0, 5.0, 0.2)
 _GRIDS = ((801, 0.25), (801, 0.25), (401, 0.5), (1601, 0.125), (601, 0.25), (1001, 0.25))
 _LEAST_SETUP = 2  # sensors in a set-up
 
@@ -27,7 +28,7 @@ class Protocol:
 
     Args:
         nodes: measuring points that the hammer hits; none: the station's first hit point.
-        levels: mean peak forces [N], one test file each.
+        levels: mean peak forces [N], one test file each; a level that returns is measured again.
         averages: hits per direction.
         setups: how many set-ups the sensors are moved through.
         lines: number of lines from 0 Hz.
@@ -84,11 +85,12 @@ def takes(protocol: Protocol, station: Station, seed: int) -> tuple[Take, ...]:
     count = min(protocol.setups, max(1, len(nodes) // _LEAST_SETUP))
     order = stream(seed, "protocol.setups").permutation(len(nodes))
     found = []
-    for level in protocol.levels:
+    for place, level in enumerate(protocol.levels):
+        again = protocol.levels[:place].count(level)
         for number in range(count):
             setup = chr(ord("a") + number) if count > 1 else ""
             own = sorted(nodes[place] for place in order[number::count])
-            suffix = f"_{setup}" if setup else ""
+            suffix = (f"_{setup}" if setup else "") + (f"_again{again}" if again else "")
             found.append(
                 Take(
                     f"impact_{level:g}N{suffix}.uff",
@@ -128,7 +130,7 @@ def draw_protocol(station: Station, seed: int) -> Protocol:
     if variant[1]:
         plain = replace(plain, setups=setups)
     if variant[2]:
-        plain = replace(plain, levels=tuple(level * part for part in _THREE))
+        plain = replace(plain, levels=tuple(level * part for part in _THREE_AND_BACK))
     if variant[3]:
         plain = replace(plain, coherence=False)
     if variant[4]:

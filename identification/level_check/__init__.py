@@ -1,0 +1,18 @@
+"""Check of the modes against the level of the hits: what is linear does not change with it."""
+
+from identification.level_check.check import LevelCheck, check_hits, check_levels, group_visits
+from identification.level_check.decay_check import DecayCheck, check_decay
+from identification.level_check.free_decay import DecayTrack, track_decay
+from identification.level_check.laws import LevelLaw
+
+__all__ = [
+    "DecayCheck",
+    "DecayTrack",
+    "LevelCheck",
+    "LevelLaw",
+    "check_decay",
+    "check_hits",
+    "check_levels",
+    "group_visits",
+    "track_decay",
+]

@@ -1,0 +1,217 @@
+"""Level check of a campaign: every mode's frequency and damping at each level of its tests.
+
+The modes of the lowest level are identified; a machine is the most linear there. Each other level
+is fitted from these, at the same shapes. Tests that return to a level show how far the machine
+drifts meanwhile, which counts as a further deviation of every value.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from identification.checks.roving_hammer import is_roving_hammer
+from identification.level_check.hit_scatter import find_trends_within_tests
+from identification.level_check.laws import (
+    LEVEL_CHECK_SETTINGS,
+    LevelLaw,
+    ModeTrend,
+    name_law,
+)
+from identification.level_check.shared_shapes import PoleFit, fit_poles
+from identification.modal import combine_tests, identify
+from identification.modal.refinement import ModalFit
+from identification.words import Campaign, Input, Mask, ModalModel, Output, Real, Test
+
+_MAX_TRACKED_SHIFT = 0.5  # relative shift of a frequency beyond which a mode is lost
+_MAX_TRACKED_DAMPING = 0.4  # damping ratio beyond which nothing resonates
+
+
+@dataclass(frozen=True, eq=False)
+class LevelCheck:
+    """Modes against the level.
+
+    Args:
+        level_n: peak forces, the lowest first [N]; (n_level,).
+        trends: of each mode that could be followed through all levels, by its frequency.
+        law: that explains how they change.
+        changed: for each mode, whether its frequency and its damping change.
+        returns: whether tests return to a level, so that drift is known.
+        is_within_tests: whether the levels are those of single hits, one standard deviation of
+            their peaks below and above the mean.
+    """
+
+    level_n: Real
+    trends: tuple[ModeTrend, ...]
+    law: LevelLaw
+    changed: tuple[tuple[bool, bool], ...]
+    returns: bool
+    is_within_tests: bool = False
+
+    @property
+    def sentence(self) -> str:
+        """Finding in one or two sentences."""
+        if not self.trends:
+            return "Level check: no mode could be followed through all levels."
+        span = f"{self.level_n[0]:.4g} to {self.level_n[-1]:.4g} N"
+        if self.is_within_tests:
+            span = f"single hits of {span}"
+        if not self.law.effects:
+            return f"Level check, {span}: {self.law.words} beyond its interval."
+        moved = [k for k, flags in enumerate(self.changed) if any(flags)]
+        largest = max(moved, key=lambda k: np.abs(self.trends[k].frequency_shift).max())
+        trend = self.trends[largest]
+        text = (
+            f"Level check, {span}: {self.law.words}. {len(moved)} of {len(self.trends)} modes "
+            f"change; that at {trend.freq_hz[0]:.4g} Hz by {100 * trend.frequency_shift[-1]:+.2g} "
+            f"% in frequency, and from {100 * trend.damping[0]:.3g} to "
+            f"{100 * trend.damping[-1]:.3g} % in damping."
+        )
+        if self.returns or self.is_within_tests:
+            return text
+        return (
+            f"{text} No test returns to a level: a joint that drifts between the levels changes "
+            "frequencies too; repeat the first level at the end."
+        )
+
+
+def check_levels(campaign: Campaign) -> LevelCheck | None:
+    """Follow the modes through the levels of a campaign; None for less than two levels.
+
+    Args:
+        campaign: tests on common frequency lines.
+
+    Raises:
+        InputError: the tests of a level cannot be combined.
+    """
+    visits = [(level, visited) for level, visited in group_visits(campaign) if level is not None]
+    levels = sorted({level for level, _ in visits})
+    if len(levels) < 2 or any(test.condition.level_n is None for test in campaign.tests):
+        return None
+    visits.sort(key=lambda visit: visit[0])  # stable: in the order of the tests at each level
+    model, identified, _ = identify(visits[0][1])
+    inside = np.arange(len(model.poles)) < int(identified.inside.sum())
+    fits = _fit_visits(model, inside, [visited for _, visited in visits])
+    trends = []
+    for mode in np.flatnonzero(inside):
+        trend = _join_visits(fits, np.array([level for level, _ in visits]), int(mode), model)
+        if trend is not None:
+            trends.append(trend)
+    trends.sort(key=lambda trend: float(trend.freq_hz[0]))
+    chance = LEVEL_CHECK_SETTINGS.max_chance / max(2 * len(trends), 1)
+    return LevelCheck(
+        np.array(levels),
+        tuple(trends),
+        name_law(trends),
+        tuple(trend.changes(chance) for trend in trends),
+        len(visits) > len(levels),
+    )
+
+
+def check_hits(campaign: Campaign, model: ModalModel, inside: Mask) -> LevelCheck | None:
+    """Follow the modes through the scatter of the hits' peaks; None without such records.
+
+    Args:
+        campaign: tests from time records.
+        model: its modal model.
+        inside: modes of the band; (n_mode,).
+
+    Raises:
+        InputError: the tests cannot be combined.
+    """
+    trends = find_trends_within_tests(campaign, model, inside)
+    if not trends:
+        return None
+    chance = LEVEL_CHECK_SETTINGS.max_chance / (2 * len(trends))
+    return LevelCheck(
+        trends[0].level,
+        trends,
+        name_law(trends),
+        tuple(trend.changes(chance) for trend in trends),
+        returns=False,
+        is_within_tests=True,
+    )
+
+
+def group_visits(campaign: Campaign) -> list[tuple[float | None, Campaign]]:
+    """Return the tests of each visit to a level, in the order of the campaign.
+
+    Tests that state no level are at one unknown level.
+
+    A test joins the first visit to its level that lacks its channels, as another set-up or
+    direction does; a test that measures the same again begins a further visit.
+    """
+    visits: list[tuple[float | None, set[tuple[Output, Input]], list[Test]]] = []
+    for test in campaign.tests:
+        level = test.condition.level_n
+        reference = test.condition.reference.positive
+        cells = {(dof.positive, reference) for dof in test.estimate.frf.outputs}
+        for known, seen, tests in visits:
+            if known == level and not seen & cells:
+                seen.update(cells)
+                tests.append(test)
+                break
+        else:
+            visits.append((level, cells, [test]))
+    return [(level, replace(campaign, tests=tuple(tests))) for level, _, tests in visits]
+
+
+def _fit_visits(model: ModalModel, inside: Mask, visits: Sequence[Campaign]) -> list[PoleFit]:
+    """Fit the poles of each visit at the shapes of the lowest level, from the visit before."""
+    poles, participation = model.poles, model.participation.copy()
+    fits = []
+    for visited in visits:
+        measured = combine_tests(visited)
+        if is_roving_hammer(visited):
+            measured = measured.transpose()
+        outputs = [k for k, dof in enumerate(measured.outputs) if dof in model.outputs]
+        inputs = [k for k, dof in enumerate(measured.inputs) if dof in model.inputs]
+        known = replace(
+            measured,
+            values=measured.values[:, outputs][:, :, inputs],
+            variance=measured.variance[:, outputs][:, :, inputs],
+            measured=measured.measured[np.ix_(outputs, inputs)],
+            outputs=tuple(measured.outputs[k] for k in outputs),
+            inputs=tuple(measured.inputs[k] for k in inputs),
+        )
+        columns = [model.inputs.index(dof) for dof in known.inputs]
+        rows = [model.outputs.index(dof) for dof in known.outputs]
+        nothing = np.zeros(known.measured.shape)
+        start = ModalFit(poles, participation[columns], model.shapes[rows], nothing, nothing, 0.0)
+        fit = fit_poles(known.weight_by_variance(), start, inside)
+        poles, participation[columns] = fit.poles, fit.participation
+        fits.append(fit)
+    return fits
+
+
+def _join_visits(
+    fits: Sequence[PoleFit], visited: Real, mode: int, model: ModalModel
+) -> ModeTrend | None:
+    """Return a mode at each level, with its drift between visits; None if it was lost."""
+    poles = np.array([fit.poles[mode] for fit in fits])
+    freq, damping = np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)
+    is_lost = np.abs(freq / freq[0] - 1) > _MAX_TRACKED_SHIFT
+    if (is_lost | (damping <= 0) | (damping > _MAX_TRACKED_DAMPING)).any():
+        return None
+    freq_sd = np.array([fit.freq_sd[mode] for fit in fits])
+    damping_sd = np.array([fit.damping_sd[mode] for fit in fits])
+    # The shapes are those of the lowest level, with their noise.
+    freq_sd[0] = max(freq_sd[0], float(model.freq_sd[mode]))
+    damping_sd[0] = max(damping_sd[0], float(model.damping_sd[mode]))
+    levels = np.unique(visited)
+    (freq, freq_sd), (damping, damping_sd) = (
+        _average_visits(visited, levels, values, deviations)
+        for values, deviations in ((freq, freq_sd), (damping, damping_sd))
+    )
+    return ModeTrend(levels, freq, freq_sd, damping, damping_sd)
+
+
+def _average_visits(
+    visited: Real, levels: Real, values: Real, deviations: Real
+) -> tuple[Real, Real]:
+    """Return means over the visits to each level; drift is the largest span between visits."""
+    rows = [visited == level for level in levels]
+    drift = max(float(np.ptp(values[row])) for row in rows)
+    means = np.array([values[row].mean() for row in rows])
+    noise = np.array([np.sqrt((deviations[row] ** 2).sum()) / row.sum() for row in rows])
+    return means, np.hypot(noise, drift)

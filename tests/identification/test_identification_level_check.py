@@ -1,0 +1,282 @@
+"""Level check: modes against the level, from FRFs of each level and from free decays."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import least_squares
+
+from identification.level_check import check_decay, check_levels, track_decay
+from identification.level_check.check import group_visits
+from identification.level_check.laws import ModeTrend, name_law
+from identification.level_check.shared_shapes import _apply_step, _linearise, fit_poles
+from identification.modal import combine_tests, identify
+from identification.modal.refinement import ModalFit
+from identification.words import Campaign
+from mbmodel import Model, as_drawn, load_machine
+from tests.helpers.nonlinear_mass import DAMPING, MASS_KG, MJCF, STIFFNESS, level_campaign
+
+LEVELS_N = (20.0, 100.0, 200.0)
+BRB = Path(__file__).resolve().parents[3] / "shared" / "real" / "brb"
+
+
+@pytest.fixture(scope="module")
+def block(tmp_path_factory) -> Model:
+    path = tmp_path_factory.mktemp("mass") / "mass.xml"
+    path.write_text(MJCF, encoding="utf-8")
+    return as_drawn(load_machine(path))
+
+
+def gap(half_width, centre=0.0, stiffness=0.6 * STIFFNESS):
+    """Force of a gap beside the linear spring: it takes its part of the spring away within."""
+    rest = np.clip(centre, -half_width, half_width)
+    return lambda q: -stiffness * (np.clip(q - centre, -half_width, half_width) + rest)
+
+
+def returned(campaign: Campaign, again: Campaign) -> Campaign:
+    """Campaign whose first level is measured once more, at the end."""
+    first = campaign.tests[0].condition.level_n
+    more = [
+        replace(test, condition=replace(test.condition, test="again"))
+        for test in again.tests
+        if test.condition.level_n == first
+    ]
+    return replace(campaign, tests=(*campaign.tests, *more))
+
+
+def drifted(campaign: Campaign, factors: dict[float, float]) -> Campaign:
+    """Campaign whose frequency axis is stretched from level to level, as by softer springs."""
+    tests = []
+    for test in campaign.tests:
+        frf = test.estimate.frf
+        factor = factors[test.condition.level_n]
+        values = [
+            np.interp(frf.freq_hz / factor, frf.freq_hz, part)
+            for part in np.concatenate([frf.values.real, frf.values.imag], axis=2).T.reshape(
+                -1, len(frf.freq_hz)
+            )
+        ]
+        count = len(values) // 2
+        moved = (np.array(values[:count]) + 1j * np.array(values[count:])).T
+        changed = replace(frf, values=moved.reshape(frf.values.shape))
+        tests.append(replace(test, estimate=replace(test.estimate, frf=changed)))
+    return replace(campaign, tests=tuple(tests))
+
+
+def test_slopes_of_the_poles_are_difference_quotients(block):
+    campaign = level_campaign(block, None, (100.0,))
+    model, _, measured = identify(campaign)
+    data, moving = measured.weight_by_variance(), np.array([True, False, True])
+    nothing = np.zeros(measured.measured.shape)
+    poles = model.poles * (1.003 + 0.001j)
+    start = ModalFit(poles, 1.05 * model.participation, model.shapes, nothing, nothing, 0.0)
+    _, normal, right = _linearise(data, start, moving)
+    random, size = np.random.default_rng(2), np.sqrt(np.diag(normal))
+    direction = random.standard_normal(len(right)) / size
+    costs = [
+        _linearise(data, _apply_step(start, sign * 1e-2 * direction, moving), moving)[0].cost
+        for sign in (1, 0, -1)
+    ]
+    assert (costs[2] - costs[0]) / 4e-2 == pytest.approx(right @ direction, rel=1e-3)
+
+
+def test_a_cubic_spring_is_hardening(block):
+    check = check_levels(level_campaign(block, lambda q: 1.5e15 * q**3, LEVELS_N))
+    vertical = check.trends[-1]
+    np.testing.assert_allclose(vertical.freq_hz, [67.92, 68.38, 69.8], atol=0.1)
+    assert check.law.effects == ("hardening",)
+    assert check.changed[-1][0]
+    assert not any(check.changed[0])
+    assert "hardening" in check.sentence
+
+
+@pytest.mark.parametrize("levels", [(3.0, 411.0), LEVELS_N])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_linear_machine_changes_nothing(block, levels, seed):
+    check = check_levels(level_campaign(block, None, levels, seed=seed))
+    assert len(check.trends) == 3
+    assert check.law.effects == ()
+    assert not np.any(check.changed)
+
+
+def test_one_level_is_no_level_check(block):
+    assert check_levels(level_campaign(block, None, (100.0,))) is None
+
+
+@pytest.mark.parametrize(
+    ("force", "effects"),
+    [
+        (gap(1.5e-6), ("backlash", "hardening")),
+        (gap(2e-6, -12e-6), ("backlash", "hardening")),
+        (lambda q: -1e14 * q**3, ("backlash", "hardening")),
+    ],
+)
+def test_laws_that_modes_cannot_tell_apart_are_a_set(block, force, effects):
+    check = check_levels(level_campaign(block, force, (20.0, 60.0, 200.0)))
+    assert check.law.effects == effects
+
+
+def test_drift_is_no_law_where_the_first_level_is_repeated(block):
+    plain = level_campaign(block, None, LEVELS_N)
+    moved = drifted(plain, {20.0: 1.0, 100.0: 0.997, 200.0: 0.994})
+    open_ended = check_levels(moved)
+    assert open_ended.law.effects
+    assert "drifts" in open_ended.sentence
+    last = drifted(plain, dict.fromkeys(LEVELS_N, 0.991))
+    closed = check_levels(returned(moved, last))
+    assert closed.returns
+    assert closed.law.effects == ()
+
+
+def test_visits_hold_set_ups_and_begin_anew_where_a_cell_is_measured_again(block):
+    plain = level_campaign(block, None, LEVELS_N)
+    visits = group_visits(returned(plain, plain))
+    assert [level for level, _ in visits] == [20.0, 100.0, 200.0, 20.0]
+    assert all(len(visited.tests) == 3 for _, visited in visits)
+
+
+def test_poles_at_known_shapes_are_those_of_a_full_fit(block):
+    campaign = level_campaign(block, None, (100.0,))
+    model, identified, measured = identify(campaign)
+    nothing = np.zeros(measured.measured.shape)
+    start = ModalFit(
+        model.poles * (1.01 + 0.002j), model.participation, model.shapes, nothing, nothing, 0.0
+    )
+    fitted = fit_poles(measured.weight_by_variance(), start, identified.inside)
+    np.testing.assert_allclose(fitted.poles, model.poles, rtol=2e-5)
+    np.testing.assert_allclose(fitted.freq_sd, model.freq_sd, rtol=0.3)
+    np.testing.assert_allclose(fitted.damping_sd, model.damping_sd, rtol=0.3)
+
+
+def test_deviations_of_poles_at_known_shapes_cover_the_scatter_of_the_noise(block):
+    true, _, _ = identify(level_campaign(block, None, (100.0,), noise=1e-6))
+    pulls = []
+    for seed in range(12):
+        measured = combine_tests(level_campaign(block, None, (100.0,), seed=seed))
+        nothing = np.zeros(measured.measured.shape)
+        start = ModalFit(true.poles, true.participation, true.shapes, nothing, nothing, 0.0)
+        fitted = fit_poles(measured.weight_by_variance(), start, np.ones(len(true.poles), bool))
+        freq = np.abs(fitted.poles) / (2 * np.pi)
+        pulls.append((freq - true.freq_hz) / fitted.freq_sd)
+    assert 0.7 < np.std(pulls) < 1.4
+
+
+def free_decay(force, rate_hz=4000.0, seconds=3.0, damping=DAMPING / 20):
+    """Two channels of a mass that rings at 67.9 Hz; Dormand-Prince, with the slip as a state."""
+    times = np.arange(0, seconds, 1 / rate_hz)
+
+    def rates(_time, state):
+        stretch, speed, slip = state
+        joint, slide = force(stretch, speed, slip)
+        return [speed, -(STIFFNESS * stretch + damping * speed + joint) / MASS_KG, slide]
+
+    path = solve_ivp(
+        rates, (0, seconds), [1e-4, 0.0, 0.0], t_eval=times, rtol=1e-8, atol=1e-13, max_step=5e-4
+    )
+    speed, stretch = path.y[1], path.y[0]
+    joint = np.array([force(q, v, y)[0] for q, v, y in path.y.T])
+    motion = -(STIFFNESS * stretch + damping * speed + joint) / MASS_KG
+    noise = 1e-4 * np.random.default_rng(4).standard_normal((2, len(times))) * np.abs(motion).max()
+    return np.stack([motion, -0.6 * motion]) + noise
+
+
+def jenkins(stiffness, limit):
+    """Force and rate of slip of a Jenkins element, its corner rounded by Bouc-Wen (n = 2)."""
+
+    def force(_stretch, speed, slip):
+        drawn = slip * stiffness / limit
+        slide = speed * (1 - (0.5 + 0.5 * np.sign(speed * drawn)) * drawn**2)
+        return stiffness * slip, slide
+
+    return force
+
+
+@pytest.mark.parametrize(
+    ("force", "effects"),
+    [
+        (lambda q, v, y: (0.0, 0.0), ()),
+        (lambda q, v, y: (2e14 * q**3, 0.0), ("hardening",)),
+        (jenkins(0.02 * STIFFNESS, 3.0), ("friction",)),
+    ],
+)
+def test_a_free_decay_shows_the_law(force, effects):
+    track = track_decay(free_decay(force), 4000.0, 67.9, 20.0)
+    assert name_law([track.trend]).effects == effects
+    assert track.shape[1] == pytest.approx(-0.6, abs=0.01)
+
+
+def test_a_linear_decay_has_one_frequency_and_damping():
+    track = track_decay(free_decay(lambda q, v, y: (0.0, 0.0)), 4000.0, 67.0, 20.0).trend
+    np.testing.assert_allclose(track.freq_hz, 67.9, rtol=2e-4)
+    np.testing.assert_allclose(
+        track.damping, DAMPING / 20 / 2 / MASS_KG / (2 * np.pi * 67.9), rtol=0.05
+    )
+
+
+def test_noise_alone_is_not_followed():
+    noise = np.random.default_rng(5).standard_normal((2, 8000))
+    track = track_decay(noise, 4000.0, 67.9, 20.0)
+    assert track is None or name_law([track.trend]).effects == ()
+
+
+@pytest.mark.skipif(not BRB.exists(), reason="the measured beam is not at hand")
+def test_a_bolted_beam_is_friction_like_in_its_decay():
+    data = np.load(BRB / "decay_after_a_hammer_hit.npz")
+    rate = float(data["rate_hz"])
+    motion = data["acceleration_m_s2"][:, int(0.012 * rate) :].astype(float)
+    check = check_decay(motion, rate)
+    assert check.law.effects == ("friction",)
+    first = check.tracks[0].trend
+    assert first.freq_hz[0] == pytest.approx(80.58, abs=0.03)
+    assert first.freq_hz[-1] / first.freq_hz[0] - 1 == pytest.approx(-0.0035, abs=0.001)
+    assert first.damping[-1] / first.damping[0] == pytest.approx(2.0, abs=0.25)
+    assert "friction" in check.sentence
+
+
+def test_a_decay_of_two_linear_modes_changes_nothing():
+    times = np.arange(0, 4, 1 / 2000)
+    random = np.random.default_rng(6)
+    motion = [
+        np.exp(-2 * np.pi * 50 * 0.003 * times) * np.sin(2 * np.pi * 50 * times) * size
+        + np.exp(-2 * np.pi * 130 * 0.002 * times) * np.sin(2 * np.pi * 130 * times)
+        for size in (1.0, -0.4)
+    ]
+    check = check_decay(np.array(motion) + 1e-4 * random.standard_normal((2, len(times))), 2000.0)
+    np.testing.assert_allclose([t.trend.freq_hz[0] for t in check.tracks], [50, 130], rtol=1e-3)
+    np.testing.assert_allclose([t.trend.damping[-1] for t in check.tracks], [3e-3, 2e-3], rtol=0.1)
+    assert check.law.effects == ()
+
+
+@pytest.mark.skipif(not BRB.exists(), reason="the measured beam is not at hand")
+def test_a_bolted_beam_is_friction_like_under_a_stepped_sine():
+    # One mode, fitted level by level with a residual; the level is the acceleration.
+    data = np.load(BRB / "stepped_sine_at_8_response_levels.npz")
+    levels, rows = [], []
+    for freq, force, size, phase in zip(
+        data["frequency_hz"],
+        data["force_n"],
+        data["acceleration_m_s2"],
+        data["phase_rad"],
+        strict=True,
+    ):
+        frf = size / force * np.exp(1j * phase)
+
+        def misfit(values, freq=freq, frf=frf):
+            pole = 2 * np.pi * values[0] * (-values[1] + 1j)
+            kernel = 1 / (2j * np.pi * freq - pole)
+            columns = np.stack([kernel, np.ones_like(kernel)], axis=1)
+            solution, *_ = np.linalg.lstsq(columns, frf, rcond=None)
+            off = columns @ solution - frf
+            return np.concatenate([off.real, off.imag])
+
+        fit = least_squares(misfit, [80.3, 0.003], x_scale=[0.1, 1e-3])
+        scatter = (fit.fun**2).mean() * np.linalg.inv(fit.jac.T @ fit.jac)
+        levels.append(size.mean())
+        rows.append((*fit.x, *np.sqrt(np.diag(scatter))))
+    freq, damping, freq_sd, damping_sd = np.array(rows).T
+    law = name_law([ModeTrend(np.array(levels), freq, freq_sd, damping, damping_sd)])
+    assert law.effects == ("friction",)
+    assert damping[0] == pytest.approx(0.0016, rel=0.15)
+    assert damping[-1] == pytest.approx(0.0070, rel=0.15)
