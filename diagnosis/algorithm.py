@@ -17,7 +17,8 @@ from diagnosis.refits.refit import Refit
 from diagnosis.refits.refitting import add_cause, run_refits
 from diagnosis.search.collect import collect_evidence
 from diagnosis.search.confounded import find_confounded
-from diagnosis.search.selection import Search, refit_null_model, select_causes
+from diagnosis.search.fitted_sets import Search
+from diagnosis.search.selection import refit_null_model, select_causes
 from diagnosis.settings import SETTINGS, DiagnosisSettings
 from diagnosis.verdict.established import Present, describe_present
 from tuning import Checkpoint, Gap, Session, channel_gaps, predict, summarise_gaps
@@ -97,9 +98,10 @@ def diagnose(
     3. A score test ranks every effect of the catalogue at every place.
     4. The most promising are refitted, each at its own model error; the value of a cause is the
        decrease of that error.
-    5. The best cause stays if it is more probable than no cause; the search then continues from the
-       model that has it, for up to five causes.
-    6. Each earlier cause is left out in turn, and dropped if the others explain as much.
+    5. The best cause stays if it is material and more probable than no cause; the search then
+       continues from the model that has it, for up to five causes.
+    6. Each earlier cause is left out in turn, and dropped if the others explain as much, or
+       replaced if another cause explains more.
     7. A free force is fitted at every place: that with the largest gain locates the gap, or the
        rest.
     8. The posterior weighs all sets of causes, by the number of independent values of the residual.
@@ -160,5 +162,5 @@ def estimate_gap_with(diagnosis: Diagnosis, hypothesis: Hypothesis, jobs: int = 
     """
     scene = replace(diagnosis.scene, jobs=jobs)
     task = add_cause(diagnosis.retuned.refit, hypothesis)
-    (refit,) = run_refits(scene, [task], diagnosis.settings.null_schedule)
+    (refit,) = run_refits(scene, [task], diagnosis.settings.schedule)
     return hold_out(scene, refit, diagnosis.retuned.width)

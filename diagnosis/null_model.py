@@ -95,10 +95,7 @@ def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
     """
     session = scene.session
     tasks = [RefitTask(None, session, None, _START_FLOOR)]
-    count = min(
-        settings.max_starts,
-        round(settings.few_frfs / max(1, count_measured_frfs(session.campaign))),
-    )
+    count = round(settings.few_frfs / max(1, count_measured_frfs(session.campaign)))
     if count > 1:
         best = fit(
             session.model,
@@ -111,7 +108,7 @@ def fit_null_model(scene: Scene, settings: DiagnosisSettings) -> Refit:
         if best.outcome == "interrupted":
             raise KeyboardInterrupt
         tasks.append(RefitTask(None, session, best.theta, _START_FLOOR))
-    refits = run_refits(scene, tasks, settings.null_schedule)
+    refits = run_refits(scene, tasks, settings.schedule)
     return min(refits, key=lambda refit: refit.objective)
 
 
@@ -146,7 +143,10 @@ def fit_unbounded(scene: Scene, null: Refit, settings: DiagnosisSettings) -> tup
     Returns:
         Mean square of the gap over that of the noise; shift in standard deviations.
     """
-    lifted = null.session.parametrisation.lift_bounds()
+    varies, x = null.session.parametrisation, null.fit.x
+    if not (varies.coordinates_at_bound(x) & varies.has_prior).any():
+        return null.gap, float(np.abs(x[varies.has_prior]).max(initial=0.0))
+    lifted = varies.lift_bounds()
     session = replace(null.session, parametrisation=lifted)
     task = RefitTask(None, session, null.fit.theta, null.floor)
     (refit,) = run_refits(scene, [task], settings.schedule)

@@ -1,4 +1,7 @@
 """Shares of a whole that count as nothing."""
 
-ROUNDING_SHARE = 1e-9  # rounding errors of a calculation, and what keeps a factor positive
+import numpy as np
+
+# Rounding errors of a calculation, and what keeps a factor positive: half of the digits.
+HALF_PRECISION = float(np.sqrt(np.finfo(float).eps))
 NEGLIGIBLE_SHARE = 1e-6  # a curvature, slope, mass or probability that is none

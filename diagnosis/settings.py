@@ -7,7 +7,7 @@ Constants that virtual campaigns calibrate stand in ``inference/calibration.json
 
 from dataclasses import dataclass, field
 
-from tuning import MIN_VISIBLE_EXCESS, FloorSchedule
+from tuning import FloorSchedule
 
 
 @dataclass(frozen=True)
@@ -15,30 +15,24 @@ class DiagnosisSettings:
     """Thresholds and sizes of the search.
 
     Args:
-        min_lines: number of frequency lines; any shape along frequency fits fewer.
-        schedule: fits in turn with their floor, for each refit.
-        null_schedule: for the null model, from which all others start and which costs most.
+        schedule: fits in turn with their floor, of the null model and of each refit.
         enough_values: FRF values that a fit needs: 3 directions, 69 channels and 850 lines. A
             campaign with more is fitted to every second or third of the usual lines.
         few_frfs: below this number of FRFs several machines fit, and the null model starts
-            ``few_frfs`` / (number of FRFs) times, at most ``max_starts`` times.
-        max_starts: see ``few_frfs``.
-        score_stride: frequency lines of the score tests: every ``score_stride``-th.
+            ``few_frfs`` / (number of FRFs) times.
+        score_stride: frequency lines of score tests and free forces: every ``score_stride``-th.
         max_refits: hypotheses of each round that are refitted, one for each effect and place.
-        max_other_shapes: further shapes or directions of the best refit that are refitted.
-        max_distant: refits of the best hypothesis from distant starts: a strong effect may be found
-            there that the null model hides in stiff springs.
+        max_variants: refits of the best hypothesis of a round from distant starts, where a strong
+            effect may be found that the null model hides in stiff springs; and as many of its
+            further directions and shapes. Also the causes that replace an earlier one at most.
         bending_start_ratios: starts of the frequency of a body's mode, relative to that of its
             highest peak: free bodies resonate higher than those that carry others.
         min_proven_probability: probability from which the data checks prove a fault.
         max_bending_bodies: bodies that are candidates for bending: each takes several refits. If
             more of them bend, the data checks prove no small faults of sensors.
-        max_improbable: rounds that go on from an improbable set while no cause is selected: where
-            several effects are present, one alone may explain too little.
         max_causes: number of causes of the largest set.
         min_closed: part of the gap that an established cause closes (FORMATS).
         min_probability: probability of an established cause (FORMATS).
-        min_visible_excess: excess over the noise below which a rest is next to nothing (FORMATS).
         force_floor_ratio: part of the model-error floor that counts for free forces: with a force
             that explains the gap the floor falls.
         min_local_share: part of the rest that a force of any spectrum at one place explains where
@@ -54,46 +48,32 @@ class DiagnosisSettings:
             at a stride of 8.
         serial_lags: distances of neighbouring lines that show a gap by their product [lines]: a
             variance from third differences is correlated over three lines, a mode spans several.
-        max_distant_steps: Gauss-Newton steps of the second stage of refits from distant starts.
-        appendage_frequencies: number of these frequencies, in steps of 5 % at most.
-        max_lost_mass_share: mass that an effect takes from a body at most, as a share of its mass.
-        max_added_mass_share: mass that an effect adds at most, and its distance in gyration radii:
-            a heavier or farther one belongs to another body.
+        max_added_mass_share: mass that an effect adds at most, as a share of that of its body, and
+            its distance in gyration radii: a heavier or farther one belongs to another body.
         delay_phases_rad: phases at the highest line of the delays that are scanned [rad].
         max_force_values: values of the normal equations of free forces in memory at once.
-        force_stride: frequency lines of free forces: every ``force_stride``-th.
         force_powers: mean power of a free force relative to the noise, at the median line; the best
             of these counts.
-        final_tolerance: relative tolerance of the fit whose parameters are stated, if it is exact:
-            0.03 nats for 100 000 values, a quarter of a standard deviation.
-        min_fold_gain_nats: predicted gain of the smallest step of a fit without one fold [nats].
-        exact_noise_share: share of the noise in the variance of the residual from which the stated
-            parameters are fitted without a model error.
+        negligible_nats: predicted gain of a step that ends the fits whose parameters or predictions
+            are stated: a third of a standard deviation [nats].
         interval_points: random points of the ellipsoid of confidence on which intervals of
             nonlinear parameters are found.
-        decisive_nats: expected gain of a next experiment that is enough: less effort then decides.
         added_mass_share: known mass of a next experiment, as a share of the body's mass.
         slope_tolerance: relative difference of the slopes of a plug-in from central differences.
     """
 
-    min_lines: int = 8
     schedule: FloorSchedule = field(default_factory=lambda: FloorSchedule(max_turns=4))
-    null_schedule: FloorSchedule = field(default_factory=FloorSchedule)
     enough_values: int = 180_000
     few_frfs: int = 48
-    max_starts: int = 16
     score_stride: int = 12
     max_refits: int = 8
-    max_other_shapes: int = 2
-    max_distant: int = 2
+    max_variants: int = 2
     bending_start_ratios: tuple[float, ...] = (1.0, 1.5, 2.2)
     min_proven_probability: float = 0.9
     max_bending_bodies: int = 2
-    max_improbable: int = 2
     max_causes: int = 5
     min_closed: float = 0.2
     min_probability: float = 0.5
-    min_visible_excess: float = MIN_VISIBLE_EXCESS
     force_floor_ratio: float = 0.1
     min_local_share: float = 0.4
     outlier_sigma: float = 4.5
@@ -102,20 +82,13 @@ class DiagnosisSettings:
     min_row_probability: float = 0.01
     min_fitted_lines: int = 96
     serial_lags: tuple[int, ...] = (3, 4, 5, 6)
-    max_distant_steps: int = 15
     appendage_ends: tuple[float, float] = (1 / 40, 1.2)
-    appendage_frequencies: int = 80
-    max_lost_mass_share: float = 0.9
     max_added_mass_share: float = 3.0
     delay_phases_rad: tuple[float, ...] = (0.6, 1.2, 1.8, 2.4, 3.0, 3.6, 4.2, 4.8)
     max_force_values: int = 2**24
-    force_stride: int = 16
     force_powers: tuple[float, ...] = (1.0, 10.0, 100.0, 1e3, 1e4)
-    final_tolerance: float = 3e-7
-    min_fold_gain_nats: float = 0.1
-    exact_noise_share: float = 0.95
+    negligible_nats: float = 0.05
     interval_points: int = 100
-    decisive_nats: float = 30.0
     added_mass_share: float = 0.1
     slope_tolerance: float = 0.01
 

@@ -9,6 +9,7 @@ from identification import find_overstated_noise, remove_overstated_noise
 from identification.words import UsageError
 from mbmodel import RigidDirection
 from tuning import Session
+from tuning.assessment.held_out import MIN_BLOCK_LINES
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +40,9 @@ def check_data(session: Session, settings: DiagnosisSettings) -> CheckedData:
         UsageError: the band holds too few lines.
     """
     count = len(session.campaign.freq_hz)
-    if count < settings.min_lines:
+    if count < MIN_BLOCK_LINES:
         raise UsageError(
-            f"a diagnosis needs {settings.min_lines} frequency lines or more, and the band holds "
+            f"a diagnosis needs {MIN_BLOCK_LINES} frequency lines or more, and the band holds "
             f"{count}: widen it"
         )
     changing = find_overstated_noise(session.campaign)

@@ -32,7 +32,7 @@ from mbmodel import (
     transport,
 )
 
-_LOG_FREQUENCY_UNIT = 0.05  # of the logarithm of the frequency: less than a resonance is wide
+_LOG_FREQUENCY_UNIT = 0.05  # of the logarithm, and of its scan: less than a resonance is wide
 _SCAN_DAMPING_RATIO = 0.03  # of scanned appendages, and where their damping starts
 
 
@@ -42,7 +42,8 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     band = scene.session.campaign.freq_hz
     lowest, highest = (share * float(band[-1]) for share in scene.settings.appendage_ends)
     lowest = max(float(band[band > 0].min()), lowest)
-    frequencies = np.geomspace(lowest, highest, scene.settings.appendage_frequencies).tolist()
+    steps = max(0, round(float(np.log(highest / lowest)) / _LOG_FREQUENCY_UNIT))
+    frequencies = np.geomspace(lowest, highest, steps + 1).tolist()
     for number, body in enumerate(machine.layout.bodies):
         if not machine.body_mass[6 * number, 6 * number] > 0:
             continue  # the coordinate of a body's mode

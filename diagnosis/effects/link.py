@@ -9,7 +9,7 @@ import numpy as np
 from diagnosis.effects.points import find_own_springs
 from diagnosis.effects.scales import ARM_UNIT_M, MASS_SHARE_UNIT
 from diagnosis.hypothesis import Value
-from diagnosis.rounding import ROUNDING_SHARE
+from diagnosis.rounding import HALF_PRECISION
 from identification.words import Real
 from mbmodel import (
     AddedPart,
@@ -205,7 +205,7 @@ class Link:
         point = self._start + ARM_UNIT_M * theta[12:]
         product = stiffness @ damping
         difference = np.abs(product - damping @ stiffness).max()
-        if difference <= ROUNDING_SHARE * np.abs(product).max(initial=0.0):
+        if difference <= HALF_PRECISION * np.abs(product).max(initial=0.0):
             _, axes = np.linalg.eigh(stiffness / self._units[0] + np.pi * damping / self._units[1])
             rows = [("", axis, (axis @ stiffness @ axis, axis @ damping @ axis)) for axis in axes.T]
         else:
@@ -216,9 +216,9 @@ class Link:
         largest = np.abs(both).max(axis=(1, 2))
         for number, (kind, axis, sizes) in enumerate(rows):
             name = f"{self.name}.{kind}{number % 3}"
-            if any(sizes < -ROUNDING_SHARE * largest):
+            if any(sizes < -HALF_PRECISION * largest):
                 additions.append(NotInMjcf(name, "a spring or damper below zero"))
-            elif any(np.abs(sizes) > ROUNDING_SHARE * largest):
+            elif any(np.abs(sizes) > HALF_PRECISION * largest):
                 low, high = self.bodies
                 line = point, axis
                 additions += link_elements(

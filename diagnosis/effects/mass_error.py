@@ -68,7 +68,8 @@ def _find_bounds(
 ) -> list[tuple[float, float]]:
     """Return the bounds of mass, moments and upper triangle, in their units."""
     relative = np.diag(inertia[3:, 3:]) / (inertia[0, 0] * gyration**2)
-    least, most = -settings.max_lost_mass_share, settings.max_added_mass_share
+    most = settings.max_added_mass_share
+    least = -most / (1 + most)  # the drawn mass is too large by as much as it may be too small
     ends = [(least, most), *[(-most, most)] * 3]
     for i, j in zip(*np.triu_indices(3), strict=True):
         ends.append((least * float(relative[i]) if i == j else -(most**2), most**2))

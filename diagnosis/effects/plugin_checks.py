@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.hypothesis import Hypothesis, Scene, Value
-from diagnosis.rounding import ROUNDING_SHARE
+from diagnosis.rounding import HALF_PRECISION
 from identification.words import Complex
 from mbmodel import Change, Machine, Part, PartContext
 
@@ -122,7 +122,7 @@ def _differ(
     for key in {*ahead, *behind, *moved}:
         first, second, slope = (at.get(key, np.zeros(1)) for at in (ahead, behind, moved))
         off = np.abs((first - second) / 2 - slope).max()
-        if off > tolerance * np.abs(slope).max() + ROUNDING_SHARE * np.abs(first).max():
+        if off > tolerance * np.abs(slope).max() + HALF_PRECISION * np.abs(first).max():
             return True
     return False
 

@@ -31,7 +31,7 @@ import numpy as np
 
 from diagnosis.effects.points import find_own_springs, find_sprung_stages
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
-from diagnosis.rounding import NEGLIGIBLE_SHARE, ROUNDING_SHARE
+from diagnosis.rounding import HALF_PRECISION, NEGLIGIBLE_SHARE
 from identification.words import TOLERANCE_BOUND_SIGMA, Complex, Mask, Real
 from mbmodel import AddedPart, Change, Machine, Parameter, joint_coupling_writer
 
@@ -188,7 +188,7 @@ def _find_six_springs(scene: Scene, stage: str) -> tuple[str, ...] | None:
         if abs(axle.axis[axis]) > 1 - NEGLIGIBLE_SHARE:
             places[axis + 3 * axle.turns] = name
     anchors = np.array([axle.anchor for axle in axles.values() if axle.turns])
-    if len(places) != 6 or np.ptp(anchors, axis=0).max() > ROUNDING_SHARE:
+    if len(places) != 6 or np.ptp(anchors, axis=0).max() > HALF_PRECISION:
         return None
     return tuple(places[k] for k in range(6))
 

@@ -19,7 +19,7 @@ from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import Posterior, compute_posterior
 from diagnosis.null_model import Baseline
-from diagnosis.search.selection import Search
+from diagnosis.search.fitted_sets import Search
 from diagnosis.settings import DiagnosisSettings
 from diagnosis.verdict.established import find_present
 from tuning import Session, is_gap_visible
@@ -47,24 +47,21 @@ def admit_predictive_causes(
         if base.proven:  # corrected in every set: they are no merit of the further causes
             before = estimate_gaps(base, whole, search.null, search.null, settings).after
         count = len(best.causes)
-        if before is None or predicts_held_out(
-            before, gaps.after, count, settings.min_visible_excess
-        ):
+        if before is None or predicts_held_out(before, gaps.after, count):
             return evidence, posterior, gaps
         evidence = evidence.model_copy(update={"admitted_causes": count - 1})
 
 
-def predicts_held_out(before: HeldOutGap, after: HeldOutGap, causes: int, least: float) -> bool:
+def predicts_held_out(before: HeldOutGap, after: HeldOutGap, causes: int) -> bool:
     """Return whether a set of causes closes enough of the gap on held-out lines.
 
     Args:
         before: gap without the causes.
         after: gap with them.
         causes: number of causes.
-        least: excess over the noise from which a gap is visible.
     """
     first, last = before.gap.excess, after.gap.excess
-    if first is None or last is None or not is_gap_visible(first**2 - 1, least):
+    if first is None or last is None or not is_gap_visible(first**2 - 1):
         return True
     factor = float(np.exp(-causes * load_calibration().chance))
     return last**2 - 1 <= factor * (first**2 - 1)

@@ -176,7 +176,7 @@ def _fit_folds(
         width: number of lines in a block; by the modes of the model if None.
         settings: schedule of the refits.
     """
-    session, schedule = refit.session, settings.null_schedule
+    session, schedule = refit.session, settings.schedule
     lines = len(session.campaign.freq_hz)
     stride = choose_stride(lines, schedule.stride * stride_factor, settings) // 2
     stage = replace(schedule.stage(refit.floor), stride=stride)
@@ -186,7 +186,7 @@ def _fit_folds(
         full_fit,
         session.campaign,
         width=width,
-        min_gain_nats=settings.min_fold_gain_nats,
+        min_gain_nats=settings.negligible_nats,
     )
 
 

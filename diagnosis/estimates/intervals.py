@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.hypothesis import Ends, Hypothesis, Vague, Value
+from diagnosis.refits.measured import count_measured_frfs
 from diagnosis.refits.refit import Refit, map_values
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
-from identification.words import Real
+from identification.words import Campaign, Real
 from mbmodel import NORMAL_QUANTILE_95
 from tuning import (
     STAGES,
@@ -17,6 +18,7 @@ from tuning import (
     Parametrisation,
     estimate_confidence,
     fit,
+    is_gap_visible,
     thin_lines,
 )
 from tuning.assessment.parameter_confidence import PLAUSIBLE_PULL_SIGMA
@@ -187,16 +189,16 @@ def fit_parameters(
     Args:
         refit: the refit.
         stride_factor: factor on the stride of the lines.
-        settings: final stage, and share of the noise from which it is used.
+        settings: gain that ends the final stage.
     """
     session, fitted = refit.session, refit.fit
     model, campaign, parametrisation = session.model, session.campaign, fitted.parametrisation
-    if refit.statistics.noise_share > settings.exact_noise_share:
+    if not is_gap_visible(refit.gap):
         stage = replace(
             STAGES[-1],
             model_error_floor=refit.floor,
             stride=stride_factor,
-            tolerance=settings.final_tolerance,
+            tolerance=settings.negligible_nats / _count_values(campaign, stride_factor),
             exact_curvature=True,
         )
         for coordinates in (parametrisation.lift_bounds(), parametrisation):
@@ -215,13 +217,18 @@ def fit_parameters(
         confidence = estimate_confidence(model, thin_lines(campaign, stride_factor), fitted)
     else:
         confidence = estimate_confidence(
-            model, thin_lines(campaign, settings.null_schedule.stride // 2 * stride_factor), fitted
+            model, thin_lines(campaign, settings.schedule.stride // 2 * stride_factor), fitted
         )
         shared = refit.statistics.values / refit.statistics.effective_values
         confidence = replace(confidence, chi_square=max(confidence.chi_square, shared))
     return FittedParameters(
         fitted.parametrisation, fitted.theta, confidence, fitted.converged, settings
     )
+
+
+def _count_values(campaign: Campaign, stride: int) -> float:
+    """Return the number of values of a fit, about its cost where noise alone remains [nats]."""
+    return count_measured_frfs(campaign) * len(campaign.freq_hz) / stride
 
 
 def _flatten(stated: Mapping[str, Value]) -> Real:

@@ -10,8 +10,6 @@ from identification.words import VarianceSource
 
 Key = tuple[str, str, str | None]  # effect, location, dof
 BENDS = "flexible_body"  # the effect on a body, not on a sensor, that redundant channels prove
-# Relative error of a variance from coherences, and from third differences at sharp modes.
-BADLY_KNOWN = {"coherence": 0.1, "differences": 0.3}
 
 
 class _Row(BaseModel):
@@ -105,7 +103,7 @@ class FittedSet(_Row, FitSummary):
     effective_values: float
     chi_square: float
     serial: float | None = None
-    doubt: float = BADLY_KNOWN["differences"]
+    doubt: float = 0.0
     shifts: tuple[float | None, ...] = ()
 
 

@@ -32,6 +32,7 @@ from diagnosis.inference.calibration import Calibration, load_calibration
 from diagnosis.inference.evidence import Evidence, FittedSet, ForceGain, Key
 from diagnosis.rounding import NEGLIGIBLE_SHARE
 from diagnosis.settings import SETTINGS, DiagnosisSettings
+from tuning import is_gap_visible
 
 Keys = tuple[Key, ...]
 Site = tuple[str, str]  # effect, location
@@ -144,23 +145,27 @@ def compute_log_odds(
 def select_material_sets(
     null: FittedSet, sets: Sequence[FittedSet], settings: DiagnosisSettings = SETTINGS
 ) -> list[FittedSet]:
-    """Return the sets each of whose causes is material when it is added.
+    """Return the sets whose last cause is material.
 
-    The cause that is added last closes a fifth of the null model's gap. Errors of a real machine
-    resemble any number of small effects; they are the rest.
+    It closes a fifth of the null model's gap when it is added, or the model error falls to less
+    than a fifth: beside a strong effect a weaker one closes little of the gap, and most of what
+    then remains. Errors of a real machine resemble any number of small effects; they are the rest,
+    and no single effect is nearly all of it.
 
     Args:
         null: the null model.
         sets: sets of causes, each with the last added one at its end.
         settings: thresholds.
     """
-    gaps = {frozenset(fitted.keys): fitted.gap for fitted in reversed(sets)}
-    return [
-        fitted
-        for fitted in sets
-        if gaps.get(frozenset(fitted.keys[:-1]), null.gap) - fitted.gap
-        >= settings.min_closed * null.gap
-    ]
+    earlier = {frozenset(fitted.keys): fitted for fitted in reversed(sets)}
+
+    def is_material(fitted: FittedSet) -> bool:
+        before = earlier.get(frozenset(fitted.keys[:-1]), null)
+        closes = before.gap - fitted.gap >= settings.min_closed * null.gap
+        has_rest = is_gap_visible(before.gap)
+        return closes or (has_rest and fitted.floor < settings.min_closed * before.floor)
+
+    return [fitted for fitted in sets if is_material(fitted)]
 
 
 def _remove_outliers(evidence: Evidence, outlier: float) -> tuple[list[FittedSet], float]:

@@ -78,7 +78,7 @@ def refit_laws(
     """
     about = replace(scene, session=current.session, theta=current.fit.theta)
     joints = list(dict.fromkeys(h.spring for h in hypotheses if h.spring is not None))
-    if not joints or not is_gap_visible(current.gap, settings.min_visible_excess):
+    if not joints or not is_gap_visible(current.gap):
         return []
     tasks = [add_cause(current, free_each_level(about, joint, "level")) for joint in joints]
     free = dict(zip(joints, run_refits(scene, tasks, settings.schedule), strict=True))

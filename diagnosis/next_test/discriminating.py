@@ -22,6 +22,7 @@ import numpy as np
 
 from diagnosis.algorithm import Diagnosis
 from diagnosis.effects import PROVEN, load_catalogue
+from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Key
 from diagnosis.inference.posterior import Keys
 from diagnosis.next_test.experiments import (
@@ -102,22 +103,23 @@ def find_best_experiment(
     """Return the experiment that separates rivals best, and its expected gain [nats].
 
     Experiments that take less effort come first. The search ends with the first kind of which one
-    is decisive.
+    is decisive: the part of its gain that the posterior counts tells confounded causes apart.
 
     Args:
         campaign: what was measured.
         rivals: refits with their probabilities.
-        settings: thinning of the lines, and the gain that is decisive.
+        settings: thinning of the lines, and what tells causes apart.
     """
     thin = thin_lines(campaign, settings.score_stride)
     before = {refit: _compute_measured_normal(refit, settings.score_stride) for refit, _ in rivals}
+    decisive_nats = settings.twin_nats / load_calibration().tempering
     best: tuple[Experiment, float] | None = None
     for group in list_experiments(campaign, [refit for refit, _ in rivals], settings):
         for experiment in group:
             gain = _compute_gain(experiment, thin, len(campaign.freq_hz), rivals, before)
             if best is None or gain > best[1]:
                 best = experiment, gain
-        if best is not None and best[1] > settings.decisive_nats:
+        if best is not None and best[1] > decisive_nats:
             break
     if best is None:
         raise ValueError("a campaign without hits has no experiment")

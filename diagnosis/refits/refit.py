@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from diagnosis.hypothesis import Hypothesis, Value
-from diagnosis.inference.evidence import BADLY_KNOWN, FitSummary, FittedSet, Key
+from diagnosis.inference.evidence import FitSummary, FittedSet, Key
 from identification.words import Real
 from tuning import (
     Fit,
@@ -42,7 +42,7 @@ class Refit(FitSummary):
     statistics: ResidualStatistics
     fitted_values: int
     serial: float | None = None
-    doubt: float = BADLY_KNOWN["differences"]
+    doubt: float = 0.0
 
     @property
     def chi_square(self) -> float:  # type: ignore[override]

@@ -13,7 +13,7 @@ import numpy as np
 
 from diagnosis.hypothesis import Hypothesis, Scene
 from diagnosis.hypothesis_set import join_hypotheses
-from diagnosis.inference.evidence import BADLY_KNOWN
+from diagnosis.inference.calibration import load_calibration
 from diagnosis.refit_record import RefitRecord, restore_fit
 from diagnosis.refits.extended_parametrisation import extend_parametrisation
 from diagnosis.refits.measured import choose_stride, find_variance_source
@@ -133,7 +133,7 @@ def run_refits(scene: Scene, tasks: Sequence[RefitTask], schedule: FloorSchedule
             hypothesis=task.hypothesis,
             session=task.session,
             fit=replace(refit.fit, parametrisation=task.session.parametrisation),
-            doubt=BADLY_KNOWN[find_variance_source(task.session.campaign)],
+            doubt=load_calibration().hidden[find_variance_source(task.session.campaign)],
         )
         for task, refit in zip(tasks, results, strict=True)
     ]

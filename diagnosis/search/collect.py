@@ -4,8 +4,9 @@ from diagnosis.inference.evidence import Evidence, Scored
 from diagnosis.null_model import Baseline, fit_unbounded
 from diagnosis.refits.measured import find_variance_source
 from diagnosis.refits.refit import summarise_refit
+from diagnosis.search.fitted_sets import Search
 from diagnosis.search.free_force import fit_free_forces
-from diagnosis.search.selection import Search, move_scene
+from diagnosis.search.refit_round import move_scene
 from diagnosis.settings import DiagnosisSettings
 from tuning import is_gap_visible
 
@@ -28,7 +29,7 @@ def collect_evidence(
         effect, location, dof = score.hypothesis.key
         row = Scored(effect=effect, location=location, dof=dof, gain=score.gain)
         best_gain.setdefault(score.hypothesis.site, row)
-    has_rest = bool(selected.causes) and is_gap_visible(selected.gap, settings.min_visible_excess)
+    has_rest = bool(selected.causes) and is_gap_visible(selected.gap)
     ratio = settings.force_floor_ratio
     inner = move_scene(base.scene, selected)
     rest = fit_free_forces(inner, selected.fit, ratio * selected.floor) if has_rest else ()

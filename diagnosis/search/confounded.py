@@ -2,8 +2,8 @@
 
 from diagnosis.hypothesis import Scene
 from diagnosis.inference.posterior import Posterior
+from diagnosis.search.fitted_sets import Search
 from diagnosis.search.score_test import compute_cosines
-from diagnosis.search.selection import Search
 from diagnosis.settings import DiagnosisSettings
 
 

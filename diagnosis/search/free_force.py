@@ -15,9 +15,9 @@ with J the derivatives of the FRFs by all that varies, which is so projected out
     gain = J_0 - J_p - sum ln(1 + p |u|^2).
 
 The last term is what a force of any spectrum gains on average where nothing is missing (evidence of
-a Gaussian prior, Rasmussen and Williams 2006, ch. 2.3). The best of several p counts. An error at a
-single place and direction gains thousands of nats more there than elsewhere, also if no effect of
-the catalogue describes it.
+a Gaussian prior, Rasmussen and Williams 2006, ch. 2.3). Of several p, that of the largest gain with
+nothing else varying is taken (empirical Bayes). An error at a single place and direction gains
+thousands of nats more there than elsewhere, also if no effect of the catalogue describes it.
 """
 
 from collections.abc import Iterator
@@ -45,8 +45,8 @@ def fit_free_forces(scene: Scene, fit: Fit, model_error_floor: float) -> tuple[F
     forces = np.array([force for _, _, force in directions]).T
     linearised = _LinearisedFit.linearise(scene, fit, model_error_floor)
     most = scene.settings.max_force_values
-    powers = scene.settings.force_powers
-    gains = np.max([linearised.compute_gains(forces, power, most) for power in powers], axis=0)
+    powers = linearised.choose_powers(forces, np.array(scene.settings.force_powers))
+    gains = linearised.compute_gains(forces, powers, most)
     rows: dict[str, ForceGain] = {}
     for k in np.argsort(-gains, kind="stable"):
         place, dof, _ = directions[k]
@@ -93,7 +93,7 @@ class _LinearisedFit:
     def linearise(cls, scene: Scene, fit: Fit, model_error_floor: float) -> "_LinearisedFit":
         """Return the linearisation about a fit."""
         varies, model = fit.parametrisation, scene.session.model
-        stride = scene.settings.force_stride * scene.stride_factor
+        stride = scene.settings.score_stride * scene.stride_factor
         thin = thin_lines(scene.session.campaign, stride)
 
         def build_misfit(campaign: Campaign) -> Misfit:
@@ -114,23 +114,36 @@ class _LinearisedFit:
     def _scale(self) -> Real:
         return 1 / np.sqrt(np.maximum(np.diag(self.matrix), np.finfo(float).tiny))
 
-    def compute_gains(self, forces: Real, power: float, most: int) -> Real:
+    def choose_powers(self, forces: Real, powers: Real) -> Real:
+        """Return the power of each force with the largest gain if nothing else varies; (n_force,).
+
+        Args:
+            forces: generalised forces; (nv, n_force).
+            powers: p |u|^2 of the median line; (n_power,).
+        """
+        gains = sum(misfit.force_gains(self.x, forces, powers) for misfit in self.misfits)
+        chosen: Real = powers[np.argmax(gains, axis=0)]
+        return chosen
+
+    def compute_gains(self, forces: Real, powers: Real, most: int) -> Real:
         """Return the gains of free forces; (n_force,).
 
         Args:
             forces: generalised forces; (nv, n_force).
-            power: p |u|^2 of the median line.
+            powers: p |u|^2 of the median line, for each force; (n_force,).
             most: values of normal equations in memory at once.
         """
         step = max(1, most // max(self.matrix.size, 1))
         starts = range(0, forces.shape[1], step)
-        return np.concatenate([self._compute_some(forces[:, k : k + step], power) for k in starts])
+        return np.concatenate(
+            [self._compute_some(forces[:, k : k + step], powers[k : k + step]) for k in starts]
+        )
 
-    def _compute_some(self, forces: Real, power: float) -> Real:
+    def _compute_some(self, forces: Real, powers: Real) -> Real:
         before = self._explained_cost(self.matrix, self.gradient)
         reduction = FreeForceReduction.zeros(forces.shape[1], len(self.x))
         for misfit in self.misfits:
-            misfit.add_force_reduction(self.x, forces, power, reduction)
+            misfit.add_force_reduction(self.x, forces, powers, reduction)
         gains = reduction.value - reduction.expected_gain
         for k, (normal, slope) in enumerate(zip(reduction.normal, reduction.gradient, strict=True)):
             gains[k] += self._explained_cost(self.matrix - normal, self.gradient - slope) - before

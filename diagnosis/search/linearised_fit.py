@@ -7,7 +7,7 @@ import numpy as np
 import scipy.linalg
 
 from diagnosis.hypothesis import Hypothesis
-from diagnosis.rounding import NEGLIGIBLE_SHARE, ROUNDING_SHARE
+from diagnosis.rounding import HALF_PRECISION, NEGLIGIBLE_SHARE
 from identification.words import Integers, Real
 from tuning import Parametrisation
 from tuning.misfit.accumulation import ProbedEquations
@@ -88,7 +88,7 @@ class Factor:
         """Return the factor of a matrix, scaled by its diagonal if no scale is given."""
         if scale is None:
             scale = 1 / np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-        scaled = matrix * np.outer(scale, scale) + ROUNDING_SHARE * np.eye(len(matrix))
+        scaled = matrix * np.outer(scale, scale) + HALF_PRECISION * np.eye(len(matrix))
         lower: Real = np.asarray(np.linalg.cholesky(scaled), float)
         return cls(lower, scale)
 

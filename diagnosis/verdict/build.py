@@ -25,7 +25,7 @@ from diagnosis.verdict.schema import (
 )
 from identification import MIN_REDUNDANT_CHANNELS
 from mbmodel import HammerGainPart, HammerPart, SensorPart
-from tuning import Gap, channel_gaps, predict, summarise_gaps
+from tuning import MIN_VISIBLE_EXCESS, Gap, channel_gaps, predict, summarise_gaps
 
 NONLINEAR = ("friction", "backlash", "hardening")
 # Effects that only redundant channels of a body show.
@@ -40,7 +40,7 @@ def build_verdict(diagnosis: Diagnosis) -> Verdict:
     """Return the content of verdict.json."""
     posterior, present, settings = diagnosis.posterior, diagnosis.present, diagnosis.settings
     retuned, after = diagnosis.retuned.gap, diagnosis.after
-    is_visible = retuned.excess is not None and retuned.excess >= settings.min_visible_excess
+    is_visible = retuned.excess is not None and retuned.excess >= MIN_VISIBLE_EXCESS
     is_none = present.word == "none"
     if is_none:
         after = None

@@ -21,7 +21,7 @@ from diagnosis.inference.evidence import Evidence, Key
 from diagnosis.inference.posterior import Posterior, compute_force_shares, read_site
 from diagnosis.null_model import Baseline
 from diagnosis.refits.refit import Refit
-from diagnosis.search.selection import Search
+from diagnosis.search.fitted_sets import Search
 from diagnosis.settings import DiagnosisSettings
 from tuning import TOLERANCE_BOUND_SIGMA, channel_gaps, is_gap_visible, predict, summarise_gaps
 
@@ -37,7 +37,7 @@ class Rest:
         excess: over the noise, on held-out lines.
         model_error: relative error of the model at the sensors' points.
         is_significant: whether it is more than next to nothing.
-        spread: ``local`` if a force at one place would explain most of it.
+        spread: ``local`` if a force at one place would explain much of it.
         where: places by their share.
     """
 
@@ -161,11 +161,7 @@ def _closes_held_out_gap(gaps: GapEstimates, settings: DiagnosisSettings) -> boo
     """
     before = gaps.retuned.gap.excess
     after = None if gaps.after is None else gaps.after.gap.excess
-    if (
-        before is None
-        or after is None
-        or not is_gap_visible(before**2 - 1, settings.min_visible_excess)
-    ):
+    if before is None or after is None or not is_gap_visible(before**2 - 1):
         return True
     return before**2 - after**2 >= settings.min_closed * (before**2 - 1)
 
@@ -222,10 +218,7 @@ def _describe_rest(
     if gaps.after is not None:
         interval = level.excess_interval()
         least = 1.0 if interval is None else interval[0]
-        is_significant = any(
-            is_gap_visible(gap, settings.min_visible_excess)
-            for gap in (level.refit.gap, least**2 - 1)
-        )
+        is_significant = any(map(is_gap_visible, (level.refit.gap, least**2 - 1)))
     forces = evidence.rest_pushed if refit.causes else evidence.pushed
     share = max((force.share for force in forces), default=0.0)
     shares = sorted(compute_force_shares(forces).items(), key=lambda row: -row[1])

@@ -10,6 +10,7 @@ from diagnosis import EFFECTS, Scene
 from diagnosis.effects.points import are_joined
 from diagnosis.hypothesis_set import join_hypotheses
 from diagnosis.refits.refitting import add_hypothesis
+from diagnosis.settings import SETTINGS
 from identification.words import Condition, Dof
 from mbmodel import Model, PartContext, RigidDirection, load_machine, parent_bodies, rotation_matrix
 from tests.helpers.drawn import drawn
@@ -339,7 +340,7 @@ def test_levers_of_supports_are_believed_to_be_what_the_hinges_say(scene):
 def test_no_body_loses_more_than_it_has_and_small_masses_hang_on_it(scene):
     # Without bounds a fit to two effects at once took 67 t off a block of 1.7 t.
     machine = scene.model.machine
-    spatial = machine.body_mass
+    spatial, most = machine.body_mass, SETTINGS.max_added_mass_share
     for one in EFFECTS["mass_error"](scene):
         (part,) = one.parts
         names = [parameter.name for parameter in part.parameters]
@@ -350,7 +351,9 @@ def test_no_body_loses_more_than_it_has_and_small_masses_hang_on_it(scene):
         for k in (0, 4, 7, 9):  # mass, moments of inertia
             (change,) = part.finite(lowest * (np.arange(10) == k))
             least = np.diag(own + change.core[2])
-            assert least == pytest.approx(np.diag(own) * np.where(least < np.diag(own), 0.1, 1.0))
+            assert least == pytest.approx(
+                np.diag(own) * np.where(least < np.diag(own), 1 / (1 + most), 1.0)
+            )
             assert (least < np.diag(own)).any()
     for one in EFFECTS["appendage"](scene):
         (part,) = one.parts

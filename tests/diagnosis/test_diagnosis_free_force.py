@@ -12,6 +12,7 @@ from mbmodel import Evaluator, FrfRequest
 from tests.helpers.drawn import drawn
 from tests.helpers.refits import early_scene, refit_null
 from tuning import open_session, thin_lines
+from tuning.misfit.accumulation import FreeForceReduction
 
 POWER = 30.0
 
@@ -25,7 +26,7 @@ def begun(folder, seed, effect=None, **more):
 def dense(scene, found, force, power, model_error):
     """The same gain with every covariance written out, test by test."""
     model, varies, x = scene.session.model, found.parametrisation, found.x
-    campaign = thin_lines(scene.session.campaign, SETTINGS.force_stride)
+    campaign = thin_lines(scene.session.campaign, SETTINGS.score_stride)
     rates = np.zeros((len(varies.free), varies.size))
     rates[varies.free, varies.coordinate_of[varies.free]] = varies.rates(x)[varies.free]
     parts = []
@@ -77,14 +78,33 @@ def test_the_gain_is_that_of_the_dense_covariance(tmp_path):
     early = refit_null(scene).fit
     size = len(scene.model.machine.coordinates)
     forces = np.random.default_rng(3).standard_normal((size, 3))
+    powers = np.full(3, POWER)
     for model_error in (3e-4, 2e-2):
         linearised = _LinearisedFit.linearise(scene, early, model_error)
-        gains = linearised.compute_gains(forces, POWER, SETTINGS.max_force_values)
-        few = linearised.compute_gains(forces, POWER, 1)  # one force at once
+        gains = linearised.compute_gains(forces, powers, SETTINGS.max_force_values)
+        few = linearised.compute_gains(forces, powers, 1)  # one force at once
         np.testing.assert_allclose(few, gains, rtol=1e-9)
         for force, gain in zip(forces.T, gains, strict=True):
             expected = dense(scene, early, force, POWER, model_error)
             assert gain == pytest.approx(expected, rel=1e-5, abs=1e-3)
+
+
+def test_the_power_is_that_of_the_largest_gain_if_nothing_else_varies(tmp_path):
+    scene, _ = begun(tmp_path, 72_031, lines=161)
+    early = refit_null(scene).fit
+    forces = np.random.default_rng(3).standard_normal((len(scene.model.machine.coordinates), 3))
+    linearised = _LinearisedFit.linearise(scene, early, 3e-3)
+    powers = np.array(SETTINGS.force_powers)
+    gains = np.zeros((len(powers), 3))
+    for k, power in enumerate(powers):
+        reduction = FreeForceReduction.zeros(3, len(early.x))
+        for misfit in linearised.misfits:
+            misfit.add_force_reduction(early.x, forces, np.full(3, power), reduction)
+        gains[k] = reduction.value - reduction.expected_gain
+    together = sum(misfit.force_gains(early.x, forces, powers) for misfit in linearised.misfits)
+    np.testing.assert_allclose(together, gains, rtol=1e-9)
+    chosen = linearised.choose_powers(forces, powers)
+    np.testing.assert_array_equal(chosen, powers[gains.argmax(axis=0)])
 
 
 @pytest.mark.parametrize(("effect", "seed"), [("hardening", 72_032), ("backlash", 72_033)])

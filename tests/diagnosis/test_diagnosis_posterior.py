@@ -122,7 +122,7 @@ def test_the_same_causes_fitted_twice_are_one_set_the_better():
     assert again.sets == once.sets
 
 
-def test_a_cause_that_closes_less_than_a_fifth_is_not_material_even_if_nothing_remains():
+def test_a_cause_that_closes_less_than_a_fifth_is_not_material_at_the_same_model_error():
     null = fitted((), 0.0, 10.0)
     little = fitted((A,), -1.0, 8.1)
     enough = fitted((B,), -1.0, 7.9)
@@ -131,6 +131,16 @@ def test_a_cause_that_closes_less_than_a_fifth_is_not_material_even_if_nothing_r
     rest = fitted((C, A), -2.0, 0.05)
     material = select_material_sets(null, [little, enough, most, beside, rest], SETTINGS)
     assert [one.keys for one in material] == [(B,), (C,), (B, C)]
+
+
+def test_a_weak_cause_beside_a_strong_one_is_material_if_the_model_error_falls_to_a_fifth():
+    null = fitted((), 0.0, 300.0, floor=0.2)
+    strong = fitted((A,), -1.0, 20.0, floor=0.05)
+    weak = fitted((A, B), -3.0, 0.1, floor=0.009)
+    small_error = fitted((A, C), -2.0, 2.0, floor=0.011)
+    beside_nothing = fitted((A, B, C), -3.1, 0.0, floor=0.001)  # no gap was visible before
+    material = select_material_sets(null, [strong, weak, small_error, beside_nothing], SETTINGS)
+    assert [one.keys for one in material] == [(A,), (A, B)]
 
 
 def test_outliers_of_tolerances_are_no_causes_and_explain_what_they_close():

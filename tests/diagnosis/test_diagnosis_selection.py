@@ -6,17 +6,19 @@ from types import SimpleNamespace
 
 import pytest
 
-from diagnosis import Hypothesis, build_verdict, diagnose
+from diagnosis import EFFECTS, Hypothesis, build_verdict, diagnose
 from diagnosis.estimates import held_out_check
 from diagnosis.estimates.held_out_check import (
     admit_predictive_causes,
     predicts_held_out,
 )
-from diagnosis.search.selection import Search, _eliminate
+from diagnosis.search.elimination import reconsider_causes
+from diagnosis.search.fitted_sets import Search
 from diagnosis.settings import SETTINGS
 from diagnosis.verdict.established import describe_present
 from tests.helpers.drawn import drawn
 from tests.helpers.refits import draw_imperfect, early_scene, propose_at, refit_null, refit_with
+from tuning import is_gap_visible
 
 
 @pytest.fixture(scope="module")
@@ -46,10 +48,10 @@ def test_a_set_with_the_causes_has_a_lower_floor_than_the_null_model(two_effects
 def test_causes_that_predict_held_out_lines_no_better_are_not_admitted(two_effects, monkeypatch):
     found, _ = two_effects
     gaps = found.gaps
-    assert predicts_held_out(gaps.retuned, gaps.after, 2, SETTINGS.min_visible_excess)
+    assert predicts_held_out(gaps.retuned, gaps.after, 2)
     useless = replace(gaps.after, predicted=gaps.retuned.predicted)
-    assert not predicts_held_out(gaps.retuned, useless, 1, SETTINGS.min_visible_excess)
-    assert predicts_held_out(gaps.retuned, useless, 1, least=1e6)  # not visible: the fits decide
+    assert not predicts_held_out(gaps.retuned, useless, 1)
+    assert predicts_held_out(gaps.after, gaps.after, 1)  # not visible: the fits decide
 
     def estimate(base, whole, null, chosen, settings):
         return replace(gaps, after=useless if chosen.causes else None)
@@ -89,17 +91,41 @@ def test_elimination_drops_a_proxy_and_keeps_the_cause(tmp_path):
     both = refit_with(scene, with_proxy, cause)
     scores = tuple(SimpleNamespace(hypothesis=one) for one in (proxy, cause))
     search = Search(null, null, scores=scores, refits=(with_proxy, both))
-    after = _eliminate(scene, search, both, SETTINGS)
-    assert after.selected.keys == (cause.key,)
+    base = SimpleNamespace(scene=scene, proven=())
+    after, kept = reconsider_causes(base, search, both, SETTINGS)
+    assert kept.keys == (cause.key,)
     assert [refit.keys for refit in after.refits[2:]] == [(cause.key,)]
+
+
+def test_a_cause_at_a_wrong_place_is_replaced_once_the_others_are_known(two_effects):
+    found, answer = two_effects
+    drift, coupling = ((cause["effect"], cause["location"]) for cause in answer["cause"])
+    scene, null = found.scene, found.search.null
+    wrong = next(
+        one for one in EFFECTS[coupling[0]](scene) if one.location not in (coupling[1], drift[1])
+    )
+    (right,) = (one for one in found.search.selected.causes if one.effect == drift[0])
+    best = refit_with(scene, refit_with(scene, null, wrong), right)
+    # It is not more probable than itself, so that nothing is dropped.
+    search = Search(null, best, scores=found.search.scores, refits=(best,))
+    base = SimpleNamespace(scene=scene, proven=())
+    _, kept = reconsider_causes(base, search, best, SETTINGS)
+    assert {cause.site for cause in kept.causes} == {
+        "@".join(drift),
+        "@".join(coupling),
+    }
+    assert is_gap_visible(best.gap)
+    assert not is_gap_visible(kept.gap)
 
 
 def test_a_single_cause_is_not_eliminated(tmp_path):
     session, _ = drawn(tmp_path, 72_012, lines=81)
     hypothesis = Hypothesis("drift", "joint:a")
     refit = SimpleNamespace(causes=(hypothesis,))
-    after = _eliminate(early_scene(session), Search(refit, refit), refit, SETTINGS)
-    assert after.selected is refit
+    base = SimpleNamespace(scene=early_scene(session), proven=())
+    search = Search(refit, refit)
+    after, kept = reconsider_causes(base, search, refit, SETTINGS)
+    assert kept is refit
     assert after.refits == ()
 
 

@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 
 import diagnosis
-from diagnosis.settings import DiagnosisSettings
+from diagnosis.settings import SETTINGS, DiagnosisSettings
+from tests.bench.ablation import KEPT, RUNGS
 
 ROOM = Path(diagnosis.__file__).parent
-MOST_CONSTANTS = 14  # module-level numeric constants: units, scans and roundings
-MOST_CONSTANTS_AND_SETTINGS = 56
+MOST_CONSTANTS = 11  # module-level numeric constants: units, scans and roundings
+MOST_CONSTANTS_AND_SETTINGS = 40
 # Floats of formulas: halves, a quantile of 95 %.
 PLAIN_FLOATS = {0.0, 0.5, 1.0, 2.0, 0.975}
 
@@ -73,6 +74,18 @@ def test_no_function_hides_a_threshold():
         if is_number(node) and isinstance(node.value, float) and node.value not in PLAIN_FLOATS
     ]
     assert hidden == []
+
+
+def test_each_setting_has_an_ablation_or_a_reason():
+    names = {field.name for field in fields(DiagnosisSettings)}
+    changed = {
+        name
+        for settings in RUNGS.values()
+        for name in names
+        if getattr(settings, name) != getattr(SETTINGS, name)
+    }
+    assert changed | set(KEPT) == names
+    assert changed.isdisjoint(KEPT)
 
 
 def test_constants_are_counted_wherever_they_stand():

@@ -10,7 +10,7 @@ from drawn import drawn
 from typer.testing import CliRunner
 
 from diagnosis import EFFECTS
-from diagnosis.search import selection
+from diagnosis.search import refit_round
 from mbw.command import app
 
 RUNNER = CliRunner()
@@ -32,7 +32,7 @@ def diagnosed(name: str, folder: Path) -> Path:
     result = folder / "result"
     with pytest.MonkeyPatch.context() as patch:
         if known is not None:
-            patch.setattr(selection, "load_catalogue", lambda: {known: EFFECTS[known]})
+            patch.setattr(refit_round, "load_catalogue", lambda: {known: EFFECTS[known]})
         outcome = RUNNER.invoke(app, ["diagnose", str(folder / "campaign"), "--out", str(result)])
     assert outcome.exit_code == 0, outcome.stderr
     assert (result / "report.html").as_uri() in outcome.stderr

@@ -23,7 +23,7 @@ from tuning.misfit.normal_equations import ArrowMatrix
 from tuning.solvers.nlopt_solver import Minimum, Outcome
 
 N_FOLDS = 5
-_MIN_BLOCK_LINES = 8
+MIN_BLOCK_LINES = 8  # any shape along frequency fits fewer
 # A campaign has 1e5 nats: a decrease of 1 changes no gap in its fifth digit.
 _MIN_FOLD_GAIN_NATS = 1.0
 
@@ -86,10 +86,10 @@ def block_width(model: Model, theta: Real, freq_hz: Real) -> int:
     )
     max_lines = len(freq_hz) // 15
     if not is_inside.any() or len(freq_hz) < 2:
-        return max(_MIN_BLOCK_LINES, max_lines)
+        return max(MIN_BLOCK_LINES, max_lines)
     bandwidth = np.quantile(2 * modes.damping[is_inside] * modes.freq_hz[is_inside], 0.25)
     spacing = (freq_hz[-1] - freq_hz[0]) / (len(freq_hz) - 1)
-    return max(_MIN_BLOCK_LINES, min(round(float(3 * bandwidth / spacing)), max_lines))
+    return max(MIN_BLOCK_LINES, min(round(float(3 * bandwidth / spacing)), max_lines))
 
 
 def assign_folds(n_freq: int, width: int) -> Integers:

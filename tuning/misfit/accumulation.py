@@ -173,7 +173,7 @@ class WeightedJacobian:
             for block in blocks:
                 sums.blocks[block, block] += flat[:, block].T @ flat[:, block]
 
-    def add_force_reduction(self, forces: Real, power: float, sums: FreeForceReduction) -> None:
+    def add_force_reduction(self, forces: Real, powers: Real, sums: FreeForceReduction) -> None:
         """Add the reduction by forces whose spectra are free.
 
         Each force has a Gaussian prior of variance p on each line; it is integrated out by the
@@ -181,25 +181,17 @@ class WeightedJacobian:
 
         Args:
             forces: generalised forces at the joints' coordinates; (nv, n_force).
-            power: p |u|^2 of the median line.
+            powers: p |u|^2 of the median line, for each force; (n_force,).
             sums: sums to which to add.
         """
-        self.forward.prepare()
-        n_freq = len(self.forward.solution.values)
-        spans = list(
-            _spans(np.zeros(n_freq, int), max(1, _MAX_JACOBIAN_VALUES // self._values_per_line))
-        )
-        responses = [self._force_responses(forces, span) for span in spans]
-        sizes = [(np.abs(response) ** 2).sum(axis=2) for response in responses]
-        middle = np.median(np.concatenate(sizes), axis=(0, 1))
-        variance = power / np.where(middle > 0, middle, 1.0)
+        spans, responses, sizes, middle = self._respond_to_forces(forces)
+        variance = powers / middle
         for span, response, size in zip(spans, responses, sizes, strict=True):
             root = np.sqrt(variance / (1 + variance * size))
             weights = (root[:, :, None] * response).conj().swapaxes(2, 3)
             columns = self._all_columns(span)
-            target = self._target(span).reshape(*columns.shape[:2], 2, -1)
             removed = weights @ columns  # (n_line, n_in, n_force, n_x)
-            force_targets = (weights @ (target[:, :, 0] + 1j * target[:, :, 1])[..., None])[..., 0]
+            force_targets = (weights @ self._complex_target(span)[..., None])[..., 0]
             n_line, n_in, n_force, size_x = removed.shape
             flat = removed.transpose(2, 0, 1, 3).reshape(n_force, n_line * n_in, size_x)
             parts = np.concatenate([flat.real, flat.imag], axis=1)
@@ -209,6 +201,45 @@ class WeightedJacobian:
             sums.gradient[:] += (targets[:, None] @ parts)[:, 0]
             sums.value[:] += 0.5 * (targets**2).sum(axis=1)
             sums.expected_gain[:] += np.log1p(variance * size).sum(axis=(0, 1))
+
+    def force_gains(self, forces: Real, powers: Real) -> Real:
+        """Return the gain of forces whose spectra are free, if nothing else varies.
+
+        Args:
+            forces: generalised forces at the joints' coordinates; (nv, n_force).
+            powers: p |u|^2 of the median line; (n_power,).
+
+        Returns:
+            (n_power, n_force).
+        """
+        spans, responses, sizes, middle = self._respond_to_forces(forces)
+        gains = np.zeros((len(powers), forces.shape[1]))
+        for span, response, size in zip(spans, responses, sizes, strict=True):
+            target = self._complex_target(span)[:, :, None]
+            projected = np.abs(target @ response.conj())[:, :, 0] ** 2
+            for k, variance in enumerate(np.divide.outer(powers, middle)):
+                explained = variance / (1 + variance * size) * projected
+                gains[k] += (explained / 2 - np.log1p(variance * size)).sum(axis=(0, 1))
+        return gains
+
+    def _respond_to_forces(
+        self, forces: Real
+    ) -> tuple[list[slice], list[Complex], list[Real], Real]:
+        """Return spans of lines, weighted responses, their |u|^2, and its median over lines."""
+        self.forward.prepare()
+        n_freq = len(self.forward.solution.values)
+        step = max(1, _MAX_JACOBIAN_VALUES // self._values_per_line)
+        spans = list(_spans(np.zeros(n_freq, int), step))
+        responses = [self._force_responses(forces, span) for span in spans]
+        sizes = [(np.abs(response) ** 2).sum(axis=2) for response in responses]
+        middle = np.median(np.concatenate(sizes), axis=(0, 1))
+        return spans, responses, sizes, np.where(middle > 0, middle, 1.0)
+
+    def _complex_target(self, span: slice) -> Complex:
+        """Return the weighted residual that the shared columns fit; (n_line, n_in, m)."""
+        target = np.concatenate([projection.target[span] for projection in self.projections], -1)
+        residual: Complex = target[:, :, 0] + 1j * target[:, :, 1]
+        return residual
 
     def _force_responses(self, forces: Real, span: slice) -> Complex:
         """Return weighted responses to unit forces at the joints; (n_line, n_in, m, n_force)."""

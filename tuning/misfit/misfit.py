@@ -245,20 +245,38 @@ class Misfit:
         return probed
 
     def add_force_reduction(
-        self, x: Real, forces: Real, power: float, reduction: FreeForceReduction
+        self, x: Real, forces: Real, powers: Real, reduction: FreeForceReduction
     ) -> None:
         """Add the reduction of the normal equations by forces of free spectra, one at a time.
 
         Args:
             x: coordinates; (n_x,).
             forces: generalised forces at the joints' coordinates; (nv, n_force).
-            power: variance of each force, relative to its response on the median line.
+            powers: variance of each force, relative to its response on the median line; (n_force,).
             reduction: sums to which to add.
         """
         theta = self.parametrisation.theta(x)
         for term in self._terms:
             sums = self._sum_batch(term, term.batch.evaluator.at(theta))
-            self._jacobian(sums, x).add_force_reduction(forces, power, reduction)
+            self._jacobian(sums, x).add_force_reduction(forces, powers, reduction)
+
+    def force_gains(self, x: Real, forces: Real, powers: Real) -> Real:
+        """Return the gains of forces of free spectra, one at a time, if nothing else varies.
+
+        Args:
+            x: coordinates; (n_x,).
+            forces: generalised forces at the joints' coordinates; (nv, n_force).
+            powers: variance of a force, relative to its response on the median line; (n_power,).
+
+        Returns:
+            (n_power, n_force) [nats].
+        """
+        theta = self.parametrisation.theta(x)
+        gains = np.zeros((len(powers), forces.shape[1]))
+        for term in self._terms:
+            sums = self._sum_batch(term, term.batch.evaluator.at(theta))
+            gains += self._jacobian(sums, x).force_gains(forces, powers)
+        return gains
 
     def _differences(self, x: Real) -> Iterator[tuple[Real, Complex]]:
         """Yield weights and differences of each batch; (n_freq, n_out, n_test)."""

@@ -1,0 +1,85 @@
+"""Backward step of the search: each earlier cause is left out, and dropped or replaced.
+
+A cause that was selected before the others were known may be a proxy of them, or stand at a wrong
+place beside them. So each earlier cause is left out in turn. It is dropped if the set without it is
+as probable. Else the score test about that set proposes other causes, and the best of these
+replaces it if the set explains more (sequential replacement, Miller 2002, ch. 3).
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.hypothesis_set import join_hypotheses
+from diagnosis.null_model import Baseline
+from diagnosis.refits.refit import Refit
+from diagnosis.refits.refitting import (
+    RefitTask,
+    add_cause,
+    add_hypothesis,
+    find_start,
+    run_refits,
+)
+from diagnosis.search.fitted_sets import Search, is_acceptable, is_more_probable
+from diagnosis.search.refit_round import list_excluded, score_hypotheses
+from diagnosis.search.score_test import select_best_of_sites
+from diagnosis.settings import DiagnosisSettings
+
+
+def reconsider_causes(
+    base: Baseline, search: Search, best: Refit, settings: DiagnosisSettings
+) -> tuple[Search, Refit]:
+    """Return the search and its best set, each of whose earlier causes was left out in turn.
+
+    Args:
+        base: null model, and what the data checks prove.
+        search: sets of causes that were fitted.
+        best: set with one more cause.
+        settings: sizes of the search.
+    """
+    # Parts of other causes refer to the coordinates of a body's mode, which therefore stays.
+    removable = [cause for cause in best.causes[:-1] if cause.reform is None]
+    if not removable:
+        return search, best
+    shorter = _leave_out(base.scene, best, removable, settings)
+    search = replace(search, refits=(*search.refits, *shorter))
+    kept = best
+    if is_acceptable(search, best, settings):
+        for refit in shorter:
+            kept = kept if is_more_probable(search, kept, refit) else refit
+    if kept is not best:
+        return search, kept
+    rivals = _replace_causes(base, shorter, removable, settings)
+    search = replace(search, refits=(*search.refits, *rivals))
+    return search, min((best, *rivals), key=lambda refit: refit.objective)
+
+
+def _leave_out(
+    scene: Scene, best: Refit, removable: Sequence[Hypothesis], settings: DiagnosisSettings
+) -> list[Refit]:
+    """Return the refit without each of some causes."""
+    tasks = []
+    for left_out in removable:
+        kept = join_hypotheses([cause for cause in best.causes if cause is not left_out])
+        session = add_hypothesis(scene.session, kept)
+        tasks.append(RefitTask(kept, session, find_start(best, session, None), best.floor))
+    return run_refits(scene, tasks, settings.schedule)
+
+
+def _replace_causes(
+    base: Baseline,
+    shorter: Sequence[Refit],
+    removable: Sequence[Hypothesis],
+    settings: DiagnosisSettings,
+) -> list[Refit]:
+    """Return refits with the most promising other causes in the place of each that is left out."""
+    tasks: list[RefitTask] = []
+    for refit, left_out in zip(shorter, removable, strict=True):
+        ranked = score_hypotheses(base.scene, refit, list_excluded(base), settings)
+        rivals = [
+            score.hypothesis
+            for score in select_best_of_sites(ranked)
+            if score.hypothesis.site != left_out.site and score.hypothesis.spring is None
+        ]
+        tasks += [add_cause(refit, rival) for rival in rivals[: settings.max_variants]]
+    return run_refits(base.scene, tasks, settings.schedule)

@@ -1,0 +1,66 @@
+"""Sets of causes that the search has fitted, and which of two it prefers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from diagnosis.inference.calibration import load_calibration
+from diagnosis.inference.evidence import Evidence
+from diagnosis.inference.posterior import compute_log_odds, select_material_sets
+from diagnosis.refits.measured import find_variance_source
+from diagnosis.refits.refit import Refit, summarise_refit
+from diagnosis.search.score_test import Score
+from diagnosis.settings import DiagnosisSettings
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Result of the search.
+
+    Args:
+        null: null model.
+        scores: score tests about the null model, the most promising first.
+        refits: sets of causes in the order of their fits.
+        selected: selected set of causes; the null model if no cause is probable.
+    """
+
+    null: Refit
+    selected: Refit
+    scores: tuple[Score, ...] = ()
+    refits: tuple[Refit, ...] = ()
+
+    @property
+    def hypotheses(self) -> int:
+        """Number of effects and places that were scored."""
+        return len({score.hypothesis.site for score in self.scores})
+
+    def refit_of(self, keys: Sequence[object]) -> Refit | None:
+        """Return the best refit of a set of causes."""
+        matching = [refit for refit in self.refits if set(refit.keys) == set(keys)]
+        return min(matching, key=lambda refit: refit.objective, default=None)
+
+
+def is_material(search: Search, refit: Refit, settings: DiagnosisSettings) -> bool:
+    """Return whether the last cause of a set is material."""
+    sets = [summarise_refit(candidate) for candidate in (*search.refits, refit)]
+    material = select_material_sets(summarise_refit(search.null), sets, settings)
+    return refit.keys in {fitted.keys for fitted in material}
+
+
+def is_acceptable(search: Search, refit: Refit, settings: DiagnosisSettings) -> bool:
+    """Return whether a set is material, and more probable than the selected one."""
+    return is_material(search, refit, settings) and is_more_probable(search, refit, search.selected)
+
+
+def is_more_probable(search: Search, refit: Refit, base: Refit) -> bool:
+    """Return whether the posterior prefers a set to another one."""
+    sets = [summarise_refit(candidate) for candidate in (*search.refits, refit)]
+    evidence = Evidence(
+        null=summarise_refit(search.null),
+        sets=tuple(sets),
+        hypotheses=search.hypotheses,
+        variance=find_variance_source(search.null.session.campaign),
+    )
+    first, second = compute_log_odds(
+        evidence, [summarise_refit(refit), summarise_refit(base)], load_calibration()
+    )
+    return bool(first > second)

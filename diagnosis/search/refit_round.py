@@ -1,0 +1,123 @@
+"""One round of the search: score tests about a set of causes, and refits with one more cause."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from diagnosis.data_checks.candidates import build_candidates
+from diagnosis.effects import load_catalogue
+from diagnosis.hypothesis import Hypothesis, Scene
+from diagnosis.levels.refit_laws import refit_laws
+from diagnosis.null_model import Baseline
+from diagnosis.refits.refit import Refit
+from diagnosis.refits.refitting import RefitTask, add_cause, run_refits
+from diagnosis.search.score_test import Score, scores, select_best_of_sites
+from diagnosis.settings import DiagnosisSettings
+from tuning import STAGES, FloorSchedule, Stage, is_gap_visible
+
+
+def score_hypotheses(
+    scene: Scene, base: Refit, excluded: frozenset[str], settings: DiagnosisSettings
+) -> list[Score]:
+    """Score all hypotheses about a refit, the most promising first."""
+    inner = move_scene(scene, base)
+    sites = {cause.site for cause in base.causes}
+    hypotheses = [
+        hypothesis
+        for effect in load_catalogue().values()
+        for hypothesis in effect(inner)
+        if hypothesis.location not in excluded and hypothesis.site not in sites
+    ]
+    return scores(inner, base.fit, hypotheses, base.floor, settings.score_stride)
+
+
+def list_excluded(base: Baseline) -> frozenset[str]:
+    """Return the places of proven faults, where no other cause is sought."""
+    return frozenset(hypothesis.location for hypothesis in base.proven)
+
+
+def move_scene(scene: Scene, base: Refit) -> Scene:
+    """Return the scene of a refit: further hypotheses are proposed about it."""
+    return replace(scene, session=base.session, theta=base.fit.theta)
+
+
+def refit_round(
+    base: Baseline,
+    current: Refit,
+    ranked: Sequence[Score],
+    settings: DiagnosisSettings,
+) -> list[Refit]:
+    """Refit the promising hypotheses; where a rest remains, other starts and shapes of the best."""
+    scene = base.scene
+    promising = [score.hypothesis for score in select_best_of_sites(ranked)[: settings.max_refits]]
+    laws = [hypothesis for hypothesis in promising if hypothesis.spring is not None]
+    tasks = [add_cause(current, hypothesis) for hypothesis in promising if hypothesis not in laws]
+    for hypothesis in _suggest_candidates(base, current, settings):
+        tasks.append(add_cause(current, hypothesis, _first_stages(hypothesis, settings)))
+    refits = run_refits(scene, tasks, settings.schedule)
+    refits += refit_laws(scene, current, laws, base.null.gap, settings)
+    best = min(refits, key=lambda refit: refit.objective, default=None)
+    if best is None or not is_gap_visible(best.gap):
+        return refits
+    cause = best.causes[-1]
+    refitted = {refit.causes[-1] for refit in refits}
+    further = [
+        score.hypothesis
+        for score in ranked
+        if score.hypothesis.site == cause.site
+        and score.hypothesis not in refitted
+        and score.hypothesis.spring is None
+    ]
+    tasks = _distant_tasks(current, cause, settings)
+    tasks += [
+        add_cause(current, shape) for shape in _one_each_direction(further)[: settings.max_variants]
+    ]
+    return [*refits, *run_refits(scene, tasks, settings.schedule)]
+
+
+def _suggest_candidates(
+    base: Baseline, current: Refit, settings: DiagnosisSettings
+) -> list[Hypothesis]:
+    """Return the faults that redundant channels prove and that no cause of the set is yet."""
+    sites = {cause.site for cause in current.causes}
+    session = base.scene.session
+    return [
+        hypothesis
+        for hypothesis in build_candidates(base.checks, session, settings)
+        if hypothesis.site not in sites and (hypothesis.reform is None or not current.causes)
+    ]
+
+
+def _first_stages(hypothesis: Hypothesis, settings: DiagnosisSettings) -> tuple[Stage, ...]:
+    """Return the first stages of a fit whose start is a guess, as that of a body's mode."""
+    return () if hypothesis.reform is None else _distant_stages(settings.schedule)[1:]
+
+
+def _distant_stages(schedule: FloorSchedule) -> tuple[Stage, ...]:
+    """Return two stages with a logarithmic residual and large floors, for distant starts.
+
+    Each has at most as many steps as all turns at a floor together: those that fail never end.
+    """
+    first, second = STAGES[1:3]
+    steps = schedule.max_turns * schedule.max_steps
+    return replace(first, max_steps=steps), replace(second, stride=first.stride, max_steps=steps)
+
+
+def _one_each_direction(hypotheses: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Return the best shape of each direction, then further shapes."""
+    first: dict[str | None, Hypothesis] = {}
+    for hypothesis in hypotheses:
+        first.setdefault(hypothesis.dof, hypothesis)
+    chosen = list(first.values())
+    rest = [hypothesis for hypothesis in hypotheses if hypothesis not in chosen]
+    return [*chosen, *rest]
+
+
+def _distant_tasks(
+    base: Refit, hypothesis: Hypothesis, settings: DiagnosisSettings
+) -> list[RefitTask]:
+    """Return refits from distant starts, where a strong effect may be found."""
+    stages = _distant_stages(settings.schedule)
+    return [
+        add_cause(base, replace(hypothesis, begin={**hypothesis.begin, **start}), stages)
+        for start in hypothesis.otherwise[: settings.max_variants]
+    ]
