@@ -9,8 +9,9 @@ from identification import correct_layout, read_campaign, read_settings, select_
 from identification.checks.unknown_gains import leave_out_unknown_gains
 from identification.readers.file_kinds import is_universal
 from identification.readers.frf_units import parse_frf_units
-from identification.words import Campaign, Dof, InputError, Signal
+from identification.words import Campaign, Dof, InputError, UsageError
 from mbmodel import (
+    ChannelPart,
     HammerGainPart,
     HammerPart,
     Machine,
@@ -26,9 +27,11 @@ from mbmodel import (
     sensor_parts,
     spring_parts,
 )
+from mbmodel.frf.ports import find_ports
 from mbmodel.parts import ToleranceKind
 from tuning.checks.data_against_model import compare_with_model
 from tuning.checks.export_faults import StatedExport
+from tuning.instrument_priors import instrument_priors
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
 from tuning.unknown_gains import divide_by_unknown_gains
@@ -114,12 +117,13 @@ def _refuse_wrong_exports(source: Path, model: Model, campaign: Campaign) -> Cam
 
 
 def _read_specification(path: Path) -> UserSpecification:
-    """Read what a user specifies under ``[tuning]`` of campaign.toml."""
-    tuning = read_settings(path)[1].tuning
+    """Read what a user specifies under ``[tuning]`` of campaign.toml, and for instruments."""
+    settings = read_settings(path)[1]
+    tuning = settings.tuning
     return UserSpecification(
         free=tuning.free,
         fix=tuning.fix,
-        prior=tuning.prior,
+        prior={**instrument_priors(settings), **tuning.prior},
         bounds={name: (low, high) for name, (low, high) in tuning.bounds.items()},
         ties=tuning.tie,
     )
@@ -149,9 +153,20 @@ def build_toleranced_model(machine: Machine, campaign: Campaign) -> Model:
                 for part in sensor_parts(machine, directions, unknown.sensors)
                 if part.point.name in read_points
             ),
+            *_other_channel_parts(machine, campaign),
             *hammer_parts(machine, _forces_at_points(machine, campaign)),
             *_force_channel_parts(campaign),
         ),
+    )
+
+
+def _other_channel_parts(machine: Machine, campaign: Campaign) -> tuple[ChannelPart, ...]:
+    """Return the gain and delay of each channel that is no direction of a sensor."""
+    sensors, unknown = set(machine.layout.sensors), campaign.unknown_gains.sensors
+    return tuple(
+        ChannelPart(channel, "unknown_gain" if channel.point in unknown else "sensor_gain")
+        for channel in campaign.outputs
+        if channel.point not in sensors
     )
 
 
@@ -210,7 +225,7 @@ def rebuild_for_machine(model: Model, machine: Machine) -> Model:
         *joint_parts(machine),
         *sensor_parts(machine, turning, unknown),
         *hammer_parts(machine, hit),
-        *(part for part in model.parts if isinstance(part, HammerGainPart)),
+        *(part for part in model.parts if isinstance(part, HammerGainPart | ChannelPart)),
     )
     by_parameters = {part.parameters: part for part in parts}
     return Model(machine, tuple(by_parameters[part.parameters] for part in model.parts))
@@ -240,7 +255,7 @@ def open_campaign(
         machine = load_machine(source.parent / str(settings.model), key=settings.key)
     machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
     campaign = read_campaign(source, settings, machine.layout)
-    _refuse_unknown_motors(source, machine, campaign)
+    _refuse_unknown_ports(source, machine, campaign)
     chosen = select_band(campaign, band, source)
     if not any(np.abs(test.estimate.frf.values).any() for test in chosen.tests):
         raise InputError(f"{source}: all FRFs are zero in the band: check the export")
@@ -249,12 +264,21 @@ def open_campaign(
     return source, machine, divide_by_unknown_gains(machine, chosen)
 
 
-def _refuse_unknown_motors(source: Path, machine: Machine, campaign: Campaign) -> None:
-    """Raise InputError for a reference without a colon that is no motor of the model."""
-    for reference in campaign.inputs:
-        if isinstance(reference, Signal) and reference.name not in machine.motors:
-            names = ", ".join(machine.motors) or "none"
-            raise InputError(
-                f"{source}: reference {reference.name!r} is no motor of the model (it has "
-                f"{names}): write a motor's name, or a label such as acc11:+x"
-            )
+def _refuse_unknown_ports(source: Path, machine: Machine, campaign: Campaign) -> None:
+    """Raise InputError for a channel or reference that is no port of the model.
+
+    A channel that reads forces, or the weight that a tilting accelerometer feels, is refused too:
+    its derivatives by the parameters are not known.
+    """
+    for side, ports in (("channel", campaign.outputs), ("reference", campaign.inputs)):
+        for port in ports:
+            outputs, inputs = ((port,), ()) if side == "channel" else ((), (port,))
+            try:
+                ports_there = find_ports(machine, outputs, inputs)
+            except UsageError as error:
+                raise InputError(f"{source}: {side} {error}") from error
+            if ports_there.further is not None:
+                raise InputError(
+                    f"{source}: channel {str(port)!r} reads forces or the weight in a tilting "
+                    "sensor, which only mbw predict handles: name its site or joint instead"
+                )

@@ -26,6 +26,9 @@ from identification.words import (
     DERIVATIVE_ORDER,
     Campaign,
     Complex,
+    Dof,
+    Frf,
+    Integers,
     Mask,
     NominalGain,
     Output,
@@ -33,6 +36,7 @@ from identification.words import (
     Test,
 )
 from mbmodel import Machine, as_drawn
+from mbmodel.frf.ports import find_ports
 from tuning.misfit.batch import predict
 
 _Node = tuple[str, str | None]  # location and direction of an unknown gain
@@ -110,11 +114,16 @@ def divide_by_unknown_gains(machine: Machine, campaign: Campaign) -> Campaign:
     )
 
 
+def _channel_node(dof: Output) -> _Node:
+    """Return location and direction of a channel's gain; a signal has a single channel."""
+    return f"sensor:{dof.point}", dof.direction[1:] if isinstance(dof, Dof) else ""
+
+
 def _nodes_of(campaign: Campaign, test: Test, dof: Output) -> tuple[_Node, ...]:
     """Return the unknown gains in the FRF of a channel."""
     unknown, nodes = campaign.unknown_gains, list[_Node]()
     if dof.point in unknown.sensors:
-        nodes.append((f"sensor:{dof.point}", dof.direction[1:]))
+        nodes.append(_channel_node(dof))
     if test.condition.instrument in unknown.hammers:
         nodes.append((f"hammer:{test.condition.instrument}", None))
     return tuple(nodes)
@@ -130,13 +139,22 @@ def _compare_cells(machine: Machine, campaign: Campaign) -> list[_Cell]:
     best: list[_Cell] = []
     for stretch in _SETTINGS.stretches:
         predicted = predict(model, model.drawn, _stretch(thin, 1 / stretch))
-        order = DERIVATIVE_ORDER[thin.tests[0].estimate.frf.quantity]
-        scaled = [values * stretch ** (order - 2) for values in predicted]
+        scaled = [
+            values * stretch ** (_orders_of(machine, test.estimate.frf)[:, None] - 2.0)
+            for test, values in zip(thin.tests, predicted, strict=True)
+        ]
         cells = _cells(thin, scaled)
         agreement = sum(abs(cell.cosine) for cell in cells)
         if not best or agreement > sum(abs(cell.cosine) for cell in best):
             best = cells
     return best
+
+
+def _orders_of(machine: Machine, frf: Frf) -> Integers:
+    """Return the derivative that each channel reads: 0, 1, 2 for position to acceleration."""
+    stated = find_ports(machine, frf.outputs, ()).orders
+    quantity = DERIVATIVE_ORDER[frf.quantity]
+    return np.array([quantity if order is None else order for order in stated], np.intp)
 
 
 def _stretch(campaign: Campaign, factor: float) -> Campaign:
@@ -265,10 +283,7 @@ def _divide(test: Test, gains: dict[_Node, float]) -> Test:
     estimate = test.estimate
     hammer = gains.get((f"hammer:{test.condition.instrument}", None), 1.0)
     factors = np.array(
-        [
-            hammer * gains.get((f"sensor:{dof.point}", dof.direction[1:]), 1.0)
-            for dof in estimate.frf.outputs
-        ]
+        [hammer * gains.get(_channel_node(dof), 1.0) for dof in estimate.frf.outputs]
     )[None, :, None]
     frf = replace(estimate.frf, values=estimate.frf.values / factors)
     divided = replace(estimate, frf=frf, variance=estimate.variance / factors**2)

@@ -58,7 +58,8 @@ def build_bending_hypothesis(
 
     machine = reform_machine(session.model.machine)
     layout = machine.layout
-    sites = dict.fromkeys(dof.point for dof in session.campaign.outputs)
+    outputs = session.campaign.outputs
+    sites = dict.fromkeys(dof.point for dof in outputs if isinstance(dof, Dof))
     sensors = tuple(site for site in sites if layout.body_name(site) == body)
     points = dict.fromkeys(
         reference.point for reference in session.campaign.inputs if isinstance(reference, Dof)

@@ -14,7 +14,7 @@ from identification.words import (
     is_hammer_point,
     node_number,
 )
-from mbmodel import Machine, parent_bodies
+from mbmodel import ChannelPart, Machine, parent_bodies
 
 
 def list_varying_names(scene: Scene) -> set[str]:
@@ -23,13 +23,17 @@ def list_varying_names(scene: Scene) -> set[str]:
 
 
 def list_sensors(scene: Scene) -> list[str]:
-    """Return the sites that some test reads, in the order of the layout."""
+    """Return the sites that some test reads, in the order of the layout, then other channels."""
     tests = scene.session.campaign.tests
     measured = {dof.point for test in tests for dof in test.estimate.frf.outputs}
     points = scene.model.machine.layout.points
-    return [
+    sites = [
         p for p in points if p in measured and node_number(p) is not None and not is_hammer_point(p)
     ]
+    signals = dict.fromkeys(
+        part.channel.point for part in scene.model.parts if isinstance(part, ChannelPart)
+    )
+    return [*sites, *(point for point in signals if point not in sites)]
 
 
 def list_references(scene: Scene) -> tuple[Input, ...]:
@@ -51,14 +55,22 @@ def name_vector(prefix: str) -> tuple[str, ...]:
     return tuple(f"{prefix}{axis}" for axis in "xyz")
 
 
-def list_gains(site: str) -> list[tuple[str, str]]:
-    """Return the directions of a sensor's channels with the names of their gains."""
-    return [(d, f"{site}.gain_{d[1:] if d[0] == 't' else d}") for d in DIRECTIONS]
+def list_gains(site: str) -> list[tuple[str | None, str]]:
+    """Return the directions of a sensor's channels with the names of their gains.
+
+    A signal, such as an encoder, has one channel without direction.
+    """
+    of_directions = [(d, f"{site}.gain_{d[1:] if d[0] == 't' else d}") for d in DIRECTIONS]
+    return [*of_directions, (None, f"{site}.gain")]
 
 
-def list_delays(site: str) -> list[tuple[str, str]]:
-    """Return the directions of a sensor's channels with the names of their delays."""
-    return [(d, f"{site}.delay_{d[1:] if d[0] == 't' else d}") for d in DIRECTIONS]
+def list_delays(site: str) -> list[tuple[str | None, str]]:
+    """Return the directions of a sensor's channels with the names of their delays.
+
+    A signal, such as an encoder, has one channel without direction.
+    """
+    of_directions = [(d, f"{site}.delay_{d[1:] if d[0] == 't' else d}") for d in DIRECTIONS]
+    return [*of_directions, (None, f"{site}.delay")]
 
 
 def list_instruments(scene: Scene) -> tuple[str, ...]:

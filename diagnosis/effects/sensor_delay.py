@@ -11,20 +11,26 @@ import numpy as np
 from diagnosis.effects.points import list_delays, list_sensors, list_varying_names
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
 from identification import FAULT_PHRASES
-from identification.words import Dof
+from identification.words import Dof, Output
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
     """Yield one for each sensor whose delays have a tolerance."""
-    varying, measured = list_varying_names(scene), set(scene.session.campaign.outputs)
+    varying = list_varying_names(scene)
+    measured = {(dof.point, _direction(dof)) for dof in scene.session.campaign.outputs}
     for site in list_sensors(scene):
         names = tuple(
             name
             for direction, name in list_delays(site)
-            if name in varying and Dof(site, f"+{direction}") in measured
+            if name in varying and (site, direction) in measured
         )
         if names:
             yield _release_delays(site, names)
+
+
+def _direction(channel: Output) -> str | None:
+    """Return the direction of a channel, None for a signal."""
+    return channel.direction[1:] if isinstance(channel, Dof) else None
 
 
 def _release_delays(site: str, names: tuple[str, ...]) -> Hypothesis:

@@ -38,10 +38,10 @@ def compute_residual_shares(gaps: ChannelGaps, layout: Layout) -> tuple[Residual
     """
     has_noise = gaps.noise > 0
     squares = np.where(has_noise, gaps.error / np.where(has_noise, gaps.noise, 1.0), 0.0) ** 2
-    bodies = np.array([layout.body_name(dof.point) for dof in gaps.outputs])
+    bodies = np.array([layout.owner_name(dof) for dof in gaps.outputs])
     total = squares.sum()
     shares = []
-    for body in layout.bodies:
+    for body in dict.fromkeys((*layout.bodies, *bodies.tolist())):
         is_on_body = (bodies == body) & has_noise
         if is_on_body.any() and total > 0:
             shares.append(

@@ -37,9 +37,7 @@ def _propose_test_at(place: str, machine: Machine, campaign: Campaign) -> str:
     bodies = _find_bodies(place, machine)
     if not bodies:
         return f"look at {place or 'the joints'}, and hit other bodies at each level as well"
-    channels = Counter(
-        campaign.layout.body_name(dof.point) for dof in _find_measured_channels(campaign)
-    )
+    channels = Counter(campaign.layout.owner_name(dof) for dof in _find_measured_channels(campaign))
     blind = [body for body in bodies if channels[body] < len(DIRECTIONS)]
     if blind:
         return (

@@ -17,7 +17,7 @@ from identification.readers.file_kinds import (
     is_universal,
 )
 from identification.readers.uff_records import holds_uff_time_records, read_uff_records
-from identification.words import Condition, Dof, HitEstimate, InputError, Records, Test
+from identification.words import Condition, HitEstimate, InputError, Port, Records, Test
 
 # Keys of a [[test]] that only time records use.
 _RECORD_KEYS = (
@@ -33,7 +33,7 @@ _Arrays = dict[str, np.ndarray]  # content of a .mat or .npz file, by name
 
 # Returns responses and references of a file at sites instead of node numbers.
 SiteNamer = Callable[
-    [Path, tuple[Dof, ...], tuple[Dof, ...]], tuple[tuple[Dof, ...], tuple[Dof, ...]]
+    [Path, tuple[Port, ...], tuple[Port, ...]], tuple[tuple[Port, ...], tuple[Port, ...]]
 ]
 
 
@@ -101,7 +101,7 @@ def _read(
     ignored = {(site, axis) for site, sensor in corrections.items() for axis in sensor.ignore}
     for records in _read_records(file, entry, arrays):
         outputs, (reference,) = name_sites(file, records.outputs, (records.reference,))
-        kept = np.array([(dof.point, dof.direction[-1]) not in ignored for dof in outputs])
+        kept = np.array([(dof.point, dof.direction[-1:]) not in ignored for dof in outputs])
         if not kept.any():
             raise InputError(
                 f"{file}: all channels of reference {reference} are ignored: ignore fewer"

@@ -12,9 +12,9 @@ from identification.readers.frf_units import parse_frf_units, unit_remarks
 from identification.words import (
     MAX_INPUT_MAGNITUDE,
     Complex,
-    Dof,
     Input,
     InputError,
+    Output,
     Quantity,
     Real,
 )
@@ -111,7 +111,7 @@ def _refuse_nan(
     path: Path,
     name: str,
     array: Complex | Real,
-    responses: tuple[Dof, ...],
+    responses: tuple[Output, ...],
     inputs: tuple[Input, ...],
 ) -> None:
     """Refuse an array with NaN or values beyond any measurement; name its line and channel."""

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from identification.readers.channel_labels import parse_channels
+from identification.readers.channel_labels import parse_channels, parse_references
 from identification.readers.frf_units import parse_frf_units
 from identification.words import MAX_INPUT_MAGNITUDE, InputError, Quantity, Real, Records
 
@@ -48,7 +48,7 @@ def read_array_records(
     Raises:
         InputError: the arrays contradict channels or references, or the rate is missing.
     """
-    outputs, inputs = parse_channels(path, channels), parse_channels(path, references, "references")
+    outputs, inputs = parse_channels(path, channels), parse_references(path, references)
     force, motion = _numbers(path, arrays, _FORCE_NAME), _numbers(path, arrays, _RESPONSE_NAME)
     rate = _rate(path, arrays)
     n_in, n_out, n_sample = len(inputs), len(outputs), force.shape[-1]

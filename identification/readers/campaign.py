@@ -17,7 +17,13 @@ from identification.hits.campaign import tests_from_records
 from identification.hits.drive_point import drive_point_signs
 from identification.noise.variance import coherence_variance, difference_variance
 from identification.readers.array_frfs import read_arrays
-from identification.readers.campaign_toml import CampaignSettings, SensorSettings, TestSettings
+from identification.readers.campaign_toml import (
+    CampaignSettings,
+    SensorSettings,
+    TestSettings,
+    port_key,
+    stated_channels,
+)
 from identification.readers.coherence import check_coherence
 from identification.readers.file_kinds import (
     array_description,
@@ -40,6 +46,7 @@ from identification.words import (
     InputError,
     Layout,
     Mask,
+    Port,
     Real,
     Signal,
     Test,
@@ -47,6 +54,7 @@ from identification.words import (
     UnknownGains,
     VarianceSource,
     node_number,
+    settle_port,
 )
 
 _TINY_SQUARED_FRF = 1e-300  # avoids a division by zero
@@ -107,8 +115,12 @@ def read_campaign(path: Path, settings: CampaignSettings, layout: Layout) -> Cam
 def _unknown_gains(settings: CampaignSettings) -> UnknownGains:
     """Return the sensors, hammers and drives whose gain campaign.toml calls unknown."""
     return UnknownGains(
-        frozenset(site for site, sensor in settings.sensor.items() if sensor.gain == "unknown"),
-        frozenset(name for name, hammer in settings.hammer.items() if hammer.gain == "unknown"),
+        frozenset(
+            port_key(site) for site, sensor in settings.sensor.items() if sensor.gain == "unknown"
+        ),
+        frozenset(
+            port_key(name) for name, hammer in settings.hammer.items() if hammer.gain == "unknown"
+        ),
     )
 
 
@@ -128,8 +140,12 @@ def correct_layout(path: Path, settings: CampaignSettings, layout: Layout) -> La
     Raises:
         InputError: the layout does not have a site or body that a correction names.
     """
+    other_channels = stated_channels(settings)
     for site, correction in settings.sensor.items():
         if site not in layout.points:
+            has_axes = correction.flip or any(correction.turn) or correction.body
+            if port_key(site) in other_channels and not has_axes:
+                continue
             raise InputError(
                 f"{path}: sensor.{site}: the model has no site {site!r}: name one of its sites"
             )
@@ -162,7 +178,7 @@ def _tests_of_table(
 ) -> list[Test]:
     """Build one test for each reference, without the channels that are ignored."""
     ignored = {(site, axis) for site, sensor in corrections.items() for axis in sensor.ignore}
-    kept = np.array([(d.point, d.direction[-1]) not in ignored for d in table.responses])
+    kept = np.array([(d.point, d.direction[-1:]) not in ignored for d in table.responses])
     for column, reference in enumerate(table.references):
         if not (table.measured[:, column] & kept).any():
             raise InputError(
@@ -197,34 +213,35 @@ def _read_table(file: Path, entry: TestSettings) -> FrfTable:
 
 def _on_sites(file: Path, table: FrfTable, layout: Layout) -> FrfTable:
     """Return the table with the sites of the layout instead of node numbers."""
-    points = tuple(dof for dof in table.references if isinstance(dof, Dof))
-    responses, located = _name_sites(layout, file, table.responses, points)
-    site_of = dict(zip(points, located, strict=True))
-    references = tuple(
-        site_of[dof] if isinstance(dof, Dof) else _refuse_point(file, layout, dof)
-        for dof in table.references
-    )
+    responses, references = _name_sites(layout, file, table.responses, table.references)
     return replace(table, responses=responses, references=references)
 
 
-def _refuse_point(file: Path, layout: Layout, motor: Signal) -> Signal:
-    """Return a motor, unless its name is that of a point or body, whose direction is missing."""
-    if motor.name in (*layout.points, *layout.bodies):
+def _refuse_point(file: Path, layout: Layout, signal: Signal) -> Signal:
+    """Return a signal, unless its name is that of a point or body, whose direction is missing."""
+    if signal.name in (*layout.points, *layout.bodies):
         raise InputError(
-            f"{file}: reference {motor.name!r} names a point or body without a direction: write "
-            f"{motor.name}:+x"
+            f"{file}: {signal.name!r} names a point or body without a direction: write "
+            f"{signal.name}:+x"
         )
-    return motor
+    return signal
 
 
 def _name_sites(
-    layout: Layout, file: Path, responses: tuple[Dof, ...], references: tuple[Dof, ...]
-) -> tuple[tuple[Dof, ...], tuple[Dof, ...]]:
-    """Return responses and references at the sites of the layout instead of node numbers."""
+    layout: Layout, file: Path, responses: tuple[Port, ...], references: tuple[Port, ...]
+) -> tuple[tuple[Port, ...], tuple[Port, ...]]:
+    """Return responses and references at the sites of the layout instead of node numbers.
 
-    def name_site(dof: Dof, find: Callable[[int], str | None]) -> Dof:
-        """Return the degree of freedom at the site that the function finds for its node."""
-        named = dof.point if dof.point in layout.points else None
+    A signal keeps its name, but that of a pair or offset which is a site's name is the site.
+    """
+    names = (*layout.points, *layout.bodies)
+
+    def name_site(port: Port, find: Callable[[int], str | None]) -> Port:
+        """Return the port at the site that the function finds for its node."""
+        dof = settle_port(port, names)
+        if isinstance(dof, Signal):
+            return _refuse_point(file, layout, dof)
+        named = dof.point if dof.point in names else None
         site = find(int(dof.point)) if dof.point.isdecimal() else named
         if site is None:
             raise InputError(
@@ -235,11 +252,12 @@ def _name_sites(
 
     responses = tuple(name_site(dof, layout.sensor_at_node) for dof in responses)
     references = tuple(name_site(dof, layout.hammer_at_node) for dof in references)
-    for dofs in (responses, references):
+    sides: tuple[tuple[Port, ...], ...] = (responses, references)
+    for dofs in sides:
         if len({dof.positive for dof in dofs}) < len(dofs):
-            names = ", ".join(map(str, dofs))
+            doubled = ", ".join(map(str, dofs))
             raise InputError(
-                f"{file} holds a point and direction under two names ({names}): remove one"
+                f"{file} holds a point and direction under two names ({doubled}): remove one"
             )
     return responses, references
 

@@ -8,7 +8,17 @@ from pydantic import Field
 
 from identification.readers.ignored_lines import FrequencyRange
 from identification.readers.toml_files import FileName, TomlTable, Turn, load_toml, read_toml
-from identification.words import DEFAULT_HAMMER, Estimator, InputError, Quantity, Tolerance
+from identification.words import (
+    DEFAULT_HAMMER,
+    Estimator,
+    InputError,
+    Port,
+    Quantity,
+    Signal,
+    Tolerance,
+    UsageError,
+    parse_port,
+)
 from identification.words.file_access import check_file
 
 _MIN_WINDOW_TAU_S = 1e-4  # s: shorter time constants are no exponential windows of hits
@@ -55,19 +65,27 @@ class TestSettings(TomlTable):
 
 
 class SensorSettings(TomlTable):
-    """Settings of one ``[sensor.<site>]``: corrections that leave the MJCF as it is."""
+    """Settings of one ``[sensor.<site>]``: corrections that leave the MJCF as it is.
+
+    A channel that is no site, such as an encoder, goes by its name. ``gain_tolerance`` (relative)
+    and ``delay_tolerance`` [s] replace those of ``[tolerance]`` for its channels.
+    """
 
     flip: list[Literal["x", "y", "z"]] = Field(default_factory=list)
     turn: Turn = Field(default=[0.0, 0.0, 0.0])
     ignore: list[Literal["x", "y", "z"]] = Field(default_factory=list)
     body: str | None = None
     gain: Literal["unknown"] | None = None
+    gain_tolerance: float | None = Field(default=None, gt=0)
+    delay_tolerance: float | None = Field(default=None, gt=0)
 
 
 class HammerSettings(TomlTable):
     """Settings of one ``[hammer.<name>]``: a hammer or drive that tests name, or ``default``."""
 
     gain: Literal["unknown"] | None = None
+    gain_tolerance: float | None = Field(default=None, gt=0)
+    delay_tolerance: float | None = Field(default=None, gt=0)
 
 
 class ToleranceSettings(TomlTable):
@@ -180,19 +198,47 @@ def _refuse_unnamed_hammers(path: Path, settings: CampaignSettings) -> None:
     """Raise InputError for a ``[hammer.<name>]`` that no test uses."""
     named = {test.hammer or DEFAULT_HAMMER for test in settings.test}
     motors = {
-        text
+        port.point
         for test in settings.test
         if test.hammer is None
         for text in test.references or []
-        if ":" not in text
+        if isinstance(port := _try_port(text), Signal)
     }
     for name in settings.hammer:
-        if name not in named | motors:
+        if port_key(name) not in named | motors:
             names = ", ".join(sorted(named | motors))
             raise InputError(
                 f"{path}: hammer.{name}: no test has this hammer (there are {names}): name one of "
                 f'them, or add hammer = "{name}" to its [[test]]'
             )
+
+
+def port_key(name: str) -> str:
+    """Return the name by which gain and delay of a channel or drive go.
+
+    Args:
+        name: of a site, hammer or signal, as campaign.toml writes it.
+    """
+    port = _try_port(name)
+    return port.point if isinstance(port, Signal) else name
+
+
+def stated_channels(settings: CampaignSettings) -> set[str]:
+    """Return the names by which gains of the channels go that campaign.toml lists by label."""
+    texts = (
+        text
+        for test in settings.test
+        for text in (test.channels if isinstance(test.channels, list) else [])
+    )
+    return {port.point for port in map(_try_port, texts) if port is not None}
+
+
+def _try_port(text: str) -> Port | None:
+    """Return the port of a text, or None for another text."""
+    try:
+        return parse_port(text)
+    except UsageError:
+        return None
 
 
 def find_campaign_file(folder: Path) -> Path:

@@ -2,22 +2,23 @@
 
 import re
 from pathlib import Path
-from typing import TypeVar
 
-from identification.words import Dof, Input, InputError, Signal, UsageError
+from identification.words import Dof, Input, InputError, Output, Port, UsageError, parse_port
 
 _NODE_RANGE = re.compile(r"(?P<first>[0-9]{1,18})(\.\.(?P<last>[0-9]{1,18}))?")
 _MAX_CHANNELS = 100_000  # of a campaign: a range beyond it is a slip of the pen
 _MAX_QUOTED_LETTERS = 40  # of a wrong text in a message
-_Label = TypeVar("_Label", Dof, Input)
 
 
-def parse_channels(path: Path, channels: str | list[str], key: str = "channels") -> tuple[Dof, ...]:
+def parse_channels(
+    path: Path, channels: str | list[str], key: str = "channels"
+) -> tuple[Output, ...]:
     """Return the channels of ``"nodes 1..4 7, xyz"`` (node by node) or of a list of labels.
 
     Raises:
         InputError: the text is neither, there is no channel, or a channel appears twice.
     """
+    dofs: tuple[Output, ...]
     if isinstance(channels, str):
         dofs = _expand_range(path, channels)
     else:
@@ -25,7 +26,7 @@ def parse_channels(path: Path, channels: str | list[str], key: str = "channels")
     return _refuse_duplicates(path, key, dofs)
 
 
-def _refuse_duplicates(path: Path, key: str, dofs: tuple[_Label, ...]) -> tuple[_Label, ...]:
+def _refuse_duplicates(path: Path, key: str, dofs: tuple[Port, ...]) -> tuple[Port, ...]:
     """Return the degrees of freedom unless there is none or one appears twice."""
     if not dofs or len({dof.positive for dof in dofs}) < len(dofs):
         raise InputError(f"{path}: {key} are empty or name a degree of freedom twice: correct them")
@@ -38,7 +39,7 @@ def parse_references(path: Path, references: list[str]) -> tuple[Input, ...]:
     Raises:
         InputError: a label is malformed, there is no reference, or one appears twice.
     """
-    inputs = tuple(_parse_reference(path, text) for text in references)
+    inputs = tuple(_parse(path, text) for text in references)
     return _refuse_duplicates(path, "references", inputs)
 
 
@@ -77,17 +78,14 @@ def _node_range(path: Path, text: str) -> range:
     return nodes
 
 
-def _parse(path: Path, text: str) -> Dof:
-    """Parse a label and report failures with the file."""
+def _parse(path: Path, text: str) -> Port:
+    """Parse a label, or the name of a signal, which is no number; failures name the file."""
+    name = text.strip()
     try:
-        return Dof.parse(text)
+        if name.isdecimal() or not name:
+            raise UsageError(
+                f"{text!r} is not a label: write <point>:<sign><direction>, such as acc11:+tx"
+            )
+        return parse_port(name)
     except UsageError as error:
         raise InputError(f"{path}: {error}") from error
-
-
-def _parse_reference(path: Path, text: str) -> Input:
-    """Parse a label, or the name of a motor, which has no colon and is no number."""
-    name = text.strip()
-    if name and ":" not in name and not name.isdecimal():
-        return Signal(name)
-    return _parse(path, text)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from identification.words import Complex, Dof, Input, Mask, Quantity, Real
+from identification.words import Complex, Input, Mask, Output, Quantity, Real
 
 _MAX_ZERO_LINE = 1e-3  # of the spacing: a lower first line stands for 0 Hz
 
@@ -26,7 +26,7 @@ class FrfTable:
     values: Complex
     coherence: Real | None
     measured: Mask
-    responses: tuple[Dof, ...]
+    responses: tuple[Output, ...]
     references: tuple[Input, ...]
     quantity: Quantity
     remarks: tuple[str, ...] = ()

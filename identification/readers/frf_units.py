@@ -19,7 +19,7 @@ from identification.readers.units import (
     rotation_label_factor,
     torque_label_factor,
 )
-from identification.words import Campaign, Dof, Input, InputError, Quantity, Real
+from identification.words import Campaign, Dof, Input, InputError, Output, Quantity, Real, Signal
 
 _TRANSLATION, _ROTATION, _FORCE, _TORQUE, _SIGNAL = (
     "translations",
@@ -42,19 +42,25 @@ class FrfUnits:
     motion: dict[str, float]
     drive: dict[str, float]
 
-    def motion_factor(self, output: Dof) -> float | None:
-        """Return the factor of the motion at an output, or None if no unit states it."""
+    def motion_factor(self, output: Output) -> float | None:
+        """Return the factor of the motion at an output, or None if no unit states it.
+
+        An encoder or sensor goes by the unit of signals, else by the only one of motions.
+        """
+        if isinstance(output, Signal) and not output.is_directed:
+            only = next(iter(self.motion.values())) if len(self.motion) == 1 else None
+            return self.motion.get(_SIGNAL, only)
         kind = _ROTATION if output.is_rotation else _TRANSLATION
         return self.motion.get(kind, self.motion.get(_SIGNAL))
 
     def drive_factor(self, reference: Input) -> float | None:
         """Return the factor of what drives at a reference, or None if no unit states it."""
-        if not isinstance(reference, Dof):
+        if isinstance(reference, Signal) and not reference.is_directed:
             return self.drive.get(_SIGNAL)
         kind = _TORQUE if reference.is_rotation else _FORCE
         return self.drive.get(kind, self.drive.get(_SIGNAL))
 
-    def factors(self, outputs: tuple[Dof, ...], references: tuple[Input, ...]) -> Real:
+    def factors(self, outputs: tuple[Output, ...], references: tuple[Input, ...]) -> Real:
         """Return the factors of FRFs, SI where no unit states a kind; (n_out, n_in)."""
         motion = [self.motion_factor(output) or 1.0 for output in outputs]
         drive = [self.drive_factor(reference) or 1.0 for reference in references]
@@ -68,7 +74,7 @@ class FrfUnits:
         return (self.motion_factor(output) or 1.0) / (self.drive_factor(reference) or 1.0)
 
     def list_kinds_in_si(
-        self, outputs: tuple[Dof, ...], references: tuple[Input, ...]
+        self, outputs: tuple[Output, ...], references: tuple[Input, ...]
     ) -> list[str]:
         """List the kinds that a file holds and no unit states, where some unit is not SI."""
         values = (*self.motion.values(), *self.drive.values())
@@ -110,7 +116,7 @@ def parse_frf_units(path: Path, quantity: Quantity, unit: str | None) -> FrfUnit
 
 
 def unit_remarks(
-    path: Path, units: FrfUnits, outputs: tuple[Dof, ...], references: tuple[Input, ...]
+    path: Path, units: FrfUnits, outputs: tuple[Output, ...], references: tuple[Input, ...]
 ) -> tuple[str, ...]:
     """Return a remark if a file holds kinds of motion or drive that its unit does not state."""
     kinds = units.list_kinds_in_si(outputs, references)
@@ -136,7 +142,8 @@ def refuse_signals_of_known_gain(path: Path, campaign: Campaign, units: dict[str
         unit = units.get(condition.test)
         stated = parse_frf_units(path, estimate.frf.quantity, unit)
         reference = condition.reference
-        has_signal = _SIGNAL in stated.drive and isinstance(reference, Dof)
+        is_force = isinstance(reference, Dof) or reference.is_directed or reference.is_joint
+        has_signal = _SIGNAL in stated.drive and is_force
         if has_signal and condition.instrument not in unknown.hammers:
             raise InputError(
                 f"{path}: {condition.test}: unit {unit!r} gives what drives {reference} as a "

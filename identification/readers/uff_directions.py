@@ -10,7 +10,7 @@ from typing import Self
 
 from identification.readers.channel_labels import parse_channels
 from identification.readers.uff_datasets import Record
-from identification.words import Dof, InputError
+from identification.words import Dof, InputError, Port
 
 _KEY_OF_END = {"response": "channels", "reference": "references"}
 _FIELD_OF_END = {"response": "rsp", "reference": "ref"}
@@ -27,7 +27,7 @@ class StatedDirections:
     """
 
     path: Path
-    dofs: dict[str, tuple[Dof, ...]] = field(default_factory=dict)
+    dofs: dict[str, tuple[Port, ...]] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
 
     @classmethod
@@ -74,7 +74,8 @@ class StatedDirections:
                 f"{name}: {end} direction {direction} is none of +-1..6: give the channel a "
                 "direction"
             )
-        dofs = [dof for dof in self.dofs.get(key, ()) if dof.point == node]
+        stated_dofs = [dof for dof in self.dofs.get(key, ()) if isinstance(dof, Dof)]
+        dofs = [dof for dof in stated_dofs if dof.point == node]
         if len(dofs) != 1:
             count = "no direction" if not dofs else f"{len(dofs)} directions"
             example = f'["{node}:+z"]' + (f' or "nodes {node}, z"' if key == "response" else "")

@@ -44,6 +44,7 @@ from identification.words.signal import (
     Signal,
     parse_port,
     settle_port,
+    split_label,
 )
 
 __all__ = [
@@ -98,4 +99,5 @@ __all__ = [
     "parse_port",
     "settle_port",
     "shorten_names",
+    "split_label",
 ]

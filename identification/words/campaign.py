@@ -60,7 +60,7 @@ class Condition:
         """
         if self.hammer is not None:
             return self.hammer
-        return self.reference.name if isinstance(self.reference, Signal) else DEFAULT_HAMMER
+        return self.reference.point if isinstance(self.reference, Signal) else DEFAULT_HAMMER
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,8 @@ class NominalGain:
 
     Args:
         location: ``sensor:<site>`` or ``hammer:<name>``.
-        direction: direction of the channel, such as ``tx``; None for a force channel.
+        direction: direction of the channel, such as ``tx``; empty for a signal, which has one
+            channel; None for a force channel.
         value: gain by which the FRFs of the campaign were divided.
         is_product: whether the data show the product with the gain of the force channel only.
     """
@@ -26,6 +27,8 @@ class NominalGain:
         place = self.location.partition(":")[2]
         if self.direction is None:
             return f"hammer({place}).gain"
+        if not self.direction:
+            return f"{place}.gain"
         axis = self.direction[1:] if self.direction[0] == "t" else self.direction
         return f"{place}.gain_{axis}"
 
@@ -33,7 +36,7 @@ class NominalGain:
     def label(self) -> str:
         """Place and direction in words, such as ``acc3 tx`` or ``hammer default``."""
         kind, _, place = self.location.partition(":")
-        return f"{kind} {place}" if self.direction is None else f"{place} {self.direction}"
+        return f"{kind} {place}" if self.direction is None else f"{place} {self.direction}".strip()
 
 
 @dataclass(frozen=True)

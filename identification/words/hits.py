@@ -6,8 +6,8 @@ from typing import Literal
 import numpy as np
 
 from identification.words._arrays import Complex, Real, frozen_array
-from identification.words.dof import Dof
 from identification.words.frf import FrfEstimate
+from identification.words.signal import Input
 
 Estimator = Literal["H1", "H2", "Hv"]
 
@@ -147,7 +147,7 @@ class HitEstimate:
     """
 
     test: str
-    reference: Dof
+    reference: Input
     estimate: FrfEstimate
     estimator: Estimator
     kept: tuple[Hit, ...]

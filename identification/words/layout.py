@@ -11,7 +11,7 @@ from identification.words._arrays import MAX_INPUT_MAGNITUDE, Integers, Real, fr
 from identification.words.dof import Dof
 from identification.words.errors import UsageError
 from identification.words.names import shorten_names
-from identification.words.signal import Port, Signal
+from identification.words.signal import Port, Signal, parse_port
 
 _NODE_SUFFIX = re.compile(r"(\d+)$")
 _HAMMER_POINT = re.compile(r"hit\d+$")
@@ -126,6 +126,22 @@ class Layout:
             UsageError: the layout does not have the point.
         """
         return self.bodies[self._place(point)[0]]
+
+    def parse(self, text: str) -> Port:
+        """Return the direction at a point, or the signal, that a text names.
+
+        Raises:
+            UsageError: the text is no label.
+        """
+        return parse_port(text, (*self.points, *self.bodies))
+
+    def owner_name(self, port: Port) -> str:
+        """Return the name of the body at which a port sits; a signal stands for itself.
+
+        Raises:
+            UsageError: the layout does not have the point.
+        """
+        return port.point if isinstance(port, Signal) else self.body_name(port.point)
 
     @property
     def sensors(self) -> tuple[str, ...]:

@@ -13,8 +13,8 @@ from identification.words._arrays import (
     Real,
     frozen_array,
 )
-from identification.words.dof import Dof
 from identification.words.frf import DERIVATIVE_ORDER, Quantity
+from identification.words.signal import Input, Output
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +43,8 @@ class Records:
     rate_hz: float
     force: Real
     motion: Real
-    outputs: tuple[Dof, ...]
-    reference: Dof
+    outputs: tuple[Output, ...]
+    reference: Input
     quantity: Quantity
     ceilings: Real | None = None
     test: str = ""

@@ -128,6 +128,18 @@ def parse_port(text: str, points: Collection[str] = ()) -> Port:
     return settle_port(dof, points)
 
 
+def split_label(text: str) -> tuple[str, str]:
+    """Return place and direction of a label as text, such as ``acc11`` and ``tx``.
+
+    A signal without direction, such as ``joint:ty_tx``, has an empty one.
+    """
+    match = None if text.startswith(JOINT_PREFIX) else _SIGNED_DIRECTION.fullmatch(text)
+    if match is None:
+        return text, ""
+    axis = match["axis"]
+    return match["place"], axis if len(axis) > 1 else f"t{axis}"
+
+
 def settle_port(port: Port, points: Collection[str]) -> Port:
     """Return a label as a direction at a drawn point if there is the point, else as a signal.
 

@@ -14,7 +14,6 @@ from identification.words import (
     Real,
     Signal,
     UsageError,
-    parse_port,
 )
 from mbmodel.frf.request import FrfRequest
 from mbmodel.frf.signal_rows import (
@@ -170,7 +169,7 @@ def parse_input(machine: Machine, text: str) -> Input:
     Raises:
         UsageError: the text names none of these.
     """
-    port = _parse(machine, text)
+    port = machine.layout.parse(text)
     find_ports(machine, (), (port,))
     return port
 
@@ -186,14 +185,9 @@ def parse_output(machine: Machine, text: str) -> Output:
     Raises:
         UsageError: the text names none of these.
     """
-    port = _parse(machine, text)
+    port = machine.layout.parse(text)
     find_ports(machine, (port,), ())
     return port
-
-
-def _parse(machine: Machine, text: str) -> Port:
-    """Return the port of a text; the layout says which names hold marks themselves."""
-    return parse_port(text, (*machine.layout.points, *machine.layout.bodies))
 
 
 def direction_selection(dofs: Sequence[Port], point: str) -> Real:

@@ -2,6 +2,7 @@
 
 from mbmodel.parts.added import AddedPart
 from mbmodel.parts.bodies import BodyPart, body_parts
+from mbmodel.parts.channels import ChannelPart, channel_parts
 from mbmodel.parts.hammer_gain import HammerGainPart, hammer_gain_parts
 from mbmodel.parts.joints import JointPart, joint_parts
 from mbmodel.parts.part import (
@@ -20,6 +21,7 @@ __all__ = [
     "AddedPart",
     "BodyPart",
     "Change",
+    "ChannelPart",
     "ConditionalPart",
     "HammerGainPart",
     "HammerPart",
@@ -32,6 +34,7 @@ __all__ = [
     "SpringPart",
     "ToleranceKind",
     "body_parts",
+    "channel_parts",
     "hammer_gain_parts",
     "hammer_parts",
     "joint_parts",

@@ -6,7 +6,7 @@ import numpy as np
 
 from diagnosis.inference.evidence import ForceGain
 from diagnosis.labels import name_direction
-from identification.words import Dof, Real
+from identification.words import Real, split_label
 from mbw.diagnose.effect_parameters import number
 from mbw.diagnose.headline import badges, doubts, lead
 from mbw.diagnose.link_axis import axis_words
@@ -145,12 +145,12 @@ def _channels(result: StoredDiagnosis) -> list[dict[str, object]]:
     channels: list[dict[str, object]] = []
     tests = result.shown.tests
     for k, row in enumerate(result.shown.channels):
-        dof = Dof.parse(row.output)
+        point, direction = split_label(row.output)
         channels.append(
             {
                 **row.model_dump(),
                 "unit": frf_unit(result.shown.quantity, row.output, tests[row.test].reference),
-                "out": (dof.point, dof.direction[1:]) in removed or (dof.point, None) in removed,
+                "out": (point, direction) in removed or (point, None) in removed,
                 **{name: values[k] for name, values in numbers.items()},
             }
         )

@@ -96,7 +96,7 @@ def collect_result(diagnosis: Diagnosis, not_in_mjcf: Sequence[NotInMjcf] = ()) 
         block=diagnosis.retuned.width,
         tests=_tests(campaign),
         channels=[
-            ChannelRow(output=str(dof), body=campaign.layout.body_name(dof.point), test=test)
+            ChannelRow(output=str(dof), body=campaign.layout.owner_name(dof), test=test)
             for test, dof in cells
         ],
         corrected=corrected,

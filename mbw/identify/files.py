@@ -20,7 +20,6 @@ from identification.words import (
     Layout,
     ModalModel,
     Quantity,
-    Signal,
 )
 from mbw.identify.body_frfs import BODY_MAT, BODY_NPZ, BODY_UFF, reduce_to_centres, write_body_frfs
 from mbw.identify.result import IdentificationResult
@@ -57,8 +56,8 @@ def _measured_estimate(result: IdentificationResult) -> FrfEstimate:
     frf = Frf(
         arrays["freq_hz"],
         arrays["measured"],
-        tuple(Dof.parse(label) for label in summary.outputs),
-        tuple(Dof.parse(text) if ":" in text else Signal(text) for text in summary.inputs),
+        tuple(result.layout.parse(label) for label in summary.outputs),
+        tuple(result.layout.parse(label) for label in summary.inputs),
         cast(Quantity, summary.quantity),
     )
     variance = arrays["noise_sd"].astype(float) ** 2
@@ -68,11 +67,13 @@ def _measured_estimate(result: IdentificationResult) -> FrfEstimate:
 def nodes_of(result: IdentificationResult) -> NodeShapes:
     """Return the modes inside the band as vectors at the sensors' nodes."""
     arrays, count = result.arrays, len(result.summary.modes)
+    channels = [result.layout.parse(label) for label in result.summary.outputs]
+    rows = [row for row, dof in enumerate(channels) if isinstance(dof, Dof)]
     return node_shapes(
         arrays["poles"][:count],
         arrays["modal_a"][:count],
-        arrays["shapes"][:, :count],
-        [Dof.parse(label) for label in result.summary.outputs],
+        arrays["shapes"][rows, :count],
+        [dof for dof in channels if isinstance(dof, Dof)],
         result.layout,
     )
 
@@ -107,8 +108,8 @@ def _modal_model(result: IdentificationResult) -> ModalModel:
     names = ("poles", "shapes", "participation", "lower", "upper")
     return ModalModel(
         **{name: result.arrays[name] for name in names},
-        outputs=tuple(Dof.parse(label) for label in result.summary.outputs),
-        inputs=tuple(Dof.parse(label) for label in result.summary.inputs),
+        outputs=tuple(result.layout.parse(label) for label in result.summary.outputs),
+        inputs=tuple(result.layout.parse(label) for label in result.summary.inputs),
         freq_sd=result.arrays["freq_sd"],
         damping_sd=result.arrays["damping_sd"],
     )

@@ -72,7 +72,7 @@ def _solid(measured: MeasuredFrfs, layout: Layout) -> tuple[Complex, Mask]:
     """
     reduced = reduce_to_bodies(measured_estimate(measured), layout)
     values, has_solid = np.zeros_like(measured.values), np.zeros_like(measured.measured)
-    bodies = np.array([layout.body_name(dof.point) for dof in measured.outputs])
+    bodies = np.array([layout.owner_name(dof) for dof in measured.outputs])
     for body in layout.bodies:
         rows = np.flatnonzero(bodies == body)
         motions = [k for k, dof in enumerate(reduced.frf.outputs) if dof.point == body]

@@ -25,7 +25,8 @@ def body_motion(result: IdentificationResult) -> Complex:
 def sensor_spokes(result: IdentificationResult) -> MachineGeometry:
     """Return lines from each centre of mass to its sensors, for a machine without surfaces."""
     layout = result.layout
-    points = list(dict.fromkeys(Dof.parse(label).point for label in result.summary.outputs))
+    channels = [layout.parse(label) for label in result.summary.outputs]
+    points = list(dict.fromkeys(dof.point for dof in channels if dof.point in layout.points))
     lines = []
     for body, name in enumerate(layout.bodies):
         places = [

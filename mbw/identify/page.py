@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 
 from identification.modal import UNIT_MASS
-from identification.words import DERIVATIVE_ORDER, Dof, Quantity
+from identification.words import DERIVATIVE_ORDER, Quantity
 from mbmodel import MachineGeometry
 from mbw.identify.files import nodes_of
 from mbw.identify.hits import hits_data, hits_section
@@ -61,12 +61,13 @@ def render(result: IdentificationResult, geometry: MachineGeometry | None) -> st
 def _data(result: IdentificationResult, geometry: MachineGeometry | None) -> dict[str, object]:
     summary, arrays = result.summary, result.arrays
     count = len(summary.modes)
+    channels = [result.layout.parse(label) for label in summary.outputs]
     return {
         "picture": _picture(result, geometry),
         "modes": [_without_shapes(row.model_dump()) for row in summary.modes],
         "outputs": summary.outputs,
         "inputs": summary.inputs,
-        "bodies": [result.layout.body_name(Dof.parse(label).point) for label in summary.outputs],
+        "bodies": [result.layout.owner_name(channel) for channel in channels],
         "quantity": summary.quantity,
         "units": {
             "motion": [motion_unit(summary.quantity, label) for label in summary.outputs],

@@ -2,6 +2,8 @@
 
 import math
 
+from identification.words import split_label
+
 MOTION_UNITS = {  # along and about an axis
     "accelerance": ("m/s²", "rad/s²"),
     "mobility": ("m/s", "rad/s"),
@@ -18,6 +20,8 @@ def motion_unit(quantity: str, output: str) -> str:
         quantity: quantity of the FRF.
         output: label such as ``acc1:+rz``.
     """
+    if not split_label(output)[1]:
+        return "reading"
     return MOTION_UNITS[quantity][_is_rotation(output)]
 
 
@@ -27,7 +31,7 @@ def force_unit(reference: str) -> str:
     Args:
         reference: label such as ``acc1:+rz``, or name of a motor, which has no colon.
     """
-    if ":" not in reference:
+    if not split_label(reference)[1]:
         return "control"
     return "(N m)" if _is_rotation(reference) else "N"
 
@@ -45,7 +49,7 @@ def frf_unit(quantity: str, output: str, reference: str) -> str:
 
 def _is_rotation(label: str) -> bool:
     """Return whether a label ``point:direction`` means a rotation or torque."""
-    return label.rpartition(":")[2].lstrip("+-").startswith("r")
+    return split_label(label)[1].startswith("r")
 
 
 def format_four_digits(value: float) -> str:

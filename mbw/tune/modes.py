@@ -64,15 +64,15 @@ def _read(folder: Path, campaign: Campaign) -> ModalModel:
     try:
         model = ModalModel(
             **{name: arrays[name] for name in _ARRAYS},
-            outputs=tuple(Dof.parse(label) for label in result.summary.outputs),
-            inputs=tuple(Dof.parse(label) for label in result.summary.inputs),
+            outputs=tuple(result.layout.parse(label) for label in result.summary.outputs),
+            inputs=tuple(result.layout.parse(label) for label in result.summary.inputs),
         )
         is_measured = np.asarray(arrays["is_measured"].any(axis=1), np.bool_)
         inside = np.asarray(arrays["inside_band"], np.bool_)
     except (KeyError, ValueError) as error:
         raise InputError(f"{folder} holds no modes ({error}): run mbw identify again") from error
     points = {dof.point for dof in campaign.layout.body_dofs()} | set(campaign.layout.points)
-    unknown = sorted({dof.point for dof in model.outputs} - points)
+    unknown = sorted({dof.point for dof in model.outputs if isinstance(dof, Dof)} - points)
     if unknown:
         raise InputError(
             f"{folder} holds modes of another machine: {campaign.name} has no {unknown[0]}; name "

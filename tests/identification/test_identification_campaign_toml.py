@@ -82,6 +82,8 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         ignore = ["x", "y"]
         body = "ty"
         gain = "unknown"
+        gain_tolerance = 0.2
+        delay_tolerance = 1e-3
         [hammer.small]
         gain = "unknown"
         [tolerance]
@@ -140,6 +142,8 @@ def test_every_key_of_the_contract_is_taken(settings_of):
         "ignore": ["x", "y"],
         "body": "ty",
         "gain": "unknown",
+        "gain_tolerance": 0.2,
+        "delay_tolerance": 1e-3,
     }
     assert settings.hammer["small"].gain == "unknown"
     values = list(settings.tolerance.model_dump().values())

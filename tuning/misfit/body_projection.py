@@ -30,8 +30,8 @@ class BodyProjection:
         rows: rows of the channels; (n_row,).
         span: position of its m values among those of all projections.
         matrix: Q' W, or W if all channels are kept; (n_freq, n_in, m, n_row).
-        body_columns: columns of L that belong to the body.
-        rigid_motion: L in these columns; (n_row, 6).
+        body_columns: columns of L that belong to the body; all for channels on no single body.
+        rigid_motion: L in these columns; (n_row, 6 or 6 n_body).
         target: Q' times the weighted residual; (n_freq, n_in, 2, m).
     """
 
@@ -61,15 +61,18 @@ def body_projections(
         all_channels: whether all channels are kept.
     """
     blocks: Mask = np.any(readout.reshape(len(readout), -1, _N_MOTIONS), axis=2)
-    body_of = np.where(blocks.any(axis=1), blocks.argmax(axis=1), -1)
+    is_on_one_body = blocks.sum(axis=1) == 1
+    body_of = np.where(is_on_one_body, blocks.argmax(axis=1), -1)
     projections: list[BodyProjection] = []
     start = 0
     for body in np.unique(body_of):
         rows = np.flatnonzero(body_of == body)
-        columns = slice(_N_MOTIONS * max(body, 0), _N_MOTIONS * max(body, 0) + _N_MOTIONS)
+        columns = slice(_N_MOTIONS * body, _N_MOTIONS * body + _N_MOTIONS)
+        if body < 0:  # encoders, differences of two bodies
+            columns = slice(0, readout.shape[1])
         rigid_motion, matrix = readout[rows, columns], _weights(rows, root, body_roots)
         targets = target[:, rows].transpose(0, 2, 1)
-        if len(rows) > _N_MOTIONS and not all_channels:
+        if len(rows) > _N_MOTIONS and body >= 0 and not all_channels:
             basis = np.linalg.qr(matrix @ rigid_motion)[0].swapaxes(2, 3)
             matrix, targets = basis @ matrix, (basis @ targets[..., None])[..., 0]
         end = start + matrix.shape[2]

@@ -9,7 +9,7 @@ is a quadratic form of the channels' residual r with a full matrix for each body
 M has the rank of R: contradictions between the channels of a solid body do not count.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,8 +50,7 @@ def body_weights(
     """
     rows = layout.rows(tuple(outputs))
     weights = []
-    for body in range(len(layout.bodies)):
-        block = rows[:, 6 * body : 6 * body + 6]
+    for block in _motions_of_channels(rows):
         channels = np.flatnonzero(block.any(axis=1))
         n_freq, _, n_test = variance.shape
         weight = np.zeros((n_freq, n_test, len(channels), len(channels)))
@@ -77,6 +76,21 @@ def body_weights(
         if n_values:
             weights.append(BodyWeight(channels, weight, n_values))
     return tuple(weights)
+
+
+def _motions_of_channels(rows: Real) -> Iterator[Real]:
+    """Yield the rows of the channels on each body, then of each channel on none; (n_out, 6).
+
+    A channel that reads no single body, such as an encoder, counts as one motion of its own.
+
+    Args:
+        rows: of all channels; (n_out, 6 n_body).
+    """
+    yield from np.split(rows, rows.shape[1] // 6, axis=1)
+    for channel in np.flatnonzero(~rows.any(axis=1)):
+        block = np.zeros((len(rows), 6))
+        block[channel, 0] = 1.0
+        yield block
 
 
 def apply_body_weights(weights: Sequence[BodyWeight], residual: Complex) -> Complex:

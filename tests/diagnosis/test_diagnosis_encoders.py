@@ -1,0 +1,120 @@
+"""A feed axis measured from motors and force pairs to encoders: tuned, and its fault named.
+
+The data come from matrices written by hand (``tests.helpers.encoder_campaign``).
+"""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from identification.words import InputError
+from mbmodel import Evaluator, FrfRequest, as_drawn, load_machine, parse_input, parse_output
+from mbw.command import app
+from tests.helpers.encoder_campaign import (
+    CHANNELS,
+    REFERENCES,
+    axis_frfs,
+    write_axis,
+    write_encoder_campaign,
+)
+from tuning import open_session
+from tuning import tune as tune_campaign
+
+RUNNER = CliRunner()
+UNKNOWN = '[sensor.encoder]\ngain = "unknown"\n[hammer.drive]\ngain = "unknown"\n'
+
+
+def test_motors_pairs_and_hits_to_encoders_equal_matrices_written_by_hand(tmp_path):
+    write_axis(tmp_path / "axis.xml")
+    machine, freq = load_machine(tmp_path / "axis.xml"), np.linspace(4.0, 180.0, 40)
+    request = FrfRequest(
+        freq,
+        tuple(parse_output(machine, text) for text in CHANNELS),
+        tuple(parse_input(machine, text) for text in REFERENCES),
+    )
+    values = Evaluator(as_drawn(machine), request).at(as_drawn(machine).drawn).values
+    assert np.abs(values / axis_frfs(freq, {}) - 1).max() < 1e-9
+
+
+def test_unknown_gains_of_motor_and_encoder_are_found_with_the_springs(tmp_path):
+    gains = {"encoder": -2.5e6, "drive": 3.1}
+    scales = {"carriage_tx": 1.3, "frame_tx": 0.8}
+    write_encoder_campaign(tmp_path, scales=scales, gains=gains, extra=UNKNOWN)
+    session = open_session(tmp_path, (10.0, 160.0))
+    tuned = tune_campaign(session)
+    names = [parameter.name for parameter in session.model.parameters]
+    theta = dict(zip(names, tuned.model_fit.theta, strict=True))
+    found = {
+        gain.location.partition(":")[2]: gain.value * theta[gain.parameter]
+        for gain in session.campaign.unknown_gains.nominal
+    }
+    assert found == pytest.approx(gains, rel=0.02)
+    assert theta["carriage_tx.stiffness"] == pytest.approx(1.3 * 3e5, rel=0.04)
+    assert theta["frame_tx.stiffness"] == pytest.approx(0.8 * 5e6, rel=0.04)
+    assert tuned.sensors.gap(tuned.sensors.tuned).excess < 1.1
+
+
+@pytest.mark.parametrize(
+    ("case", "effect", "location", "stated"),
+    [
+        ({"added_mass": 3.0, "extra": UNKNOWN}, "mass_error", "body:carriage", ("mass", 3.0)),
+        ({"delays": {"encoder": 4e-4}}, "sensor_delay", "sensor:encoder", ("delay", 4e-4)),
+    ],
+)
+def test_a_verdict_names_the_fault_of_body_motor_or_encoder(
+    tmp_path, case, effect, location, stated
+):
+    write_encoder_campaign(tmp_path / "case", scales={"carriage_tx": 1.2}, lines=60, **case)
+    target = tmp_path / "verdict.json"
+    command = ["diagnose", str(tmp_path / "case"), "--json", str(target), "--jobs", "1"]
+    result = RUNNER.invoke(app, [*command, "--out", str(tmp_path / "out")])
+    assert result.exit_code == 0, result.output
+    verdict = json.loads(target.read_text(encoding="utf-8"))
+    cause = verdict["causes"][0]
+    assert (cause["effect"], cause["location"]) == (effect, location)
+    assert cause["probability"] > 0.9
+    low, high = cause["interval"][stated[0]]
+    assert low < stated[1] < high
+    assert high - low < stated[1]
+
+
+def test_a_tolerance_of_one_instrument_is_its_prior(tmp_path):
+    extra = (
+        "[sensor.encoder]\ngain_tolerance = 0.3\ndelay_tolerance = 1e-3\n"
+        '[hammer."coil-magnet:x"]\ngain_tolerance = 0.2\n'
+    )
+    write_encoder_campaign(tmp_path, extra=extra)
+    parametrisation = open_session(tmp_path).parametrisation
+    scale = {
+        parameter.name: value
+        for parameter, value in zip(parametrisation.parameters, parametrisation.scale, strict=True)
+    }
+    assert scale["encoder.gain"] == pytest.approx(0.3)
+    assert scale["encoder.delay"] == pytest.approx(1e-3)
+    assert scale["hammer(coil-magnet:+tx).gain"] == pytest.approx(0.2)
+    assert scale["acc2.gain_x"] == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        ("'encoder'", "'resolver'", "channel 'resolver' is no sensor of the model"),
+        ("'drive'", "'engine'", "reference 'engine' is no motor of the model"),
+        ("coil-magnet", "coil-nowhere", "neither a point, a pair"),
+        ("joint:frame_tx", "joint:nowhere", "no slide or hinge of this name"),
+    ],
+)
+def test_a_port_that_the_model_lacks_is_refused_by_name(tmp_path, old, new, reason):
+    write_encoder_campaign(tmp_path)
+    path = tmp_path / "campaign.toml"
+    path.write_text(path.read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(InputError, match=reason):
+        open_session(tmp_path)
+
+
+def test_settings_of_a_channel_that_nothing_reads_are_refused(tmp_path):
+    write_encoder_campaign(tmp_path, extra='[sensor.resolver]\ngain = "unknown"\n')
+    with pytest.raises(InputError, match=r"sensor\.resolver: the model has no site 'resolver'"):
+        open_session(tmp_path)
