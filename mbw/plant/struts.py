@@ -15,7 +15,7 @@ from mbw.plant.schema import FeedbackRow, FramesRow, StrutsRow
 from tuning.damping.force_feedback import ForceFeedback, RootLocus, force_feedback
 from tuning.damping.frames import StrutFrames, strut_frames
 from tuning.damping.struts import find_struts
-from tuning.error_budget.machine_files import model_with_posterior
+from tuning.error_budget.machine_files import fitted_model
 
 _POSTERIOR_MACHINES, _MACHINE_SEED = 40, 1  # samples of the interval of the damping ratio
 _FRAME_LINES = 200
@@ -100,8 +100,7 @@ def compute_struts(
     Raises:
         UsageError: a name of no strut.
     """
-    fitted, posterior = model_with_posterior(machine, path)
-    model = model if posterior is None else fitted
+    model, posterior = fitted_model(machine, model, path)
     thetas = None if posterior is None else posterior.sample(_POSTERIOR_MACHINES, _MACHINE_SEED)
     feedback = force_feedback(model, model.drawn, tuple(patterns), thetas=thetas)
     frames, reason = None, ""

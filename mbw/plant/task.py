@@ -15,7 +15,7 @@ from mbw.plant.rows import budget_row
 from mbw.plant.schema import BudgetRow, StrutsRow
 from mbw.plant.sentences import budget_lines_of_text, cause_sentences
 from mbw.plant.struts import StrutsResult, compute_struts
-from tuning.error_budget.machine_files import model_with_posterior, tuned_file
+from tuning.error_budget.machine_files import fitted_model, model_with_posterior, tuned_file
 from tuning.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.error_budget.read_definition import read_definition
 from tuning.files.result import TUNED_MJCF
@@ -150,14 +150,14 @@ def _compute_budget(
 ) -> BudgetResult:
     """Return the error budget of a machine, and of the machine beside it."""
     definition = read_definition(file, machine)
-    fitted, posterior = model_with_posterior(machine, path)
+    fitted, posterior = fitted_model(machine, model, path)
     before = request.before or _machine_before(path)
     counterpart = None
     if before is not None:
         before = tuned_file(before)
         counterpart, _ = model_with_posterior(load_machine(before), before)
         read_definition(file, counterpart.machine)  # refuses labels that it lacks
-    plant = plant_budget(model if posterior is None else fitted, definition, counterpart, posterior)
+    plant = plant_budget(fitted, definition, counterpart, posterior)
     remarks = list(definition.remarks)
     if plant.before_failure and before is not None:
         remarks.append(f"{before.name} has no budget: {plant.before_failure}")

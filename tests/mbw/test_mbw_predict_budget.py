@@ -196,3 +196,19 @@ def test_struts_need_no_budget_and_other_names_are_refused(folder):
     refused = run("predict", folder / "two.xml", "--struts", "arm", "--no-pictures")
     assert refused.exit_code == 2
     assert "choose of base_tx, head_tx" in refused.stderr
+
+
+def test_a_machine_that_is_not_the_fitted_one_has_no_interval(folder):
+    result = run(
+        "predict", folder / "x-tuned", "--budget", folder / "budget.toml", "--no-pictures",
+        "--loss-factor", "head_tx=0.05",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    assert "95 %" not in result.stdout
+    stiff = run("predict", folder / "x-tuned", "--budget", folder / "budget.toml", "--no-pictures")
+    assert "95 %" in stiff.stdout
+    first = [
+        line.split("rms")[0]
+        for line in (result.stdout.splitlines()[1], stiff.stdout.splitlines()[1])
+    ]
+    assert first[0] != first[1]  # the loss acts

@@ -8,7 +8,11 @@ from budget_case import BUDGET, TWO, VALUES
 
 from identification.words import InputError, UsageError
 from mbmodel import as_drawn, load_machine
-from tuning.error_budget.controller import controller_from_system, read_controller
+from tuning.error_budget.controller import (
+    controller_from_roots,
+    controller_from_system,
+    read_controller,
+)
 from tuning.error_budget.read_definition import read_definition
 from tuning.error_budget.spectra import (
     VIBRATION_CRITERIA_M_PER_S,
@@ -176,6 +180,25 @@ def test_controllers_of_all_forms_have_the_same_response(tmp_path):
     for name, arrays in files.items():
         scipy.io.savemat(tmp_path / name, arrays)
         assert read_controller(tmp_path / name).response(s) == pytest.approx(expected)
+
+
+def test_a_controller_of_many_roots_over_five_decades_keeps_its_digits():
+    rng = np.random.default_rng(4)
+    sizes = np.geomspace(0.1, 1e4, 8)
+    pairs = -sizes * rng.uniform(0.02, 0.9, 8) + 1j * sizes
+    zeros = np.concatenate([1.3 * pairs, 1.3 * pairs.conj()])
+    poles = np.concatenate([pairs, pairs.conj(), [-3.0]])
+    s = 2j * np.pi * np.geomspace(0.01, 3e3, 50)
+    expected = 7.0 * np.prod(s[:, None] - zeros, axis=1) / np.prod(s[:, None] - poles, axis=1)
+    found = controller_from_roots(zeros.tolist(), poles.tolist(), 7.0).response(s)
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_spectrum_that_ends_within_the_band_is_remarked(tmp_path, machine):
+    table(tmp_path, "f,x [(m/s^2)^2/Hz]\n1,2\n30,3\n")
+    (tmp_path / "budget.toml").write_text(WHOLE, encoding="utf-8")
+    (remark,) = read_definition(tmp_path / "budget.toml", machine).remarks
+    assert remark.startswith("The spectrum of floor covers 1 to 30 Hz of the band from 2 to 45 Hz")
 
 
 def test_controllers_that_are_discrete_or_wide_are_refused(tmp_path):

@@ -9,6 +9,7 @@ from pydantic import Field
 from identification.readers.toml_files import FileName, TomlTable, read_toml
 from identification.words import Quantity
 
+_MAX_ROOTS, _MAX_SINES = 100, 1000  # of a controller, of a source
 Weights = list[Annotated[float, Field(ge=-1e12, le=1e12)]]
 Root = float | Annotated[list[float], Field(min_length=2, max_length=2)]
 
@@ -49,7 +50,7 @@ class SpectrumTable(TomlTable):
     band: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
     speed_hz: float | None = Field(default=None, gt=0)
     speed_rpm: float | None = Field(default=None, gt=0)
-    lines: list[LineTable] = Field(default_factory=list)
+    lines: list[LineTable] = Field(default_factory=list, max_length=_MAX_SINES)
 
 
 class DisturbanceTable(SpectrumTable):
@@ -73,8 +74,8 @@ class NoiseTable(SpectrumTable):
 class ControllerTable(TomlTable):
     """A controller by its zeros and poles [rad/s]; a complex one is ``[real, imaginary]``."""
 
-    zeros: list[Root] = Field(default_factory=list)
-    poles: list[Root] = Field(default_factory=list)
+    zeros: list[Root] = Field(default_factory=list, max_length=_MAX_ROOTS)
+    poles: list[Root] = Field(default_factory=list, max_length=_MAX_ROOTS)
     gain: float
 
 

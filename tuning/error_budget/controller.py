@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -79,9 +80,12 @@ def controller_from_roots(
         )
     if not poles:
         return Controller(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]]))
-    states, entry, output, through = _real_arrays(
-        scipy.signal.zpk2ss(list(zeros), list(poles), 1.0)
-    )
+    # One after the other, sections of second order keep the digits that one polynomial loses.
+    blocks = [
+        _real_arrays(scipy.signal.tf2ss(np.real(np.poly(top)), np.real(np.poly(bottom))))
+        for top, bottom in _sections(zeros, poles)
+    ]
+    states, entry, output, through = reduce(_in_series, blocks)
     return Controller(states, entry, gain * output, gain * through)
 
 
@@ -155,6 +159,47 @@ def read_controller(path: Path) -> Controller:
     except (ValueError, TypeError, IndexError) as error:
         raise InputError(f"{path} holds no controller ({error}): {_CONTROLLER_REMEDY}") from error
     raise InputError(f"{path} holds no controller: {_CONTROLLER_REMEDY}")
+
+
+def _sections(
+    zeros: Sequence[complex], poles: Sequence[complex]
+) -> list[tuple[list[complex], list[complex]]]:
+    """Return zeros and poles of sections of first or second order, near each other."""
+    remaining = sorted(_in_pairs(zeros), key=len)
+    sections = []
+    for pair in sorted(_in_pairs(poles), key=len, reverse=True):
+        fitting = [top for top in remaining if len(top) <= len(pair)]
+        # Two zeros fit two poles only: they come first.
+        most = max((len(top) for top in fitting), default=0)
+        nearest = min(
+            (top for top in fitting if len(top) == most),
+            key=lambda top: abs(np.log((abs(top[0]) + 1e-300) / (abs(pair[0]) + 1e-300))),
+            default=[],
+        )
+        if nearest:
+            remaining.remove(nearest)
+        sections.append((nearest, pair))
+    return sections
+
+
+def _in_pairs(roots: Sequence[complex]) -> list[list[complex]]:
+    """Return conjugate pairs, and real roots two by two in the order of their size."""
+    complex_roots = [root for root in roots if root.imag > 0]
+    real = sorted((complex(root.real) for root in roots if root.imag == 0), key=abs)
+    pairs = [[root, root.conjugate()] for root in complex_roots]
+    return pairs + [real[k : k + 2] for k in range(0, len(real), 2)]
+
+
+def _in_series(first: list[Real], second: list[Real]) -> list[Real]:
+    """Return A, B, C, D of two systems one after the other."""
+    (a1, b1, c1, d1), (a2, b2, c2, d2) = first, second
+    zero = np.zeros((len(a1), len(a2)))
+    return [
+        np.block([[a1, zero], [b2 @ c1, a2]]),
+        np.vstack([b1, b2 @ d1]),
+        np.hstack([d2 @ c1, c2]),
+        d2 @ d1,
+    ]
 
 
 def _real_arrays(matrices: Sequence[Any]) -> list[Real]:

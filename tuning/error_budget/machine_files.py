@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from mbmodel import Machine, Model, PosteriorOfModel, as_drawn, machine_model
+from mbmodel import Machine, Model, PosteriorOfModel, SpringPart, as_drawn, machine_model
 from tuning.files.posterior_file import POSTERIOR_NPZ, read_posterior
 from tuning.files.result import TUNED_MJCF
 
@@ -26,3 +26,20 @@ def model_with_posterior(machine: Machine, path: Path) -> tuple[Model, Posterior
         return as_drawn(machine), None
     model = machine_model(machine)
     return model, read_posterior(path.parent).on(model)
+
+
+def fitted_model(
+    machine: Machine, model: Model, path: Path
+) -> tuple[Model, PosteriorOfModel | None]:
+    """Return a model with its posterior, or the model alone where it is not the fitted one.
+
+    Args:
+        machine: whose model is meant; with what is put on it, it is not the fitted one.
+        model: its nominal model; laws of its springs beyond the MJCF were not fitted either.
+        path: MJCF from which the machine was made.
+    """
+    has_laws = not all(isinstance(part, SpringPart) for part in model.parts)
+    if has_laws or machine.source.name != path.name:
+        return model, None
+    fitted, posterior = model_with_posterior(machine, path)
+    return (model, None) if posterior is None else (fitted, posterior)

@@ -1,6 +1,6 @@
 """Definition of an error budget from budget.toml, for the labels of a machine."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,7 @@ from tuning.error_budget.spectral_units import parse_signal_unit
 
 _DEFAULT_BUDGET_BAND_HZ = (0.1, 1000.0)  # where no source has a band of its own
 _DEFAULT_UNITS = {"m": ("nm", 1e-9), "rad": ("nrad", 1e-9)}  # shown, with their SI value
+_COVERED = 1.05  # ratio of frequencies that counts as the same end of a band
 _MIN_COHERENCE_EIGENVALUE = -1e-9  # of the coherence matrix: rounding
 
 
@@ -76,14 +77,29 @@ def read_definition(
     sources = _sources(path, machine, file, loops)
     if not sources:
         raise InputError(f"{path} names no source: add [disturbance.NAME] or [noise.NAME]")
+    band = _band(path, file, sources)
     return BudgetDefinition(
         errors,
         sources,
         loops,
         _coherence(path, sources, file.correlation),
-        _band(path, file, sources),
+        band,
         {signal.name: _shown_unit(path, signal, file.error[signal.name]) for signal in errors},
+        tuple(_uncovered_bands(sources, band)),
     )
+
+
+def _uncovered_bands(sources: tuple[Source, ...], band: tuple[float, float]) -> Iterator[str]:
+    """Yield a sentence on each spectrum that does not cover the band."""
+    for source in sources:
+        if source.spectrum is None:
+            continue
+        low, high = source.spectrum.band
+        if low > band[0] * _COVERED or high * _COVERED < band[1]:
+            yield (
+                f"The spectrum of {source.name} covers {low:.4g} to {high:.4g} Hz of the band from "
+                f"{band[0]:.4g} to {band[1]:.4g} Hz: elsewhere it counts as zero."
+            )
 
 
 def _port_sum(
