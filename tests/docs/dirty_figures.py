@@ -1,7 +1,7 @@
 """Figures of the bench of real machines; they say so while no campaign was diagnosed."""
 
-from tests.bench.dirty import FIRST
-from tests.bench.dirty_rates import wrong_rows
+from tests.bench.dirty import EARLIER, FIRST
+from tests.bench.dirty_rates import figures, wrong_rows
 from tests.bench.kept import of
 from tests.docs.formats import significant, table
 from tests.docs.results import RESULTS, bench_rows
@@ -15,6 +15,13 @@ def dirty_table() -> str:
     rows = bench_rows("dirty") if (RESULTS / "dirty.json").is_file() else ()
     cells = [(row["figure"], significant(row["value"], 3), row["n"]) for row in rows]
     return table(("Figure", "Value", "n [95 % interval]"), cells or [(NOT_YET, "", 0)])
+
+
+def dirty_earlier_table() -> str:
+    """Rates of the engines before, on campaigns of which some shaped the one of today."""
+    rows = figures(list(of(f"dirty.{EARLIER}").values()), [])
+    cells = [(row["figure"], significant(row["value"], 3), row["n"]) for row in rows]
+    return table(("Figure", "Value", "n [95 % interval]"), cells)
 
 
 def dirty_wrong_table() -> str:
@@ -32,6 +39,7 @@ def dirty_campaigns() -> str:
 
 FIGURES = {
     "dirty-table": dirty_table,
+    "dirty-earlier-table": dirty_earlier_table,
     "dirty-wrong-table": dirty_wrong_table,
     "dirty-campaigns": dirty_campaigns,
 }
