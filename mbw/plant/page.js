@@ -50,6 +50,15 @@ function bars(place, rows, unit, isAdverse) {
 
 // ---- Bode plots with bands -------------------------------------------------------------------
 
+// Return filled areas between two curves, one for each run without gaps.
+function band(x, low, high, extra) {
+  const runs = [];
+  low.forEach((v, k) => { if (v !== null) (k && low[k - 1] !== null ? runs[runs.length - 1] : runs[runs.push([]) - 1]).push(k); });
+  return runs.map((run, k) => ({type: "scatter", mode: "lines", line: {width: 0}, hoverinfo: "skip", legendgroup: "band", fill: "toself",
+    fillcolor: "rgba(31,111,184,0.22)", showlegend: !k, ...extra, ...(k ? {showlegend: false} : {}),
+    x: [...run.map(n => x[n]), ...run.slice().reverse().map(n => x[n])], y: [...run.map(n => low[n]), ...run.slice().reverse().map(n => high[n])]}));
+}
+
 function bode() {
   const k = state.curve, port = CURVES.ports[k], freq = floats(CURVES.freq), count = freq.length, data = [], sizes = [];
   const after = polar(complexes(floats(CURVES.values), k, count));
@@ -58,9 +67,7 @@ function bode() {
     const spread = floats(CURVES.magnitude).slice(k * count, (k + 1) * count), turn = floats(CURVES.phase).slice(k * count, (k + 1) * count);
     const edge = sign => after.size.map((v, n) => v === null ? null : v * Math.exp(sign * 1.96 * spread[n]));
     const angle = sign => after.angle.map((v, n) => v === null ? null : v + sign * 1.96 * turn[n] * 180 / Math.PI);
-    const fill = {type: "scatter", mode: "lines", x: freq, line: {width: 0}, hoverinfo: "skip", legendgroup: "after"};
-    data.push({...fill, y: edge(-1), showlegend: false}, {...fill, y: edge(1), fill: "tonexty", fillcolor: "rgba(31,111,184,0.22)", name: "95 % interval", showlegend: true});
-    data.push({...fill, y: angle(-1), yaxis: "y2", showlegend: false}, {...fill, y: angle(1), yaxis: "y2", fill: "tonexty", fillcolor: "rgba(31,111,184,0.22)", showlegend: false});
+    data.push(...band(freq, edge(-1), edge(1), {name: "95 % interval"}), ...band(freq, angle(-1), angle(1), {yaxis: "y2", showlegend: false}));
   }
   if (CURVES.before) {
     const before = polar(complexes(floats(CURVES.before), k, count));

@@ -18,6 +18,7 @@ def budget_lines_of_text(row: BudgetRow, units: Sequence[float]) -> list[str]:
     """
     loops = f", loops closed: {', '.join(row.loops)}" if row.loops else ""
     lines = [f"error budget, {row.band[0]:g} to {row.band[1]:g} Hz{loops}:"]
+    lines += [f"  {remark}" for remark in row.remarks]
     for error, unit in zip(row.errors, units, strict=True):
         lines += [f"  {headline(error, unit)}", *(f"    {text}" for text in _details(error, unit))]
     return lines
