@@ -1,11 +1,12 @@
 r"""Causes that predict held-out lines: the number of causes by cross-validation.
 
-A set of causes may absorb errors of a real machine that it does not cause. Such a fit is no better
-on lines that it did not see. The posterior weighs sets by their model errors within the fit, and
-demands that each cause lowers the mean square of the model error by the factor exp(-chance)
-(``diagnosis.inference.posterior``). The same is demanded of the gap on held-out lines,
+A set of causes may absorb errors of a real machine that it does not cause. Such a fit is hardly
+better on lines that it did not see. So each cause must shrink the gap there by a factor e,
 
-    excess_after^2 - 1 <= exp(-|S| chance) (excess_before^2 - 1).
+    excess_after^2 - 1 <= exp(-|S|) (excess_before^2 - 1).
+
+A fault of survival ratio q beside errors of the power b^2 shrinks it by (1 + q^2) + q^2 / b^2,
+thus by more than e from q = 1.31 on.
 
 Otherwise sets of as many causes are not admitted, and the most probable set of fewer causes is
 checked (cross-validation instead of a penalty for each parameter: Stone 1977). Of a gap that is
@@ -15,7 +16,6 @@ hardly visible on held-out lines, the fits alone decide.
 import numpy as np
 
 from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, estimate_gaps
-from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Evidence
 from diagnosis.inference.posterior import Posterior, compute_posterior
 from diagnosis.null_model import Baseline
@@ -63,5 +63,4 @@ def predicts_held_out(before: HeldOutGap, after: HeldOutGap, causes: int) -> boo
     first, last = before.gap.excess, after.gap.excess
     if first is None or last is None or not is_gap_visible(first**2 - 1):
         return True
-    factor = float(np.exp(-causes * load_calibration().chance))
-    return last**2 - 1 <= factor * (first**2 - 1)
+    return last**2 - 1 <= float(np.exp(-causes)) * (first**2 - 1)
