@@ -19,9 +19,10 @@ from identification.level_check.laws import (
     name_law,
 )
 from identification.level_check.shared_shapes import PoleFit, fit_poles
+from identification.level_check.visits import group_visits
 from identification.modal import combine_tests, identify
 from identification.modal.refinement import ModalFit
-from identification.words import Campaign, Input, Mask, ModalModel, Output, Real, Test
+from identification.words import Campaign, Mask, ModalModel, Real
 
 _MAX_TRACKED_SHIFT = 0.5  # relative shift of a frequency beyond which a mode is lost
 _MAX_TRACKED_DAMPING = 0.4  # damping ratio beyond which nothing resonates
@@ -131,29 +132,6 @@ def check_hits(campaign: Campaign, model: ModalModel, inside: Mask) -> LevelChec
         returns=False,
         is_within_tests=True,
     )
-
-
-def group_visits(campaign: Campaign) -> list[tuple[float | None, Campaign]]:
-    """Return the tests of each visit to a level, in the order of the campaign.
-
-    Tests that state no level are at one unknown level.
-
-    A test joins the first visit to its level that lacks its channels, as another set-up or
-    direction does; a test that measures the same again begins a further visit.
-    """
-    visits: list[tuple[float | None, set[tuple[Output, Input]], list[Test]]] = []
-    for test in campaign.tests:
-        level = test.condition.level_n
-        reference = test.condition.reference.positive
-        cells = {(dof.positive, reference) for dof in test.estimate.frf.outputs}
-        for known, seen, tests in visits:
-            if known == level and not seen & cells:
-                seen.update(cells)
-                tests.append(test)
-                break
-        else:
-            visits.append((level, cells, [test]))
-    return [(level, replace(campaign, tests=tuple(tests))) for level, _, tests in visits]
 
 
 def _fit_visits(model: ModalModel, inside: Mask, visits: Sequence[Campaign]) -> list[PoleFit]:

@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from identification.level_check import check_decay, check_levels, track_decay
-from identification.level_check.check import group_visits
 from identification.level_check.laws import ModeTrend, name_law
 from identification.level_check.shared_shapes import _apply_step, _linearise, fit_poles
+from identification.level_check.visits import group_visits
 from identification.modal import combine_tests, identify
 from identification.modal.refinement import ModalFit
 from identification.words import Campaign
@@ -135,6 +135,43 @@ def test_visits_hold_set_ups_and_begin_anew_where_a_cell_is_measured_again(block
     visits = group_visits(returned(plain, plain))
     assert [level for level, _ in visits] == [20.0, 100.0, 200.0, 20.0]
     assert all(len(visited.tests) == 3 for _, visited in visits)
+
+
+def rove(campaign: Campaign) -> Campaign:
+    """Campaign measured in two set-ups that share the sensor acc1, at one level after the other."""
+    tests = []
+    for name, points in (("a", ("acc1", "acc2")), ("b", ("acc1", "acc3"))):
+        for test in campaign.tests:
+            frf = test.estimate.frf
+            rows = [k for k, dof in enumerate(frf.outputs) if dof.point in points]
+            estimate = replace(
+                test.estimate,
+                frf=replace(
+                    frf,
+                    values=frf.values[:, rows],
+                    outputs=tuple(frf.outputs[k] for k in rows),
+                ),
+                variance=test.estimate.variance[:, rows],
+                measured=test.estimate.measured[rows],
+            )
+            condition = replace(test.condition, test=f"{test.condition.test}_{name}", setup=name)
+            tests.append(replace(test, condition=condition, estimate=estimate))
+    return replace(campaign, tests=tuple(tests))
+
+
+def test_set_ups_that_share_a_sensor_are_one_visit(block):
+    roved = rove(level_campaign(block, lambda q: 1.5e15 * q**3, LEVELS_N))
+    visits = group_visits(roved)
+    assert [level for level, _ in visits] == [20.0, 100.0, 200.0]
+    assert all(len(visited.tests) == 6 for _, visited in visits)
+    check = check_levels(roved)
+    assert not check.returns
+    assert check.law.effects == ("hardening",)
+    again = replace(roved, tests=(*roved.tests, *roved.tests[:3]))
+    assert [level for level, _ in group_visits(again)] == [20.0, 100.0, 200.0, 20.0]
+    renamed = [replace(t, condition=replace(t.condition, setup="c")) for t in roved.tests[:3]]
+    again = replace(roved, tests=(*roved.tests, *renamed))
+    assert [level for level, _ in group_visits(again)] == [20.0, 100.0, 200.0, 20.0]
 
 
 def test_poles_at_known_shapes_are_those_of_a_full_fit(block):
