@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 from diagnosis.data_checks.check_data import check_data
 from diagnosis.data_checks.sensors import SensorChecks
+from diagnosis.estimates.gap_by_level import LevelGaps, estimate_gaps_by_level
 from diagnosis.estimates.held_out_check import admit_predictive_causes
 from diagnosis.estimates.held_out_gap import GapEstimates, HeldOutGap, hold_out
 from diagnosis.estimates.intervals import FittedParameters
@@ -39,6 +40,7 @@ class Diagnosis:
         twins: pairs of confounded causes.
         as_drawn: gap of the nominal model.
         gaps: gap of the null model and with all present causes, on held-out lines.
+        level_gaps: gap at each level of the hits; None for one level, or without a cause.
         gross_hypotheses: hypotheses of the proven faults.
         settings: thresholds and sizes of the search.
     """
@@ -53,6 +55,7 @@ class Diagnosis:
     twins: tuple[tuple[str, str], ...]
     as_drawn: Gap
     gaps: GapEstimates
+    level_gaps: LevelGaps | None = None
     gross_hypotheses: tuple[Hypothesis, ...] = ()
     settings: DiagnosisSettings = SETTINGS
 
@@ -147,6 +150,7 @@ def diagnose(
         twins=find_confounded(base.scene, search, posterior, settings),
         as_drawn=summarise_gaps(channel_gaps(nominal, data.session.campaign)),
         gaps=gaps,
+        level_gaps=estimate_gaps_by_level(base.scene, gaps),
         gross_hypotheses=base.proven,
         settings=settings,
     )

@@ -187,6 +187,7 @@ class Effect:
             ``{channel}``, such as ``acc1 along x``.
         confirm: experiment that confirms or refutes the effect; it may name the words of ``means``.
         undoes: whether that experiment takes the effect out of the machine.
+        laws: laws that the effect stands for, since FRFs at a few levels do not tell them apart.
     """
 
     propose: Callable[["Scene"], Iterable[Hypothesis]]
@@ -194,6 +195,7 @@ class Effect:
     means: str
     confirm: str
     undoes: bool = False
+    laws: tuple[str, ...] = ()
 
     def __call__(self, scene: "Scene") -> Iterable[Hypothesis]:
         """Return the hypotheses for a scene."""

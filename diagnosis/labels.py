@@ -2,15 +2,20 @@
 
 from identification.words import Dof, UsageError
 
+LEVELS = "levels"  # instead of a direction: from one visit to a level to the next
+
 
 def name_direction(dof: str | None) -> str:
     """Return a direction or test in words, such as ``along z``, ``x and y`` or ``set-up b``.
 
     Args:
-        dof: such as ``tz``, ``tx+ty``, ``acc11:+ty`` or a set-up; None for an empty text.
+        dof: such as ``tz``, ``tx+ty``, ``acc11:+ty``, a set-up, or ``levels`` for the tests of each
+            level; None for an empty text.
     """
     if dof is None:
         return ""
+    if dof == LEVELS:
+        return "tests of each level"
     if "+" in dof and ":" not in dof:
         return " and ".join(part[1:] for part in dof.split("+"))
     if len(dof) == 2 and dof[0] in "tr":

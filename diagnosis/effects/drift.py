@@ -1,15 +1,27 @@
-"""A joint whose stiffness differs in one test or set-up: the machine warmed up in between.
+"""A joint whose stiffness differs in one test, set-up or level: the machine warmed up in between.
 
 One factor multiplies all springs of the joint in that test: K += (factor - 1) k, with the k fitted
 to all tests. A test is one reference of one file. A set-up is all tests of one name.
+
+Where tests were made at several levels, a joint may also drift from visit to visit,
+
+    k_v = k (1 + s (d_2 + ... + d_v)),   d >= 0,   s = 1 or -1,
+
+in all its springs or in one. It always drifts one way, so that it differs at a level that returns,
+which a law that depends on the level does not. Without a return it is the rival of such laws.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
 
 from diagnosis.effects.points import find_own_springs, find_sprung_stages, list_references
 from diagnosis.effects.spring_laws import Law, evaluate_constant
 from diagnosis.hypothesis import Effect, Hypothesis, Scene, Value
-from identification.words import Condition
+from diagnosis.labels import LEVELS
+from diagnosis.levels.free_levels import list_levels
+from identification.level_check import group_visits
+from identification.words import Complex, Condition
 
 
 def propose(scene: Scene) -> Iterator[Hypothesis]:
@@ -19,6 +31,7 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
     setups = sorted({condition.setup for condition in conditions if condition.setup is not None})
     labels = [str(reference) for reference in list_references(scene)]
     whens = [*(labels if len(labels) > 1 else ()), *(setups if len(setups) > 1 else ())]
+    visits = _list_visits(scene)
     for stage in find_sprung_stages(machine):
         springs, place = find_own_springs(machine, stage), f"joint:{stage}"
         for when in whens:
@@ -34,6 +47,87 @@ def propose(scene: Scene) -> Iterator[Hypothesis]:
                 return {"factor": 1 + fitted[spring_law.size_name]}
 
             yield from drift.propose("drift", when, state, signed=False)
+        if len(visits) > 1:
+            yield from _propose_between_levels(scene, stage, springs, visits)
+
+
+def _list_visits(scene: Scene) -> list[frozenset[Condition]]:
+    """Return the conditions of each visit to a level, in the order of the campaign."""
+    campaign = scene.session.campaign
+    if len(list_levels(campaign)) < 2:
+        return []
+    return [
+        frozenset(test.condition for test in visited.tests) for _, visited in group_visits(campaign)
+    ]
+
+
+def _propose_between_levels(
+    scene: Scene, stage: str, springs: tuple[str, ...], visits: list[frozenset[Condition]]
+) -> Iterator[Hypothesis]:
+    """Yield a joint that becomes stiffer or softer from each visit to a level to the next."""
+    tuned = {parameter.name for parameter in scene.model.parameters}
+    sprung = tuple(spring for spring in springs if f"{spring}.stiffness" in tuned)
+    shapes = [sprung, *((spring,) for spring in sprung)] if len(sprung) > 1 else [sprung]
+    for shape in filter(None, shapes):
+        for sign in (1, -1):
+            yield _drift_one_way(scene, stage, shape, visits, sign)
+
+
+def _drift_one_way(
+    scene: Scene,
+    stage: str,
+    springs: tuple[str, ...],
+    visits: list[frozenset[Condition]],
+    sign: int,
+) -> Hypothesis:
+    """Return springs of a joint that drift from visit to visit.
+
+    Args:
+        scene: fit about which it is proposed.
+        stage: child body of the joint.
+        springs: those that drift.
+        visits: conditions of each visit, in order.
+        sign: 1 for stiffer, -1 for softer.
+    """
+
+    def start_at(first: int) -> Callable[[Condition], bool]:
+        later = frozenset[Condition]().union(*visits[first:])
+        return lambda condition: condition in later
+
+    def evaluate_sign(laplace: Complex) -> Complex:
+        return sign * evaluate_constant(laplace)
+
+    along = springs[0] if len(springs) == 1 else stage
+    words = "stiffer" if sign > 0 else "softer"
+    place = f"joint:{stage}"
+    steps = [
+        Law.for_springs(
+            scene,
+            place,
+            springs,
+            f"{along}.{words}(visit {first + 1})",
+            evaluate_sign,
+            start_at(first),
+        )
+        for first in range(1, len(visits))
+    ]
+
+    def state(fitted: Mapping[str, float]) -> dict[str, Value]:
+        changes = np.cumsum([fitted[step.size_name] for step in steps])
+        return {
+            f"factor_{visit}": float(1 + sign * change) for visit, change in enumerate(changes, 2)
+        }
+
+    return Hypothesis(
+        "drift",
+        place,
+        LEVELS,
+        parts=tuple(step.part for step in steps),
+        scored=tuple(step.size_name for step in steps),
+        follow={name: spring for step in steps for name, spring in step.follow.items()},
+        signed=True,
+        state=state,
+    )
 
 
 EFFECT = Effect(

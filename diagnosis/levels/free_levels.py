@@ -21,6 +21,8 @@ from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.words import Campaign, Condition
 from mbmodel import AddedPart, Change, Parameter
 
+LAW_EFFECTS = ("friction", "backlash", "hardening")  # they depend on the level
+
 
 def list_levels(campaign: Campaign) -> tuple[float, ...]:
     """Return the levels of a campaign, the lowest first; empty if a test does not state its own."""

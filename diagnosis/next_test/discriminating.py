@@ -31,6 +31,7 @@ from diagnosis.next_test.experiments import (
     add_experiment,
     list_experiments,
 )
+from diagnosis.next_test.level_return import propose_return
 from diagnosis.next_test.unexplained import propose_unexplained_test
 from diagnosis.refits.refit import Refit
 from diagnosis.settings import DiagnosisSettings
@@ -51,6 +52,8 @@ def propose_experiment(diagnosis: Diagnosis) -> str | None:
     if word == "unexplained" or not causes:
         proven = [f"{_confirm_cause(cause.key)}; then " for cause in diagnosis.present.causes]
         return "".join(proven) + propose_unexplained_test(diagnosis)
+    if (experiment := propose_return(diagnosis)) is not None:
+        return experiment
     rivals = find_rivals(diagnosis)
     settings = diagnosis.settings
     if len(rivals) > 1:

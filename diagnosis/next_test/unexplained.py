@@ -23,8 +23,9 @@ def propose_unexplained_test(diagnosis: Diagnosis) -> str:
     if len({test.condition.level_n for test in campaign.tests}) < 2:
         where = f"{place}, where an unknown force acts" if place else "the joints"
         return (
-            "repeat at a quarter and at four times the level: friction, backlash and hardening "
-            f"change with it; look at {where}"
+            "repeat at a quarter and at four times the level, then at the first again: friction, "
+            "backlash and hardening change with the level and come back, a drift does not; look at "
+            f"{where}"
         )
     return _propose_test_at(place, diagnosis.session.model.machine, campaign)
 

@@ -48,7 +48,7 @@ def refit_round(
 ) -> list[Refit]:
     """Refit the promising hypotheses; where a rest remains, other starts and shapes of the best."""
     scene = base.scene
-    promising = [score.hypothesis for score in select_best_of_sites(ranked)[: settings.max_refits]]
+    promising = _select_promising(ranked, settings)
     laws = [hypothesis for hypothesis in promising if hypothesis.spring is not None]
     tasks = [add_cause(current, hypothesis) for hypothesis in promising if hypothesis not in laws]
     for hypothesis in _suggest_candidates(base, current, settings):
@@ -72,6 +72,23 @@ def refit_round(
         add_cause(current, shape) for shape in _one_each_direction(further)[: settings.max_variants]
     ]
     return [*refits, *run_refits(scene, tasks, settings.schedule)]
+
+
+def _select_promising(ranked: Sequence[Score], settings: DiagnosisSettings) -> list[Hypothesis]:
+    """Return the most promising hypotheses, one for each effect and place.
+
+    The laws of one joint count as one, since they have one score.
+    """
+    chosen: list[Hypothesis] = []
+    slots: set[tuple[str, str]] = set()
+    for score in select_best_of_sites(ranked):
+        hypothesis = score.hypothesis
+        effect = hypothesis.effect if hypothesis.spring is None else "law"
+        slots.add((effect, hypothesis.location))
+        if len(slots) > settings.max_refits:
+            break
+        chosen.append(hypothesis)
+    return chosen
 
 
 def _suggest_candidates(

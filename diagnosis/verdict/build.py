@@ -8,10 +8,11 @@ from diagnosis.effects import load_catalogue
 from diagnosis.estimates.held_out_gap import HeldOutGap
 from diagnosis.estimates.jackknife import estimate_jackknife, estimate_size_jackknife
 from diagnosis.inference.evidence import BENDS, Key
-from diagnosis.levels.free_levels import list_levels
+from diagnosis.levels.free_levels import LAW_EFFECTS, list_levels
 from diagnosis.next_test.discriminating import propose_experiment
 from diagnosis.settings import DiagnosisSettings
 from diagnosis.verdict.gains import list_channel_gains
+from diagnosis.verdict.gap_rows import build_gap_row, find_closed_part, list_level_rows
 from diagnosis.verdict.schema import (
     CauseRow,
     GapAt,
@@ -25,9 +26,8 @@ from diagnosis.verdict.schema import (
 )
 from identification import MIN_REDUNDANT_CHANNELS
 from mbmodel import HammerGainPart, HammerPart, SensorPart
-from tuning import MIN_VISIBLE_EXCESS, Gap, channel_gaps, predict, summarise_gaps
+from tuning import MIN_VISIBLE_EXCESS, channel_gaps, predict, summarise_gaps
 
-NONLINEAR = ("friction", "backlash", "hardening")
 # Effects that only redundant channels of a body show.
 _REDUNDANCY_EFFECTS = ("sensor_swap", "mount_resonance", BENDS)
 # Tolerance of a sensor that each effect releases.
@@ -45,18 +45,21 @@ def build_verdict(diagnosis: Diagnosis) -> Verdict:
     if is_none:
         after = None
     rest = present.rest
+    levels, foretold = list_level_rows(None if is_none else diagnosis.level_gaps)
     return Verdict(
         verdict=present.word,
         probability=Probability(
             none=posterior.none, unexplained=posterior.unexplained, several=posterior.several
         ),
         gap=GapSteps(
-            as_drawn=_gap_row(diagnosis.as_drawn),
-            retuned=_gap_row(retuned),
-            after=_gap_row(after.gap) if after else GapAt(error=None, excess=None),
+            as_drawn=build_gap_row(diagnosis.as_drawn),
+            retuned=build_gap_row(retuned),
+            after=build_gap_row(after.gap) if after else GapAt(error=None, excess=None),
             noise=retuned.noise,
-            closed=_find_closed_part(retuned, after.gap) if is_visible and after else None,
+            closed=find_closed_part(retuned, after.gap) if is_visible and after else None,
             interval=_find_interval(diagnosis.retuned, after, visible=is_visible),
+            levels=levels,
+            foretold=foretold,
         ),
         where=_list_places(posterior.where, settings, is_known=not is_none),
         causes=[_build_row(key, probability, diagnosis) for key, probability in posterior.causes],
@@ -87,16 +90,6 @@ def _list_places(
         for place, share in shares
         if share >= settings.min_row_probability
     ]
-
-
-def _gap_row(gap: Gap) -> GapAt:
-    return GapAt(error=gap.error, excess=gap.excess)
-
-
-def _find_closed_part(retuned: Gap, after: Gap) -> float | None:
-    if after.excess is None or retuned.excess is None or retuned.excess <= 1:
-        return None
-    return float((retuned.excess**2 - after.excess**2) / (retuned.excess**2 - 1))
 
 
 def estimate_step_intervals(diagnosis: Diagnosis) -> dict[str, tuple[float, float] | None]:
@@ -146,7 +139,7 @@ def _find_interval(retuned: HeldOutGap, after: HeldOutGap | None, *, visible: bo
     gaps = [(retuned.select_lines(lines), after.select_lines(lines)) for lines in kept]
     return Interval(
         closed=estimate_jackknife(
-            _find_closed_part(retuned.gap, after.gap), [_find_closed_part(*pair) for pair in gaps]
+            find_closed_part(retuned.gap, after.gap), [find_closed_part(*pair) for pair in gaps]
         )
         if visible
         else None,
@@ -168,6 +161,7 @@ def _build_row(key: Key, probability: float, diagnosis: Diagnosis) -> CauseRow:
         parameters=refit.state_parameters(cause) if refit and cause else {},
         interval={},
         excess_after=None,
+        laws=list(entry.laws) if (entry := load_catalogue().get(effect)) else [],
     )
     present = next(
         (cause_present for cause_present in diagnosis.present.causes if cause_present.key == key),
@@ -192,10 +186,11 @@ def _list_untestable(diagnosis: Diagnosis) -> list[str]:
     """Return the effects that this kind of data cannot show."""
     tests = diagnosis.session.campaign.tests
     levels = list_levels(diagnosis.session.campaign)
-    missing = [effect for effect in NONLINEAR if len(levels) < 2 or effect not in load_catalogue()]
+    known = load_catalogue()
+    missing = [effect for effect in LAW_EFFECTS if len(levels) < 2 or effect not in known]
     references = {str(test.condition.reference) for test in tests}
     setups = {test.condition.setup for test in tests}
-    if len(references) < 2 and len(setups) < 2:
+    if len(references) < 2 and len(setups) < 2 and len(levels) < 2:
         missing.append("drift")
     named = {effect for (effect, _, _), _ in diagnosis.posterior.causes}
     if any(check.redundant < MIN_REDUNDANT_CHANNELS for check in diagnosis.checks.bodies):

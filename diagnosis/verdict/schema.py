@@ -33,8 +33,21 @@ class Interval(_Row):
     after: tuple[float, float] | None = None
 
 
+class LevelGapRow(_Row):
+    """Gap of the tests of one level."""
+
+    level: float
+    retuned: GapAt
+    after: GapAt
+    closed: float | None
+
+
 class GapSteps(_Row):
-    """Gap of the nominal model on all lines, and of both fits on held-out lines."""
+    """Gap of the nominal model on all lines, and of both fits on held-out lines.
+
+    ``levels`` has the gap at each level. ``foretold`` is that at the middle level of fits to all
+    other levels.
+    """
 
     as_drawn: GapAt
     retuned: GapAt
@@ -42,6 +55,8 @@ class GapSteps(_Row):
     noise: float | None
     closed: float | None
     interval: Interval
+    levels: list[LevelGapRow] = []
+    foretold: LevelGapRow | None = None
 
 
 class Where(_Row):
@@ -52,7 +67,10 @@ class Where(_Row):
 
 
 class CauseRow(_Row):
-    """Cause: an effect at a place."""
+    """Cause: an effect at a place.
+
+    ``laws`` lists the laws that the effect stands for, where the data do not tell them apart.
+    """
 
     effect: str
     location: str
@@ -61,6 +79,7 @@ class CauseRow(_Row):
     parameters: dict[str, Value]
     interval: dict[str, Ends]
     excess_after: float | None
+    laws: list[str] = []
 
 
 class RestRow(_Row):

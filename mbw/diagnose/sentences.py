@@ -5,7 +5,7 @@ from collections.abc import Collection, Sequence
 from diagnosis import PROVEN, load_catalogue
 from diagnosis.inference.evidence import Evidence
 from diagnosis.labels import name_direction, name_place
-from diagnosis.verdict.build import NONLINEAR
+from diagnosis.levels.free_levels import LAW_EFFECTS
 from diagnosis.verdict.schema import CauseRow, RemarkRow, Verdict
 from identification import FAULT_PHRASES, exchange_phrase
 from mbw.diagnose.effect_parameters import (
@@ -38,7 +38,7 @@ _OTHER_NOUNS = {
 _PREPOSITIONS = {"joint": "at", "body": "on", "sensor": "at", "hammer": "at", "pair": "between"}
 _UNKNOWN_LEVELS = "they need the level of every test in campaign.toml"
 _UNTESTED: tuple[tuple[Collection[str], str], ...] = (
-    (NONLINEAR, "they need hits of several levels, each stated in campaign.toml"),
+    (LAW_EFFECTS, "they need hits of several levels, each stated in campaign.toml"),
     ({"drift"}, "one direction of one set-up cannot reveal this"),
     (
         {"sensor_swap", "mount_resonance", "flexible_body"},
@@ -190,7 +190,7 @@ def untested_sentences(verdict: Verdict, levels: int) -> list[str]:
     """
     sentences = []
     for effects, reason in _UNTESTED:
-        why = _UNKNOWN_LEVELS if effects is NONLINEAR and levels > 1 else reason
+        why = _UNKNOWN_LEVELS if effects is LAW_EFFECTS and levels > 1 else reason
         nouns = [effect_noun(effect) for effect in verdict.not_testable if effect in effects]
         if nouns:
             sentences.append(f"Not tested, so not excluded: {_join_words(nouns)}; {why}.")

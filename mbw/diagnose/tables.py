@@ -14,6 +14,7 @@ from mbw.diagnose.effect_parameters import (
     parameters_that_may_be_zero,
 )
 from mbw.diagnose.fitted_sets import fitted_rows
+from mbw.diagnose.level_sentences import level_sentences
 from mbw.diagnose.link_axis import axis_words
 from mbw.diagnose.result import StoredDiagnosis
 from mbw.diagnose.schema import PlaceRow
@@ -53,7 +54,14 @@ def causes_section(result: StoredDiagnosis) -> str:
     levels = len({test.level for test in result.shown.tests})
     correlation = serial_correlation_sentences(result.evidence)
     confounded = confounded_sentences(verdict)
-    text = _paragraphs([*correlation, *confounded, *untested_sentences(verdict, levels)])
+    text = _paragraphs(
+        [
+            *level_sentences(verdict),
+            *correlation,
+            *confounded,
+            *untested_sentences(verdict, levels),
+        ]
+    )
     if verdict.next_experiment:
         text += f"<p><b>Next experiment:</b> {escape(verdict.next_experiment)}.</p>"
     return table + text

@@ -20,6 +20,7 @@ from mbw.diagnose.files import (
     write_files,
 )
 from mbw.diagnose.fitted_sets import fitted_rows, key_words, rejection_reasons
+from mbw.diagnose.level_sentences import level_sentences
 from mbw.diagnose.page import render
 from mbw.diagnose.pulled_tolerance import pull_sentence
 from mbw.diagnose.rest_sentences import remark_sentences, rest_sentence
@@ -183,7 +184,7 @@ def _say(verdict: Verdict, diagnosis: Diagnosis) -> None:
         share = closed.get(number)
         part = "" if share is None else f"; closes {format_percent(share)} of the fitted lines' gap"
         SCREEN.say(f"  {row.probability:.0%} {name}{sizes}{part}")
-    for text in (rest_sentence(verdict), *remark_sentences(verdict)):
+    for text in (rest_sentence(verdict), *level_sentences(verdict), *remark_sentences(verdict)):
         if text is not None:
             SCREEN.say(f"  {text}")
     if verdict.verdict == "unexplained" and verdict.where:

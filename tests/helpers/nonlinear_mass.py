@@ -5,12 +5,14 @@ of it is shared with ``diagnosis.levels``. All other directions are linear.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from scipy.integrate import solve_ivp
 
 from identification.words import Campaign, Condition, Dof, Frf, FrfEstimate, Test
-from mbmodel import Evaluator, FrfRequest, Model
+from mbmodel import Evaluator, FrfRequest, Model, as_drawn, load_machine
 
 MASS_KG, DAMPING = 40.0, 900.0  # the motion ends within a record
 STIFFNESS = MASS_KG * (2 * np.pi * 67.9) ** 2
@@ -77,6 +79,29 @@ def vertical_accelerance(force: Force, peak: float) -> np.ndarray:
     weights[[0, -1]] /= 2
     spectrum, pulse = kernel @ (weights * stretch), kernel @ (weights * hammer)
     return -((2 * np.pi * FREQ_HZ) ** 2) * spectrum / pulse
+
+
+def drifting_campaign(
+    folder: Path, levels: tuple[float, ...], factors: tuple[float, ...]
+) -> Campaign:
+    """Tests of linear machines whose vertical spring differs from one visit to a level to the next.
+
+    Args:
+        folder: in which the machines are written.
+        levels: peak of the hits of each visit [N].
+        factors: of the vertical stiffness at each visit.
+    """
+    tests: list[Test] = []
+    for number, (level, factor) in enumerate(zip(levels, factors, strict=True)):
+        path = folder / f"visit{number}.xml"
+        path.write_text(MJCF.replace(f'"{STIFFNESS}"', f'"{factor * STIFFNESS}"'), encoding="utf-8")
+        machine = as_drawn(load_machine(path))
+        visit = level_campaign(machine, None, (level,), seed=number + 1)
+        tests += [
+            replace(test, condition=replace(test.condition, test=f"visit {number}"))
+            for test in visit.tests
+        ]
+    return Campaign("mass", machine.machine.layout, tuple(tests))
 
 
 def level_campaign(
