@@ -19,7 +19,7 @@ from tuning.workers.independent_calls import Call, run_in_parallel
 
 
 @dataclass(frozen=True)
-class LevelGap:
+class GapAtLevel:
     """Gap of the tests of one level.
 
     Args:
@@ -43,8 +43,8 @@ class LevelGaps:
             the level, or with less than three levels.
     """
 
-    levels: tuple[LevelGap, ...]
-    foretold: LevelGap | None = None
+    levels: tuple[GapAtLevel, ...]
+    foretold: GapAtLevel | None = None
 
 
 def estimate_gaps_by_level(scene: Scene, gaps: GapEstimates) -> LevelGaps | None:
@@ -59,7 +59,7 @@ def estimate_gaps_by_level(scene: Scene, gaps: GapEstimates) -> LevelGaps | None
     if len(levels) < 2 or after is None:
         return None
     rows = tuple(
-        LevelGap(
+        GapAtLevel(
             level,
             _compute_gap(before.predicted, before.campaign, level),
             _compute_gap(after.predicted, after.campaign, level),
@@ -73,7 +73,7 @@ def estimate_gaps_by_level(scene: Scene, gaps: GapEstimates) -> LevelGaps | None
     calls: list[Call] = [
         (foretell_level, (replace(held.refit, hypothesis=None), middle)) for held in (before, after)
     ]
-    return LevelGaps(rows, LevelGap(middle, *run_in_parallel(calls, scene.jobs)))
+    return LevelGaps(rows, GapAtLevel(middle, *run_in_parallel(calls, scene.jobs)))
 
 
 def foretell_level(refit: Refit, level_n: float) -> Gap:
@@ -88,10 +88,10 @@ def foretell_level(refit: Refit, level_n: float) -> Gap:
     """
     session, whole = refit.session, refit.fit
     campaign = session.campaign
-    others = {test.condition.level_n for test in campaign.tests} - {level_n}
+    fitted_levels = {test.condition.level_n for test in campaign.tests} - {level_n}
     without = fit(
         session.model,
-        _select_levels(campaign, others),
+        _select_levels(campaign, fitted_levels),
         parametrisation=session.parametrisation,
         starts=(whole.theta,),
         stages=() if whole.last_stage is None else (whole.last_stage,),

@@ -1,6 +1,6 @@
 """Rows of gaps for verdict.json: at each step, and at each level of the hits."""
 
-from diagnosis.estimates.gap_by_level import LevelGap, LevelGaps
+from diagnosis.estimates.gap_by_level import GapAtLevel, LevelGaps
 from diagnosis.verdict.schema import GapAt, LevelGapRow
 from tuning import MIN_VISIBLE_EXCESS, Gap
 
@@ -25,7 +25,7 @@ def list_level_rows(gaps: LevelGaps | None) -> tuple[list[LevelGapRow], LevelGap
     return [_build_level_row(level) for level in gaps.levels], foretold
 
 
-def _build_level_row(level: LevelGap) -> LevelGapRow:
+def _build_level_row(level: GapAtLevel) -> LevelGapRow:
     retuned = level.retuned
     is_visible = retuned.excess is not None and retuned.excess >= MIN_VISIBLE_EXCESS
     return LevelGapRow(
