@@ -1,7 +1,8 @@
 """A virtual hammer test of a virtual machine that knows the answers.
 
 An independent twin: its equations of motion are its own, and files are its only contact with the
-rest of the project. It imports no other package of it, and no simulator.
+rest of the project. It imports no other package of it. Of MuJoCo it uses the reading of MJCF and
+the forces at rest; nothing is simulated.
 """
 
 from truth.campaign.case_design import Card, deal_cards, draw_case
@@ -10,7 +11,7 @@ from truth.campaign.folder import write_answer, write_campaign
 from truth.campaign.protocol import Protocol, draw_protocol
 from truth.campaign.virtual_test import Campaign, Plan, draw_campaign
 from truth.errors import TruthError
-from truth.machine.mjcf_reader import read_station
+from truth.machine.reading import read_station, why_as_drawn
 
 __all__ = [
     "Campaign",
@@ -25,6 +26,7 @@ __all__ = [
     "draw_case",
     "draw_protocol",
     "read_station",
+    "why_as_drawn",
     "write_answer",
     "write_campaign",
 ]

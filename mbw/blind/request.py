@@ -145,7 +145,7 @@ def _is_of_another_test(note: Path, request: dict[str, object]) -> bool:
 
 
 def _fingerprint(model: str) -> str:
-    """Return the hash of an MJCF and of its meshes; refuse a model that includes other MJCF files.
+    """Return the hash of an MJCF and of the files that it reads.
 
     Raises:
         InputError: the model cannot be read.
@@ -154,10 +154,13 @@ def _fingerprint(model: str) -> str:
         return TREES
     text = read_bytes(Path(model), f"name an MJCF file, or {TREES!r} for random machines")
     try:
-        meshes = read_station(Path(model)).meshes
+        station = read_station(Path(model))
     except TruthError as error:
         raise InputError(str(error)) from error
     combined = hashlib.sha256(text)
-    for mesh in meshes:
-        combined.update(hashlib.sha256(mesh.content).digest())
+    contents = [mesh.content for mesh in station.meshes]
+    if station.source is not None:
+        contents = [content for _, content in sorted(station.source.files.items())]
+    for content in contents:
+        combined.update(hashlib.sha256(content).digest())
     return combined.hexdigest()

@@ -8,6 +8,7 @@ import typer
 
 from diagnosis import load_catalogue
 from identification.words import InputError, WorkbenchError
+from mbmodel import load_machine
 from mbw.band import check_band
 from mbw.blind.case import TREES, BlindCase
 from mbw.blind.grading import describe_discarded_draws, write_grades
@@ -17,6 +18,7 @@ from mbw.blind.running import choose_workers, run_cases
 from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder, ResultOptions
+from truth import why_as_drawn
 from truth.grade import tables, to_json
 from tuning.workers.executors import Workers
 
@@ -76,6 +78,7 @@ def run(options: BlindOptions) -> Path:
         WorkbenchError: no case could be drawn; InputError if the model is the reason.
     """
     load_catalogue()  # refuses an invalid effect of another package before anything is drawn
+    _check_model(options.model)
     request = build_request(
         options.model, options.seed, options.band, shard=options.shard, cases=options.cases
     )
@@ -85,6 +88,18 @@ def run(options: BlindOptions) -> Path:
         drawn = _run(options, out)
         grade_cases(output, drawn, Path(options.model).stem, options.outputs)
     return out
+
+
+def _check_model(model: str) -> None:
+    """Say how the machine is drawn; refuse a model that has no linear one, as ``predict`` does."""
+    if model == TREES or not Path(model).is_file():
+        return
+    if reason := why_as_drawn(Path(model)):
+        load_machine(Path(model))
+        SCREEN.say(
+            f"the drawing is {model} itself, and true machines vary about it ({reason}: drawings "
+            "of other machines are made of plain models alone)"
+        )
 
 
 def grade_cases(

@@ -44,6 +44,7 @@ def bounded_solution(normal: Real, right: Real, bounded: Mask) -> Real:
         bounded: which coordinates are tolerances, in standard deviations; (n,).
     """
     scale = np.sqrt(np.diag(normal))
+    scale[scale == 0] = 1.0  # a spring or damper of 0 stays 0
     held = np.zeros(len(right))
     for _ in range(_MAX_ROUNDS):
         free = held == 0

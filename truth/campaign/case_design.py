@@ -12,6 +12,7 @@ import numpy as np
 
 from truth.campaign.cause import Cause, Wanted
 from truth.campaign.draw import draw_basis, draw_rigid, stream
+from truth.campaign.fitting_band import fit_to_machine
 from truth.campaign.protocol import Protocol, draw_protocol, occasions, takes
 from truth.campaign.virtual_test import Campaign, Plan, draw_campaign
 from truth.effects import CATALOGUE, Scene
@@ -91,6 +92,8 @@ def draw_case(nominal: Station | None, seed: int, number: int) -> Case:
     machine = int.from_bytes(words.tobytes(), "little")
     station = nominal or draw_tree(machine)
     protocol = draw_protocol(station, machine)
+    if station.source is not None:
+        protocol = fit_to_machine(protocol, station)
     for turn in range(_TRIES):
         random = stream(machine, f"cause.{turn}")
         cause = _cause(card, station, random, turn)
@@ -136,7 +139,9 @@ def deal_cards(seed: int) -> Iterator[Card]:
 
 def _do_for_both(card: Card, cause: Cause, station: Station, protocol: Protocol, seed: int) -> bool:
     """Whether either twin has its place in the machine: else another place is drawn for both."""
-    basis = draw_rigid(draw_basis(station, seed), RIGID, seed)
+    basis = station
+    if station.source is None:
+        basis = draw_rigid(draw_basis(station, seed), RIGID, seed)
     scene = Scene(basis, occasions(protocol, takes(protocol, basis, seed)))
     for name in card.twins:
         try:

@@ -107,6 +107,33 @@ def draw_mistuned(basis: Station, seed: int) -> Station:
     )
 
 
+def draw_as_drawn(nominal: Station, seed: int, *, mistuned: bool = False) -> Station:
+    """Return a true machine about one whose drawing stays: its springs and dampers are off.
+
+    Args:
+        nominal: the user's own model.
+        seed: of the machine.
+        mistuned: stiffness and damping are twice as far off as usual.
+    """
+    times = 2.0 if mistuned else 1.0
+    spread = (times * DRAWN_STIFFNESS, times * DRAWN_DAMPING)
+    varied = _with_joint_factors(
+        nominal,
+        stiffness=(spread[0], stream(seed, "as_drawn.stiffness")),
+        damping=(spread[1], stream(seed, "as_drawn.damping")),
+    )
+    random = stream(seed, "as_drawn.tendon")
+    tendons = []
+    for tendon in nominal.tendons:
+        stiffness, damping = np.exp(np.array(spread) * random.standard_normal(2)).tolist()
+        tendons.append(
+            replace(
+                tendon, stiffness=tendon.stiffness * stiffness, damping=tendon.damping * damping
+            )
+        )
+    return replace(varied, tendons=tuple(tendons))
+
+
 def draw_drawing(basis: Station, seed: int) -> Station:
     """Return what the drawing says: the basis with stiffness and damping off by their factors."""
     return _with_joint_factors(
@@ -137,7 +164,7 @@ def draw_true(basis: Station, tolerance: Tolerance, seed: int) -> Station:
 def draw_hammers(
     drawing: Station, node: int, tolerance: Tolerance, seed: int, purpose: str = "tolerance.hammer"
 ) -> tuple[Hammer, ...]:
-    """Return the hits in +x, +y, +z at a node, each off by the hammer's tolerances on its own.
+    """Return the hits along a node's directions, each off by the hammer's tolerances on its own.
 
     Gain and delay of the force channel are those of the one hammer, wherever it hits.
     """
@@ -146,7 +173,7 @@ def draw_hammers(
     channel = stream(seed, "tolerance.force").standard_normal(2)
     gain, delay = 1 + tolerance.hammer_gain * channel[0], tolerance.hammer_delay * channel[1]
     hammers = []
-    for drawn in np.eye(3):
+    for drawn in drawing.aim_axes(node):
         turn = Rotation.from_rotvec(tolerance.hammer_angle * random.standard_normal(3))
         position = point + tolerance.hammer_position * random.standard_normal(3)
         direction = turn.as_matrix() @ drawn

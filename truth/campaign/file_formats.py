@@ -12,6 +12,7 @@ from truth.effects import Answer
 from truth.machine.station import GROUND, Stage, Station
 
 MESH_FOLDER = "meshes"
+MODEL_FOLDER = "model"  # of a user's own MJCF with all that it reads
 _UNITS = {
     "com": "m",
     "joint_position": "m",

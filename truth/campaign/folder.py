@@ -60,7 +60,7 @@ def write_campaign(
     try:
         inside = {} if sealed else {ANSWER: campaign.answer}
         for name, content in {**campaign.files, **inside}.items():
-            (new / name).parent.mkdir(exist_ok=True)
+            (new / name).parent.mkdir(parents=True, exist_ok=True)
             (new / name).write_bytes(content)
         if folder.exists():
             folder.rename(old)

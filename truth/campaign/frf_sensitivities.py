@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 
 from truth.campaign.draw import Tolerance
+from truth.machine.couplings import coupled_matrices, tendon_rows
 from truth.machine.dynamics import (
     Equations,
     hammer_columns,
@@ -84,7 +85,8 @@ def jacobian_again(machine: Machine, freq_hz: Real, weight: Real, before: Jacobi
         for index in range(len(machine.station.stages))
         for own in _joints(machine.station, index)
     ]
-    columns = [stacked(solved.slope(slopes) * weight) for slopes in joints]
+    springs = [*joints, *_tendons(machine.station)]
+    columns = [stacked(solved.slope(slopes) * weight) for slopes in springs]
     shared[:, ~before.bounded] = np.array(columns).T
     return replace(before, shared=shared)
 
@@ -170,6 +172,8 @@ def _parameters(machine: Machine, tolerance: Tolerance) -> Iterator[tuple[_Slope
             *_places(machine, index, tolerance),
         ):
             yield slopes, True
+    for slopes in _tendons(machine.station):
+        yield slopes, False
     for number in range(len(machine.hammers)):
         for slopes in _hits(machine, number, tolerance):
             yield slopes, True
@@ -184,13 +188,29 @@ def _joints(station: Station, index: int) -> Iterator[_Slopes]:
         yield _matrices(station, damping=joint.damping * square)
 
 
+def _tendons(station: Station) -> Iterator[_Slopes]:
+    """By log k and log c of the tendons."""
+    if not station.tendons:
+        return
+    for tendon, row in zip(station.tendons, tendon_rows(station), strict=True):
+        square = np.outer(row, row)
+        yield _matrices(station, stiffness=tendon.stiffness * square)
+        yield _matrices(station, damping=tendon.damping * square)
+
+
 def _weights(station: Station, index: int, tolerance: Tolerance) -> Iterator[_Slopes]:
     """By mass and by each of the six numbers of the inertia."""
     stage, size = station.stages[index], 6 * len(station.stages)
     mass = np.zeros((size, size))
     place = slice(6 * index, 6 * index + 3)
     mass[place, place] = tolerance.mass * stage.mass * np.eye(3)
-    yield _matrices(station, mass=mass)
+    heavier = replace(stage, mass=stage.mass * (1 + tolerance.mass))
+    weight = None
+    if station.gravity.any():  # linear in the mass
+        stages = (*station.stages[:index], heavier, *station.stages[index + 1 :])
+        whole = coupled_matrices(replace(station, stages=stages)).stiffness
+        weight = whole - coupled_matrices(station).stiffness
+    yield _matrices(station, mass=mass, stiffness=weight)
     for row, column in zip(*np.triu_indices(3), strict=True):
         mass = np.zeros((size, size))
         one, other = 6 * index + 3 + row, 6 * index + 3 + column
@@ -251,11 +271,15 @@ def _ends(station: Station, index: int, moved: Callable[[float], Stage]) -> tupl
 
 
 def _slope_of_joints(ends: tuple[Station, Station], indices: tuple[int, ...]) -> Equations:
-    """Central difference of C, K and G, of which the joints of a few stages alone move."""
+    """Central difference of M, C, K and G, of which the joints of a few stages alone move."""
     sizes = [6 - len(stage.joints) for stage in ends[0].stages]
     size = 6 * len(sizes)
-    damping, stiffness = np.zeros((2, size, size))
+    mass, damping, stiffness = np.zeros((3, size, size))
     rigid = np.zeros((sum(sizes), size))
+    coupled = [coupled_matrices(station) for station in ends]
+    mass += coupled[0].mass - coupled[1].mass
+    damping += coupled[0].damping - coupled[1].damping
+    stiffness += coupled[0].stiffness - coupled[1].stiffness
     for index in indices:
         one, other = (joint_matrices(station, index) for station in ends)
         damping += one[0] - other[0]
@@ -263,7 +287,7 @@ def _slope_of_joints(ends: tuple[Station, Station], indices: tuple[int, ...]) ->
         first = sum(sizes[:index])
         rigid[first : first + sizes[index]] = one[2] - other[2]
     over = 1 / (2 * _STEP)
-    return Equations(np.zeros((size, size)), damping * over, stiffness * over, rigid * over)
+    return Equations(mass * over, damping * over, stiffness * over, rigid * over)
 
 
 def _hits(machine: Machine, number: int, tolerance: Tolerance) -> Iterator[_Slopes]:

@@ -97,11 +97,13 @@ def _hammer_test(
     shape = (freq_hz.size, len(rows), len(references))
     frf, coherence = np.empty(shape, np.complex128), np.empty(shape)
     hits = [
-        draw_pulses(protocol.averages, take.level, stream(seed, f"hits{name}.{column}"))
+        draw_pulses(
+            protocol.averages, take.level, stream(seed, f"hits{name}.{column}"), protocol.pace
+        )
         for column in range(len(references))
     ]
     occasions = [Occasion(take.level, node, axis - 1, take.setup) for node, axis in references]
-    added = nonlinear_part(known, occasions, hits)
+    added = nonlinear_part(known, occasions, hits, RATE_HZ * protocol.pace)
     for column, pulses in enumerate(hits):
         force = pulse_spectra(freq_hz, pulses)
         reading = linear_frfs(known, occasions[column], len(force)) * force[:, :, None]
@@ -178,10 +180,19 @@ def estimate_h1(force: Complex, reading: Complex) -> tuple[Complex, Real]:
     return cross / force_power, np.abs(cross) ** 2 / (force_power * reading_power)
 
 
-def draw_pulses(averages: int, level: float, random: np.random.Generator) -> Pulses:
-    """Draw the pulses of one direction: half sines about the level and the usual duration."""
+def draw_pulses(
+    averages: int, level: float, random: np.random.Generator, pace: float = 1.0
+) -> Pulses:
+    """Draw the pulses of one direction: half sines about the level and the usual duration.
+
+    Args:
+        averages: number of hits.
+        level: mean peak force [N].
+        random: random numbers of the hits.
+        pace: factor by which the hits are shorter than usual.
+    """
     scatter = random.uniform(1 - PULSE_SCATTER, 1 + PULSE_SCATTER, (2, averages, 1))
-    return Pulses(level * scatter[0, :, 0], PULSE_SECONDS * scatter[1, :, 0])
+    return Pulses(level * scatter[0, :, 0], PULSE_SECONDS / pace * scatter[1, :, 0])
 
 
 def pulse_spectra(freq_hz: Real, pulses: Pulses) -> Complex:
@@ -226,7 +237,7 @@ def frf_deviation(base: Complex, lines: Real, protocol: Protocol, level: float) 
         protocol: averages and spacing of the lines of the test.
         level: mean peak force [N].
     """
-    pulse = Pulses(np.array([level]), np.array([PULSE_SECONDS]))
+    pulse = Pulses(np.array([level]), np.array([PULSE_SECONDS / protocol.pace]))
     force = np.abs(pulse_spectra(lines, pulse)[0]) * np.sqrt(protocol.averages)
     spacing = protocol.freq_hz[1] - protocol.freq_hz[0]
     sensor = noise_spectrum(lines, spacing) / force

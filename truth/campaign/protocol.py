@@ -35,6 +35,7 @@ class Protocol:
         resolution_hz: their spacing.
         coherence: whether the file has coherences.
         dead: a channel that reads its noise alone.
+        scale: band over that of a usual station's test; hits are as much shorter. None: 1.
     """
 
     nodes: tuple[int, ...] = (11,)
@@ -45,6 +46,7 @@ class Protocol:
     resolution_hz: float = 0.25
     coherence: bool = True
     dead: Channel | None = None
+    scale: float | None = None
 
     def __post_init__(self) -> None:
         """Check that the test can be made."""
@@ -55,6 +57,11 @@ class Protocol:
         for level in self.levels:
             if not 0 < level < np.inf:
                 raise TruthError(f"level {level}: give the hammer's peak force in N, more than 0")
+
+    @property
+    def pace(self) -> float:
+        """Band over that of a usual station's test."""
+        return self.scale or 1.0
 
     @property
     def freq_hz(self) -> Real:

@@ -186,7 +186,7 @@ class Refit:
         """Return the refit about a machine with other stiffness and damping.
 
         Args:
-            logarithms: of the factors, of each joint's stiffness and damping in their order.
+            logarithms: of the factors, of stiffness and damping of each joint and then each tendon.
             deviation: of each value, with what the refit may leave anyway.
         """
         machine = self._varied(logarithms)
@@ -220,7 +220,14 @@ class Refit:
             stiffness, damping = joint.stiffness * next(factors), joint.damping * next(factors)
             return replace(joint, stiffness=stiffness, damping=damping)
 
-        return replace(self.machine, station=self.machine.station.varied(vary))
+        station = self.machine.station.varied(vary)
+        tendons = tuple(
+            replace(
+                one, stiffness=one.stiffness * next(factors), damping=one.damping * next(factors)
+            )
+            for one in station.tendons
+        )
+        return replace(self.machine, station=replace(station, tendons=tendons))
 
     def _base(self) -> Complex:
         """Accelerances without effects; like deviation."""
@@ -239,7 +246,8 @@ class Refit:
         base = self._base()
         values = np.array(base)
         points = [sensor.node for _, sensor in machine.station.sensors()]
-        pulse = Pulses(np.array([self.takes[0].level]), np.array([PULSE_SECONDS]))
+        duration = PULSE_SECONDS / self.protocol.pace
+        pulse = Pulses(np.array([self.takes[0].level]), np.array([duration]))
         force = pulse_spectra(self.known.freq_hz, pulse)[0]
         places = np.searchsorted(self.protocol.freq_hz, self.known.freq_hz)
         for take in self.takes:
@@ -251,7 +259,8 @@ class Refit:
             ]
             added = None
             if known.on(occasions[0])[0].joints:
-                added = nonlinear_part(whole, occasions, [pulse] * len(occasions), _COARSE_HZ)
+                rate = _COARSE_HZ * self.protocol.pace
+                added = nonlinear_part(whole, occasions, [pulse] * len(occasions), rate)
             for number, occasion in enumerate(occasions):
                 column = machine.column(occasion)
                 mean = linear_frfs(known, occasion, self.protocol.averages).mean(axis=0)
@@ -391,5 +400,5 @@ def _linearised(
 
 def _chosen(protocol: Protocol) -> Real:
     """Lines of the refit, evenly from where a hammer test begins to tell."""
-    lines = protocol.freq_hz[protocol.freq_hz >= _LOWEST_HZ]
+    lines = protocol.freq_hz[protocol.freq_hz >= _LOWEST_HZ * protocol.pace]
     return lines[:: max(1, len(lines) // _LINES)]

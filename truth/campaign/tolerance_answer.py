@@ -4,6 +4,7 @@ An effect is added to a machine that is off its drawing by tolerances. A diagnos
 both together: the axes, the place and the gain that a sensor truly has, against the drawn ones.
 """
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -48,7 +49,7 @@ def stated(answer: Answer, drawing: Station, before: Station, after: Prepared) -
             for number, hammer in enumerate(after.hammers)
             if hammer.node == node and number % 3 == axis
         )
-        found["rotation"] = _tuple(_least_turn(np.eye(3)[axis], hit))
+        found["rotation"] = _tuple(_least_turn(drawing.aim_axes(node)[axis], hit))
     elif answer.effect in ("hammer_gain", "hammer_delay"):
         force = after.hammers[0]  # one force channel for all hits
         found = _with_channel(found, force.gain, force.delay)
@@ -59,6 +60,22 @@ def stated(answer: Answer, drawing: Station, before: Station, after: Prepared) -
         shift = before.stages[index].com - drawing.stages[index].com
         found["position"] = _tuple(np.asarray(answer.parameters["position"]) + shift)
     return replace(answer, parameters=found)
+
+
+def named(answer: Answer, drawing: Station) -> Answer:
+    """Return the answer with the drawing's own names of sites instead of ``acc<node>``."""
+
+    def site(match: re.Match[str]) -> str:
+        return drawing.site(int(match[1]))
+
+    kind, _, place = answer.location.partition(":")
+    if kind in ("sensor", "hammer"):
+        place = re.sub(r"\bacc(\d+)\b", site, place)
+    return replace(
+        answer,
+        location=f"{kind}:{place}" if place else answer.location,
+        dof=re.sub(r"\bacc(\d+)(?=:)", site, answer.dof),
+    )
 
 
 def _with_channel(found: dict[str, Parameter], gain: float, delay: float) -> dict[str, Parameter]:
@@ -73,8 +90,10 @@ def _offset(drawing: Station, after: Prepared, site: str) -> Real:
     node = int("".join(one for one in site if one.isdigit()))
     _, point = drawing.aim(node)
     places = np.array([hammer.position for hammer in after.hammers if hammer.node == node])
-    across = 1 - np.eye(3)  # a force along an axis does not feel where along it
-    mean: Real = (across * (places - point)).sum(axis=0) / across.sum(axis=0)
+    # A force along an axis does not feel where along it.
+    across = [np.eye(3) - np.outer(axis, axis) for axis in drawing.aim_axes(node)]
+    felt = [matrix @ (place - point) for matrix, place in zip(across, places, strict=True)]
+    mean: Real = np.linalg.solve(np.sum(across, axis=0), np.sum(felt, axis=0))
     return mean
 
 

@@ -12,6 +12,7 @@ from truth.campaign.cause import Cause, Draws, draw_effects
 from truth.campaign.draw import (
     NO_TOLERANCE,
     Tolerance,
+    draw_as_drawn,
     draw_basis,
     draw_drawing,
     draw_hammers,
@@ -22,6 +23,7 @@ from truth.campaign.draw import (
 )
 from truth.campaign.file_formats import (
     MESH_FOLDER,
+    MODEL_FOLDER,
     answer_toml,
     campaign_toml,
     dirt_toml,
@@ -30,11 +32,12 @@ from truth.campaign.file_formats import (
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import Protocol, Take, occasions, takes
 from truth.campaign.survival import Refit, refit_of
-from truth.campaign.tolerance_answer import stated
+from truth.campaign.tolerance_answer import named, stated
 from truth.campaign.uff import uff_bytes
 from truth.effects import NONLINEAR, Scene
 from truth.errors import TruthError
 from truth.machine.machine_on_test import Machine
+from truth.machine.settling import carried, settled
 from truth.machine.station import Hammer, Real, Station
 
 _TOLERANCE = Tolerance()
@@ -56,6 +59,9 @@ class Plan:
         sized_by: the test whose refit the sizes of effects are chosen for; this one if None. The
             same seed then has the same machine and effects whatever else is measured.
         dirt: part of the motion that small imperfections leave of a re-tuned machine, in per cent.
+        as_drawn: whether the drawing is the nominal machine itself, about which the true one is
+            drawn; else a drawing of its own is drawn for every seed. A machine that was read by
+            MuJoCo is always tested as drawn.
     """
 
     seed: int
@@ -65,6 +71,7 @@ class Plan:
     rigid: int = 0
     sized_by: Protocol | None = None
     dirt: float = 0.0
+    as_drawn: bool = False
 
     def __post_init__(self) -> None:
         """Check that the background can be made."""
@@ -103,10 +110,7 @@ def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
         raise TruthError(
             f"model {nominal.name}: it has no site acc<node>, nothing would be measured"
         )
-    basis = draw_rigid(draw_basis(nominal, seed), plan.rigid, seed)
-    drawing = draw_drawing(basis, seed)
-    at_work = NO_TOLERANCE if plan.cause.mistuned else plan.tolerance
-    true = draw_mistuned(basis, seed) if plan.cause.mistuned else draw_true(basis, at_work, seed)
+    drawing, true = draw_machines(nominal, plan)
     files, machine, scene = _tested(drawing, true, plan)
     sizing = replace(plan, protocol=plan.sized_by or plan.protocol)
     background = _background(drawing, true, sizing)
@@ -114,21 +118,45 @@ def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
     effects = tuple(one.effect for one in draws.drawn)
     machine = replace(machine, effects=(*background.effects, *effects))
     tests = hammer_tests(machine, plan.protocol, files, seed)
-    contents = {
-        "model.xml": model_xml(drawing).encode("utf-8"),
-        "campaign.toml": campaign_toml(
-            model="model.xml", files=files, averages=plan.protocol.averages, given=plan.tolerance
-        ).encode("utf-8"),
-    }
-    contents |= {f"{MESH_FOLDER}/{mesh.file}": mesh.content for mesh in drawing.meshes}
+    contents, entry = model_files(drawing)
+    contents["campaign.toml"] = campaign_toml(
+        model=entry, files=files, averages=plan.protocol.averages, given=plan.tolerance
+    ).encode("utf-8")
     contents |= {take.file: uff_bytes(test) for take, test in zip(files, tests, strict=True)}
     salt = stream(seed, "salt").bytes(16).hex()
     whole = machine.prepared(scene.occasions[0])
-    answers = tuple(stated(one.effect.answer(), drawing, true, whole) for one in draws.drawn)
-    small = tuple(one.answer() for one in background.effects)
+    answers = tuple(
+        named(stated(one.effect.answer(), drawing, true, whole), drawing) for one in draws.drawn
+    )
+    small = tuple(named(one.answer(), drawing) for one in background.effects)
     text = answer_toml(answers, draws, plan.cause, plan.protocol, nominal.name, salt)
     answer = (text + dirt_toml(small, plan.dirt, background.scale)).encode("utf-8")
     return Campaign(MappingProxyType(contents), answer, draws.discarded)
+
+
+def draw_machines(nominal: Station, plan: Plan) -> tuple[Station, Station]:
+    """Return the drawing that the user is given, and the true machine.
+
+    Raises:
+        TruthError: the true machine has no stable equilibrium.
+    """
+    seed, mistuned = plan.seed, plan.cause.mistuned
+    at_work = NO_TOLERANCE if mistuned else plan.tolerance
+    if plan.as_drawn or nominal.source is not None:
+        varied = draw_as_drawn(nominal, seed, mistuned=mistuned)
+        return nominal, settled(varied if mistuned else draw_true(varied, at_work, seed))
+    basis = draw_rigid(draw_basis(nominal, seed), plan.rigid, seed)
+    true = draw_mistuned(basis, seed) if mistuned else draw_true(basis, at_work, seed)
+    return draw_drawing(basis, seed), true
+
+
+def model_files(drawing: Station) -> tuple[dict[str, bytes], str]:
+    """Return the files of a drawing and the path of its MJCF: a user's own file stays as it is."""
+    if drawing.source is not None:
+        files = {f"{MODEL_FOLDER}/{name}": text for name, text in drawing.source.files.items()}
+        return files, f"{MODEL_FOLDER}/{drawing.source.entry}"
+    meshes = {f"{MESH_FOLDER}/{mesh.file}": mesh.content for mesh in drawing.meshes}
+    return {"model.xml": model_xml(drawing).encode("utf-8"), **meshes}, "model.xml"
 
 
 def _background(drawing: Station, true: Station, plan: Plan) -> Background:
@@ -152,8 +180,12 @@ def _tested(drawing: Station, true: Station, plan: Plan) -> tuple[tuple[Take, ..
     """The files of a plan's test, the machine with its hammers, and when it is hit."""
     at_work = NO_TOLERANCE if plan.cause.mistuned else plan.tolerance
     files = takes(plan.protocol, drawing, plan.seed)
-    machine = Machine(true, _hammers(drawing, plan.protocol, at_work, plan.seed))
-    return files, machine, Scene(true, occasions(plan.protocol, files))
+    hammers = []
+    for hammer in _hammers(drawing, plan.protocol, at_work, plan.seed):
+        place = carried(hammer.position, hammer.direction, hammer.stage, drawing, true)
+        hammers.append(replace(hammer, position=place[0], direction=place[1]))
+    scene = Scene(true, occasions(plan.protocol, files), plan.protocol.pace)
+    return files, Machine(true, tuple(hammers)), scene
 
 
 def _refit(machine: Machine, plan: Plan, files: tuple[Take, ...], background: Real | None) -> Refit:

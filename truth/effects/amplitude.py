@@ -22,15 +22,18 @@ def peak_stretch(scene: Scene, direction: JointDirection) -> float:
     nodes = sorted({occasion.node for occasion in scene.occasions})
     aims = [(node, *scene.station.aim(node)) for node in nodes]
     hammers = tuple(
-        Hammer(node, stage, point, axis) for node, stage, point in aims for axis in np.eye(3)
+        Hammer(node, stage, point, axis)
+        for node, stage, point in aims
+        for axis in scene.station.aim_axes(node)
     )
     tested = Prepared(scene.station, hammers)
     rig = build(tested)
-    lines = np.arange(_SPACING_HZ, _HIGHEST_HZ, _SPACING_HZ)
-    cycles = lines * _PULSE_SECONDS
-    force = level * _PULSE_SECONDS / 2 * (np.sinc(cycles - 0.5) + np.sinc(cycles + 0.5))
+    spacing, pulse = _SPACING_HZ * scene.pace, _PULSE_SECONDS / scene.pace
+    lines = scene.pace * np.arange(_SPACING_HZ, _HIGHEST_HZ, _SPACING_HZ)
+    cycles = lines * pulse
+    force = level * pulse / 2 * (np.sinc(cycles - 0.5) + np.sinc(cycles + 0.5))
     force = force * np.exp(-1j * np.pi * cycles)
     motion = direction.stretch(rig, tested) @ receptance(rig, lines, rig.drive)
     spectrum = np.vstack([np.zeros((1, motion.shape[1])), motion * force[:, None]])
-    samples = np.fft.irfft(spectrum, axis=0) * 2 * (len(lines)) * _SPACING_HZ
+    samples = np.fft.irfft(spectrum, axis=0) * 2 * (len(lines)) * spacing
     return float(np.abs(samples).max())

@@ -89,6 +89,6 @@ def draw_appendage(
         body_mass=stage.mass,
         axis=int(random.integers(3)),
         size=random.uniform(*MASS_RATIO),
-        frequency=random.uniform(*FREQUENCY_HZ),
+        frequency=scene.pace * random.uniform(*FREQUENCY_HZ),
         damping=random.uniform(*DAMPING_RATIO),
     )

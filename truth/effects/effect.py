@@ -151,10 +151,17 @@ class Unsized(Always):
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What an effect may be drawn for: the true station and all occasions of its campaign."""
+    """What an effect may be drawn for.
+
+    Args:
+        station: the true machine.
+        occasions: of its campaign.
+        pace: band of the test over that of a usual station.
+    """
 
     station: Station
     occasions: tuple[Occasion, ...]
+    pace: float = 1.0
 
 
 class Draw(Protocol):

@@ -134,7 +134,7 @@ def draw_flexible_body(
     return FlexibleBody(
         body=stages[index].name,
         bending=unit_vector(random),
-        frequency=log_uniform(random, FREQUENCY_HZ),
+        frequency=scene.pace * log_uniform(random, FREQUENCY_HZ),
         damping=log_uniform(random, DAMPING_RATIO),
         size=random.uniform(*AMPLITUDE),
     )

@@ -63,11 +63,11 @@ def draw_hammer_misalignment(
     if number is None:
         return None
     axes = {occasion.axis for occasion in scene.occasions if occasion.node == nodes[number]}
-    axis = choose(random, sorted(axes))
+    axis, drawn = choose(random, sorted(axes)), scene.station.aim_axes(nodes[number])
     return HammerMisalignment(
         node=nodes[number],
         site=sites[number],
         axis=axis,
-        along=unit_vector(random, np.delete(np.eye(3), axis, axis=0)),
+        along=unit_vector(random, np.delete(drawn, axis, axis=0)),
         size=random.uniform(*ANGLE),
     )

@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 import scipy.linalg
 
+from truth.machine.couplings import coupled_matrices
 from truth.machine.dynamics import Equations, Flex, assemble, hammer_columns, sensor_rows
 from truth.machine.station import Complex, Hammer, Real, Station
 
@@ -145,8 +146,14 @@ class Rig:
 def build(tested: Prepared) -> Rig:
     """Write the equations of a machine with its sensors and hammers."""
     station, flexes = tested.station, tested.flexes
+    plain, added = assemble(station, flexes), coupled_matrices(station, flexes)
     return Rig(
-        assemble(station, flexes),
+        Equations(
+            plain.mass + added.mass,
+            plain.damping + added.damping,
+            plain.stiffness + added.stiffness,
+            plain.rigid,
+        ),
         sensor_rows(station, flexes),
         hammer_columns(station, tested.hammers, flexes),
         filters=tuple(

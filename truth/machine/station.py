@@ -4,147 +4,59 @@ All positions and directions are in world axes, in SI units, at rest; a small mo
 change them. Nothing here is changed in place: a variation is made with ``dataclasses.replace``.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeAlias
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from truth.errors import TruthError
+from truth.machine.instruments import Hammer, HitPoint, Sensor
+from truth.machine.springs import Joint, Remaining, Tendon
+from truth.machine.values import (
+    AXES,
+    GROUND,
+    Complex,
+    Mask,
+    Real,
+    frozen,
+    is_inertia,
+)
 
-Real: TypeAlias = NDArray[np.float64]
-Complex: TypeAlias = NDArray[np.complex128]
-Mask: TypeAlias = NDArray[np.bool_]
-
-AXES = ("x", "y", "z")
-GROUND = -1
-
-
-def frozen(values: ArrayLike, shape: tuple[int, ...], what: str) -> Real:
-    """Return a finite, read-only copy of the values in this shape, or refuse them by name."""
-    array = np.array(values, dtype=np.float64)
-    if array.shape != shape or not np.isfinite(array).all():
-        raise TruthError(f"{what}: expected finite numbers of shape {shape}, got {values!r}")
-    array.setflags(write=False)
-    return array
-
-
-def is_inertia(inertia: Real) -> bool:
-    """Tell whether a body can have this inertia: its moments positive, none above the others' sum.
-
-    Both hold exactly when every eigenvalue of ``trace(I)/2 - I`` is non-negative, these being the
-    principal second moments of the mass, and when I itself is positive definite.
-    """
-    moments = np.linalg.eigvalsh(inertia)
-    rounding = 1e-9 * float(moments.sum())
-    return bool(moments[0] > 0 and moments[2] <= moments[0] + moments[1] + rounding)
-
-
-@dataclass(frozen=True, eq=False)
-class Joint:
-    """One direction in which a stage moves against its parent, with a spring and a damper.
-
-    Args:
-        name: such as ``ty_rz``.
-        kind: ``slide`` along the axis, or ``hinge`` about it.
-        axis: unit vector; (3,).
-        position: where the joint sits [m]; (3,).
-        stiffness: [N/m] or [N m/rad], not negative.
-        damping: [N s/m] or [N m s/rad], not negative.
-    """
-
-    name: str
-    kind: Literal["slide", "hinge"]
-    axis: Real
-    position: Real
-    stiffness: float
-    damping: float
-
-    def __post_init__(self) -> None:
-        """Check the values and make the axis a unit vector."""
-        axis = frozen(self.axis, (3,), f"joint {self.name}, axis")
-        if not np.linalg.norm(axis) > 0:
-            raise TruthError(f"joint {self.name}: its axis has no length; give a direction")
-        unit = frozen(axis / np.linalg.norm(axis), (3,), self.name)
-        object.__setattr__(self, "axis", unit)
-        position = frozen(self.position, (3,), f"joint {self.name}, pos")
-        object.__setattr__(self, "position", position)
-        for quantity in ("stiffness", "damping"):
-            value = getattr(self, quantity)
-            if not 0 <= value < np.inf:
-                raise TruthError(f"joint {self.name}: {quantity} {value} is negative or no number")
+__all__ = [
+    "AXES",
+    "GROUND",
+    "Complex",
+    "Hammer",
+    "HitPoint",
+    "Joint",
+    "Mask",
+    "MeshFile",
+    "Real",
+    "Remaining",
+    "Sensor",
+    "Shape",
+    "Source",
+    "Stage",
+    "Station",
+    "Tendon",
+    "frozen",
+    "is_inertia",
+]
 
 
-@dataclass(frozen=True, eq=False)
-class Sensor:
-    """A triaxial accelerometer.
-
-    Args:
-        node: number of the measuring point in the data file.
-        position: [m]; (3,).
-        axes: the directions 1, 2, 3 as rows, unit vectors; (3, 3).
-        gain: reading per true acceleration, for each direction; (3,).
-        cross: what x reads of y and y of x, x and z, y and z; (3,).
-        delay: of each reading [s]; (3,).
-    """
-
-    node: int
-    position: Real
-    axes: Real = field(default_factory=lambda: np.eye(3))
-    gain: Real = field(default_factory=lambda: np.ones(3))
-    cross: Real = field(default_factory=lambda: np.zeros(3))
-    delay: Real = field(default_factory=lambda: np.zeros(3))
-
-    def __post_init__(self) -> None:
-        """Check and freeze the values."""
-        shapes = {"position": (3,), "axes": (3, 3), "gain": (3,), "cross": (3,), "delay": (3,)}
-        for name, shape in shapes.items():
-            value = frozen(getattr(self, name), shape, f"sensor {self.node}, {name}")
-            object.__setattr__(self, name, value)
+class Source(Protocol):
+    """The compiled model of a station, and the files that it was read from."""
 
     @property
-    def mixing(self) -> Real:
-        """What each reading takes of the accelerations along the three axes; (3, 3)."""
-        xy, xz, yz = self.cross
-        across = np.array([[0.0, xy, xz], [xy, 0.0, yz], [xz, yz, 0.0]])
-        mixing: Real = np.diag(self.gain) + across
-        return mixing
+    def files(self) -> Mapping[str, bytes]:
+        """Content of all files by their paths within one folder."""
+        ...
 
-
-@dataclass(frozen=True, eq=False)
-class HitPoint:
-    """A place for the hammer that is not a sensor's: node and position [m]; (3,)."""
-
-    node: int
-    position: Real
-
-    def __post_init__(self) -> None:
-        """Check and freeze the value."""
-        position = frozen(self.position, (3,), f"hit{self.node}, position")
-        object.__setattr__(self, "position", position)
-
-
-@dataclass(frozen=True, eq=False)
-class Hammer:
-    """One hit direction: the stage hit, the point [m] (3,) and the unit direction (3,).
-
-    The force channel makes FRFs gain exp(-s delay) times what they are; one that lags the motion
-    has a negative delay.
-    """
-
-    node: int
-    stage: int
-    position: Real
-    direction: Real
-    gain: float = 1.0
-    delay: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check and freeze the values."""
-        for name in ("position", "direction"):
-            value = frozen(getattr(self, name), (3,), f"hammer at {self.node}, {name}")
-            object.__setattr__(self, name, value)
+    @property
+    def entry(self) -> str:
+        """Path of the main file among them."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -215,11 +127,26 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Station:
-    """A machine: its name, its stages, every parent before its children, and their meshes."""
+    """A machine.
+
+    Args:
+        name: of the model.
+        stages: every parent before its children.
+        meshes: of the shapes.
+        gravity: [m/s2]; (3,).
+        tendons: springs over several joints.
+        remaining: forces that are neither springs nor weights; None for none.
+        source: the compiled MJCF that it was read from, as ``mujoco_reader`` left it; None for a
+            station that its own values describe in full.
+    """
 
     name: str
     stages: tuple[Stage, ...]
     meshes: tuple[MeshFile, ...] = ()
+    gravity: Real = field(default_factory=lambda: np.zeros(3))
+    tendons: tuple[Tendon, ...] = ()
+    remaining: Remaining | None = None
+    source: Source | None = None
 
     def __post_init__(self) -> None:
         """Check the tree and that every name is given once."""
@@ -230,7 +157,7 @@ class Station:
                 raise TruthError(f"body {stage.name}: its parent must come before it")
         _refuse_twins("body", [stage.name for stage in self.stages])
         _refuse_twins("joint", [joint.name for stage in self.stages for joint in stage.joints])
-        _refuse_twins("site", [f"acc{sensor.node}" for _, sensor in self.sensors()])
+        _refuse_twins("site", [sensor.site for _, sensor in self.sensors()])
         _refuse_twins("mesh", [mesh.name for mesh in self.meshes])
         hits = [f"hit{hit.node}" for stage in self.stages for hit in stage.hit_points]
         _refuse_twins("site", hits)
@@ -263,14 +190,28 @@ class Station:
         return names.index(name)
 
     def aim(self, node: int) -> tuple[int, Real]:
-        """Return stage and point of the hammer: the site ``hit<node>``, else ``acc<node>``."""
+        """Return stage and point of the hammer: the site ``hit<node>``, else the sensor."""
+        index, site = self._struck(node)
+        return index, site.position
+
+    def aim_axes(self, node: int) -> Real:
+        """Return the directions of the hits at a node, as rows; (3, 3)."""
+        return self._struck(node)[1].axes
+
+    def site(self, node: int) -> str:
+        """Return the name of the site of a sensor."""
+        names = [sensor.site for _, sensor in self.sensors() if sensor.node == node]
+        return names[0] if names else f"acc{node}"
+
+    def _struck(self, node: int) -> tuple[int, HitPoint | Sensor]:
+        """Return stage and site of the hammer."""
         for index, stage in enumerate(self.stages):
             for hit in stage.hit_points:
                 if hit.node == node:
-                    return index, hit.position
+                    return index, hit
         for index, sensor in self.sensors():
             if sensor.node == node:
-                return index, sensor.position
+                return index, sensor
         raise TruthError(f"the hammer has no site hit{node} or acc{node} to hit; name another node")
 
 

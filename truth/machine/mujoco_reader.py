@@ -1,0 +1,164 @@
+"""Read any MJCF through MuJoCo itself: geometry, masses, springs and remaining forces at rest.
+
+A station of such a file keeps the compiled model. ``settled`` gives that model the station's own
+values, and returns the station at the equilibrium that the machine then has.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from truth.errors import TruthError
+from truth.machine.couplings import gravity_stiffness
+from truth.machine.dynamics import assemble, joint_rows
+from truth.machine.mjcf_files import gather_files
+from truth.machine.mujoco_elements import (
+    coordinates,
+    instruments,
+    joints_of,
+    leads,
+    rigid_body,
+    tendons_of,
+    welded_to,
+)
+from truth.machine.mujoco_forces import balance, force_slopes, full_mass
+from truth.machine.springs import Remaining
+from truth.machine.station import Stage, Station
+from truth.machine.values import GROUND
+
+_HOME = "home"  # the keyframe at which the search for the equilibrium begins, if there is one
+_ROUNDING = 1e-11  # of the matrices' diagonals, below which a remainder is none
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledModel:
+    """A machine as MuJoCo compiled it, at rest.
+
+    Args:
+        model: with the values of its station.
+        data: at rest.
+        files: content of the files that it was read from, by their paths within one folder.
+        entry: path of the main file among them.
+    """
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    files: Mapping[str, bytes]
+    entry: str
+
+
+def read_machine(path: Path) -> Station:
+    """Read a nominal machine, as it is at its static equilibrium.
+
+    Args:
+        path: an MJCF of rigid bodies.
+
+    Raises:
+        TruthError: MuJoCo refuses the file, or the machine has no stable equilibrium.
+    """
+    files, entry = gather_files(path)
+    try:
+        model = mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, mujoco.FatalError) as error:
+        message = " ".join(str(error).split())
+        raise TruthError(f"{path}: MuJoCo refuses it: {message}") from error
+    if not model.nv:
+        raise TruthError(f"{path}: no body has a joint; give at least one body a joint")
+    _refuse_unlinear(path, model)
+    data = mujoco.MjData(model)
+    names = [model.key(number).name for number in range(model.nkey)]
+    if _HOME in names:
+        mujoco.mj_resetDataKeyframe(model, data, names.index(_HOME))
+        data.qvel[:] = 0.0
+    try:
+        balance(model, data)
+    except TruthError as error:
+        raise TruthError(f"{path}: {error}") from error
+    if data.nefc:
+        raise TruthError(f"{path}: a contact or limit acts at rest; switch it off")
+    station = station_of(CompiledModel(model, data, files, entry), path.stem)
+    if not any(station.sensors()):
+        raise TruthError(f"{path}: it has no site acc<node>, nothing would be measured")
+    return station
+
+
+def _refuse_unlinear(path: Path, model: mujoco.MjModel) -> None:
+    """Refuse what has no linear model."""
+    off = model.opt.disableflags
+    if model.eq_active0.any() and not off & mujoco.mjtDisableBit.mjDSBL_EQUALITY:
+        raise TruthError(f"{path}: an equality constraint closes a loop; remove it")
+    has_friction = (model.dof_frictionloss > 0).any() or (model.tendon_frictionloss > 0).any()
+    if has_friction and not off & mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS:
+        raise TruthError(f"{path}: frictionloss has no linear model; remove it")
+    if model.na or (model.actuator_delay > 0).any():
+        raise TruthError(f"{path}: an actuator has a state or a delay; remove it")
+
+
+def station_of(source: CompiledModel, name: str) -> Station:
+    """Return the station of a machine at rest."""
+    model, data = source.model, source.data
+    welded, order, stages = welded_to(model), leads(model), []
+    for lead in order:
+        members = np.flatnonzero(welded == lead)
+        mass, centre, inertia = rigid_body(model, data, members)
+        above = int(welded[model.body_parentid[lead]])
+        sensors, hits = instruments(model, data, lead)
+        stages.append(
+            Stage(
+                name=model.body(lead).name or f"body{lead}",
+                parent=order.index(above) if above else GROUND,
+                mass=mass,
+                com=centre,
+                inertia=inertia,
+                joints=joints_of(model, data, lead),
+                sensors=sensors,
+                hit_points=hits,
+            )
+        )
+    off = bool(model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    stated = model.names.split(b"\0", 1)[0].decode()
+    station = Station(
+        name=name if stated in ("", "MuJoCo Model") else stated,
+        stages=tuple(stages),
+        gravity=np.zeros(3) if off else model.opt.gravity.copy(),
+        tendons=tendons_of(model, data),
+        source=source,
+    )
+    return replace(station, remaining=_remaining(station, model, data))
+
+
+def _remaining(station: Station, model: mujoco.MjModel, data: mujoco.MjData) -> Remaining | None:
+    """Return what MuJoCo's own mass and forces have beside bodies, springs, tendons and weights."""
+    names = coordinates(model)
+    order = [joint.name for stage in station.stages for joint in stage.joints]
+    place = np.array([order.index(name) for name in names])
+    totals = [
+        full_mass(model, data),
+        force_slopes(model, data, "velocity"),
+        force_slopes(model, data, "position"),
+    ]
+    known = [np.zeros_like(totals[0]) for _ in totals]
+    equations = assemble(station)
+    moving = [joint_rows(station, index)[0] for index in range(len(station.stages))]
+    motion = np.linalg.inv(np.vstack([*moving, equations.rigid]))[:, : len(names)]
+    known[0] += (motion.T @ equations.mass @ motion)[np.ix_(place, place)]
+    joints = {joint.name: joint for stage in station.stages for joint in stage.joints}
+    known[1] += np.diag([joints[name].damping for name in names])
+    known[2] += np.diag([joints[name].stiffness for name in names])
+    known[2] += gravity_stiffness(station)[np.ix_(place, place)]
+    for tendon in station.tendons:
+        row = tendon.row(names)
+        known[1] += tendon.damping * np.outer(row, row)
+        known[2] += tendon.stiffness * np.outer(row, row)
+    rest = []
+    for total, part in zip(totals, known, strict=True):
+        matrix = total - part
+        size = np.sqrt(np.outer(np.abs(np.diag(total)), np.abs(np.diag(total))))
+        matrix[np.abs(matrix) <= _ROUNDING * np.maximum(size, np.abs(part))] = 0.0
+        rest.append((matrix + matrix.T) / 2)
+    if not any(matrix.any() for matrix in rest):
+        return None
+    return Remaining(tuple(names), *rest)

@@ -1,0 +1,84 @@
+"""Joints and tendons of a station, and what acts between joints beside them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from truth.errors import TruthError
+from truth.machine.values import Real, frozen
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """One direction in which a stage moves against its parent, with a spring and a damper.
+
+    Args:
+        name: such as ``ty_rz``.
+        kind: ``slide`` along the axis, or ``hinge`` about it.
+        axis: unit vector; (3,).
+        position: where the joint sits [m]; (3,).
+        stiffness: [N/m] or [N m/rad], not negative.
+        damping: [N s/m] or [N m s/rad], not negative.
+    """
+
+    name: str
+    kind: Literal["slide", "hinge"]
+    axis: Real
+    position: Real
+    stiffness: float
+    damping: float
+
+    def __post_init__(self) -> None:
+        """Check the values and make the axis a unit vector."""
+        axis = frozen(self.axis, (3,), f"joint {self.name}, axis")
+        if not np.linalg.norm(axis) > 0:
+            raise TruthError(f"joint {self.name}: its axis has no length; give a direction")
+        unit = frozen(axis / np.linalg.norm(axis), (3,), self.name)
+        object.__setattr__(self, "axis", unit)
+        position = frozen(self.position, (3,), f"joint {self.name}, pos")
+        object.__setattr__(self, "position", position)
+        for quantity in ("stiffness", "damping"):
+            value = getattr(self, quantity)
+            if not 0 <= value < np.inf:
+                raise TruthError(f"joint {self.name}: {quantity} {value} is negative or no number")
+
+
+@dataclass(frozen=True)
+class Tendon:
+    """A spring and a damper over several joints.
+
+    Args:
+        name: of the tendon.
+        along: names of joints, and the tendon's stretch per unit of each [1 or m/rad].
+        stiffness: [N/m].
+        damping: [N s/m].
+    """
+
+    name: str
+    along: tuple[tuple[str, float], ...]
+    stiffness: float
+    damping: float
+
+    def row(self, joints: Sequence[str]) -> Real:
+        """Return the stretch per unit of each of these joints; (n_joint,)."""
+        known = dict(self.along)
+        return np.array([known.get(name, 0.0) for name in joints])
+
+
+@dataclass(frozen=True, eq=False)
+class Remaining:
+    """Linear forces between joint coordinates that no spring, tendon or weight makes.
+
+    They are those of actuators, polynomial springs and tensions; the mass is that of armatures.
+
+    Args:
+        joints: names of the joints, in the order of the matrices.
+        mass, damping, stiffness: (n_joint, n_joint).
+    """
+
+    joints: tuple[str, ...]
+    mass: Real
+    damping: Real
+    stiffness: Real
