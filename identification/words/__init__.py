@@ -18,6 +18,7 @@ from identification.words.campaign import (
     Test,
     Tolerance,
 )
+from identification.words.control_loop import Controller, Loop, PortSum
 from identification.words.dof import DIRECTIONS, Dof, distinct_dofs
 from identification.words.errors import ConvergenceError, InputError, UsageError, WorkbenchError
 from identification.words.frf import DERIVATIVE_ORDER, Frf, FrfEstimate, Quantity, VarianceSource
@@ -59,6 +60,7 @@ __all__ = [
     "Campaign",
     "Complex",
     "Condition",
+    "Controller",
     "ConvergenceError",
     "Dof",
     "Estimator",
@@ -72,12 +74,14 @@ __all__ = [
     "InputError",
     "Integers",
     "Layout",
+    "Loop",
     "Mask",
     "ModalModel",
     "NominalGain",
     "Output",
     "PeakSlope",
     "Port",
+    "PortSum",
     "Quantity",
     "Real",
     "Records",

@@ -6,13 +6,10 @@ import pytest
 import scipy.io
 from budget_case import BUDGET, TWO, VALUES
 
+from identification.readers.controller import controller_from_roots, read_controller
 from identification.words import InputError, UsageError
 from mbmodel import as_drawn, load_machine
-from tuning.error_budget.controller import (
-    controller_from_roots,
-    controller_from_system,
-    read_controller,
-)
+from tuning.error_budget.controller import controller_from_system
 from tuning.error_budget.read_definition import read_definition
 from tuning.error_budget.spectra import (
     VIBRATION_CRITERIA_M_PER_S,

@@ -1,17 +1,15 @@
 """Reader of budget.toml: errors, disturbances, noise, loops and correlations."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 from pydantic import Field
 
+from identification.readers.loop_toml import LoopTable
 from identification.readers.toml_files import FileName, TomlTable, read_toml
-from identification.words import Quantity
 
-_MAX_ROOTS, _MAX_SINES = 100, 1000  # of a controller, of a source
+_MAX_SINES = 1000  # of a source
 Weights = list[Annotated[float, Field(ge=-1e12, le=1e12)]]
-Root = float | Annotated[list[float], Field(min_length=2, max_length=2)]
 
 
 class ErrorTable(TomlTable):
@@ -71,25 +69,6 @@ class NoiseTable(SpectrumTable):
     loop: str
 
 
-class ControllerTable(TomlTable):
-    """A controller by its zeros and poles [rad/s]; a complex one is ``[real, imaginary]``."""
-
-    zeros: list[Root] = Field(default_factory=list, max_length=_MAX_ROOTS)
-    poles: list[Root] = Field(default_factory=list, max_length=_MAX_ROOTS)
-    gain: float
-
-
-class LoopTable(TomlTable):
-    """Settings of ``[loop.NAME]``: a controller between an output and an input."""
-
-    input: str
-    output: str
-    minus: str | None = None
-    quantity: Quantity = "receptance"
-    controller: FileName | ControllerTable
-    delay: float = Field(default=0.0, ge=0, le=1.0)
-
-
 class CorrelationTable(TomlTable):
     """Settings of one ``[[correlation]]``: coherence of two sources, from 0 to 1."""
 
@@ -116,8 +95,3 @@ def read_budget_file(path: Path) -> BudgetFile:
         InputError: the file cannot be read, or a key is unknown or has a wrong value.
     """
     return read_toml(path, BudgetFile)
-
-
-def as_roots(values: Sequence[Root]) -> list[complex]:
-    """Return zeros or poles as complex numbers."""
-    return [complex(*value) if isinstance(value, list) else complex(value) for value in values]

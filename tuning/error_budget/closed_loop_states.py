@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag
 
-from identification.words import Complex, InputError, Quantity, Real
+from identification.words import Complex, InputError, Loop, Quantity, Real
 from mbmodel import FrfRequest, Model, export_state_space
 from mbmodel.export.delay_fraction import DelayFraction
-from tuning.error_budget.definition import BudgetDefinition, Loop
+from tuning.error_budget.definition import BudgetDefinition
 from tuning.error_budget.loop_algebra import PortMap
 
 _DELAY_ORDER = 8  # of Pade's fraction: its phase is right to 1e-6 rad while w tau < 6

@@ -5,32 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from identification.words import Input, Output, Real
-from tuning.error_budget.controller import Controller
+from identification.words import Input, Loop, PortSum, Real
 from tuning.error_budget.spectra import Spectrum
-
-
-@dataclass(frozen=True, eq=False)
-class PortSum:
-    """A weighted sum of outputs, such as the difference of two points along an axis.
-
-    Args:
-        name: of the signal.
-        terms: outputs with their weights; all of one unit.
-        unit: SI unit in which they are read.
-        derivative: number of time derivatives of motions to be taken; 0 for sensors, which read
-            their own.
-    """
-
-    name: str
-    terms: tuple[tuple[Output, float], ...]
-    unit: str
-    derivative: int = 0
-
-    def __str__(self) -> str:
-        """Return the outputs with their signs, such as ``hexapod:+tx - ty:+tx``."""
-        texts = [f"{'-' if weight < 0 else '+'} {port}" for port, weight in self.terms]
-        return " ".join(texts).removeprefix("+ ")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,27 +43,6 @@ class Source:
     lines: HarmonicLines | None = None
     unit: str = "N"
     derivative: int = 0
-
-
-@dataclass(frozen=True, eq=False)
-class Loop:
-    """A control loop with negative feedback: u = -K (y + n), n the noise of the measurement.
-
-    Args:
-        name: of the loop.
-        input: input of the machine that the controller drives.
-        measured: signal that the controller reads.
-        controller: K, in units of the input per SI unit of the signal.
-        input_unit: SI unit of the input, or that it is a control.
-        delay: of the controller [s].
-    """
-
-    name: str
-    input: Input
-    measured: PortSum
-    controller: Controller
-    input_unit: str
-    delay: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import Complex, Input, Output, Real
-from tuning.error_budget.definition import BudgetDefinition, PortSum
+from identification.words import Complex, Input, Output, PortSum, Real
+from tuning.error_budget.definition import BudgetDefinition
 
 
 @dataclass(frozen=True, eq=False)

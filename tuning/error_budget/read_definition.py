@@ -6,39 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from identification.words import (
-    DERIVATIVE_ORDER,
-    Input,
-    InputError,
-    Output,
-    Quantity,
-    Signal,
-    UsageError,
-)
-from mbmodel import Machine, input_unit, output_unit, parse_input, parse_output
-from mbmodel.frf.signal_rows import is_floor
+from identification.words import InputError, Loop, PortSum, UsageError
+from mbmodel import Machine, input_unit
+from tuning.control_loops.read_loops import read_input, read_loops, read_port_sum
 from tuning.error_budget.budget_toml import (
     BudgetFile,
     CorrelationTable,
     DisturbanceTable,
     ErrorTable,
-    LoopTable,
     NoiseTable,
-    as_roots,
     read_budget_file,
 )
-from tuning.error_budget.controller import (
-    Controller,
-    controller_from_roots,
-    controller_from_system,
-    read_controller,
-)
-from tuning.error_budget.definition import (
-    BudgetDefinition,
-    Loop,
-    PortSum,
-    Source,
-)
+from tuning.error_budget.definition import BudgetDefinition, Source
 from tuning.error_budget.source_spectra import PortKind, read_source_spectrum
 from tuning.error_budget.spectral_units import parse_signal_unit
 
@@ -69,11 +48,11 @@ def read_definition(
             f"{path} has no loop {sorted(unknown)[0]!r}: add [loop.{sorted(unknown)[0]}] with its "
             "input and output"
         )
-    errors = tuple(_port_sum(path, machine, name, table) for name, table in file.error.items())
-    loops = tuple(
-        _loop(path, machine, name, table, (controllers or {}).get(name))
-        for name, table in file.loop.items()
+    errors = tuple(
+        read_port_sum(path, machine, f"error.{name}", (table.output, table.minus))
+        for name, table in file.error.items()
     )
+    loops = read_loops(path, machine, file.loop, controllers)
     sources = _sources(path, machine, file, loops)
     if not sources:
         raise InputError(f"{path} names no source: add [disturbance.NAME] or [noise.NAME]")
@@ -100,78 +79,6 @@ def _uncovered_bands(sources: tuple[Source, ...], band: tuple[float, float]) -> 
                 f"The spectrum of {source.name} covers {low:.4g} to {high:.4g} Hz of the band from "
                 f"{band[0]:.4g} to {band[1]:.4g} Hz: elsewhere it counts as zero."
             )
-
-
-def _port_sum(
-    path: Path,
-    machine: Machine,
-    name: str,
-    table: ErrorTable | LoopTable,
-    quantity: Quantity = "receptance",
-) -> PortSum:
-    """Return an output, or the difference of two."""
-    key = f"{'error' if isinstance(table, ErrorTable) else 'loop'}.{name}"
-    terms = [(_output(path, machine, key, table.output), 1.0)]
-    if table.minus is not None:
-        terms.append((_output(path, machine, key, table.minus), -1.0))
-    units = [output_unit(machine, port, quantity) for port, _ in terms]
-    if len(set(units)) > 1:
-        raise InputError(
-            f"{path}: {key} subtracts {table.minus} [{units[1]}] from {table.output} [{units[0]}]: "
-            "name two outputs of one unit"
-        )
-    is_sensor = [
-        isinstance(port, Signal) and not (port.is_joint or port.is_directed) for port, _ in terms
-    ]
-    derivative = 0 if any(is_sensor) else DERIVATIVE_ORDER[quantity]
-    if derivative == 0 and len(set(is_sensor)) > 1 and units[0] not in ("m", "rad"):
-        raise InputError(f"{path}: {key}: name two sensors, or two outputs without sensors")
-    return PortSum(name, tuple(terms), units[0], derivative)
-
-
-def _output(path: Path, machine: Machine, key: str, text: str) -> Output:
-    """Return an output of the machine."""
-    try:
-        return parse_output(machine, text)
-    except (UsageError, ValueError) as error:
-        raise InputError(f"{path}: {key}: {error}") from error
-
-
-def _input(path: Path, machine: Machine, key: str, text: str) -> Input:
-    """Return an input of the machine."""
-    try:
-        return parse_input(machine, text)
-    except (UsageError, ValueError) as error:
-        raise InputError(f"{path}: {key}: {error}") from error
-
-
-def _loop(path: Path, machine: Machine, name: str, table: LoopTable, system: Any | None) -> Loop:
-    """Return a loop; a python-control object replaces the file's controller."""
-    key = f"loop.{name}"
-    port = _input(path, machine, key, table.input)
-    if is_floor(machine, port):
-        raise InputError(f"{path}: {key} drives the floor: name a motor or a force as input")
-    measured = _port_sum(path, machine, name, table, table.quantity)
-    controller = _controller(path, key, table) if system is None else None
-    return Loop(
-        name,
-        port,
-        measured,
-        controller_from_system(system) if controller is None else controller,
-        input_unit(machine, port),
-        table.delay,
-    )
-
-
-def _controller(path: Path, key: str, table: LoopTable) -> Controller:
-    """Return the controller of a loop of the file."""
-    roots = table.controller
-    if isinstance(roots, str):
-        return read_controller(path.parent / roots)
-    try:
-        return controller_from_roots(as_roots(roots.zeros), as_roots(roots.poles), roots.gain)
-    except ValueError as error:
-        raise InputError(f"{path}: {key}.controller: {error}") from error
 
 
 def _sources(
@@ -208,7 +115,7 @@ def _disturbance(
             f"{path}: {key} has {count} inputs, {len(gains)} gains and {len(phases)} phases: give "
             "each input one of each"
         )
-    ports = [_input(path, machine, key, text) for text in texts]
+    ports = [read_input(path, machine, key, text) for text in texts]
     kinds = {PortKind(input_unit(machine, port)) for port in ports}
     if len(kinds) > 1:
         raise InputError(

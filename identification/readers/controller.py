@@ -1,0 +1,129 @@
+"""Reader of controllers of one input and one output: from zeros, poles and gain, or a .mat file."""
+
+from collections.abc import Sequence
+from functools import reduce
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identification.readers.matlab5 import read_matlab5
+from identification.words import Controller, InputError, Real
+
+# A complex zero or pole without its conjugate: relative distance that counts as none.
+_MAX_CONJUGATE_ERROR = 1e-6
+_CONTROLLER_REMEDY = "give A, B, C, D, or num, den, or zeros, poles, gain"
+
+
+def controller_from_roots(
+    zeros: Sequence[complex], poles: Sequence[complex], gain: float
+) -> Controller:
+    """Return ``gain prod(s - zero) / prod(s - pole)``, zeros and poles in rad/s.
+
+    Raises:
+        ValueError: more zeros than poles, or a complex root without its conjugate.
+    """
+    import scipy.signal  # noqa: PLC0415  # slow to load, and few commands need it
+
+    for name, roots in (("zeros", zeros), ("poles", poles)):
+        values = np.array(roots, complex)
+        scale = max(1.0, float(np.abs(values).max(initial=0.0)))
+        pairs = np.abs(np.sort_complex(values) - np.sort_complex(values.conj()))
+        if (pairs > _MAX_CONJUGATE_ERROR * scale).any():
+            raise ValueError(f"{name} hold a complex number without its conjugate: add it")
+    if len(zeros) > len(poles):
+        raise ValueError(
+            f"{len(zeros)} zeros and {len(poles)} poles: add the poles that limit its bandwidth"
+        )
+    if not poles:
+        return Controller(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[gain]]))
+    # One after the other, sections of second order keep the digits that one polynomial loses.
+    blocks = [
+        _real_arrays(scipy.signal.tf2ss(np.real(np.poly(top)), np.real(np.poly(bottom))))
+        for top, bottom in _sections(zeros, poles)
+    ]
+    states, entry, output, through = reduce(_in_series, blocks)
+    return Controller(states, entry, gain * output, gain * through)
+
+
+def read_controller(path: Path) -> Controller:
+    """Read a controller from a .mat file with A, B, C, D, with num, den, or zeros, poles, gain.
+
+    Raises:
+        InputError: the file cannot be read, or holds no continuous controller.
+    """
+    import scipy.signal  # noqa: PLC0415  # slow to load, and few commands need it
+
+    try:
+        arrays = read_matlab5(path)
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be read ({error.strerror}): name a .mat file of a controller"
+        ) from error
+    except ValueError as error:
+        raise InputError(
+            f"{path}: {error}: {_CONTROLLER_REMEDY}, saved with -v7 or older"
+        ) from error
+    for step in ("dt", "Ts"):
+        if step in arrays and np.any(np.asarray(arrays[step], float) > 0):
+            raise InputError(
+                f"{path}: {step} says that the controller is discrete: save the continuous one "
+                "and state the delay of the loop"
+            )
+    try:
+        if set("ABCD") <= set(arrays):
+            return Controller(*(np.atleast_2d(np.real(arrays[name])) for name in "ABCD"))
+        if {"num", "den"} <= set(arrays):
+            numerator, denominator = (np.ravel(arrays[name]) for name in ("num", "den"))
+            return Controller(*_real_arrays(scipy.signal.tf2ss(numerator, denominator)))
+        if {"zeros", "poles", "gain"} <= set(arrays):
+            zeros, poles, gain = (np.ravel(arrays[name]) for name in ("zeros", "poles", "gain"))
+            return controller_from_roots(zeros.tolist(), poles.tolist(), float(gain[0].real))
+    except (ValueError, TypeError, IndexError) as error:
+        raise InputError(f"{path} holds no controller ({error}): {_CONTROLLER_REMEDY}") from error
+    raise InputError(f"{path} holds no controller: {_CONTROLLER_REMEDY}")
+
+
+def _sections(
+    zeros: Sequence[complex], poles: Sequence[complex]
+) -> list[tuple[list[complex], list[complex]]]:
+    """Return zeros and poles of sections of first or second order, near each other."""
+    remaining = sorted(_in_pairs(zeros), key=len)
+    sections = []
+    for pair in sorted(_in_pairs(poles), key=len, reverse=True):
+        fitting = [top for top in remaining if len(top) <= len(pair)]
+        # Two zeros fit two poles only: they come first.
+        most = max((len(top) for top in fitting), default=0)
+        nearest = min(
+            (top for top in fitting if len(top) == most),
+            key=lambda top: abs(np.log((abs(top[0]) + 1e-300) / (abs(pair[0]) + 1e-300))),
+            default=[],
+        )
+        if nearest:
+            remaining.remove(nearest)
+        sections.append((nearest, pair))
+    return sections
+
+
+def _in_pairs(roots: Sequence[complex]) -> list[list[complex]]:
+    """Return conjugate pairs, and real roots two by two in the order of their size."""
+    complex_roots = [root for root in roots if root.imag > 0]
+    real = sorted((complex(root.real) for root in roots if root.imag == 0), key=abs)
+    pairs = [[root, root.conjugate()] for root in complex_roots]
+    return pairs + [real[k : k + 2] for k in range(0, len(real), 2)]
+
+
+def _in_series(first: list[Real], second: list[Real]) -> list[Real]:
+    """Return A, B, C, D of two systems one after the other."""
+    (a1, b1, c1, d1), (a2, b2, c2, d2) = first, second
+    zero = np.zeros((len(a1), len(a2)))
+    return [
+        np.block([[a1, zero], [b2 @ c1, a2]]),
+        np.vstack([b1, b2 @ d1]),
+        np.hstack([d2 @ c1, c2]),
+        d2 @ d1,
+    ]
+
+
+def _real_arrays(matrices: Sequence[Any]) -> list[Real]:
+    return [np.atleast_2d(np.real(matrix)) for matrix in matrices]

@@ -1,0 +1,36 @@
+"""Tables of control loops, as they stand in campaign.toml and budget.toml."""
+
+from collections.abc import Sequence
+from typing import Annotated
+
+from pydantic import Field
+
+from identification.readers.toml_files import FileName, TomlTable
+from identification.words import Quantity
+
+_MAX_ROOTS = 100  # of a controller
+Root = float | Annotated[list[float], Field(min_length=2, max_length=2)]
+
+
+class ControllerTable(TomlTable):
+    """A controller by its zeros and poles [rad/s]; a complex one is ``[real, imaginary]``."""
+
+    zeros: list[Root] = Field(default_factory=list, max_length=_MAX_ROOTS)
+    poles: list[Root] = Field(default_factory=list, max_length=_MAX_ROOTS)
+    gain: float
+
+
+class LoopTable(TomlTable):
+    """Settings of ``[loop.NAME]``: a controller between an output and an input."""
+
+    input: str
+    output: str
+    minus: str | None = None
+    quantity: Quantity = "receptance"
+    controller: FileName | ControllerTable
+    delay: float = Field(default=0.0, ge=0, le=1.0)
+
+
+def as_roots(values: Sequence[Root]) -> list[complex]:
+    """Return zeros or poles as complex numbers."""
+    return [complex(*value) if isinstance(value, list) else complex(value) for value in values]
