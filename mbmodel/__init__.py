@@ -12,6 +12,7 @@ from mbmodel.additions import (
 from mbmodel.assembly import Matrices
 from mbmodel.compliance.flexible_body import BendingMode, add_bending_mode
 from mbmodel.compliance.released_directions import RigidDirection, release_rigid_directions
+from mbmodel.control_loops.loop_part import LoopPart, loop_parts, with_loops
 from mbmodel.export.branch_states import ApproximatedLaw
 from mbmodel.export.comparison import StateSpaceComparison, compare_state_space
 from mbmodel.export.discrete import SampledSystem, discretise
@@ -31,7 +32,8 @@ from mbmodel.mjcf.read import mjcf_files
 from mbmodel.model import Model, as_drawn
 from mbmodel.modes.common_motions import weighted_motions
 from mbmodel.modes.energy_shares import EnergyShares, energy_shares
-from mbmodel.modes.model_modes import Modes, model_modes, modes_of_matrices, shapes_at
+from mbmodel.modes.matrix_modes import Modes, modes_of_matrices
+from mbmodel.modes.model_modes import model_modes, shapes_at
 from mbmodel.modes.modes_with_laws import modes_with_laws
 from mbmodel.modes.sensitivities import LinearisedModes, ModeEvaluator
 from mbmodel.mounting.combine import Combined, MountedStage, combine
@@ -123,6 +125,7 @@ __all__ = [
     "LateForce",
     "Linearised",
     "LinearisedModes",
+    "LoopPart",
     "Machine",
     "MachineGeometry",
     "Matrices",
@@ -179,6 +182,7 @@ __all__ = [
     "linearise",
     "link_elements",
     "load_machine",
+    "loop_parts",
     "machine_geometry",
     "machine_model",
     "make_control_plant",
@@ -209,6 +213,7 @@ __all__ = [
     "suspended_mass_elements",
     "transport",
     "weighted_motions",
+    "with_loops",
     "write_mjcf",
     "write_nonlinear_joints",
 ]

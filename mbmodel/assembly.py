@@ -38,13 +38,22 @@ class FrequencyDependentTerm:
         left: (nv, r).
         right: (nv, t).
         change: the change at bodies or joints that it comes from.
+        body_left: its rows at the bodies; zero for a change at joints alone; (6 n_body, r).
+        body_right: its columns there; (6 n_body, t).
         owner: first parameter of its Part, or the Part's location without any.
     """
 
     left: Real
     right: Real
     change: Change
+    body_left: Real
+    body_right: Real
     owner: str = ""
+
+    @property
+    def is_loop(self) -> bool:
+        """Whether it is a control loop, which reads the motion of the bodies with the floor."""
+        return self.change.slot == "bodies_and_joints"
 
     def at(self, laplace: Complex) -> Complex:
         """Return the core times f(s) at each s; (n_freq, r, t)."""
@@ -112,14 +121,24 @@ class Assembly:
 
 
 def frequency_dependent_term(change: Change, jacobian: Real) -> FrequencyDependentTerm:
-    """Return a change of joints or bodies in joint coordinates."""
+    """Return a change of joints, of bodies, or of both, in joint coordinates."""
+    size, left, right = len(jacobian), change.left, change.right
     if change.slot == "joint":
-        return FrequencyDependentTerm(change.left, change.right, change)
-    if change.slot != "body":
+        no_left, no_right = np.zeros((size, left.shape[1])), np.zeros((size, right.shape[1]))
+        return FrequencyDependentTerm(left, right, change, no_left, no_right)
+    if change.slot == "body":
+        return FrequencyDependentTerm(jacobian.T @ left, jacobian.T @ right, change, left, right)
+    if change.slot != "bodies_and_joints":
         raise ValueError(
             f"a change in slot {change.slot} has a shape f(s): use the slots joint or body"
         )
-    return FrequencyDependentTerm(jacobian.T @ change.left, jacobian.T @ change.right, change)
+    return FrequencyDependentTerm(
+        jacobian.T @ left[:size] + left[size:],
+        jacobian.T @ right[:size] + right[size:],
+        change,
+        left[:size],
+        right[:size],
+    )
 
 
 def add_product(total: Real, left: Real, core: Real, right: Real) -> None:

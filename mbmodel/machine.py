@@ -10,6 +10,7 @@ import numpy as np
 from identification.words import (
     DIRECTIONS,
     Layout,
+    Loop,
     Real,
     frozen_array,
     shorten_names,
@@ -103,6 +104,7 @@ class Machine:
         pose: where the machine rests, if not at its nominal rest. Body motions, forces and points
             are then in axes that turned with the bodies, in which they are as in the nominal rest.
         sensors: the MuJoCo sensors of the MJCF.
+        loops: control loops that are closed around the machine.
 
     Raises:
         ValueError: arrays whose shapes do not fit.
@@ -130,6 +132,7 @@ class Machine:
     statics: Statics | None = None
     pose: Pose | None = None
     sensors: MujocoSensors = field(default_factory=MujocoSensors)
+    loops: tuple[Loop, ...] = ()
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from identification.words import Condition, Mask, Real, UsageError
 from mbmodel.assembly import Assembly, Matrices, add_product, frequency_dependent_term
+from mbmodel.control_loops.loop_part import LoopPart, loop_parts
 from mbmodel.linearisation.gravity import gravity_slope, gravity_stiffness
 from mbmodel.machine import Machine
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
@@ -40,6 +41,8 @@ class Model:
     """A machine and the Parts that act on it.
 
     The vector theta lists the parameters of all Parts, Part by Part, in SI units.
+
+    Control loops of the machine act beside the Parts: they are known, and have no parameters.
 
     Args:
         machine: at its static equilibrium.
@@ -73,6 +76,11 @@ class Model:
     def locations(self) -> tuple[str, ...]:
         """Location of each parameter."""
         return tuple(part.location for part in self.parts for _ in part.parameters)
+
+    @cached_property
+    def loops(self) -> tuple[LoopPart, ...]:
+        """Known Parts of the control loops that are closed around the machine."""
+        return loop_parts(self.machine)
 
     def split_parameters(self, theta: NDArray[T]) -> tuple[NDArray[T], ...]:
         """Split theta, or any array of its shape, into one array per Part.
@@ -178,6 +186,10 @@ class Model:
         by_slot: dict[str, list[Change]] = {slot: [] for slot in slots}
         frequency_dependent: list[tuple[Change, str]] = []
         input_changes: dict[int, list[Change]] = {}
+        for loop in self.loops:
+            frequency_dependent += [
+                (change, loop.location) for change in loop.changes(np.zeros(0), context)
+            ]
         for number, values in enumerate(self.split_parameters(theta)):
             for change in self.parts[number].changes(values, context):
                 if change.slot == "input":
@@ -265,6 +277,7 @@ class Model:
                 edits += part.write(values, added_inertias.pop(part.location, None))
             else:
                 edits += part.write(values)
+        edits += [not_held for loop in self.loops for not_held in loop.write(np.zeros(0))]
         edits += [
             NotInMjcf(place, "the model has no Part for the mass of this body")
             for place in added_inertias

@@ -14,6 +14,9 @@ with corner frequencies w_j at even steps of their logarithm: stable and passive
 A line counts by how much the spring is strained there, since its error shows in FRFs so much. The
 error has a floor that grows with the band, whatever the order. Any other law is fitted by
 stable poles (``vector_fitting``) that do not grow outside the band, or by such branches.
+
+The controller of a control loop is rational: its states hold it exactly, beside the fraction of its
+delay.
 """
 
 from collections.abc import Callable
@@ -23,6 +26,7 @@ import numpy as np
 import scipy.optimize
 
 from identification.words import Complex, Integers, Real
+from mbmodel.control_loops.loop_law import LoopFraction, LoopLaw
 from mbmodel.export.delay_fraction import DelayFraction
 from mbmodel.export.rational_function import HasStates, RationalFunction
 from mbmodel.export.vector_fitting import fit_poles_and_residues
@@ -100,6 +104,8 @@ def approximate(
             lambda order: _measure("pade", DelayFraction(delay_s, order), shape, freq_hz),
             _MAX_PADE_ORDER,
         )
+    if isinstance(shape, LoopLaw):
+        return _controller_states(shape, freq_hz)
     if isinstance(shape, ConstantLoss):
         return _fewest_branches(shape, lines, freq_hz, weights, lowest_constant)
     values = shape(laplace)
@@ -142,6 +148,22 @@ def _measure(
     return Approximation(
         kind, function, float(error.max()), rms, weighted, largest, band, is_passive
     )
+
+
+def _controller_states(law: LoopLaw, freq_hz: Real) -> Approximation:
+    """Return the states of a control loop, with Pade's fraction of its delay if it has one.
+
+    The order is that of the delay alone, since K may be far larger at some lines than at others.
+    """
+    if not law.delay_s:
+        return _measure("exact", LoopFraction(law, 0), law, freq_hz)
+    delay = _smallest_order(
+        lambda order: _measure(
+            "pade", DelayFraction(law.delay_s, order), LateForce(law.delay_s), freq_hz
+        ),
+        _MAX_PADE_ORDER,
+    )
+    return _measure("pade", LoopFraction(law, delay.function.order), law, freq_hz)
 
 
 def _smallest_order(build: Callable[[int], Approximation], largest: int) -> Approximation:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from identification.words import DERIVATIVE_ORDER, Integers, Real, UsageError
+from mbmodel.assembly import Assembly
 from mbmodel.export.branch_states import ApproximatedLaw, BranchStates, branch_states
 from mbmodel.frf.ports import Ports, apply_point_changes, find_ports
 from mbmodel.frf.request import FrfRequest
@@ -85,6 +86,7 @@ def export_state_space(model: Model, theta: Real, request: FrfRequest) -> StateS
         )
     branches = branch_states(assembly.matrices, assembly.frequency_dependent, request.freq_hz)
     ports = find_ports(model.machine, request.outputs, request.inputs)
+    refuse_floor_in_loops(assembly, ports)
     ports = apply_point_changes(ports, assembly.point_changes, request.outputs, request.inputs)
     drive = assembly.jacobian.T @ (ports.force - assembly.body[2] @ ports.floor) + ports.motor
     names = model.machine.coordinates
@@ -108,6 +110,20 @@ def export_state_space(model: Model, theta: Real, request: FrfRequest) -> StateS
         name=_signal_names([model.machine.name])[0],
     )
     return StateSpaceExport(system, branches.laws)
+
+
+def refuse_floor_in_loops(assembly: Assembly, ports: Ports) -> None:
+    """Refuse motions of the floor as inputs where a closed loop reads them.
+
+    Raises:
+        UsageError: such an input.
+    """
+    for term in assembly.frequency_dependent:
+        if term.is_loop and (term.body_right.T @ ports.floor).any():
+            raise UsageError(
+                f"{term.owner} reads the motion of the floor, which its state space does not hold: "
+                "open the loop for the state space, or request FRFs"
+            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -75,7 +75,8 @@ def _polynomial_gradient(
 def _has_irregular_slopes(solution: FrfSolution, slopes: tuple[Change, ...]) -> bool:
     """Return whether sums over powers of s cannot represent all of these slopes."""
     has_body_terms = any(
-        term.change.slot == "body" for term in solution.assembly.frequency_dependent
+        term.body_left.any() or term.body_right.any()
+        for term in solution.assembly.frequency_dependent
     )
     return any(
         change.shape is not None

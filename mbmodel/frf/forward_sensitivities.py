@@ -31,7 +31,6 @@ from typing import Literal
 import numpy as np
 
 from identification.words import Complex, Integers, Mask, Real
-from mbmodel.assembly import frequency_dependent_core
 from mbmodel.frf.channel_factors import input_factor, output_selection
 from mbmodel.frf.modal_form import real_times
 from mbmodel.frf.parameter_groups import ParameterGroup, stack_parameters
@@ -217,17 +216,16 @@ class ForwardSensitivities:
             total -= (
                 real_times(solution.assembly.body[power], motion) * solution.request.laplace**power
             )
-        for change in self._frequency_dependent_bodies:
-            elongation = real_times(change.right.T, self._relative).transpose(2, 0, 1)
-            forces = frequency_dependent_core(change, solution.request.laplace) @ elongation
-            total -= real_times(change.left, forces.transpose(1, 2, 0))
+        for term in self.solution.assembly.frequency_dependent:
+            if not term.body_left.any():
+                continue
+            elongation = real_times(term.right.T, solution.motion)
+            if term.is_loop and solution.ports.has_floor:
+                moved = term.body_right.T @ solution.ports.floor
+                elongation = elongation + moved[:, :, None] * solution.floor_factor
+            forces = term.at(solution.request.laplace) @ elongation.transpose(2, 0, 1)
+            total -= real_times(term.body_left, forces.transpose(1, 2, 0))
         return total
-
-    @cached_property
-    def _frequency_dependent_bodies(self) -> list[Change]:
-        """Changes of bodies that are no polynomials in s."""
-        terms = self.solution.assembly.frequency_dependent
-        return [term.change for term in terms if term.change.slot == "body"]
 
     def _source_values(self, source: _Source, span: slice) -> Complex:
         """Return the source v; (m, n_in, n_line)."""
@@ -344,6 +342,21 @@ class ForwardSensitivities:
             yield ("force", "inputs", power, relative), scalars * solution.drive
             if solution.ports.has_floor:
                 yield ("readout", "floor", power, relative), scalars * floor_motion
+                yield from self._floor_terms_of_loops(scalars, power, relative)
+
+    def _floor_terms_of_loops(
+        self, scalars: Real, power: int, shape: Callable[[Complex], Complex]
+    ) -> Iterator[tuple[_Key, Real]]:
+        """Yield the forces of loops that read the floor's motion, for a factor of the inputs."""
+        solution = self.solution
+        for term in solution.assembly.frequency_dependent:
+            if not term.is_loop:
+                continue
+            moved = term.body_right.T @ solution.ports.floor
+            product = _shape_product(shape, term.change.shape)
+            for order in map(int, np.flatnonzero(term.change.core.any(axis=(1, 2)))):
+                force = -term.left @ term.change.core[order] @ moved
+                yield ("force", "floor", power + order, product), scalars * force
 
     def _inertia_terms(
         self, motion: Real, power: int, shape: _Shape
@@ -360,10 +373,12 @@ class ForwardSensitivities:
         for inertia_power in map(int, np.flatnonzero(assembly.body.any(axis=(1, 2)))):
             load = to_joints @ assembly.body[inertia_power]
             yield ("force", "joints", power + inertia_power, shape), -load @ motion
-        for change in self._frequency_dependent_bodies:
-            product = _shape_product(shape, change.shape)
-            for inertia_power in map(int, np.flatnonzero(change.core.any(axis=(1, 2)))):
-                load = to_joints @ change.left @ change.core[inertia_power] @ change.right.T
+        for term in assembly.frequency_dependent:
+            if not term.body_right.any():
+                continue
+            core, product = term.change.core, _shape_product(shape, term.change.shape)
+            for inertia_power in map(int, np.flatnonzero(core.any(axis=(1, 2)))):
+                load = term.left @ core[inertia_power] @ term.body_right.T
                 yield ("force", "joints", power + inertia_power, product), -load @ motion
 
     def _gravity_terms(self, change: Change, core: Real) -> Iterator[tuple[_Key, Real]]:

@@ -23,7 +23,12 @@ from mbmodel.frf.forward_sensitivities import ForwardSensitivities
 from mbmodel.frf.modal_form import ModalForm, modal_form
 from mbmodel.frf.ports import Ports, apply_point_changes, find_ports, with_orders
 from mbmodel.frf.request import FrfRequest
-from mbmodel.frf.solution import FrfSolution, generalised_force, input_drive_factor
+from mbmodel.frf.solution import (
+    FrfSolution,
+    floor_forces_of_loops,
+    generalised_force,
+    input_drive_factor,
+)
 from mbmodel.frf.solver import Solver
 from mbmodel.frf.woodbury import WoodburySolver
 from mbmodel.machine import Machine
@@ -160,6 +165,9 @@ class Evaluator:
         if assembly.frequency_dependent:
             woodbury = WoodburySolver(solver, assembly.frequency_dependent)
             motion = woodbury.solve(drive, factor=factor)
+            if ports.has_floor:
+                forces = floor_forces_of_loops(assembly, ports, request)
+                motion = motion + woodbury.solve(forces)
             return Linearised(
                 self.model, theta, request, self.condition, assembly, ports, woodbury, motion
             )

@@ -127,6 +127,27 @@ def generalised_force(assembly: Assembly, ports: Ports) -> Real:
     return drive
 
 
+def floor_forces_of_loops(assembly: Assembly, ports: Ports, request: FrfRequest) -> Complex:
+    """Return the forces of loops that read the floor's motion, -U F(s) V_b' U_floor s^(q - 2) c.
+
+    Args:
+        assembly: with the loops.
+        ports: with the floor.
+        request: lines and quantity.
+
+    Returns:
+        (nv, n_in, n_freq).
+    """
+    shape = len(assembly.matrices.mass), ports.floor.shape[1], len(request.laplace)
+    total = np.zeros(shape, np.complex128)
+    for term in assembly.frequency_dependent:
+        moved = term.body_right.T @ ports.floor
+        if term.is_loop and moved.any():
+            forces = -term.at(request.laplace) @ moved  # (n_freq, r, n_in)
+            total += real_times(term.left, forces.transpose(1, 2, 0))
+    return total * request.laplace ** (request.order - 2) * _gain_factor(assembly, request)
+
+
 def input_drive_factor(assembly: Assembly, request: FrfRequest) -> Complex:
     """Return s^q c, with c the product of the Parts' factors of the inputs; (n_freq,)."""
     if not assembly.input_changes:

@@ -6,7 +6,7 @@ import numpy as np
 
 from identification.words import Complex
 from mbmodel.machine import Machine
-from mbmodel.modes.model_modes import Modes
+from mbmodel.modes.matrix_modes import Modes
 from mbmodel.spatial import transport
 
 

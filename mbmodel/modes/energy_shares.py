@@ -15,7 +15,7 @@ from identification.words import DIRECTIONS, Complex, Real
 from mbmodel.assembly import Assembly
 from mbmodel.linearisation.gravity import gravity_stiffness
 from mbmodel.model import Model
-from mbmodel.modes.model_modes import Modes
+from mbmodel.modes.matrix_modes import Modes
 from mbmodel.parts import SpringPart
 
 # Of the sum of absolute energies: a smaller remainder that no spring explains is rounding.

@@ -1,8 +1,9 @@
 """Exact derivatives of poles and shapes, for any scalar cost of them, by the adjoint method.
 
-A pole s and its shape phi solve Z(s) phi = 0, Z(s) = s^2 M + s C + K, time convention
-exp(+i w t). With Z' = 2 s M + C and a row c that fixes the size of phi, c' phi = 1, a small change
-dZ of the equation at fixed s gives (Nelson 1976, for the quadratic eigenproblem)
+A pole s and its shape phi solve Z(s) phi = 0, Z(s) = s^2 M + s C + K + L(s), L the control loops
+that are closed, time convention exp(+i w t). With Z' = 2 s M + C + L' and a row c that fixes the
+size of phi, c' phi = 1, a small change dZ of the equation at fixed s gives (Nelson 1976, for the
+quadratic eigenproblem)
 
     [ Z   Z' phi ] [ dphi ]   [ -dZ phi ]
     [ c'    0    ] [  ds  ] = [    0    ]
@@ -24,14 +25,16 @@ from functools import cached_property
 import numpy as np
 
 from identification.words import Complex, Integers, Mask, Output, Real, Signal, UsageError
-from mbmodel.assembly import Assembly, Matrices
+from mbmodel.assembly import Assembly
 from mbmodel.frf.adjoint import gradient
 from mbmodel.frf.ports import Ports, apply_point_changes, find_ports
 from mbmodel.frf.request import FrfRequest
 from mbmodel.frf.solution import FrfSolution
 from mbmodel.frf.solver import Solver
 from mbmodel.model import Model
-from mbmodel.modes.model_modes import Modes, modes_of_matrices
+from mbmodel.modes.closed_loop_modes import modes_of_assembly
+from mbmodel.modes.matrix_modes import Modes
+from mbmodel.modes.nonlinear_eigenproblem import LawProblem
 from mbmodel.parts import Change
 
 _MIN_POLE_DISTANCE = 1e-7  # relative: closer poles coincide, and their shapes have no derivative
@@ -87,7 +90,7 @@ class LinearisedModes:
         poles = self.modes.poles[chosen]
         if not poles.all():
             raise UsageError("a motion at rest has no pole to differentiate: leave this mode out")
-        solver = _BorderedSolver(self.assembly.matrices, self.modes, chosen, by_poles.conj())
+        solver = _BorderedSolver(self.assembly, self.modes, chosen, by_poles.conj())
         count = len(self.outputs)
         solution = FrfSolution(
             self.model,
@@ -133,12 +136,15 @@ class ModeEvaluator:
 
     def at(self, theta: Real) -> LinearisedModes:
         """Return modes at theta, with derivatives."""
-        # Poles have no readings: the factors of the readings belong to FRFs.
-        assembly = replace(self.model.assemble(theta), output_changes=())
+        # Poles have no readings: the factors of the readings belong to FRFs. Of laws that are no
+        # polynomials in s, modes follow control loops alone.
+        whole = self.model.assemble(theta)
+        loops = tuple(term for term in whole.frequency_dependent if term.is_loop)
+        assembly = replace(whole, output_changes=(), frequency_dependent=loops)
         sensors = [change for change in assembly.point_changes if change.slot == "sensor"]
         ports = apply_point_changes(self._ports, sensors, self.outputs, ())
         return LinearisedModes(
-            self.model, theta, self.outputs, assembly, ports, modes_of_matrices(assembly.matrices)
+            self.model, theta, self.outputs, assembly, ports, modes_of_assembly(assembly)
         )
 
 
@@ -158,9 +164,10 @@ class _BorderedSolver(Solver):
     """A solver that returns the adjoint vectors a of the bordered equation, one per mode."""
 
     def __init__(
-        self, matrices: Matrices, modes: Modes, chosen: Integers, right_of_poles: Complex
+        self, assembly: Assembly, modes: Modes, chosen: Integers, right_of_poles: Complex
     ) -> None:
-        super().__init__(matrices, modes.poles[chosen], None)
+        super().__init__(assembly.matrices, modes.poles[chosen], None)
+        self._problem = LawProblem(assembly.matrices, (), assembly.frequency_dependent)
         self._shapes, self._right = modes.shapes[:, chosen], right_of_poles
         self._close = _has_coinciding_pole(modes.poles, chosen)
 
@@ -185,10 +192,8 @@ class _BorderedSolver(Solver):
             )
         size = 1.0 / np.sqrt(np.diag(self.matrices.mass))
         poles, count = np.abs(self.laplace), len(size)
-        s = self.laplace[:, None, None]
-        mass, damping = self.matrices.mass, self.matrices.damping
-        dynamic = s**2 * mass + s * damping + self.matrices.stiffness
-        border = np.einsum("kij,jk->ki", 2 * s * mass + damping, self._shapes) * size
+        dynamic, slope = self._problem.stiffness_and_slope(self.laplace)
+        border = np.einsum("kij,jk->ki", slope, self._shapes) * size
         scaled_shapes = (self._shapes / size[:, None]).T
         matrix = np.zeros((len(poles), count + 1, count + 1), complex)
         scaled = dynamic.transpose(0, 2, 1) * np.outer(size, size)

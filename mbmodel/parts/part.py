@@ -15,6 +15,10 @@ left core(s) right' in one of seven slots:
     output   log of the factor of    6 directions of a point x 1      0, 1, 2
              the point's readings
 
+An eighth slot, ``bodies_and_joints``, is that of known control loops: its rows are those of the
+bodies and then those of the joints, (6 n_body + nv) x (6 n_body + nv), and it reads the motion of
+the bodies with the floor.
+
 Factors of several Parts multiply. A delay tau of a reading, exp(-s tau), adds -s tau in ``output``.
 """
 
@@ -28,7 +32,7 @@ from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf
 
 AXIS_NAMES = "xyz"  # ends of parameter names
 
-Slot = Literal["body", "joint", "path", "sensor", "hammer", "input", "output"]
+Slot = Literal["body", "joint", "path", "sensor", "hammer", "input", "output", "bodies_and_joints"]
 
 # How well the nominal model (the drawing) knows a number: not at all (``free``), exactly, but for a
 # gain that a campaign calls unknown, or within one of the tolerances of campaigns.
@@ -85,7 +89,7 @@ class Change:
             the Part's parameters.
         point: the sensor or hammer point, in the slots sensor, hammer and output.
         shape: f(s), a factor that is no polynomial, with ``f(conj s) = conj f(s)``. Only finite
-            changes of bodies, joints, inputs and outputs may have one.
+            changes of bodies, joints, inputs and outputs may have one, and loops have one.
     """
 
     slot: Slot

@@ -34,13 +34,18 @@ def assemble_uncertain_plant(
             get no block; 0 to keep all.
 
     Raises:
-        UsageError: an acceleration of the floor with another quantity than the accelerance, or a
-            force sensor as output.
+        UsageError: an acceleration of the floor with another quantity than the accelerance, a
+            force sensor as output, or a closed loop.
     """
     lines = Evaluator(posterior.model, request).at(posterior.model.drawn)
     if lines.ports.has_floor and min(request.output_orders) < 2:
         raise UsageError(
             "the uncertain plant takes motions of the floor with the accelerance only: request it"
+        )
+    if posterior.model.loops:
+        raise UsageError(
+            "the uncertain plant holds the machine with its control loops open: open them, and "
+            "close them around the plant"
         )
     if lines.ports.further is not None:
         raise UsageError(

@@ -196,7 +196,11 @@ def test_a_line_exactly_at_an_undamped_resonance_answers_hugely_not_never():
     core = np.zeros((3, 1, 1))
     core[0] = -1.0
     whole = FrequencyDependentTerm(
-        np.ones((1, 1)), np.ones((1, 1)), Change("joint", None, None, core)
+        np.ones((1, 1)),
+        np.ones((1, 1)),
+        Change("joint", None, None, core),
+        np.zeros((6, 1)),
+        np.zeros((6, 1)),
     )
     answer = WoodburySolver(Unit(), (whole,)).solve(np.ones((1, 1, 1)))
     assert np.isfinite(answer).all()

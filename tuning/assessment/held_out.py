@@ -13,7 +13,7 @@ from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from identification.words import Campaign, Complex, Integers, Mask, Real
-from mbmodel import Model, modes_of_matrices
+from mbmodel import Model, model_modes
 from tuning.fitting.checkpoint import Checkpoint
 from tuning.fitting.fitter import Fit
 from tuning.fitting.stage_search import minimise_stage
@@ -80,7 +80,7 @@ def block_width(model: Model, theta: Real, freq_hz: Real) -> int:
         theta: its parameters [SI]; (n_parameter,).
         freq_hz: lines of the band; (n_freq,).
     """
-    modes = modes_of_matrices(model.matrices(theta))
+    modes = model_modes(model, theta)
     is_inside = (
         (modes.freq_hz >= freq_hz[0]) & (modes.freq_hz <= freq_hz[-1]) & (modes.poles.imag > 0)
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from identification.readers.result_files import read_result_arrays, read_result_json
 from identification.words import Complex, InputError, Real
-from mbmodel import modes_of_matrices, write_mjcf
+from mbmodel import model_modes, write_mjcf
 from tuning.assessment.gap import Gap, block_error_shares
 from tuning.assessment.model_error import estimate_model_error
 from tuning.campaign_tuning import CampaignTuning, Comparison
@@ -192,7 +192,7 @@ def _gap_row(gap: Gap) -> GapRow:
 
 def _mode_rows(tuned: CampaignTuning, theta: Real) -> list[ModelModeRow]:
     """Return the modes of the model in the band."""
-    modes = modes_of_matrices(tuned.session.model.matrices(theta))
+    modes = model_modes(tuned.session.model, theta)
     lowest, highest = tuned.session.campaign.freq_hz[[0, -1]]
     return [
         ModelModeRow(frequency=float(frequency), damping=float(damping))
