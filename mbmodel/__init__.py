@@ -30,6 +30,7 @@ from mbmodel.machine_loading import load_machine
 from mbmodel.mjcf.edit import Addition, Edit, NotInMjcf, write_mjcf
 from mbmodel.mjcf.read import mjcf_files
 from mbmodel.model import Model, as_drawn
+from mbmodel.modes.closed_loop_modes import closed_loop_dynamics
 from mbmodel.modes.common_motions import weighted_motions
 from mbmodel.modes.energy_shares import EnergyShares, energy_shares
 from mbmodel.modes.matrix_modes import Modes, modes_of_matrices
@@ -168,6 +169,7 @@ __all__ = [
     "body_parts",
     "bound_magnitudes",
     "channel_parts",
+    "closed_loop_dynamics",
     "combine",
     "compare_state_space",
     "discretise",

@@ -1,13 +1,14 @@
 """The error budget of a machine, with its intervals."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from mbmodel import as_drawn
+from mbmodel import as_drawn, with_loops
 from mbworkbench.labels import AnyPath, as_path
 from mbworkbench.model import MachineModel, read_model
 from mbworkbench.tables import html_table
+from tuning.control_loops.loops_file import choose_loops, known_loops
 from tuning.error_budget.machine_files import model_with_posterior, tuned_file
 from tuning.error_budget.plant_budget import PlantBudget, plant_budget
 from tuning.error_budget.read_definition import read_definition
@@ -86,6 +87,7 @@ def error_budget(
     *,
     controllers: Mapping[str, Any] | None = None,
     before: MachineModel | None = None,
+    closed: Iterable[str] = (),
 ) -> ErrorBudgetResult:
     """Compute the error budget of a machine.
 
@@ -96,6 +98,8 @@ def error_budget(
         controllers: systems of python-control that replace controllers of the file, by the name of
             their loop.
         before: another machine to compare with.
+        closed: names of loops that were closed during the test of a tuning and stay closed, beside
+            those of budget.toml; ``"*"`` for all.
 
     Raises:
         InputError: a file cannot be used, or the machine is unstable with its loops.
@@ -103,7 +107,9 @@ def error_budget(
     """
     if not isinstance(model, MachineModel):
         model = read_model(tuned_file(as_path(model)))
-    definition = read_definition(as_path(budget), model.machine, controllers)
-    fitted, posterior = model_with_posterior(model.machine, model.machine.source)
+    source, patterns = model.machine.source, (closed,) if isinstance(closed, str) else closed
+    loops = choose_loops(known_loops(source, model.machine), patterns)
+    definition = read_definition(as_path(budget), with_loops(model.machine, loops), controllers)
+    fitted, posterior = model_with_posterior(model.machine, source)
     reference = None if before is None else as_drawn(before.machine)
     return ErrorBudgetResult(plant_budget(fitted, definition, reference, posterior))

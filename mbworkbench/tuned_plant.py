@@ -17,6 +17,7 @@ from mbmodel import (
     load_machine,
     machine_model,
     make_control_plant,
+    with_loops,
 )
 from mbworkbench.labels import (
     AnyLabel,
@@ -28,6 +29,7 @@ from mbworkbench.labels import (
     parse_outputs,
 )
 from tuning import read_posterior
+from tuning.control_loops.loops_file import choose_loops, known_loops
 from tuning.error_budget.machine_files import tuned_file
 
 
@@ -38,10 +40,17 @@ class TunedPlant:
     Attributes:
         posterior: of the machine's parameters.
         request: outputs, inputs, lines and quantity.
+        loops: names of the control loops that were closed during the test.
     """
 
     posterior: PosteriorOfModel
     request: FrfRequest
+    loops: tuple[str, ...] = ()
+
+    @property
+    def closed(self) -> tuple[str, ...]:
+        """Names of the loops that are closed here; the others are open."""
+        return tuple(part.loop.name for part in self.posterior.model.loops)
 
     def bands(self) -> FrfBands:
         """Compute the FRFs with the standard deviations of magnitude and phase."""
@@ -70,6 +79,10 @@ class TunedPlant:
                 f"{len(request.freq_hz)} lines",
                 f"  inputs: {', '.join(map(str, request.inputs))}",
                 f"  outputs: {', '.join(map(str, request.outputs))}",
+                *(
+                    f"  loop {name} {'closed' if name in self.closed else 'open'}"
+                    for name in self.loops
+                ),
                 f"  {self.posterior.posterior!r}",
             )
         )
@@ -81,8 +94,12 @@ def read_plant(
     inputs: AnyLabel | Iterable[AnyLabel],
     freq_hz: Sequence[float] | Real,
     quantity: Quantity = "accelerance",
+    closed: Iterable[str] = (),
 ) -> TunedPlant:
     """Read the plant between some ports from the folder of a tuning.
+
+    Control loops that were closed during the test are open, but for those that are named: a
+    controller that is designed on the plant does not count them twice.
 
     Args:
         folder: that ``mbw tune`` or ``TunedModel.write`` wrote, or its ``tuned.xml``.
@@ -90,6 +107,7 @@ def read_plant(
         inputs: labels of forces or motors.
         freq_hz: frequencies [Hz], increasing; (n_freq,).
         quantity: receptance, mobility or accelerance.
+        closed: names of the loops of the test that stay closed; ``"*"`` for all.
 
     Raises:
         InputError: the folder holds no tuning, or its model was changed after the fit.
@@ -97,6 +115,9 @@ def read_plant(
     """
     source = tuned_file(as_path(folder))
     machine = load_machine(source)
+    loops = known_loops(source, machine)
+    patterns = (closed,) if isinstance(closed, str) else closed
+    machine = with_loops(machine, choose_loops(loops, patterns))
     posterior = read_posterior(source.parent).on(machine_model(machine))
     request = FrfRequest(
         check_frequencies(freq_hz),
@@ -104,4 +125,4 @@ def read_plant(
         parse_inputs(machine, inputs),
         check_quantity(quantity),
     )
-    return TunedPlant(posterior, request)
+    return TunedPlant(posterior, request, tuple(loop.name for loop in loops))

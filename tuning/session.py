@@ -7,6 +7,7 @@ import numpy as np
 
 from identification import correct_layout, read_campaign, read_settings, select_band
 from identification.checks.unknown_gains import leave_out_unknown_gains
+from identification.readers.campaign_toml import CampaignSettings
 from identification.readers.file_kinds import is_universal
 from identification.readers.frf_units import parse_frf_units
 from identification.words import Campaign, Dof, InputError, UsageError
@@ -26,11 +27,14 @@ from mbmodel import (
     load_machine,
     sensor_parts,
     spring_parts,
+    with_loops,
 )
 from mbmodel.frf.ports import find_ports
 from mbmodel.parts import ToleranceKind
 from tuning.checks.data_against_model import compare_with_model
 from tuning.checks.export_faults import StatedExport
+from tuning.control_loops.read_loops import read_loops
+from tuning.control_loops.stability import check_nominal_loops
 from tuning.instrument_priors import instrument_priors
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
@@ -242,8 +246,8 @@ def open_campaign(
         machine: another machine than the one that campaign.toml names, or None.
 
     Returns:
-        Path of campaign.toml, the machine with the corrections stated there, the tests with the
-        lines of the band only.
+        Path of campaign.toml, the machine with the corrections and control loops stated there, the
+        tests with the lines of the band only.
 
     Raises:
         InputError: an input cannot be used; the message names file, element and remedy.
@@ -254,14 +258,35 @@ def open_campaign(
     if machine is None:
         machine = load_machine(source.parent / str(settings.model), key=settings.key)
     machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
+    machine, loop_remarks = _close_loops(source, machine, settings)
     campaign = read_campaign(source, settings, machine.layout)
     _refuse_unknown_ports(source, machine, campaign)
     chosen = select_band(campaign, band, source)
     if not any(np.abs(test.estimate.frf.values).any() for test in chosen.tests):
         raise InputError(f"{source}: all FRFs are zero in the band: check the export")
     of_machine = (f"{machine.source.name}: {remark}" for remark in machine.remarks)
-    chosen = replace(chosen, remarks=(*chosen.remarks, *of_machine))
+    chosen = replace(chosen, remarks=(*chosen.remarks, *of_machine, *loop_remarks))
     return source, machine, divide_by_unknown_gains(machine, chosen)
+
+
+def _close_loops(
+    source: Path, machine: Machine, settings: CampaignSettings
+) -> tuple[Machine, list[str]]:
+    """Return the machine with the loops of campaign.toml closed, and remarks on them.
+
+    Raises:
+        InputError: a port, a controller, or an unstable nominal machine.
+    """
+    try:
+        machine = with_loops(machine, read_loops(source, machine, settings.loop))
+        trusted = {name for name, table in settings.loop.items() if table.as_stated}
+        remarks = check_nominal_loops(machine, trusted) if settings.loop else []
+    except UsageError as error:
+        raise InputError(f"{source}: {error}") from error
+    except InputError as error:
+        text = str(error)
+        raise InputError(text if str(source.parent) in text else f"{source}: {text}") from error
+    return machine, remarks
 
 
 def _refuse_unknown_ports(source: Path, machine: Machine, campaign: Campaign) -> None:

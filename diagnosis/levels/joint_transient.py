@@ -19,7 +19,8 @@ Q = H_f F - H_g G of the stretch, the joint acts on each line as a complex stiff
 and a linear machine with that spring has exactly the FRFs of the nonlinear one under this hit.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,7 +28,9 @@ import scipy.linalg
 
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.words import Complex, Integers, Real
-from mbmodel.assembly import Matrices
+from mbmodel.assembly import FrequencyDependentTerm, Matrices
+from mbmodel.export.branch_states import branch_states
+from mbmodel.export.state_space import FirstOrderForm, first_order_form
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,22 +70,29 @@ class JointTransient:
 
     @classmethod
     def of_matrices(
-        cls, matrices: Matrices, direction: Real, inputs: Real, freq_hz: Real
+        cls,
+        matrices: Matrices,
+        direction: Real,
+        inputs: Real,
+        freq_hz: Real,
+        loops: Sequence[FrequencyDependentTerm] = (),
     ) -> "JointTransient":
-        """Return the machine of M, C and K.
+        """Return the machine of M, C and K with its control loops.
 
         Args:
             matrices: M, C, K of the linear machine.
             direction: of the joint, in joint coordinates; (nv,).
             inputs: generalised force of each input; (nv, n_in).
             freq_hz: lines of the FRFs, which set step and length; (n_freq,).
+            loops: control loops that are closed, with Pade's fractions of their delays.
         """
         # A machine on no springs drifts: far below the lowest line that does not matter.
         slowest = 2 * np.pi * LEVEL_SETTINGS.drift_share * freq_hz[freq_hz > 0].min()
         forces = np.column_stack([direction, inputs])
-        poles, shapes, entry = _solve_state(matrices, forces, 0.0)
+        poles, shapes, entry = _solve_state(_first_order(matrices, loops, forces, freq_hz))
         if np.abs(poles).min() < slowest:
-            poles, shapes, entry = _solve_state(matrices, forces, slowest**2)
+            grounded = replace(matrices, stiffness=matrices.stiffness + slowest**2 * matrices.mass)
+            poles, shapes, entry = _solve_state(_first_order(grounded, loops, forces, freq_hz))
         size = len(matrices.mass)
         kept = poles.imag >= 0
         pairs = np.where(poles.imag > 0, 2.0, 1.0)
@@ -128,22 +138,14 @@ def _compute_hold_weights(turns: Complex) -> tuple[Complex, Complex]:
     return whole - after, after
 
 
-def _solve_state(
-    matrices: Matrices, forces: Real, grounding: float
-) -> tuple[Complex, Complex, Complex]:
-    """Return poles, shapes (2 nv, 2 nv) and modal entries of forces (2 nv, n_force).
+def _first_order(
+    matrices: Matrices, loops: Sequence[FrequencyDependentTerm], forces: Real, freq_hz: Real
+) -> FirstOrderForm:
+    """Return the machine with its loops in first order, driven by forces (nv, n_force)."""
+    return first_order_form(branch_states(matrices, loops, freq_hz), forces)
 
-    Args:
-        matrices: M, C, K.
-        forces: generalised forces; (nv, n_force).
-        grounding: springs to the ground, in parts of the mass [1/s^2].
-    """
-    size = len(matrices.mass)
-    stiffness = matrices.stiffness + grounding * matrices.mass
-    dynamics = np.zeros((2 * size, 2 * size))
-    dynamics[:size, size:] = np.eye(size)
-    dynamics[size:] = -np.linalg.solve(matrices.mass, np.hstack([stiffness, matrices.damping]))
-    drive = np.zeros((2 * size, forces.shape[1]), complex)
-    drive[size:] = np.linalg.solve(matrices.mass, forces)
-    poles, shapes = scipy.linalg.eig(dynamics)
-    return poles, shapes, np.linalg.solve(shapes, drive)
+
+def _solve_state(form: FirstOrderForm) -> tuple[Complex, Complex, Complex]:
+    """Return poles (n,), shapes (n, n) and modal entries of the forces (n, n_force)."""
+    poles, shapes = scipy.linalg.eig(form.dynamics)
+    return poles, shapes, np.linalg.solve(shapes, form.gain.astype(complex))

@@ -12,7 +12,7 @@ from diagnosis.levels.law_family import LawFamily
 from diagnosis.levels.law_simulation import LawUnderHits, compute_equivalent_stiffness
 from diagnosis.levels.settings import LEVEL_SETTINGS
 from identification.words import Complex, Real
-from mbmodel.assembly import Matrices
+from mbmodel.assembly import FrequencyDependentTerm, Matrices
 from mbmodel.frf.ports import apply_point_changes, find_ports
 
 
@@ -27,6 +27,7 @@ class TestedJoint:
         freq_hz: lines above 0 Hz; (n_freq,).
         hits: one for each test.
         stiffness: fitted stiffness of the spring.
+        loops: control loops that were closed during the test.
     """
 
     matrices: Matrices
@@ -35,10 +36,14 @@ class TestedJoint:
     freq_hz: Real
     hits: SimulatedHits
     stiffness: float
+    loops: tuple[FrequencyDependentTerm, ...] = ()
 
     @classmethod
     def of_scene(cls, scene: Scene, joint: JointDirection) -> "TestedJoint":
-        """Return a joint direction of a scene; terms that are no polynomial in s are left out."""
+        """Return a joint direction of a scene.
+
+        Of terms that are no polynomial in s, control loops alone are kept.
+        """
         model, campaign = scene.session.model, scene.session.campaign
         machine = model.machine
         assembly = model.assemble(scene.theta, campaign.tests[0].condition)
@@ -59,6 +64,7 @@ class TestedJoint:
             campaign.freq_hz[campaign.freq_hz > 0],
             hits,
             float(scene.find_stiffness((joint.spring,))[0]),
+            tuple(term for term in assembly.frequency_dependent if term.is_loop),
         )
 
     def transient(self, stuck: float = 0.0) -> JointTransient:
@@ -71,7 +77,9 @@ class TestedJoint:
         matrices = Matrices(
             self.matrices.mass, self.matrices.damping, self.matrices.stiffness + added
         )
-        return JointTransient.of_matrices(matrices, self.direction, self.inputs, self.freq_hz)
+        return JointTransient.of_matrices(
+            matrices, self.direction, self.inputs, self.freq_hz, self.loops
+        )
 
     def compute_stiffness(self, family: LawFamily, cases: Sequence[tuple[Real, float]]) -> Complex:
         """Return what laws add to the joint's stiffness in each test; (n_case, n_test, n_freq).

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from identification.readers.ignored_lines import FrequencyRange
+from identification.readers.loop_toml import CampaignLoopTable
 from identification.readers.toml_files import FileName, TomlTable, Turn, load_toml, read_toml
 from identification.words import (
     DEFAULT_HAMMER,
@@ -133,6 +134,7 @@ class CampaignSettings(TomlTable):
     test: list[TestSettings] = Field(min_length=1)
     sensor: dict[str, SensorSettings] = Field(default_factory=dict)
     hammer: dict[str, HammerSettings] = Field(default_factory=dict)
+    loop: dict[str, CampaignLoopTable] = Field(default_factory=dict)
     ignore_hz: list[FrequencyRange] = Field(default_factory=list)
     tolerance: ToleranceSettings = ToleranceSettings()
     tuning: TuningSettings = TuningSettings()
@@ -171,6 +173,11 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
     if (settings.model is None) == (settings.layout is None):
         raise InputError(
             f"{path} must name either a model or a layout: add one, or remove one of both"
+        )
+    if settings.loop and settings.layout is not None:
+        raise InputError(
+            f"{path}: loop.{next(iter(settings.loop))} acts on ports of a model, which a layout "
+            "does not have: name a model, or remove it"
         )
     if settings.key is not None and settings.layout is not None:
         raise InputError(

@@ -31,6 +31,15 @@ class LoopTable(TomlTable):
     delay: float = Field(default=0.0, ge=0, le=1.0)
 
 
+class CampaignLoopTable(LoopTable):
+    """Settings of ``[loop.NAME]`` in campaign.toml: a loop that was closed during the test.
+
+    ``as_stated = true`` says that it is right, even if the nominal machine is unstable with it.
+    """
+
+    as_stated: bool = False
+
+
 def as_roots(values: Sequence[Root]) -> list[complex]:
     """Return zeros or poles as complex numbers."""
     return [complex(*value) if isinstance(value, list) else complex(value) for value in values]

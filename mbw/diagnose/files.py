@@ -12,13 +12,14 @@ from mbmodel import NotInMjcf, write_mjcf
 from mbw.diagnose.machine_rows import restore_machine
 from mbw.diagnose.result import StoredDiagnosis
 from mbw.diagnose.schema import ShownFile
+from tuning.control_loops.loops_file import LOOPS_JSON, write_loops
 from tuning.files.result import final_folder
 
 VERDICT, EVIDENCE = "verdict.json", "evidence.json"
 SHOWN, ARRAYS, PAGE = "diagnosis.json", "diagnosis.npz", "report.html"
 AUGMENTED = "augmented.xml"
 CHECKPOINT = "diagnose.checkpoint.json"
-NAMES = (VERDICT, EVIDENCE, SHOWN, ARRAYS, AUGMENTED, PAGE)
+NAMES = (VERDICT, EVIDENCE, SHOWN, ARRAYS, AUGMENTED, LOOPS_JSON, PAGE)
 _VERB = "mbw diagnose"
 
 
@@ -31,11 +32,16 @@ def write_files(result: StoredDiagnosis, folder: Path) -> None:
 
 
 def write_augmented(diagnosis: Diagnosis, target: Path) -> tuple[NotInMjcf, ...]:
-    """Write the tuned MJCF with the detected effect; return what an MJCF cannot hold."""
+    """Write the tuned MJCF with the detected effect, and the control loops of the test beside it.
+
+    Returns:
+        What an MJCF cannot hold.
+    """
     held_out_gap = diagnosis.after or diagnosis.retuned
     theta = diagnosis.parameters.theta if diagnosis.parameters else held_out_gap.theta
     model = held_out_gap.refit.session.model
     folder = final_folder(target.parent)
+    write_loops(model.machine.loops, target.with_name(LOOPS_JSON))
     return write_mjcf(model.machine.source, target, model.edits(theta), folder)
 
 

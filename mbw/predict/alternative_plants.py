@@ -13,6 +13,7 @@ from mbmodel import (
     frf_bands,
     load_machine,
     machine_model,
+    with_loops,
 )
 from mbw.diagnose.files import AUGMENTED, read_result
 
@@ -38,7 +39,8 @@ def read_alternatives(
     causes = [result.verdict.causes[row.cause] for row in result.shown.established]
     if not causes:
         raise InputError(f"{folder} established no cause: there is no alternative plant")
-    model = machine_model(load_machine(folder / AUGMENTED))
+    loops = posterior.model.machine.loops
+    model = machine_model(with_loops(load_machine(folder / AUGMENTED), loops))
     present = min(cause.probability for cause in causes)
     names = "+".join(f"{cause.effect}@{cause.location}" for cause in causes)
     augmented = frf_bands(posterior.posterior.moved_to(model), frfs)

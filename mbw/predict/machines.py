@@ -3,7 +3,7 @@
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from identification.words import InputError
@@ -12,13 +12,16 @@ from mbmodel import (
     COMBINED_NAME,
     STAGE_COPY_NAME,
     Combined,
+    Machine,
     Model,
     combine,
     load_machine,
+    with_loops,
 )
 from mbw.predict.additions import Additions
 from mbw.predict.spring_laws import SpringLaw, model_with_laws
 from mbw.spin_rates import parse_spin_rates
+from tuning.control_loops.loops_file import choose_loops, known_loops, loops_sentence
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,9 @@ class MachineRequest:
         key: name of the keyframe that gives pose and controls; None for ``home`` if there is one.
         additions: what is put on it.
         laws: of its springs beyond those of the MJCF.
+        loops_source: campaign.toml, or the MJCF beside which the loops of the test stand; None for
+            the MJCF.
+        closed: names or patterns of the loops of the test that are closed; all others are open.
     """
 
     path: Path
@@ -38,6 +44,21 @@ class MachineRequest:
     key: str | None
     additions: Additions
     laws: tuple[SpringLaw, ...] = ()
+    loops_source: Path | None = None
+    closed: tuple[str, ...] = ()
+
+    def close(self, machine: Machine) -> Machine:
+        """Return a machine with the chosen loops of the test closed, and a remark on all of them.
+
+        Raises:
+            UsageError: a name that fits no loop, or a port that the machine does not have.
+            InputError: the file of the loops is damaged.
+        """
+        loops = known_loops(self.loops_source or self.path, machine)
+        closed = choose_loops(loops, self.closed)
+        sentence = loops_sentence(loops, closed)
+        remarks = (*machine.remarks, *([sentence] if sentence else []))
+        return replace(with_loops(machine, closed), remarks=remarks)
 
     def refuse_overwriting(self, folder: Path) -> None:
         """Refuse a folder in which the combined machine would replace a file that it is made of.
@@ -87,7 +108,7 @@ def load_machines(request: MachineRequest) -> Iterator[Machines]:
     """
     rates = parse_spin_rates(request.spin)
     if not request.additions:
-        machine = load_machine(request.path, rates, request.key)
+        machine = request.close(load_machine(request.path, rates, request.key))
         model = model_with_laws(machine, request.laws, is_partial=False)
         yield Machines(model, model, None, rates)
         return
@@ -103,6 +124,7 @@ def load_machines(request: MachineRequest) -> Iterator[Machines]:
             rates=rates,
             key=request.key,
         )
-        base = model_with_laws(machine, request.laws, is_partial=True)
-        model = model_with_laws(combined.machine, request.laws, is_partial=False)
+        base = model_with_laws(request.close(machine), request.laws, is_partial=True)
+        whole = request.close(combined.machine)
+        model = model_with_laws(whole, request.laws, is_partial=False)
         yield Machines(base, model, combined, rates)

@@ -17,7 +17,9 @@ app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
 @app.command()
 def predict(  # noqa: PLR0913  # one for each option
-    model: Annotated[Path, typer.Argument(help="MJCF of a machine, or the folder of mbw tune.")],
+    model: Annotated[
+        Path, typer.Argument(help="MJCF of a machine, the folder of mbw tune, or a campaign.")
+    ],
     *,
     modes: Annotated[
         bool, typer.Option("--modes", help="Print natural frequencies and damping ratios.")
@@ -201,6 +203,14 @@ def predict(  # noqa: PLR0913  # one for each option
         ),
     ] = None,
     key: Key = None,
+    closed: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LOOP",
+            help="Loop of the campaign, such as ty or '*', that is closed; the others are open; "
+            "repeatable.",
+        ),
+    ] = None,
     out: Annotated[Path | None, out_option("<model>-predicted beside it")] = None,
     pictures: Pictures = True,
     json: Json = None,
@@ -243,6 +253,7 @@ def predict(  # noqa: PLR0913  # one for each option
         before=before,
         struts=struts or [],
         key=key,
+        closed=closed or [],
         out=out,
         pictures=pictures,
         json=json,

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from identification import read_settings
 from identification.words import InputError, Real
 from mbmodel import (
     AlternativePlants,
@@ -40,6 +41,7 @@ from mbw.predict.state_space_check import law_rows, law_sentences
 from tuning import POSTERIOR_NPZ, read_posterior
 from tuning.files.result import TUNED_MJCF
 
+CAMPAIGN_TOML = "campaign.toml"  # of the folder of a campaign
 FOLDER_NAMES = (BANDS_NPZ, SAMPLES_NPZ, WEIGHT_NPZ, WEIGHT_MAT)
 _MANY_LINES_SHARE = 0.95  # of the lines of all FRFs, whose interval is stated
 
@@ -123,17 +125,31 @@ class PlantResult:
                 self.sentences.append(reduction_sentence(reduction))
 
 
-def find_model(path: Path) -> Path:
-    """Return the MJCF of a model, or the tuned.xml of a tuning's folder.
+def find_model(path: Path) -> tuple[Path, Path]:
+    """Return the MJCF of a model, a tuning or a campaign, and the file that states its loops.
+
+    Args:
+        path: an MJCF, a folder of ``mbw tune``, or a campaign.
+
+    Returns:
+        The MJCF, and the campaign.toml or the MJCF beside which its loops stand.
 
     Raises:
         InputError: a folder without one.
     """
+    is_campaign = path.suffix == ".toml" or (path / CAMPAIGN_TOML).is_file()
+    if is_campaign:
+        source, settings = read_settings(path)
+        if settings.model is None:
+            raise InputError(f"{source} names no model, only a layout: name an MJCF to predict")
+        return source.parent / settings.model, source
     if not path.is_dir():
-        return path
+        return path, path
     if not (path / TUNED_MJCF).is_file():
-        raise InputError(f"{path} holds no {TUNED_MJCF}: name an MJCF or a folder of mbw tune")
-    return path / TUNED_MJCF
+        raise InputError(
+            f"{path} holds no {TUNED_MJCF}: name an MJCF, a folder of mbw tune or a campaign"
+        )
+    return path / TUNED_MJCF, path / TUNED_MJCF
 
 
 def compute_plant(

@@ -56,7 +56,7 @@ def reduction_row(plant: ControlPlant) -> ReductionRow | None:
 
 
 def write_plant(plant: ControlPlant, machine: Machine, target: Path) -> None:
-    """Write A, B, C, D with names, units, quantity, sampling period and delays.
+    """Write A, B, C, D with names, units, quantity, sampling period, delays and closed loops.
 
     Args:
         plant: the state space.
@@ -72,7 +72,12 @@ def write_plant(plant: ControlPlant, machine: Machine, target: Path) -> None:
         "Ts": np.array(plant.period_s),
         "input_delay": plant.delays_s,
     }
-    texts = {"states": plant.states, **port_texts(machine, plant.request)}
+    closed = [loop.name for loop in machine.loops]
+    texts = {
+        "states": plant.states,
+        **port_texts(machine, plant.request),
+        **({"closed_loops": closed} if closed else {}),
+    }
     write_named_arrays(target, arrays, texts)
 
 

@@ -122,14 +122,15 @@ class LawRow(BaseModel):
     """A law of springs that is no polynomial in s, and its approximation in the state space.
 
     Args:
-        parameter: such as ``tilt_tx.loss_factor``.
+        parameter: such as ``tilt_tx.loss_factor``; ``loop:ty`` for a control loop that is closed.
         kind: ``exact``, ``pade``, ``maxwell branches`` or ``fitted poles``.
         order: of the rational function.
         states: that it adds.
         max_error, rms_error: of the law over the lines of the band, relative to its largest
             magnitude there.
         weighted_error: root mean square over lines weighted by the strain of the spring.
-        max_error_of_stiffness: largest error relative to the static stiffness.
+        max_error_of_stiffness: largest error relative to the static stiffness; null for a control
+            loop.
         is_passive: whether the approximation dissipates at every frequency; null for laws that
             need not.
     """
@@ -141,7 +142,7 @@ class LawRow(BaseModel):
     max_error: Finite
     rms_error: Finite
     weighted_error: Finite
-    max_error_of_stiffness: Finite
+    max_error_of_stiffness: Finite | None
     is_passive: bool | None
 
 

@@ -57,6 +57,11 @@ def _law_sentence(rows: Sequence[LawRow]) -> str:
     if row.kind == "exact":
         return f"{names}: exact, with {states}"
     passive = ", passive" if row.is_passive else ""
+    if row.max_error_of_stiffness is None:
+        return (
+            f"{names}: controller with {_KINDS[row.kind]} of its delay ({states}), error at most "
+            f"{format_percent(row.max_error)}"
+        )
     return (
         f"{names}: {_KINDS[row.kind]} of order {row.order} ({states}{passive}), error of the law "
         f"at most {format_percent(row.max_error)}, rms {format_percent(row.rms_error)}, where the "
@@ -85,7 +90,9 @@ def law_rows(laws: Sequence[ApproximatedLaw], model: Model) -> list[LawRow]:
                 max_error=fit.max_error,
                 rms_error=fit.rms_error,
                 weighted_error=fit.weighted_error,
-                max_error_of_stiffness=fit.max_error * fit.largest_size * abs(sizes[law.owner]),
+                max_error_of_stiffness=None
+                if law.owner not in sizes
+                else fit.max_error * fit.largest_size * abs(sizes[law.owner]),
                 is_passive=fit.is_passive,
             )
         )

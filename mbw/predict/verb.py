@@ -83,6 +83,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     before: Path | None,
     struts: list[str],
     key: str | None,
+    closed: list[str],
     bands: bool,
     diagnosed: Path | None,
     samples: int,
@@ -102,7 +103,10 @@ def run_options(  # noqa: PLR0913  # one for each option
     request = PredictRequest(tuple(inputs), tuple(outputs), quantity, band, lines)
     options = ResultOptions(out, json, overwrite, pictures)
     additions, laws = parse_additions(mount, at, add_mass), parse_laws(loss_factor, delay, maxwell)
-    machine_request = MachineRequest(find_model(model), tuple(spin), key, additions, laws)
+    mjcf, loops_source = find_model(model)
+    machine_request = MachineRequest(
+        mjcf, tuple(spin), key, additions, laws, loops_source, tuple(closed)
+    )
     plant = PlantRequest(
         bands=bands,
         diagnosed=diagnosed,
@@ -133,6 +137,10 @@ def run(machine_request: MachineRequest, request: PredictRequest, targets: Predi
         InputError: the model cannot be read or linearised, or a file cannot be written.
     """
     _check(targets)
+    if machine_request.closed and targets.study.struts:
+        raise UsageError(
+            "--struts damps the machine with its loops open: predict it without --closed"
+        )
     is_needed = targets.frf or targets.plant.needs_ports
     with load_machines(machine_request) as machines:
         frfs = frf_request(machines.model.machine, request, is_needed=is_needed)

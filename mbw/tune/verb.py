@@ -39,10 +39,11 @@ from tuning import (
     write_result,
 )
 from tuning.assessment.held_out import N_FOLDS
+from tuning.control_loops.loops_file import LOOPS_JSON
 from tuning.files.result import FRF_NPZ, TUNED_JSON, TUNED_MJCF
 from tuning.files.schema import ShareRow
 
-NAMES = (TUNED_JSON, TUNED_MJCF, FRF_NPZ, POSTERIOR_NPZ, PAGE)
+NAMES = (TUNED_JSON, TUNED_MJCF, FRF_NPZ, POSTERIOR_NPZ, LOOPS_JSON, PAGE)
 _MAX_FURTHER_POINTS = 5  # further hammer points and sensors that the terminal lists
 
 

@@ -7,8 +7,8 @@ from scipy.linalg import expm
 
 from identification.words import InputError
 from mbmodel import ParameterPosterior, as_drawn, load_machine
+from tuning.control_loops.stability import growing_pole
 from tuning.error_budget.budget import budget_on_lines, error_budget
-from tuning.error_budget.closed_loop_states import growing_pole
 from tuning.error_budget.read_definition import read_definition
 from tuning.error_budget.rms_interval import (
     log_rms_gradient,

@@ -20,13 +20,11 @@ from scipy.linalg import block_diag
 from identification.words import Complex, InputError, Loop, Quantity, Real
 from mbmodel import FrfRequest, Model, export_state_space
 from mbmodel.export.delay_fraction import DelayFraction
+from tuning.control_loops.stability import growing_pole
 from tuning.error_budget.definition import BudgetDefinition
 from tuning.error_budget.loop_algebra import PortMap
 
 _DELAY_ORDER = 8  # of Pade's fraction: its phase is right to 1e-6 rad while w tau < 6
-# A pole grows if its real part exceeds this part of its size; rounding leaves that of free bodies,
-# whose poles are nearly zero beside the fastest one.
-_MIN_RELATIVE_GROWTH, _MIN_RELATIVE_SIZE = 1e-6, 1e-7
 _FIT_LINES = 400  # at which laws such as losses are approximated
 _QUANTITIES: tuple[Quantity, ...] = ("receptance", "mobility", "accelerance")
 
@@ -170,21 +168,6 @@ def _controller_states(loop: Loop) -> tuple[Real, Real, Real, Real]:
         np.hstack([constant * read, output[None]]),
         constant * through,
     )
-
-
-def growing_pole(poles: Complex) -> complex | None:
-    """Return the pole that grows fastest; None if none grows.
-
-    Args:
-        poles: of a machine with or without loops [rad/s]; (n,).
-    """
-    size = np.abs(poles)
-    is_growing = (poles.real > _MIN_RELATIVE_GROWTH * size) & (
-        size > _MIN_RELATIVE_SIZE * size.max(initial=0.0)
-    )
-    if not is_growing.any():
-        return None
-    return complex(max(poles[is_growing], key=lambda pole: pole.real))
 
 
 def refuse_unstable(

@@ -1,12 +1,12 @@
 """The budget of a machine beside that of another one, with its interval and what to touch."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from identification.words import InputError, Real
-from mbmodel import Model, PosteriorOfModel
+from mbmodel import Model, PosteriorOfModel, with_loops
 from tuning.error_budget.budget import ErrorBudget, error_budget
 from tuning.error_budget.definition import BudgetDefinition
 from tuning.error_budget.plant_curves import PlantCurves, plant_curves
@@ -79,6 +79,11 @@ class PlantBudget:
         return plant_curves(self.budget, self.before, self.posterior, self.thetas)
 
 
+def open_loops(model: Model) -> Model:
+    """Return a model without the loops that are closed around its machine."""
+    return replace(model, machine=with_loops(model.machine, ())) if model.loops else model
+
+
 def plant_budget(
     model: Model,
     definition: BudgetDefinition,
@@ -86,6 +91,8 @@ def plant_budget(
     posterior: PosteriorOfModel | None = None,
 ) -> PlantBudget:
     """Compute the budget of a machine at its nominal values.
+
+    The definition holds all loops that are closed: those of the machine itself are opened.
 
     Args:
         model: of the machine; that of the posterior if there is one.
@@ -96,11 +103,14 @@ def plant_budget(
     Raises:
         InputError: the machine, or some machine of the posterior, is unstable with the loops.
     """
+    model = open_loops(model)
+    if posterior is not None:
+        posterior = replace(posterior, model=open_loops(posterior.model))
     budget = error_budget(model, model.drawn, definition)
     counterpart, failure = None, ""
     if before is not None:
         try:
-            counterpart = error_budget(before, before.drawn, definition)
+            counterpart = error_budget(open_loops(before), before.drawn, definition)
         except InputError as error:
             failure = str(error)
     if posterior is None:

@@ -34,7 +34,8 @@ def read_definition(
 
     Args:
         path: budget.toml; files that it names lie beside it.
-        machine: with the labels of inputs and outputs.
+        machine: with the labels of inputs and outputs. Loops that are closed around it count
+            beside those of the file.
         controllers: python-control objects that replace those of the file, by the loop's name.
 
     Raises:
@@ -52,7 +53,13 @@ def read_definition(
         read_port_sum(path, machine, f"error.{name}", (table.output, table.minus))
         for name, table in file.error.items()
     )
-    loops = read_loops(path, machine, file.loop, controllers)
+    twice = [loop.name for loop in machine.loops if loop.name in file.loop]
+    if twice:
+        raise InputError(
+            f"{path}: loop.{twice[0]} has the name of a loop that was closed during the test and "
+            "is closed here, so that it would count twice: open that one, or rename this one"
+        )
+    loops = (*machine.loops, *read_loops(path, machine, file.loop, controllers))
     sources = _sources(path, machine, file, loops)
     if not sources:
         raise InputError(f"{path} names no source: add [disturbance.NAME] or [noise.NAME]")

@@ -16,8 +16,9 @@ import numpy as np
 
 from identification.words import Real
 from mbmodel import NORMAL_QUANTILE_95, PosteriorOfModel
+from tuning.control_loops.stability import growing_pole
 from tuning.error_budget.budget import ErrorBudget, error_budget
-from tuning.error_budget.closed_loop_states import growing_pole, loop_states, refuse_unstable
+from tuning.error_budget.closed_loop_states import loop_states, refuse_unstable
 
 
 @dataclass(frozen=True, eq=False)

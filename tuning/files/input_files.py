@@ -5,6 +5,7 @@ import json
 import os
 from collections.abc import Mapping
 
+from identification import read_settings
 from mbmodel import mjcf_files
 from tuning.files.schema import InputRow
 from tuning.session import Session
@@ -15,6 +16,8 @@ def input_rows(session: Session) -> list[InputRow]:
     folder = session.source.parent
     files = {session.source, *mjcf_files(session.model.machine.source)}
     files |= {folder / test.condition.test for test in session.campaign.tests}
+    controllers = (table.controller for table in read_settings(session.source)[1].loop.values())
+    files |= {folder / name for name in controllers if isinstance(name, str)}
     return [
         InputRow(
             file=os.path.relpath(file, folder),

@@ -12,6 +12,7 @@ from tuning.assessment.parameter_confidence import (
     rank_pulls,
 )
 from tuning.campaign_tuning import CampaignTuning
+from tuning.control_loops.stability import tuned_loop_remarks
 from tuning.files.schema import FitRow, LevelGap, ParameterRow, StartRow
 from tuning.fitting.fitter import Fit
 
@@ -121,7 +122,7 @@ def _doubts(tuned: CampaignTuning, gap: LevelGap) -> list[str]:
         doubts.append(f"at a bound: {', '.join(names[:_MAX_NAMES_IN_SENTENCE])}")
     if len(fit.start_costs) > 1 and fit.agreeing_starts == 1:
         doubts.append(f"only one of {len(fit.start_costs)} starts ended at this minimum")
-    return doubts
+    return doubts + tuned_loop_remarks(tuned.session.model, tuned.model_fit.theta)
 
 
 def _starts(fit: Fit) -> list[StartRow]:

@@ -15,6 +15,7 @@ from mbmodel import model_modes, write_mjcf
 from tuning.assessment.gap import Gap, block_error_shares
 from tuning.assessment.model_error import estimate_model_error
 from tuning.campaign_tuning import CampaignTuning, Comparison
+from tuning.control_loops.loops_file import LOOPS_JSON, write_loops
 from tuning.files.gain_rows import channel_gain_rows
 from tuning.files.input_files import input_rows
 from tuning.files.mode_pair_rows import pair_rows
@@ -204,9 +205,10 @@ def _mode_rows(tuned: CampaignTuning, theta: Real) -> list[ModelModeRow]:
 def write_result(
     tuned: CampaignTuning, folder: Path, remaining: Sequence[ShareRow] = ()
 ) -> TunedFile:
-    """Write tuned.json, tuned.xml, frf.npz and posterior.npz, each whole or not at all.
+    """Write tuned.json, tuned.xml, frf.npz, posterior.npz and loops.json, whole or not at all.
 
-    Without intervals, after an interruption, there is no posterior.npz.
+    Without intervals, after an interruption, there is no posterior.npz, and without loops that
+    were closed during the test no loops.json.
 
     Args:
         tuned: the tuning.
@@ -227,6 +229,7 @@ def write_result(
         np.savez_compressed(place / FRF_NPZ, allow_pickle=False, **_arrays(tuned))
         summary = summarise_tuning(tuned, remaining, [str(missing) for missing in not_held])
         (place / TUNED_JSON).write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
+        write_loops(model.machine.loops, place / LOOPS_JSON)
         if (confidence := tuned.confidence) is not None:
             posterior = machine_posterior(
                 model,

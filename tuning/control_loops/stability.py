@@ -1,0 +1,113 @@
+"""Stability of a machine with its control loops, and what to check where it is unstable.
+
+The poles are those of the state space with the controllers and Pade's fractions of their delays.
+"""
+
+from collections.abc import Collection
+from dataclasses import replace
+
+import numpy as np
+
+from identification.words import Complex, Controller, InputError, Loop, Real
+from mbmodel import Machine, Model, as_drawn, closed_loop_dynamics, with_loops
+
+# A pole grows if its real part exceeds this part of its size; rounding leaves that of free bodies,
+# whose poles are nearly zero beside the fastest one.
+_MIN_RELATIVE_GROWTH, _MIN_RELATIVE_SIZE = 1e-6, 1e-7
+
+
+def growing_pole(poles: Complex) -> complex | None:
+    """Return the pole that grows fastest; None if none grows.
+
+    Args:
+        poles: of a machine with or without loops [rad/s]; (n,).
+    """
+    size = np.abs(poles)
+    is_growing = (poles.real > _MIN_RELATIVE_GROWTH * size) & (
+        size > _MIN_RELATIVE_SIZE * size.max(initial=0.0)
+    )
+    if not is_growing.any():
+        return None
+    return complex(max(poles[is_growing], key=lambda pole: pole.real))
+
+
+def growing_pole_of_model(model: Model, theta: Real) -> complex | None:
+    """Return the pole of a model with its loops that grows fastest; None if none grows.
+
+    Args:
+        model: machine and Parts; laws of Parts that are no polynomials in s are left out.
+        theta: parameters in SI; (n_parameter,).
+    """
+    return growing_pole(np.asarray(np.linalg.eigvals(closed_loop_dynamics(model.assemble(theta)))))
+
+
+def check_nominal_loops(machine: Machine, trusted: Collection[str]) -> list[str]:
+    """Return remarks on loops with which the nominal machine is unstable.
+
+    Args:
+        machine: nominal machine with its loops.
+        trusted: names of the loops that are right however unstable the nominal machine is.
+
+    Raises:
+        InputError: the nominal machine is unstable with a loop that is not trusted.
+    """
+    pole = _pole_with(machine, machine.loops)
+    if pole is None:
+        return []
+    names = ", ".join(f"loop.{loop.name}" for loop in machine.loops)
+    sentence = (
+        f"the nominal machine with {names} closed is unstable: the pole {pole.real:.4g} "
+        f"{pole.imag:+.4g}i rad/s at {abs(pole.imag) / (2 * np.pi):.4g} Hz grows"
+    )
+    if _pole_with(machine, ()) is not None:
+        sentence += ", and so does one without any loop"
+    if all(loop.name in trusted for loop in machine.loops):
+        return [f"{sentence}; campaign.toml states that the loops are right"]
+    raise InputError(
+        f"{sentence}; {_hint(machine)}check the sign of each gain (u = -K y), its unit (that of "
+        "the input per SI unit of the output) and quantity; if all are right, set as_stated = true "
+        "in each loop"
+    )
+
+
+def tuned_loop_remarks(model: Model, theta: Real) -> list[str]:
+    """Return a remark if a tuned machine is unstable with its loops.
+
+    Args:
+        model: machine and Parts.
+        theta: tuned parameters in SI; (n_parameter,).
+    """
+    pole = growing_pole_of_model(model, theta) if model.loops else None
+    if pole is None:
+        return []
+    names = ", ".join(f"loop.{part.loop.name}" for part in model.loops)
+    return [
+        f"with {names} closed, the tuned machine is unstable: the pole {pole.real:.4g} "
+        f"{pole.imag:+.4g}i rad/s at {abs(pole.imag) / (2 * np.pi):.4g} Hz grows, but the machine "
+        "was measured: check the loop's sign, gain, unit and delay"
+    ]
+
+
+def _hint(machine: Machine) -> str:
+    """Return which single loop is stable with the opposite sign, or an empty text."""
+    for number, loop in enumerate(machine.loops):
+        turned = list(machine.loops)
+        turned[number] = _turn_sign(loop)
+        if _pole_with(machine, tuple(turned)) is None:
+            return f"with the opposite sign of loop.{loop.name} it would be stable; "
+    return ""
+
+
+def _turn_sign(loop: Loop) -> Loop:
+    """Return a loop with the opposite sign of its gain."""
+    known = loop.controller
+    turned = Controller(
+        known.dynamics, known.input_matrix, -known.output_matrix, -known.feedthrough
+    )
+    return replace(loop, controller=turned)
+
+
+def _pole_with(machine: Machine, loops: tuple[Loop, ...]) -> complex | None:
+    """Return the pole of the nominal machine with these loops that grows; None if none does."""
+    model = as_drawn(with_loops(machine, loops))
+    return growing_pole_of_model(model, model.drawn)
