@@ -10,6 +10,8 @@ from mbmodel.export.delay_fraction import DelayFraction
 # A controller that integrates has no value at s = 0; there it is taken at this real s [rad/s], far
 # below the bandwidth of any loop.
 _LOWEST_RATE_RAD_S = 1e-6
+# Of exp(-s tau) far left in the plane, where searches of poles may pass: no pole lies beyond.
+_MAX_EXPONENT = 300.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +31,9 @@ class LoopLaw:
         is_static = laplace == 0
         rates = np.where(is_static, _LOWEST_RATE_RAD_S, laplace) if is_static.any() else laplace
         gain = self.controller.response(np.asarray(rates, np.complex128))
-        return np.asarray(gain * np.exp(-laplace * self.delay_s), np.complex128)
+        exponent = -laplace * self.delay_s
+        growth = np.minimum(exponent.real, _MAX_EXPONENT) + 1j * exponent.imag
+        return np.asarray(gain * np.exp(growth), np.complex128)
 
 
 @dataclass(frozen=True, eq=False)

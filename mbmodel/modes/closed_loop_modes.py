@@ -108,9 +108,9 @@ def _is_listed(
     pole, shape = mode
     return any(
         abs(pole - known) <= _MIN_DISTANCE * abs(pole)
-        and abs(np.vdot(shape, other)) ** 2
-        >= _SAME_SHAPE_MAC * np.vdot(shape, shape).real * np.vdot(other, other).real
-        for known, other in zip(poles, shapes, strict=True)
+        and abs(np.vdot(shape, listed)) ** 2
+        >= _SAME_SHAPE_MAC * np.vdot(shape, shape).real * np.vdot(listed, listed).real
+        for known, listed in zip(poles, shapes, strict=True)
     )
 
 

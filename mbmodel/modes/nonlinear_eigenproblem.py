@@ -14,6 +14,7 @@ from mbmodel.assembly import FrequencyDependentTerm, Matrices
 
 _MAX_NEWTON_ROUNDS = 12
 _MAX_RELATIVE_CHANGE = 1e-12  # of a pole: Newton's method has converged
+_MAX_EXCURSION = 3.0  # of a pole from its start, relative: farther away it is lost
 _RELATIVE_STEP_OF_POLE = 1e-6  # for the derivative of a law
 
 
@@ -73,7 +74,7 @@ def solve_pole(
         pole: near the one that is sought.
         shape: near its shape; (nv,).
     """
-    matrices, size = problem.matrices, len(shape)
+    matrices, size, start = problem.matrices, len(shape), pole
     fixed = shape.conj() / np.vdot(shape, shape)
     bordered = np.zeros((size + 1, size + 1), complex)
     bordered[size, :size] = fixed
@@ -89,7 +90,8 @@ def solve_pole(
         except np.linalg.LinAlgError:
             return None
         shape, pole = shape + change[:size], pole + complex(change[size])
-        if not np.isfinite(pole) or pole == 0:
+        has_left = not abs(pole - start) <= _MAX_EXCURSION * abs(start)  # not a number counts
+        if has_left or pole == 0:
             return None
         if abs(change[size]) <= _MAX_RELATIVE_CHANGE * abs(pole):
             return pole, shape

@@ -173,6 +173,11 @@ def _identify(
     with SCREEN.status("poles, shapes, refinement"):
         identified = identify(campaign, choices.tolerances, choices.modes)
         is_roving = is_roving_hammer(campaign)
+        if is_roving and machine is not None and machine.loops:
+            SCREEN.say(
+                "the hammer roved while a control loop was closed: shapes assume reciprocity, "
+                "which a machine in a loop does not have"
+            )
         solid = check_bodies(exchange_hits_and_channels(campaign) if is_roving else campaign)
         setups = compare_setups(campaign)
     with SCREEN.status("modes at each level"):

@@ -218,6 +218,11 @@ def _imitate(
     source, settings = read_settings(options.like or Path())
     if settings.model is None:
         raise InputError(f"{source} names no model: --like needs a campaign with one")
+    if settings.loop:
+        raise InputError(
+            f"{source}: loop.{next(iter(settings.loop))} was closed during the test, and a "
+            "simulation in time has no controllers: predict its FRFs by mbw predict --closed"
+        )
     _, _, campaign = open_campaign(source, (0.0, MAX_FREQUENCY_HZ))
     freq = campaign.freq_hz
     hits = [test.hits for test in campaign.tests if test.hits is not None]

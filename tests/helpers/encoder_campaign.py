@@ -4,7 +4,7 @@ Everything is in the units of the electronics. The data come from matrices writt
 joint coordinates of the axis, and not from the package under test.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +115,18 @@ def axis_frfs(
     return s**orders * receptance
 
 
+def close_servo(values: np.ndarray, law: np.ndarray) -> np.ndarray:
+    """Return the FRFs with u = -K y closed from the encoder to the drive.
+
+    Args:
+        values: FRFs of the open axis; (n_freq, n_out, n_in).
+        law: K at every line; (n_freq,).
+    """
+    read, driven = values[:, [CHANNELS.index("encoder")]], values[:, :, [REFERENCES.index("drive")]]
+    loop_gain = law * read[:, 0, REFERENCES.index("drive")]
+    return values - driven * (law / (1 + loop_gain))[:, None, None] * read
+
+
 def write_encoder_campaign(
     folder: Path,
     *,
@@ -126,6 +138,7 @@ def write_encoder_campaign(
     seed: int = 1,
     lines: int = 150,
     noise: float = 0.01,
+    loop: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> None:
     """Write model.xml, test.npz and campaign.toml.
 
@@ -139,12 +152,15 @@ def write_encoder_campaign(
         seed: of the noise.
         lines: number of lines.
         noise: of each channel, relative to its rms.
+        loop: K(s) with its delay of a loop that was closed, from the encoder to the drive.
     """
     folder.mkdir(parents=True, exist_ok=True)
     write_axis(folder / "model.xml")
     gains, delays = gains or {}, delays or {}
     freq = np.linspace(8.0, 160.0, lines)
     values = axis_frfs(freq, scales or {}, added_mass)
+    if loop is not None:
+        values = close_servo(values, loop(2j * np.pi * freq))
     random = np.random.default_rng(seed)
     sigma = noise * np.sqrt((np.abs(values) ** 2).mean(axis=0))
     error = random.normal(size=(2, *values.shape)) * sigma / np.sqrt(2)
