@@ -27,7 +27,7 @@ _LOWER_REACH, _UPPER_REACH = 1e-2, 1.5
 _MAX_CORRECTION = 1e-2  # of a pole by Newton's method, relative: a larger one is another pole
 _MAX_IMBALANCE = 1e-6  # of the forces of a mode over the largest: it fulfils the equation
 # Relative distance of two poles, and MAC of their shapes: nearer ones are one mode found twice.
-_MIN_DISTANCE, _SAME_SHAPE_MAC = 1e-6, 0.99
+_SAME_POLE_DISTANCE, _SAME_SHAPE_MAC = 1e-6, 0.99
 _MAX_RESTING = 1e-6  # of a pole over the largest: what rounding leaves of a motion at rest
 
 
@@ -107,7 +107,7 @@ def _is_listed(
     """Return whether a list of modes holds a mode of equal pole and shape."""
     pole, shape = mode
     return any(
-        abs(pole - known) <= _MIN_DISTANCE * abs(pole)
+        abs(pole - known) <= _SAME_POLE_DISTANCE * abs(pole)
         and abs(np.vdot(shape, listed)) ** 2
         >= _SAME_SHAPE_MAC * np.vdot(shape, shape).real * np.vdot(listed, listed).real
         for known, listed in zip(poles, shapes, strict=True)
