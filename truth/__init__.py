@@ -6,25 +6,36 @@ the forces at rest; nothing is simulated.
 """
 
 from truth.campaign.case_design import Card, deal_cards, draw_case
+from truth.campaign.case_design import Case as DrawnCase
 from truth.campaign.cause import Cause, Wanted
+from truth.campaign.choice import WHOLE_DECK, Choice, OwnTest
 from truth.campaign.folder import write_answer, write_campaign
+from truth.campaign.measured import StatedTest, locate_tests
 from truth.campaign.protocol import Protocol, draw_protocol
 from truth.campaign.virtual_test import Campaign, Plan, draw_campaign
 from truth.errors import TruthError
 from truth.machine.reading import read_station, why_as_drawn
+from truth.machine.station import Station
 
 __all__ = [
+    "WHOLE_DECK",
     "Campaign",
     "Card",
     "Cause",
+    "Choice",
+    "DrawnCase",
+    "OwnTest",
     "Plan",
     "Protocol",
+    "StatedTest",
+    "Station",
     "TruthError",
     "Wanted",
     "deal_cards",
     "draw_campaign",
     "draw_case",
     "draw_protocol",
+    "locate_tests",
     "read_station",
     "why_as_drawn",
     "write_answer",

@@ -18,7 +18,17 @@ from threadpoolctl import threadpool_limits
 from diagnosis import build_verdict, diagnose, hash_inputs, read_fault, refit_true_cause
 from identification.words import InputError, WorkbenchError
 from identification.words.file_access import write_text
-from truth import TruthError, draw_case, read_station, write_answer, write_campaign
+from mbw.blind.user_test import is_campaign, read_user_test
+from truth import (
+    WHOLE_DECK,
+    Choice,
+    DrawnCase,
+    TruthError,
+    draw_case,
+    read_station,
+    write_answer,
+    write_campaign,
+)
 from tuning import Checkpoint, open_session
 
 TREES = "trees"
@@ -31,11 +41,13 @@ class BlindCase:
     """Case of a blind test with the paths of its files.
 
     Args:
-        model: MJCF of the nominal machine, or ``trees`` for a random machine in every case.
+        model: MJCF of the nominal machine, ``trees`` for a random machine in every case, or the
+            user's campaign, whose test is repeated.
         seed: seed of the whole test.
         number: number of the case.
         out: folder of the test.
         band: band of the verdict [Hz]; None for the frequency lines with coherence.
+        choice: effects, places and sizes that are drawn.
     """
 
     model: str
@@ -43,6 +55,7 @@ class BlindCase:
     number: int
     out: Path
     band: tuple[float, float] | None = None
+    choice: Choice = WHOLE_DECK
 
     @property
     def name(self) -> str:
@@ -201,13 +214,22 @@ def _draw(case: BlindCase) -> str:
     """Write campaign and sealed answer; return the hash of the answer."""
     if _is_drawn(case):
         return _hash_files(case.sealed)
-    station = None if case.model == TREES else read_station(Path(case.model))
-    campaign = draw_case(station, case.seed, case.number).campaign
+    campaign = _draw_case(case).campaign
     # The hash comes last: without it the case is drawn again, to the same bytes.
     write_campaign(campaign, case.campaign, overwrite=True, sealed=True)
     write_answer(campaign, case.sealed)
     _write(case.answer_hash, campaign.answer_hash)
     return campaign.answer_hash
+
+
+def _draw_case(case: BlindCase) -> DrawnCase:
+    """Draw a random machine, one about a model, or one about the model of the user's campaign."""
+    if case.model == TREES:
+        return draw_case(None, case.seed, case.number, case.choice)
+    if is_campaign(Path(case.model)):
+        test = read_user_test(Path(case.model), case.band)
+        return draw_case(test.station, case.seed, case.number, case.choice, test.repeated)
+    return draw_case(read_station(Path(case.model)), case.seed, case.number, case.choice)
 
 
 def _publish(path: Path, line: str) -> None:

@@ -13,7 +13,10 @@ app = typer.Typer(rich_markup_mode=None, add_completion=False)
 
 @app.command()
 def blind(  # noqa: PLR0913  # one for each option
-    model: Annotated[str, typer.Argument(help="MJCF of a machine, or trees: random machines.")],
+    model: Annotated[
+        str,
+        typer.Argument(help="MJCF of a machine, a campaign, or trees: random machines."),
+    ],
     *,
     cases: Annotated[int, typer.Option(min=1, help="Number of virtual tests.")] = 43,
     out: Annotated[Path | None, out_option("<model>-blind beside it")] = None,
@@ -32,6 +35,29 @@ def blind(  # noqa: PLR0913  # one for each option
         typer.Option(metavar="I/N", help="Run one of N parts; mbw blind merge joins them."),
     ] = None,
     band: Band = None,
+    effect: Annotated[
+        list[str] | None, typer.Option(help="Effect that is drawn; repeatable. Default: all.")
+    ] = None,
+    place: Annotated[
+        list[str] | None, typer.Option(help="Place of the effect, such as joint:ty; repeatable.")
+    ] = None,
+    ratio: Annotated[
+        list[float] | None,
+        typer.Option(help="What a refit leaves of the effect, over the noise; repeatable."),
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option(metavar="NAME=VALUE", help="Parameter that sets the size, as mass=5."),
+    ] = None,
+    dirt: Annotated[
+        float,
+        typer.Option(
+            min=0.0,
+            max=60.0,
+            metavar="PER_CENT",
+            help="Motion that small imperfections leave of a re-tuned machine.",
+        ),
+    ] = 0.0,
     json: Json = None,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
@@ -48,6 +74,11 @@ def blind(  # noqa: PLR0913  # one for each option
         executor=executor,
         shard=shard,
         band=band,
+        effect=effect,
+        place=place,
+        ratio=ratio,
+        size=size,
+        dirt=dirt,
         json=json,
         overwrite=overwrite,
         quiet=quiet,

@@ -6,16 +6,18 @@ A shard is every n-th case of a test: shards run apart, and ``mbw blind merge`` 
 import hashlib
 import json
 import shutil
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from identification import read_settings
 from identification.words import InputError, UsageError
 from identification.words.file_access import read_bytes
 from mbw.blind.case import HASHES, REQUEST_JSON, TREES
+from mbw.blind.user_test import is_campaign, model_of
 from mbw.output_folder import RECORD
-from truth import TruthError, read_station
+from truth import Choice, TruthError, read_station
 
 _CASE_FILES = ("cases", "sealed", HASHES)  # what an interrupted test continues from
 
@@ -70,6 +72,7 @@ def build_request(
     *,
     shard: Shard | None = None,
     cases: int = 0,
+    choice: Choice | None = None,
 ) -> dict[str, object]:
     """Return what determines the cases of a test.
 
@@ -81,6 +84,7 @@ def build_request(
         band: band of the verdicts [Hz]; None for the frequency lines with coherence.
         shard: the part that is run; None for all cases.
         cases: number of cases of the whole test; used for a shard alone.
+        choice: effects, places and sizes that are drawn; None for the whole deck.
 
     Raises:
         InputError: the model cannot be read.
@@ -90,6 +94,8 @@ def build_request(
         "seed": seed,
         "band": None if band is None else list(band),
     }
+    if choice is not None and choice != Choice():
+        request["choice"] = json.loads(json.dumps(asdict(choice)))
     if shard is not None:
         request |= {"cases": cases, "version": version("mbworkbench"), "shard": str(shard)}
     return request
@@ -152,6 +158,8 @@ def _fingerprint(model: str) -> str:
     """
     if model == TREES:
         return TREES
+    if is_campaign(Path(model)):
+        return _hash_campaign(Path(model))
     text = read_bytes(Path(model), f"name an MJCF file, or {TREES!r} for random machines")
     try:
         station = read_station(Path(model))
@@ -163,4 +171,19 @@ def _fingerprint(model: str) -> str:
         contents = [content for _, content in sorted(station.source.files.items())]
     for content in contents:
         combined.update(hashlib.sha256(content).digest())
+    return combined.hexdigest()
+
+
+def _hash_campaign(path: Path) -> str:
+    """Return the hash of campaign.toml, of the files of its tests, and of its model.
+
+    Raises:
+        InputError: one of them cannot be read.
+    """
+    source, settings = read_settings(path)
+    combined = hashlib.sha256(read_bytes(source, "name a campaign"))
+    for test in settings.test:
+        content = read_bytes(source.parent / test.file, "correct file in campaign.toml")
+        combined.update(hashlib.sha256(content).digest())
+    combined.update(_fingerprint(str(model_of(path))).encode())
     return combined.hexdigest()

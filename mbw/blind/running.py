@@ -78,7 +78,7 @@ def sort_longest_first(cases: Sequence[BlindCase]) -> list[BlindCase]:
     if not cases:
         return []
     last = max(case.number for case in cases)
-    cards = list(islice(deal_cards(cases[0].seed), last + 1))
+    cards = list(islice(deal_cards(cases[0].seed, cases[0].choice), last + 1))
     return sorted(cases, key=lambda case: (-_expect_seconds(cards[case.number]), case.number))
 
 

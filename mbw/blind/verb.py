@@ -11,14 +11,16 @@ from identification.words import InputError, WorkbenchError
 from mbmodel import load_machine
 from mbw.band import check_band
 from mbw.blind.case import TREES, BlindCase
+from mbw.blind.choice_options import read_choice
 from mbw.blind.grading import describe_discarded_draws, write_grades
 from mbw.blind.page import GRADES, PAGE
 from mbw.blind.request import Shard, build_request, prepare_folder
 from mbw.blind.running import choose_workers, run_cases
+from mbw.blind.user_test import is_campaign, read_user_test
 from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder, ResultOptions
-from truth import why_as_drawn
+from truth import WHOLE_DECK, Choice, why_as_drawn
 from truth.grade import tables, to_json
 from tuning.workers.executors import Workers
 
@@ -35,6 +37,7 @@ class BlindOptions:
         outputs: where the test and its grades are written.
         band: band of the verdicts [Hz]; None for the frequency lines with coherence.
         shard: the part of the cases that is run; None for all.
+        choice: effects, places and sizes that are drawn.
     """
 
     model: str
@@ -44,6 +47,7 @@ class BlindOptions:
     outputs: ResultOptions
     band: tuple[float, float] | None = None
     shard: Shard | None = None
+    choice: Choice = WHOLE_DECK
 
 
 def run_options(  # noqa: PLR0913  # one for each option
@@ -57,6 +61,11 @@ def run_options(  # noqa: PLR0913  # one for each option
     executor: str | None,
     shard: str | None,
     band: tuple[float, float] | None,
+    effect: list[str] | None,
+    place: list[str] | None,
+    ratio: list[float] | None,
+    size: str | None,
+    dirt: float,
     json: Path | None,
     overwrite: bool,
 ) -> None:
@@ -64,7 +73,9 @@ def run_options(  # noqa: PLR0913  # one for each option
     check_band(band)
     part = None if shard is None else Shard.read(shard, cases)
     workers = choose_workers(jobs, cluster, executor)
-    run(BlindOptions(model, cases, seed, workers, ResultOptions(out, json, overwrite), band, part))
+    choice = read_choice(effect, place, ratio, size, dirt)
+    outputs = ResultOptions(out, json, overwrite)
+    run(BlindOptions(model, cases, seed, workers, outputs, band, part, choice))
 
 
 def run(options: BlindOptions) -> Path:
@@ -78,9 +89,14 @@ def run(options: BlindOptions) -> Path:
         WorkbenchError: no case could be drawn; InputError if the model is the reason.
     """
     load_catalogue()  # refuses an invalid effect of another package before anything is drawn
-    _check_model(options.model)
+    _check_model(options.model, options.band)
     request = build_request(
-        options.model, options.seed, options.band, shard=options.shard, cases=options.cases
+        options.model,
+        options.seed,
+        options.band,
+        shard=options.shard,
+        cases=options.cases,
+        choice=options.choice,
     )
     with options.outputs.open("blind", Path(options.model), "blind", ()) as output:
         out = output.path.absolute()
@@ -90,8 +106,15 @@ def run(options: BlindOptions) -> Path:
     return out
 
 
-def _check_model(model: str) -> None:
+def _check_model(model: str, band: tuple[float, float] | None) -> None:
     """Say how the machine is drawn; refuse a model that has no linear one, as ``predict`` does."""
+    if is_campaign(Path(model)):
+        read_user_test(Path(model), band)
+        SCREEN.say(
+            f"the test of {model} is repeated on true machines about its own model, with its "
+            "channels, hits, averages, noise and tolerances"
+        )
+        return
     if model == TREES or not Path(model).is_file():
         return
     if reason := why_as_drawn(Path(model)):
@@ -129,7 +152,7 @@ def _run(options: BlindOptions, out: Path) -> list[BlindCase]:
     model = options.model if options.model == TREES else str(Path(options.model).absolute())
     shard = options.shard or Shard(1, 1)
     cases = [
-        BlindCase(model, options.seed, number, out, options.band)
+        BlindCase(model, options.seed, number, out, options.band, options.choice)
         for number in shard.numbers(options.cases)
     ]
     failed = [outcome for outcome in run_cases(cases, options.workers) if outcome.error]

@@ -59,7 +59,7 @@ def test_twins_share_machine_place_and_ratio(two_bodies, monkeypatch):
         Card("twin", ("viscoelastic",), 2.0, 1, "joint"),
         Card("one", ("viscoelastic",), 2.0),
     ]
-    monkeypatch.setattr("truth.campaign.case_design.deal_cards", lambda seed: iter(pair))
+    monkeypatch.setattr("truth.campaign.case_design.deal_cards", lambda *_: iter(pair))
     first, second, alone = (draw_case(two_bodies, 4, number) for number in range(3))
     assert first.campaign.files["model.xml"] == second.campaign.files["model.xml"]
     assert first.campaign.files["model.xml"] != alone.campaign.files["model.xml"]
@@ -75,14 +75,12 @@ def test_an_effect_without_a_place_gives_way_to_another_in_the_same_machine(
     # Two bodies: no pair that no joint joins.
     monkeypatch.setattr(
         "truth.campaign.case_design.deal_cards",
-        lambda seed: iter([Card("one", ("parallel_path",), 2)]),
+        lambda *_: iter([Card("one", ("parallel_path",), 2)]),
     )
     case = draw_case(two_bodies, 4, 0)
     answer = tomllib.loads(case.campaign.answer.decode())
     assert answer["effect"] != "parallel_path"
-    monkeypatch.setattr(
-        "truth.campaign.case_design.deal_cards", lambda seed: iter([Card("nothing")])
-    )
+    monkeypatch.setattr("truth.campaign.case_design.deal_cards", lambda *_: iter([Card("nothing")]))
     assert (
         draw_case(two_bodies, 4, 0).campaign.files["model.xml"]
         == (case.campaign.files["model.xml"])
@@ -97,7 +95,7 @@ def test_a_case_is_the_same_whenever_it_is_drawn(two_bodies):
 
 def test_several_effects_have_their_tables(two_bodies, monkeypatch):
     card = Card("two", ("mass_error", "sensor_gain"), 2.0)
-    monkeypatch.setattr("truth.campaign.case_design.deal_cards", lambda seed: iter([card]))
+    monkeypatch.setattr("truth.campaign.case_design.deal_cards", lambda *_: iter([card]))
     answer = tomllib.loads(draw_case(two_bodies, 1, 0).campaign.answer.decode())
     assert answer["effect"] == "several"
     assert [one["effect"] for one in answer["cause"]] == ["mass_error", "sensor_gain"]
@@ -126,7 +124,7 @@ def test_a_place_is_drawn_that_does_for_both_twins(pair, monkeypatch):
     )  # places are asked for, not sizes
     kind = "body" if pair[0] == "mass_error" else "joint"
     deck = [Card("twin", (name,), 1.0, number, kind, pair) for number in range(4) for name in pair]
-    monkeypatch.setattr("truth.campaign.case_design.deal_cards", lambda seed: iter(deck))
+    monkeypatch.setattr("truth.campaign.case_design.deal_cards", lambda *_: iter(deck))
     for number in range(0, len(deck), 2):
         answers = [
             tomllib.loads(draw_case(None, 3, one).campaign.answer.decode())

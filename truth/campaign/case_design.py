@@ -11,7 +11,8 @@ from itertools import islice
 import numpy as np
 
 from truth.campaign.cause import Cause, Wanted
-from truth.campaign.draw import draw_basis, draw_rigid, stream
+from truth.campaign.choice import WHOLE_DECK, Choice, OwnTest
+from truth.campaign.draw import Tolerance, draw_basis, draw_rigid, stream
 from truth.campaign.fitting_band import fit_to_machine
 from truth.campaign.protocol import Protocol, draw_protocol, occasions, takes
 from truth.campaign.virtual_test import Campaign, Plan, draw_campaign
@@ -51,6 +52,8 @@ class Card:
         shared: twins have the number of their pair, and with it their machine.
         place: kind of place that twins share.
         twins: both names of a pair: the place must do for either.
+        location: place of the first that the user chose.
+        parameter: of the answer that sets the size, and its value, if the user chose it.
     """
 
     kind: str
@@ -59,6 +62,8 @@ class Card:
     shared: int | None = None
     place: str = ""
     twins: tuple[str, ...] = ()
+    location: str = ""
+    parameter: tuple[str, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,37 +83,64 @@ class Case:
     campaign: Campaign
 
 
-def draw_case(nominal: Station | None, seed: int, number: int) -> Case:
+def draw_case(
+    nominal: Station | None,
+    seed: int,
+    number: int,
+    choice: Choice = WHOLE_DECK,
+    own: OwnTest | None = None,
+) -> Case:
     """Draw a case of a blind test.
 
     Args:
         nominal: the machine; None: a random tree for every case.
         seed: of the whole test.
         number: of the case, from 0.
+        choice: effects, places and sizes that the user chose.
+        own: the user's own test of his own model; None for a test that is drawn.
+
+    Raises:
+        TruthError: the machine has no place for what is wanted.
     """
-    card = next(islice(deal_cards(seed), number, None))
-    own = (1, number) if card.shared is None else (2, card.shared)
-    words = np.random.SeedSequence(seed, spawn_key=own).generate_state(4)  # too many to be tried
+    card = next(islice(deal_cards(seed, choice), number, None))
+    key = (1, number) if card.shared is None else (2, card.shared)
+    words = np.random.SeedSequence(seed, spawn_key=key).generate_state(4)  # too many to be tried
     machine = int.from_bytes(words.tobytes(), "little")
     station = nominal or draw_tree(machine)
-    protocol = draw_protocol(station, machine)
-    if station.source is not None:
+    protocol = draw_protocol(station, machine) if own is None else own.protocol
+    if station.source is not None and own is None:
         protocol = fit_to_machine(protocol, station)
     for turn in range(_TRIES):
         random = stream(machine, f"cause.{turn}")
         cause = _cause(card, station, random, turn)
-        plan = Plan(machine, cause, protocol, rigid=RIGID)
+        plan = Plan(
+            machine,
+            cause,
+            protocol,
+            Tolerance() if own is None else own.tolerance,
+            rigid=RIGID,
+            dirt=choice.dirt,
+            as_drawn=own is not None,
+        )
         if card.twins and not _do_for_both(card, cause, station, protocol, machine):
             continue
         try:
             return Case(number, plan, station, draw_campaign(station, plan))
         except NoPlaceError:
-            continue
+            if choice.is_made:
+                raise
     raise NoPlaceError(f"{station.name}: none of {_TRIES} causes has a place in it")
 
 
-def deal_cards(seed: int) -> Iterator[Card]:
+def deal_cards(seed: int, choice: Choice = WHOLE_DECK) -> Iterator[Card]:
     """Go through the cases of a blind test, round after round, without end."""
+    if choice.is_made:
+        for chosen in choice.rounds(seed, RATIOS):
+            if chosen is None:
+                yield Card("nothing")
+            else:
+                effect, place, ratio = chosen
+                yield Card("one", (effect,), ratio, location=place, parameter=choice.parameter)
     turn, pair = 0, 0
     while True:
         random = stream(seed, f"deck.{turn}")
@@ -140,7 +172,7 @@ def deal_cards(seed: int) -> Iterator[Card]:
 def _do_for_both(card: Card, cause: Cause, station: Station, protocol: Protocol, seed: int) -> bool:
     """Whether either twin has its place in the machine: else another place is drawn for both."""
     basis = station
-    if station.source is None:
+    if station.source is None and protocol.measured is None:
         basis = draw_rigid(draw_basis(station, seed), RIGID, seed)
     scene = Scene(basis, occasions(protocol, takes(protocol, basis, seed)))
     for name in card.twins:
@@ -163,7 +195,7 @@ def _ratio(random: np.random.Generator) -> float:
 def _cause(card: Card, station: Station, random: np.random.Generator, turn: int) -> Cause:
     if card.kind in ("nothing", "mistuned"):
         return Cause(mistuned=card.kind == "mistuned", kind=card.kind)
-    names, place = card.names, None
+    names, place = card.names, card.location or None
     if card.kind == "twin":
         stage = station.stages[int(random.integers(len(station.stages)))]
         node = stage.sensors[0].node if stage.sensors else 0
@@ -172,7 +204,7 @@ def _cause(card: Card, station: Station, random: np.random.Generator, turn: int)
         among = OUTSIDE if card.kind == "outside" else CATALOGUE
         never = (*_NOT_IN_DECK, *(_WITHOUT_SIZE if card.kind == "many" else ()))
         names = _several(random, [name for name in among if name not in never], len(names))
-    first = Wanted(names[0], place, card.ratio)
+    first = Wanted(names[0], place, card.ratio or None, parameter=card.parameter)
     if card.kind == "two":
         return Cause((first, Wanted(names[1], None, card.ratio)), kind=card.kind)
     others = (Wanted(name, None, random.uniform(*_SMALL)) for name in names[1:])

@@ -1,16 +1,15 @@
 """What a drawing lacks: which effects, where, and how much of each survives a refit."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 from scipy.optimize import brentq
 
 from truth.campaign.draw import stream
 from truth.campaign.survival import Refit
-from truth.effects import CATALOGUE, Draw, Effect, Scene
-from truth.effects.outside import OUTSIDE
+from truth.effects import Effect, Scene
+from truth.effects.other_packages import known_effects
 from truth.errors import NoPlaceError, TruthError
 from truth.machine.machine_on_test import Machine
 
@@ -19,9 +18,6 @@ _CLOSE = 0.04  # of the wanted ratio
 _HIDDEN = 1.1  # of the logarithm of the wanted ratio: a refit takes nearly all
 _MORE = 4.0  # times the ratio, what the first step may have to leave
 _TURNS = 12  # repetitions of the search for a size
-
-
-_KNOWN: Mapping[str, Draw] = MappingProxyType({**CATALOGUE, **OUTSIDE})
 
 
 @dataclass(frozen=True)
@@ -99,9 +95,9 @@ def draw_effects(
     found: list[Drawn] = []
     discarded = 0
     for number, wanted in enumerate(cause.wanted):
-        if wanted.effect not in _KNOWN:
+        if wanted.effect not in known_effects():
             raise TruthError(
-                f"effect {wanted.effect!r} is unknown; choose from {', '.join(_KNOWN)}"
+                f"effect {wanted.effect!r} is unknown; choose from {', '.join(known_effects())}"
             )
         name = f"effect.{wanted.effect}" + (f".{number}" if number else "")
         random = stream(seed, name)
@@ -127,7 +123,7 @@ def _drawn(
     """Draw one effect; of draws that all fail the one that comes nearest to its ratio is kept."""
     best: Drawn | None = None
     for number in range(wanted.draws):
-        effect = _KNOWN[wanted.effect](random, scene, wanted.place)
+        effect = known_effects()[wanted.effect](random, scene, wanted.place)
         if effect is None:
             raise NoPlaceError(f"{wanted.effect}: {machine.station.name} has no place for it")
         if effect.answer().location in taken and wanted.place is None and taken != {""}:

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from truth.errors import TruthError
+from truth.machine.springs import Motor
 from truth.machine.station import GROUND, Hammer, Joint, Real, Sensor, Stage, Station, is_inertia
 
 # Standard deviations of the logarithms: a machine about the nominal, a drawing about the machine.
@@ -162,7 +163,12 @@ def draw_true(basis: Station, tolerance: Tolerance, seed: int) -> Station:
 
 
 def draw_hammers(
-    drawing: Station, node: int, tolerance: Tolerance, seed: int, purpose: str = "tolerance.hammer"
+    drawing: Station,
+    node: int,
+    tolerance: Tolerance,
+    seed: int,
+    purpose: str = "tolerance.hammer",
+    instrument: str = "",
 ) -> tuple[Hammer, ...]:
     """Return the hits along a node's directions, each off by the hammer's tolerances on its own.
 
@@ -170,15 +176,36 @@ def draw_hammers(
     """
     stage, point = drawing.aim(node)
     random = stream(seed, purpose)
-    channel = stream(seed, "tolerance.force").standard_normal(2)
-    gain, delay = 1 + tolerance.hammer_gain * channel[0], tolerance.hammer_delay * channel[1]
+    gain, delay = _draw_force_channel(tolerance, seed, instrument)
     hammers = []
     for drawn in drawing.aim_axes(node):
         turn = Rotation.from_rotvec(tolerance.hammer_angle * random.standard_normal(3))
         position = point + tolerance.hammer_position * random.standard_normal(3)
         direction = turn.as_matrix() @ drawn
-        hammers.append(Hammer(node, stage, position, direction, float(gain), float(delay)))
+        hammers.append(Hammer(node, stage, position, direction, gain, delay, instrument=instrument))
     return tuple(hammers)
+
+
+def draw_motor(motor: Motor, node: int, tolerance: Tolerance, seed: int) -> Hammer:
+    """Return the force of a motor, with gain and delay of its own force channel.
+
+    Args:
+        motor: the motor.
+        node: its number among hits.
+        tolerance: of the force channel.
+        seed: of the machine.
+    """
+    gain, delay = _draw_force_channel(tolerance, seed, motor.name)
+    still = np.zeros(3), np.eye(3)[0]
+    return Hammer(node, 0, *still, gain, delay, along=motor.along, instrument=motor.name)
+
+
+def _draw_force_channel(tolerance: Tolerance, seed: int, instrument: str) -> tuple[float, float]:
+    """Return gain and delay [s] of the force channel of an instrument."""
+    purpose = f"tolerance.force.{instrument}" if instrument else "tolerance.force"
+    channel = stream(seed, purpose).standard_normal(2)
+    gain, delay = 1 + tolerance.hammer_gain * channel[0], tolerance.hammer_delay * channel[1]
+    return float(gain), float(delay)
 
 
 def _off_body(stage: Stage, tolerance: Tolerance, random: np.random.Generator) -> Stage:

@@ -3,7 +3,7 @@
 import json
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 from truth.campaign.cause import Cause, Draws
 from truth.campaign.draw import Tolerance
@@ -54,8 +54,12 @@ def campaign_toml(*, model: str, files: tuple[Take, ...], averages: int, given: 
         lines += [
             "[[test]]",
             f'file = "{take.file}"',
-            f"level = {float(take.level)!r}  # N, peak of the impacts",
-            f"averages = {averages}",
+            *(
+                []
+                if take.level <= 0
+                else [f"level = {float(take.level)!r}  # N, peak of the impacts"]
+            ),
+            *_stated_lines(take, averages),
             *([f'setup = "{take.setup}"'] if take.setup else []),
             "",
         ]
@@ -64,6 +68,28 @@ def campaign_toml(*, model: str, files: tuple[Take, ...], averages: int, given: 
         unit = f"  # {_UNITS[name]}" if name in _UNITS else ""
         lines.append(f"{name} = {value!r}{unit}")
     return "\n".join(lines) + "\n"
+
+
+def _level_lines(level: float) -> list[str]:
+    """Return the line of a level; none where the user stated none."""
+    return [f"level = {float(level)!r}  # N, peak of the impacts"] if level > 0 else []
+
+
+def _stated_lines(take: Take, averages: int) -> list[str]:
+    """Return what campaign.toml says of a file: its averages, and what an array does not say."""
+    if take.test is None:
+        return [f"averages = {averages}"]
+    stated = take.test.stated
+    lines = [f"averages = {stated.averages}"] if stated.averages > 1 else []
+    lines += [f"hammer = {_quoted(stated.hammer)}"] if stated.hammer else []
+    names = ", ".join(map(_quoted, stated.channels))
+    return [
+        *lines,
+        f"channels = [{names}]",
+        f"references = [{_quoted(stated.reference)}]",
+        'quantity = "accelerance"',
+        'unit = "m/s^2/N"',
+    ]
 
 
 def answer_toml(  # what is found, and how it was drawn
@@ -92,7 +118,7 @@ def answer_toml(  # what is found, and how it was drawn
     lines += ["", "[drawn]", f"machine = {json.dumps(machine, ensure_ascii=False)}"]
     lines += [f'kind = "{cause.kind}"'] if cause.kind else []
     lines += [f"mistuned = {json.dumps(cause.mistuned)}", f"discarded = {draws.discarded}"]
-    for name, value in asdict(protocol).items():
+    for name, value in asdict(replace(protocol, measured=None)).items():
         if value is not None:
             lines.append(f"{name} = {json.dumps(value)}")
     return "\n".join(lines) + "\n"

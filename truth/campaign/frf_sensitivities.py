@@ -28,7 +28,7 @@ from truth.machine.dynamics import (
 )
 from truth.machine.machine_on_test import Machine
 from truth.machine.rig import Occasion
-from truth.machine.station import Complex, Mask, Real, Stage, Station
+from truth.machine.station import Complex, Hammer, Mask, Real, Stage, Station
 
 _STEP = 1e-3  # of a tolerance's standard deviation, for differences of matrices
 
@@ -63,7 +63,7 @@ def jacobian(machine: Machine, freq_hz: Real, tolerance: Tolerance, weight: Real
     for slopes, prior in _parameters(machine, tolerance):
         shared.append(stacked(solved.slope(slopes) * weight))
         bounded.append(prior)
-    for change in _force_channel(solved, tolerance):
+    for change in _force_channels(solved, machine.hammers, tolerance):
         shared.append(stacked(change * weight))
         bounded.append(True)
     own = _sensor_columns(solved, machine.station, tolerance, weight)
@@ -293,6 +293,8 @@ def _slope_of_joints(ends: tuple[Station, Station], indices: tuple[int, ...]) ->
 def _hits(machine: Machine, number: int, tolerance: Tolerance) -> Iterator[_Slopes]:
     """By the direction and the place of one hammer."""
     hammer = machine.hammers[number]
+    if hammer.along:  # a motor acts as the model says
+        return
     for axis in np.eye(3):
         turn = tolerance.hammer_angle * np.cross(axis, hammer.direction)
         for direction, position in (
@@ -310,12 +312,16 @@ def _hits(machine: Machine, number: int, tolerance: Tolerance) -> Iterator[_Slop
             yield _Slopes(hammers=columns)
 
 
-def _force_channel(solved: _Solved, tolerance: Tolerance) -> Iterator[Complex]:
-    """By gain and delay of the one force channel, those with a tolerance; like the FRFs."""
-    if tolerance.hammer_gain:
-        yield tolerance.hammer_gain * solved.values
-    if tolerance.hammer_delay:
-        yield -tolerance.hammer_delay * solved.s * solved.values
+def _force_channels(
+    solved: _Solved, hammers: tuple[Hammer, ...], tolerance: Tolerance
+) -> Iterator[Complex]:
+    """By gain and delay of each force channel, those with a tolerance; like the FRFs."""
+    for instrument in dict.fromkeys(hammer.instrument for hammer in hammers):
+        own = np.array([hammer.instrument == instrument for hammer in hammers])
+        if tolerance.hammer_gain:
+            yield tolerance.hammer_gain * solved.values * own
+        if tolerance.hammer_delay:
+            yield -tolerance.hammer_delay * solved.s * solved.values * own
 
 
 def _sensor_columns(solved: _Solved, station: Station, tolerance: Tolerance, weight: Real) -> Real:

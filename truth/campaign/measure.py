@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truth.campaign.draw import stream
-from truth.campaign.protocol import Channel, Protocol, Take
-from truth.errors import TruthError
+from truth.campaign.measured import MeasuredCampaign, MeasuredTest
+from truth.campaign.protocol import Channel, Protocol, Take, take_occasions
+from truth.errors import NoPlaceError, TruthError
 from truth.machine.machine_on_test import Known, Machine
 from truth.machine.nonlinear import RATE_HZ, Pulses, nonlinear_readings
 from truth.machine.rig import Occasion
@@ -81,6 +82,12 @@ def hammer_tests(
 ) -> tuple[Measurement, ...]:
     """Make the test of every file; the arguments as of one."""
     known = Known(machine, protocol.freq_hz)
+    if protocol.measured is not None:
+        return tuple(
+            _stated_test(known, take, take.test, stream(seed, f"noise.measured.{number}"))
+            for number, take in enumerate(files)
+            if take.test is not None
+        )
     return tuple(
         _hammer_test(known, protocol, take, seed, name=f".{number}" if number else "")
         for number, take in enumerate(files)
@@ -124,6 +131,35 @@ def _hammer_test(
     frf[freq_hz == 0] = 0
     kept = coherence if protocol.coherence else None
     return Measurement(freq_hz, frf, kept, take.channels, references)
+
+
+def _stated_test(
+    known: Known, take: Take, test: MeasuredTest, random: np.random.Generator
+) -> Measurement:
+    """Repeat one reference of a user's test: unit forces, and the noise that was measured.
+
+    Every hit has the noise of the mean times the square root of their number.
+    """
+    (occasion,) = take_occasions(Protocol(), take)
+    if known.on(occasion)[0].joints:
+        raise NoPlaceError("FRFs of a user's test do not tell how hard each hit was")
+    points = [sensor.node for _, sensor in known.machine.station.sensors()]
+    rows = [3 * points.index(node) + axis - 1 for node, axis in test.channels]
+    hits = max(test.stated.averages, 1)
+    signs = test.sign * np.array(test.signs)
+    motion = signs * linear_frfs(known, occasion, hits)[:, :, rows]
+    hammer = known.machine.hammers[known.machine.column(occasion)]
+    noise = np.sqrt(hits) * test.stated.deviation
+    shape = (hits, *noise.shape)
+    reading = np.broadcast_to(motion, shape) + noise * _complex_normal(random, shape)
+    channel = hammer.gain * np.exp(-2j * np.pi * known.freq_hz * hammer.delay)
+    force = np.broadcast_to(1 / channel, (hits, len(channel)))
+    frf, coherence = estimate_h1(force, reading)
+    kept = coherence[:, :, None] if test.stated.averages > 1 else None
+    node, axis = test.reference
+    return Measurement(
+        known.freq_hz, frf[:, :, None], kept, test.channels, ((node, test.sign * (axis + 1)),)
+    )
 
 
 def linear_frfs(known: Known, occasion: Occasion, count: int) -> Complex:
@@ -228,7 +264,9 @@ def _complex_normal(random: np.random.Generator, shape: tuple[int, ...]) -> Comp
     return number
 
 
-def frf_deviation(base: Complex, lines: Real, protocol: Protocol, level: float) -> Real:
+def frf_deviation(
+    base: Complex, lines: Real, protocol: Protocol, level: float, machine: Machine
+) -> Real:
     """Return the standard deviation of H1, real plus imaginary part, that a hammer test will have.
 
     Args:
@@ -236,11 +274,34 @@ def frf_deviation(base: Complex, lines: Real, protocol: Protocol, level: float) 
         lines: frequencies [Hz]; (n_line,).
         protocol: averages and spacing of the lines of the test.
         level: mean peak force [N].
+        machine: whose sensors and hits are the rows and columns.
     """
+    if protocol.measured is not None:
+        return _measured_deviation(base, lines, protocol.measured, machine)
     pulse = Pulses(np.array([level]), np.array([PULSE_SECONDS / protocol.pace]))
     force = np.abs(pulse_spectra(lines, pulse)[0]) * np.sqrt(protocol.averages)
     spacing = protocol.freq_hz[1] - protocol.freq_hz[0]
     sensor = noise_spectrum(lines, spacing) / force
     hammer = FORCE_NOISE * np.abs(base) / np.sqrt(protocol.averages)
     deviation: Real = np.sqrt(sensor[:, None, None] ** 2 + hammer**2)
+    return deviation
+
+
+def _measured_deviation(
+    base: Complex, lines: Real, measured: MeasuredCampaign, machine: Machine
+) -> Real:
+    """Return the standard deviation of what a user's test measures; infinite elsewhere.
+
+    A cell that several files hold counts as their weighted mean.
+    """
+    information = np.zeros(base.shape)
+    places = np.searchsorted(measured.freq_hz, lines)
+    points = [sensor.node for _, sensor in machine.station.sensors()]
+    for test in measured.tests:
+        rows = [3 * points.index(node) + axis - 1 for node, axis in test.channels]
+        node, axis = test.reference
+        column = machine.column(Occasion(node=node, axis=axis))
+        information[:, rows, column] += test.stated.deviation[places] ** -2.0
+    with np.errstate(divide="ignore"):
+        deviation: Real = information**-0.5
     return deviation

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truth.campaign.draw import stream
+from truth.campaign.measured import MeasuredCampaign, MeasuredTest
 from truth.errors import TruthError
 from truth.machine.rig import Occasion
 from truth.machine.station import Real, Station
@@ -36,6 +37,7 @@ class Protocol:
         coherence: whether the file has coherences.
         dead: a channel that reads its noise alone.
         scale: band over that of a usual station's test; hits are as much shorter. None: 1.
+        measured: the user's own test, which says lines, channels and noise; None for a virtual one.
     """
 
     nodes: tuple[int, ...] = (11,)
@@ -47,6 +49,7 @@ class Protocol:
     coherence: bool = True
     dead: Channel | None = None
     scale: float | None = None
+    measured: MeasuredCampaign | None = None
 
     def __post_init__(self) -> None:
         """Check that the test can be made."""
@@ -66,6 +69,8 @@ class Protocol:
     @property
     def freq_hz(self) -> Real:
         """Lines [Hz]; (n_freq,)."""
+        if self.measured is not None:
+            return self.measured.freq_hz
         return self.resolution_hz * np.arange(self.lines, dtype=np.float64)
 
 
@@ -78,16 +83,23 @@ class Take:
         level: mean peak force [N].
         setup: name of the set-up; empty if there is one alone.
         channels: what is recorded, sorted.
+        test: the user's own test of this file; None for a virtual one.
     """
 
     file: str
     level: float
     setup: str
     channels: tuple[Channel, ...]
+    test: MeasuredTest | None = None
 
 
 def takes(protocol: Protocol, station: Station, seed: int) -> tuple[Take, ...]:
     """Return the files of a campaign; a set-up takes some of the sensors."""
+    if protocol.measured is not None:
+        return tuple(
+            Take(test.file, test.level, test.setup, test.channels, test)
+            for test in protocol.measured.tests
+        )
     nodes = sorted(sensor.node for _, sensor in station.sensors())
     count = min(protocol.setups, max(1, len(nodes) // _LEAST_SETUP))
     order = stream(seed, "protocol.setups").permutation(len(nodes))
@@ -111,11 +123,16 @@ def takes(protocol: Protocol, station: Station, seed: int) -> tuple[Take, ...]:
 
 def occasions(protocol: Protocol, files: tuple[Take, ...]) -> tuple[Occasion, ...]:
     """Return one occasion for every column of every file, and none of its hits."""
+    return tuple(occasion for take in files for occasion in take_occasions(protocol, take))
+
+
+def take_occasions(protocol: Protocol, take: Take) -> tuple[Occasion, ...]:
+    """Return one occasion for every column of a file."""
+    if take.test is not None:
+        node, axis = take.test.reference
+        return (Occasion(take.level, node, axis, take.setup, label=take.test.stated.reference),)
     return tuple(
-        Occasion(take.level, node, axis, take.setup)
-        for take in files
-        for node in protocol.nodes
-        for axis in range(3)
+        Occasion(take.level, node, axis, take.setup) for node in protocol.nodes for axis in range(3)
     )
 
 

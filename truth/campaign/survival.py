@@ -35,7 +35,8 @@ from truth.campaign.measure import (
     nonlinear_part,
     pulse_spectra,
 )
-from truth.campaign.protocol import Protocol, Take
+from truth.campaign.protocol import Protocol, Take, take_occasions
+from truth.errors import NoPlaceError
 from truth.machine.machine_on_test import Known, Machine
 from truth.machine.nonlinear import Pulses
 from truth.machine.rig import Occasion
@@ -238,7 +239,8 @@ class Refit:
 
     def _left(self, left: Complex) -> float:
         power = (np.abs(left) ** 2).sum(axis=0) / (self.without.noise**2).sum(axis=0)
-        return float(np.sqrt(power[self.used].mean())) / self.without.excess
+        counted = self.used[:, None] & np.isfinite(self.without.noise).all(axis=0)
+        return float(np.sqrt(power[counted].mean())) / self.without.excess
 
     def change(self, machine: Machine) -> Complex:
         """What the effects change in the FRFs, as the hammer test would find; like deviation."""
@@ -252,15 +254,13 @@ class Refit:
         places = np.searchsorted(self.protocol.freq_hz, self.known.freq_hz)
         for take in self.takes:
             rows = [3 * points.index(node) + axis - 1 for node, axis in take.channels]
-            occasions = [
-                Occasion(take.level, node, axis, take.setup)
-                for node in self.protocol.nodes
-                for axis in range(3)
-            ]
+            occasions = take_occasions(self.protocol, take)
             added = None
             if known.on(occasions[0])[0].joints:
+                if take.test is not None:
+                    raise NoPlaceError("FRFs of a user's test do not tell how hard each hit was")
                 rate = _COARSE_HZ * self.protocol.pace
-                added = nonlinear_part(whole, occasions, [pulse] * len(occasions), rate)
+                added = nonlinear_part(whole, list(occasions), [pulse] * len(occasions), rate)
             for number, occasion in enumerate(occasions):
                 column = machine.column(occasion)
                 mean = linear_frfs(known, occasion, self.protocol.averages).mean(axis=0)
@@ -307,7 +307,7 @@ class Refit:
         for number, (columns, own) in enumerate(zip(self.own, sensors, strict=True)):
             rows = slice(3 * number, 3 * number + 3)
             found[:, rows] += unstacked(columns @ own, found[:, rows].shape)
-        return found * self.deviation
+        return found * np.where(np.isfinite(self.deviation), self.deviation, 0.0)
 
     def _adjoint(self, weighted: Real) -> Real:
         whole = unstacked(weighted, self.deviation.shape)
@@ -339,14 +339,15 @@ def refit_of(
     lines = _chosen(protocol)
     known = Known(plain, lines)
     base = known.on(Occasion(node=protocol.nodes[0]))[1]
-    noise = frf_deviation(base, lines, protocol, takes[0].level)
+    noise = frf_deviation(base, lines, protocol, takes[0].level, plain)
     deviation, excess = noise, 1.0
     points = [(sensor.node, axis) for _, sensor in plain.station.sensors() for axis in (1, 2, 3)]
     used = np.array([point != protocol.dead for point in points])
     if background is not None:
         deviation = np.hypot(noise, background * np.abs(base))
         power = background**2 * (np.abs(base) ** 2).sum(axis=0) / (noise**2).sum(axis=0)
-        excess = float(np.sqrt(1 + power[used].mean()))
+        counted = used[:, None] & np.isfinite(noise).all(axis=0)
+        excess = float(np.sqrt(1 + power[counted].mean()))
     return _linearised(
         plain,
         known,

@@ -8,6 +8,7 @@ from types import MappingProxyType
 
 from truth.background.draw import Background, draw_background
 from truth.background.sizing import size_background
+from truth.campaign.array_file import array_bytes
 from truth.campaign.cause import Cause, Draws, draw_effects
 from truth.campaign.draw import (
     NO_TOLERANCE,
@@ -17,6 +18,7 @@ from truth.campaign.draw import (
     draw_drawing,
     draw_hammers,
     draw_mistuned,
+    draw_motor,
     draw_rigid,
     draw_true,
     stream,
@@ -122,7 +124,8 @@ def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
     contents["campaign.toml"] = campaign_toml(
         model=entry, files=files, averages=plan.protocol.averages, given=plan.tolerance
     ).encode("utf-8")
-    contents |= {take.file: uff_bytes(test) for take, test in zip(files, tests, strict=True)}
+    for take, test in zip(files, tests, strict=True):
+        contents[take.file] = uff_bytes(test) if take.test is None else array_bytes(test)
     salt = stream(seed, "salt").bytes(16).hex()
     whole = machine.prepared(scene.occasions[0])
     answers = tuple(
@@ -182,6 +185,9 @@ def _tested(drawing: Station, true: Station, plan: Plan) -> tuple[tuple[Take, ..
     files = takes(plan.protocol, drawing, plan.seed)
     hammers = []
     for hammer in _hammers(drawing, plan.protocol, at_work, plan.seed):
+        if hammer.along:
+            hammers.append(hammer)
+            continue
         place = carried(hammer.position, hammer.direction, hammer.stage, drawing, true)
         hammers.append(replace(hammer, position=place[0], direction=place[1]))
     scene = Scene(true, occasions(plan.protocol, files), plan.protocol.pace)
@@ -191,15 +197,19 @@ def _tested(drawing: Station, true: Station, plan: Plan) -> tuple[tuple[Take, ..
 def _refit(machine: Machine, plan: Plan, files: tuple[Take, ...], background: Real | None) -> Refit:
     """Return a refit of the files of the middle level, with what a background leaves beside it."""
     level = sorted(plan.protocol.levels)[len(plan.protocol.levels) // 2]
-    own = tuple(take for take in files if take.level == level)
+    own = tuple(take for take in files if take.test or take.level == level)
     return refit_of(machine, plan.protocol, own, plan.tolerance, background)
 
 
 def _hammers(
     drawing: Station, protocol: Protocol, tolerance: Tolerance, seed: int
 ) -> tuple[Hammer, ...]:
-    first, *others = protocol.nodes
-    hammers = draw_hammers(drawing, first, tolerance, seed)
-    for node in others:
-        hammers += draw_hammers(drawing, node, tolerance, seed, f"tolerance.hammer.{node}")
+    hammers: tuple[Hammer, ...] = ()
+    for node in protocol.nodes:
+        purpose = f"tolerance.hammer.{node}" if hammers else "tolerance.hammer"
+        if node < 0:
+            hammers += (draw_motor(drawing.motors[-1 - node], node, tolerance, seed),)
+        else:
+            instrument = protocol.measured.instrument(node) if protocol.measured else ""
+            hammers += draw_hammers(drawing, node, tolerance, seed, purpose, instrument)
     return hammers

@@ -19,7 +19,7 @@ def peak_stretch(scene: Scene, direction: JointDirection) -> float:
     """
     levels = sorted(occasion.level for occasion in scene.occasions)
     level = levels[len(levels) // 2]
-    nodes = sorted({occasion.node for occasion in scene.occasions})
+    nodes = sorted({occasion.node for occasion in scene.occasions if occasion.node >= 0})
     aims = [(node, *scene.station.aim(node)) for node in nodes]
     hammers = tuple(
         Hammer(node, stage, point, axis)

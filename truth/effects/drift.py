@@ -45,7 +45,7 @@ class Drift(Sized):
 
     def when(self, occasion: Occasion) -> bool:
         """Tell whether an occasion is of that test."""
-        return self.test in (occasion.label, occasion.setup)
+        return self.test in (occasion.reference, occasion.setup)
 
     def to_rig(self, rig: Rig, tested: Prepared, occasion: Occasion) -> Rig:
         """Return the rig with the joint of that test."""
@@ -60,13 +60,17 @@ class Drift(Sized):
 def draw_drift(random: np.random.Generator, scene: Scene, place: str | None) -> Drift | None:
     """Draw joint, test and factor; of a test in several set-ups, a set-up as often as not."""
     stage = draw_spring_stage(random, scene.station, place)
-    labels = sorted({occasion.label for occasion in scene.occasions})
+    labels = sorted({occasion.reference for occasion in scene.occasions})
     setups = sorted({occasion.setup for occasion in scene.occasions})
     kinds = [names for names in (labels, setups) if len(names) > 1]
     if stage is None or not kinds:
         return None
     test = choose(random, choose(random, kinds))
-    sites = {one.label: hammer_site(scene.station, one.node) for one in scene.occasions}
+    sites = {
+        one.reference: hammer_site(scene.station, one.node)
+        for one in scene.occasions
+        if not one.label
+    }
     return Drift(
         stage=stage,
         test=test,

@@ -57,7 +57,7 @@ def draw_hammer_misalignment(
     random: np.random.Generator, scene: Scene, place: str | None
 ) -> HammerMisalignment | None:
     """Draw a point and direction that the campaign hits, and the rotation."""
-    nodes = sorted({occasion.node for occasion in scene.occasions})
+    nodes = sorted({occasion.node for occasion in scene.occasions if occasion.node >= 0})
     sites = [hammer_site(scene.station, node) for node in nodes]
     number = draw_location(random, place, [f"hammer:{site}" for site in sites])
     if number is None:

@@ -47,7 +47,7 @@ def draw_hammer_position(
     random: np.random.Generator, scene: Scene, place: str | None
 ) -> HammerPosition | None:
     """Draw a point that the campaign hits, and the offset."""
-    nodes = sorted({occasion.node for occasion in scene.occasions})
+    nodes = sorted({occasion.node for occasion in scene.occasions if occasion.node >= 0})
     sites = [hammer_site(scene.station, node) for node in nodes]
     number = draw_location(random, place, [f"hammer:{site}" for site in sites])
     if number is None:

@@ -86,6 +86,8 @@ def draw_hammer(random: np.random.Generator, scene: Scene, place: str | None) ->
 
     A random number is spent as if there were several hammers.
     """
+    if any(occasion.node < 0 for occasion in scene.occasions):
+        return None  # motors have force channels of their own
     sites = [hammer_site(scene.station, occasion.node) for occasion in scene.occasions[:1]]
     number = draw_location(random, place, [f"hammer:{site}" for site in sites])
     return None if number is None else sites[number]

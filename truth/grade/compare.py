@@ -70,6 +70,8 @@ def compare(folder: Path) -> Comparison:
     """
     tests, model = _tests(folder / "campaign.toml")
     station = read_station(folder / model)
+    if any(not file.endswith(".uff") for file, _ in tests):
+        raise TruthError(f"{folder.name}: baselines read universal files, and its tests are arrays")
     measured = [(read_uff(folder / file), averages) for file, averages in tests]
     drawn: dict[tuple[object, ...], Complex] = {}
     channels: list[tuple[Agreement, float]] = []
@@ -121,7 +123,7 @@ def _drawn_frf(station: Station, test: Measured) -> Complex:
     hammers = []
     for node, direction in test.references:
         stage, point = station.aim(node)
-        axis = np.sign(direction) * np.eye(3)[abs(direction) - 1]
+        axis = np.sign(direction) * station.aim_axes(node)[abs(direction) - 1]
         hammers.append(Hammer(node, stage, point, axis))
     return accelerance(build(Prepared(station, tuple(hammers))), test.freq_hz)
 

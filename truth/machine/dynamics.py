@@ -171,7 +171,21 @@ def hammer_columns(
 ) -> Real:
     """Return generalised forces of unit hits; (n, n_hammers)."""
     columns = [
-        motion_row(station, hammer.stage, hammer.position, hammer.direction, flexes)
+        _driven(station, hammer.along, flexes)
+        if hammer.along
+        else motion_row(station, hammer.stage, hammer.position, hammer.direction, flexes)
         for hammer in hammers
     ]
-    return np.array(columns).T
+    return np.array(columns).reshape(-1, 6 * len(station.stages) + len(flexes)).T
+
+
+def _driven(
+    station: Station, along: tuple[tuple[str, float], ...], flexes: tuple[Flex, ...]
+) -> Real:
+    """Return the generalised force of a motor in all coordinates; (n,)."""
+    forces, column = dict(along), np.zeros(6 * len(station.stages) + len(flexes))
+    for index, stage in enumerate(station.stages):
+        moving, _ = joint_rows(station, index, flexes)
+        for joint, row in zip(stage.joints, moving, strict=True):
+            column = column + forces.get(joint.name, 0.0) * row
+    return column

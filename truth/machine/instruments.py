@@ -75,8 +75,9 @@ class HitPoint:
 class Hammer:
     """One hit direction: the stage hit, the point [m] (3,) and the unit direction (3,).
 
-    The force channel makes FRFs gain exp(-s delay) times what they are; one that lags the motion
-    has a negative delay.
+    A motor instead has generalised forces along joints, by their names, per unit of its control.
+    All hits of one instrument share gain and delay. The force channel makes FRFs gain exp(-s delay)
+    times what they are; one that lags the motion has a negative delay.
     """
 
     node: int
@@ -85,6 +86,8 @@ class Hammer:
     direction: Real
     gain: float = 1.0
     delay: float = 0.0
+    along: tuple[tuple[str, float], ...] = ()
+    instrument: str = ""
 
     def __post_init__(self) -> None:
         """Check and freeze the values."""

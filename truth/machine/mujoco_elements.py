@@ -1,5 +1,6 @@
 """Elements of a compiled MJCF at rest: stages, joints, tendons, sensors, hammer points."""
 
+import copy
 import re
 from typing import Literal, TypeAlias
 
@@ -8,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from truth.machine.instruments import HitPoint, Sensor
-from truth.machine.mujoco_forces import tendon_slopes
-from truth.machine.springs import Joint, Tendon
+from truth.machine.mujoco_forces import net_force, tendon_slopes
+from truth.machine.springs import Joint, Motor, Tendon
 from truth.machine.values import Real
 
 Integers: TypeAlias = NDArray[np.intp]
@@ -150,6 +151,26 @@ def coordinates(model: mujoco.MjModel) -> list[str]:
 def tendon_name(model: mujoco.MjModel, tendon: int) -> str:
     """Return the name of a tendon; ``tendon<number>`` if unnamed."""
     return str(model.tendon(tendon).name) or f"tendon{tendon}"
+
+
+def motors_of(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Motor, ...]:
+    """Return the motors that act on joints, with their forces per unit of the control."""
+    names, found = coordinates(model), []
+    for number in range(model.nactuator):
+        if model.actuator_ctrlnum[number] != 1:
+            continue
+        forces, probe = [], copy.copy(data)
+        for change in (1e-6, 0.0):
+            control = int(model.actuator_ctrladr[number])
+            probe.ctrl[control] = data.ctrl[control] + change
+            net_force(model, probe)
+            forces.append(probe.qfrc_actuator.copy())
+        slopes = ((forces[0] - forces[1]) / 1e-6).tolist()
+        along = tuple((name, slope) for name, slope in zip(names, slopes, strict=True) if slope)
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, number)
+        if along:
+            found.append(Motor(name or f"actuator{number}", along))
+    return tuple(found)
 
 
 def tendons_of(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Tendon, ...]:

@@ -20,6 +20,7 @@ from truth.machine.mujoco_elements import (
     instruments,
     joints_of,
     leads,
+    motors_of,
     rigid_body,
     tendons_of,
     welded_to,
@@ -125,6 +126,7 @@ def station_of(source: CompiledModel, name: str) -> Station:
         stages=tuple(stages),
         gravity=np.zeros(3) if off else model.opt.gravity.copy(),
         tendons=tendons_of(model, data),
+        motors=motors_of(model, data),
         source=source,
     )
     return replace(station, remaining=_remaining(station, model, data))

@@ -32,6 +32,7 @@ class Occasion:
         axis: 0, 1, 2 for the hit's direction.
         setup: of the sensors, such as ``a``; empty if there is one alone.
         time: when in its column of the test, from 0 to 1.
+        label: reference as the user writes it; empty for ``acc<node>`` and its direction.
     """
 
     level: float = 200.0
@@ -39,11 +40,12 @@ class Occasion:
     axis: int = 0
     setup: str = ""
     time: float = 0.0
+    label: str = ""
 
     @property
-    def label(self) -> str:
+    def reference(self) -> str:
         """The test: reference and direction, such as ``acc11:+ty``."""
-        return f"acc{self.node}:+t{'xyz'[self.axis]}"
+        return self.label or f"acc{self.node}:+t{'xyz'[self.axis]}"
 
 
 @dataclass(frozen=True, eq=False)

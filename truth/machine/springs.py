@@ -67,6 +67,19 @@ class Tendon:
         return np.array([known.get(name, 0.0) for name in joints])
 
 
+@dataclass(frozen=True)
+class Motor:
+    """A motor that acts on joints.
+
+    Args:
+        name: of the actuator.
+        along: names of joints, and the generalised force at each per unit of the control.
+    """
+
+    name: str
+    along: tuple[tuple[str, float], ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Remaining:
     """Linear forces between joint coordinates that no spring, tendon or weight makes.

@@ -12,7 +12,7 @@ import numpy as np
 
 from truth.errors import TruthError
 from truth.machine.instruments import Hammer, HitPoint, Sensor
-from truth.machine.springs import Joint, Remaining, Tendon
+from truth.machine.springs import Joint, Motor, Remaining, Tendon
 from truth.machine.values import (
     AXES,
     GROUND,
@@ -32,6 +32,7 @@ __all__ = [
     "Joint",
     "Mask",
     "MeshFile",
+    "Motor",
     "Real",
     "Remaining",
     "Sensor",
@@ -135,6 +136,7 @@ class Station:
         meshes: of the shapes.
         gravity: [m/s2]; (3,).
         tendons: springs over several joints.
+        motors: forces that act on joints.
         remaining: forces that are neither springs nor weights; None for none.
         source: the compiled MJCF that it was read from, as ``mujoco_reader`` left it; None for a
             station that its own values describe in full.
@@ -145,6 +147,7 @@ class Station:
     meshes: tuple[MeshFile, ...] = ()
     gravity: Real = field(default_factory=lambda: np.zeros(3))
     tendons: tuple[Tendon, ...] = ()
+    motors: tuple[Motor, ...] = ()
     remaining: Remaining | None = None
     source: Source | None = None
 

@@ -1,0 +1,116 @@
+"""The user's own campaign as a blind test repeats it: model, channels, hits, levels and noise."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from identification import read_settings
+from identification.words import Campaign, InputError, Test
+from truth import (
+    OwnTest,
+    Protocol,
+    StatedTest,
+    Station,
+    TruthError,
+    locate_tests,
+    read_station,
+)
+from truth.campaign.draw import Tolerance
+from tuning import open_campaign
+
+USUAL_BAND_HZ = 200.0  # of a station, for which frequencies of effects are drawn
+
+
+@dataclass(frozen=True, eq=False)
+class UserTest:
+    """A user's campaign with its machine.
+
+    Args:
+        station: the model that campaign.toml names.
+        repeated: the test at the station's sensors and hits.
+    """
+
+    station: Station
+    repeated: OwnTest
+
+
+def is_campaign(path: Path) -> bool:
+    """Return whether a path is a campaign's folder, or its campaign.toml."""
+    return path.suffix == ".toml" or (path / "campaign.toml").is_file()
+
+
+def model_of(path: Path) -> Path:
+    """Return the model that a campaign names.
+
+    Raises:
+        InputError: it names none.
+    """
+    source, settings = read_settings(path)
+    if settings.model is None:
+        raise InputError(f'{source} names no model, only a layout: add model = "model.xml"')
+    return source.parent / settings.model
+
+
+def read_user_test(path: Path, band: tuple[float, float] | None) -> UserTest:
+    """Read a campaign as a blind test repeats it.
+
+    Args:
+        path: the folder, or its campaign.toml.
+        band: lowest and highest frequency [Hz]; None for the lines with coherence.
+
+    Raises:
+        InputError: an input cannot be used, or the virtual test has no such channel or hit.
+    """
+    source, _, campaign = open_campaign(path, band)
+    if read_settings(path)[1].key not in (None, "home"):
+        raise InputError(f"{source}: key names a keyframe; a blind test knows 'home' alone")
+    freq_hz = campaign.freq_hz
+    moving = freq_hz > 0
+    stated = tuple(_state(source, test, moving) for test in campaign.tests)
+    try:
+        station = read_station(model_of(path))
+        measured = locate_tests(station, freq_hz[moving], stated)
+        protocol = Protocol(
+            nodes=measured.nodes,
+            levels=(max(1e-300, *(test.level for test in stated)),),
+            averages=max(2, *(test.averages for test in stated)),
+            lines=int(moving.sum()),
+            resolution_hz=float(np.median(np.diff(freq_hz[moving]))),
+            coherence=all(test.averages > 1 for test in stated),
+            scale=float(freq_hz[-1]) / USUAL_BAND_HZ,
+            measured=measured,
+        )
+    except TruthError as error:
+        raise InputError(f"{source}: {error}") from error
+    return UserTest(station, OwnTest(protocol, _tolerance(campaign)))
+
+
+def _state(
+    source: Path, test: Test, moving: np.ndarray[tuple[int], np.dtype[np.bool_]]
+) -> StatedTest:
+    """Return one test with the noise of its accelerances."""
+    condition, estimate = test.condition, test.estimate
+    if condition.spindle_speed:
+        raise InputError(
+            f"{source}: {condition.test} was measured while a spindle turned, which a blind test "
+            "does not repeat: leave it out"
+        )
+    present = np.flatnonzero(estimate.measured[:, 0])
+    steps = {"receptance": 2, "mobility": 1, "accelerance": 0}[estimate.frf.quantity]
+    omega = 2 * np.pi * estimate.frf.freq_hz[moving, None]
+    variance = estimate.variance[moving][:, present, 0]
+    smallest = 1e-12 * np.abs(estimate.frf.values[moving][:, present, 0]).max(initial=1e-300)
+    return StatedTest(
+        reference=str(condition.reference),
+        channels=tuple(str(estimate.frf.outputs[k]) for k in present),
+        deviation=omega**steps * np.maximum(np.sqrt(variance), smallest),
+        level=condition.level_n or 0.0,
+        averages=estimate.averages or 0,
+        setup=condition.setup or "",
+        hammer=condition.hammer or "",
+    )
+
+
+def _tolerance(campaign: Campaign) -> Tolerance:
+    return Tolerance(**vars(campaign.tolerance))

@@ -1,0 +1,184 @@
+"""``mbw blind CAMPAIGN``: the user's channels, hits, motors, noise, tolerances and choice."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from any_machines import SERVO_AXIS
+from typer.testing import CliRunner
+
+from identification.words import Dof, InputError, Signal
+from mbmodel import FrfRequest, as_drawn, linearise, load_machine
+from mbw.blind import case as blind_case
+from mbw.blind.case import BlindCase
+from mbw.blind.choice_options import read_choice
+from mbw.blind.user_test import read_user_test
+from mbw.command import app
+from truth import Choice, draw_case
+from truth.campaign.case_design import deal_cards
+from truth.campaign.draw import NO_TOLERANCE
+from truth.campaign.measure import hammer_tests
+from truth.campaign.protocol import takes
+from truth.campaign.virtual_test import _hammers
+from truth.machine.machine_on_test import Machine
+from tuning import open_campaign
+
+RUNNER = CliRunner()
+CHANNELS = ["acc1:+tx", "acc1:-tz", "acc4:+tx", "acc4:+ty", "acc5:+tz", "acc3:+tx"]
+REFERENCES = {"hit6:+tx": ("tap", 30.0), "servo": ("", None), "acc2:-tz": ("tap", 30.0)}
+FREQ = np.arange(5.0, 150.0, 1.0)
+AVERAGES = 9
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    """A campaign from a hammer and from a motor, with noise that differs between channels."""
+    folder = tmp_path_factory.mktemp("own")
+    (folder / "axis.xml").write_text(SERVO_AXIS)
+    model = as_drawn(load_machine(folder / "axis.xml"))
+    random = np.random.default_rng(4)
+    lines = ['model = "axis.xml"']
+    for number, (reference, (hammer, level)) in enumerate(REFERENCES.items()):
+        question = request(FREQ, reference)
+        frf = linearise(model, model.drawn, question).values
+        sd = noise_of(number, frf)
+        frf = frf + sd * (random.standard_normal((2, *frf.shape)).T @ [1, 1j]).T / np.sqrt(2)
+        power = np.abs(frf) ** 2
+        coherence = power / (power + sd**2 * (AVERAGES - 1))
+        np.savez(folder / f"{number}.npz", freq_hz=FREQ, frf=frf, coherence=coherence)
+        lines += ["[[test]]", f'file = "{number}.npz"', f"averages = {AVERAGES}"]
+        lines += [f"channels = {CHANNELS}", f'references = ["{reference}"]']
+        lines += ['quantity = "accelerance"', 'unit = "m/s^2/N"']
+        lines += [f'hammer = "{hammer}"'] * bool(hammer) + [f"level = {level}"] * bool(level)
+    lines += ["[tolerance]", "mass = 0.01", "sensor_position = 0.0005", "hammer_gain = 0.03"]
+    (folder / "campaign.toml").write_text("\n".join(lines))
+    return folder
+
+
+def request(freq, reference):
+    """Ports by their labels: a motor has no colon."""
+    port = Dof.parse(reference) if ":" in reference else Signal(reference)
+    return FrfRequest(freq, tuple(Dof.parse(label) for label in CHANNELS), (port,))
+
+
+def noise_of(number, frf):
+    """Standard deviations that grow from channel to channel and from reference to reference."""
+    size = np.sqrt(np.mean(np.abs(frf) ** 2))
+    return 0.002 * size * (1 + number) * (1 + np.arange(len(CHANNELS)))[None, :, None]
+
+
+@pytest.fixture(scope="module")
+def drawn(campaign, tmp_path_factory):
+    """One case of that test, as a campaign's folder, with its answer."""
+    place = tmp_path_factory.mktemp("drawn")
+    case = BlindCase(str(campaign), 3, 0, place, None, Choice(("mass_error",), ("body:slide",)))
+    blind_case._draw(case)
+    return case
+
+
+def test_a_case_has_the_users_channels_references_levels_and_tolerances(campaign, drawn):
+    own = open_campaign(campaign)[2]
+    virtual = open_campaign(drawn.campaign)[2]
+    assert virtual.inputs == own.inputs
+    for mine, theirs in zip(own.tests, virtual.tests, strict=True):
+        assert theirs.estimate.frf.outputs == mine.estimate.frf.outputs
+        assert theirs.condition.reference == mine.condition.reference
+        assert theirs.condition.level_n == mine.condition.level_n
+        assert theirs.condition.hammer == mine.condition.hammer
+        assert theirs.estimate.averages == mine.estimate.averages
+    assert virtual.tolerance == own.tolerance
+    np.testing.assert_allclose(virtual.freq_hz, own.freq_hz)
+    model = drawn.campaign / tomllib.loads((drawn.campaign / "campaign.toml").read_text())["model"]
+    assert model.read_text() == SERVO_AXIS
+
+
+def test_the_noise_is_that_which_was_measured(campaign, drawn):
+    own, virtual = (open_campaign(path)[2] for path in (campaign, drawn.campaign))
+    for mine, theirs in zip(own.tests, virtual.tests, strict=True):
+        ratio = np.sqrt(theirs.estimate.variance.mean(axis=0) / mine.estimate.variance.mean(axis=0))
+        np.testing.assert_allclose(ratio, 1, atol=0.15)
+
+
+def test_frfs_without_effect_and_tolerance_are_those_of_the_model(campaign):
+    """Signs of channels and references, motors, and axes of hammer points."""
+    test = read_user_test(campaign, None)
+
+    protocol = test.repeated.protocol
+    machine = Machine(test.station, _hammers(test.station, protocol, NO_TOLERANCE, 1))
+    files = takes(protocol, test.station, 1)
+    model = as_drawn(load_machine(campaign / "axis.xml"))
+    for result, reference in zip(
+        hammer_tests(machine, protocol, files, 1), REFERENCES, strict=True
+    ):
+        question = request(result.freq_hz, reference)
+        exact = linearise(model, model.drawn, question).values
+        sd = noise_of(list(REFERENCES).index(reference), exact)
+        assert np.sqrt(np.mean(np.abs((result.frf - exact) / sd) ** 2)) == pytest.approx(1, abs=0.1)
+
+
+def test_a_chosen_deck_has_effects_places_ratios_and_nothing():
+    choice = read_choice(["mass_error", "drift"], ["body:a"], [1.0, 3.0], None, 5.0)
+    assert choice.dirt == 5.0
+    cards = [card for card, _ in zip(deal_cards(1, choice), range(5), strict=False)]
+    assert sorted((card.kind, *card.names, card.ratio) for card in cards) == [
+        ("nothing", 0.0),
+        ("one", "drift", 1.0),
+        ("one", "drift", 3.0),
+        ("one", "mass_error", 1.0),
+        ("one", "mass_error", 3.0),
+    ]
+    assert {card.location for card in cards if card.names} == {"body:a"}
+
+
+def test_the_size_of_a_chosen_effect_is_what_the_user_states(campaign):
+    test = read_user_test(campaign, None)
+    choice = read_choice(["mass_error"], ["body:slide"], None, "mass=2.5", 0.0)
+    answers = [
+        tomllib.loads(
+            draw_case(test.station, 1, number, choice, test.repeated).campaign.answer.decode()
+        )
+        for number in range(2)
+    ]
+    masses = [one["parameters"]["mass"] for one in answers if one["effect"] == "mass_error"]
+    assert masses == [pytest.approx(2.5)] * len(masses)
+    assert masses
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--effect", "gremlin"], "unknown"),
+        (["--place", "body:slide"], "--effect"),
+        (["--effect", "drift", "--size", "x"], "parameter=value"),
+        (["--effect", "drift", "--ratio", "-1"], "more than 0"),
+    ],
+)
+def test_a_wrong_choice_is_one_sentence(campaign, tmp_path, options, words):
+    result = RUNNER.invoke(app, ["blind", str(campaign), "--out", str(tmp_path / "o"), *options])
+    assert result.exit_code == 2
+    assert words in result.stderr
+
+
+def test_a_channel_that_the_virtual_test_lacks_is_refused(campaign, tmp_path):
+    for path in campaign.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    text = (tmp_path / "campaign.toml").read_text()
+    (tmp_path / "campaign.toml").write_text(text.replace("acc5:+tz", "acc5:+rz"))
+    with pytest.raises(InputError, match="acc5:\\+rz"):
+        read_user_test(tmp_path, None)
+
+
+def test_the_request_names_campaign_and_choice(campaign, tmp_path, monkeypatch):
+    monkeypatch.setattr(blind_case, "_judge", lambda case: None)
+    out = tmp_path / "out"
+    arguments = ["blind", str(campaign), "--cases", "1", "--out", str(out)]
+    result = RUNNER.invoke(app, [*arguments, "--effect", "mass_error", "--ratio", "2"])
+    assert "his test" not in result.stderr
+    assert "is repeated on true machines" in result.stderr
+    asked = json.loads((out / "asked.json").read_text())
+    assert asked["choice"]["effects"] == ["mass_error"]
+    other = RUNNER.invoke(app, [*arguments, "--effect", "drift"])
+    assert other.exit_code == 3
+    assert Path(out / "cases" / "0000" / "campaign" / "campaign.toml").is_file()
