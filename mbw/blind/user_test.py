@@ -63,7 +63,13 @@ def read_user_test(path: Path, band: tuple[float, float] | None) -> UserTest:
         InputError: an input cannot be used, or the virtual test has no such channel or hit.
     """
     source, _, campaign = open_campaign(path, band)
-    if read_settings(path)[1].key not in (None, "home"):
+    settings = read_settings(path)[1]
+    if settings.loop:
+        raise InputError(
+            f"{source}: loop.{next(iter(settings.loop))} was closed in the test, which a blind "
+            "test does not repeat: leave it out, or test the machine with its loops open"
+        )
+    if settings.key not in (None, "home"):
         raise InputError(f"{source}: key names a keyframe; a blind test knows 'home' alone")
     freq_hz = campaign.freq_hz
     moving = freq_hz > 0

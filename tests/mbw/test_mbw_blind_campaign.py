@@ -182,3 +182,13 @@ def test_the_request_names_campaign_and_choice(campaign, tmp_path, monkeypatch):
     other = RUNNER.invoke(app, [*arguments, "--effect", "drift"])
     assert other.exit_code == 3
     assert Path(out / "cases" / "0000" / "campaign" / "campaign.toml").is_file()
+
+
+def test_a_loop_that_was_closed_is_refused(campaign, tmp_path):
+    for path in campaign.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    loop = '[loop.drive]\ninput = "servo"\noutput = "joint:drive"\ncontroller = { gain = 10.0 }\n'
+    text = (tmp_path / "campaign.toml").read_text()
+    (tmp_path / "campaign.toml").write_text(text + "\n" + loop)
+    with pytest.raises(InputError, match="was closed in the test"):
+        read_user_test(tmp_path, None)
