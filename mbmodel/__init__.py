@@ -90,6 +90,7 @@ from mbmodel.uncertainty.parameter_posterior import (
 )
 from mbmodel.uncertainty.plant_assembly import assemble_uncertain_plant
 from mbmodel.uncertainty.uncertain_plant import UncertainPlant, measure_lft_error
+from mbmodel.variants.variant_parts import with_variants
 from mbmodel.virtual_test.hammer_test import VirtualTest, strike
 from mbmodel.virtual_test.plan import HammerTestPlan, HitScatter, Noise, RecordedFile
 
@@ -216,6 +217,7 @@ __all__ = [
     "transport",
     "weighted_motions",
     "with_loops",
+    "with_variants",
     "write_mjcf",
     "write_nonlinear_joints",
 ]

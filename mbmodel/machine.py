@@ -105,6 +105,7 @@ class Machine:
             are then in axes that turned with the bodies, in which they are as in the nominal rest.
         sensors: the MuJoCo sensors of the MJCF.
         loops: control loops that are closed around the machine.
+        variants: the machine with a known mass or with a stage elsewhere, as some tests had it.
 
     Raises:
         ValueError: arrays whose shapes do not fit.
@@ -133,6 +134,7 @@ class Machine:
     pose: Pose | None = None
     sensors: MujocoSensors = field(default_factory=MujocoSensors)
     loops: tuple[Loop, ...] = ()
+    variants: Mapping[str, "Machine"] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check and freeze the arrays."""

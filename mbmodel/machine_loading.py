@@ -18,6 +18,7 @@ from mbmodel.linearisation.sensor_rows import RestPose
 from mbmodel.linearisation.sensors import read_sensors
 from mbmodel.linearisation.spin import spin_remarks, spin_velocity
 from mbmodel.linearisation.springs import find_springs
+from mbmodel.linearisation.stage_pose import move_joints, refuse_return
 from mbmodel.linearisation.statics import Statics
 from mbmodel.linearisation.tendon_slopes import tendon_jacobian
 from mbmodel.machine import Axle, Machine
@@ -36,6 +37,7 @@ def load_machine(
     key: str | None = None,
     *,
     without_friction: bool = False,
+    pose: Mapping[str, float] | None = None,
 ) -> Machine:
     """Read an MJCF, find its static equilibrium, and linearise the machine there.
 
@@ -47,6 +49,8 @@ def load_machine(
         spin: rates of the hinges that turn steadily [rad/s], by name; their angle is frozen.
         key: name of the keyframe that gives the pose and the controls, empty for none; by default
             the keyframe ``home`` if there is one, else none.
+        pose: moves of slides and hinges from the drawing or keyframe, each with its springs, by
+            name [m, rad].
         without_friction: whether dry friction (``frictionloss``), which has no linear model, is
             left out instead of refused.
 
@@ -59,8 +63,11 @@ def load_machine(
     if not model.nv:
         raise InputError(f"{path}: no body has a joint: give at least one body a joint")
     keyframe = choose_keyframe(model, path, key)
-    equilibrium = find_equilibrium(model, path, pose_data(model, keyframe))
+    start = pose_data(model, keyframe)
+    move_joints(model, start, pose or {}, path)
+    equilibrium = find_equilibrium(model, path, start)
     data = equilibrium.data
+    refuse_return(model, start, data, pose or {}, path)
     stages = stage_bodies(model)
     masses, centres = zip(*(_rigid_body(model, data, stage) for stage in stages), strict=True)
     names = {body_name(model, stage): stage for stage in stages}

@@ -29,6 +29,7 @@ from mbmodel.parts import (
     PartContext,
     spring_parts,
 )
+from mbmodel.variants.variant_parts import parts_in_variant
 
 T = TypeVar("T", bound=np.generic)
 
@@ -81,6 +82,29 @@ class Model:
     def loops(self) -> tuple[LoopPart, ...]:
         """Known Parts of the control loops that are closed around the machine."""
         return loop_parts(self.machine)
+
+    def for_test(self, condition: Condition | None) -> "Model":
+        """Return the model of a test: that of the machine's variant in which it was made.
+
+        It has the same parameters. Without a variant it is the model itself.
+
+        Args:
+            condition: of the test, or None.
+        """
+        name = "" if condition is None else condition.variant
+        if not name or not self.machine.variants:
+            return self
+        if name not in self._variants:
+            variant = self.machine.variants[name]
+            self._variants[name] = Model(
+                variant, parts_in_variant(self.machine, variant, self.parts)
+            )
+        return self._variants[name]
+
+    @cached_property
+    def _variants(self) -> dict[str, "Model"]:
+        """Models of variants that tests have asked for, by name."""
+        return {}
 
     def split_parameters(self, theta: NDArray[T]) -> tuple[NDArray[T], ...]:
         """Split theta, or any array of its shape, into one array per Part.
@@ -177,7 +201,7 @@ class Model:
         Raises:
             ConvergenceError: a hung or preloaded machine has no equilibrium at theta.
         """
-        posed = self.at_rest(theta)
+        posed = self.for_test(condition).at_rest(theta)
         if posed is not self:
             return posed.assemble(theta, condition)
         machine = self.machine
@@ -311,6 +335,9 @@ class Model:
             chosen: parameters of interest; Parts without one get no slopes; all if None;
                 (n_parameter,).
         """
+        model = self.for_test(condition)
+        if model is not self:
+            return model.slopes(theta, condition, chosen)
         posed = self.at_rest(theta)
         context = PartContext(posed.machine, condition)
         chosen_of_parts = self.split_parameters(

@@ -28,6 +28,7 @@ from mbmodel import (
     sensor_parts,
     spring_parts,
     with_loops,
+    with_variants,
 )
 from mbmodel.frf.ports import find_ports
 from mbmodel.parts import ToleranceKind
@@ -258,6 +259,7 @@ def open_campaign(
     if machine is None:
         machine = load_machine(source.parent / str(settings.model), key=settings.key)
     machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
+    machine = with_variants(machine, load_variants(source, settings, machine))
     machine, loop_remarks = _close_loops(source, machine, settings)
     campaign = read_campaign(source, settings, machine.layout)
     _refuse_unknown_ports(source, machine, campaign)
@@ -267,6 +269,28 @@ def open_campaign(
     of_machine = (f"{machine.source.name}: {remark}" for remark in machine.remarks)
     chosen = replace(chosen, remarks=(*chosen.remarks, *of_machine, *loop_remarks))
     return source, machine, divide_by_unknown_gains(machine, chosen)
+
+
+def load_variants(source: Path, settings: CampaignSettings, machine: Machine) -> dict[str, Machine]:
+    """Return the machines of tests that have a model or a pose of their own, by variant.
+
+    Args:
+        source: path of campaign.toml.
+        settings: its content.
+        machine: of the campaign.
+
+    Raises:
+        InputError: a model that cannot be read, or a pose that it does not have.
+    """
+    variants: dict[str, Machine] = {}
+    for entry in settings.test:
+        if not entry.variant or entry.variant in variants:
+            continue
+        path = machine.source if entry.model is None else source.parent / entry.model
+        variant = load_machine(path, key=machine.keyframe, pose=entry.pose)
+        layout = correct_layout(source, settings, variant.layout)
+        variants[entry.variant] = replace(variant, layout=layout)
+    return variants
 
 
 def _close_loops(
@@ -307,3 +331,13 @@ def _refuse_unknown_ports(source: Path, machine: Machine, campaign: Campaign) ->
                     f"{source}: channel {str(port)!r} reads forces or the weight in a tilting "
                     "sensor, which only mbw predict handles: name its site or joint instead"
                 )
+    for test in campaign.tests:
+        variant = machine.variants.get(test.condition.variant)
+        if variant is None:
+            continue
+        try:
+            find_ports(variant, test.estimate.frf.outputs, (test.condition.reference,))
+        except UsageError as error:
+            raise InputError(
+                f"{source}: {test.condition.test} with {test.condition.variant}: {error}"
+            ) from error

@@ -72,6 +72,7 @@ def tests_from_records(
             entry.spindle_speed,
             entry.setup,
             entry.hammer,
+            entry.variant,
         )
         tests.setdefault(entry.file, []).append(Test(condition, hits.estimate, hits))
         remarks += [*hits.remarks, *_hit_count_remarks(entry, hits)]

@@ -283,7 +283,13 @@ def _test(entry: TestSettings, table: FrfTable, reference: Input, rows: Mask) ->
         window_tau=entry.window_tau,
     )
     condition = Condition(
-        entry.file, reference, entry.level, entry.spindle_speed, entry.setup, entry.hammer
+        entry.file,
+        reference,
+        entry.level,
+        entry.spindle_speed,
+        entry.setup,
+        entry.hammer,
+        entry.variant,
     )
     return Test(condition, estimate)
 

@@ -38,6 +38,9 @@ class TestSettings(TomlTable):
 
     ``as_stated = true`` says that unit, quantity and frequency unit are right, however much the
     nominal model differs.
+
+    ``model`` is that of this test alone, such as with a known mass; ``pose`` moves joints [m, rad]
+    from where they rest, each with its springs.
     """
 
     __test__ = False
@@ -56,6 +59,8 @@ class TestSettings(TomlTable):
     time_sign: Literal["+", "-"] = "+"
     frequency_unit: Literal["Hz", "rad/s", "rpm", "kHz"] | None = None
     as_stated: bool = False
+    model: FileName | None = None
+    pose: dict[str, float] = Field(default_factory=dict)
     block_s: float | None = Field(default=None, gt=0)
     pretrigger_s: float | None = Field(default=None, ge=0)
     force_window_s: float | None = Field(default=None, ge=0)
@@ -63,6 +68,12 @@ class TestSettings(TomlTable):
     estimator: Estimator | None = None
     reject: bool | None = None
     ignore_hz: list[FrequencyRange] = Field(default_factory=list)
+
+    @property
+    def variant(self) -> str:
+        """Name of the machine's variant in the test, such as ``loaded.xml at ty_ty = 0.05``."""
+        joints = ", ".join(f"{joint} = {value:g}" for joint, value in sorted(self.pose.items()))
+        return " at ".join(filter(None, (self.model, joints)))
 
 
 class SensorSettings(TomlTable):
@@ -173,6 +184,11 @@ def read_settings(folder: Path) -> tuple[Path, CampaignSettings]:
     if (settings.model is None) == (settings.layout is None):
         raise InputError(
             f"{path} must name either a model or a layout: add one, or remove one of both"
+        )
+    if settings.layout is not None and any(test.variant for test in settings.test):
+        raise InputError(
+            f"{path}: a [[test]] has a model or pose of its own, which a layout does not have: "
+            "name a model, or remove them"
         )
     if settings.loop and settings.layout is not None:
         raise InputError(

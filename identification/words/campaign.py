@@ -31,6 +31,8 @@ class Condition:
         spindle_speed: spindle speed [rad/s].
         setup: name of the roving set-up, or None.
         hammer: name of the hammer or drive that gave the force, or None if no name was stated.
+        variant: name of the machine's variant, such as one with a known mass; empty for the
+            machine of the campaign.
 
     Raises:
         ValueError: the level is not positive, or a value is not finite.
@@ -42,6 +44,7 @@ class Condition:
     spindle_speed: float = 0.0
     setup: str | None = None
     hammer: str | None = None
+    variant: str = ""
 
     def __post_init__(self) -> None:
         """Check the reference, the level and the spindle speed."""
@@ -194,6 +197,23 @@ class Campaign:
     def inputs(self) -> tuple[Input, ...]:
         """References of all tests, each once, with positive sign."""
         return distinct_dofs(test.condition.reference for test in self.tests)
+
+    @property
+    def variants(self) -> tuple[str, ...]:
+        """Variants of the machine in which tests were made, each once, in their order."""
+        return tuple(dict.fromkeys(test.condition.variant for test in self.tests))
+
+    def select_variant(self, name: str) -> Self:
+        """Return the campaign with the tests of one variant of the machine alone.
+
+        Args:
+            name: of the variant; empty for the machine of the campaign.
+
+        Raises:
+            ValueError: no test was made in it.
+        """
+        tests = tuple(test for test in self.tests if test.condition.variant == name)
+        return replace(self, tests=tests)
 
     def select_lines(self, chosen: Mask | slice) -> Self:
         """Return the campaign on these frequency lines alone.

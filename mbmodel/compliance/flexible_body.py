@@ -51,7 +51,9 @@ def add_bending_mode(machine: Machine, body: str) -> Machine:
     motion = np.zeros((6, len(machine.coordinates) + 1))
     motion[0, -1], mass[0, 0] = 1.0, machine.body_mass[6 * number, 6 * number]
     extended = add_coordinates(machine, (name,), np.zeros((len(machine.body_mass), 1)))
-    return add_body(extended, name, machine.layout.centres[number], motion, mass)
+    bent = add_body(extended, name, machine.layout.centres[number], motion, mass)
+    variants = {key: add_bending_mode(variant, body) for key, variant in machine.variants.items()}
+    return replace(bent, variants=variants)
 
 
 def _stage_of(axle: Axle) -> str:

@@ -21,7 +21,7 @@ from itertools import groupby, permutations
 
 import numpy as np
 
-from identification.words import DIRECTIONS, Real
+from identification.words import DIRECTIONS, InputError, Real
 from mbmodel.compliance.extended_machine import add_coordinates
 from mbmodel.machine import Axle, Machine
 from mbmodel.spatial import twist
@@ -100,7 +100,32 @@ def release_rigid_directions(
     extended = replace(
         extended, remaining_stiffness=stiffness, remaining_damping=damping, axles=tuple(all_axles)
     )
-    return extended, tuple(rigid)
+    variants = {
+        name: _released_alike(variant, highest_hz, extended, rigid)
+        for name, variant in machine.variants.items()
+    }
+    return replace(extended, variants=variants), tuple(rigid)
+
+
+def _released_alike(
+    variant: Machine, highest_hz: float, nominal: Machine, rigid: list[RigidDirection]
+) -> Machine:
+    """Return a variant with the released directions and locking springs of the nominal machine.
+
+    Raises:
+        InputError: the variant is turned so far that its directions have other names.
+    """
+    released, _ = release_rigid_directions(variant, highest_hz)
+    if released.coordinates != nominal.coordinates:
+        raise InputError(
+            f"{variant.source}: a test's pose turns a stage so far that its rigid directions are "
+            "no longer those of the nominal pose: leave this test out for mbw diagnose"
+        )
+    stiffness, damping = released.remaining_stiffness.copy(), released.remaining_damping.copy()
+    for locked in rigid:
+        stiffness[locked.coordinate, locked.coordinate] = locked.stiffness
+        damping[locked.coordinate, locked.coordinate] = locked.stiffness * locked.time_constant
+    return replace(released, remaining_stiffness=stiffness, remaining_damping=damping)
 
 
 def _rigid_twists(axles: list[Axle], body: Real) -> dict[str, Real]:

@@ -97,7 +97,7 @@ def loop_parts(machine: Machine) -> tuple[LoopPart, ...]:
 
 
 def with_loops(machine: Machine, loops: Sequence[Loop]) -> Machine:
-    """Return a machine around which these loops are closed, and no others.
+    """Return a machine around which these loops are closed, and no others; variants alike.
 
     Args:
         machine: with or without loops.
@@ -106,7 +106,8 @@ def with_loops(machine: Machine, loops: Sequence[Loop]) -> Machine:
     Raises:
         UsageError: a port that the machine does not have, or a reading of forces or weight.
     """
-    closed = replace(machine, loops=tuple(loops))
+    variants = {name: with_loops(each, loops) for name, each in machine.variants.items()}
+    closed = replace(machine, loops=tuple(loops), variants=variants)
     for part in loop_parts(closed):
         part.changes(np.zeros(0), PartContext(closed))
     return closed

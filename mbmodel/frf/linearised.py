@@ -106,7 +106,7 @@ class Evaluator:
     Args:
         model: machine and Parts.
         request: lines, outputs, inputs, quantity.
-        condition: of the test, or None.
+        condition: of the test, whose variant of the machine is meant; or None.
         direct: always eliminate line by line instead of using the modal form.
         agreement: allowed error of the modal form, relative to each coordinate's peak.
 
@@ -123,8 +123,8 @@ class Evaluator:
         direct: bool = False,
         agreement: float = _MAX_MODAL_ERROR,
     ) -> None:
-        self.model, self.condition = model, condition
-        self.ports = find_ports(model.machine, request.outputs, request.inputs)
+        self.model, self.condition = model.for_test(condition), condition
+        self.ports = find_ports(self.model.machine, request.outputs, request.inputs)
         self.request = request = with_orders(request, self.ports)
         self.is_direct, self._agreement = direct, agreement
         if self.ports.has_floor and request.order < 2 and not request.laplace.all():

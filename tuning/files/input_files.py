@@ -16,6 +16,8 @@ def input_rows(session: Session) -> list[InputRow]:
     folder = session.source.parent
     files = {session.source, *mjcf_files(session.model.machine.source)}
     files |= {folder / test.condition.test for test in session.campaign.tests}
+    for variant in session.model.machine.variants.values():
+        files |= {*mjcf_files(variant.source)}
     controllers = (table.controller for table in read_settings(session.source)[1].loop.values())
     files |= {folder / name for name in controllers if isinstance(name, str)}
     return [

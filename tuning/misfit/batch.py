@@ -25,7 +25,7 @@ _MODAL_FORM_ERROR = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Tests of one window in which equal Parts act: their channels and measured values.
+    """Tests of one machine and window in which equal Parts act: their channels and measured values.
 
     Args:
         evaluator: model of the union of their outputs and inputs.
@@ -82,9 +82,10 @@ def batch_tests(model: Model, campaign: Campaign, *, direct: bool = False) -> tu
         campaign: tests.
         direct: whether the model solves the equations of motion directly instead of by its modes.
     """
-    groups: dict[tuple[float, tuple[float, ...]], list[int]] = {}
+    groups: dict[tuple[str, float, tuple[float, ...]], list[int]] = {}
     for number, test in enumerate(campaign.tests):
-        key = test.estimate.window_tau, model.acting_fractions(test.condition)
+        acting = model.acting_fractions(test.condition)
+        key = test.condition.variant, test.estimate.window_tau, acting
         groups.setdefault(key, []).append(number)
     return tuple(_batch(model, campaign, tuple(numbers), direct) for numbers in groups.values())
 
@@ -101,7 +102,8 @@ def _batch(model: Model, campaign: Campaign, numbers: tuple[int, ...], direct: b
         tests[0].estimate.frf.quantity,
         window_tau=tests[0].estimate.window_tau,
     )
-    condition = tests[0].condition if any(model.acting_fractions(tests[0].condition)) else None
+    first = tests[0].condition
+    condition = first if first.variant or any(model.acting_fractions(first)) else None
     shape = (len(outputs), len(tests), len(campaign.freq_hz))
     values, variance = np.zeros(shape, complex), np.zeros(shape)
     measured = np.zeros(shape[:2], bool)
