@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from identification.modal import identify as identify_campaign
-from identification.words import ModalModel, Real, shorten_names
+from identification.words import ModalModel, Real, UsageError, shorten_names
 from mbworkbench.campaign import MeasuredCampaign, read_campaign
 from mbworkbench.labels import AnyPath
 from mbworkbench.sessions import select_band
@@ -63,21 +63,30 @@ class IdentifiedModel:
 
 
 def identify(
-    campaign: MeasuredCampaign | AnyPath, band: tuple[float, float] | None = None
+    campaign: MeasuredCampaign | AnyPath,
+    band: tuple[float, float] | None = None,
+    variant: str | None = None,
 ) -> IdentifiedModel:
     """Identify the modal model of a campaign.
 
     Args:
         campaign: from ``read_campaign``, or the path of its folder.
         band: lowest and highest frequency [Hz]; the lines with coherence if None.
+        variant: of tests with models or poses of their own, those that are identified, such as
+            ``loaded.xml``; empty for the machine of the campaign; None if all have one machine.
 
     Raises:
-        InputError: the campaign cannot be used, or the band holds no line.
+        InputError: the campaign cannot be used, the band holds no line, or its tests were made in
+            several machines and none is stated.
         UsageError: the lower frequency of the band does not come first.
     """
     if not isinstance(campaign, MeasuredCampaign):
         campaign = read_campaign(campaign)
     chosen = select_band(campaign, band)
+    if variant is not None:
+        if variant not in chosen.variants:
+            raise UsageError(f"{variant!r} is no variant of the campaign: {chosen.variants} are")
+        chosen = chosen.select_variant(variant)
     model, identified, _ = identify_campaign(chosen)
     freq = chosen.freq_hz
     return IdentifiedModel(

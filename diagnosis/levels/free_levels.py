@@ -25,7 +25,12 @@ LAW_EFFECTS = ("friction", "backlash", "hardening")  # they depend on the level
 
 
 def list_levels(campaign: Campaign) -> tuple[float, ...]:
-    """Return the levels of a campaign, the lowest first; empty if a test does not state its own."""
+    """Return the levels of a campaign, the lowest first; empty if a test does not state its own.
+
+    Laws are simulated about one machine: tests with models or poses of their own show no levels.
+    """
+    if len(campaign.variants) > 1:
+        return ()
     levels = {test.condition.level_n for test in campaign.tests}
     return () if None in levels else tuple(sorted(level for level in levels if level is not None))
 

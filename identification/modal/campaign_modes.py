@@ -243,9 +243,16 @@ def identify(
         The modal model, the identified modes with their statistics, and the FRFs that were fitted.
 
     Raises:
-        InputError: tests that cannot be combined, or no cell with a known variance.
+        InputError: tests that cannot be combined, tests in several machines, or no cell with a
+            known variance.
         UsageError: a choice that the data do not allow.
     """
+    if len(campaign.variants) > 1:
+        names = ", ".join(name or "the campaign's model" for name in campaign.variants)
+        raise InputError(
+            f"{campaign.name}: its tests were made in several machines ({names}), each with modes "
+            "of its own: select the tests of one"
+        )
     measured = combine_tests(campaign)
     if is_roving_hammer(campaign):
         measured = measured.transpose()

@@ -213,6 +213,8 @@ class Campaign:
             ValueError: no test was made in it.
         """
         tests = tuple(test for test in self.tests if test.condition.variant == name)
+        if not tests:
+            raise ValueError(f"no test was made in {name or 'the machine of the campaign'}")
         return replace(self, tests=tests)
 
     def select_lines(self, chosen: Mask | slice) -> Self:

@@ -13,6 +13,7 @@ from mbmodel.parts.hammer_gain import HammerGainPart
 from mbmodel.variants.body_frames import body_rotations, motion_to_nominal
 from mbmodel.variants.carried_parts import CarriedPart, TurnedJointPart
 
+_SAME_PLACE_M = 1e-9  # of a joint in two machines: rounding
 # Parts whose changes depend on no place: factors of inputs and of readings.
 _PLACELESS = (ChannelPart, HammerGainPart)
 
@@ -43,9 +44,9 @@ def _refuse_unlike(machine: Machine, variant: Machine) -> None:
         ("joints", machine.coordinates, variant.coordinates),
         ("springs and dampers", _coefficients(machine), _coefficients(variant)),
     )
-    for kind, nominal, others in kinds:
-        if nominal != others:
-            differing = sorted(set(nominal) ^ set(others)) or [*others]
+    for kind, nominal, varied in kinds:
+        if nominal != varied:
+            differing = sorted(set(nominal) ^ set(varied)) or [*varied]
             raise InputError(
                 f"{variant.source}: its {kind} are not those of {machine.source.name} "
                 f"({shorten_names(differing)} differ): a test's own model may add mass to bodies, "
@@ -63,6 +64,15 @@ def _refuse_unlike(machine: Machine, variant: Machine) -> None:
 def _coefficients(machine: Machine) -> tuple[str, ...]:
     """Return the names of stiffness and damping of all springs."""
     return tuple(parameter.name for part in spring_parts(machine) for parameter in part.parameters)
+
+
+def has_moved_stages(machine: Machine) -> bool:
+    """Return whether some variant of a machine has a stage elsewhere."""
+    anchors = np.array([axle.anchor for axle in machine.axles])
+    return any(
+        not np.allclose(anchors, [axle.anchor for axle in variant.axles], atol=_SAME_PLACE_M)
+        for variant in machine.variants.values()
+    )
 
 
 def parts_in_variant(machine: Machine, variant: Machine, parts: Sequence[Part]) -> tuple[Part, ...]:

@@ -1,7 +1,8 @@
 """``mbw identify``: identification of a campaign's modal model."""
 
 import math
-from dataclasses import dataclass
+import re
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -54,6 +55,8 @@ from mbw.identify.tips import TIPS_PAGE, TipComparison, compare_tips, write_tips
 from mbw.messages import SCREEN
 from mbw.output_folder import ResultOptions
 from tuning import open_campaign
+
+_NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9.=_]+")  # of folders
 
 
 @dataclass(frozen=True)
@@ -138,9 +141,66 @@ def run(
     Returns:
         The folder of the result.
     """
-    source, machine, band_campaign = _open_campaign(campaign, band)
-    comparison = _compare_tips(band_campaign, choices.compared, band)
-    with outputs.open("identify", source, "modes", NAMES) as output:
+    source, machine, whole = _open_campaign(campaign, band)
+    first, *further = [
+        TestsOfMachine.of_variant(machine, whole, name) for name in sorted(whole.variants, key=bool)
+    ]
+    comparison = _compare_tips(first.campaign, choices.compared, band)
+    folder = _run_machine(source, first, outputs, choices, comparison)
+    plain = replace(choices, modes=ModeChoices(), animations=())
+    for tests in further:
+        SCREEN.say(f"tests with {tests.variant}, which have modes of their own:")
+        out = outputs.out
+        out = None if out is None else out.with_name(f"{out.name}-{tests.slug}")
+        _run_machine(source, tests, replace(outputs, out=out, json=None), plain, None)
+    return folder
+
+
+@dataclass(frozen=True, eq=False)
+class TestsOfMachine:
+    """Tests that were made in one machine, such as one with a known mass.
+
+    Args:
+        machine: in which they were made; None for a layout.
+        campaign: these tests.
+        variant: its name; empty for the machine of the campaign.
+    """
+
+    machine: Machine | None
+    campaign: Campaign
+    variant: str
+
+    @classmethod
+    def of_variant(cls, machine: Machine | None, campaign: Campaign, name: str) -> "TestsOfMachine":
+        """Return the tests of one variant of a machine."""
+        chosen = machine.variants[name] if name and machine is not None else machine
+        return cls(chosen, campaign.select_variant(name), name)
+
+    @property
+    def slug(self) -> str:
+        """Name of the variant as a part of a folder's name."""
+        return _NOT_IN_NAMES.sub("-", self.variant.replace(".xml", ""))
+
+
+def _run_machine(
+    source: Path,
+    tests: TestsOfMachine,
+    outputs: ResultOptions,
+    choices: IdentifyChoices,
+    comparison: TipComparison | None,
+) -> Path:
+    """Identify the modes of the tests of one machine and write its folder.
+
+    Args:
+        source: path of campaign.toml.
+        tests: made in one machine.
+        outputs: where the result is written.
+        choices: choices of the user.
+        comparison: of hammer tips; None for none.
+    """
+    machine, band_campaign = tests.machine, tests.campaign
+    suffix = f"modes-{tests.slug}" if tests.variant else "modes"
+    with outputs.open("identify", source, suffix, NAMES) as output:
         result = _identify(machine, band_campaign, choices)
         refuse_missing_modes(choices.animations, len(result.summary.modes))
         with output.write() as place:

@@ -218,6 +218,10 @@ def _imitate(
     source, settings = read_settings(options.like or Path())
     if settings.model is None:
         raise InputError(f"{source} names no model: --like needs a campaign with one")
+    if any(entry.variant for entry in settings.test):
+        raise InputError(
+            f"{source}: some [[test]] has a model or pose of its own: simulate a campaign without"
+        )
     if settings.loop:
         raise InputError(
             f"{source}: loop.{next(iter(settings.loop))} was closed during the test, and a "

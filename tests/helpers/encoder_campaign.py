@@ -60,7 +60,11 @@ def write_axis(path: Path) -> None:
 
 
 def axis_frfs(
-    freq_hz: np.ndarray, scales: Mapping[str, float], added_mass: float = 0.0
+    freq_hz: np.ndarray,
+    scales: Mapping[str, float],
+    added_mass: float = 0.0,
+    shift: float = 0.0,
+    masses: float = 1.0,
 ) -> np.ndarray:
     """Return the FRFs between all channels and references; (n_freq, n_out, n_in).
 
@@ -71,16 +75,19 @@ def axis_frfs(
         freq_hz: lines [Hz].
         scales: factors on stiffnesses, by joint.
         added_mass: at the carriage's centre [kg].
+        shift: of the carriage along its slide [m].
+        masses: factor on all masses and moments of inertia, but for the added mass.
     """
-    h, carriage = CARRIAGE_HEIGHT, CARRIAGE_MASS + added_mass
+    h, carriage = CARRIAGE_HEIGHT, CARRIAGE_MASS + added_mass / masses
     # Motions of the centres per (frame_tx, frame_tz, frame_ry, carriage_tx, carriage_ry).
     frame_x, frame_z, frame_a = np.eye(5)[0], np.eye(5)[1], np.eye(5)[2]
     car_x = frame_x + h * frame_a + np.eye(5)[3]
+    car_z = frame_z - shift * frame_a
     car_a = frame_a + np.eye(5)[4]
     mass = (
         FRAME_MASS * (np.outer(frame_x, frame_x) + np.outer(frame_z, frame_z))
         + FRAME_INERTIA * np.outer(frame_a, frame_a)
-        + carriage * (np.outer(car_x, car_x) + np.outer(frame_z, frame_z))
+        + carriage * (np.outer(car_x, car_x) + np.outer(car_z, car_z))
         + CARRIAGE_INERTIA * np.outer(car_a, car_a)
     )
     stiffness = np.diag([value * scales.get(name, 1.0) for name, value in STIFFNESS.items()])
@@ -90,7 +97,7 @@ def axis_frfs(
         return frame_x + z * frame_a, frame_z - x * frame_a
 
     def on_carriage(x: float, z: float) -> tuple[np.ndarray, np.ndarray]:
-        return car_x + z * car_a, frame_z - x * car_a
+        return car_x + z * car_a, car_z - x * car_a
 
     rows = np.array(
         [
@@ -110,7 +117,8 @@ def axis_frfs(
         ]
     )
     s = 2j * np.pi * freq_hz[:, None, None]
-    receptance = rows @ np.linalg.solve(s**2 * mass + s * damping + stiffness, columns.T)
+    dynamic = s**2 * masses * mass + s * damping + stiffness
+    receptance = rows @ np.linalg.solve(dynamic, columns.T)
     orders = np.array([0, 2, 2, 2, 2, 2])[:, None]  # the encoder reads positions
     return s**orders * receptance
 
@@ -139,6 +147,8 @@ def write_encoder_campaign(
     lines: int = 150,
     noise: float = 0.01,
     loop: Callable[[np.ndarray], np.ndarray] | None = None,
+    masses: float = 1.0,
+    further: Mapping[str, Mapping[str, float]] | None = None,
 ) -> None:
     """Write model.xml, test.npz and campaign.toml.
 
@@ -153,28 +163,38 @@ def write_encoder_campaign(
         lines: number of lines.
         noise: of each channel, relative to its rms.
         loop: K(s) with its delay of a loop that was closed, from the encoder to the drive.
+        masses: factor on all masses and moments of inertia of the real machine.
+        further: further tests by the line of campaign.toml that states their model or pose, with
+            ``added_mass`` or ``shift`` of the real machine in them.
     """
     folder.mkdir(parents=True, exist_ok=True)
     write_axis(folder / "model.xml")
     gains, delays = gains or {}, delays or {}
     freq = np.linspace(8.0, 160.0, lines)
-    values = axis_frfs(freq, scales or {}, added_mass)
-    if loop is not None:
-        values = close_servo(values, loop(2j * np.pi * freq))
     random = np.random.default_rng(seed)
-    sigma = noise * np.sqrt((np.abs(values) ** 2).mean(axis=0))
-    error = random.normal(size=(2, *values.shape)) * sigma / np.sqrt(2)
-    measured = values + error[0] + 1j * error[1]
-    coherence = 1 / (1 + (AVERAGES - 1) * sigma**2 / np.abs(measured) ** 2)
-    for axis, names in ((1, CHANNELS), (2, REFERENCES)):
-        for number, name in enumerate(names):
-            factor = gains.get(name, 1.0) * np.exp(-2j * np.pi * freq * delays.get(name, 0.0))
-            place = (slice(None), number) if axis == 1 else (slice(None), slice(None), number)
-            measured[place] *= factor[:, None]
-    np.savez(folder / "test.npz", frf=measured, coherence=coherence, freq_hz=freq)
     channels, references = list(CHANNELS), list(REFERENCES)
+    blocks = []
+    for number, (line, state) in enumerate({"": {}, **(further or {})}.items()):
+        real = {**state, "added_mass": added_mass + state.get("added_mass", 0.0)}
+        values = axis_frfs(freq, scales or {}, masses=masses, **real)
+        if loop is not None:
+            values = close_servo(values, loop(2j * np.pi * freq))
+        sigma = noise * np.sqrt((np.abs(values) ** 2).mean(axis=0))
+        error = random.normal(size=(2, *values.shape)) * sigma / np.sqrt(2)
+        measured = values + error[0] + 1j * error[1]
+        coherence = 1 / (1 + (AVERAGES - 1) * sigma**2 / np.abs(measured) ** 2)
+        for axis, names in ((1, CHANNELS), (2, REFERENCES)):
+            for place, name in enumerate(names):
+                factor = gains.get(name, 1.0) * np.exp(-2j * np.pi * freq * delays.get(name, 0.0))
+                cells = [slice(None)] * 3
+                cells[axis] = place
+                measured[tuple(cells)] *= factor[:, None]
+        file = f"test{number or ''}.npz"
+        np.savez(folder / file, frf=measured, coherence=coherence, freq_hz=freq)
+        blocks.append(
+            f'[[test]]\nfile = "{file}"\naverages = {AVERAGES}\nchannels = {channels}\n'
+            f"references = {references}\n{line}\n"
+        )
     (folder / "campaign.toml").write_text(
-        f'model = "model.xml"\n[[test]]\nfile = "test.npz"\naverages = {AVERAGES}\n'
-        f"channels = {channels}\nreferences = {references}\n{extra}",
-        encoding="utf-8",
+        f'model = "model.xml"\n{"".join(blocks)}{extra}', encoding="utf-8"
     )

@@ -32,6 +32,7 @@ from identification.words import (
     Campaign,
     Complex,
     HasPoles,
+    InputError,
     Integers,
     Mask,
     ModalModel,
@@ -84,12 +85,19 @@ class ModePairs(HasPoles):
 def modes_in_band(campaign: Campaign) -> ModalModel:
     """Identify a campaign's modes inside the band, with shapes at the measured channels.
 
+    Tests with models or poses of their own have other modes, and are left out.
+
     For a roving hammer the shapes are those at the points that were hit, by reciprocity.
 
     Raises:
         InputError: tests that cannot be combined, or no FRF with a known variance.
     """
-    model, identified, measured = identify(campaign)
+    if "" not in campaign.variants:
+        raise InputError(
+            f"{campaign.name}: all tests have models or poses of their own, but modes are fitted "
+            "to the machine of the campaign: tune with --residual log"
+        )
+    model, identified, measured = identify(campaign.select_variant(""))
     inside = np.arange(len(model.poles)) < identified.inside.sum()
     was_measured = np.asarray(measured.measured.any(axis=1), np.bool_)
     return select_modes(model, inside, was_measured)
