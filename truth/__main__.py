@@ -12,7 +12,7 @@ from truth.campaign.draw import REAL_INSTRUMENTS, Tolerance
 from truth.campaign.folder import check_folder, write_answer, write_campaign
 from truth.campaign.protocol import Protocol, draw_protocol
 from truth.campaign.virtual_test import Plan, draw_campaign
-from truth.effects import CATALOGUE
+from truth.effects import CATALOGUE, RIVALS
 from truth.effects.outside import OUTSIDE
 from truth.errors import TruthError
 from truth.machine.random_tree import draw_tree
@@ -32,7 +32,7 @@ def generate(  # noqa: PLR0913  # one parameter for each option of the command
     seed: Annotated[int, typer.Option(min=0, help="Seed of all draws; it holds the answer.")],
     effect: Annotated[
         list[str] | None,
-        typer.Option(help=f"One of {', '.join([*CATALOGUE, *OUTSIDE])}; may be repeated."),
+        typer.Option(help=f"One of {', '.join([*CATALOGUE, *RIVALS, *OUTSIDE])}; may be repeated."),
     ] = None,
     place: Annotated[
         str | None, typer.Option(help="Where the first effect sits, as joint:ty; else drawn.")

@@ -2,9 +2,10 @@
 
 Campaigns of withheld truth, whose joints are integrated in time by ``truth`` itself: ten of each
 effect on exact machines and ten beside 5 % of small imperfections, at survival ratio 4, and 60
-linear machines at three levels. Seeds 440000 and up tuned nothing. Rows that are done are kept, in
-an order that mixes all cells. The environment is that of the bench of real machines (``dirty``):
-``LIMIT``, ``CAMPAIGNS``, ``JOBS``.
+linear machines at three levels. In 20 further ones a joint drifts between the levels; in half of
+these the first level is repeated. Seeds 441000 and up tuned nothing. Rows that are done are kept,
+in an order that mixes all cells. The environment is that of the bench of real machines
+(``dirty``): ``LIMIT``, ``CAMPAIGNS``, ``JOBS``.
 """
 
 import os
@@ -22,11 +23,13 @@ from tests.bench.kept import cases, of
 from truth.grade.beside_background import right_first
 from truth.grade.rates import wilson
 
-FIRST = 440_000
+FIRST = 441_000
 EFFECTS = ("friction", "backlash", "hardening")
 LEVELS_N = (40.0, 200.0, 1000.0)
+RETURNING_N = (*LEVELS_N, LEVELS_N[0])
 RATIO = 4.0
 CAUSES_OF_EACH, LINEAR_MACHINES = 10, 60
+RETURNS, STAYS = "drift, the first level repeated", "drift, no level repeated"
 
 
 def designs() -> tuple[Design, ...]:
@@ -36,6 +39,10 @@ def designs() -> tuple[Design, ...]:
         * CAUSES_OF_EACH
         for effect in EFFECTS
         for dirt in (0.0, 5.0)
+    ]
+    piles += [
+        [Design(cell, ("level_drift",), levels=levels)] * CAUSES_OF_EACH
+        for cell, levels in ((RETURNS, RETURNING_N), (STAYS, LEVELS_N))
     ]
     linear = (
         Design(f"linear, dirt {dirt:g} %", dirt=dirt, levels=LEVELS_N) for dirt in cycle((0.0, 5.0))
@@ -60,6 +67,11 @@ def figures(rows: Sequence[dict]) -> list[dict[str, object]]:
             found.append(_rate(cell, "a wrong cause with p of 0.5 or more", read, has_wrong_cause))
             continue
 
+        if cell in (RETURNS, STAYS):
+            found.append(_rate(cell, "a law with p of 0.5 or more", read, _has_law))
+        if cell == STAYS:
+            found.append(_rate(cell, "drift first, or a twin of the law", read, _names_drift))
+
         def is_first(case: Graded) -> bool:
             return right_first(case.truth, case.verdict)
 
@@ -76,6 +88,19 @@ def figures(rows: Sequence[dict]) -> list[dict[str, object]]:
             figure = {"figure": f"core seconds, {name}", "value": float(value)}
             found.append(figure | {"n": len(seconds)})
     return found
+
+
+def _has_law(case: Graded) -> bool:
+    """Return whether a verdict names a law."""
+    return any(row.effect in EFFECTS and row.probability >= 0.5 for row in case.verdict.causes)
+
+
+def _names_drift(case: Graded) -> bool:
+    """Return whether a verdict states drift as the first cause or as its twin."""
+    causes = case.row["verdict"]["causes"]
+    site = f"{causes[0]['effect']}@{causes[0]['location']}" if causes else ""
+    pairs = [pair for pair in case.row["verdict"]["twins"] if site in pair]
+    return any(name.startswith("drift@") for name in (site, *(n for pair in pairs for n in pair)))
 
 
 def _rate(

@@ -109,7 +109,10 @@ def _hammer_test(
         )
         for column in range(len(references))
     ]
-    occasions = [Occasion(take.level, node, axis - 1, take.setup) for node, axis in references]
+    occasions = [
+        Occasion(take.level, node, axis - 1, take.setup, visit=take.visit)
+        for node, axis in references
+    ]
     added = nonlinear_part(known, occasions, hits, RATE_HZ * protocol.pace)
     for column, pulses in enumerate(hits):
         force = pulse_spectra(freq_hz, pulses)

@@ -84,6 +84,7 @@ class Take:
         setup: name of the set-up; empty if there is one alone.
         channels: what is recorded, sorted.
         test: the user's own test of this file; None for a virtual one.
+        visit: number of the visit to a level, from 0.
     """
 
     file: str
@@ -91,6 +92,7 @@ class Take:
     setup: str
     channels: tuple[Channel, ...]
     test: MeasuredTest | None = None
+    visit: int = 0
 
 
 def takes(protocol: Protocol, station: Station, seed: int) -> tuple[Take, ...]:
@@ -116,6 +118,7 @@ def takes(protocol: Protocol, station: Station, seed: int) -> tuple[Take, ...]:
                     level,
                     setup,
                     tuple((node, axis) for node in own for axis in (1, 2, 3)),
+                    visit=place,
                 )
             )
     return tuple(found)
@@ -132,7 +135,9 @@ def take_occasions(protocol: Protocol, take: Take) -> tuple[Occasion, ...]:
         node, axis = take.test.reference
         return (Occasion(take.level, node, axis, take.setup, label=take.test.stated.reference),)
     return tuple(
-        Occasion(take.level, node, axis, take.setup) for node in protocol.nodes for axis in range(3)
+        Occasion(take.level, node, axis, take.setup, visit=take.visit)
+        for node in protocol.nodes
+        for axis in range(3)
     )
 
 

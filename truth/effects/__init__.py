@@ -17,6 +17,7 @@ from truth.effects.hammer_misalignment import draw_hammer_misalignment
 from truth.effects.hammer_position import draw_hammer_position
 from truth.effects.hardening import draw_hardening
 from truth.effects.joint_coupling import draw_joint_coupling
+from truth.effects.level_drift import draw_level_drift
 from truth.effects.mass_error import draw_mass_error
 from truth.effects.missing_dof import draw_missing_dof
 from truth.effects.mount_resonance import draw_mount_resonance
@@ -63,11 +64,13 @@ CATALOGUE: Mapping[str, Draw] = MappingProxyType(
         "hammer_position": draw_hammer_position,
     }
 )
+RIVALS: Mapping[str, Draw] = MappingProxyType({"level_drift": draw_level_drift})  # of laws
 NONLINEAR = frozenset({"friction", "backlash", "hardening"})  # they need the time domain
 
 __all__ = [
     "CATALOGUE",
     "NONLINEAR",
+    "RIVALS",
     "Always",
     "Answer",
     "Draw",

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from importlib.metadata import entry_points
 
-from truth.effects import CATALOGUE, Draw
+from truth.effects import CATALOGUE, RIVALS, Draw
 from truth.effects.outside import OUTSIDE
 from truth.errors import TruthError
 
@@ -16,12 +16,12 @@ GROUP = "mbw.truth_effects"
 
 @lru_cache(maxsize=1)
 def known_effects() -> Mapping[str, Draw]:
-    """Return all effects by name: the catalogue, those outside it, those of other packages.
+    """Return all effects by name: the catalogue, rivals of it, those outside it, those of other packages.
 
     Raises:
         TruthError: an entry point cannot be loaded, or has a name that is taken.
     """
-    found: dict[str, Draw] = {**CATALOGUE, **OUTSIDE}
+    found: dict[str, Draw] = {**CATALOGUE, **RIVALS, **OUTSIDE}
     for point in entry_points(group=GROUP):
         if point.name in found:
             raise TruthError(f"entry point {point.name} of {GROUP}: the name is taken; rename it")

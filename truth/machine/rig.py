@@ -33,6 +33,7 @@ class Occasion:
         setup: of the sensors, such as ``a``; empty if there is one alone.
         time: when in its column of the test, from 0 to 1.
         label: reference as the user writes it; empty for ``acc<node>`` and its direction.
+        visit: number of its visit to a level, from 0.
     """
 
     level: float = 200.0
@@ -41,6 +42,7 @@ class Occasion:
     setup: str = ""
     time: float = 0.0
     label: str = ""
+    visit: int = 0
 
     @property
     def reference(self) -> str:
