@@ -32,12 +32,18 @@ class LawUnderHits:
 def compute_equivalent_stiffness(cases: Sequence[LawUnderHits], freq_hz: Real) -> Complex:
     """Return kappa of laws of one kind under each hit [N/m or N m/rad]; (n_case, n_hit, n_freq).
 
-    All cases go through time together.
+    All cases go through time together. A softening spring that gives way has no stiffness: its
+    values are not finite.
 
     Args:
         cases: with equal numbers of modes and hits, and equal steps.
         freq_hz: lines, none at 0 Hz; (n_freq,).
     """
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _compute_stiffness(cases, freq_hz)
+
+
+def _compute_stiffness(cases: Sequence[LawUnderHits], freq_hz: Real) -> Complex:
     first = cases[0].transient
     law = stack_laws([case.law for case in cases], len(cases[0].hits.peak))
     forces = _transform_forces(_integrate_forces(cases, law), freq_hz, first.rate_hz)

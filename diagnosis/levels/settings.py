@@ -37,7 +37,8 @@ class LevelSettings:
         stiffening_shares: relative stiffening at the largest linear stretch where fits begin.
         softening_shares: relative softening there.
         gap_shares: gaps where fits begin, of the largest linear stretch.
-        gap_centres: centres of the gap where fits begin, of the gap to either side.
+        gap_centres: centres of the gap where fits begin, of the gap to either side; the joint rests
+            in its middle, or lifts off at 0.3, 2 or 7 times the gap.
         element_ends: ends of an element's stiffness, of the joint's.
         slip_ends: ends of its limit, of the joint's force at the largest linear stretch.
         stiffening_ends: ends of the relative stiffening at the largest stretch of all levels.
@@ -71,13 +72,13 @@ class LevelSettings:
     stiffening_shares: tuple[float, ...] = (0.01, 0.03, 0.1, 0.3, 1.0)
     softening_shares: tuple[float, ...] = (0.001, 0.003, 0.01)
     gap_shares: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1, 0.3)
-    gap_centres: tuple[float, ...] = (0.0, 1.3, -1.3)
+    gap_centres: tuple[float, ...] = (0.0, 1.3, -1.3, 3.0, -3.0, 8.0, -8.0)
     element_ends: tuple[float, float] = (1e-3, 30.0)
     slip_ends: tuple[float, float] = (1e-5, 30.0)
     stiffening_ends: tuple[float, float] = (1e-6, 1e3)
     softening_ends: tuple[float, float] = (1e-6, 1 / 6)
     gap_ends: tuple[float, float] = (1e-6, 10.0)
-    centre_ends: tuple[float, float] = (-10.0, 10.0)
+    centre_ends: tuple[float, float] = (-30.0, 30.0)
 
 
 LEVEL_SETTINGS = LevelSettings()
