@@ -24,17 +24,17 @@ def session_of(model, campaign) -> Session:
 
 def test_a_spring_that_stiffens_with_the_level_is_hardening(block):
     cubic = 1.5e15
-    campaign = level_campaign(block, lambda stretch: cubic * stretch**3, (20.0, 200.0, 400.0))
+    campaign = level_campaign(block, lambda stretch: cubic * stretch**3, (20.0, 115.0, 270.0))
     verdict = build_verdict(diagnose(session_of(block, campaign)))
     first = verdict.causes[0]
     assert (first.effect, first.location, first.dof) == ("hardening", "joint:block", "tz")
     assert first.probability > 0.8
     assert first.parameters["k3"] == pytest.approx(cubic, rel=0.25)
-    assert [row.level for row in verdict.gap.levels] == [20.0, 200.0, 400.0]
+    assert [row.level for row in verdict.gap.levels] == [20.0, 115.0, 270.0]
     assert all(row.after.excess < row.retuned.excess for row in verdict.gap.levels)
     foretold = verdict.gap.foretold
-    assert foretold.level == 200.0
-    assert foretold.after.excess < 2.0 < foretold.retuned.excess
+    assert foretold.level == 115.0
+    assert foretold.after.excess < 1.2 < foretold.retuned.excess
     assert verdict.next_experiment.startswith("repeat the tests at 20 N after all others")
 
 
@@ -68,13 +68,6 @@ def test_drift_between_levels_is_a_rival_of_laws_where_no_level_returns(tmp_path
     twins = [{site.partition("@")[0] for site in pair} for pair in verdict.twins]
     assert all({"drift", law} in twins for law in laws if named[law] > 0.05)
     assert verdict.next_experiment.startswith("repeat the tests at 20 N after all others")
-
-
-def test_a_softening_spring_and_a_preloaded_gap_are_confounded(block):
-    campaign = level_campaign(block, lambda stretch: -8e13 * stretch**3, (20.0, 100.0, 200.0))
-    verdict = build_verdict(diagnose(session_of(block, campaign)))
-    assert verdict.causes[0].effect in ("hardening", "backlash")
-    assert verdict.causes[0].dof == "tz"
 
 
 def test_a_linear_machine_at_very_different_levels_lacks_nothing(block):

@@ -83,9 +83,10 @@ def test_slopes_of_the_poles_are_difference_quotients(block):
 
 
 def test_a_cubic_spring_is_hardening(block):
-    check = check_levels(level_campaign(block, lambda q: 1.5e15 * q**3, LEVELS_N))
+    levels = (20.0, 115.0, 270.0)
+    check = check_levels(level_campaign(block, lambda q: 1.5e15 * q**3, levels))
     vertical = check.trends[-1]
-    np.testing.assert_allclose(vertical.freq_hz, [67.92, 68.38, 69.8], atol=0.1)
+    np.testing.assert_allclose(vertical.freq_hz, [67.9, 68.5, 71.5], atol=0.1)
     assert check.law.effects == ("hardening",)
     assert check.changed[-1][0]
     assert not any(check.changed[0])
