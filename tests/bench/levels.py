@@ -82,6 +82,7 @@ def figures(rows: Sequence[dict]) -> list[dict[str, object]]:
         if known:
             figure = {"figure": f"{cell}: part of the gap closed, median"}
             found.append(figure | {"value": float(np.median(known)), "n": len(known)})
+        found += _closed_levels(cell, [case.row for case in read if is_first(case)])
     seconds = [row["seconds"] for row in rows if "seconds" in row]
     if seconds:
         for name, value in (("median", np.median(seconds)), ("largest", max(seconds))):
@@ -131,6 +132,26 @@ def _parameter_errors(cell: str, rows: Sequence[dict]) -> list[dict[str, object]
             "n": len(values),
         }
         for name, values in sorted(errors.items())
+    ]
+
+
+def _closed_levels(cell: str, rows: Sequence[dict]) -> list[dict[str, object]]:
+    """Return the median part of the gap that is closed at each level, and where foretold."""
+    parts: dict[str, list[float]] = {}
+    for row in rows:
+        gap = row["verdict"]["gap"]
+        places = [(f"at {level['level']:g} N", level) for level in gap["levels"]]
+        places += [("at the level foretold", gap["foretold"])] if gap["foretold"] else []
+        for place, level in places:
+            if level["closed"] is not None:
+                parts.setdefault(place, []).append(level["closed"])
+    return [
+        {
+            "figure": f"{cell}: part of the gap closed {place}, median",
+            "value": float(np.median(values)),
+            "n": len(values),
+        }
+        for place, values in parts.items()
     ]
 
 

@@ -13,6 +13,7 @@ from tests.docs import (
     diagnosis_figures,
     dirty_figures,
     headline_figures,
+    level_figures,
     model_figures,
     modes_figures,
     robustness_figures,
@@ -32,4 +33,5 @@ FIGURES: Mapping[str, Callable[[], str]] = {
     **truth_figures.FIGURES,
     **robustness_figures.FIGURES,
     **simulation_figures.FIGURES,
+    **level_figures.FIGURES,
 }
