@@ -16,7 +16,7 @@ GROUP = "mbw.truth_effects"
 
 @lru_cache(maxsize=1)
 def known_effects() -> Mapping[str, Draw]:
-    """Return all effects by name: the catalogue, rivals of it, those outside it, those of other packages.
+    """Return all effects by name: of the catalogue, its rivals, outside it, of other packages.
 
     Raises:
         TruthError: an entry point cannot be loaded, or has a name that is taken.
