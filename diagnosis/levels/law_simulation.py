@@ -64,15 +64,22 @@ def compute_peak_stretch(transient: JointTransient, hits: SimulatedHits) -> Real
 
 
 def _integrate_forces(cases: Sequence[LawUnderHits], law: RestoringLaw) -> Real:
-    """Return the joint's force at every sample; (n_sample + 1, n_case n_hit)."""
+    """Return the joint's force at every sample; (n_sample + 1, n_case n_hit).
+
+    Modes are scaled to their share of the stretch, and kept without the joint's force of their own
+    instant, so that a step takes two products: with z the modes with it, z = free - b f gives
+
+        free_1 = D free_0 - (D b + b_before) f_0 + hammer.
+    """
     rate = cases[0].transient.rate_hz
     count = round(cases[0].transient.duration_s * rate)
     steps = [_StepWeights.of(case) for case in cases]
-    decay, readout, joint_before, joint_after, hammer_before, hammer_after = (
+    decay, joint_before, joint_after, hammer_before, hammer_after = (
         np.concatenate(weights, axis=1) for weights in zip(*steps, strict=True)
     )
     hits = decay.shape[1]
-    compliance = (readout * joint_after).sum(axis=0).real
+    compliance = joint_after.sum(axis=0).real
+    joint = decay * joint_after + joint_before
     times = np.arange(count + 1) / rate
     pulse = np.concatenate(
         [
@@ -82,16 +89,15 @@ def _integrate_forces(cases: Sequence[LawUnderHits], law: RestoringLaw) -> Real:
         axis=1,
     )
     last = int(np.flatnonzero(pulse.any(axis=1)).max()) + 1
-    modes, state = np.zeros(decay.shape, complex), law.start(hits)
+    free, state = np.zeros(decay.shape, complex), law.start(hits)
+    change = np.zeros_like(free)
     forces, largest = np.zeros((count + 1, hits)), 0.0
     for n in range(1, count + 1):
-        modes *= decay
-        modes -= joint_before * forces[n - 1]
+        free *= decay
+        free -= np.multiply(joint, forces[n - 1], out=change)
         if n <= last:
-            modes += hammer_before * pulse[n - 1] + hammer_after * pulse[n]
-        free = np.einsum("mh,mh->h", readout, modes).real
-        forces[n], state = law.solve(free, compliance, state)
-        modes -= joint_after * forces[n]
+            free += hammer_before * pulse[n - 1] + hammer_after * pulse[n]
+        forces[n], state = law.solve(np.add.reduce(free.real, axis=0), compliance, state)
         if n % LEVEL_SETTINGS.look_steps == 0:
             recent = float(
                 np.abs(np.diff(forces[n - LEVEL_SETTINGS.look_steps : n + 1], axis=0)).max()
@@ -107,10 +113,9 @@ def _integrate_forces(cases: Sequence[LawUnderHits], law: RestoringLaw) -> Real:
 
 
 class _StepWeights(NamedTuple):
-    """Propagation of a case over one step; (n_mode, n_hit) each."""
+    """Propagation of a case over one step, of the modes' shares of the stretch; (n_mode, n_hit)."""
 
     decay: Complex
-    readout: Complex
     joint_before: Complex
     joint_after: Complex
     hammer_before: Complex
@@ -122,16 +127,17 @@ class _StepWeights(NamedTuple):
         transient, hits = case.transient, case.hits
         step = 1 / transient.rate_hz
         before, after = transient.hold_weights
-        entry = transient.input_entry[:, hits.column] * hits.peak
+        readout = transient.readout[:, None]
+        entry = readout * transient.input_entry[:, hits.column] * hits.peak
+        joint = transient.readout * transient.joint_entry
 
         def repeat(column: Complex) -> Complex:
             return np.tile(column[:, None], len(hits.peak))
 
         return cls(
             repeat(np.exp(transient.poles * step)),
-            repeat(transient.readout),
-            repeat(before * transient.joint_entry),
-            repeat(after * transient.joint_entry),
+            repeat(before * joint),
+            repeat(after * joint),
             before[:, None] * entry,
             after[:, None] * entry,
         )

@@ -52,7 +52,7 @@ class SlidingLaw:
     def solve(self, free: Real, compliance: Real, state: Real) -> tuple[Real, Real]:
         """Stick if the element bears it, else slide at the limit."""
         stuck_force = self.stiffness * (free + compliance * self.stiffness * state - state)
-        bounded = np.clip(stuck_force, -self.limit, self.limit)
+        bounded = np.maximum(np.minimum(stuck_force, self.limit), -self.limit)
         # Sliding: k (q - y) = bounded and q = free + a k y.
         sliding = (free - bounded / self.stiffness) / (1 - compliance * self.stiffness)
         slip = np.where(np.abs(stuck_force) > self.limit, sliding, state)
@@ -106,11 +106,11 @@ class GapLaw:
 
     def solve(self, free: Real, compliance: Real, state: Real) -> tuple[Real, Real]:
         """Solve q = q_free - a g(q), which is linear on each of three spans."""
-        rest = np.clip(self.centre, -self.gap, self.gap)
+        rest = np.maximum(np.minimum(self.centre, self.gap), -self.gap)
         # Within the gap q - c = (q_free - c + a k rest) / (1 - a k); outside the clip is constant.
         from_centre = free - self.centre + compliance * self.stiffness * rest
         within = from_centre / (1 - compliance * self.stiffness)
-        missing = np.clip(within, -self.gap, self.gap) + rest
+        missing = np.maximum(np.minimum(within, self.gap), -self.gap) + rest
         return -self.stiffness * missing, state
 
 

@@ -11,7 +11,7 @@ from diagnosis.levels.joint_transient import JointTransient, SimulatedHits
 from diagnosis.levels.law_family import LawFamily
 from diagnosis.levels.law_simulation import LawUnderHits, compute_equivalent_stiffness
 from diagnosis.levels.settings import LEVEL_SETTINGS
-from identification.words import Complex, Real
+from identification.words import Complex, Integers, Real
 from mbmodel.assembly import FrequencyDependentTerm, Matrices
 from mbmodel.frf.ports import apply_point_changes, find_ports
 
@@ -84,6 +84,8 @@ class TestedJoint:
     def compute_stiffness(self, family: LawFamily, cases: Sequence[tuple[Real, float]]) -> Complex:
         """Return what laws add to the joint's stiffness in each test; (n_case, n_test, n_freq).
 
+        Tests with the same hits, as those of several set-ups, are simulated once.
+
         Args:
             family: of the laws.
             cases: parameters of each law and the duration of the hits over the estimated one;
@@ -91,20 +93,28 @@ class TestedJoint:
         """
         stuck = [family.stuck(theta[:-1]) for theta, _ in cases]
         machines = {stiffness: self.transient(stiffness) for stiffness in dict.fromkeys(stuck)}
+        different, place = self._list_different_hits()
         laws = [
             LawUnderHits(
                 machines[stiffness],
                 family.law(theta[:-1]),
                 SimulatedHits(
-                    self.hits.column,
-                    peak * self.hits.peak,
+                    different.column,
+                    peak * different.peak,
                     float(theta[-1]) * self.hits.duration_s,
                 ),
             )
             for stiffness, (theta, peak) in zip(stuck, cases, strict=True)
         ]
         kappa = compute_equivalent_stiffness(laws, self.freq_hz)
-        return np.array(stuck)[:, None, None] + kappa
+        return np.array(stuck)[:, None, None] + kappa[:, place]
+
+    def _list_different_hits(self) -> tuple[SimulatedHits, Integers]:
+        """Return the hits that differ, and the number of that of each test; (n_test,)."""
+        pairs = np.stack([self.hits.column, self.hits.peak])
+        different, place = np.unique(pairs, axis=1, return_inverse=True)
+        hits = SimulatedHits(different[0].astype(int), different[1], self.hits.duration_s)
+        return hits, place.ravel()
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from diagnosis.hypothesis import JointDirection, Scene
+from diagnosis.levels import tested_joint
 from diagnosis.levels.free_levels import list_levels, propose_law
 from diagnosis.levels.hammer_pulse import (
     compute_pulse_force,
@@ -233,6 +234,23 @@ def test_a_law_is_written_into_the_mjcf_and_read_back(block, tmp_path, family, t
     assert found.joint == expected.joint
     read, written = (np.array(list(vars(law).values())[1:]) for law in (found, expected))
     np.testing.assert_allclose(read, written, rtol=1e-3, atol=1e-9)
+
+
+def test_tests_with_the_same_hits_have_one_stiffness(block):
+    campaign = level_campaign(block, None, (40.0, 200.0))
+    twice = [
+        replace(test, condition=replace(test.condition, test=name, setup=name))
+        for name in "ab"
+        for test in campaign.tests
+    ]
+    session = session_of(block, replace(campaign, tests=tuple(twice)))
+    tested = tested_joint.TestedJoint.of_scene(Scene(session, session.model.drawn), JOINT)
+    theta = np.array([2e14, STIFFNESS, 1.0])
+    found = tested.compute_stiffness(HARDENING[0], [(theta, 1.0)])
+    case = LawUnderHits(tested.transient(), CubicLaw(2e14), tested.hits)
+    expected = compute_equivalent_stiffness([case], tested.freq_hz)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    np.testing.assert_array_equal(found[:, :6], found[:, 6:])
 
 
 def test_nothing_is_proposed_at_one_level(block):
