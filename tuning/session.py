@@ -304,7 +304,12 @@ def _close_loops(
     try:
         machine = with_loops(machine, read_loops(source, machine, settings.loop))
         trusted = {name for name, table in settings.loop.items() if table.as_stated}
-        remarks = check_nominal_loops(machine, trusted) if settings.loop else []
+        remarks = [
+            f"loop.{loop.name} was closed during the test: {loop.measured} drives {loop.input}"
+            + (f", {loop.delay:g} s late" if loop.delay else "")
+            for loop in machine.loops
+        ]
+        remarks += check_nominal_loops(machine, trusted) if settings.loop else []
     except UsageError as error:
         raise InputError(f"{source}: {error}") from error
     except InputError as error:

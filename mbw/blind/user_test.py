@@ -69,6 +69,12 @@ def read_user_test(path: Path, band: tuple[float, float] | None) -> UserTest:
             f"{source}: loop.{next(iter(settings.loop))} was closed in the test, which a blind "
             "test does not repeat: leave it out, or test the machine with its loops open"
         )
+    own = next((entry for entry in settings.test if entry.variant), None)
+    if own is not None:
+        raise InputError(
+            f"{source}: {own.file} has a model or pose of its own, which a blind test does not "
+            "repeat: leave this test out"
+        )
     if settings.key not in (None, "home"):
         raise InputError(f"{source}: key names a keyframe; a blind test knows 'home' alone")
     freq_hz = campaign.freq_hz

@@ -125,14 +125,15 @@ class PlantResult:
                 self.sentences.append(reduction_sentence(reduction))
 
 
-def find_model(path: Path) -> tuple[Path, Path]:
+def find_model(path: Path, key: str | None = None) -> tuple[Path, Path, str | None]:
     """Return the MJCF of a model, a tuning or a campaign, and the file that states its loops.
 
     Args:
         path: an MJCF, a folder of ``mbw tune``, or a campaign.
+        key: keyframe that the user states; None for that of a campaign.
 
     Returns:
-        The MJCF, and the campaign.toml or the MJCF beside which its loops stand.
+        The MJCF, the campaign.toml or the MJCF beside which its loops stand, and the keyframe.
 
     Raises:
         InputError: a folder without one.
@@ -142,14 +143,14 @@ def find_model(path: Path) -> tuple[Path, Path]:
         source, settings = read_settings(path)
         if settings.model is None:
             raise InputError(f"{source} names no model, only a layout: name an MJCF to predict")
-        return source.parent / settings.model, source
+        return source.parent / settings.model, source, settings.key if key is None else key
     if not path.is_dir():
-        return path, path
+        return path, path, key
     if not (path / TUNED_MJCF).is_file():
         raise InputError(
             f"{path} holds no {TUNED_MJCF}: name an MJCF, a folder of mbw tune or a campaign"
         )
-    return path / TUNED_MJCF, path / TUNED_MJCF
+    return path / TUNED_MJCF, path / TUNED_MJCF, key
 
 
 def compute_plant(

@@ -103,7 +103,7 @@ def run_options(  # noqa: PLR0913  # one for each option
     request = PredictRequest(tuple(inputs), tuple(outputs), quantity, band, lines)
     options = ResultOptions(out, json, overwrite, pictures)
     additions, laws = parse_additions(mount, at, add_mass), parse_laws(loss_factor, delay, maxwell)
-    mjcf, loops_source = find_model(model)
+    mjcf, loops_source, key = find_model(model, key)
     machine_request = MachineRequest(
         mjcf, tuple(spin), key, additions, laws, loops_source, tuple(closed)
     )

@@ -25,8 +25,10 @@ from diagnosis.levels.law_simulation import (
     compute_peak_stretch,
 )
 from diagnosis.levels.restoring_laws import CubicLaw, GapLaw, SlidingLaw, stack_laws
-from mbmodel import Model, PartContext, as_drawn, load_machine
-from mbmodel.assembly import Matrices
+from identification.words import Controller
+from mbmodel import Change, Model, PartContext, as_drawn, load_machine
+from mbmodel.assembly import FrequencyDependentTerm, Matrices
+from mbmodel.control_loops.loop_law import LoopLaw
 from mbmodel.mjcf.edit import write_mjcf
 from mbmodel.nonlinear_joints.files import read_nonlinear_joints
 from mbmodel.nonlinear_joints.laws import GapSpring, JenkinsElement, PolynomialSpring
@@ -144,6 +146,22 @@ def test_receptances_are_those_of_one_mass():
     expected = 1 / (MASS_KG * laplace**2 + DAMPING * laplace + STIFFNESS)
     found = transient_of_block().receptances(FREQ_HZ)
     np.testing.assert_allclose(found, np.stack([expected, expected], 1), rtol=2e-4)
+
+
+def test_receptances_of_a_mass_in_a_loop_hold_its_controller_and_delay():
+    one, gain, corner, delay = np.ones((1, 1)), 0.3 * STIFFNESS, 2 * np.pi * 400, 2e-4
+    controller = Controller(-corner * one, one, gain * corner * one, 0 * one)
+    core = np.zeros((3, 1, 1))
+    core[0] = 1.0
+    change = Change("bodies_and_joints", one, one, core, shape=LoopLaw(controller, delay))
+    loop = FrequencyDependentTerm(one, one, change, np.zeros((6, 1)), np.zeros((6, 1)))
+    matrices = Matrices(MASS_KG * one, DAMPING * one, STIFFNESS * one)
+    found = JointTransient.of_matrices(matrices, np.ones(1), one, FREQ_HZ, (loop,))
+    s = 2j * np.pi * FREQ_HZ
+    law = gain / (1 + s / corner) * np.exp(-s * delay)
+    expected = 1 / (MASS_KG * s**2 + DAMPING * s + STIFFNESS + law)
+    near = found.receptances(FREQ_HZ)[:, 0]
+    np.testing.assert_allclose(near, expected, rtol=2e-4)
 
 
 def test_the_peak_of_the_linear_stretch_is_that_of_an_integrator():

@@ -9,7 +9,8 @@ from mbmodel_examples import STATION, mass_on_spring, mjcf, taut, worst_of_chann
 from test_mbmodel_parts import off, rebuilt
 from test_mbmodel_slopes import worst_column
 
-from identification.words import Dof
+from identification.readers.controller import controller_from_roots
+from identification.words import Dof, Loop, PortSum, Signal
 from mbmodel import (
     FrfRequest,
     Model,
@@ -21,6 +22,7 @@ from mbmodel import (
     load_machine,
     model_modes,
     spring_parts,
+    with_loops,
 )
 
 FREQ = np.array([0.4, 0.9, 2.0, 5.5, 13.0, 21.0])
@@ -143,6 +145,26 @@ def test_slopes_go_through_the_equilibrium(from_text, name):
     gradient = (lines.gradient(cotangent) * sizes)[varies]
     contraction = np.einsum("foi,foip->p", cotangent.conj(), columns).real
     np.testing.assert_allclose(gradient, contraction, atol=1e-9 * np.abs(contraction).max())
+
+
+def test_slopes_go_through_the_equilibrium_and_a_control_loop(from_text):
+    machine = from_text(hung_chain())
+    controller = controller_from_roots([-50.0], [-600.0, -900.0], 4e7)
+    measured = PortSum("damper", ((Dof.parse("acc1:+tx"), 1.0), (Dof.parse("low:+tx"), -1.0)), "m")
+    loop = Loop("damper", Signal("acc2-acc1:+tx"), measured, controller, "N", 1e-3)
+    machine = with_loops(machine, [loop])
+    model = everything(machine)
+    theta, request = off(model, amount=0.2), accelerances(machine)
+    lines = linearise(model, theta, request)
+    sizes = np.array([_size(parameter) for parameter in model.parameters])
+    known = [parameter.known == "exactly" for parameter in model.parameters]
+    numbers = np.flatnonzero(~np.array(known))[::5]
+    columns = (lines.columns() * sizes)[..., numbers]
+    expected = _differences(model, theta, request, sizes, numbers)
+    # The loop amplifies what the search for equilibrium leaves in the differences.
+    assert worst_column(columns, expected, lines.values) < 5e-5
+    open_lines = linearise(everything(with_loops(machine, [])), theta, request)
+    assert np.abs(lines.values / open_lines.values - 1).max() > 0.1, "the loop matters"
 
 
 def _size(parameter):
