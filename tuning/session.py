@@ -305,7 +305,7 @@ def _close_loops(
         machine = with_loops(machine, read_loops(source, machine, settings.loop))
         trusted = {name for name, table in settings.loop.items() if table.as_stated}
         remarks = [
-            f"loop.{loop.name} was closed during the test: {loop.measured} drives {loop.input}"
+            f"loop.{loop.name} was closed during the test, from {loop.measured} to {loop.input}"
             + (f", {loop.delay:g} s late" if loop.delay else "")
             for loop in machine.loops
         ]

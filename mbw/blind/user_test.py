@@ -69,10 +69,10 @@ def read_user_test(path: Path, band: tuple[float, float] | None) -> UserTest:
             f"{source}: loop.{next(iter(settings.loop))} was closed in the test, which a blind "
             "test does not repeat: leave it out, or test the machine with its loops open"
         )
-    own = next((entry for entry in settings.test if entry.variant), None)
-    if own is not None:
+    changed = next((entry for entry in settings.test if entry.variant), None)
+    if changed is not None:
         raise InputError(
-            f"{source}: {own.file} has a model or pose of its own, which a blind test does not "
+            f"{source}: {changed.file} has a model or pose of its own, which a blind test does not "
             "repeat: leave this test out"
         )
     if settings.key not in (None, "home"):
