@@ -7,10 +7,9 @@ import numpy as np
 
 from identification import correct_layout, read_campaign, read_settings, select_band
 from identification.checks.unknown_gains import leave_out_unknown_gains
-from identification.readers.campaign_toml import CampaignSettings
 from identification.readers.file_kinds import is_universal
 from identification.readers.frf_units import parse_frf_units
-from identification.words import Campaign, Dof, InputError, UsageError
+from identification.words import Campaign, Dof, InputError
 from mbmodel import (
     ChannelPart,
     HammerGainPart,
@@ -27,15 +26,12 @@ from mbmodel import (
     load_machine,
     sensor_parts,
     spring_parts,
-    with_loops,
     with_variants,
 )
-from mbmodel.frf.ports import find_ports
 from mbmodel.parts import ToleranceKind
+from tuning.campaign_machine import close_loops, load_variants, refuse_unknown_ports
 from tuning.checks.data_against_model import compare_with_model
 from tuning.checks.export_faults import StatedExport
-from tuning.control_loops.read_loops import read_loops
-from tuning.control_loops.stability import check_nominal_loops
 from tuning.instrument_priors import instrument_priors
 from tuning.parametrisation.parametrisation import Parametrisation
 from tuning.parametrisation.user_specification import UserSpecification, parametrise
@@ -260,89 +256,17 @@ def open_campaign(
         machine = load_machine(source.parent / str(settings.model), key=settings.key)
     machine = replace(machine, layout=correct_layout(source, settings, machine.layout))
     machine = with_variants(machine, load_variants(source, settings, machine))
-    machine, loop_remarks = _close_loops(source, machine, settings)
+    machine, loop_remarks = close_loops(source, machine, settings)
     campaign = read_campaign(source, settings, machine.layout)
-    _refuse_unknown_ports(source, machine, campaign)
+    refuse_unknown_ports(source, machine, campaign)
     chosen = select_band(campaign, band, source)
     if not any(np.abs(test.estimate.frf.values).any() for test in chosen.tests):
         raise InputError(f"{source}: all FRFs are zero in the band: check the export")
     of_machine = (f"{machine.source.name}: {remark}" for remark in machine.remarks)
-    chosen = replace(chosen, remarks=(*chosen.remarks, *of_machine, *loop_remarks))
+    of_tests = (
+        f"{entry.file} was measured with {entry.variant}"
+        for entry in settings.test
+        if entry.variant
+    )
+    chosen = replace(chosen, remarks=(*chosen.remarks, *of_machine, *loop_remarks, *of_tests))
     return source, machine, divide_by_unknown_gains(machine, chosen)
-
-
-def load_variants(source: Path, settings: CampaignSettings, machine: Machine) -> dict[str, Machine]:
-    """Return the machines of tests that have a model or a pose of their own, by variant.
-
-    Args:
-        source: path of campaign.toml.
-        settings: its content.
-        machine: of the campaign.
-
-    Raises:
-        InputError: a model that cannot be read, or a pose that it does not have.
-    """
-    variants: dict[str, Machine] = {}
-    for entry in settings.test:
-        if not entry.variant or entry.variant in variants:
-            continue
-        path = machine.source if entry.model is None else source.parent / entry.model
-        variant = load_machine(path, key=machine.keyframe, pose=entry.pose)
-        layout = correct_layout(source, settings, variant.layout)
-        variants[entry.variant] = replace(variant, layout=layout)
-    return variants
-
-
-def _close_loops(
-    source: Path, machine: Machine, settings: CampaignSettings
-) -> tuple[Machine, list[str]]:
-    """Return the machine with the loops of campaign.toml closed, and remarks on them.
-
-    Raises:
-        InputError: a port, a controller, or an unstable nominal machine.
-    """
-    try:
-        machine = with_loops(machine, read_loops(source, machine, settings.loop))
-        trusted = {name for name, table in settings.loop.items() if table.as_stated}
-        remarks = [
-            f"loop.{loop.name} was closed during the test, from {loop.measured} to {loop.input}"
-            + (f", {loop.delay:g} s late" if loop.delay else "")
-            for loop in machine.loops
-        ]
-        remarks += check_nominal_loops(machine, trusted) if settings.loop else []
-    except UsageError as error:
-        raise InputError(f"{source}: {error}") from error
-    except InputError as error:
-        text = str(error)
-        raise InputError(text if str(source.parent) in text else f"{source}: {text}") from error
-    return machine, remarks
-
-
-def _refuse_unknown_ports(source: Path, machine: Machine, campaign: Campaign) -> None:
-    """Raise InputError for a channel or reference that is no port of the model.
-
-    A channel that reads forces, or the weight that a tilting accelerometer feels, is refused too:
-    its derivatives by the parameters are not known.
-    """
-    for side, ports in (("channel", campaign.outputs), ("reference", campaign.inputs)):
-        for port in ports:
-            outputs, inputs = ((port,), ()) if side == "channel" else ((), (port,))
-            try:
-                ports_there = find_ports(machine, outputs, inputs)
-            except UsageError as error:
-                raise InputError(f"{source}: {side} {error}") from error
-            if ports_there.further is not None:
-                raise InputError(
-                    f"{source}: channel {str(port)!r} reads forces or the weight in a tilting "
-                    "sensor, which only mbw predict handles: name its site or joint instead"
-                )
-    for test in campaign.tests:
-        variant = machine.variants.get(test.condition.variant)
-        if variant is None:
-            continue
-        try:
-            find_ports(variant, test.estimate.frf.outputs, (test.condition.reference,))
-        except UsageError as error:
-            raise InputError(
-                f"{source}: {test.condition.test} with {test.condition.variant}: {error}"
-            ) from error

@@ -143,6 +143,9 @@ def test_pages_are_written_and_modes_are_those_of_each_machine(tmp_path):
     result = RUNNER.invoke(app, ["tune", str(folder), "--out", str(tmp_path / "tuned")])
     assert result.exit_code == 0, result.output
     assert (tmp_path / "tuned" / "report.html").is_file()
+    assert "test1.npz was measured with loaded.xml" in result.output
+    tuned = json.loads((tmp_path / "tuned" / "tuned.json").read_text(encoding="utf-8"))
+    assert [row["variant"] for row in tuned["tests"]] == [""] * 3 + ["loaded.xml"] * 3
     result = RUNNER.invoke(app, ["identify", str(folder), "--out", str(tmp_path / "modes")])
     assert result.exit_code == 0, result.output
     assert "tests with loaded.xml, which have modes of their own" in result.output

@@ -116,6 +116,7 @@ def summarise_tuning(
                 averages=test.estimate.averages,
                 variance_from=test.estimate.variance_source,
                 channels=len(test.estimate.frf.outputs),
+                variant=test.condition.variant,
             )
             for test in campaign.tests
         ],

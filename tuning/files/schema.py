@@ -154,7 +154,7 @@ class FitRow(_Row):
 
 
 class TunedTestRow(_Row):
-    """One test of the campaign."""
+    """One test of the campaign; ``variant`` names its own model or pose, if it has one."""
 
     __test__ = False
 
@@ -164,6 +164,7 @@ class TunedTestRow(_Row):
     averages: int | None
     variance_from: str
     channels: int
+    variant: str = ""
 
 
 class ModelModeRow(_Row):
