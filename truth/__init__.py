@@ -9,9 +9,14 @@ from truth.campaign.case_design import Card, deal_cards, draw_case
 from truth.campaign.case_design import Case as DrawnCase
 from truth.campaign.cause import Cause, Wanted
 from truth.campaign.choice import WHOLE_DECK, Choice, OwnTest
+from truth.campaign.draw import Tolerance
+from truth.campaign.fitting_band import fit_to_machine
 from truth.campaign.folder import write_answer, write_campaign
+from truth.campaign.linearised_test import LinearisedTest, linearise_test
 from truth.campaign.measured import StatedTest, locate_tests
 from truth.campaign.protocol import Protocol, draw_protocol
+from truth.campaign.signatures import find_signatures
+from truth.campaign.smallest_sizes import SmallestSize, Weighing, predict_smallest
 from truth.campaign.virtual_test import Campaign, Plan, draw_campaign
 from truth.errors import TruthError
 from truth.machine.reading import read_station, why_as_drawn
@@ -24,18 +29,26 @@ __all__ = [
     "Cause",
     "Choice",
     "DrawnCase",
+    "LinearisedTest",
     "OwnTest",
     "Plan",
     "Protocol",
+    "SmallestSize",
     "StatedTest",
     "Station",
+    "Tolerance",
     "TruthError",
     "Wanted",
+    "Weighing",
     "deal_cards",
     "draw_campaign",
     "draw_case",
     "draw_protocol",
+    "find_signatures",
+    "fit_to_machine",
+    "linearise_test",
     "locate_tests",
+    "predict_smallest",
     "read_station",
     "why_as_drawn",
     "write_answer",

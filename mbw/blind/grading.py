@@ -8,6 +8,7 @@ from mbw.blind.case import TREES, BlindCase
 from mbw.blind.page import GRADES, PAGE, TABLES, describe_failures, render
 from mbw.output_folder import OutputFolder
 from truth.grade import Case, Report, grade, tables, to_json
+from truth.grade.rates import Rate, rate_of
 
 
 def write_grades(output: OutputFolder, cases: Sequence[BlindCase], title: str) -> Report:
@@ -26,6 +27,17 @@ def write_grades(output: OutputFolder, cases: Sequence[BlindCase], title: str) -
         (place / TABLES).write_text(tables(report), encoding="utf-8")
         (place / PAGE).write_text(page, encoding="utf-8")
     return report
+
+
+def rate_found(cases: Sequence[BlindCase], effect: str) -> Rate:
+    """Return the rate at which verdicts name an effect and its place, with its interval.
+
+    Args:
+        cases: cases that were drawn; those without the effect do not count.
+        effect: name of the effect.
+    """
+    report = grade([_graded_case(case) for case in cases], baselines=False)
+    return rate_of([line.marks["both_or_twin"] for line in report.lines if line.truth == effect])
 
 
 def describe_discarded_draws(cases: Sequence[BlindCase]) -> str:

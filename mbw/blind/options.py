@@ -58,6 +58,14 @@ def blind(  # noqa: PLR0913  # one for each option
             help="Motion that small imperfections leave of a re-tuned machine.",
         ),
     ] = 0.0,
+    smallest: Annotated[
+        bool,
+        typer.Option("--smallest", help="Predict the smallest size that nine tests of ten find."),
+    ] = False,
+    confirm: Annotated[
+        int,
+        typer.Option(min=0, help="Places where --cases drawn cases confirm that size."),
+    ] = 0,
     json: Json = None,
     quiet: Quiet = False,
     overwrite: Overwrite = False,
@@ -79,6 +87,8 @@ def blind(  # noqa: PLR0913  # one for each option
         ratio=ratio,
         size=size,
         dirt=dirt,
+        smallest=smallest,
+        confirm=confirm,
         json=json,
         overwrite=overwrite,
         quiet=quiet,

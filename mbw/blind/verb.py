@@ -1,7 +1,7 @@
 """``mbw blind``: scores of the diagnosis on withheld truth, for one machine or random ones."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import typer
@@ -12,15 +12,16 @@ from mbmodel import load_machine
 from mbw.band import check_band
 from mbw.blind.case import TREES, BlindCase
 from mbw.blind.choice_options import read_choice
-from mbw.blind.grading import describe_discarded_draws, write_grades
+from mbw.blind.grading import describe_discarded_draws, rate_found, write_grades
 from mbw.blind.page import GRADES, PAGE
 from mbw.blind.request import Shard, build_request, prepare_folder
 from mbw.blind.running import choose_workers, run_cases
+from mbw.blind.smallest import SMALLEST_JSON, Confirmation, choose_places, predict, write
 from mbw.blind.user_test import is_campaign, read_user_test
 from mbw.files import write_json
 from mbw.messages import SCREEN
 from mbw.output_folder import OutputFolder, ResultOptions
-from truth import WHOLE_DECK, Choice, why_as_drawn
+from truth import WHOLE_DECK, Choice, SmallestSize, why_as_drawn
 from truth.grade import tables, to_json
 from tuning.workers.executors import Workers
 
@@ -66,6 +67,8 @@ def run_options(  # noqa: PLR0913  # one for each option
     ratio: list[float] | None,
     size: str | None,
     dirt: float,
+    smallest: bool,
+    confirm: int,
     json: Path | None,
     overwrite: bool,
 ) -> None:
@@ -75,6 +78,10 @@ def run_options(  # noqa: PLR0913  # one for each option
     workers = choose_workers(jobs, cluster, executor)
     choice = read_choice(effect, place, ratio, size, dirt)
     outputs = ResultOptions(out, json, overwrite)
+    if smallest or confirm:
+        options = BlindOptions(model, cases, seed, workers, outputs, band, None, choice)
+        run_smallest(options, confirm)
+        return
     run(BlindOptions(model, cases, seed, workers, outputs, band, part, choice))
 
 
@@ -123,6 +130,67 @@ def _check_model(model: str, band: tuple[float, float] | None) -> None:
             f"the drawing is {model} itself, and true machines vary about it ({reason}: drawings "
             "of other machines are made of plain models alone)"
         )
+
+
+def run_smallest(options: BlindOptions, confirm: int) -> Path:
+    """Predict the smallest sizes that the test shows, and confirm some of them by drawn cases.
+
+    Args:
+        options: model or campaign, chosen effects and places, and cases at each place.
+        confirm: places at which the prediction is confirmed.
+
+    Returns:
+        The folder of the result.
+
+    Raises:
+        InputError: the model cannot be used, or there are only random machines.
+    """
+    if options.model == TREES:
+        raise InputError("--smallest needs one machine: name an MJCF or a campaign")
+    _check_model(options.model, options.band)
+    with options.outputs.open("blind", Path(options.model), "smallest", ()) as output:
+        sizes = predict(options.model, options.band, options.choice)
+        folder = output.path.absolute()
+        confirmed = [
+            _confirm(options, row, folder / f"confirm_{number}", options.seed + number)
+            for number, row in enumerate(choose_places(sizes, confirm))
+        ]
+        table = write(output, options.model, sizes, confirmed)
+        if options.outputs.json is not None:
+            write_json((folder / SMALLEST_JSON).read_text("utf-8"), options.outputs.json)
+    if not (SCREEN.quiet or options.outputs.has_json_on_stdout):
+        typer.echo(table.rstrip())
+    return folder
+
+
+def _confirm(options: BlindOptions, row: SmallestSize, out: Path, seed: int) -> Confirmation:
+    """Draw and diagnose cases with an effect of its predicted smallest size.
+
+    Args:
+        options: of the whole test; its cases are those of this place.
+        row: effect, place and size.
+        out: folder of these cases; an interrupted test continues.
+        seed: of these cases.
+    """
+    value = row.value or 0.0
+    choice = Choice((row.effect,), (row.location,), (), (row.parameter, value), options.choice.dirt)
+    out.mkdir(parents=True, exist_ok=True)
+    prepare_folder(
+        build_request(options.model, seed, options.band, choice=choice),
+        out,
+        overwrite=options.outputs.overwrite,
+    )
+    parts = replace(options, seed=seed, choice=choice, shard=None)
+    rate = rate_found(_run(parts, out), row.effect)
+    hits = round(rate.rate * rate.n) if rate.n and rate.rate is not None else 0
+    return Confirmation(
+        row.effect,
+        row.location,
+        row.parameter,
+        value,
+        (hits, rate.n),
+        (rate.low or 0.0, 1.0 if rate.high is None else rate.high),
+    )
 
 
 def grade_cases(

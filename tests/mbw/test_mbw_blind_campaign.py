@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from any_machines import SERVO_AXIS
+from browser import CHROMIUM, browse
 from typer.testing import CliRunner
 
 from identification.words import Dof, InputError, Signal
@@ -21,7 +22,7 @@ from truth.campaign.case_design import deal_cards
 from truth.campaign.draw import NO_TOLERANCE
 from truth.campaign.measure import hammer_tests
 from truth.campaign.protocol import takes
-from truth.campaign.virtual_test import _hammers
+from truth.campaign.virtual_test import hammers_of
 from truth.machine.machine_on_test import Machine
 from tuning import open_campaign
 
@@ -106,7 +107,7 @@ def test_frfs_without_effect_and_tolerance_are_those_of_the_model(campaign):
     test = read_user_test(campaign, None)
 
     protocol = test.repeated.protocol
-    machine = Machine(test.station, _hammers(test.station, protocol, NO_TOLERANCE, 1))
+    machine = Machine(test.station, hammers_of(test.station, protocol, NO_TOLERANCE, 1))
     files = takes(protocol, test.station, 1)
     model = as_drawn(load_machine(campaign / "axis.xml"))
     for result, reference in zip(
@@ -192,3 +193,82 @@ def test_a_loop_that_was_closed_is_refused(campaign, tmp_path):
     (tmp_path / "campaign.toml").write_text(text + "\n" + loop)
     with pytest.raises(InputError, match="was closed in the test"):
         read_user_test(tmp_path, None)
+
+
+PROBE = """<script>
+addEventListener("load", () => setTimeout(() => {
+  const rows = document.querySelectorAll("#effects tbody tr").length;
+  const found = {places: PLACES.length, rows};
+  showPlace(PLACES.length - 1);
+  found.chosen = byId("chosen").textContent;
+  found.confirmed = document.querySelectorAll("#confirmed tbody tr").length;
+  found.faults = FAULTS;
+  document.body.append(element("pre", JSON.stringify(found), {id: "found"}));
+}, 1500));
+</script>"""
+
+
+@pytest.fixture(scope="module")
+def smallest(campaign, tmp_path_factory):
+    """Predicted sizes of two effects, one of which drawn cases confirm without a diagnosis."""
+    out = tmp_path_factory.mktemp("smallest") / "out"
+    options = ["--smallest", "--effect", "mass_error", "--effect", "joint_coupling"]
+    result = RUNNER.invoke(app, ["blind", str(campaign), "--out", str(out), *options])
+    assert result.exit_code == 0, result.stderr
+    return out, result
+
+
+def test_smallest_sizes_are_written_for_every_place(smallest):
+    out, result = smallest
+    sizes = json.loads((out / "smallest.json").read_text())["sizes"]
+    assert {(row["effect"], row["location"]) for row in sizes} == {
+        ("mass_error", "body:frame"),
+        ("mass_error", "body:slide"),
+        ("joint_coupling", "joint:frame"),
+    }
+    for row in sizes:
+        assert row["value"] > 0
+        assert f"{row['effect']} at {row['location']}" in result.stdout
+
+
+def test_quieter_channels_show_smaller_sizes(campaign, smallest, tmp_path):
+    for path in campaign.iterdir():
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    for number in range(3):
+        arrays = dict(np.load(tmp_path / f"{number}.npz"))
+        noise = (1 - arrays["coherence"]) / arrays["coherence"]
+        np.savez(tmp_path / f"{number}.npz", **{**arrays, "coherence": 1 / (1 + noise / 100)})
+    options = ["--smallest", "--effect", "joint_coupling", "--out", str(tmp_path / "out")]
+    assert RUNNER.invoke(app, ["blind", str(tmp_path), *options]).exit_code == 0
+    quiet = json.loads((tmp_path / "out" / "smallest.json").read_text())["sizes"]
+    usual = json.loads((smallest[0] / "smallest.json").read_text())["sizes"]
+    (before,) = (row["value"] for row in usual if row["effect"] == "joint_coupling")
+    assert quiet[0]["value"] < 0.8 * before  # the rest is tolerance
+
+
+def test_confirmed_cases_have_the_predicted_size(campaign, tmp_path, monkeypatch):
+    drawn = []
+
+    def judge(case):
+        drawn.append(tomllib.loads(case.sealed.read_text()))
+
+    monkeypatch.setattr(blind_case, "_judge", judge)
+    out = tmp_path / "out"
+    options = ["--confirm", "1", "--cases", "3", "--effect", "mass_error", "--out", str(out)]
+    result = RUNNER.invoke(app, ["blind", str(campaign), *options])
+    assert result.exit_code == 0, result.stderr
+    (confirmed,) = json.loads((out / "smallest.json").read_text())["confirmed"]
+    masses = [one["parameters"]["mass"] for one in drawn if one["effect"] != "none"]
+    assert masses
+    assert masses == [pytest.approx(confirmed["value"], rel=0.02)] * len(masses)
+    assert confirmed["found_cases"] == [0, len(masses)]  # no verdict was written
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium")
+def test_the_page_shows_places_on_the_machine(smallest, tmp_path):
+    page = (smallest[0] / "smallest.html").read_text()
+    found = browse(page, tmp_path, probe=PROBE)
+    assert found["faults"] == []
+    assert found["places"] == 3
+    assert found["rows"] >= 1
+    assert found["chosen"].partition(":")[0] in ("body", "joint")

@@ -156,7 +156,7 @@ def _with_parameter(effect: Effect, name: str, value: float) -> Effect | None:
 
     def off(logarithm: float) -> float:
         stated = effect.sized(float(np.exp(logarithm))).answer().parameters[name]
-        return float(np.asarray(stated)) - value
+        return float(np.linalg.norm(np.asarray(stated))) - value  # of a vector its length
 
     if effect.limits is None:
         return None

@@ -280,7 +280,7 @@ class Refit:
             change: of the FRFs; like deviation.
             caution: part of the diagonal of stiffness and damping that is added to it.
         """
-        right = self._adjoint(self._weighted(change))
+        right = self.adjoint(self.weighted(change))
         more = np.where(self.bounded, 0.0, caution * (np.diag(self.normal) + 1))
         solution = bounded_solution(self.normal + np.diag(more), right, self.bounded)
         return solution, self._followed(solution, change.shape)
@@ -288,15 +288,16 @@ class Refit:
     def _by_tolerances(self, change: Complex) -> tuple[Complex, float]:
         """What tolerances alone leave of a change, and its cost with their prior."""
         own = np.ix_(self.bounded, self.bounded)
-        weighted = self._weighted(change)
-        right = self._adjoint(weighted)[self.bounded]
+        weighted = self.weighted(change)
+        right = self.adjoint(weighted)[self.bounded]
         found = bounded_solution(self.normal[own], right, self.bounded[self.bounded])
         solution = np.zeros(len(self.bounded))
         solution[self.bounded] = found
         cost = weighted @ weighted - 2 * right @ found + found @ self.normal[own] @ found
         return change - self._followed(solution, change.shape), float(cost)
 
-    def _weighted(self, change: Complex) -> Real:
+    def weighted(self, change: Complex) -> Real:
+        """Return a change of the FRFs over its standard deviation, real parts above imaginary."""
         return stacked(change / self.deviation * self.used[:, None])
 
     def _followed(self, solution: Real, shape: tuple[int, ...]) -> Complex:
@@ -309,7 +310,12 @@ class Refit:
             found[:, rows] += unstacked(columns @ own, found[:, rows].shape)
         return found * np.where(np.isfinite(self.deviation), self.deviation, 0.0)
 
-    def _adjoint(self, weighted: Real) -> Real:
+    def whitened_motion(self, solution: Real) -> Real:
+        """Return J times parameters, like ``weighted``."""
+        return self.weighted(self._followed(solution, self.deviation.shape))
+
+    def adjoint(self, weighted: Real) -> Real:
+        """Return J^T times a whitened change; (n_parameter,)."""
         whole = unstacked(weighted, self.deviation.shape)
         own = [
             columns.T @ stacked(whole[:, 3 * number : 3 * number + 3])
@@ -324,6 +330,7 @@ def refit_of(
     takes: tuple[Take, ...],
     tolerance: Tolerance,
     background: Real | None = None,
+    count: int = _LINES,
 ) -> Refit:
     """Linearise a machine without effects at a part of its lines.
 
@@ -334,9 +341,10 @@ def refit_of(
         tolerance: standard deviations of the priors.
         background: relative motion of each channel that small imperfections leave, which counts
             beside the noise; (n_out, n_in).
+        count: number of lines, about.
     """
     plain = replace(machine, effects=())
-    lines = _chosen(protocol)
+    lines = _chosen(protocol, count)
     known = Known(plain, lines)
     base = known.on(Occasion(node=protocol.nodes[0]))[1]
     noise = frf_deviation(base, lines, protocol, takes[0].level, plain)
@@ -399,7 +407,7 @@ def _linearised(
     )
 
 
-def _chosen(protocol: Protocol) -> Real:
+def _chosen(protocol: Protocol, count: int) -> Real:
     """Lines of the refit, evenly from where a hammer test begins to tell."""
     lines = protocol.freq_hz[protocol.freq_hz >= _LOWEST_HZ * protocol.pace]
-    return lines[:: max(1, len(lines) // _LINES)]
+    return lines[:: max(1, len(lines) // count)]

@@ -184,7 +184,7 @@ def _tested(drawing: Station, true: Station, plan: Plan) -> tuple[tuple[Take, ..
     at_work = NO_TOLERANCE if plan.cause.mistuned else plan.tolerance
     files = takes(plan.protocol, drawing, plan.seed)
     hammers = []
-    for hammer in _hammers(drawing, plan.protocol, at_work, plan.seed):
+    for hammer in hammers_of(drawing, plan.protocol, at_work, plan.seed):
         if hammer.along:
             hammers.append(hammer)
             continue
@@ -201,9 +201,17 @@ def _refit(machine: Machine, plan: Plan, files: tuple[Take, ...], background: Re
     return refit_of(machine, plan.protocol, own, plan.tolerance, background)
 
 
-def _hammers(
+def hammers_of(
     drawing: Station, protocol: Protocol, tolerance: Tolerance, seed: int
 ) -> tuple[Hammer, ...]:
+    """Return the hits and motors of a test, each off by its tolerances.
+
+    Args:
+        drawing: the nominal machine.
+        protocol: how it is tested.
+        tolerance: of places, directions and force channels.
+        seed: of the machine.
+    """
     hammers: tuple[Hammer, ...] = ()
     for node in protocol.nodes:
         purpose = f"tolerance.hammer.{node}" if hammers else "tolerance.hammer"

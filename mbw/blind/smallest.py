@@ -1,0 +1,176 @@
+"""``mbw blind --smallest``: what the test shows of each effect at each place, predicted.
+
+The sizes are predicted from the linear information of the test and from the weights of the
+diagnosis, and confirmed by drawn cases at the places that matter most, if they are wanted.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from diagnosis.inference.calibration import load_calibration
+from identification.words import InputError
+from mbmodel import load_machine
+from mbmodel.geometry.surfaces import machine_geometry
+from mbw.blind.smallest_page import render
+from mbw.blind.user_test import is_campaign, model_of, read_user_test
+from mbw.messages import SCREEN
+from mbw.output_folder import OutputFolder
+from truth import (
+    Choice,
+    LinearisedTest,
+    Protocol,
+    SmallestSize,
+    Tolerance,
+    TruthError,
+    Weighing,
+    find_signatures,
+    fit_to_machine,
+    linearise_test,
+    predict_smallest,
+    read_station,
+)
+from truth.effects.other_packages import known_effects
+from truth.effects.outside import OUTSIDE
+
+SMALLEST_JSON, SMALLEST_PAGE, SMALLEST_TEXT = "smallest.json", "smallest.html", "smallest.txt"
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """A predicted size that drawn cases confirm.
+
+    Args:
+        effect: its name.
+        location: as in an answer.
+        parameter: of the answer, by which the size is stated.
+        value: the predicted smallest size.
+        found_cases: cases in which effect and place were right, and their number.
+        interval: 95 % interval of the rate (Wilson).
+    """
+
+    effect: str
+    location: str
+    parameter: str
+    value: float
+    found_cases: tuple[int, int]
+    interval: tuple[float, float]
+
+
+def predict(model: str, band: tuple[float, float] | None, choice: Choice) -> list[SmallestSize]:
+    """Return the smallest sizes of all effects at all places, in a model's or user's own test.
+
+    Args:
+        model: MJCF of a machine, or the user's campaign.
+        band: lowest and highest frequency [Hz] of a campaign; None for the lines with coherence.
+        choice: effects and places; empty for all.
+
+    Raises:
+        InputError: the model or the campaign cannot be used.
+    """
+    try:
+        test = _linearised(Path(model), band)
+        effects = {
+            name: draw
+            for name, draw in known_effects().items()
+            if name not in OUTSIDE and (not choice.effects or name in choice.effects)
+        }
+        signatures, information = find_signatures(test, effects, choice.places)
+    except TruthError as error:
+        raise InputError(str(error)) from error
+    if not signatures:
+        raise InputError(f"{model}: no effect that was chosen has a place in this machine")
+    constants = load_calibration()
+    weighing = Weighing(
+        constants.tempering, constants.hidden["lines"], constants.hidden_width, test.values
+    )
+    return predict_smallest(signatures, information, weighing)
+
+
+def _linearised(path: Path, band: tuple[float, float] | None) -> LinearisedTest:
+    if is_campaign(path):
+        user = read_user_test(path, band)
+        return linearise_test(user.station, user.repeated.protocol, user.repeated.tolerance)
+    station = read_station(path)
+    protocol = fit_to_machine(Protocol((station.first_aim(),)), station)
+    return linearise_test(station, protocol, Tolerance())
+
+
+def choose_places(sizes: Sequence[SmallestSize], count: int) -> list[SmallestSize]:
+    """Return the places that matter most: where a usual size is only just found.
+
+    One place of each effect: that whose smallest size is the largest part of a usual one and not
+    more than it.
+
+    Args:
+        sizes: predicted ones.
+        count: how many places.
+    """
+    sized = [row for row in sizes if row.is_found and row.value is not None and row.of_usual]
+    sized.sort(key=lambda row: -_below_usual(row))
+    first: dict[str, SmallestSize] = {}
+    for row in sized:
+        first.setdefault(row.effect, row)
+    return list(first.values())[:count]
+
+
+def _below_usual(row: SmallestSize) -> float:
+    """Return the size over a usual one, or its inverse if that is smaller."""
+    part = row.of_usual or 0.0
+    return min(part, 1 / part) if part else 0.0
+
+
+def write(
+    output: OutputFolder,
+    model: str,
+    sizes: Sequence[SmallestSize],
+    confirmed: Sequence[Confirmation],
+) -> str:
+    """Write sizes, table and page; return the table.
+
+    Args:
+        output: folder of the result.
+        model: MJCF of a machine, or the user's campaign.
+        sizes: predicted ones.
+        confirmed: those that drawn cases confirm.
+    """
+    path = model_of(Path(model)) if is_campaign(Path(model)) else Path(model)
+    machine = load_machine(path)
+    table = size_table(sizes, confirmed)
+    rows = {
+        "sizes": [asdict(row) for row in sizes],
+        "confirmed": [asdict(row) for row in confirmed],
+    }
+    page = render(rows, machine.layout, machine_geometry(machine), path.stem)
+    with output.write() as place:
+        (place / SMALLEST_JSON).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        (place / SMALLEST_TEXT).write_text(table, encoding="utf-8")
+        (place / SMALLEST_PAGE).write_text(page, encoding="utf-8")
+    SCREEN.say(f"smallest sizes in {output.path.absolute() / SMALLEST_JSON}")
+    SCREEN.say(f"pictures in {(output.path.absolute() / SMALLEST_PAGE).as_uri()}")
+    return table
+
+
+def size_table(sizes: Sequence[SmallestSize], confirmed: Sequence[Confirmation]) -> str:
+    """Return the sizes as text: one row for each effect and place, the weakest first."""
+    lines = ["smallest size that nine tests of ten find, predicted", ""]
+    for row in sorted(sizes, key=lambda row: (row.is_found, -(row.of_usual or 0.0))):
+        place = f"{row.effect} at {row.location} {row.dof}".rstrip()
+        if not row.is_found:
+            size = "not found at any plausible size"
+        elif row.value is None:
+            size = "found"
+        else:
+            size = f"{row.parameter} {row.value:.3g}, {row.of_usual:.2g} of a usual size"
+        confused = f"; confused with {', '.join(row.confused[:3])}" if row.confused else ""
+        lines.append(f"{place}: {size}{confused}")
+    lines += [""] if confirmed else []
+    for case in confirmed:
+        hits, count = case.found_cases
+        lines.append(
+            f"confirmed: {case.effect} at {case.location}, {case.parameter} {case.value:.3g}: "
+            f"found in {hits} of {count} fresh cases (95 %: {case.interval[0]:.0%} to "
+            f"{case.interval[1]:.0%})"
+        )
+    return "\n".join(lines) + "\n"

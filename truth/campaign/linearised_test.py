@@ -1,0 +1,55 @@
+"""The linear information of a test of a nominal machine, without errors and without effects."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from truth.campaign.draw import NO_TOLERANCE, Tolerance
+from truth.campaign.protocol import Protocol, occasions, takes
+from truth.campaign.survival import Refit, refit_of
+from truth.campaign.virtual_test import hammers_of
+from truth.effects import Scene
+from truth.machine.machine_on_test import Machine
+from truth.machine.station import Station
+
+_MAX_VALUES = 40_000  # complex values of the signatures: more tell little and fill the memory
+_MIN_LINES = 24
+
+
+@dataclass(frozen=True, eq=False)
+class LinearisedTest:
+    """A test of a nominal machine, linearised.
+
+    Args:
+        refit: of the machine without effects.
+        scene: the machine and its test.
+        scale: lines of the test over those of the refit.
+        values: complex values of the whole test.
+    """
+
+    refit: Refit
+    scene: Scene
+    scale: float
+    values: int
+
+
+def linearise_test(station: Station, protocol: Protocol, tolerance: Tolerance) -> LinearisedTest:
+    """Linearise a test about the nominal machine.
+
+    Args:
+        station: the nominal machine.
+        protocol: how it is tested; the files of one level count.
+        tolerance: standard deviations of the priors.
+    """
+    files = takes(protocol, station, 0)
+    level = sorted(protocol.levels)[len(protocol.levels) // 2]
+    own = tuple(take for take in files if take.test or take.level == level)
+    machine = Machine(station, hammers_of(station, protocol, NO_TOLERANCE, 0))
+    cells = 3 * len(list(station.sensors())) * len(machine.hammers)
+    count = max(_MIN_LINES, _MAX_VALUES // cells)
+    refit = refit_of(machine, protocol, own, tolerance, count=count)
+    measured = np.isfinite(refit.deviation).all(axis=0) & refit.used[:, None]
+    lines = int((protocol.freq_hz >= refit.known.freq_hz[0]).sum())
+    scene = Scene(station, occasions(protocol, files), protocol.pace)
+    scale = lines / len(refit.known.freq_hz)
+    return LinearisedTest(refit, scene, scale, int(measured.sum()) * lines)

@@ -1,0 +1,202 @@
+r"""The smallest size of each effect that a diagnosis finds in nine tests of ten, predicted.
+
+A diagnosis whose posterior weighs the gain g of a fit by kappa finds an effect if it is the most
+probable of M hypotheses, and more probable than that nothing is missing. With noise a gain of g has
+the standard deviation sqrt(2 g), so that nine of ten gains are at least g - 1.28 sqrt(2 g) =: q(g).
+The size is the smallest at which
+
+    kappa q(g) >= ln M + ln[1 + (hidden N / g)^(1 / width)],
+    sum_F exp(-kappa q(g sin^2_F)) <= 1,   g without bounds >= 4.5^2,
+
+the second over all other families F of effect and place: g sin^2_F is what a fit with F, in any of
+its shapes, leaves of the gain. ``hidden`` is the gap per value that badly known noise may hide. The
+third leaves tolerances alone that are off by up to 4.5 standard deviations: they are no effect.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from truth.campaign.signatures import Information, Signature, families, gram_matrix
+from truth.effects.effect import Parameter
+from truth.machine.station import Real
+
+_NINE_OF_TEN = 1.2815515655446004  # standard deviations below which one in ten lies
+_CONFUSED = 0.9  # cosine from which two signatures are confounded, as in a verdict
+_RIDGE = 1e-9  # of the Gram matrix of a family's shapes, relative
+_HALVINGS = 60  # of the interval of ln g
+_SIZE_HALVINGS = 12  # of the interval of the logarithm of a size
+OUTLIER_SIGMA = 4.5  # standard deviations up to which a tolerance is no effect
+_GAINS = (1e-2, 1e12)  # nats, between which g is looked for
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """How a diagnosis weighs gains.
+
+    Args:
+        tempering: kappa.
+        hidden: gap per value that badly known noise may hide.
+        hidden_width: width of its odds.
+        values: number N of complex values of the test.
+    """
+
+    tempering: float
+    hidden: float
+    hidden_width: float
+    values: int
+
+
+@dataclass(frozen=True)
+class SmallestSize:
+    """The smallest size of an effect at a place that nine tests of ten show.
+
+    Args:
+        effect: its name.
+        location: as in an answer.
+        dof: as in an answer; empty without one.
+        parameter: of the answer by which the size is stated; empty for an effect without a size.
+        value: its size, the largest over the shapes; None where no plausible size is found, or for
+            an effect without a size.
+        of_usual: that size over the one that is usually drawn; None without a size.
+        is_found: whether a plausible size is found.
+        gain: gain in log likelihood at that size, or without a size at the effect itself [nats].
+        confused: effects and places with a cosine of at least 0.9.
+    """
+
+    effect: str
+    location: str
+    dof: str
+    parameter: str
+    value: float | None
+    of_usual: float | None
+    is_found: bool
+    gain: float
+    confused: tuple[str, ...]
+
+
+def predict_smallest(
+    signatures: Sequence[Signature], information: Information, weighing: Weighing
+) -> list[SmallestSize]:
+    """Return the smallest size for every effect, place and direction.
+
+    Args:
+        signatures: of all effects and places that compete.
+        information: of the whole test.
+        weighing: how the diagnosis weighs gains.
+    """
+    gram = gram_matrix(signatures)
+    groups = list(families(signatures))
+    found = []
+    for family, numbers in groups:
+        rivals = [(name, row) for name, row in groups if name[:2] != family[:2]]
+        rows = [
+            _one_shape(signatures[number], information, _shares(gram, number, rivals), weighing)
+            for number in numbers
+        ]
+        found.append(max(rows, key=lambda row: (not row.is_found, row.of_usual or 0.0)))
+    return found
+
+
+def needed_gain(weighing: Weighing, hypotheses: int, shares: Real) -> float:
+    """Return the smallest g that nine tests of ten tell from nothing and from all rivals [nats].
+
+    Args:
+        weighing: how the diagnosis weighs gains.
+        hypotheses: their number M.
+        shares: cos^2 of each rival; (n_rival,).
+    """
+
+    def is_enough(gain: float) -> bool:
+        nothing = (weighing.hidden * weighing.values / gain) ** (1 / weighing.hidden_width)
+        prior = np.log(hypotheses) + np.log1p(nothing)
+        left = gain * np.maximum(1 - shares, 0.0)
+        odds = np.exp(-weighing.tempering * _in_nine_of_ten(left))
+        return bool(weighing.tempering * _in_nine_of_ten(gain) >= prior and odds.sum() <= 1)
+
+    return _first(is_enough)
+
+
+def _in_nine_of_ten(gain: Real | float) -> Real:
+    """Return the gain that nine tests of ten exceed; not below 0."""
+    sure: Real = np.asarray(gain - _NINE_OF_TEN * np.sqrt(2 * np.asarray(gain)))
+    return np.where(sure > 0, sure, 0.0)
+
+
+def _first(is_enough: Callable[[float], bool]) -> float:
+    """Return the smallest gain that is enough, by halving; infinite if none is."""
+    low, high = np.log(_GAINS)
+    if not is_enough(float(np.exp(high))):
+        return np.inf
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if is_enough(float(np.exp(middle))) else (middle, high)
+    return float(np.exp(high))
+
+
+def _shares(
+    gram: Real, number: int, rivals: Sequence[tuple[tuple[str, str, str], list[int]]]
+) -> dict[tuple[str, str, str], float]:
+    """Return cos^2 of each rival family with one signature."""
+    gain = max(float(gram[number, number]), 1e-300)
+    return {name: min(_explained(gram, number, row) / gain, 1.0) for name, row in rivals}
+
+
+def _one_shape(
+    signature: Signature,
+    information: Information,
+    shares: Mapping[tuple[str, str, str], float],
+    weighing: Weighing,
+) -> SmallestSize:
+    """Return the smallest size of one shape.
+
+    Args:
+        signature: of the shape.
+        information: of the whole test.
+        shares: cos^2 of each rival family.
+        weighing: how the diagnosis weighs gains.
+    """
+    limit = np.array(list(shares.values()))
+    needed = needed_gain(weighing, len(shares) + 1, limit)
+    per_size = max(float(signature.left @ signature.left), 1e-300)
+    no_outlier = OUTLIER_SIGMA / float(np.sqrt(per_size))
+    confused = tuple(
+        dict.fromkeys(
+            f"{name[0]}@{name[1]}" for name, share in shares.items() if share >= _CONFUSED**2
+        )
+    )
+    drawn = signature.drawn
+    if drawn.size is None or drawn.limits is None:
+        gain = information.gain(signature, 1.0)
+        is_found = gain >= needed and no_outlier <= 1.0
+        return SmallestSize(*signature.family, "", None, None, is_found, gain, confused)
+    largest = drawn.limits[1]
+    if no_outlier > largest or information.gain(signature, largest) < needed:
+        return SmallestSize(*signature.family, "", None, None, False, needed, confused)
+    low, high = np.log(max(no_outlier, drawn.limits[0])), np.log(largest)
+    if information.gain(signature, float(np.exp(low))) >= needed:
+        high = low
+    for _ in range(_SIZE_HALVINGS if high > low else 0):
+        middle = (low + high) / 2
+        is_enough = information.gain(signature, float(np.exp(middle))) >= needed
+        low, high = (low, middle) if is_enough else (middle, high)
+    size = float(np.exp(high))
+    parameter, value = _stated(drawn.sized(size).answer().parameters)
+    of_usual = size / drawn.size
+    return SmallestSize(*signature.family, parameter, value, of_usual, True, needed, confused)
+
+
+def _explained(gram: Real, number: int, row: Sequence[int]) -> float:
+    """Return the gain of a fit with a family, in any of its shapes, instead of the effect."""
+    block = gram[np.ix_(row, row)]
+    size = np.sqrt(np.maximum(np.diag(block), 1e-300))
+    unit = block / np.outer(size, size) + _RIDGE * np.eye(len(row))
+    along = gram[number, row] / size
+    return float(along @ np.linalg.solve(unit, along))
+
+
+def _stated(parameters: Mapping[str, Parameter]) -> tuple[str, float]:
+    """Return the first parameter of an answer; of a vector its length."""
+    name, value = next(iter(parameters.items()))
+    return name, float(np.linalg.norm(np.asarray(value, np.float64)))
