@@ -70,25 +70,27 @@ def predict(model: str, band: tuple[float, float] | None, choice: Choice) -> lis
         InputError: the model or the campaign cannot be used.
     """
     try:
-        test = _linearised(Path(model), band)
-        effects = {
-            name: draw
-            for name, draw in known_effects().items()
-            if name not in OUTSIDE and (not choice.effects or name in choice.effects)
-        }
-        signatures, information = find_signatures(test, effects, choice.places)
+        test = _linearise(Path(model), band)
+        effects = {name: draw for name, draw in known_effects().items() if name not in OUTSIDE}
+        signatures, information = find_signatures(test, effects, [])
     except TruthError as error:
         raise InputError(str(error)) from error
-    if not signatures:
-        raise InputError(f"{model}: no effect that was chosen has a place in this machine")
     constants = load_calibration()
     weighing = Weighing(
         constants.tempering, constants.hidden["lines"], constants.hidden_width, test.values
     )
-    return predict_smallest(signatures, information, weighing)
+    sizes = [
+        row
+        for row in predict_smallest(signatures, information, weighing)
+        if (not choice.effects or row.effect in choice.effects)
+        and (not choice.places or row.location in choice.places)
+    ]
+    if not sizes:
+        raise InputError(f"{model}: no effect that was chosen has a place in this machine")
+    return sizes
 
 
-def _linearised(path: Path, band: tuple[float, float] | None) -> LinearisedTest:
+def _linearise(path: Path, band: tuple[float, float] | None) -> LinearisedTest:
     if is_campaign(path):
         user = read_user_test(path, band)
         return linearise_test(user.station, user.repeated.protocol, user.repeated.tolerance)

@@ -2,13 +2,13 @@ r"""What a test shows of every effect at every place, from the linear informatio
 
 An effect of size d changes the whitened FRFs by d r. Tuning follows a part of it, and what remains,
 
-    g(d) = min_x  |d r - J x|^2 + sum_tolerances x^2,   |x_tolerance| <= 2.5,
+    g(d) = min_x  |d r - J x|^2 + sum_tolerances x^2 / 2,   |x_tolerance| <= 2.5,
 
-is the gain in log likelihood of a fit that knows the effect, over one that does not [nats]. Without
-the bound it is d^2 (r^T r - b^T N^-1 b) with b = J^T r and N = J^T J and the prior, and effects i
-and j have the Gram matrix
+is the gain in log likelihood of a fit that knows the effect, over one that does not [nats]: values
+are complex with the variance 1, tolerances are real. Without the bound effects i and j have the
+Gram matrix
 
-    G_ij = e_i^T e_j + sum_tolerances x_i x_j,   x = N^-1 b,   e = r - J x,
+    G_ij = e_i^T e_j + sum_tolerances x_i x_j / 2,   x = N^-1 J^T r,   e = r - J x,
 
 so that a fit with j instead of i gains the part G_ij^2 / (G_ii G_jj) of it. The slope r is taken at
 a size whose change is about the noise, where FRFs are linear. A refit follows larger changes by
@@ -32,6 +32,7 @@ from truth.machine.station import Mask, Real
 _SHAPES = 3  # draws of direction and shape at each place
 _TURNS = 6  # sizes that are tried
 _NEAR = 3.0  # factor on the size within which it is near enough
+_PRIOR = 0.5  # of the square of a tolerance in -ln L
 _CHANGE = 1.0  # r^T r at the size of the slope
 _REFINEMENTS = 3  # of the solution of the normal equations, which loses digits
 _RIDGE = 1e-12  # of the diagonal: for a spring that no sensor sees
@@ -48,7 +49,7 @@ class Signature:
         drawn: the effect as it is drawn.
         change: r, per unit of the size, or of an effect that is there or not; (2 n_value,).
         followed: x, the parameters that follow it; (n_parameter,).
-        left: e and the tolerances of x, whose squares sum up to the gain.
+        left: e and the tolerances of x over sqrt(2), whose squares sum up to the gain.
     """
 
     effect: str
@@ -155,7 +156,7 @@ class _Projection:
     def __init__(self, test: LinearisedTest) -> None:
         self.refit, self.lines = test.refit, np.sqrt(test.scale)
         prior = np.diag(test.refit.bounded.astype(float))
-        self.normal = test.scale * (test.refit.normal - prior) + prior
+        self.normal = test.scale * (test.refit.normal - prior) + _PRIOR * prior
         scale = np.sqrt(np.diag(self.normal))
         scale[scale == 0] = 1.0
         inner = self.normal / np.outer(scale, scale)
@@ -171,12 +172,12 @@ class _Projection:
         bounded = self.refit.bounded
         followed, left = np.zeros(len(bounded)), slope
         for _ in range(_REFINEMENTS):
-            right = self.lines * self.refit.adjoint(left) - bounded * followed
+            right = self.lines * self.refit.adjoint(left) - _PRIOR * bounded * followed
             step = scipy.linalg.cho_solve(self.factor, right / self.scale) / self.scale
             followed = followed + step
             left = slope - self.lines * self.refit.whitened_motion(followed)
         answer = effect.answer()
-        both = np.concatenate([left, followed[bounded]])
+        both = np.concatenate([left, np.sqrt(_PRIOR) * followed[bounded]])
         return Signature(name, answer.location, answer.dof, effect, slope, followed, both)
 
     def _slope(self, effect: Effect) -> Real:
