@@ -18,6 +18,14 @@ from diagnosis.corrections import (
     mask_channels,
     match_channels,
 )
+from diagnosis.data_checks.bending_bodies import (
+    GROSS,
+    RELEASED,
+    find_constant_errors,
+    key_of,
+    list_probable,
+    reduce_to_bending,
+)
 from diagnosis.effects.flexible_body import build_bending_hypothesis
 from diagnosis.effects.points import list_gains, name_vector
 from diagnosis.effects.sensor_polarity import read_inverted
@@ -36,15 +44,8 @@ from identification import (
 from identification.words import Campaign, Dof, Output
 from tuning import Session
 
-_GROSS = ("dead_channel", "sensor_polarity", "sensor_swap")
 _UNKNOWN = "sensor_unknown"
 _USELESS = ("dead_channel", _UNKNOWN)
-# Tolerance that an effect releases, and the name of its value in the verdict.
-RELEASED = {
-    "sensor_gain": ("gain", "gain"),
-    "sensor_misalignment": ("rotation", "rotation"),
-    "sensor_position": ("position", "offset"),
-}
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +68,12 @@ class SensorChecks:
     @property
     def gross(self) -> tuple[Fault, ...]:
         """Exchanged channels and opposite signs, which every set of causes has."""
-        return tuple(fault for fault in self.faults if fault.effect in _GROSS)
+        return tuple(fault for fault in self.faults if fault.effect in GROSS)
 
     @property
     def small(self) -> tuple[Fault, ...]:
         """Faults of some size, which compete with all other hypotheses."""
-        taken_out = (*_GROSS, _UNKNOWN)
+        taken_out = (*GROSS, _UNKNOWN)
         return tuple(fault for fault in self.faults if fault.effect not in taken_out)
 
     @property
@@ -92,24 +93,31 @@ def check_sensors(campaign: Campaign, settings: DiagnosisSettings) -> SensorChec
     bodies, duplicates = check_bodies(campaign), duplicate_channels(campaign)
     silent = noise_only_channels(campaign)  # dead, or without motion: they show no other fault
     proven: dict[Key, Fault] = {}
+    constant: set[Key] = set()
     flexible = 0
     for check in bodies:
-        probable = [
-            fault for fault in check.faults if fault.probability >= settings.min_proven_probability
-        ]
+        probable = list_probable(check, settings)
         kept = [copy for fault in probable for copy in _replace_duplicates(fault, duplicates)]
         single = [fault for fault in probable if not _replace_duplicates(fault, duplicates)]
-        kept += _reduce_to_bending(check, single, settings.min_proven_probability)
+        reduced = reduce_to_bending(check, single, settings.min_proven_probability)
+        replaced = [fault for fault in single if fault not in reduced and fault.effect != BENDS]
+        still = find_constant_errors(campaign, check, replaced, settings)
+        kept += reduced + still
         flexible += any(fault.effect == BENDS for fault in kept)
-        proven |= {(fault.effect, fault.location, fault.dof): fault for fault in kept}
+        proven |= {key_of(fault): fault for fault in kept}
+        constant |= {key_of(fault) for fault in still}
     if flexible > settings.max_bending_bodies:
         # Many bodies bend a little, the stated noise is wrong, or set-ups met different machines:
         # small faults of sensors explain a part of that.
-        proven = {key: fault for key, fault in proven.items() if key[0] in (BENDS, *_GROSS)}
+        proven = {
+            key: fault
+            for key, fault in proven.items()
+            if key[0] in (BENDS, *GROSS) or key in constant
+        }
     faults = tuple(fault for fault in proven.values() if _is_credible(fault, campaign, silent))
     useless = [fault for fault in faults if fault.effect in _USELESS]
     audible = mask_channels(campaign, lambda dof: dof.positive in silent) if silent else campaign
-    gross = [fault for fault in faults if fault.effect in (*_GROSS, *_USELESS)]
+    gross = [fault for fault in faults if fault.effect in (*GROSS, *_USELESS)]
     return SensorChecks(
         bodies, faults, _remove_channels(audible, useless), _remove_channels(audible, gross)
     )
@@ -144,32 +152,6 @@ def _replace_duplicates(fault: Fault, duplicates: frozenset[Output]) -> list[Fau
         for dof in sorted(duplicates, key=str)
         if concerns(dof)
     ]
-
-
-def _reduce_to_bending(check: BodyCheck, probable: list[Fault], probability: float) -> list[Fault]:
-    """Replace small faults of several sensors of one body by one bending of the body.
-
-    Below the resonance the shape of a mode follows the acceleration. The deviation of each sensor
-    is then equal to that of a gain or a place, and a few such faults explain a shape to within the
-    noise. But faults are rare and do not come in pairs. Gross faults stand out beside a shape too.
-
-    Args:
-        check: check of the body.
-        probable: faults of its sensors, or its bending.
-        probability: probability of the bending that replaces them.
-    """
-    small = [fault for fault in probable if fault.effect not in (BENDS, *_GROSS)]
-    remaining = [fault for fault in probable if fault not in small]
-    if not any(fault.effect == BENDS for fault in probable):
-        if len({fault.location for fault in small}) <= 1:
-            return probable
-        after = min(fault.excess_after for fault in small)
-        return [Fault(BENDS, f"body:{check.body}", None, probability, {}, after), *remaining]
-    if check.deviation[-1] > 0.5 * check.deviation.max():  # no peak of a mode lies in the band
-        remaining = [
-            replace(fault, parameters={}) if fault.effect == BENDS else fault for fault in remaining
-        ]
-    return remaining
 
 
 def _remove_channels(campaign: Campaign, faults: Sequence[Fault]) -> Campaign:

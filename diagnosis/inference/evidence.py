@@ -128,6 +128,7 @@ class Evidence(_Row):
 
     Args:
         proven: faults that redundant channels prove; every set corrects them.
+        small_faults: other faults that redundant channels prove; sets may contain them.
         unknown: places of sensors with a proven fault that is not in the catalogue.
         null: null model.
         unbounded: the gap of the null model if no tolerance is bounded; None if not fitted.
@@ -144,6 +145,7 @@ class Evidence(_Row):
     """
 
     proven: tuple[Key, ...] = ()
+    small_faults: tuple[Key, ...] = ()
     unknown: tuple[str, ...] = ()
     null: FittedSet
     unbounded: float | None = None

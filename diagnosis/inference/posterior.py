@@ -5,12 +5,15 @@ included. Errors of a model are correlated, so that the residual of the best set
 independent values (``tuning.residual_statistics``). Relative to the empty set with a rest
 ("unexplained"), the log probability is
 
-    l_S = kappa N_eff [ c_0 - c_S - |S| chance (1 - s) ] - |S| ln M,
+    l_S = kappa N_eff [ c_0 - c_S - n_S chance (1 - s) ] - n_S ln M,
 
-where s is the share of the noise in the variance of the residual of the best set. The best of M
-hypotheses gains by chance. ln M is that of a uniform prior. ``chance`` per value and share of model
-error accounts for errors of a real machine that resemble effects. kappa and chance are calibrated
-on virtual machines whose errors are known. The empty set without a rest ("none") has odds of
+where n_S is the number of its causes that no redundant channels prove, and s is the share of the
+noise in the variance of the residual of the best set. The best of M hypotheses gains by chance.
+ln M is that of a uniform prior. ``chance`` per value and share of model error accounts for errors
+of a real machine that resemble effects. A fault that redundant channels prove without a model
+pays for neither: whether it is a cause depends on its part of the gap. kappa and chance are
+calibrated on virtual machines whose errors are known. The empty set without a rest ("none") has
+odds of
 
     p(none) / p(unexplained) = (hidden / gap)^(1 / width),
 
@@ -133,13 +136,9 @@ def compute_log_odds(
     count = constants.tempering * best.effective_values
     chance = constants.chance * (1 - best.noise_share)
     prior = float(np.log(max(evidence.hypotheses, 1)))
-    return np.array(
-        [
-            count * (null.objective - fitted.objective - len(fitted.keys) * chance)
-            - len(fitted.keys) * prior
-            for fitted in sets
-        ]
-    )
+    gains = np.array([null.objective - fitted.objective for fitted in sets])
+    unproven = np.array([len(set(fitted.keys) - set(evidence.small_faults)) for fitted in sets])
+    return count * (gains - unproven * chance) - unproven * prior
 
 
 def select_material_sets(

@@ -35,6 +35,7 @@ def collect_evidence(
     rest = fit_free_forces(inner, selected.fit, ratio * selected.floor) if has_rest else ()
     return Evidence(
         proven=tuple(hypothesis.key for hypothesis in base.proven),
+        small_faults=search.small_faults,
         unknown=base.checks.unknown,
         null=summarise_refit(null),
         unbounded=unbounded,

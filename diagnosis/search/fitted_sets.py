@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from diagnosis.inference.calibration import load_calibration
-from diagnosis.inference.evidence import Evidence
+from diagnosis.inference.evidence import Evidence, Key
 from diagnosis.inference.posterior import compute_log_odds, select_material_sets
 from diagnosis.refits.measured import find_variance_source
 from diagnosis.refits.refit import Refit, summarise_refit
@@ -21,12 +21,14 @@ class Search:
         scores: score tests about the null model, the most promising first.
         refits: sets of causes in the order of their fits.
         selected: selected set of causes; the null model if no cause is probable.
+        small_faults: faults that redundant channels prove, but for gross ones.
     """
 
     null: Refit
     selected: Refit
     scores: tuple[Score, ...] = ()
     refits: tuple[Refit, ...] = ()
+    small_faults: tuple[Key, ...] = ()
 
     @property
     def hypotheses(self) -> int:
@@ -55,6 +57,7 @@ def is_more_probable(search: Search, refit: Refit, base: Refit) -> bool:
     """Return whether the posterior prefers a set to another one."""
     sets = [summarise_refit(candidate) for candidate in (*search.refits, refit)]
     evidence = Evidence(
+        small_faults=search.small_faults,
         null=summarise_refit(search.null),
         sets=tuple(sets),
         hypotheses=search.hypotheses,

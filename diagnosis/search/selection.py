@@ -15,6 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from diagnosis.data_checks.bending_bodies import key_of
 from diagnosis.inference.calibration import load_calibration
 from diagnosis.inference.evidence import Key
 from diagnosis.null_model import Baseline, refit_from
@@ -36,7 +37,8 @@ def select_causes(
         settings: sizes of the search.
         say: called with the current step.
     """
-    search, path = Search(base.null, base.null), base.null
+    small_faults = tuple(map(key_of, base.checks.small))
+    search, path = Search(base.null, base.null, small_faults=small_faults), base.null
     visited: set[frozenset[Key]] = set()
     while len(path.causes) < settings.max_causes and frozenset(path.keys) not in visited:
         visited.add(frozenset(path.keys))

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from diagnosis.algorithm import Diagnosis
-from diagnosis.data_checks.sensors import RELEASED
+from diagnosis.data_checks.bending_bodies import RELEASED
 from diagnosis.effects import load_catalogue
 from diagnosis.estimates.held_out_gap import HeldOutGap
 from diagnosis.estimates.jackknife import estimate_jackknife, estimate_size_jackknife

@@ -103,7 +103,9 @@ class BodyCheck:
             object.__setattr__(self, name, value)
 
 
-def check_bodies(campaign: Campaign) -> tuple[BodyCheck, ...]:
+def check_bodies(
+    campaign: Campaign, bodies: tuple[str, ...] | None = None
+) -> tuple[BodyCheck, ...]:
     """Check every body of a campaign that has channels, in the order of the layout.
 
     Errors of sensors within tolerance are fitted with all motions projected out. What then remains
@@ -112,6 +114,7 @@ def check_bodies(campaign: Campaign) -> tuple[BodyCheck, ...]:
 
     Args:
         campaign: measured FRFs on the lines to be used.
+        bodies: names of the bodies to be checked; all if None.
 
     Returns:
         One check a body.
@@ -121,7 +124,7 @@ def check_bodies(campaign: Campaign) -> tuple[BodyCheck, ...]:
         return ()
     campaign, tolerance = comparable, campaign.tolerance
     table = join_tests(campaign)
-    searches = _searches(table, campaign)
+    searches = _searches(table, campaign, bodies)
     swap = find_body_swap(table, campaign, list(searches.values()))
     if swap is not None:
         searches |= _searches(swap.table, campaign, swap.bodies)

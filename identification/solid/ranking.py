@@ -154,7 +154,7 @@ def _held_out_cost(
     hypothesis: FaultHypothesis | None, state: BelievedBody, body_fit: BodyFit
 ) -> RankedFault:
     """Compute the held-out cost by two-fold cross-validation over alternate blocks of lines."""
-    moments = Moments.of(state.data, state.reading)
+    moments = body_fit.moments_of(state)
     data = 0.0
     fitted = fit_errors(state.model, moments.sum_blocks(slice(None)), start=state.start)
     for train in folds(moments.gram.shape[1]):

@@ -11,6 +11,7 @@ one nat: z has the density exp(-|z - B x|^2). Delays tau among the errors are re
 z^H P z becomes y^H P y with y = exp(i w tau) z, which ``DelayedSums`` sums.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -74,19 +75,38 @@ class Moments:
         shape = (len(patterns), len(starts) - 1)
         gram = np.zeros((*shape, white.shape[2], white.shape[2]))
         total, count = np.zeros((*shape, white.shape[2])), np.zeros(shape)
+        np.add.at(total, np.ravel(group), np.add.reduceat(noise, starts[:-1], axis=1))
+        used = (white != 0).any(axis=2)
+        np.add.at(count, np.ravel(group), np.add.reduceat(used.astype(float), starts[:-1], axis=1))
         for column, g in enumerate(np.ravel(group)):
             for b, (first, last) in enumerate(pairwise(starts)):
-                z, v = white[column, first:last], noise[column, first:last]
-                parts = np.vstack([z.real, z.imag])
-                gram[g, b] += parts.T @ parts
-                total[g, b] += v.sum(axis=0)
-                count[g, b] += (np.abs(z) > 0).any(axis=1).sum()
+                z = white[column, first:last]
+                gram[g, b] += z.real.T @ z.real + z.imag.T @ z.imag
         keep = patterns.any(axis=1)
         delayed = None
         if has_delays:
             groups = [np.ravel(group) == g for g in np.flatnonzero(keep)]
             delayed = band_sums(data.freq_hz[::every], white, groups, starts)
         return cls(patterns[keep], gram[keep], total[keep], count[keep], delayed)
+
+    def exchange_channels(self, order: Sequence[int], signs: Real) -> "Moments":
+        """Return the sums in which channel k has the readings of channel ``order[k]``.
+
+        Args:
+            order: number of the channel whose readings each channel gets; n_channel.
+            signs: factor of each channel, 1 or -1; (n_channel,).
+        """
+        pairs, factor = np.ix_(order, order), np.outer(signs, signs)
+        delayed = self.delayed
+        if delayed is not None:
+            delayed = replace(delayed, sums=delayed.sums[..., pairs[0], pairs[1]] * factor)
+        return Moments(
+            self.mask[:, order],
+            self.gram[..., pairs[0], pairs[1]] * factor,
+            self.noise[..., order],
+            self.count,
+            delayed,
+        )
 
     def select_blocks(self, blocks: Mask | slice) -> "Moments":
         """Return the sums of some blocks."""

@@ -86,6 +86,19 @@ class BodyFit:
         delays = self.state.model.sensors.delays(self.healthy.errors)
         return subtract_noise(self.moments, delays)
 
+    def moments_of(self, state: BelievedBody) -> Moments:
+        """Return the sums of a state's data, by block."""
+        if state.data is self.state.data and state.reading is self.state.reading:
+            return self.moments
+        return Moments.of(state.data, state.reading)
+
+    def exchanged_moments(self, hypothesis: FaultHypothesis, state: BelievedBody) -> Moments:
+        """Return the sums of a hypothesis, whose state has exchanged channels at most."""
+        order, signs = hypothesis.channel_order(len(self.state.data.scale))
+        if np.array_equal(state.reading, state.reading[:, order]):
+            return self.moments.exchange_channels(order, signs)
+        return Moments.of(state.data, state.reading)
+
     @property
     def base_nats(self) -> float:
         """Cost of the believed body without a further fault [nats]."""
@@ -272,7 +285,7 @@ def _screen_one(hypothesis: FaultHypothesis, body_fit: BodyFit) -> list[Screened
             trial = hypothesis.states(body_fit.state)[0]
         return [ScreenedFault(nats, hypothesis, replace(trial, start=body_fit.healthy.errors))]
     states = hypothesis.states(body_fit.state)
-    total = Moments.of(states[0].data, states[0].reading, blocks=1)
+    total = body_fit.exchanged_moments(hypothesis, states[0]).sum_blocks(slice(None))
     if hypothesis.effect == "sensor_position":
         states += [replace(states[0], start=_solve_displacement(hypothesis, states[0], total))]
     elif len(states) > 2:

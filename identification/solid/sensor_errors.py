@@ -146,10 +146,10 @@ class Sensors:
         Returns:
             Rows [1, m]; (n_channel, 6).
         """
-        gain, axes, arms = self._decompose(errors)
+        gain, frames, axes, arms = self._decompose(errors)
         rows = gain[:, None] * self._unit_rows(axes, arms)
         if self.has_cross:
-            rows = rows + self._cross_rows(self._cross_axes(errors), arms)
+            rows = rows + self._cross_rows(self._cross_axes(errors, frames), arms)
         return rows @ self.moving
 
     def slopes(self, errors: Real) -> Real:
@@ -157,7 +157,7 @@ class Sensors:
 
         Angles are increments beyond those in p: a + d x a.
         """
-        gain, axes, arms = self._decompose(errors)
+        gain, frames, axes, arms = self._decompose(errors)
         count, sensors = len(self.channels), len(self.names)
         channel = np.arange(count)
         slopes = np.zeros((self.count, count, 6))
@@ -165,9 +165,9 @@ class Sensors:
         turned = gain[:, None] * _cross_product(_UNIT_VECTORS[:, None], axes)  # (3, n_channel, 3)
         index = count + 3 * self.sensor_of + np.arange(3)[:, None]
         if self.has_cross:
-            mixed = np.where(self.turning[:, None], 0.0, self._cross_axes(errors))
+            mixed = np.where(self.turning[:, None], 0.0, self._cross_axes(errors, frames))
             turned = turned + _cross_product(_UNIT_VECTORS[:, None], mixed)
-            self._fill_cross_slopes(slopes, errors, arms)
+            self._fill_cross_slopes(slopes, frames, arms)
         slopes[index, channel] = self._unit_rows(turned, arms)
         slopes[index + 3 * sensors, channel, 3:] = np.where(self.turning[:, None], 0.0, turned)
         return slopes @ self.moving
@@ -181,30 +181,28 @@ class Sensors:
         stepped[block] = (further * before).as_rotvec().ravel()
         return stepped
 
-    def _decompose(self, errors: Real) -> tuple[Real, Real, Real]:
-        """Return gains, rotated axes and displaced arms of the channels."""
+    def _decompose(self, errors: Real) -> tuple[Real, Real, Real, Real]:
+        """Return gains, rotated frames of the sensors, rotated axes and displaced arms."""
         count, sensors = len(self.channels), len(self.names)
         turns = _rotation_matrices(errors[count : count + 3 * sensors].reshape(sensors, 3))
         axes = (turns[self.sensor_of] @ self.axes[:, :, None])[:, :, 0]
         offsets = errors[count + 3 * sensors : count + 6 * sensors].reshape(sensors, 3)
-        return 1 + errors[:count], axes, (self.arms + offsets)[self.sensor_of]
+        arms = (self.arms + offsets)[self.sensor_of]
+        return 1 + errors[:count], turns @ self.frames, axes, arms
 
-    def _cross_axes(self, errors: Real) -> Real:
-        """Return sum_j S_kj R a_j of each channel; (n_channel, 3)."""
+    def _cross_axes(self, errors: Real, frames: Real) -> Real:
+        """Return sum_j S_kj R a_j of each channel, R a_j from rotated frames; (n_channel, 3)."""
         first = len(self.channels) + 6 * len(self.names)
         sizes = errors[first : first + 3 * len(self.names)].reshape(-1, 3)
         matrices = np.zeros((len(self.names), 3, 3))
         for pair, (a, b) in enumerate(_CROSS_PAIRS):
             matrices[:, a, b] = matrices[:, b, a] = sizes[:, pair]
-        axis = [dof.axis % 3 for dof in self.channels]
-        mixed = self._turned_frames(errors) @ matrices
-        return np.asarray(mixed[self.sensor_of, :, axis], float)
+        return np.asarray((frames @ matrices)[self.sensor_of, :, self._axis_of], float)
 
-    def _turned_frames(self, errors: Real) -> Real:
-        """Return R times the axes of each sensor, in columns; (n_sensor, 3, 3)."""
-        count, sensors = len(self.channels), len(self.names)
-        turns = _rotation_matrices(errors[count : count + 3 * sensors].reshape(sensors, 3))
-        return np.asarray(turns @ self.frames, float)
+    @cached_property
+    def _axis_of(self) -> Integers:
+        """Axis of its sensor along which each channel reads; (n_channel,)."""
+        return np.array([dof.axis % 3 for dof in self.channels], np.intp)
 
     @cached_property
     def _cross_entries(self) -> Integers:
@@ -218,10 +216,10 @@ class Sensors:
         ]
         return np.array(entries, np.intp).reshape(-1, 3).T
 
-    def _fill_cross_slopes(self, slopes: Real, errors: Real, arms: Real) -> None:
+    def _fill_cross_slopes(self, slopes: Real, frames: Real, arms: Real) -> None:
         """Fill in the derivatives of the rows by the transverse sensitivities."""
         channel, error, second = self._cross_entries
-        axes = self._turned_frames(errors)[self.sensor_of[channel], :, second]
+        axes = frames[self.sensor_of[channel], :, second]
         slopes[error, channel] = np.hstack([axes, _cross_product(arms[channel], axes)])
 
     def _cross_rows(self, axes: Real, arms: Real) -> Real:

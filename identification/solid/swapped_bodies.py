@@ -46,17 +46,18 @@ def find_body_swap(
     suspects = [search for search in searches if search.accepted or search.has_unexplained]
     best: tuple[float, BodySwap] | None = None
     for first, second in combinations(suspects, 2):
-        separate = first.nats + second.nats
+        if first.nats + second.nats <= _SWAP_PRIOR_NATS + _MIN_SWAP_GAIN_NATS:
+            continue
         for a, b in product(first.data.sensors.names, second.data.sensors.names):
             swapped = _swap_sensors(table, a, b)
             if swapped is None:
                 continue
             bodies = (first.data.body, second.data.body)
-            gain = (
-                separate
-                - _SWAP_PRIOR_NATS
-                - sum(_healthy_nats(swapped, campaign, body) for body in bodies)
-            )
+            own_gain = first.nats - _healthy_nats(swapped, campaign, first.data.body)
+            if own_gain <= 0:  # an exchange spoils both bodies, so that its correction mends both
+                continue
+            gain = own_gain + second.nats - _healthy_nats(swapped, campaign, second.data.body)
+            gain -= _SWAP_PRIOR_NATS
             if gain > _MIN_SWAP_GAIN_NATS and (best is None or gain > best[0]):
                 probability = float(1 / (1 + np.exp(-gain)))
                 pair = "+".join(sorted((a, b), key=lambda name: (node_number(name) or 0, name)))

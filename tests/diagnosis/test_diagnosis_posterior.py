@@ -203,3 +203,14 @@ def test_causes_within_three_nats_of_each_other_are_confounded():
     # What is present at once is no alternative; what is present beside the same is.
     both = (((A, B), 0.5), ((A, C), 0.4), ((B,), 0.05))
     assert Posterior(0.1, 0.1, 0.9, (), (), both).find_confounded_pairs() == ((B[:2], C[:2]),)
+
+
+def test_a_fault_that_redundant_channels_prove_pays_no_chance():
+    alone, beside = fitted((A,), -0.1, 0.5), fitted((A, B), -0.6, 0.0)
+    logs = compute_log_odds(evidence(small_faults=(A,)), [alone, beside], CONSTANTS)
+    count, chance = 0.1 * 1000.0, 0.5 * (1 - 0.2)
+    np.testing.assert_allclose(logs, [count * 0.1, count * (0.6 - chance) - np.log(50)])
+    sets = [fitted((A,), -0.1, 0.5)]
+    assert dict(compute_posterior(evidence(sets), CONSTANTS).causes).get(A, 0.0) < 1e-2
+    proven = compute_posterior(evidence(sets, small_faults=(A,)), CONSTANTS)
+    assert dict(proven.causes)[A] > 0.99

@@ -122,7 +122,7 @@ def test_a_noisy_campaign_has_no_relative_error_and_says_so(tmp_path):
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ("motor9", "'motor9' is no motor of the model (it has drive)"),
+        ("motor9", "'motor9' is no motor of the model: choose one of drive"),
         ("acc3", "'acc3' names a point or body without a direction: write acc3:+x"),
         ("3", "'3' is not a label"),
     ],
