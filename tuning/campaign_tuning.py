@@ -26,6 +26,7 @@ from tuning.assessment.parameter_confidence import (
     ParameterConfidence,
     estimate_confidence,
 )
+from tuning.assessment.plant_confidence import PlantConfidence, estimate_plant_confidence
 from tuning.files.schema import FrfPlace, GainRow, ResidualKind
 from tuning.fitting.checkpoint import Checkpoint
 from tuning.fitting.fitter import Fit, FitProgress, fit, random_starts
@@ -75,6 +76,7 @@ class CampaignTuning:
         fit: fit to all lines with tolerances within their bounds, whose misfit is the gap.
         unbounded_fit: fit without these bounds; equal to ``fit`` if that is at no bound.
         confidence: confidence in the parameters; None if interrupted before.
+        plant: confidence in the machine between any ports; None if interrupted before.
         held_out: fits that left lines out; None if interrupted, if the band is too narrow, or if
             modes were fitted last, which depend on all lines.
         interrupted: whether fit or held-out fits were interrupted.
@@ -91,6 +93,7 @@ class CampaignTuning:
     fit: Fit
     unbounded_fit: Fit
     confidence: ParameterConfidence | None
+    plant: PlantConfidence | None
     held_out: HeldOutFits | None
     interrupted: bool
     sensors: Comparison
@@ -210,12 +213,14 @@ def tune(  # noqa: PLR0913  # one for each option
         report=callbacks.on_evaluation,
         checkpoint=checkpoint,
     )
-    unbounded, confidence, held_out = bounded, None, None
+    unbounded, confidence, plant, held_out = bounded, None, None, None
     interrupted = bounded.outcome == "interrupted"
     if not interrupted and residuals[-1] == "log":
         try:
             unbounded = refit_without_bounds(model, campaign, bounded, jobs, checkpoint)
-            confidence = estimate_confidence(model, campaign, choose_fit(bounded, unbounded), jobs)
+            chosen = choose_fit(bounded, unbounded)
+            confidence = estimate_confidence(model, campaign, chosen, jobs)
+            plant = estimate_plant_confidence(model, campaign, chosen, confidence, jobs)
         except KeyboardInterrupt:
             interrupted = True
     if not interrupted and residuals[-1] == "log":
@@ -240,6 +245,7 @@ def tune(  # noqa: PLR0913  # one for each option
         fit=bounded,
         unbounded_fit=unbounded,
         confidence=confidence,
+        plant=plant,
         held_out=held_out,
         interrupted=interrupted,
         sensors=sensors,

@@ -3,22 +3,22 @@
 Let J be the derivatives of an FRF by the coordinates, C their covariance, and u a direction of the
 complex plane, |u| = 1. To first order
 
-    var Re(conj(u) H) = a' C a + e^2 |H_point|^2 / 2,     a = Re(conj(u) J),
+    var Re(conj(u) H) = a' C a + e^2 D^2 / 2,     a = Re(conj(u) J),
 
 with u = H / |H| for the magnitude and u = i H / |H| for the phase times the magnitude. The first
-term is that of ``tuning.assessment.frf_bands``. The second is the model error e that held-out lines
-show beside the noise. It is circular, and relative to the motion of the whole point, |H_point|^2
-being the sum over its directions.
+term is that of ``tuning.assessment.frf_bands``. The second is the model-error floor: the relative
+error e of the machine's forces, and D the error of this FRF per unit of it, of
+``mbmodel.uncertainty.model_discrepancy``. It is circular.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from identification.words import Complex, Dof, Real, distinct_dofs
+from identification.words import Complex, Real
 from mbmodel.frf.linearised import Evaluator
 from mbmodel.frf.request import FrfRequest
-from mbmodel.model import Model
+from mbmodel.uncertainty.model_discrepancy import discrepancy_motion
 from mbmodel.uncertainty.parameter_posterior import PosteriorOfModel
 
 NORMAL_QUANTILE_95 = 1.959964  # two-sided 95 % quantile of the normal distribution
@@ -83,41 +83,8 @@ def frf_bands(posterior: PosteriorOfModel, request: FrfRequest) -> FrfBands:
         along = direction[span, ..., None].conj() * columns
         magnitude[span] = np.linalg.norm(along.real, axis=-1)
         phase[span] = np.linalg.norm(along.imag, axis=-1)
-    floor = posterior.posterior.error_floor
-    model_error = floor / np.sqrt(2) * point_motion(posterior.model, posterior.model.drawn, request)
+    model_error = posterior.posterior.discrepancy / np.sqrt(2) * discrepancy_motion(lines)
     return FrfBands(request, values, magnitude, phase, model_error)
-
-
-def point_motion(model: Model, theta: Real, request: FrfRequest) -> Real:
-    """Return |H_point| of each FRF: the motion of the whole point that its output lies at.
-
-    The directions of a translation are the three translations of its point, and those of a
-    rotation the three rotations. An output that is no direction of a point counts by itself.
-
-    Args:
-        model: machine and Parts.
-        theta: parameters in SI; (n_parameter,).
-        request: lines, outputs, inputs, quantity.
-
-    Returns:
-        (n_freq, n_out, n_in).
-    """
-    families = [
-        [Dof.of(dof.point, 3 * dof.is_rotation + axis) for axis in range(3)]
-        if isinstance(dof, Dof)
-        else [dof]
-        for dof in request.outputs
-    ]
-    outputs = distinct_dofs(dof for family in families for dof in family)
-    row_of = {dof: row for row, dof in enumerate(outputs)}
-    values = Evaluator(model, replace(request, outputs=outputs)).at(theta).values
-    power = np.abs(values) ** 2
-    motion: Real = np.sqrt(
-        np.stack(
-            [power[:, [row_of[dof] for dof in family]].sum(axis=1) for family in families], axis=1
-        )
-    )
-    return motion
 
 
 def sample_frfs(posterior: PosteriorOfModel, thetas: Real, request: FrfRequest) -> Complex:

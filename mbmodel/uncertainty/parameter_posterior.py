@@ -41,6 +41,8 @@ class ParameterPosterior:
         covariance: C; (n_x, n_x).
         error_floor: relative error of the model at its sensors that held-out lines show beside the
             noise; 0 if they show none.
+        discrepancy: relative error of the machine's forces that the residuals show beside noise
+            and parameters, as in ``model_discrepancy``; 0 if they show none.
     """
 
     names: tuple[str, ...]
@@ -51,6 +53,7 @@ class ParameterPosterior:
     is_logarithmic: Mask
     covariance: Real
     error_floor: float = 0.0
+    discrepancy: float = 0.0
 
     def __repr__(self) -> str:
         """Return the number of coordinates and the model-error floor in one line."""

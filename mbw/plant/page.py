@@ -64,10 +64,10 @@ def _note(plant: PlantBudget) -> str:
     """Return what the intervals mean."""
     if plant.interval is None:
         return "No interval: the machine is no tuned.xml with its posterior.npz beside."
-    floor = plant.interval.by_model_error
+    largest = float(plant.interval.by_model_error.max(initial=0.0))
     return (
         "Intervals: covariance of the fit, to first order in the logarithm of the rms, with the "
-        f"model error beside the noise ({format_percent(floor)} of the rms)."
+        f"model error beside the noise (at most {format_percent(largest)} of an rms)."
     )
 
 

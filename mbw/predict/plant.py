@@ -193,8 +193,8 @@ def compute_plant(
         plant.rows["bands"] = row
         plant.sentences.append(
             f"bands: the 95 % interval of the magnitude is +-{100 * row.median:.2g} % in the "
-            f"median and at most +-{100 * row.most:.2g} % at 95 % of the frequency lines; it holds "
-            f"a model error of {100 * row.error_floor:.2g} %"
+            f"median and at most +-{100 * row.most:.2g} % at 95 % of the frequency lines; "
+            + _model_error_phrase(row)
         )
     if alternatives is not None:
         plant.sentences.append(alternatives_sentence(alternatives, request.diagnosed))
@@ -216,8 +216,16 @@ def _bands_row(plant: PlantResult, bands: FrfBands, posterior: PosteriorOfModel)
         median=float(np.median(half)) if half.size else 0.0,
         most=float(np.quantile(half, _MANY_LINES_SHARE)) if half.size else 0.0,
         error_floor=posterior.posterior.error_floor,
+        discrepancy=posterior.posterior.discrepancy,
         coordinates=posterior.posterior.size,
     )
+
+
+def _model_error_phrase(row: BandsRow) -> str:
+    """Return what of the bands is no error of the parameters."""
+    if not row.discrepancy:
+        return "the tuning showed no model error beside the noise"
+    return f"it holds a model error, {100 * row.discrepancy:.2g} % of the machine's forces"
 
 
 def _uncertain_sentence(row: UncertainPlantRow) -> str:

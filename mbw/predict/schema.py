@@ -184,12 +184,14 @@ class BandsRow(BaseModel):
         median: median over FRFs and lines of the relative half width of the 95 % interval.
         most: 95 % quantile of it.
         error_floor: relative error of the model at its sensors beside the noise.
+        discrepancy: relative error of the machine's forces that the bands hold.
         coordinates: number of coordinates of the posterior.
     """
 
     median: Finite
     most: Finite
     error_floor: Finite
+    discrepancy: Finite
     coordinates: int
 
 

@@ -15,7 +15,7 @@ from mbmodel import (
     machine_model,
     sample_frfs,
 )
-from mbmodel.uncertainty.frf_bands import point_motion
+from mbmodel.uncertainty.model_discrepancy import discrepancy_motion
 
 FREQ = np.linspace(5.0, 170.0, 34)
 REQUEST = FrfRequest(
@@ -52,6 +52,7 @@ def posterior(from_text):
         is_size,
         covariance,
         0.02,
+        0.003,
     ).on(model)
 
 
@@ -88,14 +89,12 @@ def test_samples_are_those_of_their_seed(posterior):
     assert not np.array_equal(first, posterior.sample(3, seed=6))
 
 
-def test_the_model_error_is_relative_to_the_motion_of_the_whole_point(posterior):
+def test_the_model_error_is_the_discrepancy_of_the_fit(posterior):
     bands = frf_bands(posterior, REQUEST)
-    outputs = tuple(Dof.of("acc1", axis) for axis in range(3))
-    lines = Evaluator(posterior.model, replace(REQUEST, outputs=outputs)).at(posterior.model.drawn)
-    power = (np.abs(lines.values) ** 2).sum(axis=1)
-    np.testing.assert_allclose(bands.model_error[:, 1], 0.02 * np.sqrt(power / 2), rtol=1e-12)
-    motion = point_motion(posterior.model, posterior.model.drawn, REQUEST)
-    assert (motion >= np.abs(bands.values) * (1 - 1e-12)).all()
+    lines = Evaluator(posterior.model, REQUEST).at(posterior.model.drawn)
+    expected = 0.003 / np.sqrt(2) * discrepancy_motion(lines)
+    np.testing.assert_allclose(bands.model_error, expected, rtol=1e-12)
+    assert (bands.magnitude_deviation > bands.magnitude).all()
 
 
 def test_a_model_that_changed_after_the_fit_is_refused(posterior, from_text):

@@ -11,6 +11,10 @@ from typer.testing import CliRunner
 
 from mbmodel import ParameterPosterior, load_machine, machine_model
 from mbw.command import app
+from tuning import read_posterior
+from tuning.error_budget.budget import error_budget
+from tuning.error_budget.read_definition import read_definition
+from tuning.error_budget.rms_interval import rms_interval
 from tuning.files.posterior_file import write_posterior
 
 ASSETS = Path(__file__).resolve().parents[2] / "assets"
@@ -49,7 +53,7 @@ def folder(tmp_path_factory):
     names = tuple(p.name for p in model.parameters[:4])
     posterior = ParameterPosterior(
         names, names, model.drawn[:4], np.arange(4), np.ones(4), np.ones(4, bool),
-        0.03**2 * np.eye(4), 0.02,
+        0.03**2 * np.eye(4), 0.02, 0.01,
     )  # fmt: skip
     write_posterior(posterior, tuned / "posterior.npz")
     rows = "\n".join(f"{f},{s}" for f, s in zip(FLOOR_HZ, FLOOR, strict=True))
@@ -77,8 +81,13 @@ def test_a_tuned_machine_has_intervals_and_stands_beside_the_nominal_one(folder)
         )
         assert error["cumulative"][0] == pytest.approx(error["rms"])
         assert sorted(error["cumulative"], reverse=True) == error["cumulative"]
-        # Model error of 2 % of unknown sign: sqrt(2) less for the rms.
-        assert error["deviation"] > 0.02 / np.sqrt(2)
+    tuned = folder / "x-tuned"
+    model = machine_model(load_machine(tuned / "tuned.xml"))
+    posterior = read_posterior(tuned).on(model)
+    definition = read_definition(folder / "budget.toml", model.machine)
+    interval = rms_interval(error_budget(model, model.drawn, definition), posterior)
+    assert [error["deviation"] for error in row["errors"]] == pytest.approx(interval.deviation)
+    assert (interval.by_model_error > 1e-4).all()
     assert {touch["parameter"] for touch in row["errors"][0]["touches"]} == {
         "base_tx.stiffness", "base_tx.damping", "head_tx.stiffness", "head_tx.damping"
     }  # fmt: skip

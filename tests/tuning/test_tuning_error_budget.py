@@ -1,14 +1,17 @@
 """Error budgets against closed forms and against time simulations of random inputs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from budget_case import BUDGET, FLOOR, FLOOR_HZ, TWO, VALUES
-from scipy.linalg import expm
+from scipy.linalg import eigh, expm
 
 from identification.words import InputError
 from mbmodel import ParameterPosterior, as_drawn, load_machine
 from tuning.control_loops.stability import growing_pole
 from tuning.error_budget.budget import budget_on_lines, error_budget
+from tuning.error_budget.loop_algebra import close_loops
 from tuning.error_budget.read_definition import read_definition
 from tuning.error_budget.rms_interval import (
     log_rms_gradient,
@@ -137,16 +140,19 @@ def test_a_closed_loop_under_correlated_sources_agrees_with_a_simulation_in_time
     joined[:6, :6], joined[:6, 6:9], joined[6:9, 9:] = total * step, gains * step, np.eye(3)
     transition = expm(joined)
     state = np.zeros((6, count))
-    squares, kept = np.zeros(2), 0
+    squares, kept = np.zeros((2, count)), 0
     inputs = signals.transpose(1, 0, 2)
     for k in range(samples - 1):
         now, change = inputs[k], inputs[k + 1] - inputs[k]
         state = transition[:6, :6] @ state + transition[:6, 6:9] @ now + transition[:6, 9:] @ change
         if k > 1000:  # the slowest pole has decayed
             errors = state[1] - state[0], state[0] + floor[k + 1]
-            squares += [(error**2).sum() for error in errors]
-            kept += count
-    assert budget.rms == pytest.approx(np.sqrt(squares / kept), rel=0.02)
+            squares += [error**2 for error in errors]
+            kept += 1
+    power = squares / kept
+    simulated, deviation = power.mean(axis=1), power.std(axis=1) / np.sqrt(count)
+    assert (deviation / (2 * simulated) < 0.01).all()  # standard error of the rms
+    assert budget.rms == pytest.approx(np.sqrt(simulated), rel=0.02)
 
 
 def test_shares_of_sources_modes_and_joints_add_up(folder, model):
@@ -243,6 +249,38 @@ def test_the_interval_is_that_of_samples_of_the_posterior(folder, model):
     low, high = interval.ends()
     inside = (logs > np.log(low)) & (logs < np.log(high))
     assert inside.mean(axis=0) == pytest.approx([0.95, 0.95], abs=0.04)
+
+
+def test_the_floor_bounds_what_random_changes_of_all_forces_do(folder, model):
+    # Changes of one sign at all lines: what the floor assumes, but for their phase.
+    error, count, rng = 1e-3, 200, np.random.default_rng(6)
+    budget = budget_of(folder, model, closed_text(delay=3e-4))
+    lines, definition = budget.linearised, budget.definition
+    mass, damping, stiffness = matrices()
+    squares, shapes = eigh(stiffness, mass)
+    laplace = lines.request.laplace[:, None, None]
+    root = np.sqrt(squares + np.abs(laplace[:, 0]) ** 2)
+    dynamic = laplace**2 * mass + laplace * damping + stiffness
+    to_relative = np.array([[1.0, 0.0], [1.0, 1.0]])  # positions of the masses of joint coordinates
+    readout = lines.readout @ np.linalg.inv(to_relative)
+    drive = np.linalg.inv(to_relative).T @ lines.drive
+    logs = []
+    for _ in range(count):
+        pair = (rng.standard_normal(2) + 1j * rng.standard_normal(2)) / np.sqrt(2)
+        coupling = np.array([[0, pair[0]], [pair[1], 0]]) * root[:, :, None] * root[:, None, :]
+        changed = dynamic + error * (mass @ shapes @ coupling @ shapes.T @ mass)
+        step = np.linalg.inv(changed) - np.linalg.inv(dynamic)
+        frfs = lines.values + readout @ step @ drive
+        errors = close_loops(definition, budget.ports, frfs, laplace[:, 0, 0]).errors
+        scaled = errors * budget.weights[:, None, :]
+        power = np.einsum("fes,st,fet->e", scaled, definition.coherence, scaled.conj()).real
+        logs.append(np.log(power) / 2)
+    posterior = posterior_of(model, 0.0)
+    known = replace(posterior, posterior=replace(posterior.posterior, discrepancy=error))
+    bound = rms_interval(budget, known).deviation
+    spread = np.std(logs, axis=0)
+    assert (spread < bound).all()
+    assert (spread > bound / 30).all()
 
 
 def test_loops_that_some_machine_of_the_posterior_does_not_bear_are_refused(folder, model):

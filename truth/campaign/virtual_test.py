@@ -101,8 +101,38 @@ class Campaign:
         return hashlib.sha256(self.answer).hexdigest()
 
 
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """What a campaign tests, and what its user is given of it.
+
+    Args:
+        drawing: the machine as the user's model has it.
+        machine: the true machine with its effects and hammers.
+        draws: the effects, as they were drawn.
+        background: small imperfections beside them.
+        files: what is measured.
+        scene: where and when effects can be.
+    """
+
+    drawing: Station
+    machine: Machine
+    draws: Draws
+    background: Background
+    files: tuple[Take, ...]
+    scene: Scene
+
+
 def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
     """Draw a machine about the nominal station, give it its effects, hit it, and write it down.
+
+    Raises:
+        TruthError: effect, place, node or protocol do not fit the station.
+    """
+    return measure_subject(draw_subject(nominal, plan), plan, nominal.name)
+
+
+def draw_subject(nominal: Station, plan: Plan) -> Subject:
+    """Draw a machine about the nominal station, and give it its effects.
 
     Raises:
         TruthError: effect, place, node or protocol do not fit the station.
@@ -119,6 +149,20 @@ def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
     draws = _effects(drawing, true, sizing, background)
     effects = tuple(one.effect for one in draws.drawn)
     machine = replace(machine, effects=(*background.effects, *effects))
+    return Subject(drawing, machine, draws, background, files, scene)
+
+
+def measure_subject(subject: Subject, plan: Plan, nominal_name: str) -> Campaign:
+    """Hit a machine that was drawn, and write it down.
+
+    Args:
+        subject: of ``draw_subject``.
+        plan: the plan that it was drawn by.
+        nominal_name: of the nominal station, for the answer.
+    """
+    drawing, machine, draws = subject.drawing, subject.machine, subject.draws
+    files, background, true = subject.files, subject.background, machine.station
+    seed = plan.seed
     tests = hammer_tests(machine, plan.protocol, files, seed)
     contents, entry = model_files(drawing)
     contents["campaign.toml"] = campaign_toml(
@@ -127,12 +171,12 @@ def draw_campaign(nominal: Station, plan: Plan) -> Campaign:
     for take, test in zip(files, tests, strict=True):
         contents[take.file] = uff_bytes(test) if take.test is None else array_bytes(test)
     salt = stream(seed, "salt").bytes(16).hex()
-    whole = machine.prepared(scene.occasions[0])
+    whole = machine.prepared(subject.scene.occasions[0])
     answers = tuple(
         named(stated(one.effect.answer(), drawing, true, whole), drawing) for one in draws.drawn
     )
     small = tuple(named(one.answer(), drawing) for one in background.effects)
-    text = answer_toml(answers, draws, plan.cause, plan.protocol, nominal.name, salt)
+    text = answer_toml(answers, draws, plan.cause, plan.protocol, nominal_name, salt)
     answer = (text + dirt_toml(small, plan.dirt, background.scale)).encode("utf-8")
     return Campaign(MappingProxyType(contents), answer, draws.discarded)
 

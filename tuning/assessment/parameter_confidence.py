@@ -71,11 +71,18 @@ class ParameterConfidence:
         """Covariance for a model that fits the data to their noise (s = 1); (n_x, n_x)."""
         return self.covariance if self.variance_inflation == 1 else self._posterior_covariance(1.0)
 
+    @cached_property
+    def prior_precision(self) -> Real:
+        """Diagonal of D; (n_x,)."""
+        units = np.where(self.parametrisation.is_logarithmic, 1.0, np.maximum(np.abs(self.x), 1.0))
+        precision: Real = np.where(
+            self.parametrisation.has_prior, 1.0, (FREE_PRIOR_SD * units) ** -2
+        )
+        return precision
+
     def _posterior_covariance(self, variance_inflation: float) -> Real:
         """Return C for a given s^2; (n_x, n_x)."""
-        units = np.where(self.parametrisation.is_logarithmic, 1.0, np.maximum(np.abs(self.x), 1.0))
-        precision = np.where(self.parametrisation.has_prior, 1.0, (FREE_PRIOR_SD * units) ** -2)
-        information = self.normal.dense() / variance_inflation + np.diag(precision)
+        information = self.normal.dense() / variance_inflation + np.diag(self.prior_precision)
         scale = 1 / np.sqrt(np.diag(information))
         covariance: Real = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(
             scale, scale

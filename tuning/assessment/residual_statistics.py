@@ -80,12 +80,16 @@ def residual_statistics(
         values=error.values,
         chi_square=float(np.mean(squares[counted] / noise)),
         noise_share=float(np.mean(variance[counted] / total[counted])),
-        effective_values=max(1.0, min(1.0, _independent_share(unit)) * error.values),
+        effective_values=max(1.0, min(1.0, independent_share(unit)) * error.values),
     )
 
 
-def _independent_share(unit: Complex) -> float:
-    """Return the product of participation ratios along each axis, relative to white noise."""
+def independent_share(unit: Complex) -> float:
+    """Return the product of participation ratios along each axis, relative to white noise.
+
+    Args:
+        unit: residual of unit variance, zero where it does not count; (n_freq, n_out, n_test).
+    """
     share = 1.0
     for axis in range(unit.ndim):
         rows = np.moveaxis(unit, axis, 0).reshape(unit.shape[axis], -1)

@@ -6,6 +6,7 @@ import numpy as np
 
 from identification.words import Complex, Real
 from mbmodel import Evaluator, FrfRequest, Model, PosteriorOfModel
+from mbmodel.uncertainty.model_discrepancy import discrepancy_motion
 from tuning.error_budget.budget import ErrorBudget
 from tuning.error_budget.definition import BudgetDefinition
 from tuning.error_budget.loop_algebra import close_loops, map_ports
@@ -79,7 +80,10 @@ def plant_curves(
                 [_responses(model, theta, definition, freq) / values for theta in thetas]
             )
             logs = np.log(ratios)
-        floor = posterior.posterior.error_floor / np.sqrt(2)
+        error = posterior.posterior.discrepancy / np.sqrt(2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            floor = error * _discrepancy(model, budget, freq) / np.abs(values)
+        floor = np.nan_to_num(floor)
         magnitude = np.hypot(np.nan_to_num(logs.real).std(axis=0), floor)
         phase = np.hypot(np.nan_to_num(logs.imag).std(axis=0), floor)
     return PlantCurves(_curve_ports(definition), freq, values, counterpart, magnitude, phase)
@@ -105,6 +109,23 @@ def _responses(model: Model, theta: Real, definition: BudgetDefinition, freq: Re
     derivatives = np.array([loop.measured.derivative for loop in definition.loops], int)
     plants = plants * request.laplace[:, None] ** derivatives
     return np.hstack([errors.reshape(len(freq), -1), plants])
+
+
+def _discrepancy(model: Model, budget: ErrorBudget, freq: Real) -> Real:
+    """Return the deviation of each column of ``_responses`` per unit of the discrepancy."""
+    definition = budget.definition
+    ports = map_ports(definition)
+    request = FrfRequest(freq, ports.outputs, ports.inputs, "receptance")
+    lines = Evaluator(model, request).at(budget.linearised.theta)
+    response = close_loops(definition, ports, lines.values, request.laplace)
+    errors = discrepancy_motion(lines, response.left, response.right)
+    count = (len(freq), 1, 1)
+    plants = discrepancy_motion(
+        lines, np.tile(ports.measured, count), np.tile(ports.controls, count)
+    )
+    derivatives = np.array([loop.measured.derivative for loop in definition.loops], int)
+    own = np.einsum("fll->fl", plants) * np.abs(request.laplace[:, None]) ** derivatives
+    return np.hstack([errors.reshape(len(freq), -1), own])
 
 
 def _curve_ports(definition: BudgetDefinition) -> tuple[CurvePort, ...]:

@@ -5,9 +5,9 @@ A mean square J = sum_f E S E^H changes with the FRFs by dJ = 2 Re sum L dH R S 
 derivatives of J by all parameters. To first order log rms = log(J) / 2 has the variance g' P g, g
 its gradient and P the covariance.
 
-The model error that held-out lines show is a relative error of unknown phase at each line. If it
-had one sign over all lines that matter, it would change the rms by that ratio over sqrt(2): this is
-added as a deviation of its own.
+The discrepancy of the model is a relative error e of its forces (``model_discrepancy``), with an
+error dE of unknown phase at each line. If that had one sign over all lines that matter, log rms
+would have the deviation e / sqrt(2) sum_f S |E| sd(dE) / J, which is added to the other.
 """
 
 from dataclasses import dataclass
@@ -16,6 +16,7 @@ import numpy as np
 
 from identification.words import Real
 from mbmodel import NORMAL_QUANTILE_95, PosteriorOfModel
+from mbmodel.uncertainty.model_discrepancy import discrepancy_motion
 from tuning.control_loops.stability import growing_pole
 from tuning.error_budget.budget import ErrorBudget, error_budget
 from tuning.error_budget.closed_loop_states import loop_states, refuse_unstable
@@ -29,12 +30,12 @@ class RmsInterval:
         rms: of the fitted model [m or rad]; (n_error,).
         by_parameters: standard deviation of the logarithm of the rms by the parameters;
             (n_error,).
-        by_model_error: by the error of the model beside the noise.
+        by_model_error: by the discrepancy of the model; (n_error,).
     """
 
     rms: Real
     by_parameters: Real
-    by_model_error: float
+    by_model_error: Real
 
     @property
     def deviation(self) -> Real:
@@ -74,8 +75,18 @@ def rms_interval(budget: ErrorBudget, posterior: PosteriorOfModel) -> RmsInterva
     return RmsInterval(
         budget.rms,
         np.sqrt(np.maximum(variance, 0.0)),
-        posterior.posterior.error_floor / np.sqrt(2),
+        posterior.posterior.discrepancy * _discrepancy_slope(budget),
     )
+
+
+def _discrepancy_slope(budget: ErrorBudget) -> Real:
+    """Return the deviation of log rms per unit of e; (n_error,)."""
+    response = budget.response
+    deviation = discrepancy_motion(budget.linearised, response.left, response.right)
+    shift = np.einsum("fes,fes,fs->e", np.abs(budget.scaled), deviation, budget.weights)
+    mean_square = np.where(budget.rms > 0, budget.rms, 1.0) ** 2
+    slope: Real = np.asarray(shift / mean_square / np.sqrt(2))
+    return slope
 
 
 def sample_rms(budget: ErrorBudget, thetas: Real) -> Real:

@@ -23,6 +23,7 @@ def machine_posterior(
     x: Real,
     covariance: Real,
     error_floor: float | None = None,
+    discrepancy: float = 0.0,
 ) -> ParameterPosterior:
     """Return the posterior of the machine's parameters.
 
@@ -32,6 +33,7 @@ def machine_posterior(
         x: coordinates at its end; (n_x,).
         covariance: of all coordinates; (n_x, n_x).
         error_floor: relative error of the model beside the noise; None if it shows none.
+        discrepancy: relative error of the machine's forces; 0 if none shows.
     """
     is_of_machine = np.array(
         [location.startswith(_MACHINE_LOCATIONS) for location in model.locations], bool
@@ -47,6 +49,7 @@ def machine_posterior(
         parametrisation.is_logarithmic[kept],
         covariance[np.ix_(kept, kept)],
         error_floor or 0.0,
+        discrepancy,
     )
 
 
@@ -63,6 +66,7 @@ def write_posterior(posterior: ParameterPosterior, target: Path) -> None:
         is_logarithmic=posterior.is_logarithmic,
         covariance=posterior.covariance,
         error_floor=np.array(posterior.error_floor),
+        discrepancy=np.array(posterior.discrepancy),
     )
 
 
@@ -87,6 +91,7 @@ def read_posterior(path: Path) -> ParameterPosterior:
             np.asarray(arrays["is_logarithmic"], bool),
             np.asarray(arrays["covariance"], float),
             float(arrays["error_floor"]),
+            float(arrays["discrepancy"]),
         )
         _check(posterior)
     except (KeyError, TypeError, ValueError) as error:
@@ -106,5 +111,5 @@ def _check(posterior: ParameterPosterior) -> None:
         raise ValueError("coordinates")
     if not (np.isfinite(covariance).all() and np.isfinite(posterior.values).all()):
         raise ValueError("numbers")
-    if not 0 <= posterior.error_floor < np.inf:
+    if not (0 <= posterior.error_floor < np.inf and 0 <= posterior.discrepancy < np.inf):
         raise ValueError("floor")

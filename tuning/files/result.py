@@ -231,13 +231,14 @@ def write_result(
         summary = summarise_tuning(tuned, remaining, [str(missing) for missing in not_held])
         (place / TUNED_JSON).write_text(summary.model_dump_json(indent=1) + "\n", "utf-8")
         write_loops(model.machine.loops, place / LOOPS_JSON)
-        if (confidence := tuned.confidence) is not None:
+        if tuned.confidence is not None and tuned.plant is not None:
             posterior = machine_posterior(
                 model,
-                confidence.parametrisation,
-                confidence.x,
-                confidence.covariance,
+                tuned.confidence.parametrisation,
+                tuned.confidence.x,
+                tuned.plant.covariance,
                 summary.model_error,
+                tuned.plant.discrepancy,
             )
             write_posterior(posterior, place / POSTERIOR_NPZ)
     return summary

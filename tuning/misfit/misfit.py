@@ -25,6 +25,7 @@ d r = g dH, with g = 1, or g = |H_measured| / H_model for the logarithm:
 """
 
 from collections.abc import Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import reduce
 
@@ -112,6 +113,29 @@ class Misfit:
         self._partition = partition_coordinates(
             model, parametrisation, separate_channels=not at_bodies
         )
+
+    @property
+    def batches(self) -> tuple[WeightedBatch, ...]:
+        """Batches of tests with the weights of their values."""
+        return tuple(self._terms)
+
+    def reweighted(self, weights: Sequence[Real]) -> "Misfit":
+        """Return the misfit with other weights of its values.
+
+        Args:
+            weights: w of the values of each batch, zero where one does not count;
+                (n_freq, n_out, n_test) each.
+
+        Raises:
+            ValueError: the misfit has weights at the centres of mass.
+        """
+        if any(term.body_weights is not None for term in self._terms):
+            raise ValueError("channels cannot be weighted beside weights at the centres of mass")
+        misfit = copy(self)
+        misfit._terms = [
+            replace(term, weight=weight) for term, weight in zip(self._terms, weights, strict=True)
+        ]
+        return misfit
 
     def prior(self, x: Real) -> float:
         """Return 1/2 sum x_prior^2 [nats]."""
