@@ -137,7 +137,6 @@ def draw_subject(nominal: Station, plan: Plan) -> Subject:
     Raises:
         TruthError: effect, place, node or protocol do not fit the station.
     """
-    seed = plan.seed
     if not any(nominal.sensors()):
         raise TruthError(
             f"model {nominal.name}: it has no site acc<node>, nothing would be measured"
