@@ -47,8 +47,8 @@ def discrepancy_motion(
         of_outputs = np.einsum("fso,rof->rsf", left, of_outputs, optimize=True)
     outputs, inputs = np.abs(of_outputs) ** 2, np.abs(of_inputs) ** 2
     whole = outputs.sum(axis=0).T[:, :, None] * inputs.sum(axis=0).T[:, None, :]
-    own = np.einsum("rof,rif->foi", outputs, inputs, optimize=True)
-    deviation: Real = np.sqrt(np.maximum(whole - own, 0.0))
+    diagonal = np.einsum("rof,rif->foi", outputs, inputs, optimize=True)
+    deviation: Real = np.sqrt(np.maximum(whole - diagonal, 0.0))
     return deviation
 
 

@@ -97,8 +97,8 @@ class _Residuals:
         total = np.where(self.counts, self.variance + error**2 * self.power, 1.0)
         unit = np.where(self.counts, self.residual / np.sqrt(total), 0.0)
         for axis in range(unit.ndim):  # silent lines and channels hold no value
-            others = tuple(k for k in range(unit.ndim) if k != axis)
-            unit = np.compress(self.counts.any(axis=others), unit, axis=axis)
+            other_axes = tuple(k for k in range(unit.ndim) if k != axis)
+            unit = np.compress(self.counts.any(axis=other_axes), unit, axis=axis)
         return min(1.0, independent_share(unit)) * float(self.counts.sum())
 
 
@@ -126,7 +126,7 @@ def estimate_plant_confidence(
         return PlantConfidence(confidence.covariance, 0.0)
     share = independent / values
     variance = error**2 * _absorbed_factor(confidence, independent, share)
-    spread = misfit.reweighted(
+    spread = misfit.with_weights(
         [batch.weight**2 * (batch.variance + variance * batch.power) for batch in batches]
     )
     _, _, normal = misfit.quadratic_model(fit.x)
@@ -155,7 +155,7 @@ def _bound_tolerances(covariance: Real, is_tolerance: Mask) -> Real:
 
 def _residuals(misfit: Misfit, theta: Real) -> list[_Residuals]:
     """Return the residuals of each batch."""
-    found = []
+    batches = []
     for weighted in misfit.batches:
         batch = weighted.batch
         lines = batch.evaluator.at(theta)
@@ -163,8 +163,8 @@ def _residuals(misfit: Misfit, theta: Real) -> list[_Residuals]:
         residual = np.where(
             weighted.weight > 0, batch.select_inputs(lines.values) - batch.values, 0.0
         )
-        found.append(_Residuals(residual, batch.variance, deviation**2, weighted.weight))
-    return found
+        batches.append(_Residuals(residual, batch.variance, deviation**2, weighted.weight))
+    return batches
 
 
 def _largest_likelihood(batches: list[_Residuals]) -> tuple[float, float]:

@@ -124,8 +124,8 @@ def _discrepancy(model: Model, budget: ErrorBudget, freq: Real) -> Real:
         lines, np.tile(ports.measured, count), np.tile(ports.controls, count)
     )
     derivatives = np.array([loop.measured.derivative for loop in definition.loops], int)
-    own = np.einsum("fll->fl", plants) * np.abs(request.laplace[:, None]) ** derivatives
-    return np.hstack([errors.reshape(len(freq), -1), own])
+    open_loop = np.einsum("fll->fl", plants) * np.abs(request.laplace[:, None]) ** derivatives
+    return np.hstack([errors.reshape(len(freq), -1), open_loop])
 
 
 def _curve_ports(definition: BudgetDefinition) -> tuple[CurvePort, ...]:

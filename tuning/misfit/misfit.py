@@ -119,7 +119,7 @@ class Misfit:
         """Batches of tests with the weights of their values."""
         return tuple(self._terms)
 
-    def reweighted(self, weights: Sequence[Real]) -> "Misfit":
+    def with_weights(self, weights: Sequence[Real]) -> "Misfit":
         """Return the misfit with other weights of its values.
 
         Args:
