@@ -51,9 +51,10 @@ class FrfBands:
     @property
     def phase_deviation(self) -> Real:
         """Standard deviation of the phase [rad], infinite where H is zero."""
-        with np.errstate(divide="ignore"):
-            size = 1 / np.abs(self.values)
-        deviation: Real = np.hypot(self.phase, self.model_error) * size
+        size = np.abs(self.values)
+        deviation: Real = np.where(
+            size > 0, np.hypot(self.phase, self.model_error) / np.where(size > 0, size, 1.0), np.inf
+        )
         return deviation
 
     def magnitude_interval(self) -> tuple[Real, Real]:

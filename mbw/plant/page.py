@@ -73,7 +73,7 @@ def _note(plant: PlantBudget) -> str:
 
 def _bands_note(plant: PlantBudget) -> str:
     """Return what the bands mean."""
-    bands = "The band is the 95 % interval by samples of the posterior. "
+    bands = "The band is the 95 % interval by samples of the posterior and the model error. "
     return (
         bands if plant.interval is not None else ""
     ) + "Errors per source are with the loops closed; the plant of a loop is with all loops open."

@@ -76,6 +76,32 @@ def coverage_table() -> str:
     return table(header, rows)
 
 
+def plant_coverage_table() -> str:
+    """Coverage of the bands of FRFs between ports that were not measured."""
+    rows = [
+        (
+            "None" if row["dirt %"] == 0 else f"{row['dirt %']:g} % of the motion",
+            row["of"][0].upper() + row["of"][1:],
+            fixed(row["coverage %"], 1),
+            f"{row['from']:.1f} to {min(row['to'], 100.0):.1f}",
+            significant(row["median width %"], 2),
+            row["n"],
+            row["machines"],
+        )
+        for row in bench_rows("plant_coverage")
+    ]
+    header = (
+        "Imperfections leave",
+        "Bands of",
+        "Hold the truth [%]",
+        "95 % interval over machines",
+        "Half width, median [%]",
+        "n",
+        "Machines",
+    )
+    return table(header, rows)
+
+
 def resume_same() -> str:
     """Number of interrupted runs whose resumed result has the same bits."""
     (row,) = bench_rows("resume")
@@ -187,6 +213,7 @@ FIGURES = {
     "tune-table": tune_table,
     "tune-held-out": tune_held_out,
     "coverage-table": coverage_table,
+    "plant-coverage-table": plant_coverage_table,
     "resume-same": resume_same,
     "starts-table": starts_table,
     "starts-ratio": starts_ratio,

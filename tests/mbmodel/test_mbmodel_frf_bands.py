@@ -97,6 +97,13 @@ def test_the_model_error_is_the_discrepancy_of_the_fit(posterior):
     assert (bands.magnitude_deviation > bands.magnitude).all()
 
 
+def test_a_phase_is_unknown_where_nothing_moves(posterior):
+    still = replace(REQUEST, freq_hz=np.array([0.0, 20.0]), quantity="accelerance")
+    deviation = frf_bands(posterior, still).phase_deviation
+    assert np.isinf(deviation[0]).all()
+    assert np.isfinite(deviation[1]).all()
+
+
 def test_a_model_that_changed_after_the_fit_is_refused(posterior, from_text):
     other = machine_model(from_text(MJCF.replace('stiffness="8e6"', 'stiffness="8.1e6"')))
     with pytest.raises(InputError, match=r"head_tx\.stiffness"):
