@@ -8,9 +8,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from diagnosis.hypothesis import JointDirection, Scene
+from diagnosis.hypothesis import Hypothesis, JointDirection, Scene
 from diagnosis.levels import tested_joint
-from diagnosis.levels.free_levels import list_levels, propose_law
+from diagnosis.levels.free_levels import LAW_EFFECTS, list_levels, propose_law
 from diagnosis.levels.hammer_pulse import (
     compute_pulse_force,
     compute_pulse_spectrum,
@@ -25,6 +25,9 @@ from diagnosis.levels.law_simulation import (
     compute_peak_stretch,
 )
 from diagnosis.levels.restoring_laws import CubicLaw, GapLaw, SlidingLaw, stack_laws
+from diagnosis.search.refit_round import _select_promising
+from diagnosis.search.score_test import Score
+from diagnosis.settings import SETTINGS
 from identification.words import Controller
 from mbmodel import Change, Model, PartContext, as_drawn, load_machine
 from mbmodel.assembly import FrequencyDependentTerm, Matrices
@@ -269,6 +272,20 @@ def test_tests_with_the_same_hits_have_one_stiffness(block):
     expected = compute_equivalent_stiffness([case], tested.freq_hz)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
     np.testing.assert_array_equal(found[:, :6], found[:, 6:])
+
+
+def test_laws_of_one_joint_are_one_of_the_promising_hypotheses():
+    laws = [
+        Hypothesis(effect, f"joint:{stage}", "tz", spring=JointDirection(stage, "tz", stage))
+        for stage in ("block", "table")
+        for effect in LAW_EFFECTS
+    ]
+    masses = [Hypothesis("mass_error", f"body:{name}") for name in ("a", "b", "c")]
+    ranked = [
+        Score(h, 100.0 - k, np.ones(1)) for k, h in enumerate((*laws[:3], *masses, *laws[3:]))
+    ]
+    chosen = _select_promising(ranked, replace(SETTINGS, max_refits=3))
+    assert chosen == [*laws[:3], *masses[:2]]
 
 
 def test_nothing_is_proposed_at_one_level(block):
