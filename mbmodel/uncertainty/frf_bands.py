@@ -22,6 +22,10 @@ from mbmodel.uncertainty.model_discrepancy import discrepancy_motion
 from mbmodel.uncertainty.parameter_posterior import PosteriorOfModel
 
 NORMAL_QUANTILE_95 = 1.959964  # two-sided 95 % quantile of the normal distribution
+# 95 % quantile of the Rayleigh distribution, that of a magnitude about zero
+_RAYLEIGH_QUANTILE_95 = float(np.sqrt(-2 * np.log(0.05)))
+# Part of it that is not along the FRF: both ends of the interval hold 95 %, about zero and far off.
+_ACROSS_QUANTILE = float(np.sqrt(_RAYLEIGH_QUANTILE_95**2 - NORMAL_QUANTILE_95**2))
 _CHUNK_BYTES = 64 * 2**20  # of derivatives that are held at once
 
 
@@ -58,9 +62,15 @@ class FrfBands:
         return deviation
 
     def magnitude_interval(self) -> tuple[Real, Real]:
-        """Return both ends of the 95 % interval of |H|; (n_freq, n_out, n_in) each."""
+        """Return both ends of the 95 % interval of |H|; (n_freq, n_out, n_in) each.
+
+        An error across H makes it larger only. So with deviations s along and t across H the upper
+        end is the length of (|H| + 1.96 s, 1.47 t): the normal quantile far from zero, and that of
+        Rayleigh at an antiresonance.
+        """
         size, half = np.abs(self.values), NORMAL_QUANTILE_95 * self.magnitude_deviation
-        return np.maximum(size - half, 0.0), size + half
+        across = _ACROSS_QUANTILE * np.hypot(self.phase, self.model_error)
+        return np.maximum(size - half, 0.0), np.hypot(size + half, across)
 
 
 def frf_bands(posterior: PosteriorOfModel, request: FrfRequest) -> FrfBands:

@@ -1,5 +1,6 @@
 """Causes of a diagnosis as alternative plants: with them, and as the tuning has it without."""
 
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -47,15 +48,25 @@ def read_alternatives(
     return AlternativePlants(("tuned", names), np.array([1 - present, present]), (bands, augmented))
 
 
-def alternatives_sentence(plants: AlternativePlants, folder: Path | None) -> str:
+def alternatives_sentence(
+    plants: AlternativePlants, folder: Path | None, points: Collection[str]
+) -> str:
     """Return which plants there are, and what the augmented one lacks.
+
+    Gains and places of sensors and hits are no part of a plant, and are not named.
 
     Args:
         plants: the alternatives.
         folder: of the diagnosis.
+        points: names of sensors and hits.
     """
     pairs = zip(plants.names, plants.weights, strict=True)
     listed = ", ".join(f"{name} ({100 * weight:.3g} %)" for name, weight in pairs)
-    missing = read_result(folder).shown.not_held_by_mjcf if folder is not None else []
+    stated = read_result(folder).shown.not_held_by_mjcf if folder is not None else []
+    missing = [
+        text
+        for text in stated
+        if not text.startswith("hammer") and text.split(".", 1)[0] not in points
+    ]
     lacks = f"; {AUGMENTED} does not hold {shorten_names(missing)}" if missing else ""
     return f"alternative plants: {listed}{lacks}"

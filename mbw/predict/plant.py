@@ -197,7 +197,8 @@ def compute_plant(
             + _model_error_phrase(row)
         )
     if alternatives is not None:
-        plant.sentences.append(alternatives_sentence(alternatives, request.diagnosed))
+        points = machine.layout.points
+        plant.sentences.append(alternatives_sentence(alternatives, request.diagnosed, points))
     return plant
 
 

@@ -9,6 +9,7 @@ from small_machine import MJCF
 from identification.words import Dof, InputError, UsageError
 from mbmodel import (
     Evaluator,
+    FrfBands,
     FrfRequest,
     ParameterPosterior,
     frf_bands,
@@ -95,6 +96,17 @@ def test_the_model_error_is_the_discrepancy_of_the_fit(posterior):
     expected = 0.003 / np.sqrt(2) * discrepancy_motion(lines)
     np.testing.assert_allclose(bands.model_error, expected, rtol=1e-12)
     assert (bands.magnitude_deviation > bands.magnitude).all()
+
+
+@pytest.mark.parametrize("size", [0.0, 0.5, 1.0, 2.0, 5.0, 30.0])
+@pytest.mark.parametrize("across", [0.3, 1.0])
+def test_intervals_of_magnitudes_hold_95_per_cent_at_antiresonances_too(size, across):
+    value, one = np.full((1, 1, 1), size, complex), np.ones((1, 1, 1))
+    bands = FrfBands(REQUEST, value, one, across * one, 0 * one)
+    drawn = np.random.default_rng(2).standard_normal((2, 200_000))
+    low, high = (end.item() for end in bands.magnitude_interval())
+    held = np.abs(size + drawn[0] + 1j * across * drawn[1])
+    assert 0.945 < np.mean((low <= held) & (held <= high)) < 0.985
 
 
 def test_a_phase_is_unknown_where_nothing_moves(posterior):

@@ -96,7 +96,8 @@ def test_bands_are_written_with_the_frfs_and_their_names(tuned, tmp_path, frfs):
     assert list(arrays["output_units"]) == ["m/s²", "m/s²"]
     half = 1.959964 * arrays["magnitude_deviation"]
     size = np.abs(arrays["frf"])
-    np.testing.assert_allclose(arrays["high"] - size, half, rtol=1e-9)
+    across = np.sqrt(5.991465 - 1.959964**2) * arrays["phase_deviation"] * size
+    np.testing.assert_allclose(arrays["high"], np.hypot(size + half, across), rtol=1e-6)
     row = json.loads(result.stdout)["bands"]
     shown = (arrays["high"] - arrays["low"]) / 2 / size
     assert row["median"] == pytest.approx(np.median(shown))
@@ -296,7 +297,9 @@ def test_causes_of_a_diagnosis_widen_the_bands(tuned, tmp_path, monkeypatch):
     row = SimpleNamespace(cause=0)
     result = SimpleNamespace(
         verdict=SimpleNamespace(causes=[cause]),
-        shown=SimpleNamespace(established=[row], not_held_by_mjcf=["its delay"]),
+        shown=SimpleNamespace(
+            established=[row], not_held_by_mjcf=["its delay", "acc1.gain_x (no gain)"]
+        ),
     )
     monkeypatch.setattr(alternative_plants, "read_result", lambda _: result)
     folders = tmp_path / "plain", tmp_path / "both"
@@ -306,6 +309,7 @@ def test_causes_of_a_diagnosis_widen_the_bands(tuned, tmp_path, monkeypatch):
     ).stderr
     assert "tuned (40 %), parallel_path@pair:base-head (60 %)" in said
     assert "its delay" in said
+    assert "acc1.gain_x" not in said
     plain, both = (load(folder / "bands.npz") for folder in folders)
     assert list(both["weights"]) == [0.4, 0.6]
     other = np.abs(both["alternative_frf"][1])
