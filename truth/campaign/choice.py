@@ -46,8 +46,8 @@ class Choice:
         """
         ratios = (0.0,) if self.parameter else self.ratios or usual
         chosen = list(product(self.effects, self.places or ("",), ratios))
-        cards: list[tuple[str, str, float] | None] = [*chosen]
-        cards += [None] * max(1, len(chosen) // _SURE_NOTHING)
+        cards: list[tuple[str, str, float] | None] = [*chosen] * _SURE_NOTHING
+        cards += [None] * len(chosen)
         turn = 0
         while True:
             random = stream(seed, f"chosen.{turn}")
